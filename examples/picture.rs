@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example picture -- TRAJECTORY_FOLDER FRAME WINDOW_US OUT.png`
 
-use gs2e::event::picture::{Picture, beside};
+use gs2e::event::picture::{Picture, join_pictures};
 use gs2e::event::{Event, EventSink, EventSource, h5};
 use gs2e::image::png;
 use std::error::Error;
@@ -18,14 +18,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (folder, frame, window_us) = (Path::new(folder), frame.parse::<usize>()?, window_us.parse::<i64>()?);
     let stamps = std::fs::read_to_string(folder.join("timestamps_us.txt"))?;
     let stamp: i64 = stamps.lines().nth(frame).ok_or("there is no such frame")?.parse()?;
-    let sharp = png::read(BufReader::new(File::open(folder.join(format!("sharp/{frame:06}.png")))?))?;
+    let sharp = png::read_rgb(BufReader::new(File::open(folder.join(format!("sharp/{frame:06}.png")))?))?;
     let mut events = Picture::new(sharp.size(), stamp - window_us / 2..stamp + window_us / 2)?;
     let mut reader = h5::Reader::open(&folder.join("events.h5"))?;
     let mut chunk: Vec<Event> = Vec::new();
     while reader.next_chunk(&mut chunk)? {
         events.append(&chunk)?;
     }
-    let picture = beside(&[&sharp, &events.image()], 8);
-    png::write(&picture, BufWriter::new(File::create(out)?))?;
+    let picture = join_pictures(&[&sharp, &events.image()], 8);
+    png::write_image(&picture, BufWriter::new(File::create(out)?))?;
     Ok(())
 }

@@ -27,7 +27,7 @@ use crate::store::Store;
 use crate::store::record::Output;
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
-use crate::trajectory::twist::twists;
+use crate::trajectory::twist::pose_twists;
 use crate::units::Ratio;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -51,7 +51,7 @@ struct Stored {
 impl Files {
     /// The files of a step, with their paths in the store.
     #[must_use]
-    pub fn of(outputs: &[Output], store: &Store) -> Self {
+    pub fn from_outputs(outputs: &[Output], store: &Store) -> Self {
         let stored = |o: &Output| Stored { path: store.path_of(&o.digest), size: o.size };
         Self { files: outputs.iter().map(|o| (o.name.clone(), stored(o))).collect() }
     }
@@ -145,7 +145,7 @@ impl Artifact for Gaussians {
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         let path = files.path("scene.ply")?;
-        crate::scene::read(path)
+        crate::scene::read_file(path)
             .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
     }
 }
@@ -182,7 +182,7 @@ impl Motion {
             linear: pose.rotation.conjugate() * twist.linear,
             angular: twist.angular,
         };
-        poses.iter().zip(twists(poses, &self.seconds())).map(own).collect()
+        poses.iter().zip(pose_twists(poses, &self.seconds())).map(own).collect()
     }
 }
 
@@ -228,13 +228,13 @@ pub struct Stream {
 impl Stream {
     /// File name of a stream in the store.
     #[must_use]
-    pub fn stored(name: Option<&str>) -> String {
+    pub fn stored_name(name: Option<&str>) -> String {
         name.map_or_else(|| "events.h5".to_owned(), |name| format!("events-{name}.h5"))
     }
 
     /// File name of a stream in a trajectory's folder of a release.
     #[must_use]
-    pub fn released(name: Option<&str>) -> String {
+    pub fn released_name(name: Option<&str>) -> String {
         name.map_or_else(|| "events.h5".to_owned(), |name| format!("events/{name}.h5"))
     }
 }
@@ -284,7 +284,7 @@ impl Simulation {
     /// The distinct front ends of the sensors.
     #[must_use]
     pub fn front_ends(&self) -> Vec<FrontEnd> {
-        front_end::distinct(self.streams.iter().map(|stream| stream.sensor.as_model()))
+        front_end::distinct_front_ends(self.streams.iter().map(|stream| stream.sensor.as_model()))
     }
 }
 
@@ -294,7 +294,7 @@ impl EventStreams {
 
     /// Name of the file with the frames seen through the `i`-th front end.
     #[must_use]
-    pub fn brightness(i: usize) -> String {
+    pub fn brightness_name(i: usize) -> String {
         if i == 0 { "brightness.npy".to_owned() } else { format!("brightness-{i}.npy") }
     }
 
@@ -314,10 +314,11 @@ impl Artifact for EventStreams {
         let simulation: Simulation = files.json("simulation.json")?;
         let stamps = &simulation.brightness_stamps_us;
         let spans = &simulation.brightness_spans;
-        let read = |file| Anchors::read(stamps.clone(), spans.clone(), file);
-        let anchors = |i| files.read(&Self::brightness(i), read);
+        let read = |file| Anchors::read_images(stamps.clone(), spans.clone(), file);
+        let anchors = |i| files.read(&Self::brightness_name(i), read);
         let anchors = (0..simulation.front_ends().len()).map(anchors).collect::<Result<_, _>>()?;
-        let file = |stream: &Stream| files.path(&Stream::stored(stream.name.as_deref())).map(Path::to_owned);
+        let file =
+            |stream: &Stream| files.path(&Stream::stored_name(stream.name.as_deref())).map(Path::to_owned);
         let stored = simulation.streams.iter().map(file).collect::<Result<_, _>>()?;
         let count = simulation.depth_stamps_us.len();
         let depths = files.read(Self::DEPTH, |file| npy::read_stack(count, file))?;

@@ -77,7 +77,7 @@ impl CameraChoice {
 /// The camera of a scene: the recipe's choice, otherwise the source's own. `None` if neither is
 /// sufficient.
 #[must_use]
-pub fn choose(choice: Option<CameraChoice>, source: Option<&Camera>) -> Option<Camera> {
+pub fn choose_camera(choice: Option<CameraChoice>, source: Option<&Camera>) -> Option<Camera> {
     match choice {
         Some(choice) => choice.resolve(source),
         None => source.copied(),
@@ -101,10 +101,10 @@ mod tests {
         let own = Camera { size: Size { width: 64, height: 48 }, fx: 60.0, fy: 61.0, cx: 32.0, cy: 24.0 };
         let size = CameraChoice { width: 32, height: 24, intrinsics: None };
         let whole = CameraChoice { intrinsics: Some([30.0, 31.0, 15.0, 12.0]), ..size };
-        let fx = |choice, source| choose(choice, source).map(|camera| camera.fx);
+        let fx = |choice, source| choose_camera(choice, source).map(|camera| camera.fx);
         assert_eq!(fx(None, Some(&own)), Some(60.0));
         assert_eq!(fx(Some(size), Some(&own)), Some(30.0));
-        assert_eq!(choose(Some(whole), Some(&own)), choose(Some(whole), None));
+        assert_eq!(choose_camera(Some(whole), Some(&own)), choose_camera(Some(whole), None));
         assert_eq!(fx(Some(whole), None), Some(30.0));
         assert_eq!((fx(Some(size), None), fx(None, None)), (None, None));
     }

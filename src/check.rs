@@ -166,7 +166,7 @@ pub const ALL: [&dyn Check; 21] = [
 /// Runs every pass over a trajectory and its streams. Faults that the recipe accepts become
 /// [`Verdict::Waived`]. Without a stream, the passes over streams get a subject without events.
 #[must_use]
-pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> {
+pub fn judge_trajectory(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> {
     let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
     let run = |check: &&dyn Check| {
         let mut findings = check.of_trajectory(trajectory);
@@ -175,7 +175,7 @@ pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> 
     };
     let mut findings: Vec<Finding> = ALL.iter().flat_map(run).collect();
     for finding in &mut findings {
-        waive(finding, &trajectory.limits.waive);
+        apply_waivers(finding, &trajectory.limits.waive);
     }
     findings
 }
@@ -183,17 +183,17 @@ pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> 
 /// The passes over a whole scene, in the order of reports.
 const SCENE: [&str; 2] = [capture::NAME, recon_psnr::NAME];
 
-/// Runs the passes over a scene, as [`judge`] does for a trajectory.
+/// Runs the passes over a scene, as [`judge_trajectory`] does for a trajectory.
 #[must_use]
 pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
-    let mut findings = [capture::findings(scene), recon_psnr::findings(scene)].concat();
+    let mut findings = [capture::capture_findings(scene), recon_psnr::psnr_findings(scene)].concat();
     for finding in &mut findings {
-        waive(finding, &scene.limits.waive);
+        apply_waivers(finding, &scene.limits.waive);
     }
     findings
 }
 
-fn waive(finding: &mut Finding, waivers: &[Waiver]) {
+fn apply_waivers(finding: &mut Finding, waivers: &[Waiver]) {
     let waiver = waivers.iter().find(|waiver| waiver.check == finding.check);
     if let (Verdict::Fail, Some(waiver)) = (finding.verdict, waiver) {
         finding.verdict = Verdict::Waived;

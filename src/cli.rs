@@ -162,13 +162,13 @@ impl Common {
 
     /// Cores to use.
     fn cores(&self) -> usize {
-        self.jobs.map_or_else(machine::cores, usize::from)
+        self.jobs.map_or_else(machine::available_cores, usize::from)
     }
 
     /// Keeps `-j` to the cores of this machine. Idle threads look for work at one another, so the time that they
     /// take grows with the square of their number.
     fn clamp_jobs(&mut self, console: &Console) {
-        let cores = u16::try_from(machine::cores()).unwrap_or(u16::MAX);
+        let cores = u16::try_from(machine::available_cores()).unwrap_or(u16::MAX);
         if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
             console.say(&format!("-j {jobs} is more than this machine has: {cores} cores are used"));
             self.jobs = Some(cores);
@@ -241,7 +241,7 @@ pub fn command_line() -> clap::Command {
 
 /// Runs the program with these arguments, the first being its own name, on the streams of the process.
 #[must_use]
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|verb| verb == SUPERVISE) {
         return supervise::run(arguments.into_iter().skip(2).collect());
@@ -258,7 +258,7 @@ pub fn run_on(streams: Streams, arguments: impl IntoIterator<Item = OsString>) -
         Ok(mut cli) => {
             let console = Console::new(streams, cli.common.json, cli.common.quiet);
             cli.common.clamp_jobs(&console);
-            let ended = dispatch(cli, &console);
+            let ended = run_verb(cli, &console);
             (console, ended)
         }
         Err(error) => {
@@ -283,7 +283,7 @@ fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
     let mut known = with_negative_numbers(Cli::command());
     let mut matches = known.try_get_matches_from_mut(arguments)?;
     let mut cli = Cli::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut known))?;
-    cli.common.command = command(arguments);
+    cli.common.command = typed_command(arguments);
     Ok(cli)
 }
 
@@ -323,7 +323,7 @@ fn visible(word: &OsString) -> String {
 }
 
 /// A command as it was typed, but for quotes, hidden characters and the path of the program.
-fn command(arguments: &[OsString]) -> String {
+fn typed_command(arguments: &[OsString]) -> String {
     let mut words: Vec<String> = arguments.iter().map(visible).collect();
     if let Some(program) = words.first_mut() {
         *program = program.rsplit(std::path::MAIN_SEPARATOR).next().unwrap_or_default().to_owned();
@@ -331,7 +331,7 @@ fn command(arguments: &[OsString]) -> String {
     words.join(" ")
 }
 
-fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
+fn run_verb(cli: Cli, console: &Console) -> Result<Exit, Problem> {
     if let Some(directory) = &cli.common.directory {
         std::env::set_current_dir(directory).map_err(|e| {
             Problem::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))

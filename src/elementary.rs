@@ -31,7 +31,7 @@ const MANTISSA: u64 = (1 << 52) - 1;
 
 /// Natural logarithms of positive finite numbers.
 #[inline(always)]
-pub(crate) fn ln<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
     let all = |v: f64| f64x8::splat(simd, v);
     let subnormal = x.simd_lt(f64::MIN_POSITIVE);
@@ -68,7 +68,7 @@ pub(crate) fn ln_ratio<S: Simd>([a, b]: [f64x8<S>; 2]) -> f64x8<S> {
     let low = (z * c1 + c0) + (z * c3 + c2) * w;
     let series = (q + q) * (low + ((z * c5 + c4) + w * c6) * (w * w));
     let near = q.abs().simd_lt(NEAR);
-    if near.all_true() { series } else { near.select(series, ln(b) - ln(a)) }
+    if near.all_true() { series } else { near.select(series, ln_eight(b) - ln_eight(a)) }
 }
 
 const TWO_52: f64 = 4_503_599_627_370_496.0;
@@ -90,7 +90,7 @@ const LARGEST: f64 = 708.0;
 
 /// Exponentials of numbers clamped to -708..708.
 #[inline(always)]
-pub(crate) fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+pub(crate) fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
     let all = |v: f64| f64x8::splat(simd, v);
     let x = x.max(-LARGEST).min(LARGEST);
@@ -107,19 +107,19 @@ pub(crate) fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
 
 /// Eight numbers of a slice, from `start` on.
 #[inline(always)]
-pub(crate) fn load<S: Simd>(simd: S, from: &[f64], start: usize) -> f64x8<S> {
+pub(crate) fn load_eight<S: Simd>(simd: S, from: &[f64], start: usize) -> f64x8<S> {
     f64x8::from_slice(simd, &from[start..start + 8])
 }
 
 /// Stores eight numbers in a slice, from `start` on.
 #[inline(always)]
-pub(crate) fn store<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize) {
+pub(crate) fn store_eight<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize) {
     value.store_slice(&mut to[start..start + 8]);
 }
 
 /// Indices of the set bits, lowest first.
 #[inline(always)]
-pub(crate) fn places(mut bits: u64) -> impl Iterator<Item = usize> {
+pub(crate) fn set_lanes(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = bits.trailing_zeros() as usize;
         bits &= bits.wrapping_sub(1);
@@ -129,13 +129,13 @@ pub(crate) fn places(mut bits: u64) -> impl Iterator<Item = usize> {
 
 /// [`fearless_simd::mask64x8`] as bits, the first lane lowest.
 #[inline(always)]
-pub(crate) fn bits<S: Simd>(mask: fearless_simd::mask64x8<S>) -> u64 {
+pub(crate) fn mask_bits<S: Simd>(mask: fearless_simd::mask64x8<S>) -> u64 {
     mask.to_bitmask()
 }
 
 /// Whole numbers below `2^52` as floating point.
 #[inline(always)]
-pub(crate) fn float<S: Simd>(x: u64x8<S>) -> f64x8<S> {
+pub(crate) fn to_float<S: Simd>(x: u64x8<S>) -> f64x8<S> {
     f64x8::from_bits(x | UNIT_ULP) - TWO_52
 }
 
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn logarithms_are_those_of_the_library() {
         let ln = |x: [f64; 8]| -> [f64; 8] {
-            dispatch!(Level::new(), simd => ln(f64x8::from_slice(simd, &x)).into())
+            dispatch!(Level::new(), simd => ln_eight(f64x8::from_slice(simd, &x)).into())
         };
         check(ln, libm::log, spread(0.0, 300.0));
         check(ln, libm::log, spread(0.5, 1.5));
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn exponentials_are_those_of_the_library() {
         let exp = |x: [f64; 8]| -> [f64; 8] {
-            dispatch!(Level::new(), simd => exp(f64x8::from_slice(simd, &x)).into())
+            dispatch!(Level::new(), simd => exp_eight(f64x8::from_slice(simd, &x)).into())
         };
         check(exp, libm::exp, spread(-700.0, 700.0));
         check(exp, libm::exp, spread(-1.0, 1.0));

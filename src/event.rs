@@ -37,7 +37,7 @@ pub enum Label {
 impl Label {
     /// The label for a number in a file.
     #[must_use]
-    pub fn of(stored: u8) -> Option<Self> {
+    pub fn from_number(stored: u8) -> Option<Self> {
         match stored {
             0 => Some(Self::Noise),
             1 => Some(Self::Signal),

@@ -59,7 +59,7 @@ pub fn open_with(path: &Path, links: Links) -> io::Result<File> {
     match links {
         Links::Follow => {
             // Opening a device can act on it, so the type is checked before as well as after.
-            require_regular(file_type(&stat(path)?))?;
+            require_regular(file_type(&follow_stat(path)?))?;
             open_regular(CWD, path, OFlags::empty())
         }
         Links::Refuse => open_no_link(CWD, path),
@@ -155,7 +155,7 @@ pub fn exists(path: &Path) -> io::Result<bool> {
     match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
-        Ok(_) => require_regular(file_type(&stat(path)?)).map(|()| true),
+        Ok(_) => require_regular(file_type(&follow_stat(path)?)).map(|()| true),
     }
 }
 
@@ -177,7 +177,7 @@ pub fn is_there(path: &Path) -> bool {
 pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
     let about = match fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        _ => stat(path)?,
+        _ => follow_stat(path)?,
     };
     require_regular(file_type(&about))?;
     let mode = Mode::from_raw_mode(about.mode());
@@ -189,7 +189,7 @@ pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
 }
 
 /// The file that `path` leads to. A link to nothing says so: plain `NotFound` would read as absent.
-fn stat(path: &Path) -> io::Result<fs::Metadata> {
+fn follow_stat(path: &Path) -> io::Result<fs::Metadata> {
     fs::metadata(path).map_err(|error| match error.kind() {
         // A file that another process has made since is no link.
         io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok_and(|about| about.is_symlink()) => {
@@ -231,7 +231,7 @@ fn open_regular(folder: impl AsFd, name: &Path, more: OFlags) -> io::Result<File
 }
 
 fn require_regular(found: FileType) -> io::Result<()> {
-    if found.is_file() { Ok(()) } else { Err(invalid(&format!("{}, not a regular file", kind(found)))) }
+    if found.is_file() { Ok(()) } else { Err(invalid(&format!("{}, not a regular file", kind_name(found)))) }
 }
 
 fn invalid(what: &str) -> io::Error {
@@ -239,7 +239,7 @@ fn invalid(what: &str) -> io::Error {
 }
 
 /// The kind of a directory entry, with its article.
-fn kind(of: FileType) -> &'static str {
+fn kind_name(of: FileType) -> &'static str {
     match of {
         FileType::Directory => "a folder",
         FileType::Symlink => "a link",

@@ -56,7 +56,7 @@ pub struct Picture {
 /// Returns `wanted` of `count` indices, evenly spread and including the first and the last. Returns
 /// all indices if there are no more.
 #[must_use]
-pub fn spread(count: usize, wanted: usize) -> Vec<usize> {
+pub fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
     match wanted.min(count) {
         0 => Vec::new(),
         1 => vec![0],
@@ -66,7 +66,7 @@ pub fn spread(count: usize, wanted: usize) -> Vec<usize> {
 
 /// Returns the median, the upper of two middle values; 0 for an empty list.
 #[must_use]
-pub fn median(mut values: Vec<f64>) -> f64 {
+pub fn upper_median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn places_are_spread_evenly_from_end_to_end() {
         let t = |count, wanted, places: &[usize]| {
-            assert_eq!(spread(count, wanted), places, "{wanted} of {count}")
+            assert_eq!(spread_evenly(count, wanted), places, "{wanted} of {count}")
         };
         t(0, 5, &[]);
         t(5, 1, &[0]);

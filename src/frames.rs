@@ -85,7 +85,7 @@ pub trait Frames {
 
 /// Checks that all values of an image are finite. The error has the first that is not; `what` names
 /// the values.
-fn finite(index: usize, what: &str, image: Image<f32>) -> Result<Image<f32>, FrameError> {
+fn require_finite(index: usize, what: &str, image: Image<f32>) -> Result<Image<f32>, FrameError> {
     let Some(bad) = image.pixels().iter().position(|v| !v.is_finite()) else { return Ok(image) };
     let width = image.size().width as usize;
     let because = format!("{what} ({}, {}) is {}", bad % width, bad / width, image.pixels()[bad]);

@@ -12,7 +12,7 @@ mod text;
 
 pub use expression::Expression;
 pub use ledger::{Asset, Obligation};
-pub use text::{is_listed, text};
+pub use text::{is_listed, licence_text};
 
 use serde::{Deserialize, Serialize};
 
@@ -189,9 +189,9 @@ pub struct LicenceError {
 /// The kind is not a [`SourceKind`], or a text is not an expression. Recipes are validated for both
 /// when they are read.
 #[must_use]
-pub fn compose(stated: &Stated<'_>) -> Composed {
+pub fn compose_terms(stated: &Stated<'_>) -> Composed {
     let kind = SourceKind::by_name(stated.kind).expect("recipes are read with known sources");
-    let upstream = ledger::dataset(kind, stated.url);
+    let upstream = ledger::find_dataset(kind, stated.url);
     let mut warnings = Vec::new();
     let parts: Vec<Part> = upstream
         .map(|asset| of_upstream(asset, stated.grant))
@@ -203,7 +203,7 @@ pub fn compose(stated: &Stated<'_>) -> Composed {
     }
     let terms = parts.iter().map(|part| Expression::parse(&part.expression));
     let expression =
-        Expression::all(terms.map(|term| term.expect("recipes are read with valid expressions")));
+        Expression::conjunction_of(terms.map(|term| term.expect("recipes are read with valid expressions")));
     let ids = expression.ids().into_iter().collect();
     let restricted = upstream.filter(|asset| asset.restricted());
     let passing = match (restricted, stated.redistribution) {
@@ -265,7 +265,7 @@ pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
         parts.push(Expression::parse(&scene.expression).expect("a composed expression is one"));
         gated |= scene.gated;
     }
-    let expression = Expression::all(parts);
+    let expression = Expression::conjunction_of(parts);
     let ids = expression.ids().into_iter().collect();
     // The permission is decided for each scene separately.
     let passing = Passing::Free;
@@ -277,16 +277,20 @@ pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
 mod tests {
     use super::*;
 
-    fn compose(kind: &str, owner: Option<&str>, redistribution: Option<&str>) -> Composed {
+    fn compose_terms(kind: &str, owner: Option<&str>, redistribution: Option<&str>) -> Composed {
         let owner = owner.map(|expression| (expression, "a test"));
-        super::compose(&Stated { kind, owner, redistribution, ..Stated::default() })
+        super::compose_terms(&Stated { kind, owner, redistribution, ..Stated::default() })
     }
 
     #[test]
     fn an_address_binds_whatever_the_capture_is_read_as() {
         let url = Some("https://github.com/DL3DV-10K/Dataset");
-        let composed =
-            super::compose(&Stated { kind: "colmap", url, owner: Some(("MIT", "")), ..Stated::default() });
+        let composed = super::compose_terms(&Stated {
+            kind: "colmap",
+            url,
+            owner: Some(("MIT", "")),
+            ..Stated::default()
+        });
         assert_eq!(composed.expression, "CC-BY-NC-4.0 AND LicenseRef-DL3DV-10K-ToU AND MIT");
         assert!(composed.gated && composed.passing == Passing::Withheld);
         assert!(composed.warnings[0].starts_with("colmap (DL3DV-10K) forbids"), "{:?}", composed.warnings);
@@ -302,7 +306,7 @@ mod tests {
         };
         let stated =
             Stated { kind: "dl3dv", owner: Some(("MIT", "")), grant: Some(&grant), ..Stated::default() };
-        let composed = super::compose(&stated);
+        let composed = super::compose_terms(&stated);
         assert_eq!(composed.expression, "CC-BY-4.0 AND MIT");
         assert!(composed.gated && composed.passing == Passing::Withheld);
         assert_eq!(grant.lacks(), None);
@@ -311,7 +315,7 @@ mod tests {
 
     #[test]
     fn parts_name_who_is_to_be_named() {
-        let parts = compose("mvimgnet", Some("CC-BY-4.0"), None).parts;
+        let parts = compose_terms("mvimgnet", Some("CC-BY-4.0"), None).parts;
         let told: Vec<(&str, &str)> =
             parts.iter().map(|p| (p.attribution.as_str(), p.expression.as_str())).collect();
         let upstream = "CC-BY-NC-4.0 AND LicenseRef-MVImgNet-ToU";
@@ -320,7 +324,7 @@ mod tests {
 
     #[test]
     fn upstream_terms_are_never_lost() {
-        let t = |kind, owner, wanted: &str| assert_eq!(compose(kind, owner, None).expression, wanted);
+        let t = |kind, owner, wanted: &str| assert_eq!(compose_terms(kind, owner, None).expression, wanted);
         t("procedural", None, "CC0-1.0");
         t("procedural", Some("MIT"), "MIT");
         t("colmap", None, "LicenseRef-Unstated");
@@ -337,22 +341,23 @@ mod tests {
 
     #[test]
     fn silence_is_told_and_restricted_sources_are_gated() {
-        assert_eq!(compose("procedural", None, None).warnings, [""; 0]);
-        assert_eq!(compose("colmap", None, None).warnings.len(), 1);
-        assert!(compose("dl3dv", None, None).gated);
-        assert!(!compose("colmap", None, None).gated);
+        assert_eq!(compose_terms("procedural", None, None).warnings, [""; 0]);
+        assert_eq!(compose_terms("colmap", None, None).warnings.len(), 1);
+        assert!(compose_terms("dl3dv", None, None).gated);
+        assert!(!compose_terms("colmap", None, None).gated);
     }
 
     #[test]
     fn restricted_material_is_withheld_unless_the_releaser_says_why_not() {
-        let t =
-            |kind, because, wanted| assert_eq!(compose(kind, Some("MIT"), because).passing, wanted, "{kind}");
+        let t = |kind, because, wanted| {
+            assert_eq!(compose_terms(kind, Some("MIT"), because).passing, wanted, "{kind}")
+        };
         t("mvimgnet", None, Passing::Withheld);
         t("dl3dv", None, Passing::Withheld);
         t("dl3dv", Some("a letter"), Passing::Allowed("a letter".into()));
         t("colmap", None, Passing::Free);
         t("colmap", Some("a letter"), Passing::Free);
-        assert!(compose("dl3dv", Some("MIT"), Some("a letter")).gated);
+        assert!(compose_terms("dl3dv", Some("MIT"), Some("a letter")).gated);
         assert!(is_metadata("a/b/base/poses.txt") && is_metadata("scene.json"));
         assert!(!is_metadata("base/events.h5") && !is_metadata("base/sharp/000000.png"));
     }
@@ -360,10 +365,10 @@ mod tests {
     #[test]
     fn a_dataset_is_under_the_terms_of_all_its_scenes() {
         let scenes = [
-            compose("colmap", Some("MIT"), None),
-            compose("dl3dv", Some("CC-BY-4.0"), None),
-            compose("procedural", None, None),
-            compose("colmap", Some("MIT"), None),
+            compose_terms("colmap", Some("MIT"), None),
+            compose_terms("dl3dv", Some("CC-BY-4.0"), None),
+            compose_terms("procedural", None, None),
+            compose_terms("colmap", Some("MIT"), None),
         ];
         let whole = compose_all(scenes.iter());
         assert_eq!(

@@ -59,7 +59,7 @@ impl Plan {
     pub fn new(recipes: Vec<Recipe>, renderers: &dyn Renderers) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            wire::scene(recipe, renderers, &mut Wiring { plan: &mut plan, scene });
+            wire::wire_scene(recipe, renderers, &mut Wiring { plan: &mut plan, scene });
         }
         plan.scenes = recipes;
         plan

@@ -25,7 +25,7 @@ pub use beside::{
     By, Redistribution, ReleaseInfo, SourceTerms, Splits, Takedown, TakenDown, read_release, read_sources,
     read_takedown, takedown_of,
 };
-pub use edits::{Edit, edits};
+pub use edits::{Edit, find_edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};
 pub use fragment::{Fragment, read_fragment, read_sensor};
@@ -159,7 +159,7 @@ impl Source {
     pub fn origin(&self) -> (&'static str, Option<&str>) {
         match self {
             Self::Captured(captured, upstream) => {
-                let kind = ledger::origin(captured.kind.name(), upstream.url.as_deref());
+                let kind = ledger::find_origin(captured.kind.name(), upstream.url.as_deref());
                 (kind, upstream.id.as_deref())
             }
             Self::Procedural(_) | Self::None => (self.kind(), None),
@@ -195,7 +195,7 @@ pub struct Upstream {
 impl Upstream {
     /// Origin of a capture as far as the layout of its dataset reveals it.
     #[must_use]
-    pub fn of(captured: &Captured) -> Self {
+    pub fn from_capture(captured: &Captured) -> Self {
         let url = match captured.kind {
             Kind::Mvimgnet => "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
             Kind::Dl3dv => "https://github.com/DL3DV-10K/Dataset",

@@ -13,5 +13,5 @@ mod trained;
 
 pub use argument::{Argument, ArgumentError};
 pub use command::{Command, Desk, Places, TrainError, Trained};
-pub use layout::{LAYOUT, LayoutError, memory};
+pub use layout::{LAYOUT, LayoutError, photo_memory};
 pub use trained::Count;

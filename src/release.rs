@@ -187,14 +187,15 @@ pub struct BuiltPlan<'a> {
 /// # Errors
 /// When a step is not built, a check failed without a waiver, the target changed since it was claimed, the
 /// disk fails, or `cancel` is set. Until the last rename nothing of an existing release is touched.
-pub fn write(
+pub fn write_release(
     target: &mut ReleaseTarget,
     built: BuiltPlan<'_>,
     link: Link,
     cancel: &AtomicBool,
 ) -> Result<Written, ReleaseError> {
     let BuiltPlan { plan, summary, store, beside } = built;
-    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, &beside.terms)));
+    let scenes =
+        (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &beside.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
     let findings = scenes.iter().flat_map(BuiltScene::findings);
     let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
@@ -204,16 +205,16 @@ pub fn write(
     if scenes.is_empty() {
         return Err(ReleaseError::Nothing);
     }
-    let (tree, scenes) = compose(scenes, store, beside)?;
+    let (tree, scenes) = compose_tree(scenes, store, beside)?;
     let tree::Outcome { files, bytes, stood } =
-        tree::write(target, &tree, (store, &beside.takedown), link, cancel)?;
+        tree::write_tree(target, &tree, (store, &beside.takedown), link, cancel)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
     let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &beside.info)).collect();
     Ok(Written { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
 }
 
 /// Lists the tree, but for the sums; with it the scenes as their files describe them.
-fn compose(
+fn compose_tree(
     scenes: Vec<BuiltScene<'_>>,
     store: &Store,
     beside: &Beside,
@@ -223,7 +224,7 @@ fn compose(
     let (mut tree, mut listed, mut published) = (Tree::default(), Vec::new(), Vec::new());
     for (scene, file) in scenes.into_iter().zip(described) {
         let files = scene_files(&scene, &file, store);
-        let described = manifest::scene(&scene, files.listing());
+        let described = manifest::manifest_scene(&scene, files.listing());
         published.push(PublishedScene::of(scene, file, described.files.clone()));
         listed.push(described);
         tree.extend(files);
@@ -257,30 +258,30 @@ fn terms_of(scenes: &[PublishedScene]) -> Composed {
 fn compose_top(facts: &Facts<'_>, places: Places<'_>) -> Tree {
     let Facts { scenes, info, licence, .. } = *facts;
     let mut top = Tree::default();
-    top.add(layout::CARD.into(), Content::Bytes(card::compose(facts).into_bytes()));
-    top.add(datasheet::NAME.into(), Content::Bytes(datasheet::compose(facts).into_bytes()));
+    top.add(layout::CARD.into(), Content::Bytes(card::compose_card(facts).into_bytes()));
+    top.add(datasheet::NAME.into(), Content::Bytes(datasheet::compose_datasheet(facts).into_bytes()));
     let files: Vec<&SceneFile> = scenes.iter().map(|scene| &scene.file).collect();
-    let reuse = reuse::compose(&files, &licence.expression);
+    let reuse = reuse::compose_reuse(&files, &licence.expression);
     top.add(reuse::NAME.into(), Content::Bytes(reuse.into_bytes()));
-    for id in licence.ids.iter().cloned().chain(loader::ids()).collect::<BTreeSet<_>>() {
-        let text = crate::licence::text(&id, &holders(scenes));
+    for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
+        let text = crate::licence::licence_text(&id, &sorted_holders(scenes));
         top.add(layout::licence_text(&id), Content::Bytes(text.into_bytes()));
     }
     top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
     let index = index_of(scenes);
     let paths = scenes.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
     let release = Described { info, licence: &licence.expression, scenes: &files, paths, index: &index };
-    top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
+    top.add(croissant::NAME.into(), Content::json(&croissant::compose_croissant(&release)));
     top.add(index::NAME.into(), Content::Bytes(index));
     // Last, since it links to every other file.
     let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
     let linked = top.paths().map(str::to_owned).chain(others).collect();
-    top.add(report::NAME.into(), Content::Bytes(report::compose(facts, linked, places).into_bytes()));
+    top.add(report::NAME.into(), Content::Bytes(report::compose_page(facts, linked, places).into_bytes()));
     top
 }
 
 /// The holders of the owners' parts, sorted.
-fn holders(scenes: &[PublishedScene]) -> Vec<String> {
+fn sorted_holders(scenes: &[PublishedScene]) -> Vec<String> {
     let licences = scenes.iter().filter_map(|scene| scene.recipe.licence.as_ref());
     let holders: BTreeSet<&String> = licences.map(|licence| &licence.holder).collect();
     holders.into_iter().cloned().collect()
@@ -288,13 +289,13 @@ fn holders(scenes: &[PublishedScene]) -> Vec<String> {
 
 /// Describes the scenes, and deals them into splits where there are any.
 fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneFile>, ReleaseError> {
-    let mut described: Vec<SceneFile> = scenes.iter().map(describe).collect::<Result<_, _>>()?;
+    let mut described: Vec<SceneFile> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
     if let Some(splits) = &info.splits {
         for file in &mut described {
-            file.split = Some(split::part(file, splits));
+            file.split = Some(split::split_part(file, splits));
         }
     }
-    let leaks = split::leaks(&described);
+    let leaks = split::find_leaks(&described);
     if leaks.is_empty() { Ok(described) } else { Err(ReleaseError::Leaks(leaks)) }
 }
 
@@ -306,19 +307,19 @@ fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
     names.filter(|name| !has(name)).map(|name| format!("no scene is in the split {name}")).collect()
 }
 
-fn describe(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {
+fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {
     // The one file that is read for it is that of the Gaussians.
     let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
-    scene::compose(scene).map_err(|source| ReleaseError::Io { path: path(), source })
+    scene::compose_scene(scene).map_err(|source| ReleaseError::Io { path: path(), source })
 }
 
 fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
-    let told = |t: &PublishedTrajectory| index::Told::of(&t.motion.report, &t.findings);
+    let told = |t: &PublishedTrajectory| index::Told::from_files(&t.motion.report, &t.findings);
     let rows = scenes.iter().flat_map(|scene| {
         let told: Vec<index::Told> = scene.trajectories.iter().map(told).collect();
-        index::rows(&scene.file, &told)
+        index::scene_rows(&scene.file, &told)
     });
-    index::compose(rows.collect())
+    index::compose_index(rows.collect())
 }
 
 fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree {
@@ -353,7 +354,7 @@ fn trajectory_files(
     let mut files: BTreeMap<String, Content> =
         made.into_iter().map(|(name, output)| (name, blob(output))).collect();
     files.insert(layout::CHECKS.into(), Content::json(&trajectory.findings));
-    let path = path_picture::compose(&trajectory.motion).map(Content::Bytes);
+    let path = path_picture::compose_picture(&trajectory.motion).map(Content::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
     let sharp: Vec<&str> = outputs("sharp").iter().map(|o| o.name.as_str()).collect();
     let transforms = transforms_of(&scene.camera(), part, &trajectory.motion, &sharp);
@@ -369,5 +370,5 @@ fn transforms_of(
     sharp: &[&str],
 ) -> serde_json::Value {
     let blurred = &published::exposures(part, motion);
-    transforms::compose(camera, &motion.trajectory, &transforms::Pictures { sharp, blurred })
+    transforms::compose_transforms(camera, &motion.trajectory, &transforms::Pictures { sharp, blurred })
 }

@@ -158,7 +158,7 @@ pub struct Velocity {
 impl View {
     /// A view of a camera at rest.
     #[must_use]
-    pub fn still(camera: Camera, world_from_camera: Se3) -> Self {
+    pub fn at_rest(camera: Camera, world_from_camera: Se3) -> Self {
         Self { camera, world_from_camera, velocity: Velocity::default() }
     }
 }

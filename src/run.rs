@@ -14,7 +14,7 @@ pub use resources::Budget;
 
 use crate::frames::rendered::Saving;
 use crate::plan::assess::{PlanError, Product, Reason};
-use crate::plan::past::past;
+use crate::plan::past::past_costs;
 use crate::plan::{Plan, survey};
 use crate::programs::Programs;
 use crate::render::RenderError;
@@ -59,7 +59,7 @@ impl Recheck {
     /// Whether this step is chosen.
     fn chooses(&self, key: &Key) -> bool {
         let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
-        let drawn = Digest::of(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
+        let drawn = Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
         // 2^64: a share of 1 is above every draw.
         (drawn as f64) < self.share * 18_446_744_073_709_551_616.0
     }
@@ -226,16 +226,16 @@ const BATCH: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 /// The store can no longer be written.
-pub fn settle(plan: &Plan, summary: &Summary, store: &Store, tag: &Digest) -> Result<(), StoreError> {
-    survey::remember(plan, &summary.products, store, tag);
+pub fn settle_run(plan: &Plan, summary: &Summary, store: &Store, tag: &Digest) -> Result<(), StoreError> {
+    survey::remember_settled(plan, &summary.products, store, tag);
     store.flush()
 }
 
-/// Runs a plan. Products are synced, and found quickly, after [`settle`].
+/// Runs a plan. Products are synced, and found quickly, after [`settle_run`].
 ///
 /// # Errors
 /// The store itself can no longer be written. Failures of steps are in the summary.
-pub fn run(
+pub fn run_plan(
     plan: &Plan,
     store: &Store,
     options: Options,
@@ -249,7 +249,7 @@ pub fn run(
     };
     let options = Options { programs, ..options };
     let (sender, receiver) = mpsc::channel();
-    let ranks = order::ranks(plan, &past(plan, store)?);
+    let ranks = order::step_ranks(plan, &past_costs(plan, store)?);
     thread::scope(|scope| {
         let mut executor = Executor::new(plan, store, options, cancel, observer, ranks);
         let mut flushed = Instant::now();

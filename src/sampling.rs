@@ -57,7 +57,7 @@ pub struct Candidate {
 
 impl Candidate {
     /// The candidate for a picture that does not move.
-    fn still(between: Between, step_px: f64, frames: usize) -> Self {
+    fn without_motion(between: Between, step_px: f64, frames: usize) -> Self {
         let law = Law { c: 0.0, p: 1.0, jumps: 0.0 };
         let (finest_px, step_px, frames) = (step_px, Some(step_px), Some(frames));
         Self { between, law, finest_px, finest: 0.0, jumps: 0.0, step_px, frames }

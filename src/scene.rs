@@ -199,7 +199,7 @@ fn nearest_byte(x: f64) -> u8 {
 ///
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].
-pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
+pub fn read_file(path: &Path) -> Result<Gaussians, SceneError> {
     let bytes = files::read(path, files::MAX_SCENE)
         .map_err(|because| SceneError::File { path: path.to_owned(), because })?;
     let is_splat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
@@ -207,7 +207,7 @@ pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
     scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })
 }
 
-/// Reads a scene from one file, as [`read`], or from several: a folder with a SOG scene, or its
+/// Reads a scene from one file, as [`read_file`], or from several: a folder with a SOG scene, or its
 /// `meta.json`.
 ///
 /// # Errors
@@ -218,7 +218,7 @@ pub fn read_any(path: &Path) -> Result<Gaussians, SceneError> {
     } else if path.file_name().is_some_and(|name| name == sog::META) {
         path.parent().unwrap_or(Path::new(""))
     } else {
-        return read(path);
+        return read_file(path);
     };
     sog::read_sog_folder(folder).map_err(|error| match error {
         file @ SceneError::File { .. } => file,
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_named() {
-        let error = read(Path::new("no/such.ply")).unwrap_err().to_string();
+        let error = read_file(Path::new("no/such.ply")).unwrap_err().to_string();
         assert!(error.starts_with("read `no/such.ply`: "), "{error}");
     }
 }

@@ -42,7 +42,7 @@ impl Seed {
     /// the length-prefixed names. Adding a trajectory therefore changes no other trajectory's
     /// draws.
     #[must_use]
-    pub fn derive(recipe_seed: u64, scene: &str, trajectory: &str, purpose: Purpose) -> Self {
+    pub fn for_stream(recipe_seed: u64, scene: &str, trajectory: &str, purpose: Purpose) -> Self {
         let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 stream seed v1");
         hasher.update(&recipe_seed.to_le_bytes());
         for name in [scene, trajectory, purpose.name()] {
@@ -101,7 +101,7 @@ impl Seed {
     pub fn draws(self, cell: Cell, space: Space) -> Draws {
         Draws {
             key: self.key(),
-            counter: counter(cell, space),
+            counter: block_counter(cell, space),
             first: [0; 4],
             known: 0,
             block: [0; 4],
@@ -112,9 +112,9 @@ impl Seed {
     /// Draw `number` of a cell as a standard normal deviate. Draws 0 and 1 cost one block each.
     #[must_use]
     pub fn normal(self, cell: Cell, space: Space, number: u32) -> f64 {
-        let mut at = counter(cell, space);
+        let mut at = block_counter(cell, space);
         at[3] = number / 2;
-        normal::quantile(uniform(half(philox::block(at, self.key()), number)))
+        normal::normal_quantile(to_uniform(half_block(philox::philox_block(at, self.key()), number)))
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "the two halves of the seed")]
@@ -126,14 +126,14 @@ impl Seed {
 /// Counter of a cell's first block. The fields do not overlap: x and y (16 bits each), index (56),
 /// level and space (8), and 32 bits that number the blocks.
 #[expect(clippy::cast_possible_truncation, reason = "the two halves of the index")]
-fn counter(cell: Cell, space: Space) -> [u32; 4] {
+fn block_counter(cell: Cell, space: Space) -> [u32; 4] {
     debug_assert!(cell.index < 1 << 56 && cell.level < 64, "{cell:?} fits its fields");
-    let third = tag(cell.level, space) << 24 | (cell.index >> 32) as u32;
+    let third = space_tag(cell.level, space) << 24 | (cell.index >> 32) as u32;
     [u32::from(cell.y) << 16 | u32::from(cell.x), cell.index as u32, third, 0]
 }
 
 /// Level and purpose.
-fn tag(level: u8, space: Space) -> u32 {
+fn space_tag(level: u8, space: Space) -> u32 {
     match space {
         Space::Tree => u32::from(level) << 1,
         Space::Leaf => u32::from(level) << 1 | 1,
@@ -148,14 +148,14 @@ fn tag(level: u8, space: Space) -> u32 {
 }
 
 /// Draw `number` is in the first or the second half of its block.
-fn half(block: [u32; 4], number: u32) -> u64 {
+fn half_block(block: [u32; 4], number: u32) -> u64 {
     let at = 2 * (number % 2) as usize;
     u64::from(block[at + 1]) << 32 | u64::from(block[at])
 }
 
 /// The upper 52 bits as a number strictly between 0 and 1. With 53 bits, the largest value would
 /// round to 1.
-fn uniform(bits: u64) -> f64 {
+fn to_uniform(bits: u64) -> f64 {
     ((bits >> 12) as f64 + 0.5) * STEP
 }
 
@@ -176,7 +176,7 @@ pub struct Draws {
 impl Draws {
     /// The next draw as a number strictly between 0 and 1.
     pub fn uniform(&mut self) -> f64 {
-        uniform(self.bits())
+        to_uniform(self.bits())
     }
 
     /// A number below `count`, each equally likely: the upper half of a product, drawn again if the
@@ -207,16 +207,16 @@ impl Draws {
         }
         if self.next.is_multiple_of(2) {
             self.counter[3] = self.next / 2;
-            self.block = philox::block(self.counter, self.key);
+            self.block = philox::philox_block(self.counter, self.key);
         }
-        let bits = half(self.block, self.next);
+        let bits = half_block(self.block, self.next);
         self.next = self.next.wrapping_add(1);
         bits
     }
 
     /// The next draw as a standard normal deviate.
     pub fn normal(&mut self) -> f64 {
-        normal::quantile(self.uniform())
+        normal::normal_quantile(self.uniform())
     }
 }
 
@@ -231,10 +231,10 @@ mod tests {
     #[test]
     fn purposes_and_names_lead_to_different_streams() {
         let seeds = [
-            Seed::derive(1, "a", "b", Purpose::Sensor),
-            Seed::derive(2, "a", "b", Purpose::Sensor),
-            Seed::derive(1, "ab", "", Purpose::Sensor),
-            Seed::derive(1, "a", "b", Purpose::Curve),
+            Seed::for_stream(1, "a", "b", Purpose::Sensor),
+            Seed::for_stream(2, "a", "b", Purpose::Sensor),
+            Seed::for_stream(1, "ab", "", Purpose::Sensor),
+            Seed::for_stream(1, "a", "b", Purpose::Curve),
         ];
         for (i, a) in seeds.iter().enumerate() {
             assert!(seeds[..i].iter().all(|b| a != b));
@@ -262,8 +262,9 @@ mod tests {
             Cell { index: 8, ..CELL },
             Cell { index: 7 + (1 << 32), ..CELL },
         ];
-        let in_clock = cells.iter().flat_map(|&cell| [Space::Tree, Space::Leaf].map(|s| counter(cell, s)));
-        let counters: Vec<_> = in_clock.chain(OFF_THE_CLOCK.map(|s| counter(CELL, s))).collect();
+        let in_clock =
+            cells.iter().flat_map(|&cell| [Space::Tree, Space::Leaf].map(|s| block_counter(cell, s)));
+        let counters: Vec<_> = in_clock.chain(OFF_THE_CLOCK.map(|s| block_counter(CELL, s))).collect();
         for (i, a) in counters.iter().enumerate() {
             assert!(counters[..i].iter().all(|b| a != b), "{i}");
         }
@@ -318,7 +319,7 @@ mod tests {
     #[test]
     fn normal_draws_have_the_normal_distribution() {
         for (i, sequence) in sequences().into_iter().enumerate() {
-            let sample: Vec<f64> = sequence.into_iter().map(normal::quantile).collect();
+            let sample: Vec<f64> = sequence.into_iter().map(normal::normal_quantile).collect();
             let n = sample.len() as f64;
             let moment = |k| sample.iter().map(|z| z.powi(k)).sum::<f64>() / n;
             // Variances of z, z^2, z^3, z^4: 1, 2, 15, 96.

@@ -22,7 +22,7 @@ pub mod voltmeter;
 mod window;
 
 pub use choice::{Sensor, Sensors};
-pub use simulate::{Channel, SimulateError, simulate, simulate_all};
+pub use simulate::{Channel, SimulateError, simulate_all, simulate_one};
 
 use crate::event::EventSink;
 use crate::frames::Frame;

@@ -20,7 +20,7 @@ mod photo;
 pub mod undistort;
 pub mod view;
 
-pub use captured::{Captured, PoseFile, Selection, pattern};
+pub use captured::{Captured, PoseFile, Selection, check_pattern};
 
 use crate::camera::Camera;
 use crate::files::{self, WalkError};
@@ -152,7 +152,7 @@ impl Capture {
     #[must_use]
     pub fn camera(&self) -> Option<(Camera, Option<Warning>)> {
         let first = self.views.first()?;
-        let apart = |v: &&View| differs(&first.camera, &v.camera);
+        let apart = |v: &&View| cameras_differ(&first.camera, &v.camera);
         let other = self.views.iter().find(apart).map(|other| Warning::CamerasDiffer {
             taken: first.name.clone(),
             other: other.name.clone(),
@@ -181,7 +181,7 @@ impl Capture {
 }
 
 /// Returns true if trajectories through one camera misrepresent the other.
-fn differs(a: &Camera, b: &Camera) -> bool {
+fn cameras_differ(a: &Camera, b: &Camera) -> bool {
     let pairs = [(a.fx, b.fx), (a.fy, b.fy), (a.cx, b.cx), (a.cy, b.cy)];
     a.size != b.size || pairs.iter().any(|(a, b)| (a - b).abs() > 1.0)
 }
@@ -311,7 +311,7 @@ impl From<WalkError> for SourceError {
 fn is_folder(path: &Path) -> Result<bool, SourceError> {
     let is_folder = std::fs::metadata(path).is_ok_and(|about| about.is_dir());
     if !is_folder {
-        files::open(path).map_err(SourceError::io(path))?;
+        files::open(path).map_err(SourceError::io_error(path))?;
     }
     Ok(is_folder)
 }
@@ -343,7 +343,7 @@ impl fmt::Display for Place {
 }
 
 impl SourceError {
-    fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+    fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         move |source| Self::Io { path: path.to_owned(), source }
     }
 }
@@ -355,12 +355,12 @@ struct Found {
 }
 
 /// The capture of these views: sorted by name, each name once and without control characters, at least one.
-fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
+fn collect_views(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
     if let Some(odd) = found.iter().find(|found| found.view.name.contains(char::is_control)) {
         let because = format!("the image name {:?} holds a control character", odd.view.name);
         return Err(SourceError::Content { path: path.to_owned(), place: odd.place.clone(), because });
     }
-    found.sort_by(|a, b| natural::compare(&a.view.name, &b.view.name));
+    found.sort_by(|a, b| natural::compare_names(&a.view.name, &b.view.name));
     if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
         let because = format!("the image name `{}` is already used by {}", second.view.name, first.place);
         return Err(SourceError::Content { path: path.to_owned(), place: second.place.clone(), because });
@@ -428,7 +428,8 @@ mod tests {
     fn views_are_in_natural_order_and_named_once() {
         let names = |names: &[&str]| {
             let found = names.iter().zip(1..).map(|(name, line)| found(name, line)).collect();
-            collect(Path::new("m"), found).map(|c| c.views.into_iter().map(|v| v.name).collect::<Vec<_>>())
+            collect_views(Path::new("m"), found)
+                .map(|c| c.views.into_iter().map(|v| v.name).collect::<Vec<_>>())
         };
         assert_eq!(names(&["b 10.jpg", "b 9.jpg", "a/2.jpg"]).unwrap(), ["a/2.jpg", "b 9.jpg", "b 10.jpg"]);
         let twice = names(&["x", "y", "x"]).unwrap_err().to_string();

@@ -26,7 +26,7 @@ use crate::programs::{Failed, Programs};
 use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
-use crate::store::description::{Value, describe};
+use crate::store::description::{Value, describe_value};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -179,7 +179,7 @@ pub trait Stage: serde::Serialize {
     /// Resources needed, by the sizes of the inputs. `files` are those of the present inputs, in
     /// order.
     fn need(&self, files: &[Files]) -> Need {
-        Need::memory([copies(files)])
+        Need::for_parts([small_stage_memory(files)])
     }
 
     /// The programs that the stage would run, one command per line, as typed in a shell.
@@ -217,7 +217,7 @@ pub struct Need {
 impl Need {
     /// Memory for these parts plus the base of every step, bytes.
     #[must_use]
-    pub fn memory(parts: impl IntoIterator<Item = u64>) -> Self {
+    pub fn for_parts(parts: impl IntoIterator<Item = u64>) -> Self {
         /// Base: the program itself with its buffers, stacks and tables.
         const BASE: u64 = 24 << 20;
         Self { memory: parts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
@@ -225,7 +225,7 @@ impl Need {
 }
 
 /// Factor on the bytes of the inputs that a small stage holds.
-fn copies(files: &[Files]) -> u64 {
+fn small_stage_memory(files: &[Files]) -> u64 {
     const COPIES: u64 = 4;
     COPIES * files.iter().map(Files::bytes).sum::<u64>()
 }
@@ -236,11 +236,11 @@ fn copies(files: &[Files]) -> u64 {
 fn rendering_need(backend: &Backend, choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
     let capture = files.first().and_then(|capture| Capture::open(capture).ok());
     let own = |capture: Capture| capture.camera().map(|(own, _)| own);
-    let camera = capture.and_then(|capture| camera::choose(choice, own(capture).as_ref()));
+    let camera = capture.and_then(|capture| camera::choose_camera(choice, own(capture).as_ref()));
     let size = camera.map(|camera| camera.size);
     let scene = files.get(1).map_or(0, Files::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
-    let need = Need::memory(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]));
+    let need = Need::for_parts(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]));
     Need { gpu: backend.takes_gpu(), ..need }
 }
 
@@ -293,10 +293,10 @@ impl<'a> Context<'a> {
 
 /// The camera of a trajectory: the recipe's choice, otherwise the source's own, with a warning if
 /// views disagree.
-fn camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
+fn choose_camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
     let (own, warning) = capture.camera().unzip();
     cx.warnings.extend(warning.flatten().map(|w| w.to_string()));
-    camera::choose(choice, own.as_ref()).expect("recipes without views write a whole camera")
+    camera::choose_camera(choice, own.as_ref()).expect("recipes without views write a whole camera")
 }
 
 /// The reason why a step failed. The texts complete the phrase "failed to ".
@@ -344,7 +344,7 @@ pub enum StageError {
 
 impl StageError {
     /// A failure of the work, shown as `doing: cause`.
-    pub fn work<E>(doing: &str) -> impl FnOnce(E) -> Self
+    pub fn work_failed<E>(doing: &str) -> impl FnOnce(E) -> Self
     where
         E: std::error::Error + Send + Sync + 'static,
     {
@@ -353,7 +353,7 @@ impl StageError {
     }
 
     /// A failure to use a file.
-    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+    pub fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { path, source }
     }
@@ -441,7 +441,7 @@ where
         let mut fields = BTreeMap::from([
             ("stage".to_owned(), Value::Text(S::NAME.to_owned())),
             ("revision".to_owned(), Value::Unsigned(S::REVISION.into())),
-            ("params".to_owned(), describe(&self.stage).with_implied(S::ADDED)),
+            ("params".to_owned(), describe_value(&self.stage).with_implied(S::ADDED)),
             ("inputs".to_owned(), Value::Record(inputs)),
         ]);
         if let Some(class) = self.stage.class() {

@@ -184,7 +184,7 @@ impl Store {
             Access::Read => None,
             Access::Write | Access::WriteNow => {
                 disk.create_dir(root)?;
-                Some(lock::Lock::take(root, &claim, access == Access::Write, waiting)?)
+                Some(lock::Lock::take_lock(root, &claim, access == Access::Write, waiting)?)
             }
         };
         disk.check_format(root, FORMAT, lock.is_some())?;
@@ -222,7 +222,7 @@ impl Store {
     /// When the system has no more file descriptors.
     pub fn share_lock(&self) -> Result<Option<File>, StoreError> {
         let shared = self.lock.as_ref().map(lock::Lock::share).transpose();
-        shared.map_err(disk::failed("sharing", &self.root.join("lock")))
+        shared.map_err(disk::disk_error("sharing", &self.root.join("lock")))
     }
 
     /// How many digests were taken from stat fields, and how many from bytes.
@@ -333,7 +333,7 @@ impl Store {
             self.counts.trusted.fetch_add(1, Ordering::Relaxed);
             return Ok(entry);
         }
-        let seen = Sighting::now(stat);
+        let seen = Sighting::seen_now(stat);
         let entry = Entry { seen, digest: self.disk.digest(path)? };
         self.counts.hashed.fetch_add(1, Ordering::Relaxed);
         self.enter(path, entry);
@@ -345,7 +345,7 @@ impl Store {
     /// # Errors
     /// It does not exist.
     pub fn sight(&self, path: &Path) -> std::io::Result<Sighting> {
-        self.disk.stat(path).map(Sighting::now)
+        self.disk.stat(path).map(Sighting::seen_now)
     }
 
     /// Whether the recorded digest of a file can be trusted.
@@ -376,7 +376,7 @@ impl Store {
     /// # Errors
     /// The system does not report it.
     pub fn space(&self) -> std::io::Result<Space> {
-        Space::around(&self.root)
+        Space::holding_path(&self.root)
     }
 
     /// Updates the stat fields of a blob after this program linked or unlinked it, which changes
@@ -386,8 +386,8 @@ impl Store {
     /// The blob cannot be accessed.
     pub fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.blobs.path(digest);
-        let stat = self.disk.stat(&path).map_err(disk::failed("reading", &path))?;
-        self.enter(&path, Entry { seen: Sighting::settled(stat), digest: *digest });
+        let stat = self.disk.stat(&path).map_err(disk::disk_error("reading", &path))?;
+        self.enter(&path, Entry { seen: Sighting::settled_file(stat), digest: *digest });
         Ok(())
     }
 

@@ -37,7 +37,7 @@ impl Timestamp {
 /// An amount for messages, with at most three digits before the point: `999 B`, `52.1 MB`,
 /// `12.4 Mev`.
 #[must_use]
-pub fn amount(n: u64, unit: &str) -> String {
+pub fn format_amount(n: u64, unit: &str) -> String {
     const PREFIXES: [&str; 6] = ["k", "M", "G", "T", "P", "E"];
     if n < 1000 {
         return format!("{n} {unit}");
@@ -74,7 +74,7 @@ impl Ratio {
         if numerator == 0 || denominator == 0 {
             return None;
         }
-        let g = gcd(numerator, denominator);
+        let g = greatest_divisor(numerator, denominator);
         Some(Self { numerator: numerator / g, denominator: denominator / g })
     }
 
@@ -104,7 +104,7 @@ impl Ratio {
     }
 }
 
-fn gcd(mut a: u64, mut b: u64) -> u64 {
+fn greatest_divisor(mut a: u64, mut b: u64) -> u64 {
     while b != 0 {
         (a, b) = (b, a % b);
     }

@@ -131,12 +131,12 @@ fn life(gaussians: u32) -> StillLife {
 }
 
 fn scene(gaussians: u32) -> Arc<Gaussians> {
-    Arc::new(procedural::gaussians(&life(gaussians)))
+    Arc::new(procedural::still_life(&life(gaussians)))
 }
 
 fn point(size: f64, scene: &Arc<Gaussians>, picture: Size, frames: u32) -> Point {
     let life = life(GAUSSIANS);
-    let photo = &procedural::capture(&life).views[life.views as usize / 2];
+    let photo = &procedural::still_capture(&life).views[life.views as usize / 2];
     let Se3 { rotation, translation } = photo.world_from_camera;
     let pose = |frame: u32| {
         let turn = DQuat::from_rotation_y(TURN * f64::from(frame) / RATE);
@@ -179,7 +179,7 @@ impl Work {
         done(0);
         let mut rendered = Rendered::default();
         for (index, pose) in self.poses.iter().enumerate() {
-            let view = View::still(self.camera, *pose);
+            let view = View::at_rest(self.camera, *pose);
             let mut passed = |pass: Pass| done(1 + pass as usize);
             let work = renderer.render_in_passes(&view, want, &mut rendered, &mut passed);
             run.blended += work.expect("it can be rendered").blended;
@@ -231,7 +231,7 @@ impl Point {
 impl Axis {
     fn growth(&self, of: impl Fn(&Run) -> f64) -> Option<Growth> {
         let points: Vec<(f64, f64)> = self.points.iter().map(|p| (p.size, of(p.best()))).collect();
-        Growth::through(&points)
+        Growth::fit_points(&points)
     }
 
     /// For people, as Markdown: a row a size, the exponents below.

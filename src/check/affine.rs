@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest share of the picture made up by Gaussians too deep for their distance. Default: `MOST`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
@@ -35,7 +35,7 @@ impl Check for Affine {
         let Some(measured) = subject.doubtful_share else {
             return vec![subject.not_run(NAME, "", "no Gaussian was drawn that could be judged")];
         };
-        let limit = Bound::of(subject.limits.affine.and_then(|l| l.max), Bound::warning(MOST));
+        let limit = Bound::limit_or(subject.limits.affine.and_then(|l| l.max), Bound::warning(MOST));
         let because = format!(
             "{:.2} % of the picture is made by Gaussians whose depth varies by more than a tenth of their distance",
             100.0 * measured

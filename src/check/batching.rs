@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Fewest distinct event times per frame. Default: `UNIQUE_PER_FRAME`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub unique_per_frame: Option<f64>,
     /// Largest coefficient of variation of event counts over the phase of the frame interval. Default: `PHASE_CV`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub phase_cv: Option<f64>,
 }
 
@@ -48,13 +48,13 @@ impl Check for Batching {
             let because = format!("{} events in {frames} frames are too few to show a pattern", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         }
-        vec![times(subject, tally, frames), phase(subject, tally)]
+        vec![judge_times(subject, tally, frames), judge_phase(subject, tally)]
     }
 }
 
-fn times(subject: &Subject<'_>, tally: &Tally, frames: f64) -> Finding {
+fn judge_times(subject: &Subject<'_>, tally: &Tally, frames: f64) -> Finding {
     let limits = subject.limits.batching.unwrap_or_default();
-    let limit = Bound::of(limits.unique_per_frame, Bound::gate(UNIQUE_PER_FRAME));
+    let limit = Bound::limit_or(limits.unique_per_frame, Bound::gate(UNIQUE_PER_FRAME));
     let measured = tally.distinct_us as f64 / frames;
     let because =
         format!("{} events have {} distinct times in {frames} frames", tally.events, tally.distinct_us);
@@ -63,9 +63,9 @@ fn times(subject: &Subject<'_>, tally: &Tally, frames: f64) -> Finding {
     subject.finding(NAME, "times", Judged { verdict, measured, limit, unit: "1/frame", because })
 }
 
-fn phase(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_phase(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let limits = subject.limits.batching.unwrap_or_default();
-    let limit = Bound::of(limits.phase_cv, Bound::warning(PHASE_CV));
+    let limit = Bound::limit_or(limits.phase_cv, Bound::warning(PHASE_CV));
     let bins = tally.phases.len() as f64;
     let mean = tally.events as f64 / bins;
     let variance = tally.phases.iter().map(|n| (*n as f64 - mean) * (*n as f64 - mean)).sum::<f64>() / bins;

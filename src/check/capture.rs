@@ -23,16 +23,16 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest mean reprojection error. Unit: px. Default: `REPROJECTION_PX`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub reprojection: Option<f64>,
     /// Longest step between neighbouring views. Unit: median steps. Default: `8`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub gap: Option<f64>,
     /// Largest detour of a view. Unit: median steps. Default: `OUTLIER`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub outlier: Option<f64>,
     /// Smallest share of photos that have a pose. Default: `REGISTERED`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub registered: Option<f64>,
 }
 
@@ -47,20 +47,24 @@ const TOLD: usize = 3;
 pub(super) const NAME: &str = "capture";
 
 /// The findings on a scene.
-pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
+pub(super) fn capture_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     let limits = subject.limits.capture.unwrap_or_default();
-    let mut findings = reprojection(subject, &limits);
-    findings.extend([gap(subject, &limits), outlier(subject, &limits), registered(subject, &limits)]);
+    let mut findings = judge_reprojection(subject, &limits);
+    findings.extend([
+        judge_gap(subject, &limits),
+        judge_outlier(subject, &limits),
+        judge_registered(subject, &limits),
+    ]);
     findings
 }
 
-fn reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
+fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
     const PARTS: [&str; 2] = ["reprojection", "reprojection-observations"];
     let found = match &subject.reprojection {
         Ok(found) => found,
         Err(because) => return PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec(),
     };
-    let limit = Bound::of(limits.reprojection, Bound::warning(REPROJECTION_PX));
+    let limit = Bound::limit_or(limits.reprojection, Bound::warning(REPROJECTION_PX));
     let behind = match found.behind {
         0 => String::new(),
         count => format!("; {count} more see a point that is not in front of the camera"),
@@ -68,7 +72,11 @@ fn reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
     let judge = |part, measured, over: String| {
         let because =
             format!("points fall {measured:.2} px from their key points, in the mean over {over}{behind}");
-        subject.finding(NAME, part, Judged::of(limit.at_most(measured), measured, limit, "px", because))
+        subject.finding(
+            NAME,
+            part,
+            Judged::from_value(limit.at_most(measured), measured, limit, "px", because),
+        )
     };
     let [points, observations] = [found.points, found.observations];
     vec![
@@ -78,7 +86,7 @@ fn reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
 }
 
 /// Named quantities: the largest, and the names of those beyond a limit, in descending order.
-fn largest(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, String)> {
+fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, String)> {
     named.sort_by(|a, b| b.1.total_cmp(&a.1));
     let (first, measured) = named.first()?.clone();
     let beyond: Vec<String> =
@@ -91,54 +99,54 @@ fn largest(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, String)> {
     Some((measured, told))
 }
 
-fn gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
+fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     const PART: &str = "gap";
     let walk = match &subject.walk {
         Ok(walk) => walk,
         Err(because) => return subject.not_run(NAME, PART, because),
     };
-    let limit = Bound::of(limits.gap, Bound::warning(GAP));
+    let limit = Bound::limit_or(limits.gap, Bound::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
-    let Some((measured, told)) = largest(steps.collect(), limit.value) else {
+    let Some((measured, told)) = largest_beyond(steps.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there is one view");
     };
     let because =
         format!("the longest step between neighbouring views is {measured:.2} median steps: {told}");
-    subject.finding(NAME, PART, Judged::of(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, PART, Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
-fn outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
+fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     const PART: &str = "outlier";
     let walk = match &subject.walk {
         Ok(walk) => walk,
         Err(because) => return subject.not_run(NAME, PART, because),
     };
-    let limit = Bound::of(limits.outlier, Bound::warning(OUTLIER));
+    let limit = Bound::limit_or(limits.outlier, Bound::warning(OUTLIER));
     let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
-    let Some((measured, told)) = largest(detours.collect(), limit.value) else {
+    let Some((measured, told)) = largest_beyond(detours.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there are fewer than 3 views");
     };
     let because = format!(
         "the view farthest off the way between its neighbours is so by {measured:.2} median steps: {told}"
     );
-    subject.finding(NAME, PART, Judged::of(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, PART, Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
-fn registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
+fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     const PART: &str = "registered";
     let photos = match &subject.photos {
         Ok(photos) if photos.there > 0 => photos,
         Ok(_) => return subject.not_run(NAME, PART, "no photo is there"),
         Err(because) => return subject.not_run(NAME, PART, because),
     };
-    let limit = Bound::of(limits.registered, Bound::warning(REGISTERED));
+    let limit = Bound::limit_or(limits.registered, Bound::warning(REGISTERED));
     let measured = photos.registered as f64 / photos.there as f64;
     let absent = match photos.views - photos.registered {
         0 => String::new(),
         count => format!("; {count} views have no photo"),
     };
     let because = format!("{} of {} photos have a pose{absent}", photos.registered, photos.there);
-    subject.finding(NAME, PART, Judged::of(limit.at_least(measured), measured, limit, "1", because))
+    subject.finding(NAME, PART, Judged::from_value(limit.at_least(measured), measured, limit, "1", because))
 }
 
 #[cfg(test)]
@@ -173,7 +181,7 @@ mod tests {
                 behind: 0,
             }),
             photos: Ok(Photos { there: 40, registered: 30, views: 31 }),
-            walk: Ok(Walk::of(&views).unwrap().unwrap()),
+            walk: Ok(Walk::measure_views(&views).unwrap().unwrap()),
             fidelity: Some(&Fidelity::default()),
             limits: &limits,
         };

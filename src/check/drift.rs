@@ -21,7 +21,7 @@ impl DriftLaw {
     ///
     /// # Errors
     /// The frames at two instants do not determine the drift between them; the text is the reason.
-    pub fn of(sensor: &Sensor) -> Result<Self, &'static str> {
+    pub fn for_sensor(sensor: &Sensor) -> Result<Self, &'static str> {
         let Voltmeter { k, threshold_on, threshold_off, gain, initial, law, .. } = match sensor {
             Sensor::Voltmeter(voltmeter) => voltmeter,
             Sensor::Esim(esim) => return of_esim(esim),
@@ -121,7 +121,7 @@ fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
 ///
 /// # Errors
 /// They need not; the text is the reason.
-pub fn balances(sensor: &Sensor) -> Result<(), &'static str> {
+pub fn require_balance(sensor: &Sensor) -> Result<(), &'static str> {
     match sensor {
         Sensor::Voltmeter(Voltmeter { law: Law::Official, .. }) => {
             Err("the law official draws what a frame leaves over anew, so events and drift part")
@@ -170,7 +170,7 @@ mod tests {
             Esim { refractory: Refractory { period_us: 1.0, ..Refractory::default() }, ..Esim::default() };
         let t = |sensor: Sensor, balance: bool, drift: bool| {
             assert_eq!(
-                (balances(&sensor).is_ok(), DriftLaw::of(&sensor).is_ok()),
+                (require_balance(&sensor).is_ok(), DriftLaw::for_sensor(&sensor).is_ok()),
                 (balance, drift),
                 "{sensor:?}"
             );
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn an_ideal_logarithm_drifts_by_its_own() {
-        let law = DriftLaw::of(&Sensor::Esim(Esim::default())).unwrap();
+        let law = DriftLaw::for_sensor(&Sensor::Esim(Esim::default())).unwrap();
         // ln(0.001 + 1) - ln(0.001), for any added constant.
         let logs = law.log_brightness(255.0) - law.log_brightness(0.0);
         assert!((law.drift(logs, 5.0, 1e3) - 6.908_754_779_3).abs() < 1e-9);

@@ -5,7 +5,7 @@
 //! number of pixels that violate it, and the largest difference relative to its bound. Sensors with
 //! noise that decouples events from frames make no such promise; the pass then reports that.
 
-use super::drift::balances;
+use super::drift::require_balance;
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};
 
@@ -24,15 +24,15 @@ impl Check for DriftIdentity {
         let Some(account) = subject.account else {
             return vec![subject.not_run(NAME, "", "there is no account of a simulation")];
         };
-        let balanced = match subject.sensor.map_or(Ok(()), balances) {
-            Ok(()) => violations(subject, account.drift_violations, account.drift_worst),
+        let balanced = match subject.sensor.map_or(Ok(()), require_balance) {
+            Ok(()) => judge_violations(subject, account.drift_violations, account.drift_worst),
             Err(because) => subject.not_run(NAME, "pixels", because),
         };
         let mut findings = vec![balanced];
         findings.extend(subject.tally.map(|tally| {
             let missing = account.on.abs_diff(tally.on) + account.off.abs_diff(tally.off());
             let (made, found) = (account.events, tally.events);
-            count(
+            count_finding(
                 subject,
                 "events",
                 missing,
@@ -43,12 +43,12 @@ impl Check for DriftIdentity {
     }
 }
 
-fn violations(subject: &Subject<'_>, pixels: u64, worst: f64) -> Finding {
+fn judge_violations(subject: &Subject<'_>, pixels: u64, worst: f64) -> Finding {
     let because = format!("{pixels} pixels differ from their drift, by {worst:.3} of the bound at most");
-    count(subject, "pixels", pixels, because)
+    count_finding(subject, "pixels", pixels, because)
 }
 
-fn count(subject: &Subject<'_>, part: &'static str, count: u64, because: String) -> Finding {
+fn count_finding(subject: &Subject<'_>, part: &'static str, count: u64, because: String) -> Finding {
     let verdict = Bound::gate(0.0).at_most(count as f64);
     let (measured, limit) = (Some(count as f64), Some(0.0));
     subject.finding(NAME, part, Judged { verdict, measured, limit, unit: part, because })

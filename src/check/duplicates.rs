@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest share of events that repeat the time and pixel of another. Default: `SHARE`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
@@ -35,16 +35,18 @@ impl Check for Duplicates {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let mut findings = vec![share(subject, tally.repeated + tally.contrary, tally.events)];
+        let mut findings = vec![judge_share(subject, tally.repeated + tally.contrary, tally.events)];
         let made = subject.account.map(|account| account.same_us_same_pixel);
-        findings.extend(made.map(|made| excess(subject, tally.pairs, made)));
+        findings.extend(made.map(|made| judge_excess(subject, tally.pairs, made)));
         findings
     }
 }
 
-fn share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
-    let limit =
-        Bound::of(subject.limits.duplicates.and_then(|l| l.max), Bound::gate(SHARE + by_chance(subject)));
+fn judge_share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
+    let limit = Bound::limit_or(
+        subject.limits.duplicates.and_then(|l| l.max),
+        Bound::gate(SHARE + by_chance(subject)),
+    );
     let share = repeats as f64 / events.max(1) as f64;
     let because = format!("{repeats} of {events} events have the time and pixel of the one in front of them");
     let judged = Judged {
@@ -62,7 +64,7 @@ fn by_chance(subject: &Subject<'_>) -> f64 {
     subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().rate * 1e-6)
 }
 
-fn excess(subject: &Subject<'_>, pairs: u64, made: u64) -> Finding {
+fn judge_excess(subject: &Subject<'_>, pairs: u64, made: u64) -> Finding {
     let because = format!("the stream has {pairs} such pairs, the simulation made {made}");
     let difference = pairs.abs_diff(made) as f64;
     let judged = Judged {

@@ -34,16 +34,16 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest relative difference between the measured and the stated threshold. Default: `THRESHOLD`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f64>,
     /// Largest difference of the gain from 1, in addition to what residuals can do. Default: `GAIN`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
     /// Smallest share of pixels whose residual is possible. Default: `RESIDUAL`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub residual: Option<f64>,
     /// Smallest share of pixels whose events and frames agree in sign. Default: `SIGN`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub sign: Option<f64>,
 }
 

@@ -6,7 +6,7 @@
 //! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound. A stream
 //! without any event gets a warning whatever the sensor: it may be right, and nobody can use it.
 
-use super::subject::{Bound, Judged, within};
+use super::subject::{Bound, Judged, between_bounds};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
@@ -15,10 +15,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Fewest events per pixel and second. Unit: Hz. Default: none.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
     /// Most events per pixel and second. Unit: Hz. Default: none.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
@@ -46,21 +46,21 @@ impl Check for EventRate {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        vec![rate(subject, tally), per_flow(subject, tally)]
+        vec![judge_rate(subject, tally), per_flow(subject, tally)]
     }
 }
 
-fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let seconds = subject.seconds();
     if seconds <= 0.0 {
         return subject.not_run(NAME, "rate", "one frame has no duration");
     }
     let limits = subject.limits.event_rate.unwrap_or_default();
-    let least = Bound::of(limits.min, Bound::warning(0.0));
-    let most = Bound::of(limits.max, Bound::warning(f64::INFINITY));
+    let least = Bound::limit_or(limits.min, Bound::warning(0.0));
+    let most = Bound::limit_or(limits.max, Bound::warning(f64::INFINITY));
     let pixels = tally.size.pixels() as f64;
     let measured = tally.events as f64 / (pixels * seconds);
-    let (verdict, limit) = within(measured, least, most);
+    let (verdict, limit) = between_bounds(measured, least, most);
     let (verdict, because) = match (tally.events, verdict) {
         (0, Verdict::Pass) => (Verdict::Warn, empty(seconds)),
         (events, verdict) => {
@@ -111,7 +111,7 @@ fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let least = if contrast > INSENSITIVE { 0.0 } else { PER_FLOW[0] * sensitivity };
     let most = PER_FLOW[1] * sensitivity + noise;
     let measured = tally.events as f64 / tally.size.pixels() as f64 / moved;
-    let (verdict, limit) = within(measured, Bound::warning(least), Bound::warning(most));
+    let (verdict, limit) = between_bounds(measured, Bound::warning(least), Bound::warning(most));
     let because = format!(
         "{measured:.4} events per pixel for each of {moved:.1} px of median flow; {least:.3} to {most:.3} are usual"
     );

@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest share of hot pixels. Default: `SHARE`, and what the recipe makes hot.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub hot: Option<f64>,
     /// Largest share of dead pixels among those that the frames changed. Default: `SHARE`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub dead: Option<f64>,
 }
 
@@ -43,16 +43,16 @@ impl Check for HotPixels {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        vec![hot(subject, tally), dead(subject, tally)]
+        vec![judge_hot(subject, tally), judge_dead(subject, tally)]
     }
 }
 
-fn hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let limits = subject.limits.hot_pixels.unwrap_or_default();
     let pixels = tally.size.pixels() as f64;
     let stated = subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().share);
     let most = SHARE + stated + 5.0 * (stated / pixels).sqrt();
-    let limit = Bound::of(limits.hot, Bound::warning(most));
+    let limit = Bound::limit_or(limits.hot, Bound::warning(most));
     let busy = &tally.busy;
     let measured = busy.hot as f64 / pixels;
     let because = format!(
@@ -63,10 +63,10 @@ fn hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
         busy.mean,
         if stated > 0.0 { format!(", and the recipe makes {stated} of them hot") } else { String::new() }
     );
-    subject.finding(NAME, "hot", Judged::of(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, "hot", Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
-fn dead(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_dead(subject: &Subject<'_>, tally: &Tally) -> Finding {
     if let Err(because) = subject.drift_law() {
         return subject.not_run(NAME, "dead", because);
     }
@@ -79,11 +79,11 @@ fn dead(subject: &Subject<'_>, tally: &Tally) -> Finding {
         let because = format!("fewer than {LEAST_PIXELS} pixels changed by more than two thresholds");
         return subject.not_run(NAME, "dead", because);
     };
-    let limit = Bound::of(subject.limits.hot_pixels.and_then(|l| l.dead), Bound::warning(SHARE));
+    let limit = Bound::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), Bound::warning(SHARE));
     let because = format!(
         "{} of {} pixels that changed by more than two thresholds have no event",
         fit.silent, fit.doubled[0]
     );
     let measured = share(fit);
-    subject.finding(NAME, "dead", Judged::of(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, "dead", Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
 }

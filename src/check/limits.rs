@@ -31,7 +31,7 @@ macro_rules! limits_of {
                 match key {
                     $(stringify!($pass) => self.$pass = Some(map.next_value()?),)+
                     "waive" => self.waive = map.next_value()?,
-                    other => return Err(refusal(other)),
+                    other => return Err(refusal_message(other)),
                 }
                 Ok(())
             }
@@ -69,7 +69,7 @@ pub struct Waiver {
     #[serde(deserialize_with = "pass_name")]
     pub check: String,
     /// The reason for accepting it; not empty.
-    #[serde(deserialize_with = "reason")]
+    #[serde(deserialize_with = "parse_reason")]
     pub because: String,
 }
 
@@ -129,7 +129,7 @@ impl<'de> Visitor<'de> for LimitsVisitor {
     }
 }
 
-fn refusal<E: Error>(key: &str) -> E {
+fn refusal_message<E: Error>(key: &str) -> E {
     if EXACT.contains(&key) {
         E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
     } else {
@@ -146,7 +146,7 @@ fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Er
     }
 }
 
-fn reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+fn parse_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let because = String::deserialize(deserializer)?;
     if because.trim().is_empty() {
         return Err(D::Error::custom("a fault is only accepted with a reason, and this one is empty"));
@@ -161,7 +161,7 @@ pub(super) fn not_asked(name: &str) -> String {
 }
 
 /// A limit: a finite number above zero.
-pub(super) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+pub(super) fn parse_positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let limit = f64::deserialize(deserializer)?;
     if limit.is_finite() && limit > 0.0 {
         Ok(Some(limit))
@@ -171,7 +171,7 @@ pub(super) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Opt
 }
 
 /// A share: a number from 0 to 1.
-pub(super) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+pub(super) fn parse_share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let limit = f64::deserialize(deserializer)?;
     if (0.0..=1.0).contains(&limit) {
         Ok(Some(limit))

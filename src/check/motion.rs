@@ -23,7 +23,7 @@ use warp::Sharpness;
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Smallest median ratio of the variances, moved over in place. Default: `MEDIAN`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub median: Option<f64>,
 }
 
@@ -77,17 +77,17 @@ impl Check for MotionCompensation {
             );
             return vec![subject.not_run(NAME, "", because)];
         }
-        vec![median(subject, &windows), share(subject, &windows)]
+        vec![judge_median(subject, &windows), judge_share(subject, &windows)]
     }
 }
 
-fn median(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
+fn judge_median(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
     let mut ratios: Vec<f64> = windows.iter().map(|s| s.ratio()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
     let measured = ratios[(ratios.len() - 1) / 2];
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
     let gate = Bound::gate(1.0 - CERTAIN * noise);
-    let wanted = Bound::of(subject.limits.motion.and_then(|l| l.median), Bound::warning(MEDIAN));
+    let wanted = Bound::limit_or(subject.limits.motion.and_then(|l| l.median), Bound::warning(MEDIAN));
     let (verdict, limit) = match gate.at_least(measured) {
         Verdict::Pass => (wanted.at_least(measured), wanted.value),
         failed => (failed, gate.value),
@@ -102,10 +102,14 @@ fn median(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
     subject.finding(NAME, "median", judged)
 }
 
-fn share(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
+fn judge_share(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
     let sharper = windows.iter().filter(|s| s.ratio() > 1.0).count();
     let measured = sharper as f64 / windows.len() as f64;
     let limit = Bound::warning(WINDOWS);
     let because = format!("{sharper} of {} windows are sharper than their events in place", windows.len());
-    subject.finding(NAME, "windows", Judged::of(limit.at_least(measured), measured, limit, "1", because))
+    subject.finding(
+        NAME,
+        "windows",
+        Judged::from_value(limit.at_least(measured), measured, limit, "1", because),
+    )
 }

@@ -19,7 +19,7 @@ use still::Stillness;
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest factor between the events of still pixels and those of the sensor's noise. Default: `FACTOR`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub factor: Option<f64>,
 }
 
@@ -55,12 +55,12 @@ impl Check for NoiseFloor {
             };
             return vec![subject.not_run(NAME, "", because)];
         };
-        vec![rate(subject, still), rhythm(subject, still)]
+        vec![judge_rate(subject, still), judge_rhythm(subject, still)]
     }
 }
 
-fn rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
-    let factor = Bound::of(subject.limits.noise_floor.and_then(|l| l.factor), Bound::warning(FACTOR));
+fn judge_rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
+    let factor = Bound::limit_or(subject.limits.noise_floor.and_then(|l| l.factor), Bound::warning(FACTOR));
     let settled = !still.from_zero || still.intervals >= SETTLED;
     // Counts vary by at most five times the root of their expectation, plus one event.
     let slack = 5.0 * still.expected.max(1.0).sqrt();
@@ -79,7 +79,7 @@ fn rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
     subject.finding(NAME, "rate", judged)
 }
 
-fn rhythm(subject: &Subject<'_>, still: &Stillness) -> Finding {
+fn judge_rhythm(subject: &Subject<'_>, still: &Stillness) -> Finding {
     if still.events < LEAST_EVENTS {
         let because = format!("{} events of still pixels have no rhythm to speak of", still.events);
         return subject.not_run(NAME, "rhythm", because);
@@ -89,6 +89,6 @@ fn rhythm(subject: &Subject<'_>, still: &Stillness) -> Finding {
         "the common rate of {} still pixels repeats itself by {:.2} standard deviations at most",
         still.pixels, still.rhythm
     );
-    let judged = Judged::of(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);
+    let judged = Judged::from_value(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);
     subject.finding(NAME, "rhythm", judged)
 }

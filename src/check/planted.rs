@@ -10,7 +10,7 @@ use super::drift::DriftLaw;
 use super::motion::warp::FlowAt;
 use super::sampling::Resampled;
 use super::tally::{Against, Observer};
-use super::{Finding, Limits, Subject, Verdict, judge};
+use super::{Finding, Limits, Subject, Verdict, judge_trajectory};
 use crate::event::{Event, Label, Polarity};
 use crate::foreign::{Foreign, colmap, opencv, readback};
 use crate::frames::Frame;
@@ -51,7 +51,7 @@ pub(super) struct World {
 pub(super) const SIZE: Size = Size { width: 96, height: 72 };
 pub(super) const FRAMES: usize = 150;
 
-pub(super) fn rate() -> Hertz {
+pub(super) fn frame_rate() -> Hertz {
     Hertz("2400".parse().unwrap())
 }
 
@@ -84,15 +84,15 @@ impl Default for Setting {
 
 impl World {
     pub(super) fn new(setting: Setting) -> Self {
-        let stamps_us: Vec<i64> = (0..setting.frames as u64).map(|j| rate().stamp_us(j)).collect();
+        let stamps_us: Vec<i64> = (0..setting.frames as u64).map(|j| frame_rate().stamp_us(j)).collect();
         let mut sensor = Voltmeter::new([5.265, 20.0, 0.0, 1e-7, 0.0, 0.0]);
         [sensor.threshold_on, sensor.threshold_off] = setting.thresholds;
         sensor.initial = setting.initial;
-        let images: Vec<Image<f32>> = (0..setting.frames).map(|j| picture(setting, j)).collect();
-        let events = fire(&sensor, &images, &stamps_us);
+        let images: Vec<Image<f32>> = (0..setting.frames).map(|j| wave_picture(setting, j)).collect();
+        let events = simulate_events(&sensor, &images, &stamps_us);
         let apart = (1..50).find(|n| setting.pace * *n as f64 >= 1.0).unwrap_or(50);
-        let choice = Choice::of(&stamps_us, apart);
-        let mut anchors = Anchors::empty(&choice);
+        let choice = Choice::from_stamps(&stamps_us, apart);
+        let mut anchors = Anchors::without_frames(&choice);
         for j in choice.frames {
             let frame = Frame {
                 index: j,
@@ -104,7 +104,7 @@ impl World {
         }
         let pace = setting.pace as f32;
         // The picture moves towards smaller x.
-        let px_s = Image::filled(SIZE, [-pace * rate().to_f64() as f32, 0.0]);
+        let px_s = Image::filled(SIZE, [-pace * frame_rate().to_f64() as f32, 0.0]);
         let moments = (0..5).map(|i| stamps_us[i * (setting.frames - 1) / 4]);
         let flows = moments.map(|t_us| FlowAt { t_us, px_s: px_s.clone() }).collect();
         Self {
@@ -118,21 +118,21 @@ impl World {
                 shift_us: Some(3.0),
                 tolerance: None,
             }),
-            report: report(setting.frames),
-            account: account(&events),
-            trajectory: Trajectory { world_from_camera: poses(setting.frames), stamps_us },
+            report: speed_report(setting.frames),
+            account: count_events(&events),
+            trajectory: Trajectory { world_from_camera: arc_poses(setting.frames), stamps_us },
             sensor,
             events,
             anchors,
             flow: Some(Quantiles { median: pace, p95: pace, max: pace }),
             doubtful_share: Some(0.001),
-            foreign: foreign(),
+            foreign: agreeing_reports(),
             limits: Limits::default(),
         }
     }
 
     /// The world of the default settings, made once.
-    pub(super) fn sound() -> Self {
+    pub(super) fn default_world() -> Self {
         static SOUND: OnceLock<World> = OnceLock::new();
         SOUND.get_or_init(|| Self::new(Setting::default())).clone()
     }
@@ -141,18 +141,18 @@ impl World {
         let sensor = self.stated.clone().unwrap_or_else(|| Sensor::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
         let against = Against {
-            seen: DriftLaw::of(&sensor).ok().map(|law| (law, &self.anchors)),
+            seen: DriftLaw::for_sensor(&sensor).ok().map(|law| (law, &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
         };
-        let mut observer = Observer::new(SIZE, rate(), end, against);
+        let mut observer = Observer::new(SIZE, frame_rate(), end, against);
         for chunk in self.events.chunks(1000) {
             observer.append(chunk);
         }
         let tally = observer.finish();
         let subject = Subject {
             name: "world/base",
-            rate: rate(),
+            rate: frame_rate(),
             trajectory: &self.trajectory,
             speed: Some(&self.report),
             sensor: Some(&sensor),
@@ -164,7 +164,7 @@ impl World {
             foreign: Some(&self.foreign),
             limits: &self.limits,
         };
-        judge(&subject, &[subject])
+        judge_trajectory(&subject, &[subject])
     }
 
     /// `check#part` of the findings that are neither passed nor not run.
@@ -204,7 +204,7 @@ impl Draws {
 }
 
 /// Waves of four directions and lengths that move along x.
-fn picture(setting: Setting, frame: usize) -> Image<f32> {
+fn wave_picture(setting: Setting, frame: usize) -> Image<f32> {
     let shift = setting.pace * frame as f64;
     let light = 100.0 * (1.0 + setting.dawn * frame as f64 / setting.frames as f64);
     let waves = [(0.31, 0.17, 0.0), (0.13, -0.23, 1.0), (0.55, 0.4, 2.0), (0.07, 0.11, 3.0)];
@@ -220,7 +220,7 @@ fn picture(setting: Setting, frame: usize) -> Image<f32> {
     Image::from_vec(SIZE, (0..SIZE.height).flat_map(row).collect())
 }
 
-fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
+fn simulate_events(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
     let [k1, k2, _, k4, ..] = sensor.k;
     let mut events = Vec::new();
     for i in 0..SIZE.pixels() {
@@ -266,7 +266,7 @@ fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Eve
     events
 }
 
-fn account(events: &[Event]) -> Account {
+fn count_events(events: &[Event]) -> Account {
     let on = events.iter().filter(|e| e.polarity == Polarity::On).count() as u64;
     let place = |e: &Event| (e.t.floor_micros(), e.y, e.x);
     let together = events.chunk_by(|a, b| place(a) == place(b)).map(|group| group.len() as u64);
@@ -281,7 +281,7 @@ fn account(events: &[Event]) -> Account {
 }
 
 /// Reports of other programs that agree with the world, as closely as they do with renderings.
-fn foreign() -> Foreign {
+fn agreeing_reports() -> Foreign {
     let pose = |k: usize| colmap::Registered { pose: 7 * k, rotation_deg: 0.05, translation: 0.001 };
     let registration = colmap::Registration {
         program: "COLMAP 3.8".into(),
@@ -314,7 +314,7 @@ fn foreign() -> Foreign {
 }
 
 /// An arc at an even pace, looking at its centre.
-fn poses(frames: usize) -> Vec<Se3> {
+fn arc_poses(frames: usize) -> Vec<Se3> {
     let pose = |j: usize| {
         let angle = 0.4 * j as f64 / frames as f64;
         let rotation = DQuat::from_rotation_y(-angle);
@@ -323,7 +323,7 @@ fn poses(frames: usize) -> Vec<Se3> {
     (0..frames).map(pose).collect()
 }
 
-fn report(frames: usize) -> Report {
+fn speed_report(frames: usize) -> Report {
     let even = Some(Follow { min: 1.0, max: 1.0, rms: 0.0, p95: 0.0 });
     Report {
         kind: Kind::Refine,

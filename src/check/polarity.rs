@@ -9,7 +9,7 @@
 //! with more leak than noise starts anywhere between 0 and `A`, and its first events are ON.
 
 use super::event_frame::fit::Fit;
-use super::subject::{Bound, Judged, within};
+use super::subject::{Bound, Judged, between_bounds};
 use super::{Check, Finding, Subject, Tally, limits};
 use serde::{Deserialize, Serialize};
 
@@ -18,10 +18,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Smallest share of ON events. Default: `WIDTH` below the share that the frames predict.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
     /// Largest share of ON events. Default: `WIDTH` above it.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
@@ -50,18 +50,18 @@ impl Check for OnShare {
             let because = format!("{} events are too few for a share", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         };
-        vec![judge(subject, tally, share)]
+        vec![judge_share(subject, tally, share)]
     }
 }
 
-fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
+fn judge_share(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
     let limits = subject.limits.polarity.unwrap_or_default();
-    let predicted = predicted(subject, tally);
+    let predicted = predicted_share(subject, tally);
     let center = predicted.unwrap_or(0.5);
-    let width = WIDTH + shift(subject, tally);
-    let least = Bound::of(limits.min, Bound::warning((center - width).max(0.0)));
-    let most = Bound::of(limits.max, Bound::warning((center + width).min(1.0)));
-    let (verdict, limit) = within(share, least, most);
+    let width = WIDTH + largest_shift(subject, tally);
+    let least = Bound::limit_or(limits.min, Bound::warning((center - width).max(0.0)));
+    let most = Bound::limit_or(limits.max, Bound::warning((center + width).min(1.0)));
+    let (verdict, limit) = between_bounds(share, least, most);
     let because = match predicted {
         Some(p) => format!("{share:.4} of {} events are ON, the frames predict {p:.4}", tally.events),
         None => format!("{share:.4} of {} events are ON", tally.events),
@@ -74,13 +74,13 @@ fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
 }
 
 /// Largest shift of the share by voltages that start anywhere.
-fn shift(subject: &Subject<'_>, tally: &Tally) -> f64 {
+fn largest_shift(subject: &Subject<'_>, tally: &Tally) -> f64 {
     let anywhere = subject.drift_law().is_ok_and(|law| !law.from_zero);
     if anywhere { tally.active_pixels as f64 / tally.events as f64 } else { 0.0 }
 }
 
 /// The share of ON events predicted from the frames and the number of events.
-fn predicted(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
+fn predicted_share(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
     let [a, b] = subject.drift_law().ok()?.thresholds;
     let Fit { expected, events, .. } = tally.fits.last()?;
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))

@@ -19,7 +19,7 @@
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use crate::foreign::colmap::{LEAST_PICTURES, Registered, Registration};
-use crate::foreign::median;
+use crate::foreign::upper_median;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -28,19 +28,19 @@ use serde::{Deserialize, Deserializer, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Number of sharp frames to register, evenly spread. Default: `20`.
-    #[serde(deserialize_with = "enough", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "parse_enough", skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
     /// Smallest share of them that COLMAP registers. Default: `REGISTERED`.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub registered: Option<f64>,
     /// Largest median angle between rotations. Unit: degrees. Default: `MAX_DEG`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max_deg: Option<f64>,
     /// Largest angle between rotations. Unit: degrees. Default: `WORST_DEG`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub worst_deg: Option<f64>,
     /// Largest distance between centres, over the length of the path. Default: `TRANSLATION`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub translation: Option<f64>,
 }
 
@@ -69,41 +69,45 @@ impl Check for PoseColmap {
                 let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
                 vec![subject.not_run(NAME, "", because)]
             }
-            Some(Ok(registration)) => findings(subject, registration),
+            Some(Ok(registration)) => registration_findings(subject, registration),
         }
     }
 }
 
-fn findings(subject: &Subject<'_>, registration: &Registration) -> Vec<Finding> {
+fn registration_findings(subject: &Subject<'_>, registration: &Registration) -> Vec<Finding> {
     let limits = subject.limits.pose_colmap.unwrap_or_default();
     let Registration { program, given, poses, .. } = registration;
     let of = |value: fn(&Registered) -> f64| {
         poses.iter().max_by(|a, b| value(a).total_cmp(&value(b))).expect("there are poses")
     };
     let at_most = |part, measured: f64, limit: Bound, unit, because| {
-        subject.finding(NAME, part, Judged::of(limit.at_most(measured), measured, limit, unit, because))
+        subject.finding(
+            NAME,
+            part,
+            Judged::from_value(limit.at_most(measured), measured, limit, unit, because),
+        )
     };
     let share = poses.len() as f64 / *given as f64;
-    let least = Bound::of(limits.registered, Bound::warning(REGISTERED));
+    let least = Bound::limit_or(limits.registered, Bound::warning(REGISTERED));
     let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
-    let registered = Judged::of(least.at_least(share), share, least, "1", because);
-    let middle = median(poses.iter().map(|p| p.rotation_deg).collect());
+    let registered = Judged::from_value(least.at_least(share), share, least, "1", because);
+    let middle = upper_median(poses.iter().map(|p| p.rotation_deg).collect());
     let because = format!("half of {} rotations are within {middle:.4} degrees of {program}'s", poses.len());
     let (turned, moved) = (of(|p| p.rotation_deg), of(|p| p.translation));
     let rotation =
-        at_most("rotation", middle, Bound::of(limits.max_deg, Bound::gate(MAX_DEG)), "deg", because);
+        at_most("rotation", middle, Bound::limit_or(limits.max_deg, Bound::gate(MAX_DEG)), "deg", because);
     let because =
         format!("pose {} is turned by {:.4} degrees from {program}'s", turned.pose, turned.rotation_deg);
-    let bound = Bound::of(limits.worst_deg, Bound::gate(WORST_DEG));
+    let bound = Bound::limit_or(limits.worst_deg, Bound::gate(WORST_DEG));
     let worst = at_most("rotation-worst", turned.rotation_deg, bound, "deg", because);
     let because =
         format!("pose {} is {:.5} of the path's length from {program}'s", moved.pose, moved.translation);
-    let bound = Bound::of(limits.translation, Bound::gate(TRANSLATION));
+    let bound = Bound::limit_or(limits.translation, Bound::gate(TRANSLATION));
     let translation = at_most("translation", moved.translation, bound, "1", because);
     vec![subject.finding(NAME, "registered", registered), rotation, worst, translation]
 }
 
-fn enough<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
+fn parse_enough<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
     let frames = u32::deserialize(deserializer)?;
     if frames >= LEAST_PICTURES {
         Ok(Some(frames))
@@ -124,7 +128,7 @@ mod tests {
 
     #[test]
     fn one_pose_that_is_turned_by_a_degree_is_found() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         registration(&mut world).poses[7].rotation_deg = 1.0;
         assert_eq!(world.faults(), ["pose_colmap#rotation-worst"]);
         let finding = world.finding("pose_colmap#rotation-worst");
@@ -133,7 +137,7 @@ mod tests {
 
     #[test]
     fn poses_that_are_all_a_little_off_are_found() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         for pose in &mut registration(&mut world).poses {
             (pose.rotation_deg, pose.translation) = (0.11, 0.011);
         }
@@ -145,7 +149,7 @@ mod tests {
 
     #[test]
     fn pictures_without_a_place_are_told_and_too_few_say_nothing() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         registration(&mut world).poses.truncate(17);
         assert_eq!(world.finding("pose_colmap#registered").verdict, Verdict::Warn);
         registration(&mut world).poses.truncate(2);
@@ -156,7 +160,7 @@ mod tests {
 
     #[test]
     fn nobody_asked_or_nobody_there_is_told() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         world.foreign.colmap = Some(Err("there is no program `colmap`".into()));
         assert_eq!(world.finding("pose_colmap").because, "there is no program `colmap`");
         world.foreign.colmap = None;

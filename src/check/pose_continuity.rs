@@ -9,7 +9,7 @@
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
-use crate::se3::rotation::angle;
+use crate::se3::rotation::angle_between;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest ratio of a step to the median step of its neighbours. Default: `MOST`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
@@ -41,17 +41,17 @@ impl Check for PoseContinuity {
     }
 
     fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
-        let steps = Steps::of(subject);
+        let steps = Steps::of_subject(subject);
         if steps.linear.len() < LEAST_STEPS {
             return vec![subject.not_run(NAME, "", "there are fewer than 4 poses")];
         }
         let floor = FLOOR * steps.median_mixed();
-        let part = |part, steps| judge(subject, part, steps, floor);
+        let part = |part, steps| judge_steps(subject, part, steps, floor);
         vec![part("translation", &steps.linear), part("rotation", &steps.angular)]
     }
 }
 
-fn judge(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
+fn judge_steps(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
     let ratio = |j: usize| {
         let among = median_of_neighbours(steps, j).max(floor);
         if steps[j] > 0.0 { steps[j] / among } else { 0.0 }
@@ -59,7 +59,7 @@ fn judge(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> Findin
     let ratios = (0..steps.len()).map(|j| (j, ratio(j)));
     let (at, measured) = ratios.max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are steps");
     let limits = subject.limits.pose_continuity.unwrap_or_default();
-    let limit = Bound::of(limits.max, Bound::gate(MOST));
+    let limit = Bound::limit_or(limits.max, Bound::gate(MOST));
     let because = format!("the step from pose {at} to {} is {measured:.3} times those around it", at + 1);
     let verdict = limit.at_most(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
@@ -73,14 +73,14 @@ struct Steps {
 }
 
 impl Steps {
-    fn of(subject: &Subject<'_>) -> Self {
+    fn of_subject(subject: &Subject<'_>) -> Self {
         let report = subject.speed;
         let (alpha, beta) = report.map_or((1.0, 1.0), |r| (r.alpha, r.beta / r.scale_distance));
         let shares: Vec<f64> = report.map_or_else(Vec::new, |r| r.asked_shares().collect());
         let asked = |j: usize| shares.get(j).copied().filter(|share| *share > 0.0).unwrap_or(1.0);
         let pairs = || (0..).zip(subject.trajectory.world_from_camera.windows(2));
         let linear = |w: &[crate::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
-        let angular = |w: &[crate::se3::Se3]| alpha * angle(w[0].rotation, w[1].rotation);
+        let angular = |w: &[crate::se3::Se3]| alpha * angle_between(w[0].rotation, w[1].rotation);
         Self {
             linear: pairs().map(|(j, w)| linear(w) / asked(j)).collect(),
             angular: pairs().map(|(j, w)| angular(w) / asked(j)).collect(),
@@ -88,17 +88,17 @@ impl Steps {
     }
 
     fn median_mixed(&self) -> f64 {
-        median(self.linear.iter().zip(&self.angular).map(|(l, a)| l + a).collect())
+        middle_mean(self.linear.iter().zip(&self.angular).map(|(l, a)| l + a).collect())
     }
 }
 
 fn median_of_neighbours(steps: &[f64], j: usize) -> f64 {
     let around = j.saturating_sub(REACH)..(j + REACH + 1).min(steps.len());
-    median(around.filter(|i| *i != j).map(|i| steps[i]).collect())
+    middle_mean(around.filter(|i| *i != j).map(|i| steps[i]).collect())
 }
 
 /// The median, with the mean of the two middle values for an even number.
-fn median(mut values: Vec<f64>) -> f64 {
+fn middle_mean(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
 }

@@ -16,8 +16,8 @@
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
-use crate::foreign::median;
 use crate::foreign::opencv::{Geometry, Motion, Projection};
+use crate::foreign::upper_median;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -25,10 +25,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest median angle between rotations. Unit: degrees. Default: `ROTATION_DEG`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub rotation_deg: Option<f64>,
     /// Largest median angle between directions. Unit: degrees. Default: `DIRECTION_DEG`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub direction_deg: Option<f64>,
 }
 
@@ -54,15 +54,15 @@ impl Check for PoseOpencv {
             None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
             Some(Ok(geometry)) => {
-                let mut findings = relative(subject, geometry);
-                findings.insert(0, subject.finding(NAME, "projection", projection(geometry)));
+                let mut findings = judge_relative(subject, geometry);
+                findings.insert(0, subject.finding(NAME, "projection", judge_projection(geometry)));
                 findings
             }
         }
     }
 }
 
-fn projection(geometry: &Geometry) -> Judged {
+fn judge_projection(geometry: &Geometry) -> Judged {
     let files = [("poses.txt", geometry.poses_txt), ("transforms.json", geometry.transforms_json)];
     let (name, Projection { px, pose, points }) =
         if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
@@ -74,10 +74,10 @@ fn projection(geometry: &Geometry) -> Judged {
     let pose = pose.unwrap_or_default();
     let because =
         format!("{program} sees {points} points within {px:.2e} px of us by {name}, worst in pose {pose}");
-    Judged::of(limit.at_most(px), px, limit, "px", because)
+    Judged::from_value(limit.at_most(px), px, limit, "px", because)
 }
 
-fn relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
+fn judge_relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
     let Geometry { program, tried, pairs, .. } = geometry;
     let limits = subject.limits.pose_opencv.unwrap_or_default();
     let judge = |part, value: fn(&Motion) -> f64, limit: Bound| {
@@ -89,15 +89,19 @@ fn relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
             );
             return subject.not_run(NAME, part, because);
         }
-        let measured = median(pairs.iter().map(value).collect());
+        let measured = upper_median(pairs.iter().map(value).collect());
         let because = format!(
             "half of {} motions between pictures that {program} finds are within {measured:.3} degrees of the poses",
             pairs.len()
         );
-        subject.finding(NAME, part, Judged::of(limit.at_most(measured), measured, limit, "deg", because))
+        subject.finding(
+            NAME,
+            part,
+            Judged::from_value(limit.at_most(measured), measured, limit, "deg", because),
+        )
     };
-    let rotation = Bound::of(limits.rotation_deg, Bound::warning(ROTATION_DEG));
-    let direction = Bound::of(limits.direction_deg, Bound::warning(DIRECTION_DEG));
+    let rotation = Bound::limit_or(limits.rotation_deg, Bound::warning(ROTATION_DEG));
+    let direction = Bound::limit_or(limits.direction_deg, Bound::warning(DIRECTION_DEG));
     vec![
         judge("relative-rotation", |m| m.rotation_deg, rotation),
         judge("relative-direction", |m| m.direction_deg, direction),
@@ -117,7 +121,7 @@ mod tests {
     #[test]
     fn a_point_that_is_elsewhere_by_either_file_is_found() {
         let t = |plant: fn(&mut Geometry), file: &str| {
-            let mut world = World::sound();
+            let mut world = World::default_world();
             plant(geometry(&mut world));
             assert_eq!(world.faults(), ["pose_opencv#projection"]);
             let because = world.finding("pose_opencv#projection").because;
@@ -125,14 +129,14 @@ mod tests {
         };
         t(|g| g.poses_txt.px = 1.1e-3, "poses.txt");
         t(|g| g.transforms_json.px = 0.5, "transforms.json");
-        let mut world = World::sound();
+        let mut world = World::default_world();
         geometry(&mut world).transforms_json.pose = None;
         assert_eq!(world.finding("pose_opencv#projection").verdict, Verdict::NotRun);
     }
 
     #[test]
     fn motions_that_pictures_do_not_show_warn_and_fail_where_the_recipe_says_so() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         for pair in &mut geometry(&mut world).pairs {
             pair.rotation_deg = 0.6;
         }
@@ -144,7 +148,7 @@ mod tests {
 
     #[test]
     fn too_few_motions_say_nothing_of_pictures_and_all_of_projection() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         geometry(&mut world).pairs.truncate(2);
         assert_eq!(world.finding("pose_opencv#relative-rotation").verdict, Verdict::NotRun);
         assert_eq!(world.finding("pose_opencv#projection").verdict, Verdict::Pass);

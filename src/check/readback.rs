@@ -27,11 +27,13 @@ impl Check for Readback {
         match subject.foreign.and_then(|foreign| foreign.readback.as_ref()) {
             None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
-            Some(Ok(read)) => {
-                [("events", events(read)), ("index", index(read)), ("pictures", pictures(read))]
-                    .map(|(part, judged)| subject.finding(NAME, part, judged))
-                    .to_vec()
-            }
+            Some(Ok(read)) => [
+                ("events", judge_events(read)),
+                ("index", judge_index(read)),
+                ("pictures", judge_pictures(read)),
+            ]
+            .map(|(part, judged)| subject.finding(NAME, part, judged))
+            .to_vec(),
         }
     }
 }
@@ -39,13 +41,13 @@ impl Check for Readback {
 const NO_EVENTS: &str = "there are no events";
 
 /// No value may differ.
-fn none(differing: usize, because: String) -> Judged {
+fn judge_differences(differing: usize, because: String) -> Judged {
     let limit = Bound::gate(0.0);
     let measured = differing as f64;
-    Judged::of(limit.at_most(measured), measured, limit, "1", because)
+    Judged::from_value(limit.at_most(measured), measured, limit, "1", because)
 }
 
-fn events(read: &foreign::readback::Readback) -> Judged {
+fn judge_events(read: &foreign::readback::Readback) -> Judged {
     if read.streams.is_empty() {
         return Judged::not_run(NO_EVENTS);
     }
@@ -61,20 +63,20 @@ fn events(read: &foreign::readback::Readback) -> Judged {
     } else {
         format!("{program} read other values of {}", names.join(", "))
     };
-    none(differing, because)
+    judge_differences(differing, because)
 }
 
-fn index(read: &foreign::readback::Readback) -> Judged {
+fn judge_index(read: &foreign::readback::Readback) -> Judged {
     if read.streams.is_empty() {
         return Judged::not_run(NO_EVENTS);
     }
     let sum = |value: fn(&foreign::readback::StreamRead) -> u64| read.streams.iter().map(value).sum::<u64>();
     let (entries, wrong) = (sum(|s| s.entries), sum(|s| s.wrong_entries));
     let because = format!("{wrong} of {entries} entries of ms_to_idx are others by {}", read.program);
-    none(usize::try_from(wrong).unwrap_or(usize::MAX), because)
+    judge_differences(usize::try_from(wrong).unwrap_or(usize::MAX), because)
 }
 
-fn pictures(read: &foreign::readback::Readback) -> Judged {
+fn judge_pictures(read: &foreign::readback::Readback) -> Judged {
     match &read.pictures {
         Err(because) => Judged::not_run(because),
         Ok(pictures) => {
@@ -87,7 +89,7 @@ fn pictures(read: &foreign::readback::Readback) -> Judged {
                 pictures.count,
                 read.program
             );
-            none(differing.len(), because)
+            judge_differences(differing.len(), because)
         }
     }
 }
@@ -101,7 +103,7 @@ mod tests {
     #[test]
     fn what_others_read_otherwise_is_found() {
         let t = |plant: fn(&mut foreign::readback::Readback), wanted: &str, says: &str| {
-            let mut world = World::sound();
+            let mut world = World::default_world();
             plant(world.foreign.readback.as_mut().unwrap().as_mut().unwrap());
             assert_eq!(world.faults(), [wanted]);
             let because = world.finding(wanted).because;
@@ -122,7 +124,7 @@ mod tests {
 
     #[test]
     fn what_is_not_there_is_not_read() {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         let read = world.foreign.readback.as_mut().unwrap().as_mut().unwrap();
         read.streams.clear();
         read.pictures = Err("there are no pictures".into());

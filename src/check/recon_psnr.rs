@@ -15,13 +15,13 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest difference between the mean and the worst PSNR. Unit: dB. Default: `DROP_DB`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub drop: Option<f64>,
     /// Smallest mean PSNR. Unit: dB. Default: `MEAN_DB`, as a warning.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub mean: Option<f64>,
     /// Smallest mean SSIM. Default: none.
-    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub ssim: Option<f64>,
 }
 
@@ -32,7 +32,7 @@ const MEAN_DB: f64 = 25.0;
 pub(super) const NAME: &str = "recon_psnr";
 
 /// The findings on a scene.
-pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
+pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     const PARTS: [&str; 3] = ["drop", "mean", "ssim"];
     let not_run = |because: &str| PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec();
     let Some(fidelity) = subject.fidelity else { return not_run("there is no scene to render") };
@@ -46,21 +46,21 @@ pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     };
     let limits = subject.limits.recon_psnr.unwrap_or_default();
     vec![
-        drop(subject, &psnr, &worst.name, &limits),
-        mean(subject, fidelity, &psnr, &limits),
-        ssim(subject, similarity, psnr.views, &limits),
+        judge_drop(subject, &psnr, &worst.name, &limits),
+        judge_mean(subject, fidelity, &psnr, &limits),
+        judge_ssim(subject, similarity, psnr.views, &limits),
     ]
 }
 
-fn drop(subject: &SceneSubject<'_>, psnr: &Psnr, worst: &str, limits: &Limits) -> Finding {
-    let limit = Bound::of(limits.drop, Bound::gate(DROP_DB));
+fn judge_drop(subject: &SceneSubject<'_>, psnr: &Psnr, worst: &str, limits: &Limits) -> Finding {
+    let limit = Bound::limit_or(limits.drop, Bound::gate(DROP_DB));
     let measured = psnr.mean - psnr.min;
     let because = format!("`{worst}` has {:.2} dB, {measured:.2} less than views have in the mean", psnr.min);
-    subject.finding(NAME, "drop", Judged::of(limit.at_most(measured), measured, limit, "dB", because))
+    subject.finding(NAME, "drop", Judged::from_value(limit.at_most(measured), measured, limit, "dB", because))
 }
 
-fn mean(subject: &SceneSubject<'_>, fidelity: &Fidelity, psnr: &Psnr, limits: &Limits) -> Finding {
-    let limit = Bound::of(limits.mean, Bound::warning(MEAN_DB));
+fn judge_mean(subject: &SceneSubject<'_>, fidelity: &Fidelity, psnr: &Psnr, limits: &Limits) -> Finding {
+    let limit = Bound::limit_or(limits.mean, Bound::warning(MEAN_DB));
     let held_out = psnr.held_out.map_or_else(String::new, |held_out| {
         format!("; every eighth, which trainers by convention hold out, {held_out:.2}")
     });
@@ -73,10 +73,14 @@ fn mean(subject: &SceneSubject<'_>, fidelity: &Fidelity, psnr: &Psnr, limits: &L
     };
     let because =
         format!("{} views have {:.2} dB in the mean{held_out}{not_compared}", psnr.views, psnr.mean);
-    subject.finding(NAME, "mean", Judged::of(limit.at_least(psnr.mean), psnr.mean, limit, "dB", because))
+    subject.finding(
+        NAME,
+        "mean",
+        Judged::from_value(limit.at_least(psnr.mean), psnr.mean, limit, "dB", because),
+    )
 }
 
-fn ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &Limits) -> Finding {
+fn judge_ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &Limits) -> Finding {
     let verdict = limits.ssim.map_or(Verdict::Pass, |least| Bound::gate(least).at_least(measured));
     let because = format!("{views} views have a SSIM of {measured:.4} in the mean");
     let judged = Judged { verdict, measured: Some(measured), limit: limits.ssim, unit: "1", because };

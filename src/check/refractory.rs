@@ -39,7 +39,7 @@ impl Check for DeadTime {
         vec![subject.finding(
             NAME,
             "",
-            Judged::of(limit.at_most(measured), measured, limit, "events", because),
+            Judged::from_value(limit.at_most(measured), measured, limit, "events", because),
         )]
     }
 }

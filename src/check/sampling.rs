@@ -20,13 +20,13 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest 95 % quantile of the optical flow per frame. Unit: px. Default: `MOST`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
     /// Largest change of the number of events at twice the frames, as a share. Default: `COUNT`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub count: Option<f64>,
     /// Largest median shift of an event at twice the frames. Unit: us. Default: `SHIFT_US`; none with a tolerance.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub shift_us: Option<f64>,
 }
 
@@ -53,7 +53,7 @@ impl Check for Sampling {
         let Some(flow) = subject.flow else {
             return vec![subject.not_run(NAME, "", "no depth is at hand, so there is no optical flow")];
         };
-        let limit = Bound::of(subject.limits.sampling.and_then(|l| l.max), Bound::warning(MOST));
+        let limit = Bound::limit_or(subject.limits.sampling.and_then(|l| l.max), Bound::warning(MOST));
         let measured = f64::from(flow.p95);
         let because = format!(
             "95 % of pixels move by at most {measured:.2} px between frames (half by {:.2}, the fastest by {:.2})",
@@ -78,21 +78,21 @@ impl Check for Sampling {
             let because = format!("{} events in {} intervals are too few", tried.events, tried.intervals);
             return vec![subject.not_run(NAME, "twice", because)];
         }
-        vec![count(subject, tried), shift(subject, tried)]
+        vec![judge_count(subject, tried), judge_shift(subject, tried)]
     }
 }
 
-fn count(subject: &Subject<'_>, tried: &Resampled) -> Finding {
-    let limit = Bound::of(subject.limits.sampling.and_then(|l| l.count), Bound::warning(COUNT));
+fn judge_count(subject: &Subject<'_>, tried: &Resampled) -> Finding {
+    let limit = Bound::limit_or(subject.limits.sampling.and_then(|l| l.count), Bound::warning(COUNT));
     let measured = (tried.at_twice as f64 / tried.events as f64 - 1.0).abs();
     let because = format!(
         "a fourth of the rows has {1} events in {0} intervals, and {2} at twice the frames",
         tried.intervals, tried.events, tried.at_twice
     );
-    subject.finding(NAME, "count", Judged::of(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, "count", Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
-fn shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
+fn judge_shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
     let Some(measured) = tried.shift_us else {
         return subject.not_run(NAME, "shift", "no event is in both");
     };
@@ -108,6 +108,10 @@ fn shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
             Judged { verdict, measured, limit: None, unit: "us", because },
         );
     }
-    let limit = Bound::of(asked, Bound::warning(SHIFT_US));
-    subject.finding(NAME, "shift", Judged::of(limit.at_most(measured), measured, limit, "us", because))
+    let limit = Bound::limit_or(asked, Bound::warning(SHIFT_US));
+    subject.finding(
+        NAME,
+        "shift",
+        Judged::from_value(limit.at_most(measured), measured, limit, "us", because),
+    )
 }

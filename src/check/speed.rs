@@ -15,10 +15,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest relative deviation of a step from its share of the path, as arc length. Default: `ARC`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub arc: Option<f64>,
     /// Largest relative deviation of a step from its share of the path, as chord. Default: `CHORD`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub chord: Option<f64>,
 }
 
@@ -40,11 +40,11 @@ impl Check for Speed {
         let Some(report) = subject.speed else {
             return vec![subject.not_run(NAME, "", "the trajectory has no report")];
         };
-        vec![arc(subject, report), chord(subject, report)]
+        vec![judge_arc(subject, report), judge_chord(subject, report)]
     }
 }
 
-fn arc(subject: &Subject<'_>, report: &Report) -> Finding {
+fn judge_arc(subject: &Subject<'_>, report: &Report) -> Finding {
     if report.literal {
         return subject.not_run(
             NAME,
@@ -55,23 +55,23 @@ fn arc(subject: &Subject<'_>, report: &Report) -> Finding {
     let Some(follow) = report.mixed_ratio else {
         return subject.not_run(NAME, "arc", "the camera stands still");
     };
-    let limit = Bound::of(subject.limits.speed.and_then(|l| l.arc), Bound::gate(ARC));
-    judge(subject, "arc", follow, limit, "")
+    let limit = Bound::limit_or(subject.limits.speed.and_then(|l| l.arc), Bound::gate(ARC));
+    judge_follow(subject, "arc", follow, limit, "")
 }
 
-fn chord(subject: &Subject<'_>, report: &Report) -> Finding {
+fn judge_chord(subject: &Subject<'_>, report: &Report) -> Finding {
     let Some(follow) = report.mixed_chord_ratio else {
         return subject.not_run(NAME, "chord", "the camera stands still");
     };
-    let limit = Bound::of(subject.limits.speed.and_then(|l| l.chord), Bound::warning(CHORD));
+    let limit = Bound::limit_or(subject.limits.speed.and_then(|l| l.chord), Bound::warning(CHORD));
     let told = |name: &str, follow: Option<Follow>| {
         follow.map_or_else(String::new, |f| format!("; {name} {:.3} to {:.3}", f.min, f.max))
     };
     let parts = told("linear", report.linear_ratio) + &told("angular", report.angular_ratio);
-    judge(subject, "chord", follow, limit, &parts)
+    judge_follow(subject, "chord", follow, limit, &parts)
 }
 
-fn judge(subject: &Subject<'_>, part: &str, follow: Follow, limit: Bound, more: &str) -> Finding {
+fn judge_follow(subject: &Subject<'_>, part: &str, follow: Follow, limit: Bound, more: &str) -> Finding {
     let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
     let because = format!(
         "steps measured as {part} are {:.7} to {:.7} of their share of the path{more}",

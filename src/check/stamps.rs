@@ -18,7 +18,7 @@ impl Check for Stamps {
     }
 
     fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
-        vec![poses(subject)]
+        vec![judge_poses(subject)]
     }
 
     fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
@@ -26,14 +26,14 @@ impl Check for Stamps {
         let events = tally.events;
         let span = format!("0 to {} us", subject.trajectory.stamps_us.last().unwrap_or(&0));
         let because = format!("{} of {events} events lie outside {span}", tally.off_time);
-        vec![wrong(subject, "events", tally.off_time, because)]
+        vec![wrong_count(subject, "events", tally.off_time, because)]
     }
 }
 
-fn poses(subject: &Subject<'_>) -> Finding {
+fn judge_poses(subject: &Subject<'_>) -> Finding {
     let stamps = &subject.trajectory.stamps_us;
     let poses = subject.trajectory.world_from_camera.len();
-    let wanted = wanted(subject);
+    let wanted = expected_stamps(subject);
     let off_rate = stamps.iter().enumerate().filter(|(j, t)| wanted.get(*j) != Some(t)).count();
     let unsorted = stamps.windows(2).filter(|w| w[1] <= w[0]).count();
     let unpaired = poses.abs_diff(stamps.len());
@@ -45,11 +45,11 @@ fn poses(subject: &Subject<'_>) -> Finding {
         "of {} stamps for {poses} poses, {off_rate} are not {law} and {unsorted} do not grow",
         stamps.len()
     );
-    wrong(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
+    wrong_count(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
 }
 
 /// The expected stamps: those of the frame rate, or of the frame rates that the speed law requests.
-fn wanted(subject: &Subject<'_>) -> Vec<i64> {
+fn expected_stamps(subject: &Subject<'_>) -> Vec<i64> {
     match subject.speed {
         Some(report) if report.meaning == Meaning::FrameRate => {
             stamps_us(subject.rate, report.meaning, &report.u)
@@ -58,7 +58,7 @@ fn wanted(subject: &Subject<'_>) -> Vec<i64> {
     }
 }
 
-fn wrong(subject: &Subject<'_>, part: &str, count: u64, because: String) -> Finding {
+fn wrong_count(subject: &Subject<'_>, part: &str, count: u64, because: String) -> Finding {
     let unit = if part == "poses" { "stamps" } else { "events" };
     let verdict = Bound::gate(0.0).at_most(count as f64);
     let (measured, limit) = (Some(count as f64), Some(0.0));

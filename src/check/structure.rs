@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Smallest event structural ratio. Default: `LEAST`.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
 }
 
@@ -39,7 +39,7 @@ impl Check for Structure {
         };
         let crowding = &tally.crowding;
         let (measured, noise) = (crowding.ratio(), crowding.noise());
-        let limit = Bound::of(subject.limits.structure.and_then(|l| l.min), Bound::warning(LEAST));
+        let limit = Bound::limit_or(subject.limits.structure.and_then(|l| l.min), Bound::warning(LEAST));
         // Five standard deviations of a stream without structure must lie below the limit.
         if noise.is_nan() || 5.0 * noise >= limit.value - 1.0 {
             let because = format!("{} events are too few to tell structure from chance", tally.events);
@@ -48,6 +48,10 @@ impl Check for Structure {
         let because = format!(
             "events of a window share cells of the sensor so often that their structure is {measured:.3} of that of as many anywhere"
         );
-        vec![subject.finding(NAME, "", Judged::of(limit.at_least(measured), measured, limit, "1", because))]
+        vec![subject.finding(
+            NAME,
+            "",
+            Judged::from_value(limit.at_least(measured), measured, limit, "1", because),
+        )]
     }
 }

@@ -57,7 +57,7 @@ impl Subject<'_> {
 
     /// The law of the sensor's drift, or the reason why there is none.
     pub(super) fn drift_law(&self) -> Result<DriftLaw, &'static str> {
-        self.sensor.ok_or("there is no sensor").and_then(DriftLaw::of)
+        self.sensor.ok_or("there is no sensor").and_then(DriftLaw::for_sensor)
     }
 
     /// A finding of `check`; `part` names the statement if the pass makes several.
@@ -89,7 +89,7 @@ impl Judged {
     }
 
     /// The verdict on a measured value and a limit.
-    pub(super) fn of(
+    pub(super) fn from_value(
         verdict: Verdict,
         measured: f64,
         limit: Bound,
@@ -127,7 +127,7 @@ impl Bound {
     }
 
     /// The recipe's limit, which is a gate, or else the default.
-    pub(super) fn of(recipe: Option<f64>, default: Self) -> Self {
+    pub(super) fn limit_or(recipe: Option<f64>, default: Self) -> Self {
         recipe.map_or(default, Self::gate)
     }
 
@@ -145,7 +145,7 @@ impl Bound {
 
 /// The verdict on a value between two bounds, and the relevant bound: the violated one, or else the
 /// nearer.
-pub(super) fn within(measured: f64, least: Bound, most: Bound) -> (Verdict, f64) {
+pub(super) fn between_bounds(measured: f64, least: Bound, most: Bound) -> (Verdict, f64) {
     match (least.at_least(measured), most.at_most(measured)) {
         (Verdict::Pass, Verdict::Pass) if measured - least.value < most.value - measured => {
             (Verdict::Pass, least.value)
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn a_value_is_held_against_the_bound_it_violates_or_the_nearer() {
         let t = |measured, verdict, limit| {
-            let found = within(measured, Bound::warning(1.0), Bound::gate(2.0));
+            let found = between_bounds(measured, Bound::warning(1.0), Bound::gate(2.0));
             assert_eq!(found, (verdict, limit), "{measured}");
         };
         t(0.9, Verdict::Warn, 1.0);

@@ -133,7 +133,7 @@ impl<'a> Observer<'a> {
         let Against { seen, flows, dead_us } = against;
         let pixels = size.pixels();
         Self {
-            tally: Tally::empty(size),
+            tally: Tally::without_events(size),
             size,
             frames_per_us: rate.to_f64() * 1e-6,
             end_us,
@@ -166,7 +166,7 @@ impl<'a> Observer<'a> {
         let totals: Vec<u32> =
             self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
         tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
-        tally.busy = Busy::of(totals);
+        tally.busy = Busy::from_counts(totals);
         tally.crowding = self.crowds.finish();
         if let Some(balance) = self.balance {
             (tally.fits, tally.residuals) = balance.finish();
@@ -246,7 +246,7 @@ impl<'a> Observer<'a> {
 }
 
 impl Tally {
-    fn empty(size: Size) -> Self {
+    fn without_events(size: Size) -> Self {
         Self {
             size,
             events: 0,

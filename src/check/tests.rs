@@ -8,7 +8,7 @@ use glam::DVec3;
 
 #[test]
 fn every_pass_has_a_name_of_the_list_and_says_something() {
-    let world = World::sound();
+    let world = World::default_world();
     let findings = world.findings();
     for check in ALL {
         assert!(NAMES.contains(&check.name()), "{}", check.name());
@@ -45,7 +45,7 @@ fn verdicts_have_one_name() {
 
 /// Plants a fault in a sound world. The passes must find exactly `wanted`.
 fn check(plant: impl FnOnce(&mut World), wanted: &[&str]) {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     plant(&mut world);
     assert_eq!(world.faults(), wanted, "{:#?}", world.findings());
 }
@@ -74,7 +74,7 @@ fn flipped_polarity_is_found() {
 #[test]
 fn thresholds_off_by_a_tenth_are_found() {
     let t = |on: f64, off: f64, wanted: &str| {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         world.sensor.threshold_on = on;
         world.sensor.threshold_off = off;
         assert!(world.faults().contains(&wanted.to_owned()), "{on} {off}: {:#?}", world.findings());
@@ -113,7 +113,7 @@ fn a_dropped_chunk_is_found() {
         let tenth = w.events.len() / 10;
         w.events.drain(3 * tenth..4 * tenth);
     };
-    let mut world = World::sound();
+    let mut world = World::default_world();
     drop(&mut world);
     let faults = world.faults();
     for wanted in ["event_frame#residual", "drift_identity#events"] {
@@ -128,7 +128,7 @@ fn a_repeated_chunk_is_found() {
         w.events.extend(tenth);
         w.events.sort_by_cached_key(Event::file_order);
     };
-    let mut world = World::sound();
+    let mut world = World::default_world();
     repeat(&mut world);
     let faults = world.faults();
     for wanted in ["duplicates#share", "duplicates#account", "event_frame#residual", "drift_identity#events"]
@@ -144,7 +144,7 @@ fn shifted_time_is_found() {
             event.t = Timestamp(event.t.0 + 1_000_000);
         }
     };
-    let mut world = World::sound();
+    let mut world = World::default_world();
     shift(&mut world);
     let faults = world.faults();
     assert!(faults.contains(&"stamps#events".to_owned()), "{faults:?}");
@@ -160,7 +160,7 @@ fn frame_times_are_found() {
         }
         w.events.sort_by_cached_key(Event::file_order);
     };
-    let mut world = World::sound();
+    let mut world = World::default_world();
     snap(&mut world);
     let faults = world.faults();
     assert!(faults.contains(&"batching#times".to_owned()), "{faults:?}");
@@ -210,7 +210,7 @@ fn a_law_that_is_not_followed_is_found() {
 
 #[test]
 fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     world.flow.as_mut().unwrap().p95 = 1.2;
     assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
     world.limits.sampling = Some(sampling::Limits { max: Some(1.0), ..Default::default() });
@@ -219,7 +219,7 @@ fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
 
 #[test]
 fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     world.doubtful_share = Some(0.02);
     assert_eq!(world.finding("affine").verdict, Verdict::Warn);
     world.limits.affine = Some(affine::Limits { max: Some(0.01) });
@@ -232,7 +232,7 @@ fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
 fn events_in_the_dead_time_are_found() {
     use crate::sensor::Sensor;
     use crate::sensor::esim::Esim;
-    let mut world = World::sound();
+    let mut world = World::default_world();
     let mut last = std::collections::BTreeMap::new();
     let mut gap_us = i64::MAX;
     for event in &world.events {
@@ -253,7 +253,7 @@ fn events_in_the_dead_time_are_found() {
 
 #[test]
 fn hot_and_dead_pixels_are_found() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     let hot = |i: i64| Event {
         t: Timestamp::from_micros(60 * i),
         x: 40,
@@ -273,7 +273,7 @@ fn hot_and_dead_pixels_are_found() {
 
 #[test]
 fn events_without_structure_are_found() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     let mut draws = super::planted::Draws(1);
     for event in &mut world.events {
         (event.x, event.y) = (draws.at(96), draws.at(72));
@@ -285,7 +285,7 @@ fn events_without_structure_are_found() {
 #[test]
 fn events_that_do_not_move_with_the_scene_are_found() {
     let turned = |flow: fn([f32; 2]) -> [f32; 2], verdict: Verdict| {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         for at in &mut world.flows {
             at.px_s.pixels_mut().iter_mut().for_each(|v| *v = flow(*v));
         }
@@ -295,7 +295,7 @@ fn events_that_do_not_move_with_the_scene_are_found() {
     // As with poses from world to camera, or with OpenGL camera axes.
     turned(|[u, v]| [-u, v], Verdict::Fail);
     turned(|[u, v]| [u, v], Verdict::Pass);
-    let mut world = World::sound();
+    let mut world = World::default_world();
     world.flow.as_mut().unwrap().median = 3.0;
     assert_eq!(world.finding("motion").verdict, Verdict::NotRun);
 }
@@ -305,7 +305,7 @@ fn an_offset_of_a_frame_is_found() {
     for (late_us, verdict) in
         [(417, Verdict::Fail), (-417, Verdict::Fail), (150, Verdict::Pass), (-150, Verdict::Pass)]
     {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         let end = *world.trajectory.stamps_us.last().unwrap();
         world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
         world.events.retain(|e| (0..=end).contains(&e.t.floor_micros()));
@@ -346,7 +346,7 @@ fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
 #[test]
 fn frames_too_far_apart_are_found_by_doing() {
     let part = |part: &str, plant: fn(&mut sampling::Resampled)| {
-        let mut world = World::sound();
+        let mut world = World::default_world();
         plant(world.resampled.as_mut().unwrap());
         world.finding(&format!("sampling#{part}")).verdict
     };
@@ -360,7 +360,7 @@ fn frames_too_far_apart_are_found_by_doing() {
 
 #[test]
 fn a_recipes_rate_is_a_gate() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     let rate = world.finding("event_rate#rate").measured.unwrap();
     world.limits.event_rate = Some(event_rate::Limits { min: None, max: Some(rate * 0.99) });
     assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
@@ -370,7 +370,7 @@ fn a_recipes_rate_is_a_gate() {
 
 #[test]
 fn a_stream_without_events_is_told_and_fails_a_limit() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     world.events.clear();
     let found = world.finding("event_rate#rate");
     assert_eq!((found.verdict, found.measured), (Verdict::Warn, Some(0.0)));
@@ -404,7 +404,7 @@ fn an_account_of_broken_pixels_is_a_fault() {
 
 #[test]
 fn waived_faults_say_why() {
-    let mut world = World::sound();
+    let mut world = World::default_world();
     world.trajectory.stamps_us[20] += 1;
     world.limits.waive = vec![Waiver { check: "stamps".into(), because: "a test".into() }];
     let finding = world.finding("stamps#poses");

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest time offset between events and frames. Unit: us. Default: half a step between poses.
-    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max_us: Option<f64>,
 }
 
@@ -37,11 +37,11 @@ impl Check for TimeOffset {
     }
 
     fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
-        vec![judge(subject)]
+        vec![judge_offset(subject)]
     }
 }
 
-fn judge(subject: &Subject<'_>) -> Finding {
+fn judge_offset(subject: &Subject<'_>) -> Finding {
     let not_run = |because: &str| subject.not_run(NAME, "", because);
     let Some(tally) = subject.tally else { return not_run("there are no events") };
     if let Err(because) = subject.drift_law() {
@@ -51,7 +51,7 @@ fn judge(subject: &Subject<'_>) -> Finding {
         return not_run(NOT_SEEN);
     }
     let pixels: u64 = tally.fits.iter().map(|fit| fit.lag.pixels).sum();
-    let lag = Lag::pooled(tally.fits.iter().map(|fit| fit.lag));
+    let lag = Lag::pooled_lag(tally.fits.iter().map(|fit| fit.lag));
     let Some([lag, deviation]) = lag.filter(|_| pixels >= LEAST_PIXELS) else {
         return not_run(&format!(
             "{pixels} pixels are steadily on their way by two thresholds while the picture moves a little"
@@ -63,12 +63,12 @@ fn judge(subject: &Subject<'_>) -> Finding {
             "the offset is known to {deviation:.0} us only, by the {pixels} pixels that are on their way"
         ));
     }
-    let limit = Bound::of(subject.limits.time_offset.and_then(|l| l.max_us), Bound::gate(STEPS * step));
+    let limit = Bound::limit_or(subject.limits.time_offset.and_then(|l| l.max_us), Bound::gate(STEPS * step));
     let verdict = limit.at_most(lag.abs());
     let because = format!(
         "events are {:.1} us {} than frames, by {pixels} pixels that are on their way (standard deviation {deviation:.1})",
         lag.abs(),
         if lag < 0.0 { "earlier" } else { "later" }
     );
-    subject.finding(NAME, "", Judged::of(verdict, lag, limit, "us", because))
+    subject.finding(NAME, "", Judged::from_value(verdict, lag, limit, "us", because))
 }

@@ -43,7 +43,7 @@ impl Audit {
             if console.json {
                 console.result(&to_json(fault));
             }
-            console.show(&message(fault));
+            console.show(&fault_message(fault));
         }
         let (files, mb) = (report.files, report.bytes as f64 * 1e-6);
         let count = report.faults.len();
@@ -61,14 +61,14 @@ impl Audit {
     }
 }
 
-fn message(fault: &Fault) -> Message {
+fn fault_message(fault: &Fault) -> Message {
     let place = fault.file.as_ref().or(fault.scene.as_ref()).map_or("the release", String::as_str);
     Message::new(Level::Error, fault.code.name(), format!("{place}: {}", fault.message)).help(fault.help)
 }
 
 /// The fields of every message, and the file and scene that the fault is of.
 fn to_json(fault: &Fault) -> Value {
-    let mut value = message(fault).to_json();
+    let mut value = fault_message(fault).to_json();
     value["path"] = json!(fault.file);
     value["file"] = json!(fault.file);
     value["scene"] = json!(fault.scene);

@@ -9,9 +9,9 @@ use super::renderers::Chosen;
 use super::{Common, Targets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown};
 use crate::files::is_there;
 use crate::plan::Plan;
-use crate::plan::assess::{Action, assess};
-use crate::plan::past::past;
-use crate::plan::survey::{Settled, Survey, survey, unsettled};
+use crate::plan::assess::{Action, assess_plan};
+use crate::plan::past::past_costs;
+use crate::plan::survey::{Settled, Survey, plan_all, survey_recipes};
 use crate::recipe;
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
@@ -40,13 +40,13 @@ pub(super) struct Care {
     #[arg(long)]
     verify: bool,
     /// Make this share of the up-to-date steps again, and compare the bytes: 0.01 or 1%
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     recheck: Option<f64>,
     /// Sync of files to disk: in batches, or each before the next
     #[arg(long, value_enum, default_value_t = Sync::Batch)]
     sync: Sync,
     /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]
-    #[arg(long, value_name = "BYTES", value_parser = machine::bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
     memory: Option<u64>,
 }
 
@@ -58,7 +58,7 @@ enum Sync {
 }
 
 /// A share, as `0.01` or `1%`.
-fn share(text: &str) -> Result<f64, String> {
+fn parse_share(text: &str) -> Result<f64, String> {
     let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
     let share = number.trim().parse::<f64>().map(|n| n * unit).map_err(|e| e.to_string())?;
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 100%")) }
@@ -73,16 +73,16 @@ impl Build {
             // A recipe that is wrong shall leave no store behind.
             recipe::read_all(paths)?;
         }
-        let store = open(common, &self.care, console)?;
+        let store = open_store(common, &self.care, console)?;
         // What is to be made again must be in the plan.
         let renderers = chosen.asking(&store);
         let surveyed = if self.care.recheck.is_some() {
-            unsettled(paths, &renderers)
+            plan_all(paths, &renderers)
         } else {
-            survey(paths, &renderers, &store, &tag(&chosen))
+            survey_recipes(paths, &renderers, &store, &option_tag(&chosen))
         };
         let Survey { settled, plan, taken_down } = surveyed?;
-        takedown::tell(taken_down, console);
+        takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
@@ -93,14 +93,14 @@ impl Build {
         };
         summary.kept += settled;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
-        Ok(exit(&summary))
+        Ok(exit_kind(&summary))
     }
 }
 
 /// Names this program and those of its options that may change a key.
-pub(super) fn tag(chosen: &Chosen) -> Digest {
+pub(super) fn option_tag(chosen: &Chosen) -> Digest {
     let program = std::env::current_exe().and_then(|path| path.metadata()).map(|about| Stat::from(&about));
-    Digest::of(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
+    Digest::of_bytes(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
 }
 
 /// For programs, a line for each step of the scenes that are up to date at a glance.
@@ -109,7 +109,7 @@ fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
         for scene in settled {
             for step in &scene.steps {
                 let name = format!("{}/{}", scene.scene, step.name);
-                let outputs = plan::outputs(store, &step.outputs);
+                let outputs = plan::output_files(store, &step.outputs);
                 console.result(&json!({
                     "step": name, "state": "kept", "key": step.key, "outputs": outputs, "seconds": null,
                 }));
@@ -136,17 +136,17 @@ fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
 fn tell_sensor(scene: &str, sensor: &Sensor, rate: Hertz, console: &Console) -> Result<(), Problem> {
     let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
-    super::screening::tell(&format!("sensor of {scene}"), scene, &screening, console);
+    super::screening::show_screening(&format!("sensor of {scene}"), scene, &screening, console);
     super::screening::tell_front_end(&sensor.as_model().front_end(), console);
     Ok(())
 }
 
 /// Opens the store for writing, waiting for another process where there is one.
-pub(super) fn open(common: &Common, care: &Care, console: &Console) -> Result<Store, Problem> {
+pub(super) fn open_store(common: &Common, care: &Care, console: &Console) -> Result<Store, Problem> {
     let access = if common.no_wait { Access::WriteNow } else { Access::Write };
-    let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
+    let claim = Claim { command: common.command.clone(), since: clock::utc_now(), ..Claim::default() };
     let sync_each = care.sync == Sync::Always;
-    let opening = Opening { verify: care.verify, sync_each, claim, ..opening(common, access) };
+    let opening = Opening { verify: care.verify, sync_each, claim, ..store_options(common, access) };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
         console.tell(&Message::new(Level::Waiting, "locked", what));
@@ -156,7 +156,7 @@ pub(super) fn open(common: &Common, care: &Care, console: &Console) -> Result<St
 }
 
 /// How this user opens the store.
-pub(super) fn opening(common: &Common, access: Access) -> Opening {
+pub(super) fn store_options(common: &Common, access: Access) -> Opening {
     Opening { index: index_of(&common.store), ..access.into() }
 }
 
@@ -164,10 +164,10 @@ pub(super) fn opening(common: &Common, access: Access) -> Opening {
 fn index_of(store: &Path) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
     let there = path.ancestors().find(|path| path.is_dir())?;
-    Space::around(there).ok().filter(Space::is_remote)?;
+    Space::holding_path(there).ok().filter(Space::is_remote)?;
     let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     let cache = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
-    Some(cache.join("gs2e").join(Digest::of(path.as_os_str().as_encoded_bytes()).short()))
+    Some(cache.join("gs2e").join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()))
 }
 
 /// What the store had to mend since it was last asked.
@@ -197,9 +197,9 @@ impl Building<'_> {
         // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
         let mut idle = false;
         if !common.keep_going {
-            let assessed = assess(&plan, store)?;
+            let assessed = assess_plan(&plan, store)?;
             idle = assessed.iter().all(|a| a.action == Action::Keep);
-            commands::refuse(&plan, &assessed, common)?;
+            commands::refuse_commands(&plan, &assessed, common)?;
         }
         if !idle {
             tell_sensors(&plan, console)?;
@@ -220,20 +220,20 @@ impl Building<'_> {
             // What was learned by reading is not learned again if the run is killed.
             store.flush()?;
         }
-        let options = options(common, self.care, chosen);
-        let past = if console.is_live() { past(plan, store)? } else { Vec::new() };
+        let options = run_options(common, self.care, chosen);
+        let past = if console.is_live() { past_costs(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
         let progress = progress.beside(self.settled).falling_back(chosen.falls_back());
-        let summary = run::run(plan, store, options, &cancel, &progress);
+        let summary = run::run_plan(plan, store, options, &cancel, &progress);
         let Told { failed, left_out } = progress.close();
-        left_out::tell(&left_out, console);
+        left_out::show_left_out(&left_out, console);
         if common.keep_going && !failed.is_empty() {
-            failure::again(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
+            failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
         }
         let summary = summary?;
-        match run::settle(plan, &summary, store, &tag(self.chosen)) {
+        match run::settle_run(plan, &summary, store, &option_tag(self.chosen)) {
             // Told already, with the step; the records that are whole count without the database.
             Err(error) if summary.is_full() && error.is_full() => {}
             settled => settled?,
@@ -259,7 +259,7 @@ impl Building<'_> {
     }
 }
 
-fn options(common: &Common, care: &Care, chosen: &Chosen) -> Options {
+fn run_options(common: &Common, care: &Care, chosen: &Chosen) -> Options {
     let cores = common.cores();
     let memory = care.memory.unwrap_or_else(machine::free_memory);
     // Which steps are made again differs from run to run; it enters no file.
@@ -305,7 +305,7 @@ pub(super) fn tell_end(summary: &Summary, seconds: f64, console: &Console) {
     console.say(&line);
 }
 
-pub(super) fn exit(summary: &Summary) -> Exit {
+pub(super) fn exit_kind(summary: &Summary) -> Exit {
     if summary.interrupted {
         Exit::Interrupted
     } else if summary.failures.is_empty() {

@@ -1,15 +1,15 @@
 //! `gs2e check`: the verdicts of the validation passes over what is built, or over a release tree.
 
-use super::build::opening;
+use super::build::store_options;
 use super::console::{Console, path};
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::artifact::{Artifact, Files, Verdicts};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
-use crate::plan::assess::assess;
+use crate::plan::assess::assess_plan;
 use crate::recipe;
-use crate::release::recheck::{RecheckError, recheck};
+use crate::release::recheck::{RecheckError, recheck_tree};
 use crate::stage::{checks, scene_checks};
 use crate::store::{Access, Store};
 use std::path::PathBuf;
@@ -38,10 +38,10 @@ impl Check {
                 let what = format!("{} is no folder", path(tree));
                 return Err(Problem::usage("input-missing", what));
             }
-            Some(tree) => recheck(tree, &self.scenes).map_err(|error| of_tree(&error))?,
+            Some(tree) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
             None => self.of_built(common, console)?,
         };
-        show(&findings, console);
+        show_findings(&findings, console);
         let failed = self.failed(&findings);
         for line in &failed {
             console.insist(&format!("error: {line}"));
@@ -67,8 +67,8 @@ impl Check {
             return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
         let (recipes, taken_down) = recipe::read_takedown(&self.recipes)?.keep(recipes);
-        super::takedown::tell(taken_down, &console.for_people());
-        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        super::takedown::show_takedown(taken_down, &console.for_people());
+        let store = Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         built_findings(&plan, &store, &self.scenes)
     }
@@ -83,7 +83,7 @@ fn of_tree(error: &RecheckError) -> Problem {
 
 /// The findings on every built scene and trajectory of the named scenes, or of all where none is named.
 fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<Finding>, Problem> {
-    let assessed = assess(plan, store)?;
+    let assessed = assess_plan(plan, store)?;
     let mut findings = Vec::new();
     for (step, assessed) in plan.steps().iter().zip(&assessed) {
         let scene = plan.scene_of(step);
@@ -95,7 +95,7 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
             return Err(Problem::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
         };
-        let verdicts = Verdicts::open(&Files::of(outputs, store))
+        let verdicts = Verdicts::open(&Files::from_outputs(outputs, store))
             .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?;
         findings.extend(match step.name.rsplit_once('/') {
             Some((trajectory, _)) => verdicts.findings_of(scene, trajectory),
@@ -106,7 +106,7 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
 }
 
 /// Prints findings as the result: one record each for programs, else a table with the faults first.
-fn show(findings: &[Finding], console: &Console) {
+fn show_findings(findings: &[Finding], console: &Console) {
     if console.json {
         return records(findings, console);
     }

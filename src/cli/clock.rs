@@ -3,19 +3,19 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Now, as `YYYY-MM-DDThh:mm:ssZ`.
-pub(super) fn now() -> String {
-    utc(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs())
+pub(super) fn utc_now() -> String {
+    format_utc(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs())
 }
 
 /// Seconds since 1970, as `YYYY-MM-DDThh:mm:ssZ`.
-fn utc(seconds: u64) -> String {
+fn format_utc(seconds: u64) -> String {
     let (mut days, second) = (seconds / 86_400, seconds % 86_400);
     let mut year = 1970;
-    while days >= length(year) {
-        days -= length(year);
+    while days >= year_days(year) {
+        days -= year_days(year);
         year += 1;
     }
-    let february = length(year) - 337;
+    let february = year_days(year) - 337;
     let mut month = 0;
     for days_of_month in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
         month += 1;
@@ -29,7 +29,7 @@ fn utc(seconds: u64) -> String {
 }
 
 /// Days of a year of the Gregorian calendar.
-fn length(year: u64) -> u64 {
+fn year_days(year: u64) -> u64 {
     let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
     365 + u64::from(leap)
 }
@@ -41,7 +41,7 @@ mod tests {
     /// Moments by `date -u -d @N`.
     #[test]
     fn moments_are_told_by_the_calendar() {
-        let t = |seconds, wanted| assert_eq!(utc(seconds), wanted);
+        let t = |seconds, wanted| assert_eq!(format_utc(seconds), wanted);
         t(0, "1970-01-01T00:00:00Z");
         t(951_782_399, "2000-02-28T23:59:59Z");
         t(951_782_400, "2000-02-29T00:00:00Z");

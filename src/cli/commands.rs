@@ -15,7 +15,7 @@ const SHOWN: usize = 20;
 const SCENES_SHOWN: usize = 3;
 
 /// Refuses a plan of which a step would run a program, or may, unless the user allows it. Nothing has run then.
-pub(super) fn refuse(plan: &Plan, assessed: &[Assessment], common: &Common) -> Result<(), Problem> {
+pub(super) fn refuse_commands(plan: &Plan, assessed: &[Assessment], common: &Common) -> Result<(), Problem> {
     if common.allow_commands {
         return Ok(());
     }
@@ -26,11 +26,11 @@ pub(super) fn refuse(plan: &Plan, assessed: &[Assessment], common: &Common) -> R
             scenes.entry(programs).or_default().push(plan.scene_of(step));
         }
     }
-    if scenes.is_empty() { Ok(()) } else { Err(Problem::of(Exit::Usage, refused(&scenes))) }
+    if scenes.is_empty() { Ok(()) } else { Err(Problem::from_message(Exit::Usage, refusal_message(&scenes))) }
 }
 
 /// What is told of commands that are not run, each with its scenes.
-fn refused(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> Message {
+fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> Message {
     let count: usize = scenes.values().map(Vec::len).sum();
     let new =
         |what: String| Message::new(Level::Error, "command-refused", format!("{what}; nothing was run"));
@@ -43,7 +43,7 @@ fn refused(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> Message {
     }
     let mut message = new(format!("{count} scenes would run programs that their recipes name"));
     for (programs, of) in scenes.iter().take(SHOWN) {
-        message = show(message.detail(format!("for {}", names(of))), programs);
+        message = show(message.detail(format!("for {}", quoted_names(of))), programs);
     }
     if scenes.len() > SHOWN {
         message = message.detail(format!("and {} other commands", scenes.len() - SHOWN));
@@ -62,7 +62,7 @@ pub(super) fn refused_step(scene: &str, step: &str, programs: &[String]) -> Mess
 const STEP: &str = Reconstructing::NAME;
 const HELP: &str = "if you trust it, run the same command with --allow-commands";
 
-fn names(scenes: &[&str]) -> String {
+fn quoted_names(scenes: &[&str]) -> String {
     let shown = scenes.iter().take(SCENES_SHOWN).copied().collect::<Vec<_>>().join(", ");
     match scenes.len().saturating_sub(SCENES_SHOWN) {
         0 => shown,
@@ -80,7 +80,9 @@ mod tests {
         let names: Vec<String> = (0..30).map(|n| format!("s{n}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let told = |scenes: &[(usize, &[&str])]| {
-            refused(&scenes.iter().map(|(n, of)| (command(*n), of.to_vec())).collect()).to_lines().join("\n")
+            refusal_message(&scenes.iter().map(|(n, of)| (command(*n), of.to_vec())).collect())
+                .to_lines()
+                .join("\n")
         };
         let wanted = "error: s0/reconstruct would run a program that the recipe names; nothing was run\n   trainer \
                       --version 07\n   trainer 07\nhelp: if you trust it, run the same command with --allow-commands";

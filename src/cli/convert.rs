@@ -10,7 +10,7 @@ use super::problem::{Exit, Problem};
 use crate::files;
 use crate::scene::form::{Form, Loss};
 use crate::scene::{self, Gaussians, SceneError, ply};
-use crate::units::amount;
+use crate::units::format_amount;
 use events::Conversion;
 use serde_json::json;
 use std::fs::File;
@@ -45,7 +45,7 @@ impl Convert {
             return conversion.run(console);
         }
         let form = self.form()?;
-        output::screen([self.output.as_path()], [], false)?;
+        output::screen_outputs([self.output.as_path()], [], false)?;
         let scene = self.read()?;
         let (bytes, mut losses) = form.write(&scene).map_err(|e| {
             Problem::failed("not-written", format!("{}: failed to {e}", self.output.display()))
@@ -72,12 +72,12 @@ impl Convert {
                 options: &self.events,
                 lossy: self.lossy,
             })),
-            [Some(_), None] => refuse(format!(
+            [Some(_), None] => refuse_usage(format!(
                 "{} holds events, and {} names no file of events",
                 name(&self.input),
                 name(&self.output)
             )),
-            [None, Some(_)] => refuse(format!(
+            [None, Some(_)] => refuse_usage(format!(
                 "{} holds events, and {} names no file of events",
                 name(&self.output),
                 name(&self.input)
@@ -87,12 +87,13 @@ impl Convert {
 
     /// The form that the output's name asks for.
     fn form(&self) -> Result<Form, Problem> {
-        match Form::of(&self.output) {
-            _ if self.output.is_dir() => refuse(format!("{} is a folder", self.output.display())),
+        match Form::for_path(&self.output) {
+            _ if self.output.is_dir() => refuse_usage(format!("{} is a folder", self.output.display())),
             Some(form) => Ok(form),
-            None => {
-                refuse(format!("{}: its name ends with no format that is written", self.output.display()))
-            }
+            None => refuse_usage(format!(
+                "{}: its name ends with no format that is written",
+                self.output.display()
+            )),
         }
     }
 
@@ -125,13 +126,13 @@ impl Convert {
         let what = format!("{} would lose something", self.output.display());
         let message = Message::new(Level::Error, "lossy", what).help("--lossy writes it all the same");
         let told = losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
-        Problem::of(Exit::Usage, told)
+        Problem::from_message(Exit::Usage, told)
     }
 
     fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[Loss], console: &Console) {
         let (screening, written) = (scene.screening, scene.len());
         let output = self.output.display();
-        console.say(&format!("{output}: {written} Gaussians, {}", amount(bytes as u64, "B")));
+        console.say(&format!("{output}: {written} Gaussians, {}", format_amount(bytes as u64, "B")));
         if screening.non_finite > 0 {
             console.say(&format!("dropped {}: a NaN or an infinity in them", screening.non_finite));
         }
@@ -145,7 +146,7 @@ impl Convert {
     }
 }
 
-fn refuse<T>(what: String) -> Result<T, Problem> {
+fn refuse_usage<T>(what: String) -> Result<T, Problem> {
     let scenes = "scenes read: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG; written: .ply, .spz, .splat";
     Err(Problem::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
 }

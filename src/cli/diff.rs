@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::problem::{Exit, Problem};
-use crate::release::diff::{Change, Difference, FileChange, Reason, SceneChange, SceneSize, diff};
+use crate::release::diff::{Change, Difference, FileChange, Reason, SceneChange, SceneSize, diff_releases};
 use crate::store::Digest;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -24,14 +24,14 @@ pub(super) struct Diff {
 
 impl Diff {
     pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
-        let told = diff(&self.old, &self.new).map_err(|error| {
+        let told = diff_releases(&self.old, &self.new).map_err(|error| {
             Problem::usage("not-a-release", error.to_string())
                 .help("name two folders that `gs2e release --to DIR` wrote")
         })?;
         if console.json {
             console.result(&serde_json::to_value(&told).expect("a difference is plain data"));
         } else {
-            lines(&told).iter().for_each(|line| console.print(line));
+            difference_lines(&told).iter().for_each(|line| console.print(line));
         }
         let Difference { added, removed, changed, unchanged, .. } = &told;
         let counts = [added.len(), removed.len(), changed.len(), *unchanged];
@@ -46,10 +46,10 @@ impl Diff {
 /// Of the files of one scene that differ, as many are named; `--json` names all.
 const FILES_NAMED: usize = 12;
 
-fn lines(told: &Difference) -> Vec<String> {
+fn difference_lines(told: &Difference) -> Vec<String> {
     let mut lines: Vec<String> =
-        told.release.iter().map(|c| format!("release  {}: {}", c.path, arrow(c))).collect();
-    lines.extend(files(&told.files).into_iter().map(|line| format!("file     {line}")));
+        told.release.iter().map(|c| format!("release  {}: {}", c.path, change_arrow(c))).collect();
+    lines.extend(file_lines(&told.files).into_iter().map(|line| format!("file     {line}")));
     let whole = |SceneSize { id, files, bytes }: &SceneSize| {
         format!("{id}  ({files} files, {:.1} MB)", *bytes as f64 * 1e-6)
     };
@@ -64,21 +64,21 @@ fn lines(told: &Difference) -> Vec<String> {
 
 fn scene_lines(scene: &SceneChange) -> Vec<String> {
     let of = |kind: &str, changes: &[Change]| -> Vec<String> {
-        changes.iter().map(|c| format!("{kind:7}  {}: {}", c.path, arrow(c))).collect()
+        changes.iter().map(|c| format!("{kind:7}  {}: {}", c.path, change_arrow(c))).collect()
     };
     let mut lines = of("recipe", &scene.recipe);
     lines.extend(of("photo", &scene.photos));
     lines.extend(of("claim", &scene.claims));
     for step in &scene.steps {
-        let reasons: Vec<String> = step.reasons.iter().map(|r| words(r, scene)).collect();
+        let reasons: Vec<String> = step.reasons.iter().map(|r| reason_words(r, scene)).collect();
         let same = if step.same_bytes { " (equal bytes)" } else { "" };
         lines.push(format!("step     {}: {}{same}", step.step, reasons.join("; ")));
     }
-    lines.extend(files(&scene.files).into_iter().map(|line| format!("file     {line}")));
+    lines.extend(file_lines(&scene.files).into_iter().map(|line| format!("file     {line}")));
     lines
 }
 
-fn files(changes: &[FileChange]) -> Vec<String> {
+fn file_lines(changes: &[FileChange]) -> Vec<String> {
     let size = |size: Option<u64>| size.map_or("absent".to_owned(), |bytes| format!("{bytes} bytes"));
     let named = changes.iter().take(FILES_NAMED);
     let mut lines: Vec<String> = named
@@ -93,12 +93,12 @@ fn files(changes: &[FileChange]) -> Vec<String> {
     lines
 }
 
-fn arrow(change: &Change) -> String {
+fn change_arrow(change: &Change) -> String {
     let text = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
     format!("{} -> {}", text(&change.old), text(&change.new))
 }
 
-fn words(reason: &Reason, scene: &SceneChange) -> String {
+fn reason_words(reason: &Reason, scene: &SceneChange) -> String {
     let brief = |digest: &Option<Digest>| digest.map_or("absent".to_owned(), |digest| digest.short());
     match reason {
         Reason::StepAdded => "new".to_owned(),

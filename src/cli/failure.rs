@@ -2,14 +2,14 @@
 
 use super::commands;
 use super::message::{Level, Message};
-use super::problem::{FULL, stage_failed, unplanned};
+use super::problem::{FULL, stage_failed, unplanned_message};
 use crate::programs::Failed;
 use crate::run::StepError;
 use crate::stage::StageError;
-use crate::store::record::{Provenance, Record, content};
+use crate::store::record::{Provenance, Record, content_digest};
 use crate::store::space::Space;
 use crate::store::{StoreError, Unlike};
-use crate::units::amount;
+use crate::units::format_amount;
 
 /// A step and how far the run is.
 #[derive(Debug, Clone, Copy)]
@@ -22,11 +22,11 @@ pub(super) struct Place<'a> {
 }
 
 /// What is told of a step that failed.
-pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
+pub(super) fn failure_message(at: Place<'_>, error: &StepError) -> Message {
     let Place { scene, step, .. } = at;
     let new = |code, what: String| Message::new(Level::Error, code, what).step(scene, step);
     match error {
-        StepError::Plan(error) => unplanned(error),
+        StepError::Plan(error) => unplanned_message(error),
         StepError::Moved(_) => {
             new("input-moved", format!("{scene}/{step}: {error}")).help("run again when it is at rest")
         }
@@ -35,13 +35,13 @@ pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
         StepError::Stage(error) => stage_failed("step-failed", scene, step, error)
             .help("mend it and run the same command: what is finished is kept"),
         StepError::Full { wrote, space, cause } => {
-            new("disk-full", full(at, *wrote, space.as_ref())).because(cause).help(FULL)
+            new("disk-full", disk_full(at, *wrote, space.as_ref())).because(cause).help(FULL)
         }
         StepError::Store(StoreError::Nondeterministic(sides)) => {
             let what = format!("{scene}/{step}: other bytes than before from the same inputs");
             let kept =
                 if sides.replaced { "the first were lost, these are kept" } else { "the first are kept" };
-            unlike(new("nondeterministic", what), sides)
+            mismatch_message(new("nondeterministic", what), sides)
                 .help(format!("{kept}; gs2e why {scene}/{step} shows what they were made from"))
         }
         StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
@@ -61,23 +61,23 @@ fn command_failed(scene: &str, step: &str, error: &Failed) -> Message {
     message.help("all that it said is in the file named first; what is finished is kept")
 }
 
-fn full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {
+fn disk_full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {
     let Place { scene, step, finished, all } = at;
     let room = space.map_or(String::new(), |space| {
         let kind = if space.kind.is_empty() { String::new() } else { format!(" ({})", space.kind) };
-        format!(", {} free on {}{kind}", amount(space.free, "B"), space.mount.display())
+        format!(", {} free on {}{kind}", format_amount(space.free, "B"), space.mount.display())
     });
-    let wrote = amount(wrote, "B");
+    let wrote = format_amount(wrote, "B");
     format!(
         "no space for {scene}/{step}: wrote {wrote}{room}; {finished} of {all} steps are finished and kept"
     )
 }
 
 /// Both sides of a step that is not deterministic, and where they part.
-fn unlike(message: Message, sides: &Unlike) -> Message {
+fn mismatch_message(message: Message, sides: &Unlike) -> Message {
     let side = |name: &str, record: &Record| {
         let Provenance { tool, seconds, threads, .. } = &record.provenance;
-        let digest = content(&record.outputs);
+        let digest = content_digest(&record.outputs);
         let plural = if *threads == 1 { "" } else { "s" };
         format!("{name}: {digest} (gs2e {tool}, {seconds:.1} s, {threads} thread{plural})")
     };
@@ -93,7 +93,7 @@ fn unlike(message: Message, sides: &Unlike) -> Message {
 
 /// The steps that failed once more, by scene, each with the command that looks closer. `failed` holds scene, step and
 /// message; `options` is what the command needs to find them.
-pub(super) fn again(failed: &[(String, String, Message)], options: &str) -> Vec<String> {
+pub(super) fn retry_commands(failed: &[(String, String, Message)], options: &str) -> Vec<String> {
     let mut sorted: Vec<&(String, String, Message)> = failed.iter().collect();
     // Steps of one scene keep the order in which they failed.
     sorted.sort_by(|a, b| a.0.cmp(&b.0));
@@ -120,24 +120,24 @@ mod tests {
         let at = Place { scene: "a/b", step: "base/events", finished: 812, all: 8001 };
         let t = |free, kind: &str, wanted: &str| {
             let space = Space { free, mount: "/data".into(), kind: kind.into() };
-            assert_eq!(full(at, 1_210_000_000, Some(&space)), wanted);
+            assert_eq!(disk_full(at, 1_210_000_000, Some(&space)), wanted);
         };
         let end = "; 812 of 8001 steps are finished and kept";
         let begin = "no space for a/b/base/events: wrote 1.2 GB, ";
         t(0, "ext4", &format!("{begin}0 B free on /data (ext4){end}"));
         t(52_000, "", &format!("{begin}52.0 kB free on /data{end}"));
-        assert_eq!(full(at, 0, None), format!("no space for a/b/base/events: wrote 0 B{end}"));
+        assert_eq!(disk_full(at, 0, None), format!("no space for a/b/base/events: wrote 0 B{end}"));
     }
 
     #[test]
     fn a_step_that_is_not_deterministic_is_told_with_both_sides() {
-        let key = Key(Digest::of(b"key"));
+        let key = Key(Digest::of_bytes(b"key"));
         let record = |tool: &str, seconds, threads| {
             let provenance = Provenance { tool: tool.into(), seconds, threads, ..Provenance::default() };
             Record::new(key, "events", Vec::new(), provenance)
         };
         let (before, now) = (record("0.1.0", 3.06, 8), record("0.2.0", 2.0, 1));
-        let none = content(&[]);
+        let none = content_digest(&[]);
         let sides = Unlike { before, now, replaced: false, first: Some("events.h5 at byte 7".into()) };
         let at = Place { scene: "a", step: "base/events", finished: 0, all: 1 };
         let wanted = format!(
@@ -147,7 +147,7 @@ mod tests {
              from"
         );
         let error = StepError::Store(StoreError::Nondeterministic(Box::new(sides)));
-        assert_eq!(failed(at, &error).to_lines().join("\n"), wanted);
+        assert_eq!(failure_message(at, &error).to_lines().join("\n"), wanted);
     }
 
     #[test]
@@ -160,6 +160,6 @@ mod tests {
         let wanted = "failed:\n a\n  a/y: failed to please\n  look closer: gs2e why a/y -q\n b\n  b/x: failed \
                       to please\n  look closer: gs2e why b/x -q\n  b/w: failed to please\n  look closer: gs2e \
                       why b/w -q";
-        assert_eq!(again(&failed, " -q").join("\n"), wanted);
+        assert_eq!(retry_commands(&failed, " -q").join("\n"), wanted);
     }
 }

@@ -1,12 +1,12 @@
 //! `gs2e gc`: deletes what no recipe and no release refers to any more.
 
-use super::build::{Care, open, opening};
+use super::build::{Care, open_store, store_options};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::files::is_there;
 use crate::plan::Plan;
-use crate::plan::assess::{Action, assess};
+use crate::plan::assess::{Action, assess_plan};
 use crate::recipe;
 use crate::store::gc::{Sweep, Swept};
 use crate::store::{Access, Key, Store};
@@ -24,7 +24,7 @@ pub(super) struct Gc {
     #[command(flatten)]
     targets: Targets,
     /// Keep what is younger than this: 90s, 30m, 12h or 1d
-    #[arg(long, value_name = "AGE", default_value = "1d", value_parser = age)]
+    #[arg(long, value_name = "AGE", default_value = "1d", value_parser = parse_age)]
     min_age: Duration,
     /// Show what would be deleted, and delete nothing
     #[arg(long)]
@@ -36,12 +36,12 @@ impl Gc {
         let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
         // What was made of a scene that is taken down goes too.
         let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);
-        super::takedown::tell(taken_down, console);
+        super::takedown::show_takedown(taken_down, console);
         // A look needs no lock and makes no store.
         let store = if self.dry_run || !is_there(&common.store) {
-            Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?
+            Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?
         } else {
-            open(common, &Care::default(), console)?
+            open_store(common, &Care::default(), console)?
         };
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         let mut marked = marks_of_recipes(&plan, &store)?;
@@ -93,7 +93,7 @@ impl Gc {
 
 /// For each step the key that it has now, and where it is not up to date also the one that it last had.
 fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, Problem> {
-    let assessed = assess(plan, store)?;
+    let assessed = assess_plan(plan, store)?;
     let mut marked = BTreeSet::new();
     for (step, assessed) in plan.steps().iter().zip(&assessed) {
         marked.extend(assessed.key);
@@ -104,7 +104,7 @@ fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, Problem
     Ok(marked)
 }
 
-fn age(text: &str) -> Result<Duration, String> {
+fn parse_age(text: &str) -> Result<Duration, String> {
     let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len()));
     let seconds: u64 = match unit {
         "s" => 1,
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn ages_are_numbers_with_a_unit() {
         let t = |text: &str, seconds: Option<u64>| {
-            assert_eq!(age(text).ok(), seconds.map(Duration::from_secs), "{text}");
+            assert_eq!(parse_age(text).ok(), seconds.map(Duration::from_secs), "{text}");
         };
         t("0", Some(0));
         t("0s", Some(0));

@@ -12,7 +12,7 @@ use crate::files::is_there;
 use crate::recipe::draft::{self, Draft, Pace};
 use crate::source::inventory::{self, Entry, Rules};
 use crate::source::kind::Kind;
-use crate::source::{Captured, Selection, Warning, mvimgnet, pattern};
+use crate::source::{Captured, Selection, Warning, check_pattern, mvimgnet};
 use clap::ValueEnum;
 use names::FileName;
 use serde_json::{Value, json};
@@ -62,7 +62,7 @@ pub(super) struct Init {
     #[arg(long, value_name = "PX", default_value_t = 256)]
     min_side: u32,
     /// Leave out photos whose names match; may be repeated [default: *_bg_removed.png for mvimgnet]
-    #[arg(long, value_name = "GLOB", value_parser = glob)]
+    #[arg(long, value_name = "GLOB", value_parser = parse_glob)]
     exclude: Vec<String>,
     /// Speed of the cameras; medium is the paper's [default: medium]
     #[arg(long, value_enum)]
@@ -107,8 +107,8 @@ impl From<Format> for Kind {
     }
 }
 
-fn glob(text: &str) -> Result<String, String> {
-    pattern(text).map(|()| text.to_owned())
+fn parse_glob(text: &str) -> Result<String, String> {
+    check_pattern(text).map(|()| text.to_owned())
 }
 
 /// Where scene files are looked for unless something is said.
@@ -151,7 +151,7 @@ impl Init {
                 format!("--pace is written into {}, which is there", draft::defaults_in(&self.to).display());
             return Err(Problem::usage("usage", what).help("change `factor` there, or leave --pace out"));
         }
-        let entries = inventory::take(self.format.into(), &self.dir, &self.rules())
+        let entries = inventory::take_inventory(self.format.into(), &self.dir, &self.rules())
             .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
         if entries.is_empty() {
             let what = format!("no scene of {} is in {}", Kind::from(self.format).name(), self.dir.display());
@@ -162,10 +162,10 @@ impl Init {
         let mut outcome = Outcome::default();
         let candidates = self.candidates(entries, &mut outcome);
         let chosen = self.choose(candidates, &mut outcome);
-        write::folder(&self.to)?;
+        write::make_folder(&self.to)?;
         if reconstructs.is_none() {
             let pace = self.pace.unwrap_or(Tempo::Medium).into();
-            write::file(&draft::defaults_in(&self.to), &draft::defaults(pace))?;
+            write::write_file(&draft::defaults_in(&self.to), &draft::defaults_text(pace))?;
         }
         let pattern = self.scene.as_deref();
         // A model folder brings its own Gaussians.
@@ -174,7 +174,7 @@ impl Init {
         for candidate in chosen {
             self.write(candidate, pattern, &mut outcome)?;
         }
-        write::rejected(&self.to, &outcome.rejected)?;
+        write::write_rejected(&self.to, &outcome.rejected)?;
         outcome.tell(&self, console);
         Ok(Exit::Done)
     }
@@ -201,7 +201,7 @@ impl Init {
         let mut sound = Vec::new();
         for Entry { name, path, verdict } in entries {
             let scene = format!("{prefix}/{name}");
-            match (verdict, draft::screen(&scene, &[&path])) {
+            match (verdict, draft::screen_text(&scene, &[&path])) {
                 (Ok(warnings), Ok(())) => {
                     let told: Vec<String> =
                         warnings.iter().filter(|w| is_odd(w)).map(ToString::to_string).collect();
@@ -232,7 +232,7 @@ impl Init {
         outcome.kept = kept.len();
         if let Some(limit) = self.limit {
             let room = limit.saturating_sub(kept.len());
-            new.sort_by_cached_key(|candidate| sample::rank(self.seed, &candidate.scene));
+            new.sort_by_cached_key(|candidate| sample::sample_rank(self.seed, &candidate.scene));
             outcome.left = new.len().saturating_sub(room);
             new.truncate(room);
             new.sort_by(|a, b| a.recipe.cmp(&b.recipe));
@@ -248,10 +248,10 @@ impl Init {
     ) -> Result<(), Problem> {
         let Candidate { scene, recipe, path, told } = candidate;
         let folder = recipe.parent().unwrap_or(Path::new(""));
-        write::folder(folder)?;
-        let given = pattern.map(|pattern| filled(pattern, &path, &scene));
+        write::make_folder(folder)?;
+        let given = pattern.map(|pattern| filled_pattern(pattern, &path, &scene));
         outcome.without_scene.extend(given.iter().filter(|file| !is_there(file)).cloned());
-        let way = |to: &Path| write::way(folder, to);
+        let way = |to: &Path| write::relative_path(folder, to);
         let kind = self.format.into();
         let mut selection = self.selection();
         if self.exclude.is_empty() {
@@ -261,7 +261,7 @@ impl Init {
         let captured = Captured { kind, path: way(&path)?, selection };
         let given = given.map(|file| way(&file)).transpose()?;
         let text = Draft { scene: &scene, captured: &captured, given: given.as_deref() }.text();
-        write::file(&recipe, &text)?;
+        write::write_file(&recipe, &text)?;
         outcome.told.extend(told.into_iter().map(|told| (scene.clone(), told)));
         outcome.written.push((scene, recipe));
         Ok(())
@@ -269,7 +269,7 @@ impl Init {
 }
 
 /// A scene file by its pattern.
-fn filled(pattern: &str, path: &Path, scene: &str) -> PathBuf {
+fn filled_pattern(pattern: &str, path: &Path, scene: &str) -> PathBuf {
     let name = scene.split_once('/').map_or(scene, |(_, name)| name);
     PathBuf::from(pattern.replace("{path}", &path.to_string_lossy()).replace("{name}", name))
 }

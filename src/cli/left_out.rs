@@ -16,7 +16,7 @@ pub(super) struct Table {
 }
 
 /// Tells of each trajectory, by its scene and name.
-pub(super) fn tell(tables: &BTreeMap<String, Table>, console: &Console) {
+pub(super) fn show_left_out(tables: &BTreeMap<String, Table>, console: &Console) {
     if tables.len() > MOST {
         let trajectories = tables.len();
         console.say(&format!(
@@ -34,7 +34,7 @@ impl Table {
         if self.rows.is_empty() {
             return vec![format!("left out of {name}: nothing")];
         }
-        let amounts: Vec<String> = self.rows.iter().map(amount).collect();
+        let amounts: Vec<String> = self.rows.iter().map(share_words).collect();
         let width = |texts: &mut dyn Iterator<Item = &str>| texts.map(str::len).max().unwrap_or(0);
         let step = width(&mut self.rows.iter().map(|row| row.step.as_str()));
         let what = width(&mut self.rows.iter().map(|row| row.what.as_str()));
@@ -44,12 +44,12 @@ impl Table {
         };
         let head = format!("left out of {name}: what, how much, proof");
         let lines = self.rows.iter().zip(&amounts).map(line);
-        std::iter::once(head).chain(lines).chain(self.saving.as_ref().map(saved)).collect()
+        std::iter::once(head).chain(lines).chain(self.saving.as_ref().map(saved_words)).collect()
     }
 }
 
 /// `12.5 %, 25 of 200 pairs`, or the number alone.
-fn amount(row: &Row) -> String {
+fn share_words(row: &Row) -> String {
     match row.of {
         Some(of) if of > 0 => {
             let share = 100.0 * row.how_much as f64 / of as f64;
@@ -59,7 +59,7 @@ fn amount(row: &Row) -> String {
     }
 }
 
-fn saved(saving: &Saving) -> String {
+fn saved_words(saving: &Saving) -> String {
     let Saving { seconds, sampled, frames } = saving;
     format!(
         "  without it, rendering the events' frames would take about {seconds:.1} s longer \

@@ -5,17 +5,17 @@ use std::num::NonZero;
 use std::path::Path;
 
 /// Cores that this process may use.
-pub(super) fn cores() -> usize {
+pub(super) fn available_cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
 /// What this machine calls its processor; `None` where it does not say.
-pub(super) fn processor() -> Option<String> {
-    named(&said("/proc/cpuinfo")?)
+pub(super) fn processor_name() -> Option<String> {
+    cpu_model(&said("/proc/cpuinfo")?)
 }
 
 /// `model name` of `/proc/cpuinfo`.
-fn named(cpuinfo: &str) -> Option<String> {
+fn cpu_model(cpuinfo: &str) -> Option<String> {
     let named =
         |line: &str| Some(line.strip_prefix("model name")?.trim_start().strip_prefix(':')?.trim().to_owned());
     cpuinfo.lines().find_map(named).filter(|name| !name.is_empty())
@@ -24,20 +24,20 @@ fn named(cpuinfo: &str) -> Option<String> {
 /// Four fifths of the memory that is free now, in the machine and in the control group that holds this process, bytes;
 /// without bound where neither can be read.
 pub(super) fn free_memory() -> u64 {
-    let machine = said("/proc/meminfo").and_then(|text| available(&text));
-    let [limit, used] = ["memory.max", "memory.current"].map(group);
+    let machine = said("/proc/meminfo").and_then(|text| available_memory(&text));
+    let [limit, used] = ["memory.max", "memory.current"].map(cgroup_number);
     let group = limit.map(|limit| limit.saturating_sub(used.unwrap_or(0)));
     machine.into_iter().chain(group).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
 }
 
 /// `MemAvailable` of `/proc/meminfo`, bytes.
-fn available(meminfo: &str) -> Option<u64> {
+fn available_memory(meminfo: &str) -> Option<u64> {
     let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 /// A number of the control group that this process lives in (version 2); `None` where there is no limit.
-fn group(file: &str) -> Option<u64> {
+fn cgroup_number(file: &str) -> Option<u64> {
     let groups = said("/proc/self/cgroup")?;
     let own = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
     said(&format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/')))?.trim().parse().ok()
@@ -61,7 +61,7 @@ fn is_ignored(status: &str, signal: i32) -> bool {
 }
 
 /// A number of bytes, as `8GB`, `500 MB` or `1073741824`.
-pub(super) fn bytes(text: &str) -> Result<u64, String> {
+pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, u64); 7] = [
         ("KiB", 1 << 10),
         ("MiB", 1 << 20),
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn bytes_are_read_with_their_units() {
-        let t = |text: &str, wanted: Option<u64>| assert_eq!(bytes(text).ok(), wanted, "{text}");
+        let t = |text: &str, wanted: Option<u64>| assert_eq!(parse_bytes(text).ok(), wanted, "{text}");
         t("1", Some(1));
         t("8GB", Some(8_000_000_000));
         t("500 MB", Some(500_000_000));
@@ -106,14 +106,14 @@ mod tests {
     #[test]
     fn processors_are_named() {
         let text = "processor\t: 0\nmodel\t\t: 17\nmodel name\t: AMD EPYC\nflags : fpu\n";
-        assert_eq!(named(text).as_deref(), Some("AMD EPYC"));
-        assert_eq!(named("processor: 0\nmodel : 17\n"), None);
+        assert_eq!(cpu_model(text).as_deref(), Some("AMD EPYC"));
+        assert_eq!(cpu_model("processor: 0\nmodel : 17\n"), None);
     }
 
     #[test]
     fn free_memory_is_some_of_what_the_machine_has() {
-        assert_eq!(available("MemTotal: 9 kB\nMemAvailable:    1024 kB\n"), Some(1 << 20));
-        assert_eq!(available("MemTotal: 9 kB\n"), None);
+        assert_eq!(available_memory("MemTotal: 9 kB\nMemAvailable:    1024 kB\n"), Some(1 << 20));
+        assert_eq!(available_memory("MemTotal: 9 kB\n"), None);
         assert!(free_memory() > 0);
     }
 }

@@ -29,33 +29,33 @@ fn is_stdout(path: &Path) -> bool {
 
 /// Refuses, before anything is worked out, what cannot be written to. `inputs` are read; `json`: stdout has its result
 /// already.
-pub(super) fn screen<'a>(
+pub(super) fn screen_outputs<'a>(
     paths: impl IntoIterator<Item = &'a Path>,
     inputs: impl IntoIterator<Item = &'a Path>,
     json: bool,
 ) -> Result<(), Problem> {
     let refuse = |what: String| Err(Problem::usage("output-unwritable", what));
-    let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(target).collect();
+    let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(link_target).collect();
     let mut seen = BTreeSet::new();
     for path in paths {
         let shown = path.display();
         if is_stdout(path) && json {
             return refuse("--json writes to stdout, and so does `-`".to_owned());
         }
-        if !seen.insert(target(path)) {
+        if !seen.insert(link_target(path)) {
             return refuse(format!("two outputs are written to {shown}"));
         }
         if is_stdout(path) {
             continue;
         }
-        if inputs.contains(&target(path)) {
+        if inputs.contains(&link_target(path)) {
             return refuse(format!("{shown} is read, and would be written over"));
         }
         if path.is_dir() || path.file_name().is_none() {
             return refuse(format!("{shown} is a folder, wanted a file"));
         }
-        let place = target(path);
-        if !folder(&place).is_dir() {
+        let place = link_target(path);
+        if !parent_folder(&place).is_dir() {
             return refuse(format!("{shown} lies in a folder that is not there"));
         }
         if let Err(because) = files::replaceable(&place) {
@@ -66,32 +66,32 @@ pub(super) fn screen<'a>(
 }
 
 /// Writes all outputs: files under temporary names beside their own, which they take when the last is finished.
-pub(super) fn write(outputs: &[Output<'_>]) -> Result<(), Problem> {
+pub(super) fn write_outputs(outputs: &[Output<'_>]) -> Result<(), Problem> {
     let mut parts = Vec::new();
     for (number, Output { path, fill }) in outputs.iter().enumerate().filter(|(_, o)| !is_stdout(o.path)) {
-        parts.push(Part::write(path, number, fill).map_err(|e| unwritable(path, e))?);
+        parts.push(Part::write_part(path, number, fill).map_err(|e| unwritable_file(path, e))?);
     }
     for Output { path, fill } in outputs.iter().filter(|o| is_stdout(o.path)) {
-        match print(fill) {
+        match print_to(fill) {
             // A reader that closed the pipe has read all it wants.
             Err(e) if e.kind() == io::ErrorKind::BrokenPipe => {}
-            printed => printed.map_err(|e| unwritable(path, e))?,
+            printed => printed.map_err(|e| unwritable_file(path, e))?,
         }
     }
     parts.into_iter().try_for_each(|part| {
         let path = part.path.clone();
-        part.finish().map_err(|e| unwritable(&path, e))
+        part.finish().map_err(|e| unwritable_file(&path, e))
     })
 }
 
 /// What is told of a file that could not be written.
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
-pub(super) fn unwritable(path: &Path, error: io::Error) -> Problem {
+pub(super) fn unwritable_file(path: &Path, error: io::Error) -> Problem {
     let code = if is_full(&error) { "disk-full" } else { "output-unwritable" };
     Problem::failed(code, format!("failed to write {}: {error}", path.display()))
 }
 
-fn print(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+fn print_to(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     fill(&mut out)?;
     out.flush()
@@ -112,18 +112,18 @@ pub(super) fn write_beside<E: From<io::Error>>(
 const MAX_LINKS: usize = 40;
 
 /// The place that a path leads to, links followed, also to where nothing is yet.
-fn target(path: &Path) -> PathBuf {
+fn link_target(path: &Path) -> PathBuf {
     let mut place = path.to_owned();
     for _ in 0..MAX_LINKS {
         let Ok(to) = fs::read_link(&place) else { break };
-        place = folder(&place).join(to);
+        place = parent_folder(&place).join(to);
     }
-    let in_folder = || Some(folder(&place).canonicalize().ok()?.join(place.file_name()?));
+    let in_folder = || Some(parent_folder(&place).canonicalize().ok()?.join(place.file_name()?));
     place.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| place.clone())
 }
 
 /// The folder that a file lies in, by a path that the system takes.
-fn folder(path: &Path) -> &Path {
+fn parent_folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -136,15 +136,15 @@ struct Part {
 impl Part {
     /// A part that is not written yet.
     fn new(path: &Path, number: usize) -> io::Result<Self> {
-        let path = target(path);
+        let path = link_target(path);
         files::replaceable(&path)?;
-        let temporary = folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
+        let temporary = parent_folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
         // An earlier process of this number may have been killed.
         let _ = fs::remove_file(&temporary);
         Ok(Self { temporary, path })
     }
 
-    fn write(
+    fn write_part(
         path: &Path,
         number: usize,
         fill: &dyn Fn(&mut dyn Write) -> io::Result<()>,

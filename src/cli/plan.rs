@@ -1,13 +1,13 @@
 //! `gs2e plan`: what `build` would run, may run and leave alone, each with its reason.
 
-use super::build::{opening, tag};
+use super::build::{option_tag, store_options};
 use super::console::{Console, path};
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::plan::Plan;
-use crate::plan::assess::{Action, Assessment, Reason, assess};
-use crate::plan::past::past;
-use crate::plan::survey::{Settled, Survey, survey};
+use crate::plan::assess::{Action, Assessment, Reason, assess_plan};
+use crate::plan::past::past_costs;
+use crate::plan::survey::{Settled, Survey, survey_recipes};
 use crate::store::record::Output;
 use crate::store::{Access, Digest, Key, Opening, Store};
 use serde::Serialize;
@@ -47,31 +47,32 @@ pub(super) struct File<'a> {
 
 impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let opening = Opening { verify: self.verify, ..opening(common, Access::Read) };
+        let opening = Opening { verify: self.verify, ..store_options(common, Access::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let chosen = common.renderers()?;
-        let surveyed = survey(&self.targets.recipes, &chosen.knowing(&store), &store, &tag(&chosen));
+        let surveyed =
+            survey_recipes(&self.targets.recipes, &chosen.knowing(&store), &store, &option_tag(&chosen));
         let Survey { settled, plan, taken_down } = surveyed?;
-        let assessed = assess(&plan, &store)?;
+        let assessed = assess_plan(&plan, &store)?;
         // What goes to programs is one array.
         super::build::tell_notices(&store, &console.for_people());
-        super::takedown::tell(taken_down, &console.for_people());
+        super::takedown::show_takedown(taken_down, &console.for_people());
         if self.estimate {
-            estimate(&plan, &assessed, &store, common, console)?;
+            estimate_run(&plan, &assessed, &store, common, console)?;
             return Ok(Exit::Done);
         }
-        let rows = rows(&plan, &assessed, &settled, &store);
+        let rows = plan_rows(&plan, &assessed, &settled, &store);
         if console.json {
             console.large_result(&rows);
         } else {
-            show(&rows, console);
+            show_rows(&rows, console);
         }
         Ok(Exit::Done)
     }
 }
 
 /// All steps, sorted by scene.
-fn rows<'a>(
+fn plan_rows<'a>(
     plan: &'a Plan,
     assessed: &'a [Assessment],
     settled: &'a [Settled],
@@ -84,7 +85,7 @@ fn rows<'a>(
             action: Action::Keep,
             reason: &Reason::UpToDate,
             key: Some(step.key),
-            outputs: outputs(store, &step.outputs),
+            outputs: output_files(store, &step.outputs),
         })
     });
     let others = plan.steps().iter().zip(assessed).map(|(step, a)| Row {
@@ -93,7 +94,7 @@ fn rows<'a>(
         action: a.action,
         reason: &a.reason,
         key: a.key,
-        outputs: outputs(store, a.outputs.as_deref().unwrap_or_default()),
+        outputs: output_files(store, a.outputs.as_deref().unwrap_or_default()),
     });
     let mut rows: Vec<Row<'a>> = known.chain(others).collect();
     // Stable: the steps of a scene stay in the order of the plan.
@@ -102,19 +103,19 @@ fn rows<'a>(
 }
 
 /// Files of a step as programs are told of them.
-pub(super) fn outputs<'a>(store: &Store, outputs: &'a [Output]) -> Vec<File<'a>> {
+pub(super) fn output_files<'a>(store: &Store, outputs: &'a [Output]) -> Vec<File<'a>> {
     let file = |o: &'a Output| File { role: &o.name, digest: o.digest, path: path(store.path_of(&o.digest)) };
     outputs.iter().map(file).collect()
 }
 
-fn show(rows: &[Row<'_>], console: &Console) {
+fn show_rows(rows: &[Row<'_>], console: &Console) {
     let line = |row: &Row<'_>| {
         let action = match row.action {
             Action::Run => "run",
             Action::MayRun => "may run",
             Action::Keep => "keep",
         };
-        format!("{action:7}  {}/{}  {}", row.scene, row.step, words(row.reason))
+        format!("{action:7}  {}/{}  {}", row.scene, row.step, reason_words(row.reason))
     };
     rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
@@ -137,7 +138,7 @@ struct Estimate {
     memory: f64,
 }
 
-fn estimate(
+fn estimate_run(
     plan: &Plan,
     assessed: &[Assessment],
     store: &Store,
@@ -145,7 +146,7 @@ fn estimate(
     console: &Console,
 ) -> Result<(), Problem> {
     let mut sum = Estimate::default();
-    let past = past(plan, store)?;
+    let past = past_costs(plan, store)?;
     for (a, past) in assessed.iter().zip(past) {
         if a.action == Action::Keep {
             continue;
@@ -179,7 +180,7 @@ fn estimate(
 }
 
 /// A reason for people.
-pub(super) fn words(reason: &Reason) -> String {
+pub(super) fn reason_words(reason: &Reason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {
         Reason::UpToDate => "up to date".to_owned(),

@@ -61,11 +61,11 @@ enum Said {
 
 impl Problem {
     fn new(exit: Exit, code: &'static str, what: String) -> Self {
-        Self::of(exit, Message::new(Level::Error, code, what))
+        Self::from_message(exit, Message::new(Level::Error, code, what))
     }
 
     /// A message that ends a verb.
-    pub(super) fn of(exit: Exit, message: Message) -> Self {
+    pub(super) fn from_message(exit: Exit, message: Message) -> Self {
         Self { exit, said: Said::Message(Box::new(message)) }
     }
 
@@ -172,13 +172,13 @@ impl From<PlanError> for Problem {
     fn from(error: PlanError) -> Self {
         match error {
             PlanError::Store(error) => error.into(),
-            error => Self::of(Exit::Usage, unplanned(&error)),
+            error => Self::from_message(Exit::Usage, unplanned_message(&error)),
         }
     }
 }
 
 /// What is told of a step that cannot be held against the store.
-pub(super) fn unplanned(error: &PlanError) -> Message {
+pub(super) fn unplanned_message(error: &PlanError) -> Message {
     match error {
         PlanError::Missing { scene, step, path, named_at } => {
             Message::new(Level::Error, "input-missing", format!("{scene}: the source of {step} is not there"))

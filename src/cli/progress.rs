@@ -17,7 +17,7 @@ use crate::run::{Event, Failure, Observer};
 use crate::stage::StepId;
 use crate::store::record::Output;
 use crate::store::{Key, Store};
-use crate::units::amount;
+use crate::units::format_amount;
 use bars::Bars;
 use pace::Pace;
 use serde_json::{Value, json};
@@ -130,7 +130,7 @@ impl<'a> Progress<'a> {
             // Its bytes are still in their place.
             let path = digest.parse().ok().map(|digest| self.store.path_of(&digest));
             let size = path.and_then(|path| Some(path.metadata().ok()?.len()));
-            let size = size.map_or(String::new(), |size| format!(", {}", amount(size, "B")));
+            let size = size.map_or(String::new(), |size| format!(", {}", format_amount(size, "B")));
             let file = format!("cas/{}/{}…{size}", &digest[..2], &digest[..4]);
             shown.altered.insert(step, format!("stored bytes do not match their digest ({file})"));
         }
@@ -149,7 +149,7 @@ impl<'a> Progress<'a> {
             self.tell(shown, &Message::new(Level::Warning, "blob-altered", what).step(scene, step));
         }
         if self.console.json {
-            Self::above(shown, || self.console.result(&self.to_json(ended)));
+            Self::above_bars(shown, || self.console.result(&self.to_json(ended)));
         }
     }
 
@@ -157,7 +157,7 @@ impl<'a> Progress<'a> {
         let Ended { step, state, key, outputs, seconds, left_out } = ended;
         let mut told = json!({
             "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
-            "outputs": plan::outputs(self.store, outputs), "seconds": seconds,
+            "outputs": plan::output_files(self.store, outputs), "seconds": seconds,
         });
         if let Some(Table { rows, saving }) = left_out {
             told["left_out"] = json!(rows);
@@ -178,7 +178,7 @@ impl<'a> Progress<'a> {
         if !left_out::RENDER.contains(&planned.stage()) {
             return None;
         }
-        let files = Files::of(outputs, self.store);
+        let files = Files::from_outputs(outputs, self.store);
         let rows = left_out::of_step(planned.stage(), planned.class().as_deref(), &files);
         let told = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
         Some(Table { rows: rows.map_err(told).ok()?, saving })
@@ -196,7 +196,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Shows something above the bars, where there are any.
-    fn above(shown: &Shown, show: impl FnOnce()) {
+    fn above_bars(shown: &Shown, show: impl FnOnce()) {
         match &shown.bars {
             Some(bars) => bars.above(show),
             None => show(),
@@ -205,12 +205,12 @@ impl<'a> Progress<'a> {
 
     /// A line for people.
     fn line(&self, shown: &Shown, text: &str) {
-        Self::above(shown, || self.console.say(text));
+        Self::above_bars(shown, || self.console.say(text));
     }
 
     /// A message, whatever people want.
     fn tell(&self, shown: &Shown, message: &Message) {
-        Self::above(shown, || self.console.tell(message));
+        Self::above_bars(shown, || self.console.tell(message));
     }
 
     fn made(&self, shown: &mut Shown, step: StepId, seconds: f64, remark: Option<&str>, warnings: &[String]) {
@@ -237,7 +237,7 @@ impl<'a> Progress<'a> {
         self.ended(shown, &ended, None);
         let (scene, name) = self.place(step);
         let place = Place { scene, step: name, finished: shown.finished, all: self.all() };
-        let message = failure::failed(place, &failure.error);
+        let message = failure::failure_message(place, &failure.error);
         self.tell(shown, &message);
         shown.failed.push((scene.to_owned(), name.to_owned(), message));
         if let Some(bars) = &shown.bars {
@@ -269,7 +269,7 @@ impl Observer for Progress<'_> {
                 self.ended(shown, &ended, None);
             }
             Event::TooLarge { step, memory, budget } => {
-                let [need, all] = [memory, budget].map(|bytes| amount(bytes, "B"));
+                let [need, all] = [memory, budget].map(|bytes| format_amount(bytes, "B"));
                 let (scene, name) = self.place(step);
                 let what = format!("{scene}/{name} needs about {need} of {all}: it runs alone");
                 self.tell(shown, &Message::new(Level::Warning, "memory", what).step(scene, name));

@@ -1,12 +1,12 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
-use super::build::{Building, Care, exit, open, tell_end};
+use super::build::{Building, Care, exit_kind, open_store, tell_end};
 use super::console::{Console, path};
 use super::message::{Level, Message};
 use super::problem::{Exit, FULL, Problem};
 use super::{Common, Targets, check, clock, on_interrupt};
 use crate::plan::Plan;
-use crate::plan::assess::{Action, assess};
+use crate::plan::assess::{Action, assess_plan};
 use crate::recipe::{self, Recipe, Reconstruct, Source};
 use crate::release::{
     self, Beside, BuiltPlan, GatherError, GuardedPath, Link, ReleaseError, ReleaseTarget, TargetClaim,
@@ -62,9 +62,9 @@ impl Release {
         let guarded = self.guarded(&recipes, common);
         let (recipes, taken_down) = beside.takedown.keep(recipes);
         beside.taken_down = taken_down.scenes;
-        super::takedown::tell(taken_down, console);
+        super::takedown::show_takedown(taken_down, console);
         let started = Instant::now();
-        let store = open(common, &self.care, console)?;
+        let store = open_store(common, &self.care, console)?;
         let cancel = &on_interrupt()?;
         let mut target = self.claim(&guarded, common, cancel, console)?;
         let plan = Plan::new(recipes, &chosen.asking(&store));
@@ -75,14 +75,14 @@ impl Release {
             Building { settled: 0, targets: &self.targets, chosen, common, care: &self.care, console };
         let (plan, summary) = building.build(plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
-        let built = exit(&summary);
+        let built = exit_kind(&summary);
         if built != Exit::Done {
             return Ok(built);
         }
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
-        let written = release::write(&mut target, built, self.linking(), cancel);
+        let written = release::write_release(&mut target, built, self.linking(), cancel);
         store.flush()?;
-        let written = written.map_err(|error| problem(error, console))?;
+        let written = written.map_err(|error| release_problem(error, console))?;
         store.write_root(&root(&target, &summary))?;
         self.tell(&written, &mut target, console);
         Ok(Exit::Done)
@@ -105,13 +105,13 @@ impl Release {
         cancel: &AtomicBool,
         console: &Console,
     ) -> Result<ReleaseTarget, Problem> {
-        let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
+        let claim = Claim { command: common.command.clone(), since: clock::utc_now(), ..Claim::default() };
         let claim = TargetClaim { replace: self.replace, guarded, claim, wait: !common.no_wait, cancel };
         let target = ReleaseTarget::claim(&self.to, claim, &mut |holder| {
             let what = format!("{} is in use by {holder}", self.to.display());
             console.tell(&Message::new(Level::Waiting, "locked", what));
         });
-        let mut target = target.map_err(|error| problem(error, console))?;
+        let mut target = target.map_err(|error| release_problem(error, console))?;
         tell_notes(&mut target, console);
         Ok(target)
     }
@@ -197,7 +197,7 @@ fn tell_notes(target: &mut ReleaseTarget, console: &Console) {
 }
 
 fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), Problem> {
-    let assessed = assess(plan, store)?;
+    let assessed = assess_plan(plan, store)?;
     let stale: Vec<String> = plan
         .steps()
         .iter()
@@ -214,7 +214,7 @@ fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), Problem> {
     }
 }
 
-fn problem(error: ReleaseError, console: &Console) -> Problem {
+fn release_problem(error: ReleaseError, console: &Console) -> Problem {
     let message = error.to_string();
     match error {
         ReleaseError::Checks(findings) => {
@@ -233,7 +233,7 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
             .help("every scene is on the takedown list; a release that is there is left as it is, and may hold them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
         ReleaseError::Interrupted => {
-            Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", message))
+            Problem::from_message(Exit::Interrupted, Message::new(Level::Error, "interrupted", message))
         }
         ReleaseError::Store(error) => error.into(),
         _ if is_full(&error) => Problem::failed("disk-full", format!("no space: {message}")).help(FULL),

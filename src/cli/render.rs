@@ -52,13 +52,13 @@ pub(super) struct Render {
     #[arg(long)]
     antialiased: bool,
     /// Colour behind the scene, each channel 0..1
-    #[arg(long, value_name = "R,G,B", default_value = "0,0,0", value_parser = numbers::colour, allow_hyphen_values = true)]
+    #[arg(long, value_name = "R,G,B", default_value = "0,0,0", value_parser = numbers::parse_colour, allow_hyphen_values = true)]
     background: Colour,
     /// Channel to render
     #[arg(long, value_enum, default_value_t = Channel::Rgb)]
     channel: Channel,
     /// The camera's own linear (units/s) and angular (rad/s) velocity in camera axes, for luminance-rate and flow
-    #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::velocity, allow_hyphen_values = true)]
+    #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::parse_velocity, allow_hyphen_values = true)]
     velocity: Option<Velocity>,
     /// File for the picture: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
     #[arg(long, value_name = "FILE")]
@@ -100,8 +100,12 @@ impl From<Conventions> for Rules {
 
 impl Render {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        output::screen([self.out.as_path()], [self.scene.as_path(), self.view.as_path()], console.json)?;
-        let format = Format::of(&self.out, self.channel)?;
+        output::screen_outputs(
+            [self.out.as_path()],
+            [self.scene.as_path(), self.view.as_path()],
+            console.json,
+        )?;
+        let format = Format::for_path(&self.out, self.channel)?;
         let (velocity, mut warnings) = self.motion()?;
         common.limit_cores();
 
@@ -119,9 +123,9 @@ impl Render {
         let (backend, work) = self.rendered(common, &scene, (style, &view), &mut rendered, console)?;
         let rendering = started.elapsed();
 
-        let picture = Picture::take(self.channel, rendered).expect("the channel was asked for");
+        let picture = Picture::from_rendered(self.channel, rendered).expect("the channel was asked for");
         let fill = |out: &mut dyn io::Write| picture.write(format, out);
-        output::write(&[Output { path: &self.out, fill: &fill }])?;
+        output::write_outputs(&[Output { path: &self.out, fill: &fill }])?;
         let account = Account {
             channel: self.channel.name(),
             backend,
@@ -165,9 +169,9 @@ impl Render {
 
     /// The view of that index, and what is to be told of it.
     fn chosen(&self) -> Result<(source::View, Vec<source::Warning>), Problem> {
-        let read = view::read(&self.view).map_err(|e| input::no_source("view", &e, &self.view))?;
+        let read = view::read_views(&self.view).map_err(|e| input::no_source("view", &e, &self.view))?;
         let count = read.0.views.len();
-        let chosen = view::choose(read, self.index).ok_or_else(|| {
+        let chosen = view::choose_view(read, self.index).ok_or_else(|| {
             let views = if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
             let what = format!("{} has {views}, and none of index {}", self.view.display(), self.index);
             Problem::usage("no-view", what).help(&format!("--index: from 0 to {}", count.saturating_sub(1)))
@@ -175,16 +179,16 @@ impl Render {
         let size = chosen.0.camera.size;
         if size.pixels() > MOST_PIXELS {
             let because = format!("a picture of {size}, wanted at most {MOST_PIXELS} pixels");
-            return Err(failed(RenderError::View(because)));
+            return Err(render_failed(RenderError::View(because)));
         }
         Ok(chosen)
     }
 
     fn gaussians(&self) -> Result<Gaussians, Problem> {
         if !is_there(&self.scene) {
-            return Err(input::missing("scene", &self.scene));
+            return Err(input::missing_file("scene", &self.scene));
         }
-        scene::read(&self.scene).map_err(|e| input::unreadable("scene", &e))
+        scene::read_file(&self.scene).map_err(|e| input::unreadable_file("scene", &e))
     }
 
     fn style(&self, gaussians: &Gaussians) -> Style {
@@ -216,10 +220,10 @@ impl Render {
             Ok::<_, RenderError>((backend.class(), work))
         };
         if common.backend != Choice::Auto {
-            return by(&common.backend()?).map_err(failed);
+            return by(&common.backend()?).map_err(render_failed);
         }
-        if !gpu::blends(style.order) {
-            return by(&Backend::Cpu).map_err(failed);
+        if !gpu::supports_order(style.order) {
+            return by(&Backend::Cpu).map_err(render_failed);
         }
         // One in software is slower than the CPU renderer.
         let device = common.device(&gpu::Choice::Hardware).map_err(RenderError::from);
@@ -228,14 +232,14 @@ impl Render {
             console.say(&format!("on the CPU, since {because}"));
             by(&Backend::Cpu)
         });
-        done.map_err(failed)
+        done.map_err(render_failed)
     }
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
-fn failed(error: RenderError) -> Problem {
+fn render_failed(error: RenderError) -> Problem {
     let message = Message::new(Level::Error, "step-failed", "failed to render").because(error.to_string());
-    let problem = Problem::of(Exit::Failed, message);
+    let problem = Problem::from_message(Exit::Failed, message);
     if matches!(error, RenderError::Gpu(_)) {
         problem.help("--backend cpu, or leave it out")
     } else {

@@ -8,7 +8,7 @@ use super::console::Console;
 use super::problem::Problem;
 use crate::foreign::versions::Asked;
 use crate::plan::asked;
-use crate::plan::assess::{Action, assess};
+use crate::plan::assess::{Action, assess_plan};
 use crate::plan::{Plan, Renderers, past};
 use crate::programs::Programs;
 use crate::recipe::Recipe;
@@ -146,9 +146,11 @@ impl Renderers for Knowing<'_> {
     fn of(&self, recipe: &Recipe) -> Backend {
         match &self.chosen.by {
             By::One(backend) => backend.clone(),
-            By::Auto(_) if !gpu::blends(recipe.render.order) => Backend::Cpu,
+            By::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
             // A record that cannot be read is told by whoever needs it.
-            By::Auto(auto) => auto.of(&recipe.scene, past::class(recipe, self.store).unwrap_or_default()),
+            By::Auto(auto) => {
+                auto.of(&recipe.scene, past::last_class(recipe, self.store).unwrap_or_default())
+            }
         }
     }
 
@@ -172,7 +174,7 @@ impl Knowing<'_> {
         let By::Auto(auto) = &self.chosen.by else { return Ok(plan) };
         let unopened = auto.gpu.borrow().is_none()
             && plan.scenes().iter().any(|recipe| matches!(self.of(recipe), Backend::Unopened(_)));
-        if !unopened || assess(&plan, self.store)?.iter().all(|a| a.action == Action::Keep) {
+        if !unopened || assess_plan(&plan, self.store)?.iter().all(|a| a.action == Action::Keep) {
             return Ok(plan);
         }
         auto.best();
@@ -183,7 +185,7 @@ impl Knowing<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::build::{Building, Care, open};
+    use crate::cli::build::{Building, Care, open_store};
     use crate::cli::{Cli, Targets};
     use clap::Parser as _;
     use std::path::Path;
@@ -212,7 +214,7 @@ mod tests {
         let care = Care::default();
         let chosen = Chosen::new(By::Auto(auto), Omit::default(), Programs::default());
         let targets = Targets { recipes: vec![recipe] };
-        let store = open(&common, &care, &console).unwrap();
+        let store = open_store(&common, &care, &console).unwrap();
         let plan = Plan::new(crate::recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
         let building = Building {
             settled: 0,

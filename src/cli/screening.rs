@@ -5,7 +5,7 @@ use crate::sensor::front_end::FrontEnd;
 use crate::sensor::screening::{Noise, Screening};
 
 /// Tells the contrast, leak and noise of a sensor; `whose` stands before its warnings.
-pub(super) fn tell(what: &str, whose: &str, screening: &Screening, console: &Console) {
+pub(super) fn show_screening(what: &str, whose: &str, screening: &Screening, console: &Console) {
     let ([on, off], quantity) = (screening.contrast, screening.quantity);
     console.say(&format!("{what}: one event is a step of {quantity} by {on:.4} up, {off:.4} down"));
     for n in screening.noise {

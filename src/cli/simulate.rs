@@ -8,7 +8,7 @@ use super::Common;
 use super::console::Console;
 use super::convert::events::Codec;
 use super::message::{Level, Message};
-use super::output::{self, unwritable, write_beside};
+use super::output::{self, unwritable_file, write_beside};
 use super::problem::{Exit, Problem};
 use crate::event::file::{self, EventFile, Format};
 use crate::event::{Event, EventFileError, EventSink, Header, LawStamp, h5};
@@ -43,40 +43,40 @@ pub(super) struct Simulate {
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     stamps: Option<PathBuf>,
     /// Frames a second, where there are no stamps, such as 30 or 30000/1001
-    #[arg(long, value_name = "N", value_parser = sequence::rate)]
+    #[arg(long, value_name = "N", value_parser = sequence::parse_rate)]
     fps: Option<Hertz>,
     /// A recipe, a file with what a recipe has under `sensor`, or a preset: dvs346, dvs240, gs2e-si
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
     /// Sampler: exact or official [default: the sensor's]
-    #[arg(long, value_parser = word::<Law>)]
+    #[arg(long, value_parser = parse_word::<Law>)]
     law: Option<Law>,
     /// Brightness that drives the drift: log or midpoint [default: the sensor's]
-    #[arg(long, value_parser = word::<Gain>)]
+    #[arg(long, value_parser = parse_word::<Gain>)]
     gain: Option<Gain>,
     /// Brightness between two frames: linear, catmull or hermite [default: the sensor's]
-    #[arg(long, value_parser = word::<Between>)]
+    #[arg(long, value_parser = parse_word::<Between>)]
     between: Option<Between>,
     /// Voltages at the first frame: zero or stationary [default: the sensor's]
-    #[arg(long, value_parser = word::<Initial>)]
+    #[arg(long, value_parser = parse_word::<Initial>)]
     initial: Option<Initial>,
     /// Weights of the colours: rec601, rec709, or R,G,B with sum 1 [default: the sensor's]
     #[arg(long, value_name = "NAME or R,G,B", value_parser = sensor::luminance)]
     luminance: Option<Luminance>,
     /// Decoding of the colours: none, or srgb for linear light [default: the sensor's]
-    #[arg(long, value_parser = word::<Decode>)]
+    #[arg(long, value_parser = parse_word::<Decode>)]
     decode: Option<Decode>,
     /// Factor on the brightness, above 0 [default: the sensor's]
     #[arg(long, value_name = "FACTOR")]
     exposure: Option<f64>,
     /// Range that brightness is clamped to, in grey: 0,255 or 5,inf [default: the sensor's]
-    #[arg(long, value_name = "MIN,MAX", value_parser = sensor::range)]
+    #[arg(long, value_name = "MIN,MAX", value_parser = sensor::parse_range)]
     range: Option<Range>,
     /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,
     /// Position of the frames' top-left pixel on the sensor, so that a crop draws the noise of the whole
-    #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::origin)]
+    #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::parse_origin)]
     origin: sequence::Origin,
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -100,7 +100,7 @@ pub(super) struct Simulate {
 }
 
 /// A value by the name that recipes have for it.
-fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+fn parse_word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
 }
 
@@ -109,16 +109,16 @@ impl Simulate {
         let sensor_file = Some(Path::new(&self.sensor)).filter(|path| is_there(path));
         let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
         let inputs = optional.into_iter().flatten().chain([self.frames.as_path()]);
-        output::screen([self.out.as_path()], inputs, console.json)?;
-        let format = Format::of(&self.out, self.codec.into()).ok_or_else(|| {
+        output::screen_outputs([self.out.as_path()], inputs, console.json)?;
+        let format = Format::for_path(&self.out, self.codec.into()).ok_or_else(|| {
             let what = format!("{}: its name ends with no format of events", self.out.display());
             Problem::usage("format", what).help(super::convert::events::SUPPORTED)
         })?;
         common.limit_cores();
         // Before there is anything that an interruption could leave behind.
         let stop = super::on_interrupt()?;
-        let sensor = sensor::choose(&self)?;
-        let mut sequence = Sequence::open(&self)?;
+        let sensor = sensor::choose_sensor(&self)?;
+        let mut sequence = Sequence::open_inputs(&self)?;
         if sensor.as_model().labels() && !format.keeps_labels() {
             let what = format!("{} has no place for the labels of events", self.out.display());
             return Err(Problem::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
@@ -126,7 +126,12 @@ impl Simulate {
         sensor::check_rates(&sensor, self.rates.is_some(), sequence.may_be_coloured)?;
         let screening = sensor.screen(sequence.rate());
         let screening = screening.map_err(|e| Problem::usage("sensor", format!("{}: {e}", self.sensor)))?;
-        super::screening::tell(&format!("sensor {}", self.sensor), &self.sensor, &screening, console);
+        super::screening::show_screening(
+            &format!("sensor {}", self.sensor),
+            &self.sensor,
+            &screening,
+            console,
+        );
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
@@ -187,17 +192,17 @@ impl Simulate {
 
     fn told(&self, failure: Failure) -> Problem {
         let failed = |what: &str, code, why: String| {
-            Problem::of(Exit::Failed, Message::new(Level::Error, code, what).because(why))
+            Problem::from_message(Exit::Failed, Message::new(Level::Error, code, what).because(why))
         };
         match failure {
-            Failure::Write(EventFileError::Io(e)) => unwritable(&self.out, e),
+            Failure::Write(EventFileError::Io(e)) => unwritable_file(&self.out, e),
             Failure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
             Failure::Simulate(SimulateError::Interrupted) => {
                 let what = format!("interrupted: nothing is written to {}", self.out.display());
-                Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+                Problem::from_message(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
             }
             Failure::Simulate(SimulateError::Frames(e)) => self.unreadable(&e),
-            Failure::Simulate(SimulateError::Sensor(SensorError::Sink(e))) => unwritable(&self.out, e),
+            Failure::Simulate(SimulateError::Sensor(SensorError::Sink(e))) => unwritable_file(&self.out, e),
             Failure::Simulate(SimulateError::Sensor(SensorError::Setup(because))) => {
                 Problem::usage("sensor", format!("{}: {because}", self.sensor))
             }
@@ -214,7 +219,7 @@ impl Simulate {
 
     fn unreadable(&self, error: &FrameError) -> Problem {
         let message = Message::new(Level::Error, "input-unreadable", "failed to read the frames");
-        Problem::of(Exit::Failed, message.path(&self.frames).because(error.to_string()))
+        Problem::from_message(Exit::Failed, message.path(&self.frames).because(error.to_string()))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::render::backend::Backend;
 use crate::render::gpu;
 use crate::scene;
 use crate::study::stress::splat::Stage;
-use crate::study::stress::{Area, Case, NotRun, Outcome, cases};
+use crate::study::stress::{Area, Case, NotRun, Outcome, area_cases};
 use clap::builder::PossibleValuesParser;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -60,24 +60,24 @@ struct Row {
 
 impl Stress {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        output::screen(self.markdown.as_deref(), self.scene.as_deref(), console.json)?;
+        output::screen_outputs(self.markdown.as_deref(), self.scene.as_deref(), console.json)?;
         common.limit_cores();
         let stage = self.stage(common)?;
         let areas = Area::ALL.into_iter().filter(|area| self.wants(*area));
-        let mut cases: Vec<Case<'_>> = areas.flat_map(|area| cases(area, &stage)).collect();
+        let mut cases: Vec<Case<'_>> = areas.flat_map(|area| area_cases(area, &stage)).collect();
         self.keep_named(&mut cases)?;
         let mut rows = Vec::with_capacity(cases.len());
         for case in &cases {
-            let row = Row::of(case);
+            let row = Row::from_case(case);
             row.tell(console);
             rows.push(row);
         }
-        console.say(&summary(&rows));
+        console.say(&summary_line(&rows));
         if let Some(path) = &self.markdown {
-            let fill = |out: &mut dyn Write| page::write(&rows, out);
-            output::write(&[Output { path, fill: &fill }])?;
+            let fill = |out: &mut dyn Write| page::write_page(&rows, out);
+            output::write_outputs(&[Output { path, fill: &fill }])?;
         }
-        Ok(exit(&rows))
+        Ok(exit_kind(&rows))
     }
 
     fn wants(&self, area: Area) -> bool {
@@ -103,8 +103,8 @@ impl Stress {
             Choice::Gpu => vec![("gpu", Ok(common.backend()?))],
         };
         let read = |path: &Path| match is_there(path) {
-            true => scene::read_any(path).map_err(|e| input::unreadable("scene", &e)),
-            false => Err(input::missing("scene", path)),
+            true => scene::read_any(path).map_err(|e| input::unreadable_file("scene", &e)),
+            false => Err(input::missing_file("scene", path)),
         };
         let scene = self.scene.as_deref().map(read).transpose()?.map(Arc::new);
         Ok(Stage { backends, scene })
@@ -126,7 +126,7 @@ impl Stress {
 }
 
 impl Row {
-    fn of(case: &Case<'_>) -> Self {
+    fn from_case(case: &Case<'_>) -> Self {
         let start = Instant::now();
         let outcome = case.run();
         let seconds = start.elapsed().as_secs_f64();
@@ -188,19 +188,19 @@ impl Row {
     }
 }
 
-fn count(rows: &[Row], verdict: Verdict) -> usize {
+fn count_verdict(rows: &[Row], verdict: Verdict) -> usize {
     rows.iter().filter(|row| row.verdict() == verdict).count()
 }
 
-fn summary(rows: &[Row]) -> String {
+fn summary_line(rows: &[Row]) -> String {
     let [ok, misses, not_run] =
-        [Verdict::Pass, Verdict::Fail, Verdict::NotRun].map(|verdict| count(rows, verdict));
+        [Verdict::Pass, Verdict::Fail, Verdict::NotRun].map(|verdict| count_verdict(rows, verdict));
     let seconds: f64 = rows.iter().map(|row| row.seconds).sum();
     format!("{ok} ok, {misses} miss their limit, {not_run} not run; {seconds:.1} s")
 }
 
-fn exit(rows: &[Row]) -> Exit {
-    if count(rows, Verdict::Fail) > 0 { Exit::Fault } else { Exit::Done }
+fn exit_kind(rows: &[Row]) -> Exit {
+    if count_verdict(rows, Verdict::Fail) > 0 { Exit::Fault } else { Exit::Done }
 }
 
 #[cfg(test)]
@@ -230,10 +230,13 @@ mod tests {
     #[test]
     fn a_row_that_misses_ends_with_3_and_one_that_was_not_run_does_not() {
         let absent = || Err(NotRun("no GPU is there".to_owned()));
-        assert_eq!(exit(&[row(found(0.1)), row(absent())]), Exit::Done);
-        assert_eq!(exit(&[row(found(0.1)), row(found(0.11))]), Exit::Fault);
-        assert_eq!(exit(&[row(found(f64::NAN))]), Exit::Fault);
-        assert_eq!(summary(&[row(found(0.0)), row(absent())]), "1 ok, 0 miss their limit, 1 not run; 1.0 s");
+        assert_eq!(exit_kind(&[row(found(0.1)), row(absent())]), Exit::Done);
+        assert_eq!(exit_kind(&[row(found(0.1)), row(found(0.11))]), Exit::Fault);
+        assert_eq!(exit_kind(&[row(found(f64::NAN))]), Exit::Fault);
+        assert_eq!(
+            summary_line(&[row(found(0.0)), row(absent())]),
+            "1 ok, 0 miss their limit, 1 not run; 1.0 s"
+        );
     }
 
     #[test]
@@ -253,8 +256,11 @@ mod tests {
     #[test]
     fn the_page_has_a_line_a_row() {
         let mut page = Vec::new();
-        page::write(&[row(found(0.05)), row(found(0.2)), row(Err(NotRun("no GPU".to_owned())))], &mut page)
-            .unwrap();
+        page::write_page(
+            &[row(found(0.05)), row(found(0.2)), row(Err(NotRun("no GPU".to_owned())))],
+            &mut page,
+        )
+        .unwrap();
         let page = String::from_utf8(page).unwrap();
         let lines: Vec<&str> = page.lines().filter(|line| line.starts_with("| ties")).collect();
         assert_eq!(lines.len(), 3, "{page}");

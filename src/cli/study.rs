@@ -39,21 +39,21 @@ impl Study {
 }
 
 /// Whether a pass goes on after a frame.
-fn unless(cancelled: &AtomicBool) -> ControlFlow<()> {
+fn go_unless(cancelled: &AtomicBool) -> ControlFlow<()> {
     if cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// Why a pass ended early.
-fn ended(error: SimulateError) -> Problem {
+fn end_problem(error: SimulateError) -> Problem {
     match error {
-        SimulateError::Interrupted => interrupted(),
+        SimulateError::Interrupted => interrupted_problem(),
         e => Problem::failed("step-failed", format!("failed to simulate: {e}")),
     }
 }
 
-fn interrupted() -> Problem {
+fn interrupted_problem() -> Problem {
     let what = "interrupted: nothing is written";
-    Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+    Problem::from_message(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
 }
 
 /// What is told where a frame cannot be rendered.

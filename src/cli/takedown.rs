@@ -5,7 +5,7 @@ use super::message::{Level, Message};
 use crate::recipe::TakenDown;
 
 /// Says how many scenes were left out, and how many ids of the list name none, where there are any.
-pub(super) fn tell(taken_down: TakenDown, console: &Console) {
+pub(super) fn show_takedown(taken_down: TakenDown, console: &Console) {
     let TakenDown { scenes, unmatched } = taken_down;
     if scenes > 0 {
         let are = if scenes == 1 { "scene is" } else { "scenes are" };

@@ -57,14 +57,14 @@ impl Trajectory {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let inputs = [Some(&self.recipe), self.capture.as_ref(), self.scene.as_ref()];
         let inputs = inputs.into_iter().flatten().map(PathBuf::as_path);
-        output::screen(self.files().map(|(_, path)| path), inputs, console.json)?;
+        output::screen_outputs(self.files().map(|(_, path)| path), inputs, console.json)?;
         common.limit_cores();
         let fragment = recipe::read_fragment(&self.recipe)?;
-        let chosen = find(&fragment, &self.name)?;
-        let chain = chain(&fragment, chosen)?;
+        let chosen = find_trajectory(&fragment, &self.name)?;
+        let chain = base_chain(&fragment, chosen)?;
         let mut warnings = Vec::new();
         let captured = self.captured(&chain, &mut warnings)?;
-        let camera = camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
+        let camera = viewing_camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
         let meter = self.meter(&fragment, &chain, camera, &common.backend()?)?;
         let made = Maker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
         warnings.extend(made.before);
@@ -92,14 +92,14 @@ impl Trajectory {
                     serde_json::to_writer_pretty(&mut *out, &made.report)?;
                     out.write_all(b"\n")
                 }
-                "svg" => out.write_all(picture::svg(&made.trajectory, &made.report).as_bytes()),
+                "svg" => out.write_all(picture::trajectory_svg(&made.trajectory, &made.report).as_bytes()),
                 "stamps" => made.trajectory.write_stamps(out),
                 _ => made.trajectory.write_poses(out),
             }
         };
         let fills: Vec<_> = self.files().map(|(option, path)| (path, fill(option))).collect();
         let outputs: Vec<Output<'_>> = fills.iter().map(|(path, fill)| Output { path, fill }).collect();
-        output::write(&outputs)
+        output::write_outputs(&outputs)
     }
 
     /// The capture, where one is given; an error where a path needs one.
@@ -119,8 +119,8 @@ impl Trajectory {
                 }
             };
         };
-        let kind = Kind::find(place).map_err(|e| input::no_source("capture", &e, place))?;
-        let (capture, told) = kind.read(place).map_err(|e| input::unreadable("capture", &e))?;
+        let kind = Kind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?;
+        let (capture, told) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
         warnings.extend(told.iter().map(ToString::to_string));
         Ok(Some(Captured { kind, capture }))
     }
@@ -148,9 +148,9 @@ impl Trajectory {
             missing("there is no camera", help)
         })?;
         if !is_there(scene) {
-            return Err(input::missing("scene", scene));
+            return Err(input::missing_file("scene", scene));
         }
-        let gaussians = crate::scene::read(scene).map_err(|e| input::unreadable("scene", &e))?;
+        let gaussians = crate::scene::read_file(scene).map_err(|e| input::unreadable_file("scene", &e))?;
         let style = fragment.render.resolve(gaussians.antialiased);
         let renderer = backend.renderer(Arc::new(gaussians), style);
         let renderer =
@@ -170,7 +170,7 @@ fn path_of(recipe: &TrajectoryRecipe) -> (path::Path, Option<&str>) {
     (recipe.path.clone(), recipe.base.as_deref())
 }
 
-fn find<'a>(fragment: &'a Fragment, name: &str) -> Result<&'a TrajectoryRecipe, Problem> {
+fn find_trajectory<'a>(fragment: &'a Fragment, name: &str) -> Result<&'a TrajectoryRecipe, Problem> {
     fragment.trajectories.iter().find(|recipe| recipe.name == name).ok_or_else(|| {
         let names: Vec<&str> = fragment.trajectories.iter().map(|recipe| recipe.name.as_str()).collect();
         let message = format!("the recipe has no trajectory `{name}`");
@@ -179,13 +179,13 @@ fn find<'a>(fragment: &'a Fragment, name: &str) -> Result<&'a TrajectoryRecipe, 
 }
 
 /// A trajectory after the one that it is drawn from, and so on; each once.
-fn chain<'a>(
+fn base_chain<'a>(
     fragment: &'a Fragment,
     chosen: &'a TrajectoryRecipe,
 ) -> Result<Vec<&'a TrajectoryRecipe>, Problem> {
     let mut chain = vec![chosen];
     while let (_, Some(base)) = path_of(chain[chain.len() - 1]) {
-        let base = find(fragment, base)?;
+        let base = find_trajectory(fragment, base)?;
         if chain.iter().any(|recipe| recipe.name == base.name) {
             let message = format!("the trajectory `{}` is drawn from itself", base.name);
             return Err(Problem::usage("recipe-invalid", message));
@@ -197,10 +197,14 @@ fn chain<'a>(
 }
 
 /// The camera that sees the trajectory; without a capture the recipe's, where that says all of it.
-fn camera(fragment: &Fragment, capture: Option<&Capture>, warnings: &mut Vec<String>) -> Option<Camera> {
+fn viewing_camera(
+    fragment: &Fragment,
+    capture: Option<&Capture>,
+    warnings: &mut Vec<String>,
+) -> Option<Camera> {
     let (own, told) = capture.and_then(Capture::camera).unzip();
     warnings.extend(told.flatten().map(|warning| warning.to_string()));
-    camera::choose(fragment.camera, own.as_ref())
+    camera::choose_camera(fragment.camera, own.as_ref())
 }
 
 /// What trajectories are made from.
@@ -245,7 +249,7 @@ impl Maker<'_> {
         let made = path_of(recipe).0.make(path::Ground { views: &views, base }, timing, meter);
         made.map_err(|error| {
             let what = format!("failed to make the trajectory `{}`", recipe.name);
-            Problem::of(
+            Problem::from_message(
                 Exit::Failed,
                 Message::new(Level::Error, "step-failed", what).because(error.to_string()),
             )

@@ -1,13 +1,13 @@
 //! `gs2e why`: what goes into a step's key, and what changed since it was last made.
 
-use super::build::opening;
+use super::build::store_options;
 use super::console::Console;
-use super::plan::words;
+use super::plan::reason_words;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
-use crate::plan::assess::{Action, Assessment, Change, Reason, assess};
+use crate::plan::assess::{Action, Assessment, Change, Reason, assess_plan};
 use crate::plan::{Plan, PlannedStep};
-use crate::recipe::{self, Edit, Recipe, edits};
+use crate::recipe::{self, Edit, Recipe, find_edits};
 use crate::store::description::Line;
 use crate::store::{Access, Store, StoreError};
 use serde_json::{Value, json};
@@ -27,21 +27,21 @@ pub(super) struct Why {
 impl Why {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
-        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        let store = Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
-        let assessed = assess(&plan, &store)?;
-        let (scene, chosen) = choose(&plan, &self.name)?;
+        let assessed = assess_plan(&plan, &store)?;
+        let (scene, chosen) = choose_steps(&plan, &self.name)?;
         let edits = edits_since(&plan.scenes()[scene], &store);
         if !edits.is_empty() && !console.json {
             tell_edits(&plan, scene, &edits, &assessed, console);
         }
         let pairs = plan.steps().iter().zip(&assessed).filter(|(step, _)| chosen(step));
         for (step, assessed) in pairs {
-            let why = explanation(&plan, &store, step, assessed)?;
+            let why = explain_step(&plan, &store, step, assessed)?;
             if console.json {
                 console.result(&to_json(&why, &edits));
             } else {
-                explain(&why, console);
+                show_explanation(&why, console);
             }
         }
         Ok(Exit::Done)
@@ -51,7 +51,7 @@ impl Why {
 /// What was edited in a recipe since its scene was last built; nothing where that is not known.
 fn edits_since(recipe: &Recipe, store: &Store) -> Vec<Edit> {
     let last = store.last_recipe(&recipe.scene).and_then(|text| serde_json::from_str(&text).ok());
-    last.map(|last: Value| edits(&last, &recipe.merged)).unwrap_or_default()
+    last.map(|last: Value| find_edits(&last, &recipe.merged)).unwrap_or_default()
 }
 
 /// The head: each edited value, and the steps that run for it or may.
@@ -91,7 +91,10 @@ fn is_of_recipe(reason: &Reason) -> bool {
 }
 
 /// The scene and the steps that a name means: the scene is the longest id that matches, the rest names a step or all below it.
-fn choose<'p>(plan: &'p Plan, name: &'p str) -> Result<(usize, impl Fn(&PlannedStep) -> bool + 'p), Problem> {
+fn choose_steps<'p>(
+    plan: &'p Plan,
+    name: &'p str,
+) -> Result<(usize, impl Fn(&PlannedStep) -> bool + 'p), Problem> {
     let rest_of = |id: &str| match name.strip_prefix(id) {
         Some("") => Some(""),
         Some(rest) => rest.strip_prefix('/'),
@@ -126,7 +129,7 @@ struct Explanation<'a> {
     changes: Vec<Change>,
 }
 
-fn explanation<'a>(
+fn explain_step<'a>(
     plan: &'a Plan,
     store: &Store,
     step: &'a PlannedStep,
@@ -147,9 +150,9 @@ fn to_json(why: &Explanation<'_>, edits: &[Edit]) -> Value {
     })
 }
 
-fn explain(why: &Explanation<'_>, console: &Console) {
+fn show_explanation(why: &Explanation<'_>, console: &Console) {
     let Explanation { scene, step, assessed, lines, changes } = why;
-    console.print(&format!("{scene}/{step}: {}", words(&assessed.reason)));
+    console.print(&format!("{scene}/{step}: {}", reason_words(&assessed.reason)));
     for Change { path, old, new } in changes {
         let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
         console.print(&format!("  changed since it was last made: {path}: {} -> {}", was(old), was(new)));

@@ -40,7 +40,7 @@ enum Compression {
 
 impl Compression {
     /// From the number in a header: two levels of each method count as one.
-    fn numbered(number: i32) -> Option<Self> {
+    fn from_number(number: i32) -> Option<Self> {
         match number {
             0 => Some(Self::None),
             1 | 2 => Some(Self::Lz4),

@@ -26,7 +26,7 @@ impl Format {
     /// The format that belongs to a file name. A `.raw` file is of `version`, whatever an existing
     /// file contains.
     #[must_use]
-    pub fn of(path: &Path, version: Version) -> Option<Self> {
+    pub fn for_path(path: &Path, version: Version) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "h5" | "hdf5" => Some(Self::H5),
             "npz" => Some(Self::Npz),
@@ -194,7 +194,7 @@ fn too_far(us: i64) -> EventFileError {
 }
 
 /// The event shifted in time; `None` if 64 bits cannot hold its time.
-pub(crate) fn shifted(event: Event, by_us: i64) -> Option<Event> {
+pub(crate) fn shift_event(event: Event, by_us: i64) -> Option<Event> {
     let ns = by_us.checked_mul(1000)?.checked_add(event.t.0)?;
     Some(Event { t: Timestamp(ns), ..event })
 }
@@ -212,7 +212,7 @@ impl EventSink for Shifted {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.shifted.clear();
         for event in events {
-            self.shifted.push(shifted(*event, self.by_us).ok_or_else(|| too_far(self.by_us))?);
+            self.shifted.push(shift_event(*event, self.by_us).ok_or_else(|| too_far(self.by_us))?);
         }
         self.file.append(&self.shifted)
     }

@@ -70,7 +70,7 @@ fn colour([off, on]: [u32; 2]) -> [u8; 3] {
 
 /// Joins pictures horizontally, with their top edges aligned and `gap` white columns between them.
 #[must_use]
-pub fn beside(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
+pub fn join_pictures(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
     let sizes = || pictures.iter().map(|p| p.size());
     let gaps: u32 = pictures.iter().skip(1).map(|_| gap).sum();
     let size = Size {
@@ -80,7 +80,7 @@ pub fn beside(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
     let mut whole = Image::filled(size, [255; 3]);
     let mut left = 0;
     for picture in pictures {
-        place(&mut whole, picture, [left, 0]);
+        copy_into(&mut whole, picture, [left, 0]);
         left += picture.size().width + gap;
     }
     whole
@@ -89,18 +89,18 @@ pub fn beside(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
 /// Pictures in rows of `columns`, each under its caption. Captions may contain the letters of
 /// numbers and units.
 #[must_use]
-pub fn grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: u32) -> Image<[u8; 3]> {
+pub fn picture_grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: u32) -> Image<[u8; 3]> {
     const CAPTION: u32 = 11;
     let captioned = |(picture, caption): &(Image<[u8; 3]>, String)| {
         let Size { width, height } = picture.size();
-        let width = width.max(text::width(caption));
+        let width = width.max(text::text_width(caption));
         let mut whole = Image::filled(Size { width, height: height + CAPTION }, [255; 3]);
-        text::write(&mut whole, [1, 2], caption);
-        place(&mut whole, picture, [0, CAPTION]);
+        text::draw_text(&mut whole, [1, 2], caption);
+        copy_into(&mut whole, picture, [0, CAPTION]);
         whole
     };
     let pictures: Vec<Image<[u8; 3]>> = pictures.iter().map(captioned).collect();
-    let row = |row: &[Image<[u8; 3]>]| beside(&row.iter().collect::<Vec<_>>(), gap);
+    let row = |row: &[Image<[u8; 3]>]| join_pictures(&row.iter().collect::<Vec<_>>(), gap);
     let rows: Vec<Image<[u8; 3]>> = pictures.chunks(columns.max(1)).map(row).collect();
     let gaps: u32 = rows.iter().skip(1).map(|_| gap).sum();
     let size = Size {
@@ -110,14 +110,14 @@ pub fn grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: u32) -> 
     let mut whole = Image::filled(size, [255; 3]);
     let mut top = 0;
     for row in &rows {
-        place(&mut whole, row, [0, top]);
+        copy_into(&mut whole, row, [0, top]);
         top += row.size().height + gap;
     }
     whole
 }
 
 /// Copies a picture into a larger one.
-fn place(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: [u32; 2]) {
+fn copy_into(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: [u32; 2]) {
     let (width, stride) = (picture.size().width as usize, whole.size().width as usize);
     for (row, from) in picture.pixels().chunks(width.max(1)).enumerate() {
         let at = (top as usize + row) * stride + left as usize;
@@ -156,17 +156,17 @@ mod tests {
     fn pictures_stand_side_by_side() {
         let a = Image::filled(Size { width: 2, height: 2 }, [1u8; 3]);
         let b = Image::filled(Size { width: 1, height: 1 }, [2u8; 3]);
-        let both = beside(&[&a, &b], 1);
+        let both = join_pictures(&[&a, &b], 1);
         assert_eq!(both.size(), Size { width: 4, height: 2 });
         let greys: Vec<u8> = both.pixels().iter().map(|p| p[0]).collect();
         assert_eq!(greys, [1, 1, 255, 2, 1, 1, 255, 255]);
-        assert_eq!(beside(&[], 3).size().pixels(), 0);
+        assert_eq!(join_pictures(&[], 3).size().pixels(), 0);
     }
 
     #[test]
     fn a_grid_has_rows_and_captions() {
         let dot = || (Image::filled(Size { width: 1, height: 1 }, [7u8; 3]), "1.5".to_owned());
-        let whole = grid(&[dot(), dot(), dot()], 2, 3);
+        let whole = picture_grid(&[dot(), dot(), dot()], 2, 3);
         // Three letters of 6 columns, and a caption of 11 rows above each dot.
         assert_eq!(whole.size(), Size { width: 2 * 18 + 3, height: 2 * 12 + 3 });
         let dots: Vec<usize> = (0..whole.pixels().len()).filter(|i| whole.pixels()[*i] == [7; 3]).collect();

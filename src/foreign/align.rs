@@ -8,7 +8,7 @@
 //! and keeps its full error.
 
 use crate::se3::Se3;
-use crate::se3::rotation::{angle, exp, log};
+use crate::se3::rotation::{angle_between, exp_vector, log_vector};
 use glam::{DQuat, DVec3};
 
 /// One camera in both worlds, camera to world.
@@ -36,10 +36,10 @@ const NEAR: f64 = 1e-9;
 
 /// Returns the distances of all pairs after the best similarity.
 #[must_use]
-pub fn apart(pairs: &[Pair]) -> Vec<Apart> {
+pub fn pose_distances(pairs: &[Pair]) -> Vec<Apart> {
     let turns: Vec<DQuat> =
         pairs.iter().map(|p| (p.stated.rotation * p.found.rotation.conjugate()).normalize()).collect();
-    let Some(turn) = agreed(&turns) else { return Vec::new() };
+    let Some(turn) = median_rotation(&turns) else { return Vec::new() };
     let count = pairs.len() as f64;
     let stated = pairs.iter().map(|p| p.stated.translation).sum::<DVec3>() / count;
     let found = pairs.iter().map(|p| turn * p.found.translation).sum::<DVec3>() / count;
@@ -52,26 +52,26 @@ pub fn apart(pairs: &[Pair]) -> Vec<Apart> {
         .iter()
         .zip(arms)
         .map(|(own, (stated, found))| Apart {
-            rotation: angle(*own, turn),
+            rotation: angle_between(*own, turn),
             translation: (stated - scale * found).length(),
         })
         .collect()
 }
 
 /// Returns the rotation with the minimum sum of angles to these; `None` for an empty list.
-fn agreed(rotations: &[DQuat]) -> Option<DQuat> {
-    let sum = |from: DQuat| rotations.iter().map(|r| angle(from, *r)).sum::<f64>();
+fn median_rotation(rotations: &[DQuat]) -> Option<DQuat> {
+    let sum = |from: DQuat| rotations.iter().map(|r| angle_between(from, *r)).sum::<f64>();
     let start = rotations.iter().min_by(|a, b| sum(**a).total_cmp(&sum(**b)))?;
     let mut best = *start;
     for _ in 0..ROUNDS {
         let (mut pull, mut weight) = (DVec3::ZERO, 0.0);
         for r in rotations {
-            let to = log(best.conjugate() * *r);
+            let to = log_vector(best.conjugate() * *r);
             let w = 1.0 / to.length().max(NEAR);
             pull += to * w;
             weight += w;
         }
-        let next = (best * exp(pull / weight)).normalize();
+        let next = (best * exp_vector(pull / weight)).normalize();
         // A step without improvement ends the iteration: it has converged up to rounding.
         if sum(next) >= sum(best) {
             break;
@@ -89,10 +89,10 @@ mod tests {
 
     /// An arc of cameras, and the same arc in a rotated, scaled and shifted world.
     fn arc(count: usize) -> Vec<Pair> {
-        let turn = exp(DVec3::new(0.4, -1.1, 0.7));
+        let turn = exp_vector(DVec3::new(0.4, -1.1, 0.7));
         let pair = |i: usize| {
             let a = 0.05 * i as f64;
-            let rotation = exp(DVec3::Y * a);
+            let rotation = exp_vector(DVec3::Y * a);
             let stated = Se3 { rotation, translation: rotation * DVec3::new(0.1 * a, 0.2 * a * a, -3.0) };
             let found = Se3 {
                 rotation: turn * stated.rotation,
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_similarity_is_no_difference() {
-        for found in apart(&arc(20)) {
+        for found in pose_distances(&arc(20)) {
             assert!(found.rotation < 1e-14 && found.translation < 1e-13, "{found:?}");
         }
     }
@@ -113,9 +113,9 @@ mod tests {
     #[test]
     fn one_wrong_pose_shows_in_full_and_leaves_the_others_alone() {
         let mut pairs = arc(20);
-        pairs[7].stated.rotation *= exp(DVec3::X * DEGREE);
+        pairs[7].stated.rotation *= exp_vector(DVec3::X * DEGREE);
         pairs[12].stated.translation += DVec3::Z * 0.1;
-        let found = apart(&pairs);
+        let found = pose_distances(&pairs);
         assert!((found[7].rotation / DEGREE - 1.0).abs() < 1e-6, "{:?}", found[7]);
         let others = found.iter().enumerate().filter(|(i, _)| *i != 7);
         for (i, apart) in others {
@@ -131,16 +131,16 @@ mod tests {
         let mut pairs = arc(20);
         for pair in &mut pairs {
             // The OpenGL convention: a half turn about the camera's own x.
-            pair.stated.rotation *= exp(DVec3::X * std::f64::consts::PI);
+            pair.stated.rotation *= exp_vector(DVec3::X * std::f64::consts::PI);
         }
-        let found = apart(&pairs);
+        let found = pose_distances(&pairs);
         let worst = found.iter().map(|a| a.rotation).fold(0.0, f64::max);
         assert!(worst > 20.0 * DEGREE, "{worst}");
         let mut pairs = arc(20);
         for pair in &mut pairs {
             pair.stated = pair.stated.inverse();
         }
-        assert!(apart(&pairs).iter().any(|a| a.rotation > 20.0 * DEGREE));
+        assert!(pose_distances(&pairs).iter().any(|a| a.rotation > 20.0 * DEGREE));
     }
 
     #[test]
@@ -148,9 +148,9 @@ mod tests {
         let mut pairs = arc(9);
         for (i, pair) in pairs.iter_mut().enumerate() {
             pair.stated.translation = DVec3::X * i as f64;
-            pair.found.translation = exp(DVec3::new(0.4, -1.1, 0.7)) * pair.stated.translation;
+            pair.found.translation = exp_vector(DVec3::new(0.4, -1.1, 0.7)) * pair.stated.translation;
         }
-        assert!(apart(&pairs).iter().all(|a| a.rotation < 1e-14 && a.translation < 1e-13));
-        assert!(apart(&[]).is_empty());
+        assert!(pose_distances(&pairs).iter().all(|a| a.rotation < 1e-14 && a.translation < 1e-13));
+        assert!(pose_distances(&[]).is_empty());
     }
 }

@@ -6,7 +6,7 @@
 //! px, is meant for lenses). On rendered pictures this limit makes the poses three times more
 //! accurate.
 
-use super::align::{Apart, Pair, apart};
+use super::align::{Apart, Pair, pose_distances};
 use super::run::Run;
 use super::versions::COLMAP;
 use super::{ForeignError, Picture, Told, features, versions};
@@ -68,7 +68,11 @@ pub struct Found {
 ///
 /// # Errors
 /// A file cannot be used, COLMAP fails, or the work was asked to stop.
-pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<Found>, ForeignError> {
+pub fn register_pictures(
+    pictures: &[Picture],
+    camera: &Camera,
+    desk: Desk<'_>,
+) -> Result<Told<Found>, ForeignError> {
     let program = match versions::colmap(desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
@@ -76,7 +80,7 @@ pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result
     if pictures.len() < LEAST_PICTURES as usize {
         return Ok(Err(format!("there are {} pictures, {LEAST_PICTURES} are the fewest", pictures.len())));
     }
-    let images = match model(pictures, camera, desk)? {
+    let images = match make_model(pictures, camera, desk)? {
         Ok(images) => images,
         Err(because) => return Ok(Err(format!("{program} {because}"))),
     };
@@ -91,16 +95,20 @@ pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result
 }
 
 /// Returns the registered images of the model that COLMAP makes of these pictures.
-fn model(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<Vec<Image>>, ForeignError> {
+fn make_model(
+    pictures: &[Picture],
+    camera: &Camera,
+    desk: Desk<'_>,
+) -> Result<Told<Vec<Image>>, ForeignError> {
     let place = |name: &str| desk.folder.join(name);
     let (database, images, sparse) = (place("database.db"), place("images"), place("sparse"));
     for folder in [&images, &sparse] {
-        std::fs::create_dir(folder).map_err(ForeignError::io(folder))?;
+        std::fs::create_dir(folder).map_err(ForeignError::io_error(folder))?;
     }
     for picture in pictures {
         let link = images.join(name_of(picture.pose));
-        let file = std::path::absolute(&picture.file).map_err(ForeignError::io(&picture.file))?;
-        std::os::unix::fs::symlink(file, &link).map_err(ForeignError::io(&link))?;
+        let file = std::path::absolute(&picture.file).map_err(ForeignError::io_error(&picture.file))?;
+        std::os::unix::fs::symlink(file, &link).map_err(ForeignError::io_error(&link))?;
     }
     let colmap = |command: &str, options: &[(&str, OsString)]| {
         let fixed = [("--random_seed", OsString::from("1")), ("--database_path", database.clone().into())];
@@ -109,9 +117,9 @@ fn model(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<V
         let arguments = std::iter::once(OsString::from(command)).chain(options).collect();
         Run { program: COLMAP, arguments, seconds: MOST_SECONDS, desk }
     };
-    colmap("feature_extractor", &extraction(&images, camera)).end_well()?;
-    let described = features::read(&database).map_err(ForeignError::own(&database))?;
-    let (matches, pairs) = features::matches(&described);
+    colmap("feature_extractor", &extraction_options(&images, camera)).end_well()?;
+    let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;
+    let (matches, pairs) = features::match_pairs(&described);
     if !(desk.goes_on)() {
         return Err(ForeignError::Stopped);
     }
@@ -119,11 +127,11 @@ fn model(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<V
         return Ok(Err("finds no key points that two pictures share".to_owned()));
     }
     let list = place("matches.txt");
-    std::fs::write(&list, matches).map_err(ForeignError::io(&list))?;
-    colmap("matches_importer", &import(&list)).end_well()?;
-    match colmap("mapper", &mapping(&images, &sparse)).end()? {
+    std::fs::write(&list, matches).map_err(ForeignError::io_error(&list))?;
+    colmap("matches_importer", &import_options(&list)).end_well()?;
+    match colmap("mapper", &mapping_options(&images, &sparse)).end()? {
         Ok(ran) => {
-            let read = || Model::find(&sparse.join("0"))?.images();
+            let read = || Model::find_model(&sparse.join("0"))?.images();
             read().map(Ok).map_err(|e| ran.failed(How::Product(format!("its model: {e}"))))
         }
         Err(ran) if ran.says(NO_MODEL) => Ok(Err("finds no two pictures to begin a model with".to_owned())),
@@ -137,7 +145,7 @@ fn name_of(pose: usize) -> String {
 
 type Options = Vec<(&'static str, OsString)>;
 
-fn extraction(images: &Path, camera: &Camera) -> Options {
+fn extraction_options(images: &Path, camera: &Camera) -> Options {
     let Camera { fx, fy, cx, cy, .. } = camera;
     vec![
         ("--image_path", images.into()),
@@ -150,7 +158,7 @@ fn extraction(images: &Path, camera: &Camera) -> Options {
     ]
 }
 
-fn import(list: &Path) -> Options {
+fn import_options(list: &Path) -> Options {
     vec![
         ("--match_list_path", list.into()),
         ("--match_type", "raw".into()),
@@ -160,7 +168,7 @@ fn import(list: &Path) -> Options {
 }
 
 /// Options of the mapper: one thread, one model, fixed intrinsics and a narrow error limit.
-fn mapping(images: &Path, sparse: &Path) -> Options {
+fn mapping_options(images: &Path, sparse: &Path) -> Options {
     vec![
         ("--image_path", images.into()),
         ("--output_path", sparse.into()),
@@ -190,7 +198,7 @@ impl Found {
             translation: if path > 0.0 { apart.translation / path } else { 0.0 },
         };
         let given = poses.len();
-        let poses = numbers.into_iter().zip(apart(&pairs)).map(registered).collect();
+        let poses = numbers.into_iter().zip(pose_distances(&pairs)).map(registered).collect();
         Registration { program, given, path, poses }
     }
 }

@@ -33,13 +33,15 @@ pub enum ForeignError {
 
 impl ForeignError {
     /// Converts the error of a file operation.
-    pub(super) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
+    pub(super) fn io_error(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |cause| Self::Io { path, cause }
     }
 
     /// Converts the error of reading a product of this program.
-    pub(super) fn own<E: std::error::Error + Send + Sync + 'static>(path: &Path) -> impl FnOnce(E) -> Self {
+    pub(super) fn own_product<E: std::error::Error + Send + Sync + 'static>(
+        path: &Path,
+    ) -> impl FnOnce(E) -> Self {
         let path = path.to_owned();
         move |cause| Self::Own { path, cause: Box::new(cause) }
     }

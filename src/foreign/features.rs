@@ -26,7 +26,7 @@ pub(super) struct Described {
 }
 
 /// Reads the pictures of a database, in the order of their names.
-pub(super) fn read(database: &Path) -> rusqlite::Result<Vec<Described>> {
+pub(super) fn read_database(database: &Path) -> rusqlite::Result<Vec<Described>> {
     let database = Connection::open_with_flags(database, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
     let mut statement = database.prepare(
         "SELECT images.name, descriptors.data FROM images JOIN descriptors USING (image_id) ORDER BY images.name",
@@ -42,11 +42,13 @@ pub(super) fn read(database: &Path) -> rusqlite::Result<Vec<Described>> {
 
 /// Returns the matches of all pairs of pictures, in the format of COLMAP's `matches_importer`, and
 /// the number of pairs with matches.
-pub(super) fn matches(pictures: &[Described]) -> (String, usize) {
+pub(super) fn match_pairs(pictures: &[Described]) -> (String, usize) {
     let pairs: Vec<(usize, usize)> =
         (0..pictures.len()).flat_map(|i| (i + 1..pictures.len()).map(move |j| (i, j))).collect();
-    let found: Vec<Vec<(usize, usize)>> =
-        pairs.par_iter().map(|(i, j)| mutual(&pictures[*i].descriptors, &pictures[*j].descriptors)).collect();
+    let found: Vec<Vec<(usize, usize)>> = pairs
+        .par_iter()
+        .map(|(i, j)| mutual_pairs(&pictures[*i].descriptors, &pictures[*j].descriptors))
+        .collect();
     let mut text = String::new();
     let mut any = 0;
     for ((i, j), found) in pairs.iter().zip(&found).filter(|(_, found)| !found.is_empty()) {
@@ -87,12 +89,12 @@ impl Nearest {
 }
 
 /// Returns the pairs of key points that choose each other, in the order of the first.
-fn mutual(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
+fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
     let mut of_b = vec![Nearest::default(); b.len()];
     let of_a = a.iter().enumerate().map(|(i, x)| {
         let mut nearest = Nearest::default();
         for (j, (y, back)) in b.iter().zip(&mut of_b).enumerate() {
-            let product = product(x, y);
+            let product = dot_product(x, y);
             nearest.see(j, product);
             back.see(i, product);
         }
@@ -103,7 +105,7 @@ fn mutual(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
     chosen.filter(|(i, j)| of_b[*j].chosen() == Some(*i)).collect()
 }
 
-fn product(a: &[i16; LENGTH], b: &[i16; LENGTH]) -> i32 {
+fn dot_product(a: &[i16; LENGTH], b: &[i16; LENGTH]) -> i32 {
     a.iter().zip(b).map(|(a, b)| i32::from(*a) * i32::from(*b)).sum()
 }
 
@@ -125,7 +127,7 @@ mod tests {
     fn what_chooses_each_other_and_is_alone_is_a_match() {
         let one = |k| along(k, k + 1, 1.0);
         let t = |a: &[[i16; LENGTH]], b: &[[i16; LENGTH]], wanted: &[(usize, usize)]| {
-            assert_eq!(mutual(a, b), wanted);
+            assert_eq!(mutual_pairs(a, b), wanted);
         };
         t(&[one(0), one(5), one(9)], &[one(9), one(0)], &[(0, 1), (2, 0)]);
         t(&[one(0)], &[one(0), one(0)], &[]);
@@ -145,6 +147,6 @@ mod tests {
         let described =
             |name: &str, k: usize| Described { name: name.into(), descriptors: vec![along(k, k + 1, 1.0)] };
         let pictures = [described("a.png", 0), described("b.png", 0), described("c.png", 9)];
-        assert_eq!(matches(&pictures), ("a.png b.png\n0 0\n\n".to_owned(), 1));
+        assert_eq!(match_pairs(&pictures), ("a.png b.png\n0 0\n\n".to_owned(), 1));
     }
 }

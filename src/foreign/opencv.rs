@@ -1,7 +1,7 @@
 //! OpenCV's answers from the released poses and camera: the projections of points, and the camera
 //! motion between pictures, recovered from the pictures.
 
-use super::{ForeignError, Picture, Told, python, spread, versions};
+use super::{ForeignError, Picture, Told, python, spread_evenly, versions};
 use crate::camera::Camera;
 use crate::reconstruct::Desk;
 use crate::se3::Se3;
@@ -88,13 +88,14 @@ pub struct Released {
 impl Released {
     /// Returns the files of a trajectory with these pictures, sorted by pose.
     #[must_use]
-    pub fn of(camera: &Camera, trajectory: &Trajectory, pictures: &[Picture]) -> Self {
+    pub fn from_trajectory(camera: &Camera, trajectory: &Trajectory, pictures: &[Picture]) -> Self {
         let mut poses_txt = Vec::new();
         trajectory.write_poses(&mut poses_txt).expect("memory takes what is written");
         let names: Vec<String> = pictures.iter().map(|picture| format!("{:06}.png", picture.pose)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let pictures = transforms::Pictures { sharp: &names, blurred: &BTreeMap::new() };
-        let transforms_json = transforms::compose(camera, trajectory, &pictures).to_string().into_bytes();
+        let transforms_json =
+            transforms::compose_transforms(camera, trajectory, &pictures).to_string().into_bytes();
         Self { poses_txt, transforms_json }
     }
 }
@@ -104,7 +105,7 @@ impl Released {
 ///
 /// # Errors
 /// A file cannot be used, Python fails, or the work was asked to stop.
-pub fn measure(
+pub fn measure_released(
     released: &Released,
     (camera, trajectory): (&Camera, &Trajectory),
     pictures: &[Picture],
@@ -117,10 +118,10 @@ pub fn measure(
     let files = [("poses.txt", &released.poses_txt), ("transforms.json", &released.transforms_json)];
     for (name, bytes) in files {
         let file = desk.folder.join(name);
-        std::fs::write(&file, bytes).map_err(ForeignError::io(&file))?;
+        std::fs::write(&file, bytes).map_err(ForeignError::io_error(&file))?;
     }
     let request = Request { camera, trajectory, pictures }.compose(desk.folder)?;
-    let Answer { poses_txt, transforms_json, tried, pairs } = python::ask("geometry", &request, desk)?;
+    let Answer { poses_txt, transforms_json, tried, pairs } = python::ask_script("geometry", &request, desk)?;
     Ok(Ok(Geometry { program, poses_txt, transforms_json, tried, pairs }))
 }
 
@@ -134,7 +135,7 @@ impl Request<'_> {
     fn compose(&self, folder: &Path) -> Result<serde_json::Value, ForeignError> {
         let stamps = &self.trajectory.stamps_us;
         let pictures = self.pictures.iter().map(|Picture { pose, file }| {
-            let file = std::path::absolute(file).map_err(ForeignError::io(file))?;
+            let file = std::path::absolute(file).map_err(ForeignError::io_error(file))?;
             Ok(json!({ "pose": pose, "t_us": stamps[*pose], "file": file }))
         });
         Ok(json!({
@@ -142,7 +143,7 @@ impl Request<'_> {
             "transforms": folder.join("transforms.json"),
             "views": self.views(),
             "pictures": pictures.collect::<Result<Vec<_>, ForeignError>>()?,
-            "starts": spread(self.pictures.len(), STARTS),
+            "starts": spread_evenly(self.pictures.len(), STARTS),
         }))
     }
 
@@ -161,7 +162,7 @@ impl Request<'_> {
             let (points, pixels) = self.seen(&world_from_camera[pose], unit);
             json!({ "pose": pose, "t_us": stamps_us[pose], "points": points, "pixels": pixels })
         };
-        spread(candidates.len(), VIEWS).into_iter().map(view).collect()
+        spread_evenly(candidates.len(), VIEWS).into_iter().map(view).collect()
     }
 
     /// Returns the points of a grid at each depth, in the world, and their projections.

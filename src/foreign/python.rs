@@ -17,16 +17,16 @@ const SCRIPT: &str = include_str!("ask.py");
 const MAX_SECONDS: u32 = 3600;
 
 /// Asks one question and returns the answer.
-pub(super) fn ask<A: DeserializeOwned>(
+pub(super) fn ask_script<A: DeserializeOwned>(
     question: &str,
     request: &impl Serialize,
     desk: Desk<'_>,
 ) -> Result<A, ForeignError> {
     let place = |name: &str| desk.folder.join(name);
     let (script, asked, answer) = (place("ask.py"), place("request.json"), place("answer.json"));
-    std::fs::write(&script, SCRIPT).map_err(ForeignError::io(&script))?;
+    std::fs::write(&script, SCRIPT).map_err(ForeignError::io_error(&script))?;
     let request = serde_json::to_vec(request).expect("a request is plain data");
-    std::fs::write(&asked, request).map_err(ForeignError::io(&asked))?;
+    std::fs::write(&asked, request).map_err(ForeignError::io_error(&asked))?;
     let files = [script.into(), question.into(), asked.into(), answer.clone().into()];
     let arguments = [OsString::from(ISOLATED)].into_iter().chain(files).collect();
     let ran = Run { program: PYTHON, arguments, seconds: MAX_SECONDS, desk }.end_well()?;

@@ -70,7 +70,7 @@ struct Found {
 ///
 /// # Errors
 /// A file cannot be used or read by this program, Python fails, or the work was asked to stop.
-pub fn read(
+pub fn read_back(
     streams: &[PathBuf],
     pictures: &[Picture],
     desk: Desk<'_>,
@@ -87,16 +87,16 @@ pub fn read(
         }
         _ => &[],
     };
-    let whole = |file: &Path| std::path::absolute(file).map_err(ForeignError::io(file));
+    let whole = |file: &Path| std::path::absolute(file).map_err(ForeignError::io_error(file));
     let streams: Vec<PathBuf> = streams.iter().map(|file| whole(file)).collect::<Result<_, _>>()?;
     let files: Vec<PathBuf> = looks.iter().map(|picture| whole(&picture.file)).collect::<Result<_, _>>()?;
     let request = json!({ "streams": streams, "pictures": files });
-    let answer: Answer = python::ask("readback", &request, desk)?;
-    let own: Vec<Own> = streams.iter().map(|file| Own::of(file, desk)).collect::<Result<_, _>>()?;
+    let answer: Answer = python::ask_script("readback", &request, desk)?;
+    let own: Vec<Own> = streams.iter().map(|file| Own::from_file(file, desk)).collect::<Result<_, _>>()?;
     let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
     let mut differing = Vec::new();
     for (picture, found) in looks.iter().zip(&answer.pictures) {
-        if pixels(&picture.file)? != *found {
+        if pixel_hash(&picture.file)? != *found {
             differing.push(picture.pose);
         }
     }
@@ -116,23 +116,23 @@ struct Own {
 }
 
 impl Own {
-    fn of(file: &Path, desk: Desk<'_>) -> Result<Self, ForeignError> {
-        let mut reader = h5::Reader::open(file).map_err(ForeignError::own(file))?;
+    fn from_file(file: &Path, desk: Desk<'_>) -> Result<Self, ForeignError> {
+        let mut reader = h5::Reader::open(file).map_err(ForeignError::own_product(file))?;
         let names: &[&'static str] =
             if reader.labelled() { &["t", "x", "y", "p", "label"] } else { &["t", "x", "y", "p"] };
         let mut columns: BTreeMap<&'static str, Sha256> =
             names.iter().map(|name| (*name, Sha256::new())).collect();
         let (mut chunk, mut events) = (Vec::new(), 0);
-        while reader.next_chunk(&mut chunk).map_err(ForeignError::own(file))? {
+        while reader.next_chunk(&mut chunk).map_err(ForeignError::own_product(file))? {
             if !(desk.goes_on)() {
                 return Err(ForeignError::Stopped);
             }
             events += chunk.len() as u64;
             for (name, column) in &mut columns {
-                column.update(bytes(name, &chunk));
+                column.update(column_bytes(name, &chunk));
             }
         }
-        let columns = columns.into_iter().map(|(name, column)| (name, hex(column))).collect();
+        let columns = columns.into_iter().map(|(name, column)| (name, hex_digest(column))).collect();
         Ok(Self { events, columns })
     }
 
@@ -148,7 +148,7 @@ impl Own {
     }
 }
 
-fn bytes(column: &str, events: &[Event]) -> Vec<u8> {
+fn column_bytes(column: &str, events: &[Event]) -> Vec<u8> {
     let narrow = |value: fn(&Event) -> u16| events.iter().flat_map(|e| value(e).to_le_bytes()).collect();
     match column {
         "t" => events.iter().flat_map(|e| e.t.floor_micros().to_le_bytes()).collect(),
@@ -160,14 +160,14 @@ fn bytes(column: &str, events: &[Event]) -> Vec<u8> {
 }
 
 /// Returns the SHA-256 of a picture's pixels.
-fn pixels(file: &Path) -> Result<String, ForeignError> {
-    let opened = files::open(file).map_err(ForeignError::io(file))?;
-    let picture = png::read(BufReader::new(opened)).map_err(ForeignError::own(file))?;
+fn pixel_hash(file: &Path) -> Result<String, ForeignError> {
+    let opened = files::open(file).map_err(ForeignError::io_error(file))?;
+    let picture = png::read_rgb(BufReader::new(opened)).map_err(ForeignError::own_product(file))?;
     let mut hash = Sha256::new();
     hash.update(picture.pixels().as_flattened());
-    Ok(hex(hash))
+    Ok(hex_digest(hash))
 }
 
-fn hex(hash: Sha256) -> String {
+fn hex_digest(hash: Sha256) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -38,7 +38,7 @@ impl Choice {
     /// slightly more (two parts if the sequence is shorter). At each quarter of the sequence, a
     /// span of twice `apart` frames, shortened to an eighth of the sequence if necessary.
     #[must_use]
-    pub fn of(stamps_us: &[i64], apart: usize) -> Self {
+    pub fn from_stamps(stamps_us: &[i64], apart: usize) -> Self {
         let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else {
             return Self { frames: Vec::new(), spans: Vec::new() };
         };
@@ -68,7 +68,7 @@ impl Choice {
 impl Anchors {
     /// Anchors of this choice, with no frame yet.
     #[must_use]
-    pub fn empty(choice: &Choice) -> Self {
+    pub fn without_frames(choice: &Choice) -> Self {
         Self { stamps_us: Vec::new(), images: Vec::new(), spans: choice.spans.clone() }
     }
 
@@ -91,7 +91,7 @@ impl Anchors {
     /// # Errors
     /// The bytes are not a float32 `.npy` with one `[H, W]` image per stamp, or a span does not
     /// have three images.
-    pub fn read(stamps_us: Vec<i64>, spans: Vec<[usize; 3]>, input: impl Read) -> io::Result<Self> {
+    pub fn read_images(stamps_us: Vec<i64>, spans: Vec<[usize; 3]>, input: impl Read) -> io::Result<Self> {
         if spans.as_flattened().iter().any(|place| *place >= stamps_us.len()) {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "a span has no image"));
         }
@@ -109,27 +109,27 @@ mod tests {
     #[test]
     fn a_short_clip_keeps_its_ends_and_its_middle_and_three_spans() {
         let stamps: Vec<i64> = (0..150).map(|j| j * 416).collect();
-        let choice = Choice::of(&stamps, 5);
+        let choice = Choice::from_stamps(&stamps, 5);
         assert_eq!(choice.frames, [0, 37, 42, 47, 75, 80, 85, 112, 117, 122, 149]);
         assert_eq!(choice.spans, [[1, 2, 3], [4, 5, 6], [7, 8, 9]]);
         let long: Vec<i64> = (0..=1000).map(|j| j * 1000).collect();
-        let choice = Choice::of(&long, 20);
+        let choice = Choice::from_stamps(&long, 20);
         let wanted =
             [0, 100, 200, 250, 270, 290, 300, 400, 500, 520, 540, 600, 700, 750, 770, 790, 800, 900, 1000];
         assert_eq!(choice.frames, wanted);
         assert_eq!(choice.spans, [[3, 4, 5], [8, 9, 10], [13, 14, 15]]);
         // Other anchors may lie between the three.
-        let choice = Choice::of(&long, 1000);
+        let choice = Choice::from_stamps(&long, 1000);
         assert_eq!(choice.spans[0].map(|place| choice.frames[place]), [250, 312, 374]);
     }
 
     #[test]
     fn a_sequence_too_short_for_spans_has_what_it_can_have() {
-        assert_eq!(Choice::of(&[], 5), Choice { frames: vec![], spans: vec![] });
-        assert_eq!(Choice::of(&[0], 5), Choice { frames: vec![0], spans: vec![] });
-        assert_eq!(Choice::of(&[0, 7], 5), Choice { frames: vec![0, 1], spans: vec![] });
+        assert_eq!(Choice::from_stamps(&[], 5), Choice { frames: vec![], spans: vec![] });
+        assert_eq!(Choice::from_stamps(&[0], 5), Choice { frames: vec![0], spans: vec![] });
+        assert_eq!(Choice::from_stamps(&[0, 7], 5), Choice { frames: vec![0, 1], spans: vec![] });
         assert_eq!(
-            Choice::of(&[0, 7, 14, 21], 5),
+            Choice::from_stamps(&[0, 7, 14, 21], 5),
             Choice { frames: vec![0, 1, 2, 3], spans: vec![[1, 2, 3]] }
         );
     }
@@ -137,15 +137,15 @@ mod tests {
     #[test]
     fn what_was_written_is_read() {
         let size = Size { width: 3, height: 2 };
-        let mut anchors = Anchors::empty(&Choice { frames: vec![0, 1], spans: Vec::new() });
+        let mut anchors = Anchors::without_frames(&Choice { frames: vec![0, 1], spans: Vec::new() });
         for index in 0..2 {
             let luminance = Image::from_vec(size, (0u8..6).map(|v| f32::from(v) + 0.5).collect());
             anchors.keep(&Frame { index, t: Timestamp(0), luminance, rate: None }, 417 * index as i64);
         }
         let mut bytes = Vec::new();
         anchors.write_images(&mut bytes).unwrap();
-        assert_eq!(Anchors::read(vec![0, 417], Vec::new(), bytes.as_slice()).unwrap(), anchors);
-        assert!(Anchors::read(vec![0], Vec::new(), bytes.as_slice()).is_err());
-        assert!(Anchors::read(vec![0, 417], vec![[0, 1, 2]], bytes.as_slice()).is_err());
+        assert_eq!(Anchors::read_images(vec![0, 417], Vec::new(), bytes.as_slice()).unwrap(), anchors);
+        assert!(Anchors::read_images(vec![0], Vec::new(), bytes.as_slice()).is_err());
+        assert!(Anchors::read_images(vec![0, 417], vec![[0, 1, 2]], bytes.as_slice()).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! Frames from an array in memory.
 
-use super::stamps::{StampError, relative};
-use super::{Frame, FrameError, Frames, finite};
+use super::stamps::{StampError, relative_stamps};
+use super::{Frame, FrameError, Frames, require_finite};
 use crate::image::{Image, Size};
 use crate::units::Timestamp;
 
@@ -97,7 +97,7 @@ impl ArrayFrames {
         if size.pixels().checked_mul(frames) != Some(found) {
             return Err(ArrayError::Samples { found, frames, size });
         }
-        Ok(Self { size, samples, rates: Vec::new(), stamps: relative(stamps_us)?, next: 0 })
+        Ok(Self { size, samples, rates: Vec::new(), stamps: relative_stamps(stamps_us)?, next: 0 })
     }
 
     /// Adds the luminance's change per second at every sample, on the scale of the samples.
@@ -116,7 +116,7 @@ impl ArrayFrames {
     fn image(&self, index: usize, what: &str, grey: impl Fn(usize) -> f32) -> Result<Image<f32>, FrameError> {
         let n = self.size.pixels();
         let values = (index * n..(index + 1) * n).map(grey).collect();
-        finite(index, what, Image::from_vec(self.size, values))
+        require_finite(index, what, Image::from_vec(self.size, values))
     }
 }
 

@@ -7,7 +7,7 @@
 //! colours to 8-bit grey. Here, luminance is not rounded, and colours are kept if they are
 //! requested.
 
-use super::stamps::{StampError, relative};
+use super::stamps::{StampError, relative_stamps};
 use super::{Frame, FrameError, Frames};
 use crate::files;
 use crate::image::{Image, Shades, Size, jpeg, png};
@@ -72,7 +72,7 @@ impl Listing {
     /// # Errors
     /// The folder cannot be read or has no image, or a line of `info.txt` is wrong or names a
     /// missing file.
-    pub fn read(folder: &Path) -> Result<Self, FolderError> {
+    pub fn list_folder(folder: &Path) -> Result<Self, FolderError> {
         let info = folder.join(INFO);
         if files::is_there(&info) { of_info(folder, &info) } else { of_names(folder) }
     }
@@ -87,8 +87,9 @@ fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
         if images.len() == MAX_FRAMES {
             return Err(refusal(number, format!("more than {MAX_FRAMES} frames, the most of a sequence")));
         }
-        let (image, stamp) = parse(line).map_err(|because| refusal(number, because))?;
-        let image = find(folder, image).ok_or_else(|| refusal(number, format!("{image} is not there")))?;
+        let (image, stamp) = parse_line(line).map_err(|because| refusal(number, because))?;
+        let image =
+            find_image(folder, image).ok_or_else(|| refusal(number, format!("{image} is not there")))?;
         images.push(image);
         stamps_us.push(stamp);
         numbers.push(number);
@@ -96,7 +97,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
     if images.is_empty() {
         return Err(FolderError::Content { path: path.to_owned(), because: "it names no image".to_owned() });
     }
-    relative(&stamps_us).map_err(|error| match error {
+    relative_stamps(&stamps_us).map_err(|error| match error {
         StampError::Order { index, found, before } => {
             let because = format!("{found} us is not later than the stamp before, {before} us");
             refusal(numbers[index], because)
@@ -107,14 +108,14 @@ fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
 }
 
 /// `path timestamp`; the path may contain spaces.
-fn parse(line: &str) -> Result<(&str, i64), String> {
+fn parse_line(line: &str) -> Result<(&str, i64), String> {
     let wanted = "wanted `path timestamp`, the timestamp in microseconds";
     let (path, stamp) = line.trim().rsplit_once(char::is_whitespace).ok_or(format!("one word, {wanted}"))?;
     let stamp = stamp.parse().map_err(|_| format!("the timestamp is {stamp}, wanted an integer of us"))?;
     Ok((path.trim_end(), stamp))
 }
 
-fn find(folder: &Path, image: &str) -> Option<PathBuf> {
+fn find_image(folder: &Path, image: &str) -> Option<PathBuf> {
     let above = folder.join("..");
     [folder, &above].map(|base| base.join(image)).into_iter().find(|path| files::is_there(path))
 }
@@ -130,7 +131,7 @@ fn of_names(folder: &Path) -> Result<Listing, FolderError> {
         let because = format!("{} images, wanted at most {MAX_FRAMES}", names.len());
         return Err(FolderError::Content { path: folder.to_owned(), because });
     }
-    names.sort_by(|a, b| natural::compare(a, b));
+    names.sort_by(|a, b| natural::compare_names(a, b));
     if names.is_empty() {
         let because = format!("it holds neither an {INFO} nor a .png or .jpg");
         return Err(FolderError::Content { path: folder.to_owned(), because });
@@ -178,12 +179,12 @@ impl FolderFrames {
             let because = format!("{} images, and there are {} stamps", images.len(), stamps_us.len());
             return Err(refusal(first.parent().unwrap_or(first), because));
         }
-        let stamps = relative(stamps_us)?;
-        let wanted = size(first)?;
+        let stamps = relative_stamps(stamps_us)?;
+        let wanted = image_size(first)?;
         // Its header alone does not make a sensor of that size.
-        read(first, false, wanted).map_err(|because| refusal(first, because))?;
+        read_image(first, false, wanted).map_err(|because| refusal(first, because))?;
         for path in rest {
-            let found = size(path)?;
+            let found = image_size(path)?;
             if found != wanted {
                 return Err(refusal(path, format!("{found}, wanted {wanted} as the first")));
             }
@@ -193,7 +194,7 @@ impl FolderFrames {
 }
 
 /// The size of an image from its header.
-fn size(path: &Path) -> Result<Size, FolderError> {
+fn image_size(path: &Path) -> Result<Size, FolderError> {
     let refusal = |because| FolderError::Content { path: path.to_owned(), because };
     let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| refusal(e.to_string()))?;
     let found = imagesize::reader_size(BufReader::new(file)).map_err(|e| refusal(e.to_string()))?;
@@ -219,10 +220,11 @@ impl Frames for FolderFrames {
         let index = self.next;
         let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
         // It may have been replaced since its size was looked up.
-        let Shades { luminance, colours } = read(path, self.coloured, self.size).map_err(|because| {
-            let because = format!("{}: {because}", path.display());
-            FrameError::Invalid { index, because }
-        })?;
+        let Shades { luminance, colours } =
+            read_image(path, self.coloured, self.size).map_err(|because| {
+                let because = format!("{}: {because}", path.display());
+                FrameError::Invalid { index, because }
+            })?;
         self.colour = colours;
         self.next += 1;
         Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
@@ -238,7 +240,7 @@ impl Frames for FolderFrames {
 }
 
 /// The luminance of an image of this size, and its colours where they are wanted and it has any.
-fn read(path: &Path, coloured: bool, size: Size) -> Result<Shades, String> {
+fn read_image(path: &Path, coloured: bool, size: Size) -> Result<Shades, String> {
     let size = Some(size);
     if has_extension(path, "png") {
         let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
@@ -268,7 +270,7 @@ mod tests {
     fn image(dir: &TempDir, name: &str, greys: [u8; 2]) {
         let path = dir.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
-        png::write(&Image::from_vec(SIZE, greys.to_vec()), File::create(path).unwrap()).unwrap();
+        png::write_image(&Image::from_vec(SIZE, greys.to_vec()), File::create(path).unwrap()).unwrap();
     }
 
     fn greys(listing: &Listing, stamps_us: &[i64]) -> Vec<(i64, Vec<f32>)> {
@@ -286,7 +288,7 @@ mod tests {
         }
         fs::write(dir.path().join("notes.txt"), "none of them").unwrap();
         fs::write(dir.path().join(".hidden.png"), "none of them").unwrap();
-        let listing = Listing::read(dir.path()).unwrap();
+        let listing = Listing::list_folder(dir.path()).unwrap();
         assert_eq!(listing.stamps_us, None);
         let found = greys(&listing, &[7, 8, 10]);
         assert_eq!(found, [(0, vec![1.0, 255.0]), (1000, vec![2.0, 255.0]), (3000, vec![3.0, 255.0])]);
@@ -298,7 +300,7 @@ mod tests {
         image(&dir, "clip/b c.png", [5, 6]);
         image(&dir, "clip/a.png", [7, 8]);
         fs::write(dir.path().join("clip/info.txt"), "b c.png 1000000\n\nclip/a.png\t 1000500 \n").unwrap();
-        let listing = Listing::read(&dir.path().join("clip")).unwrap();
+        let listing = Listing::list_folder(&dir.path().join("clip")).unwrap();
         let stamps = listing.stamps_us.clone().unwrap();
         assert_eq!(stamps, [1_000_000, 1_000_500]);
         assert_eq!(greys(&listing, &stamps), [(0, vec![5.0, 6.0]), (500_000, vec![7.0, 8.0])]);
@@ -310,7 +312,7 @@ mod tests {
         image(&dir, "a.png", [5, 6]);
         let t = |text: &str, wanted: &str| {
             fs::write(dir.path().join(INFO), text).unwrap();
-            let error = Listing::read(dir.path()).unwrap_err().to_string();
+            let error = Listing::list_folder(dir.path()).unwrap_err().to_string();
             assert!(error.ends_with(wanted), "{error}");
         };
         t("a.png 0\na.png 0.5\n", "info.txt:2: the timestamp is 0.5, wanted an integer of us");
@@ -320,7 +322,7 @@ mod tests {
         t("\n", "info.txt: it names no image");
         fs::remove_file(dir.path().join(INFO)).unwrap();
         fs::remove_file(dir.path().join("a.png")).unwrap();
-        let error = Listing::read(dir.path()).unwrap_err().to_string();
+        let error = Listing::list_folder(dir.path()).unwrap_err().to_string();
         assert!(error.ends_with("it holds neither an info.txt nor a .png or .jpg"), "{error}");
     }
 
@@ -329,12 +331,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         image(&dir, "1.png", [5, 6]);
         image(&dir, "2.png", [5, 6]);
-        let images = Listing::read(dir.path()).unwrap().images;
+        let images = Listing::list_folder(dir.path()).unwrap().images;
         let new = |stamps: &[i64]| FolderFrames::new(images.clone(), stamps).map(|_| ());
         assert!(new(&[0]).unwrap_err().to_string().ends_with(": 2 images, and there are 1 stamps"));
         assert!(new(&[0, 0]).unwrap_err().to_string().starts_with("stamp 1 is 0 us"));
         let tall = Image::filled(Size { width: 1, height: 2 }, 9u8);
-        png::write(&tall, File::create(dir.path().join("2.png")).unwrap()).unwrap();
+        png::write_image(&tall, File::create(dir.path().join("2.png")).unwrap()).unwrap();
         assert!(new(&[0, 1]).unwrap_err().to_string().ends_with("2.png: 1x2, wanted 2x1 as the first"));
         fs::write(dir.path().join("2.png"), "no image").unwrap();
         assert!(new(&[0, 1]).unwrap_err().to_string().contains("2.png: "));

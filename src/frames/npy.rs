@@ -1,8 +1,8 @@
 //! Frames from arrays `[N, H, W]` in `.npy` files, read one by one.
 
 use super::array::FullScale;
-use super::stamps::{StampError, relative};
-use super::{Frame, FrameError, Frames, finite};
+use super::stamps::{StampError, relative_stamps};
+use super::{Frame, FrameError, Frames, require_finite};
 use crate::budget;
 use crate::files;
 use crate::image::{Image, MAX_SENSOR_PIXELS, Size, npy};
@@ -58,7 +58,8 @@ impl Array {
         let file = files::open(path).map_err(unreadable)?;
         let len = file.metadata().map_err(unreadable)?.len();
         let mut data = BufReader::with_capacity(1 << 20, file);
-        let head = npy::head(&mut data).map_err(|e| refusal(format!("no .npy that is read here: {e}")))?;
+        let head =
+            npy::checked_header(&mut data).map_err(|e| refusal(format!("no .npy that is read here: {e}")))?;
         let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
         let kind = header.dtype().descr().trim_matches('\'').to_owned();
         if header.order() != Order::C {
@@ -76,13 +77,13 @@ impl Array {
 
     fn refusal(&self, wanted: &str) -> NpyError {
         let because =
-            format!("an array of {} and shape {:?}, wanted {wanted}", dtype(&self.kind), self.shape);
+            format!("an array of {} and shape {:?}, wanted {wanted}", dtype_name(&self.kind), self.shape);
         NpyError::Content { path: self.path.clone(), because }
     }
 }
 
 /// numpy's name of a common type.
-fn dtype(kind: &str) -> &str {
+fn dtype_name(kind: &str) -> &str {
     match kind {
         "|u1" => "uint8",
         "<f4" => "float32",
@@ -188,7 +189,7 @@ impl Stack {
 ///
 /// # Errors
 /// As [`Stack::open`], or the samples cannot be read.
-pub fn brightest(path: &Path) -> Result<f32, NpyError> {
+pub fn brightest_sample(path: &Path) -> Result<f32, NpyError> {
     let mut stack = Stack::open(path)?;
     let mut most = f32::NEG_INFINITY;
     for _ in 0..LOOKED_AT.min(stack.frames) {
@@ -202,7 +203,7 @@ pub fn brightest(path: &Path) -> Result<f32, NpyError> {
 ///
 /// # Errors
 /// The file cannot be read, or has another array.
-pub fn stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
+pub fn read_stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
     let mut array = Array::open(path)?;
     let &[count] = array.shape.as_slice() else { return Err(array.refusal("int64 of shape [N]")) };
     if array.kind != "<i8" || count > MAX_STAMPS {
@@ -244,7 +245,7 @@ impl NpyFrames {
             return Err(NpyError::Content { path: stack.array.path, because });
         }
         let scale = if stack.kind == Kind::Floats { full_scale.grey() } else { 1.0 };
-        Ok(Self { stack, scale, stamps: relative(stamps_us)?, next: 0 })
+        Ok(Self { stack, scale, stamps: relative_stamps(stamps_us)?, next: 0 })
     }
 }
 
@@ -261,7 +262,7 @@ impl Frames for NpyFrames {
         let index = self.next;
         let Some(&t) = self.stamps.get(index) else { return Ok(None) };
         let frame = self.stack.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
-        let luminance = finite(index, "pixel", frame)?;
+        let luminance = require_finite(index, "pixel", frame)?;
         self.next += 1;
         Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
     }
@@ -308,7 +309,7 @@ impl Frames for RatedFrames {
         let Some(frame) = self.frames.next()? else { return Ok(None) };
         let index = frame.index;
         let rate = self.rates.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
-        let rate = Some(finite(index, "the rate of pixel", rate)?);
+        let rate = Some(require_finite(index, "the rate of pixel", rate)?);
         Ok(Some(Frame { rate, ..frame }))
     }
 
@@ -347,7 +348,7 @@ mod tests {
     fn frames_come_on_the_grey_scale_with_stamps_from_zero() {
         let dir = tempfile::tempdir().unwrap();
         let path = write(&dir, "f.npy", &[2, 1, 2], &[0.0f32, 1.0, 0.5, 2.0]);
-        assert!((brightest(&path).unwrap() - 2.0).abs() < f32::EPSILON);
+        assert!((brightest_sample(&path).unwrap() - 2.0).abs() < f32::EPSILON);
         let of = |scale| NpyFrames::new(Stack::open(&path).unwrap(), scale, &[1_000_000, 1_000_417]).unwrap();
         assert_eq!(greys(of(FullScale::One)), [(0, vec![0.0, 255.0]), (417_000, vec![127.5, 510.0])]);
         assert_eq!(greys(of(FullScale::Grey255)), [(0, vec![0.0, 1.0]), (417_000, vec![0.5, 2.0])]);
@@ -393,7 +394,7 @@ mod tests {
         }
         std::fs::write(&whole, &bytes[..bytes.len() - 3]).unwrap();
         t(&whole, ": 141 bytes, wanted 144 by its header");
-        let error = stamps(&write(&dir, "t.npy", &[2], &[0.5f64, 1.0])).unwrap_err().to_string();
+        let error = read_stamps(&write(&dir, "t.npy", &[2], &[0.5f64, 1.0])).unwrap_err().to_string();
         assert!(
             error.ends_with("an array of float64 and shape [2], wanted int64 of shape [N], N at most 2^28")
         );

@@ -85,7 +85,7 @@ impl RenderedFrames {
 
     fn view(&self, index: usize) -> Option<View> {
         let pose = self.trajectory.world_from_camera.get(index)?;
-        let still = View::still(self.camera, *pose);
+        let still = View::at_rest(self.camera, *pose);
         Some(self.velocities.get(index).map_or(still, |velocity| View { velocity: *velocity, ..still }))
     }
 
@@ -94,7 +94,7 @@ impl RenderedFrames {
     }
 
     /// Converts an image to the grey scale.
-    fn grey(image: Option<Image<f32>>, what: &str, index: usize) -> Result<Image<f32>, FrameError> {
+    fn to_grey(image: Option<Image<f32>>, what: &str, index: usize) -> Result<Image<f32>, FrameError> {
         let mut image = image.expect("a renderer renders what it is asked for");
         image.pixels_mut().iter_mut().for_each(|v| *v *= GREY_SCALE);
         match image.pixels().iter().position(|v| !v.is_finite()) {
@@ -148,11 +148,11 @@ impl Frames for RenderedFrames {
             .renderer
             .render(&view, want, &mut self.rendered)
             .map_err(|source| FrameError::Render { index, source })?;
-        let luminance = Self::grey(self.rendered.luminance.take(), "luminance", index)?;
+        let luminance = Self::to_grey(self.rendered.luminance.take(), "luminance", index)?;
         self.scale_colours(index)?;
         let rate = want
             .luminance_rate
-            .then(|| Self::grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
+            .then(|| Self::to_grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
             .transpose()?;
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);

@@ -39,7 +39,7 @@ impl StampError {
 ///
 /// # Errors
 /// At the first stamp that is not later than the one before, or too far from the first.
-pub fn relative(stamps_us: &[i64]) -> Result<Vec<i64>, StampError> {
+pub fn relative_stamps(stamps_us: &[i64]) -> Result<Vec<i64>, StampError> {
     for (index, pair) in stamps_us.windows(2).enumerate() {
         if pair[1] <= pair[0] {
             return Err(StampError::Order { index: index + 1, found: pair[1], before: pair[0] });
@@ -60,15 +60,15 @@ mod tests {
     #[test]
     fn far_from_zero_only_the_differences_count() {
         let far = 1_000_000_000_000_000;
-        assert_eq!(relative(&[far, far + 1, far + 417]), Ok(vec![0, 1000, 417_000]));
-        assert_eq!(relative(&[-7]), Ok(vec![0]));
-        assert_eq!(relative(&[]), Ok(vec![]));
+        assert_eq!(relative_stamps(&[far, far + 1, far + 417]), Ok(vec![0, 1000, 417_000]));
+        assert_eq!(relative_stamps(&[-7]), Ok(vec![0]));
+        assert_eq!(relative_stamps(&[]), Ok(vec![]));
     }
 
     #[test]
     fn what_does_not_increase_is_named() {
         let t = |stamps: &[i64], index: usize, message: &str| {
-            let error = relative(stamps).unwrap_err();
+            let error = relative_stamps(stamps).unwrap_err();
             assert_eq!((error.index(), error.to_string().as_str()), (index, message));
         };
         t(&[0, 5, 5], 2, "stamp 2 is 5 us, not later than the one before, 5 us");

@@ -45,7 +45,7 @@ fn lacks(channels: &'static str) -> JpegError {
 /// # Errors
 /// When the bytes are damaged or no JPEG, the image has no luma of its own (CMYK), or more than 16,384 columns or rows.
 pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, JpegError> {
-    let (size, _, greys) = decoded(bytes, ColorSpace::Luma, wanted)?;
+    let (size, _, greys) = decode_as(bytes, ColorSpace::Luma, wanted)?;
     if greys.len() != size.pixels() {
         return Err(lacks("it has no luma of its own"));
     }
@@ -58,7 +58,7 @@ pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, 
 /// As [`read_luminance`], and when the chroma, which that does not read, is damaged or not as large as the luma asks for.
 pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<Shades, JpegError> {
     let luminance = read_luminance(bytes, wanted)?;
-    let (size, stored, samples) = decoded(bytes, ColorSpace::RGB, wanted)?;
+    let (size, stored, samples) = decode_as(bytes, ColorSpace::RGB, wanted)?;
     if stored == Some(ColorSpace::Luma) {
         return Ok(Shades { luminance, colours: None });
     }
@@ -74,8 +74,8 @@ pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<Shades, JpegEr
 /// # Errors
 /// When the bytes are damaged or no JPEG, or the image has more than 16,384 columns or rows, or another size than
 /// `wanted`.
-pub fn read(bytes: &[u8], wanted: Option<Size>) -> Result<Image<[u8; 3]>, JpegError> {
-    let (size, _, samples) = decoded(bytes, ColorSpace::RGB, wanted)?;
+pub fn read_rgb(bytes: &[u8], wanted: Option<Size>) -> Result<Image<[u8; 3]>, JpegError> {
+    let (size, _, samples) = decode_as(bytes, ColorSpace::RGB, wanted)?;
     let pixels = match samples.len().checked_div(size.pixels()) {
         Some(3) => samples.as_chunks().0.to_vec(),
         Some(1) => samples.into_iter().map(|grey| [grey; 3]).collect(),
@@ -103,7 +103,7 @@ pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
 }
 
 /// Size, the colour space of the file, and the samples in another.
-fn decoded(
+fn decode_as(
     bytes: &[u8],
     space: ColorSpace,
     wanted: Option<Size>,
@@ -184,7 +184,7 @@ mod tests {
     fn bytes_are_read_as_colours_are() {
         let bytes = bytes();
         let colours = read_colours(&bytes, None).unwrap().colours.unwrap();
-        let read = read(&bytes, None).unwrap();
+        let read = read_rgb(&bytes, None).unwrap();
         assert_eq!(read.size(), colours.size());
         let bits = |rgb: &[f32; 3]| rgb.map(f32::to_bits);
         let same = |(a, b): (&[u8; 3], &[f32; 3])| bits(&a.map(f32::from)) == bits(b);
@@ -201,7 +201,7 @@ mod tests {
         let image = Image::from_vec(size, (0..45 * 31).map(colour).collect());
         let written = encode(&image, 85).unwrap();
         assert!(written.len() < 45 * 31 * 3 / 4, "{} bytes", written.len());
-        let found = read(&written, None).unwrap();
+        let found = read_rgb(&written, None).unwrap();
         assert_eq!(found.size(), size);
         let off = |(a, b): (&[u8; 3], &[u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
         let worst = found.pixels().iter().zip(image.pixels()).map(off).max().unwrap();
@@ -216,7 +216,7 @@ mod tests {
         let mut file = bytes();
         let at = file.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
         let other = Size { width: 8, height: 8 };
-        let error = read(&file, Some(other)).unwrap_err().to_string();
+        let error = read_rgb(&file, Some(other)).unwrap_err().to_string();
         assert_eq!(error, "an image of 16x8, wanted 8x8");
         // Rows and columns stand behind the marker, a length and the number of bits.
         file[at + 5..at + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);

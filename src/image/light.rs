@@ -20,7 +20,7 @@ pub struct Light {
 impl Light {
     /// An empty sum.
     #[must_use]
-    pub fn none(size: Size) -> Self {
+    pub fn empty_sum(size: Size) -> Self {
         Self { size, sums: vec![0.0; 3 * size.pixels()], pictures: 0 }
     }
 
@@ -33,7 +33,7 @@ impl Light {
         let level = Level::new();
         let values = picture.pixels().as_flattened();
         let parts = self.sums.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK));
-        parts.for_each(|(sums, values)| dispatch!(level, simd => add(simd, sums, values)));
+        parts.for_each(|(sums, values)| dispatch!(level, simd => add_eight(simd, sums, values)));
         self.pictures += 1;
     }
 
@@ -54,7 +54,7 @@ impl Light {
 
 /// Eight values at a time.
 #[inline(always)]
-fn add<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
+fn add_eight<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
     let light = |values: &[f32; 8]| -> [f64; 8] {
         let encoded = f64x8::from_fn(simd, |i| f64::from(values[i].clamp(0.0, 1.0)));
         srgb::decode_eight(encoded).into()
@@ -80,7 +80,7 @@ mod tests {
     const SIZE: Size = Size { width: 7, height: 3 };
 
     fn mean(values: &[[f32; 3]]) -> Vec<[u8; 3]> {
-        let mut light = Light::none(SIZE);
+        let mut light = Light::empty_sum(SIZE);
         values.iter().for_each(|rgb| light.add(&Image::filled(SIZE, *rgb)));
         png::to_bytes(&light.mean()).pixels().to_vec()
     }

@@ -29,7 +29,7 @@ const STEADIERS: [f64; 2] = [1e-4, 9e-4];
 pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     let square = |(a, b): (&f32, &f32)| (f64::from(*a) - f64::from(*b)) * (f64::from(*a) - f64::from(*b));
     let row = |row| {
-        let [a, b] = [a, b].map(|image| self::row(image, row).as_flattened());
+        let [a, b] = [a, b].map(|image| self::image_row(image, row).as_flattened());
         a.iter().zip(b).map(square).sum::<f64>()
     };
     mean_of_rows(a, b, row)
@@ -48,9 +48,9 @@ pub fn psnr_db(mean_square: f64) -> f64 {
 /// They differ in size.
 #[must_use]
 pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
-    let window = window();
+    let window = window_weights();
     mean_of_rows(a, b, |row| {
-        let columns = columns(a, b, row, &window);
+        let columns = column_moments(a, b, row, &window);
         let at = |x: usize| {
             let mut seen = [Moments::default(); 3];
             for (column, weight) in (x..).zip(window).filter_map(|(k, w)| Some((k.checked_sub(REACH)?, w))) {
@@ -65,7 +65,7 @@ pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
 }
 
 /// The weights of the window along an edge; their sum is 1.
-fn window() -> [f64; EDGE] {
+fn window_weights() -> [f64; EDGE] {
     let weight = |k: usize| {
         let from_centre = (k as f64 - REACH as f64) / DEVIATION;
         libm::exp(-0.5 * from_centre * from_centre)
@@ -80,7 +80,7 @@ fn window() -> [f64; EDGE] {
 struct Moments([f64; 5]);
 
 impl Moments {
-    fn of(a: f32, b: f32) -> [f64; 5] {
+    fn from_pixel(a: f32, b: f32) -> [f64; 5] {
         let (a, b) = (f64::from(a), f64::from(b));
         [a, b, a * a, b * b, a * b]
     }
@@ -102,20 +102,27 @@ impl Moments {
 }
 
 /// The moments of each column around a row.
-fn columns(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, row: usize, window: &[f64; EDGE]) -> Vec<[Moments; 3]> {
+fn column_moments(
+    a: &Image<[f32; 3]>,
+    b: &Image<[f32; 3]>,
+    row: usize,
+    window: &[f64; EDGE],
+) -> Vec<[Moments; 3]> {
     let mut columns = vec![[Moments::default(); 3]; a.size().width as usize];
     let rows = (row..).zip(window).filter_map(|(k, weight)| Some((k.checked_sub(REACH)?, *weight)));
     for (k, weight) in rows.filter(|(k, _)| *k < a.size().height as usize) {
-        for (column, (a, b)) in columns.iter_mut().zip(self::row(a, k).iter().zip(self::row(b, k))) {
+        for (column, (a, b)) in
+            columns.iter_mut().zip(self::image_row(a, k).iter().zip(self::image_row(b, k)))
+        {
             for (moments, (a, b)) in column.iter_mut().zip(a.iter().zip(b)) {
-                moments.add(weight, Moments::of(*a, *b));
+                moments.add(weight, Moments::from_pixel(*a, *b));
             }
         }
     }
     columns
 }
 
-fn row(image: &Image<[f32; 3]>, row: usize) -> &[[f32; 3]] {
+fn image_row(image: &Image<[f32; 3]>, row: usize) -> &[[f32; 3]] {
     let width = image.size().width as usize;
     &image.pixels()[row * width..][..width]
 }

@@ -34,7 +34,7 @@ impl<const N: usize> Pixel for [f32; N] {
 ///
 /// # Errors
 /// Writing to `out` fails.
-pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
+pub fn write_image<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     let Size { width, height } = image.size();
     let shape: Vec<u64> = [height.into(), width.into()].into_iter().chain(P::CHANNELS).collect();
     write_values(&shape, P::values(image.pixels()), out)
@@ -91,7 +91,7 @@ pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>>
 /// The bytes are not an array with this shape.
 pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>> {
     let invalid = |because: String| io::Error::new(io::ErrorKind::InvalidData, because);
-    let head = head(input)?;
+    let head = checked_header(input)?;
     let file = npyz::NpyFile::new(head.as_slice().chain(&mut *input))?;
     if file.shape() != shape || file.order() != npyz::Order::C {
         let found = (file.shape(), file.order());
@@ -111,7 +111,7 @@ pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>>
 /// # Errors
 /// The header cannot be read, has another version or more brackets, or states more than 2^64
 /// elements.
-pub fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
+pub fn checked_header(data: &mut impl Read) -> io::Result<Vec<u8>> {
     let refusal = |because: String| Err(io::Error::new(io::ErrorKind::InvalidData, because));
     let mut head = vec![0; 10];
     data.read_exact(&mut head)?;
@@ -152,7 +152,7 @@ mod tests {
 
     fn written<P: Pixel>(image: &Image<P>) -> Vec<u8> {
         let mut out = Vec::new();
-        write(image, &mut out).unwrap();
+        write_image(image, &mut out).unwrap();
         out
     }
 
@@ -186,7 +186,9 @@ mod tests {
         let stored = |text: &str| {
             [b"\x93NUMPY\x01\x00", &[u8::try_from(text.len()).unwrap(), 0][..], text.as_bytes()].concat()
         };
-        let t = |text: &str, sound: bool| assert_eq!(head(&mut &stored(text)[..]).is_ok(), sound, "{text}");
+        let t = |text: &str, sound: bool| {
+            assert_eq!(checked_header(&mut &stored(text)[..]).is_ok(), sound, "{text}")
+        };
         t("{'descr': '<u2', 'fortran_order': False, 'shape': (300, ), }\n", true);
         let shaped =
             |shape: &str| format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({shape}), }}\n");
@@ -198,6 +200,6 @@ mod tests {
         t("{'descr': [('a', '<u2')], 'fortran_order': False, 'shape': (300, ), }\n", false);
         let mut later = stored("{}");
         later[6] = 3;
-        assert!(head(&mut &later[..]).is_err(), "no head of 4 GB");
+        assert!(checked_header(&mut &later[..]).is_err(), "no head of 4 GB");
     }
 }

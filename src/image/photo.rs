@@ -26,9 +26,9 @@ const PNG: [u8; 4] = *b"\x89PNG";
 ///
 /// # Errors
 /// When the bytes are damaged, or of another format, depth or size: the size by the header, before anything is decoded.
-pub fn read(bytes: &[u8], camera: Size) -> Result<Image<[u8; 3]>, PhotoError> {
+pub fn read_photo(bytes: &[u8], camera: Size) -> Result<Image<[u8; 3]>, PhotoError> {
     if bytes.starts_with(&JPEG) {
-        Ok(jpeg::read(bytes, Some(camera))?)
+        Ok(jpeg::read_rgb(bytes, Some(camera))?)
     } else if bytes.starts_with(&PNG) {
         Ok(png::read_sized(Cursor::new(bytes), camera)?)
     } else {
@@ -44,9 +44,9 @@ mod tests {
     fn photos_are_told_by_their_content() {
         let size = Size { width: 5, height: 3 };
         let image = Image::filled(size, [1u8, 2, 3]);
-        let read = |bytes: &[u8]| read(bytes, size);
+        let read = |bytes: &[u8]| read_photo(bytes, size);
         let mut bytes = Vec::new();
-        png::write(&image, &mut bytes).unwrap();
+        png::write_image(&image, &mut bytes).unwrap();
         assert_eq!(read(&bytes).unwrap(), image);
         assert!(matches!(read(&bytes[..20]), Err(PhotoError::Png(_))));
         assert!(matches!(read(&JPEG), Err(PhotoError::Jpeg(_))));

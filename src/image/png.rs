@@ -80,7 +80,7 @@ pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
 ///
 /// # Errors
 /// `out` fails, or the image has no pixels.
-pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
+pub fn write_image<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
     let Size { width, height } = image.size();
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(P::COLOUR);
@@ -97,16 +97,16 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()>
 /// # Errors
 /// The bytes are damaged, or the image has another depth, a palette, transparency, or more than
 /// 2^28 pixels.
-pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
-    colours(stored(input, None)?)
+pub fn read_rgb(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
+    colours(read_stored(input, None)?)
 }
 
-/// [`read`] of an image whose size is known: one of another size is refused by its header.
+/// [`read_rgb`] of an image whose size is known: one of another size is refused by its header.
 ///
 /// # Errors
-/// As [`read`], and when the image has another size.
+/// As [`read_rgb`], and when the image has another size.
 pub fn read_sized(input: impl BufRead + Seek, wanted: Size) -> Result<Image<[u8; 3]>, PngError> {
-    colours(stored(input, Some(wanted))?)
+    colours(read_stored(input, Some(wanted))?)
 }
 
 fn colours(stored: Stored) -> Result<Image<[u8; 3]>, PngError> {
@@ -125,7 +125,7 @@ fn colours(stored: Stored) -> Result<Image<[u8; 3]>, PngError> {
 /// # Errors
 /// As [`read_sized`], but that 16 bits are right too.
 pub fn read_luminance(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Image<f32>, PngError> {
-    Ok(samples(input, wanted)?.luminance())
+    Ok(read_samples(input, wanted)?.luminance())
 }
 
 /// [`read_luminance`], with the colours on the same scale, unless the image is grey.
@@ -133,7 +133,7 @@ pub fn read_luminance(input: impl BufRead + Seek, wanted: Option<Size>) -> Resul
 /// # Errors
 /// As [`read_luminance`].
 pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Shades, PngError> {
-    let samples = samples(input, wanted)?;
+    let samples = read_samples(input, wanted)?;
     Ok(Shades { luminance: samples.luminance(), colours: samples.colours() })
 }
 
@@ -148,20 +148,20 @@ struct Samples {
 impl Samples {
     fn luminance(&self) -> Image<f32> {
         let pixels = match self.coloured {
-            true => self.values.as_chunks().0.iter().map(|&rgb| narrow(grey(rgb))).collect(),
-            false => self.values.iter().map(|&v| narrow(v)).collect(),
+            true => self.values.as_chunks().0.iter().map(|&rgb| to_single(weigh_grey(rgb))).collect(),
+            false => self.values.iter().map(|&v| to_single(v)).collect(),
         };
         Image::from_vec(self.size, pixels)
     }
 
     fn colours(&self) -> Option<Image<[f32; 3]>> {
-        let pixels = || self.values.as_chunks().0.iter().map(|rgb: &[f64; 3]| rgb.map(narrow)).collect();
+        let pixels = || self.values.as_chunks().0.iter().map(|rgb: &[f64; 3]| rgb.map(to_single)).collect();
         self.coloured.then(|| Image::from_vec(self.size, pixels()))
     }
 }
 
-fn samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samples, PngError> {
-    let Stored { size, colour, depth, bytes } = stored(input, wanted)?;
+fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samples, PngError> {
+    let Stored { size, colour, depth, bytes } = read_stored(input, wanted)?;
     let wide = |[high, low]: [u8; 2]| f64::from(u16::from_be_bytes([high, low])) / 257.0;
     let values = match depth {
         BitDepth::Eight => bytes.into_iter().map(f64::from).collect(),
@@ -179,17 +179,17 @@ fn samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samples, 
 const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
 
 /// In 64 bits, where the weights sum to 1 closely enough that equal channels give that grey.
-fn grey(rgb: [f64; 3]) -> f64 {
-    LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| decimal(weight) * v).sum()
+fn weigh_grey(rgb: [f64; 3]) -> f64 {
+    LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| weight_decimal(weight) * v).sum()
 }
 
 /// The decimal fraction of a weight with three digits, nearest in 64 bits.
-fn decimal(weight: f32) -> f64 {
+fn weight_decimal(weight: f32) -> f64 {
     libm::round(1000.0 * f64::from(weight)) / 1000.0
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-fn narrow(v: f64) -> f32 {
+fn to_single(v: f64) -> f32 {
     v as f32
 }
 
@@ -201,7 +201,7 @@ struct Stored {
     bytes: Vec<u8>,
 }
 
-fn stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Stored, PngError> {
+fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Stored, PngError> {
     let file = input.seek(SeekFrom::End(0))?;
     input.rewind()?;
     let mut reader = opened(&mut input)?;
@@ -266,17 +266,17 @@ mod tests {
 
     fn encoded<P: Pixel>(image: &Image<P>) -> Vec<u8> {
         let mut out = Vec::new();
-        write(image, &mut out).unwrap();
+        write_image(image, &mut out).unwrap();
         out
     }
 
     #[test]
     fn images_are_read_back() {
         let rgb = Image::from_vec(SIZE, noise(SIZE.pixels() * 3).as_chunks().0.to_vec());
-        assert_eq!(read(Cursor::new(encoded(&rgb))).unwrap(), rgb);
+        assert_eq!(read_rgb(Cursor::new(encoded(&rgb))).unwrap(), rgb);
         let grey = Image::from_vec(SIZE, noise(SIZE.pixels()));
         let spread = grey.pixels().iter().map(|&v| [v; 3]).collect();
-        assert_eq!(read(Cursor::new(encoded(&grey))).unwrap(), Image::from_vec(SIZE, spread));
+        assert_eq!(read_rgb(Cursor::new(encoded(&grey))).unwrap(), Image::from_vec(SIZE, spread));
     }
 
     #[test]
@@ -313,12 +313,12 @@ mod tests {
     fn damage_is_an_error() {
         let whole = encoded(&Image::filled(SIZE, 200u8));
         for cut in 0..whole.len() {
-            assert!(read(Cursor::new(&whole[..cut])).is_err(), "{cut} of {} bytes", whole.len());
+            assert!(read_rgb(Cursor::new(&whole[..cut])).is_err(), "{cut} of {} bytes", whole.len());
         }
         for at in 0..whole.len() {
             let mut changed = whole.clone();
             changed[at] ^= 0x5a;
-            assert!(read(Cursor::new(&changed)).is_err(), "byte {at} changed");
+            assert!(read_rgb(Cursor::new(&changed)).is_err(), "byte {at} changed");
         }
     }
 
@@ -361,14 +361,14 @@ mod tests {
         let size = Size { width: 8192, height: 6000 };
         let file = encoded(&Image::filled(size, 7u8));
         assert!(file.len() < 1 << 20, "{}", file.len());
-        let stored = stored(Cursor::new(&file), Some(size)).unwrap();
+        let stored = read_stored(Cursor::new(&file), Some(size)).unwrap();
         assert!(stored.bytes.len() == size.pixels() && stored.bytes.iter().all(|v| *v == 7));
         let error = stored_error(&file[..file.len() - 20]);
         assert!(!error.is_empty());
     }
 
     fn stored_error(file: &[u8]) -> String {
-        stored(Cursor::new(file), None).map(|_| ()).unwrap_err().to_string()
+        read_stored(Cursor::new(file), None).map(|_| ()).unwrap_err().to_string()
     }
 
     #[test]
@@ -377,7 +377,7 @@ mod tests {
         let mut encoder = png::Encoder::new(&mut out, 1, 1);
         encoder.set_color(ColorType::Rgba);
         encoder.write_header().unwrap().write_image_data(&[1, 2, 3, 4]).unwrap();
-        let error = read(Cursor::new(out)).unwrap_err().to_string();
+        let error = read_rgb(Cursor::new(out)).unwrap_err().to_string();
         assert_eq!(error, "Rgba of 8 bits, wanted grey or RGB of 8 bits");
     }
 

@@ -16,11 +16,11 @@ pub fn to_width(image: &Image<[u8; 3]>, width: u32) -> Image<[u8; 3]> {
     }
     let height = (u64::from(from.height) * u64::from(width)).div_ceil(u64::from(from.width));
     let size = Size { width, height: u32::try_from(height).expect("it is lower than the image") };
-    let columns: Vec<_> = (0..width).map(|x| covered(x, width, from.width)).collect();
+    let columns: Vec<_> = (0..width).map(|x| covered_range(x, width, from.width)).collect();
     let mut pixels = Vec::with_capacity(size.pixels());
     for y in 0..size.height {
-        let rows = covered(y, size.height, from.height);
-        pixels.extend(columns.iter().map(|columns| mean(image, columns, &rows)));
+        let rows = covered_range(y, size.height, from.height);
+        pixels.extend(columns.iter().map(|columns| covered_mean(image, columns, &rows)));
     }
     Image::from_vec(size, pixels)
 }
@@ -45,7 +45,7 @@ impl Cover {
     }
 }
 
-fn covered(at: u32, to: u32, from: u32) -> Cover {
+fn covered_range(at: u32, to: u32, from: u32) -> Cover {
     let [at, to, from] = [at, to, from].map(u64::from);
     let (begin, end) = (at * from, (at + 1) * from);
     let index = |n: u64| u32::try_from(n).expect("it lies in the image");
@@ -55,7 +55,7 @@ fn covered(at: u32, to: u32, from: u32) -> Cover {
     Cover { range, first, last, whole: to }
 }
 
-fn mean(image: &Image<[u8; 3]>, columns: &Cover, rows: &Cover) -> [u8; 3] {
+fn covered_mean(image: &Image<[u8; 3]>, columns: &Cover, rows: &Cover) -> [u8; 3] {
     let width = image.size().width as usize;
     let (mut sums, mut weights) = ([0u64; 3], 0);
     for y in rows.range.clone() {

@@ -3,7 +3,7 @@
 //! Above 1, both directions continue the power law; below 0, the linear piece. Renderings leave the
 //! range.
 
-use crate::elementary::{exp, ln};
+use crate::elementary::{exp_eight, ln_eight};
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 
 /// Display value up to which the curve is linear.
@@ -32,7 +32,7 @@ pub fn decode(v: f64) -> f64 {
 
 /// The derivative of linear light by the display value.
 #[must_use]
-pub fn slope(v: f64) -> f64 {
+pub fn decode_slope(v: f64) -> f64 {
     if v <= STRAIGHT {
         1.0 / SLOPE
     } else {
@@ -47,7 +47,7 @@ pub(crate) fn decode_eight<S: Simd>(v: f64x8<S>) -> f64x8<S> {
     let straight = v.simd_le(STRAIGHT);
     // Values on the linear piece are replaced, because they may have no logarithm.
     let base = (v.max(STRAIGHT) + OFFSET) / (1.0 + OFFSET);
-    straight.select(v / SLOPE, exp(ln(base) * GAMMA))
+    straight.select(v / SLOPE, exp_eight(ln_eight(base) * GAMMA))
 }
 
 #[cfg(test)]
@@ -96,7 +96,7 @@ mod tests {
         for i in (1..150_u8).filter(|i| *i != 4) {
             let v = f64::from(i) / 100.0;
             let found = (decode(v + h) - decode(v - h)) / (2.0 * h);
-            assert!((found - slope(v)).abs() < 1e-9, "{v}: {found}, {}", slope(v));
+            assert!((found - decode_slope(v)).abs() < 1e-9, "{v}: {found}, {}", decode_slope(v));
         }
     }
 

@@ -42,7 +42,7 @@ impl Expression {
                     let (Some(b), Some(a)) = (stack.pop(), stack.pop()) else {
                         return Err(refusal("an operator lacks an operand".into()));
                     };
-                    Term::join(*operator, a, b)
+                    Term::join_terms(*operator, a, b)
                 }
             };
             stack.push(term);
@@ -56,9 +56,9 @@ impl Expression {
     /// # Panics
     /// The list is empty. Absent terms are not the same as free terms.
     #[must_use]
-    pub fn all(expressions: impl IntoIterator<Item = Self>) -> Self {
+    pub fn conjunction_of(expressions: impl IntoIterator<Item = Self>) -> Self {
         let terms = expressions.into_iter().map(|e| e.0);
-        let joined = terms.reduce(|a, b| Term::join(Operator::And, a, b));
+        let joined = terms.reduce(|a, b| Term::join_terms(Operator::And, a, b));
         Self(joined.expect("a scene has at least one part"))
     }
 
@@ -78,7 +78,7 @@ impl Expression {
 }
 
 impl Term {
-    fn join(operator: Operator, a: Self, b: Self) -> Self {
+    fn join_terms(operator: Operator, a: Self, b: Self) -> Self {
         let mut terms = BTreeSet::new();
         for term in [a, b] {
             match (operator, term) {
@@ -99,14 +99,14 @@ impl Term {
 
     fn collect_ids(&self, ids: &mut BTreeSet<String>) {
         match self {
-            Self::Licence(text) => ids.extend(text.split(" WITH ").map(|id| bare(id).to_owned())),
+            Self::Licence(text) => ids.extend(text.split(" WITH ").map(|id| without_plus(id).to_owned())),
             Self::Any(terms) | Self::All(terms) => terms.iter().for_each(|t| t.collect_ids(ids)),
         }
     }
 
     fn demands(&self, id: &str) -> bool {
         match self {
-            Self::Licence(text) => text.split(" WITH ").any(|part| bare(part) == id),
+            Self::Licence(text) => text.split(" WITH ").any(|part| without_plus(part) == id),
             Self::All(terms) => terms.iter().any(|t| t.demands(id)),
             Self::Any(terms) => terms.iter().all(|t| t.demands(id)),
         }
@@ -130,7 +130,7 @@ fn unfit_because(id: &str) -> Option<String> {
 }
 
 /// An id without the `+` that allows later versions.
-fn bare(id: &str) -> &str {
+fn without_plus(id: &str) -> &str {
     id.strip_suffix('+').unwrap_or(id)
 }
 

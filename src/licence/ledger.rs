@@ -216,7 +216,7 @@ pub const LEDGER: [Asset; 8] = [
 
 /// Returns the dataset of a source, by kind or by address.
 #[must_use]
-pub fn dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
+pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
     let url = url.unwrap_or_default().to_lowercase();
     let by_kind = |asset: &&Asset| asset.role == Role::Source(Some(kind));
     let by_address = |asset: &&Asset| asset.addresses.iter().any(|address| url.contains(address));
@@ -227,8 +227,8 @@ pub fn dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
 /// Returns the name of the source kind of a capture: the kind of the dataset at its address, or
 /// otherwise the kind of its reader.
 #[must_use]
-pub fn origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
-    let asset = SourceKind::by_name(kind).and_then(|kind| dataset(kind, url));
+pub fn find_origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
+    let asset = SourceKind::by_name(kind).and_then(|kind| find_dataset(kind, url));
     match asset.map(|asset| asset.role) {
         Some(Role::Source(Some(kind))) => kind.name(),
         _ => kind,
@@ -237,7 +237,7 @@ pub fn origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
 
 /// Returns the program with this name.
 #[must_use]
-pub fn tool(name: &str) -> Option<&'static Asset> {
+pub fn find_tool(name: &str) -> Option<&'static Asset> {
     let name = name.to_lowercase();
     LEDGER.iter().find(|asset| matches!(asset.role, Role::Tool(names) if names.contains(&name.as_str())))
 }
@@ -304,7 +304,7 @@ mod tests {
     #[test]
     fn a_dataset_is_known_by_kind_and_by_address() {
         let t = |kind, url, wanted: Option<&str>| {
-            assert_eq!(dataset(kind, url).map(|asset| asset.name), wanted, "{kind:?} {url:?}");
+            assert_eq!(find_dataset(kind, url).map(|asset| asset.name), wanted, "{kind:?} {url:?}");
         };
         t(SourceKind::Dl3dv, None, Some("DL3DV-10K"));
         t(SourceKind::Colmap, None, None);
@@ -317,12 +317,12 @@ mod tests {
         t(SourceKind::Colmap, Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet"), Some("MVImgNet"));
         t(SourceKind::Nerfstudio, Some("https://jonbarron.info/mipnerf360/"), Some("Mip-NeRF 360"));
         t(SourceKind::Colmap, Some("https://example.org/lab"), None);
-        assert_eq!(origin("colmap", Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet")), "mvimgnet");
-        assert_eq!(origin("colmap", Some("https://jonbarron.info/mipnerf360/")), "colmap");
+        assert_eq!(find_origin("colmap", Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet")), "mvimgnet");
+        assert_eq!(find_origin("colmap", Some("https://jonbarron.info/mipnerf360/")), "colmap");
         // A program is no dataset.
         t(SourceKind::Colmap, Some("https://github.com/graphdeco-inria/gaussian-splatting"), None);
-        assert_eq!(tool("3DGS").map(|asset| asset.name), Some("3D Gaussian Splatting"));
-        assert!(tool("opensplat").is_none());
+        assert_eq!(find_tool("3DGS").map(|asset| asset.name), Some("3D Gaussian Splatting"));
+        assert!(find_tool("opensplat").is_none());
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub fn is_listed(id: &str) -> bool {
 /// Returns the text of a licence or an exception, with a final newline. For terms known only to
 /// their holders, the text says so and names the holders.
 #[must_use]
-pub fn text(id: &str, holders: &[String]) -> String {
+pub fn licence_text(id: &str, holders: &[String]) -> String {
     let own = OWN.iter().find(|(own, _)| *own == id).map(|(_, text)| *text);
     let listed = || spdx::license_id(id).map(spdx::LicenseId::text);
     let exception = || spdx::exception_id(id).map(spdx::ExceptionId::text);
@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn texts_begin_as_their_licences_do() {
         let t = |id: &str, start: &str| {
-            let text = text(id, &[]);
+            let text = licence_text(id, &[]);
             assert!(text.contains(start), "{id}: {}", &text[..80]);
             assert!(text.ends_with('\n') && !text.ends_with("\n\n"), "{id}");
         };
@@ -69,6 +69,8 @@ mod tests {
 
     #[test]
     fn terms_of_a_holder_name_the_holder() {
-        assert!(text("LicenseRef-Ours", &["Example Lab".into()]).contains("To be asked: Example Lab."));
+        assert!(
+            licence_text("LicenseRef-Ours", &["Example Lab".into()]).contains("To be asked: Example Lab.")
+        );
     }
 }

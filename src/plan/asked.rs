@@ -25,7 +25,7 @@ pub fn ask(program: Asked, programs: &Programs, store: &Store) -> String {
     let grounds: Option<Vec<(PathBuf, Sighting)>> = version.grounds.iter().map(sight).collect();
     if let (Some(grounds), Some(path)) = (grounds, program.path(programs)) {
         let fact = (path, version.text.clone());
-        store.remember(&name(program), Digest::of(TAG), &grounds, &[], fact);
+        store.remember(&name(program), Digest::of_bytes(TAG), &grounds, &[], fact);
     }
     version.text
 }
@@ -34,7 +34,7 @@ pub fn ask(program: Asked, programs: &Programs, store: &Store) -> String {
 #[must_use]
 pub fn recall(program: Asked, programs: &Programs, store: &Store) -> Option<String> {
     let Some(path) = program.path(programs) else { return Some(program.version(programs).text) };
-    let recalled = store.recall::<(PathBuf, String)>(&[name(program)], &Digest::of(TAG)).ok()?;
+    let recalled = store.recall::<(PathBuf, String)>(&[name(program)], &Digest::of_bytes(TAG)).ok()?;
     let (asked, text) = recalled.into_iter().next().flatten()?;
     (asked == path).then_some(text)
 }

@@ -6,7 +6,7 @@ use crate::stage::capture::Capturing;
 use crate::stage::reconstruct::Reconstructing;
 use crate::stage::{Stage, StageError, StepId};
 use crate::store::description::{Line, Value};
-use crate::store::record::{Output, content};
+use crate::store::record::{Output, content_digest};
 use crate::store::stat_cache::Sighting;
 use crate::store::{BlobState, Digest, Key, Store, StoreError};
 use serde::Serialize;
@@ -108,7 +108,7 @@ impl Assessment {
     /// record. An input that is not known yet is not a difference.
     #[must_use]
     pub fn changes(&self, last: &[Line]) -> Vec<Change> {
-        let mut changes = changes(last, &self.description.lines());
+        let mut changes = changed_lines(last, &self.description.lines());
         let is_unknown = |c: &Change| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
         changes.retain(|c| self.key.is_some() || !is_unknown(c));
         changes
@@ -162,7 +162,7 @@ pub struct Product {
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
     /// A source file does not exist.
-    #[error("{scene}: the source is not there: {}{}", path.display(), named(named_at.as_ref()))]
+    #[error("{scene}: the source is not there: {}{}", path.display(), named_place(named_at.as_ref()))]
     Missing {
         /// Scene id.
         scene: String,
@@ -188,7 +188,7 @@ pub enum PlanError {
     Store(#[from] StoreError),
 }
 
-fn named(at: Option<&Position>) -> String {
+fn named_place(at: Option<&Position>) -> String {
     at.map(|at| format!(", named at {at}")).unwrap_or_default()
 }
 
@@ -196,7 +196,7 @@ fn named(at: Option<&Position>) -> String {
 ///
 /// # Errors
 /// A source is absent or unreadable, or the store fails.
-pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> {
+pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> {
     let mut done: Vec<Assessment> = Vec::with_capacity(plan.steps.len());
     for step in &plan.steps {
         let waiting = step.step.inputs().into_iter().find(|(_, id)| done[id.0].outputs.is_none());
@@ -215,7 +215,7 @@ pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> 
 /// Holds one step against the store, given the outputs of its inputs. The programs in its key have been asked.
 ///
 /// # Errors
-/// As [`assess`].
+/// As [`assess_plan`].
 pub fn step_alone(
     plan: &Plan,
     store: &Store,
@@ -223,14 +223,14 @@ pub fn step_alone(
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Result<Assessment, PlanError> {
     let sources = read_sources(plan, store, step)?;
-    let description = describe(step, &sources, outputs_of);
-    let key = Key::of(&description);
+    let description = describe_step(step, &sources, outputs_of);
+    let key = Key::of_description(&description);
     let (reason, outputs) = match store.record(&key)? {
-        Some(record) => match damage(store, &record.outputs)? {
+        Some(record) => match find_damage(store, &record.outputs)? {
             None => (Reason::UpToDate, Some(record.outputs)),
             Some(reason) => (reason, None),
         },
-        None => (difference(plan, store, step, &description)?, None),
+        None => (find_difference(plan, store, step, &description)?, None),
     };
     let action = if outputs.is_some() { Action::Keep } else { Action::Run };
     Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
@@ -249,20 +249,20 @@ fn step_behind(
         action: Action::MayRun,
         reason,
         key: None,
-        description: describe(step, &sources, outputs_of),
+        description: describe_step(step, &sources, outputs_of),
         sources,
         outputs: None,
     })
 }
 
 /// A step with its known inputs.
-pub(crate) fn describe(
+pub(crate) fn describe_step(
     step: &PlannedStep,
     sources: &Sources,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Value {
     let made = step.step.inputs().into_iter();
-    let made = made.filter_map(|(role, id)| Some((role.to_owned(), content(&outputs_of(id)?))));
+    let made = made.filter_map(|(role, id)| Some((role.to_owned(), content_digest(&outputs_of(id)?))));
     let inputs: Vec<(String, Digest)> = made.chain(sources.digests.iter().cloned()).collect();
     step.step.describe(&inputs)
 }
@@ -307,7 +307,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     Ok(sources)
 }
 
-fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreError> {
+fn find_damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreError> {
     for output in outputs {
         let digest = output.digest.to_string();
         match store.examine(output)? {
@@ -320,10 +320,15 @@ fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreErro
 }
 
 /// The difference from the last time the step was made.
-fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Result<Reason, StoreError> {
+fn find_difference(
+    plan: &Plan,
+    store: &Store,
+    step: &PlannedStep,
+    now: &Value,
+) -> Result<Reason, StoreError> {
     let last = store.last_key(plan.scene_of(step), &step.name);
     let record = last.map(|key| store.full_record(&key)).transpose()?.flatten();
-    let first = record.and_then(|record| changes(&record.description, &now.lines()).into_iter().next());
+    let first = record.and_then(|record| changed_lines(&record.description, &now.lines()).into_iter().next());
     Ok(first.map_or(Reason::NoRecord, Change::reason))
 }
 
@@ -357,7 +362,7 @@ impl Change {
 /// The lines that differ, the most important first: revision and class, then parameters, then
 /// inputs.
 #[must_use]
-pub fn changes(old: &[Line], new: &[Line]) -> Vec<Change> {
+pub fn changed_lines(old: &[Line], new: &[Line]) -> Vec<Change> {
     let text = |lines: &[Line], path: &str| {
         lines.iter().find(|l| l.path == path).map(|l| l.text.clone()).unwrap_or_default()
     };
@@ -384,7 +389,7 @@ mod tests {
 
     /// The differences as `path: old -> new`.
     fn told(old: &str, new: &str) -> Vec<String> {
-        let changes = changes(&lines(old), &lines(new)).into_iter();
+        let changes = changed_lines(&lines(old), &lines(new)).into_iter();
         changes.map(|c| format!("{}: {} -> {}", c.path, c.old, c.new)).collect()
     }
 

@@ -24,7 +24,7 @@ pub struct Past {
 }
 
 impl Past {
-    fn of(record: &Brief) -> Self {
+    fn from_record(record: &Brief) -> Self {
         let bytes: u64 = record.outputs.iter().map(|o| o.size).sum();
         Self {
             core_seconds: record.seconds * record.threads as f64,
@@ -39,17 +39,17 @@ impl Past {
 ///
 /// # Errors
 /// A record cannot be read.
-pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError> {
+pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError> {
     let own = |step: &PlannedStep| {
         let key = store.last_key(plan.scene_of(step), &step.name);
         let record = key.map(|key| store.record(&key)).transpose()?.flatten();
-        Ok(record.map(|record| Past::of(&record)))
+        Ok(record.map(|record| Past::from_record(&record)))
     };
     let own: Vec<Option<Past>> = plan.steps().iter().map(own).collect::<Result<_, StoreError>>()?;
     if own.iter().all(Option::is_some) {
         return Ok(own);
     }
-    let means = means(store);
+    let means = stage_means(store);
     let of_stage = |stage: &str| means.get(stage).copied();
     let or_mean = |(own, step): (Option<Past>, &PlannedStep)| own.or_else(|| of_stage(step.step.stage()));
     Ok(own.into_iter().zip(plan.steps()).map(or_mean).collect())
@@ -60,7 +60,7 @@ pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError>
 ///
 /// # Errors
 /// A record cannot be read.
-pub fn class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
+pub fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
     // The steps that would take longest to make again come first.
     let steps =
         [Simulating::NAME, Exposing::NAME, Photographing::NAME, Depth::NAME, Flow::NAME, Moving::NAME];
@@ -78,10 +78,10 @@ pub fn class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreErro
 }
 
 /// Means over all records of each stage.
-fn means(store: &Store) -> BTreeMap<String, Past> {
+fn stage_means(store: &Store) -> BTreeMap<String, Past> {
     let mut sums: BTreeMap<String, (f64, Past)> = BTreeMap::new();
     for record in store.records() {
-        let past = Past::of(&record);
+        let past = Past::from_record(&record);
         let (count, sum) = sums.entry(record.stage).or_default();
         *count += 1.0;
         sum.core_seconds += past.core_seconds;

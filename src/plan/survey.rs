@@ -72,13 +72,13 @@ impl From<Faults> for SurveyError {
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`], and of takedown lists; or the store cannot
 /// be read.
-pub fn survey(
+pub fn survey_recipes(
     paths: &[PathBuf],
     renderers: &dyn Renderers,
     store: &Store,
     tag: &Digest,
 ) -> Result<Survey, SurveyError> {
-    let Ok(files) = recipe::find_all(paths) else { return unsettled(paths, renderers) };
+    let Ok(files) = recipe::find_all(paths) else { return plan_all(paths, renderers) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
     let recalled: Vec<Option<Settled>> = store.recall(&names, tag)?;
     let moved: Vec<RecipeFile> = files
@@ -89,9 +89,9 @@ pub fn survey(
         .collect();
     let mut settled: Vec<Settled> = recalled.into_iter().flatten().collect();
     // A fault of one recipe may be caused by another one, so all of them are read.
-    let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths, renderers) };
+    let Ok(recipes) = recipe::read_files(&moved) else { return plan_all(paths, renderers) };
     if may_clash(&settled, &recipes) {
-        return unsettled(paths, renderers);
+        return plan_all(paths, renderers);
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
     let takedown = recipe::takedown_of(paths, &files)?;
@@ -114,7 +114,7 @@ pub fn survey(
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`].
-pub fn unsettled(paths: &[PathBuf], renderers: &dyn Renderers) -> Result<Survey, SurveyError> {
+pub fn plan_all(paths: &[PathBuf], renderers: &dyn Renderers) -> Result<Survey, SurveyError> {
     let recipes = recipe::read_all(paths)?;
     let (recipes, taken_down) = recipe::read_takedown(paths)?.keep(recipes);
     Ok(Survey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
@@ -141,7 +141,7 @@ fn may_clash(settled: &[Settled], recipes: &[Recipe]) -> bool {
 
 /// Stores a memo for every scene of a plan that is complete and stable, so that the next survey
 /// finds it settled.
-pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store, tag: &Digest) {
+pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store, tag: &Digest) {
     let mut scenes: Vec<Option<Scene>> = plan.scenes().iter().map(|_| Some(Scene::default())).collect();
     for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
         let scene = &mut scenes[step.scene];

@@ -26,11 +26,11 @@ use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
-pub(super) fn scene(recipe: &Recipe, renderers: &dyn Renderers, wiring: &mut Wiring<'_>) {
+pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn Renderers, wiring: &mut Wiring<'_>) {
     let (backend, omit) = (&renderers.of(recipe), renderers.omit());
-    let asking = Asking::of(&recipe.checks, recipe.camera, &|program| renderers.version(program));
-    let capture = wiring.add("capture".into(), capturing(recipe), ());
-    let gaussians = reconstructing(recipe).map(|reconstructing| {
+    let asking = Asking::for_limits(&recipe.checks, recipe.camera, &|program| renderers.version(program));
+    let capture = wiring.add("capture".into(), capture_stage(recipe), ());
+    let gaussians = wire_gaussians(recipe).map(|reconstructing| {
         let trained_on = matches!(reconstructing, Reconstructing::Command(_)).then_some(capture);
         wiring.add("reconstruct".into(), reconstructing, trained_on)
     });
@@ -40,21 +40,21 @@ pub(super) fn scene(recipe: &Recipe, renderers: &dyn Renderers, wiring: &mut Wir
     let mut motions = BTreeMap::new();
     for trajectory in own.into_iter().chain(drawn) {
         let base = trajectory.base.as_deref().map(|base| motions[base]);
-        let motion = self::trajectory(recipe, trajectory, base, ground, wiring);
+        let motion = self::wire_trajectory(recipe, trajectory, base, ground, wiring);
         motions.insert(trajectory.name.as_str(), motion);
     }
     if recipe.source.has_photos() {
-        photographed(recipe, ground, wiring);
+        wire_photo_checks(recipe, ground, wiring);
     }
 }
 
 /// The Gaussians, if a step uses them.
-fn reconstructing(recipe: &Recipe) -> Option<Reconstructing> {
+fn wire_gaussians(recipe: &Recipe) -> Option<Reconstructing> {
     match (&recipe.reconstruct, &recipe.source) {
-        (Some(Reconstruct::Given(file)), _) => Some(Reconstructing::given(file)),
+        (Some(Reconstruct::Given(file)), _) => Some(Reconstructing::from_file(file)),
         (Some(Reconstruct::Newest(model)), _) => Some(Reconstructing::newest_of(model)),
         (Some(Reconstruct::Command(command)), _) => {
-            Some(Reconstructing::command(command, capturing(recipe), recipe.render))
+            Some(Reconstructing::from_command(command, capture_stage(recipe), recipe.render))
         }
         (None, Source::Procedural(still_life)) => Some(Reconstructing::procedural(still_life)),
         (None, _) => None,
@@ -62,18 +62,18 @@ fn reconstructing(recipe: &Recipe) -> Option<Reconstructing> {
 }
 
 /// The comparison of the scene with its photos, and of its capture with itself.
-fn photographed(recipe: &Recipe, ground: Ground<'_>, wiring: &mut Wiring<'_>) {
+fn wire_photo_checks(recipe: &Recipe, ground: Ground<'_>, wiring: &mut Wiring<'_>) {
     let Ground { capture, gaussians, backend, .. } = ground;
     let fidelity = gaussians.map(|gaussians| {
         let comparing =
-            Comparing { render: recipe.render, capturing: capturing(recipe), backend: backend.clone() };
+            Comparing { render: recipe.render, capturing: capture_stage(recipe), backend: backend.clone() };
         wiring.add("fidelity".into(), comparing, (capture, gaussians))
     });
-    let checking = CheckingScene { limits: recipe.checks.of_scene(), capturing: capturing(recipe) };
+    let checking = CheckingScene { limits: recipe.checks.of_scene(), capturing: capture_stage(recipe) };
     wiring.add("checks".into(), checking, (capture, fidelity));
 }
 
-fn capturing(recipe: &Recipe) -> Capturing {
+fn capture_stage(recipe: &Recipe) -> Capturing {
     match &recipe.source {
         Source::Procedural(still_life) => Capturing::procedural(still_life),
         Source::Captured(captured, _) => Capturing::Captured(captured.clone()),
@@ -95,7 +95,7 @@ struct Ground<'a> {
 
 const RENDERED: &str = "recipes that have something rendered say where the Gaussians come from";
 
-fn trajectory(
+fn wire_trajectory(
     recipe: &Recipe,
     trajectory: &TrajectoryRecipe,
     base: Option<Target<Motion>>,
@@ -121,7 +121,7 @@ fn trajectory(
     let captured = (sees || trajectory.path.needs_views()).then_some(capture);
     let motion = wiring.add(name("trajectory"), moving, (captured, base, gaussians.filter(|_| sees)));
     let events = recipe.outputs.contains(&Output::Events).then(|| {
-        let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
+        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating = Simulating {
             omit,
             backend: backend(),
@@ -130,7 +130,7 @@ fn trajectory(
         };
         wiring.add(name("events"), simulating, (capture, gaussians.expect(RENDERED), motion))
     });
-    let sharp = pictures(recipe, &trajectory.name, motion, ground, wiring);
+    let sharp = wire_pictures(recipe, &trajectory.name, motion, ground, wiring);
     let foreign =
         asking.map(|asking| wiring.add(name("foreign"), asking.clone(), (capture, motion, sharp, events)));
     let checking = Checking { limits: recipe.checks.of_trajectory() };
@@ -139,7 +139,7 @@ fn trajectory(
 }
 
 /// The requested steps that render the pictures of a release. Other steps read the sharp ones.
-fn pictures(
+fn wire_pictures(
     recipe: &Recipe,
     trajectory: &str,
     motion: Target<Motion>,

@@ -27,7 +27,7 @@ use std::path::PathBuf;
 /// # Errors
 /// The file cannot be read or has a fault, or two folders have one each.
 pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
-    read(paths, RELEASE, release::info)
+    read_single(paths, RELEASE, release::release_info)
 }
 
 /// Reads the `sources.yaml` of the folders that contain the recipes; empty if there is no file.
@@ -35,23 +35,23 @@ pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
 /// # Errors
 /// The file cannot be read or has a fault, or two folders have one each.
 pub fn read_sources(paths: &[PathBuf]) -> Result<SourceTerms, Faults> {
-    read(paths, SOURCES, sources::terms)
+    read_single(paths, SOURCES, sources::source_terms)
 }
 
 /// Reads the file with this name as `T` and resolves it.
-fn read<T: DeserializeOwned + Default, R: Default>(
+fn read_single<T: DeserializeOwned + Default, R: Default>(
     paths: &[PathBuf],
     name: &str,
     resolve: fn(&T, &Resolver<'_>) -> Option<R>,
 ) -> Result<R, Faults> {
-    let read = |path: PathBuf| Ok(Parts::alone(&path)?.resolve(resolve)?.1);
-    let found = one(paths, name).and_then(|path| path.map_or_else(|| Ok(R::default()), read));
-    found.or_else(|faults| Faults::or(R::default(), faults))
+    let read = |path: PathBuf| Ok(Parts::without_defaults(&path)?.resolve(resolve)?.1);
+    let found = find_single(paths, name).and_then(|path| path.map_or_else(|| Ok(R::default()), read));
+    found.or_else(|faults| Faults::value_or(R::default(), faults))
 }
 
 /// Finds the one file with this name next to the recipes.
-fn one(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
-    let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
+fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
+    let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::parent_folder(path) };
     let mut seen = BTreeSet::new();
     let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
     found.retain(|path| is_there(path) && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
@@ -59,7 +59,7 @@ fn one(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
         [] => Ok(None),
         [path] => Ok(Some(path.clone())),
         [first, second, ..] => {
-            let message = format!("there is another one: {}", super::fault::shown(first));
+            let message = format!("there is another one: {}", super::fault::shown_path(first));
             let help = format!("one release has one {name}: release the folders apart, or keep one of them");
             Err(vec![Fault::of_file(second, &message, Some(&help))])
         }

@@ -17,36 +17,39 @@ use serde_json::{Map, Value, json};
 
 /// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,
 /// formulae, a literal `k`.
-pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
+pub(super) fn canonical_recipe(raw: &schema::Recipe, recipe: &Resolved) -> Value {
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
         "seed": recipe.seed,
-        "source": source(raw, &recipe.source),
-        "trajectories": trajectory::all(raw, &recipe.trajectories),
-        "sampling": sampling(recipe),
+        "source": source_value(raw, &recipe.source),
+        "trajectories": trajectory::trajectory_values(raw, &recipe.trajectories),
+        "sampling": sampling_value(recipe),
         "render": {
             "rules": recipe.render.rules,
-            "antialiased": antialiased(recipe.render.antialiased),
+            "antialiased": antialiased_value(recipe.render.antialiased),
             "background": recipe.render.background,
         },
-        "outputs": recipe.outputs.iter().map(|o| output(*o)).collect::<Vec<_>>(),
+        "outputs": recipe.outputs.iter().map(|o| output_name(*o)).collect::<Vec<_>>(),
         "sharp": { "every": recipe.every.sharp },
         "checks": recipe.checks,
     });
     let mut add = |key: &str, value: Value| out[key] = value;
     match &recipe.sensors {
-        Sensors::One(one) => add("sensor", sensor(raw.sensor.given().map(|(raw, _)| raw), one)),
+        Sensors::One(one) => add("sensor", sensor_value(raw.sensor.given().map(|(raw, _)| raw), one)),
         Sensors::Named(named) => {
             let raw = raw.sensors.given().map(|(raw, _)| raw);
             let written = |name: &String| Some(raw?.get(name)?.given()?.0);
-            add("sensors", named.iter().map(|(name, s)| (name.clone(), sensor(written(name), s))).collect());
+            add(
+                "sensors",
+                named.iter().map(|(name, s)| (name.clone(), sensor_value(written(name), s))).collect(),
+            );
         }
     }
     match &recipe.reconstruct {
         Some(Reconstruct::Given(_)) => add("reconstruct", json!({ "given": { "path": given_path(raw) } })),
         Some(Reconstruct::Command(command)) => {
-            add("reconstruct", json!({ "command": reconstruct::command(raw, command) }));
+            add("reconstruct", json!({ "command": reconstruct::command_value(raw, command) }));
         }
         Some(Reconstruct::Newest(_)) | None => {}
     }
@@ -58,7 +61,7 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
         }
         add("camera", sides);
     }
-    for (key, value) in pictures(recipe) {
+    for (key, value) in picture_values(recipe) {
         add(key, value);
     }
     if let Some(scale) = recipe.scale {
@@ -79,7 +82,7 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
 }
 
 /// Returns the settings of blur, depth and flow pictures, if they are requested.
-fn pictures(recipe: &Resolved) -> impl Iterator<Item = (&'static str, Value)> {
+fn picture_values(recipe: &Resolved) -> impl Iterator<Item = (&'static str, Value)> {
     let said = [
         (Output::Blur, "blur", json!(recipe.shutter)),
         (Output::Depth, "depth", json!({ "every": recipe.every.depth })),
@@ -89,8 +92,8 @@ fn pictures(recipe: &Resolved) -> impl Iterator<Item = (&'static str, Value)> {
     asked.map(|(_, key, value)| (key, value))
 }
 
-fn sampling(recipe: &Resolved) -> Value {
-    let mut out = json!({ "rate": ratio(recipe.rate.0), "law": recipe.law });
+fn sampling_value(recipe: &Resolved) -> Value {
+    let mut out = json!({ "rate": ratio_value(recipe.rate.0), "law": recipe.law });
     let between = match recipe.tolerance {
         Some(tolerance) => {
             out["tolerance"] = json!(tolerance.rms);
@@ -105,7 +108,7 @@ fn sampling(recipe: &Resolved) -> Value {
     out
 }
 
-fn source(raw: &schema::Recipe, source: &Source) -> Value {
+fn source_value(raw: &schema::Recipe, source: &Source) -> Value {
     match source {
         Source::Procedural(still_life) => {
             let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
@@ -141,25 +144,25 @@ fn source_path(raw: &schema::Recipe) -> Option<&str> {
         | schema::Source::Nerfstudio(folder)
         | schema::Source::Mvimgnet(folder)
         | schema::Source::Dl3dv(folder)
-        | schema::Source::Model(folder) => written(&folder.given()?.0.path),
+        | schema::Source::Model(folder) => written_text(&folder.given()?.0.path),
         schema::Source::Procedural(_) | schema::Source::None => None,
     }
 }
 
 fn given_path(raw: &schema::Recipe) -> Option<&str> {
     match raw.reconstruct.given() {
-        Some((schema::Reconstruct::Given(given), _)) => written(&given.given()?.0.path),
+        Some((schema::Reconstruct::Given(given), _)) => written_text(&given.given()?.0.path),
         _ => None,
     }
 }
 
-fn written(field: &Field<String>) -> Option<&str> {
+fn written_text(field: &Field<String>) -> Option<&str> {
     field.given().map(|(text, _)| text.as_str())
 }
 
-fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
+fn sensor_value(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
     let fields = match sensor {
-        Sensor::Voltmeter(sensor) => voltmeter(raw, sensor),
+        Sensor::Voltmeter(sensor) => voltmeter_value(raw, sensor),
         // The serialized fields have the names that recipes use.
         Sensor::Esim(sensor) => json!(sensor),
         Sensor::V2e(sensor) => json!(sensor),
@@ -167,7 +170,7 @@ fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
     json!({ sensor.name(): fields })
 }
 
-fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
+fn voltmeter_value(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
     let mut out = json!({
         "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
         "law": voltmeter.law,
@@ -200,18 +203,19 @@ fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
             out["units"] = json!(units);
         }
         None => {
-            out["preset"] = json!(raw.and_then(|raw| written(&raw.preset)).unwrap_or(Preset::Dvs346.name()))
+            out["preset"] =
+                json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(Preset::Dvs346.name()))
         }
     }
     out
 }
 
 /// Shows an integer as a number and any other ratio as `n/d`, which recipes may contain.
-fn ratio(ratio: Ratio) -> Value {
+fn ratio_value(ratio: Ratio) -> Value {
     if ratio.denominator() == 1 { json!(ratio.numerator()) } else { json!(ratio.to_string()) }
 }
 
-fn antialiased(choice: Antialiased) -> Value {
+fn antialiased_value(choice: Antialiased) -> Value {
     match choice {
         Antialiased::Auto => json!("auto"),
         Antialiased::On => json!(true),
@@ -219,7 +223,7 @@ fn antialiased(choice: Antialiased) -> Value {
     }
 }
 
-fn output(output: Output) -> &'static str {
+fn output_name(output: Output) -> &'static str {
     match output {
         Output::Events => "events",
         Output::Sharp => "sharp",

@@ -1,13 +1,13 @@
 //! Detection of scenes that would write into each other's folders.
 
-use super::fault::{Fault, shown};
+use super::fault::{Fault, shown_path};
 use super::load::Read;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Returns one fault for each recipe whose folder is also claimed by another recipe. Ids are
 /// compared without case, as some file systems do.
-pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
+pub(super) fn find_clashes(read: &[Read]) -> Vec<Fault> {
     let mut scenes: BTreeMap<String, Vec<&Read>> = BTreeMap::new();
     let mut faults = Vec::new();
     for scene in read {
@@ -20,7 +20,7 @@ pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
         same.push(scene);
     }
     for scene in read {
-        if let Some((other, name)) = inside(scene, &scenes) {
+        if let Some((other, name)) = containing_trajectory(scene, &scenes) {
             let whose = &other.recipe.scene;
             faults.push(
                 scene.fault(other, &format!("lies in the trajectory \"{name}\" of the scene \"{whose}\"")),
@@ -31,7 +31,10 @@ pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
 }
 
 /// Returns the trajectory of another scene that contains the folder of `scene`.
-fn inside<'a>(scene: &Read, scenes: &BTreeMap<String, Vec<&'a Read>>) -> Option<(&'a Read, &'a str)> {
+fn containing_trajectory<'a>(
+    scene: &Read,
+    scenes: &BTreeMap<String, Vec<&'a Read>>,
+) -> Option<(&'a Read, &'a str)> {
     let id = scene.recipe.scene.to_lowercase();
     id.match_indices('/').find_map(|(at, _)| {
         let next = id[at + 1..].split('/').next()?;
@@ -46,8 +49,10 @@ impl Read {
     fn fault(&self, other: &Self, message: &str) -> Fault {
         let text = &other.texts[other.scene.file as usize];
         let (line, column) = text.position(other.scene.start as usize);
-        let help =
-            format!("the other one is at {}:{line}:{column}; give one of them another id", shown(&text.path));
+        let help = format!(
+            "the other one is at {}:{line}:{column}; give one of them another id",
+            shown_path(&text.path)
+        );
         let message = format!("the scene id \"{}\" {message}", self.recipe.scene);
         Fault::new(message, Some(help), Arc::clone(&self.texts[self.scene.file as usize]), Some(self.scene))
     }

@@ -50,7 +50,7 @@ impl Pace {
 ///
 /// # Errors
 /// The id or path is not usable. The message continues a sentence that starts with the id or path.
-pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
+pub fn screen_text(scene: &str, paths: &[&Path]) -> Result<(), String> {
     names::scene_id(scene).map_err(|because| format!("its id would be `{scene}`, {because}"))?;
     for path in paths {
         let text = path.to_str().ok_or_else(|| format!("the path {} is no text", path.display()))?;
@@ -88,7 +88,7 @@ impl Draft<'_> {
 /// Returns the values that all drafts of a folder share: the paper's trajectories (3.5.1, 3.5.2,
 /// appendices A and C) and sensor.
 #[must_use]
-pub fn defaults(pace: Pace) -> String {
+pub fn defaults_text(pace: Pace) -> String {
     format!(
         "\
 # What all recipes in this folder and below share. A recipe's own values win.
@@ -119,14 +119,14 @@ pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
     if !is_there(&path) {
         return Ok(None);
     }
-    let read = Parts::alone(&path).map(|parts| Some(parts.has("reconstruct")));
-    read.or_else(|faults| Faults::or(None, faults))
+    let read = Parts::without_defaults(&path).map(|parts| Some(parts.has("reconstruct")));
+    read.or_else(|faults| Faults::value_or(None, faults))
 }
 
 /// The scene that a recipe names; `None` where it cannot be read, or names none.
 #[must_use]
 pub fn scene_of(recipe: &Path) -> Option<String> {
-    Parts::alone(recipe).ok()?.text("scene").map(str::to_owned)
+    Parts::without_defaults(recipe).ok()?.text("scene").map(str::to_owned)
 }
 
 /// Where the defaults of a folder of recipes are.
@@ -140,7 +140,7 @@ pub fn defaults_in(folder: &Path) -> PathBuf {
 ///
 /// # Errors
 /// One of the two does not exist.
-pub fn way(from_folder: &Path, to: &Path) -> io::Result<PathBuf> {
+pub fn relative_path(from_folder: &Path, to: &Path) -> io::Result<PathBuf> {
     if to.is_absolute() {
         return Ok(to.to_owned());
     }

@@ -19,53 +19,55 @@ pub struct Edit {
 /// Returns the differing values, ordered by path. A subtree that was added or removed as a whole is
 /// one edit.
 #[must_use]
-pub fn edits(old: &Value, new: &Value) -> Vec<Edit> {
+pub fn find_edits(old: &Value, new: &Value) -> Vec<Edit> {
     let mut found = Vec::new();
-    compare("", old, new, &mut found);
+    compare_values("", old, new, &mut found);
     found
 }
 
-fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
+fn compare_values(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
     if old == new {
         return;
     }
     match (old, new) {
-        (Value::Object(old), Value::Object(new)) => fields(path, old, new, found),
+        (Value::Object(old), Value::Object(new)) => compare_fields(path, old, new, found),
         // Elements with names are paired by name, so that a reordered list has no edits.
-        (Value::Array(before), Value::Array(after)) => match (named(before), named(after)) {
-            (Some(old), Some(new)) => fields(path, &old, &new, found),
-            _ if before.len() == after.len() => {
-                for (i, (old, new)) in before.iter().zip(after).enumerate() {
-                    compare(&format!("{path}[{i}]"), old, new, found);
+        (Value::Array(before), Value::Array(after)) => {
+            match (named_elements(before), named_elements(after)) {
+                (Some(old), Some(new)) => compare_fields(path, &old, &new, found),
+                _ if before.len() == after.len() => {
+                    for (i, (old, new)) in before.iter().zip(after).enumerate() {
+                        compare_values(&format!("{path}[{i}]"), old, new, found);
+                    }
                 }
+                // Lists of different lengths without names have no known pairing of elements.
+                _ => found.push(make_edit(path, Some(old), Some(new))),
             }
-            // Lists of different lengths without names have no known pairing of elements.
-            _ => found.push(edit(path, Some(old), Some(new))),
-        },
-        _ => found.push(edit(path, Some(old), Some(new))),
+        }
+        _ => found.push(make_edit(path, Some(old), Some(new))),
     }
 }
 
-fn fields(path: &str, old: &Map<String, Value>, new: &Map<String, Value>, found: &mut Vec<Edit>) {
+fn compare_fields(path: &str, old: &Map<String, Value>, new: &Map<String, Value>, found: &mut Vec<Edit>) {
     let mut names: Vec<&String> = old.keys().chain(new.keys()).collect();
     names.sort();
     names.dedup();
     for name in names {
         let below = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
         match (old.get(name), new.get(name)) {
-            (Some(old), Some(new)) => compare(&below, old, new, found),
-            (old, new) => found.push(edit(&below, old, new)),
+            (Some(old), Some(new)) => compare_values(&below, old, new, found),
+            (old, new) => found.push(make_edit(&below, old, new)),
         }
     }
 }
 
-fn edit(path: &str, old: Option<&Value>, new: Option<&Value>) -> Edit {
+fn make_edit(path: &str, old: Option<&Value>, new: Option<&Value>) -> Edit {
     Edit { path: path.to_owned(), old: old.cloned(), new: new.cloned() }
 }
 
 /// Returns the elements of a list by name; `None` unless each element is a mapping with a unique
 /// name.
-fn named(list: &[Value]) -> Option<Map<String, Value>> {
+fn named_elements(list: &[Value]) -> Option<Map<String, Value>> {
     let pairs = list.iter().map(|element| Some((element.get("name")?.as_str()?.to_owned(), element.clone())));
     let by_name = pairs.collect::<Option<Map<String, Value>>>()?;
     (by_name.len() == list.len()).then_some(by_name)
@@ -79,7 +81,7 @@ mod tests {
     /// Asserts the edits, written as `path: old -> new`.
     fn t(old: &Value, new: &Value, wanted: &[&str]) {
         let shown = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
-        let told: Vec<String> = edits(old, new)
+        let told: Vec<String> = find_edits(old, new)
             .iter()
             .map(|edit| format!("{}: {} -> {}", edit.path, shown(&edit.old), shown(&edit.new)))
             .collect();

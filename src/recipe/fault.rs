@@ -86,7 +86,7 @@ impl Fault {
             "message": self.message,
             "scene": null,
             "step": null,
-            "path": shown(self.file()),
+            "path": shown_path(self.file()),
             "line": position.map(|p| p.0),
             "column": position.map(|p| p.1),
             "help": self.help,
@@ -96,16 +96,16 @@ impl Fault {
     /// Returns `file:line:column`, or the file alone.
     #[must_use]
     pub fn location(&self) -> String {
-        let file = shown(self.file());
+        let file = shown_path(self.file());
         self.position().map_or_else(|| file.clone(), |(line, column)| format!("{file}:{line}:{column}"))
     }
 
     fn excerpt(&self) -> Option<[String; 2]> {
         let (start, end) = self.span?;
         let (number, column) = self.text.position(start);
-        let line: Vec<char> = self.text.line(start).chars().map(printable).collect();
+        let line: Vec<char> = self.text.line(start).chars().map(printable_char).collect();
         let width =
-            self.text.body.get(start..end).map_or(1, |s| s.split(['\n', '\r']).next().map_or(1, chars));
+            self.text.body.get(start..end).map_or(1, |s| s.split(['\n', '\r']).next().map_or(1, char_count));
         let from = column.saturating_sub(EXCERPT / 2).min(line.len().saturating_sub(EXCERPT));
         let cut: String = line.iter().skip(from).take(EXCERPT).collect();
         let caret = column - 1 - from;
@@ -116,12 +116,12 @@ impl Fault {
     }
 }
 
-fn chars(text: &str) -> usize {
+fn char_count(text: &str) -> usize {
     text.chars().count()
 }
 
 /// One character for each, so that the carets stand below their text.
-fn printable(c: char) -> char {
+fn printable_char(c: char) -> char {
     match c {
         '\t' => '→',
         c if escape::is_hidden(c) => '\u{fffd}',
@@ -130,7 +130,7 @@ fn printable(c: char) -> char {
 }
 
 /// A path, with bytes that are no text in their visible form.
-pub(super) fn shown(path: &Path) -> String {
+pub(super) fn shown_path(path: &Path) -> String {
     escape::path(path)
 }
 
@@ -170,7 +170,7 @@ impl miette::SourceCode for Text {
     ) -> Result<Box<dyn miette::SpanContents<'a> + 'a>, miette::MietteError> {
         let inner = self.body.read_span(span, before, after)?;
         Ok(Box::new(miette::MietteSpanContents::new_named(
-            shown(&self.path),
+            shown_path(&self.path),
             inner.data(),
             *inner.span(),
             inner.line(),
@@ -189,7 +189,7 @@ pub struct Faults {
 
 impl Faults {
     /// Returns the value if there are no faults. A fault of shared defaults is reported once.
-    pub(super) fn or<T>(value: T, mut faults: Vec<Fault>) -> Result<T, Self> {
+    pub(super) fn value_or<T>(value: T, mut faults: Vec<Fault>) -> Result<T, Self> {
         let mut seen = BTreeSet::new();
         faults.retain(|fault| seen.insert(fault.to_string()));
         if faults.is_empty() {

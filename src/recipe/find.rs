@@ -2,9 +2,9 @@
 //! anything runs.
 
 use super::Recipe;
-use super::clash::clashes;
+use super::clash::find_clashes;
 use super::fault::{Fault, Faults};
-use super::load::{Library, words};
+use super::load::{Library, system_words};
 use crate::escape;
 use crate::files::{Walk, is_there};
 use rayon::prelude::*;
@@ -49,8 +49,8 @@ impl RecipeFile {
 /// # Errors
 /// A path is no recipe, or a folder cannot be searched or contains no recipe.
 pub fn find_all(paths: &[PathBuf]) -> Result<Vec<RecipeFile>, Faults> {
-    let (found, faults) = find(paths);
-    Faults::or(found, faults)
+    let (found, faults) = find_recipes(paths);
+    Faults::value_or(found, faults)
 }
 
 /// Reads the recipes in files and folders, sorted by scene id. See [`find_all`] for the search.
@@ -60,7 +60,7 @@ pub fn find_all(paths: &[PathBuf]) -> Result<Vec<RecipeFile>, Faults> {
 /// of range or not built yet, and scenes that share an id or a folder. The first [`super::LISTED`]
 /// faults are returned in full.
 pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, Faults> {
-    let (found, faults) = find(paths);
+    let (found, faults) = find_recipes(paths);
     read_after(&found, faults)
 }
 
@@ -73,7 +73,7 @@ pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, Faults> {
 }
 
 fn read_after(files: &[RecipeFile], mut faults: Vec<Fault>) -> Result<Vec<Recipe>, Faults> {
-    let library = Library::of(files);
+    let library = Library::read_defaults(files);
     let results: Vec<_> = files.par_iter().map(|file| library.recipe(file)).collect();
     let mut read = Vec::with_capacity(files.len());
     for result in results {
@@ -83,24 +83,24 @@ fn read_after(files: &[RecipeFile], mut faults: Vec<Fault>) -> Result<Vec<Recipe
         }
     }
     read.sort_by(|a, b| (&a.recipe.scene, &a.recipe.file.path).cmp(&(&b.recipe.scene, &b.recipe.file.path)));
-    faults.extend(clashes(&read));
+    faults.extend(find_clashes(&read));
     let recipes = read.into_iter().map(|read| read.recipe).collect();
-    Faults::or(recipes, faults)
+    Faults::value_or(recipes, faults)
 }
 
 /// Returns the recipe files of these paths, each once.
-fn find(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
+fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
     let (mut found, mut faults) = (Found::default(), Vec::new());
     for path in paths {
         let no_recipe = [DEFAULTS, RELEASE, SOURCES, TAKEDOWN]
             .iter()
             .any(|name| path.file_name().is_some_and(|n| n == *name));
         if path.is_dir() {
-            walk(path, &mut found, &mut faults);
+            walk_folder(path, &mut found, &mut faults);
         } else if no_recipe {
             faults.push(Fault::of_file(path, "this file is no recipe", Some("name a recipe, or its folder")));
         } else {
-            found.add(path.clone(), &folder(path));
+            found.add(path.clone(), &parent_folder(path));
         }
     }
     (found.files, faults)
@@ -123,7 +123,7 @@ impl Found {
         if about.is_ok_and(|about| !self.known.insert((about.dev(), about.ino()))) {
             return;
         }
-        let place = (folder(&path), root.to_owned());
+        let place = (parent_folder(&path), root.to_owned());
         let defaults = self.defaults.entry(place).or_insert_with_key(|(folder, root)| {
             // Defaults above the given folder do not apply, so the search ends at the root.
             let folders = folder.ancestors().take_while(|folder| folder.starts_with(root));
@@ -134,11 +134,11 @@ impl Found {
 }
 
 /// Returns the folder of a file.
-pub(super) fn folder(file: &Path) -> PathBuf {
+pub(super) fn parent_folder(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-fn walk(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
+fn walk_folder(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
     let mut is_empty = true;
     let shown = |entry: &DirEntry| entry.depth() == 0 || !is_hidden(entry.path());
     for entry in Walk::new(root).following().entries(shown) {
@@ -152,7 +152,7 @@ fn walk(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
             Err(error) if error.path != root && is_hidden(&error.path) => {}
             Err(error) => {
                 is_empty = false;
-                let message = format!("cannot be searched for recipes: {}", words(&error.because));
+                let message = format!("cannot be searched for recipes: {}", system_words(&error.because));
                 let help = "name folders that lie elsewhere on the command line too";
                 faults.push(Fault::of_file(&error.path, &message, Some(help)));
             }

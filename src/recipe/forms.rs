@@ -1,7 +1,7 @@
 //! Fixed text formats: versions, addresses, days.
 
 use super::field::Field;
-use super::problem::{Problem, quoted};
+use super::problem::{Problem, quote_text};
 use super::resolve::Resolver;
 use crate::escape::is_hidden;
 
@@ -35,7 +35,7 @@ impl Resolver<'_> {
         if form.holds(text) {
             return Some(Some(text.clone()));
         }
-        self.refuse(Problem::of_field(format!("is {}, wanted {}", quoted(text), form.wanted)).at(place))
+        self.refuse(Problem::of_field(format!("is {}, wanted {}", quote_text(text), form.wanted)).at(place))
     }
 }
 

@@ -55,12 +55,12 @@ const STAND_IN: &str = "scene: trajectories\nsource: { procedural: {} }\n";
 /// The fragment has faults, or the path leads to no recipe or to several.
 pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
     let files = find_all(&[PathBuf::from(path)])?;
-    let faulty = |faults| Faults::or((), faults).expect_err("there are faults");
+    let faulty = |faults| Faults::value_or((), faults).expect_err("there are faults");
     let [file] = &files[..] else {
         let message = format!("{} recipes are in this folder, wanted one", files.len());
         return Err(faulty(vec![Fault::of_file(path, &message, Some("name the one that is meant"))]));
     };
-    read(file).map_err(faulty)
+    read_trajectories(file).map_err(faulty)
 }
 
 /// Keys of a recipe that do not affect the sensor.
@@ -95,18 +95,18 @@ const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural
 /// The fragment has faults.
 pub fn read_sensor(path: &Path) -> Result<Sensor, Faults> {
     let read = || {
-        let parts = Parts::alone(path)?;
+        let parts = Parts::without_defaults(path)?;
         let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
         match parts.standing_in(&NOT_OF_THE_SENSOR, STAND_IN_FOR_THEM).resolved()?.sensors {
             Sensors::One(sensor) => Ok(sensor),
             Sensors::Named(_) => unreachable!("`sensors` is left aside"),
         }
     };
-    read().map_err(|faults| Faults::or((), faults).expect_err("there are faults"))
+    read().map_err(|faults| Faults::value_or((), faults).expect_err("there are faults"))
 }
 
-fn read(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
-    let library = Library::of(std::slice::from_ref(file));
+fn read_trajectories(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
+    let library = Library::read_defaults(std::slice::from_ref(file));
     let resolved = library.parts(file)?.standing_in(&OTHERS, STAND_IN).resolved()?;
     Ok(Fragment {
         camera: resolved.camera,

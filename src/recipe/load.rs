@@ -1,9 +1,9 @@
 //! Loading of one recipe from its file and the defaults file under it.
 
-use super::fault::{Fault, shown};
+use super::fault::{Fault, shown_path};
 use super::field::Field;
-use super::find::{RecipeFile, folder};
-use super::merge::merge;
+use super::find::{RecipeFile, parent_folder};
+use super::merge::merge_nodes;
 use super::problem::Problem;
 use super::reader::{Problems, Reader};
 use super::resolve::{Resolved, Resolver};
@@ -46,11 +46,11 @@ pub(super) struct Library {
 
 impl Library {
     /// Reads the defaults of `files`.
-    pub(super) fn of(files: &[RecipeFile]) -> Self {
+    pub(super) fn read_defaults(files: &[RecipeFile]) -> Self {
         let mut defaults = BTreeMap::new();
         for path in files.iter().filter_map(|file| file.defaults.as_ref()) {
             // One defaults file can apply to many recipes; it is read once.
-            defaults.entry(path.clone()).or_insert_with(|| parse(path, 1));
+            defaults.entry(path.clone()).or_insert_with(|| parse_file(path, 1));
         }
         Self { defaults }
     }
@@ -63,20 +63,20 @@ impl Library {
     /// Reads a recipe and merges it over its defaults, without resolving it.
     pub(super) fn parts(&self, file: &RecipeFile) -> Result<Parts, Vec<Fault>> {
         let RecipeFile { path, defaults } = file;
-        let own = parse(path, 0)?;
+        let own = parse_file(path, 0)?;
         let tree = own.tree.ok_or_else(|| {
             let help = "a recipe has at least version, scene, source and trajectories";
             vec![Fault::of_file(path, "the file is empty", Some(help))]
         })?;
         let seen = vec![(path.clone(), own.seen)];
-        let mut parts = Parts { texts: vec![own.text], folders: vec![folder(path)], tree, seen };
+        let mut parts = Parts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
         if let Some(path) = defaults {
             let under = self.defaults[path].clone()?;
             parts.seen.push((path.clone(), under.seen));
             parts.texts.push(under.text);
-            parts.folders.push(folder(path));
+            parts.folders.push(parent_folder(path));
             if let Some(under) = under.tree {
-                parts.tree = merge(parts.tree, &under);
+                parts.tree = merge_nodes(parts.tree, &under);
             }
         }
         Ok(parts)
@@ -94,12 +94,12 @@ pub(super) struct Parts {
 
 impl Parts {
     /// Reads one file without merging.
-    pub(super) fn alone(file: &Path) -> Result<Self, Vec<Fault>> {
-        let Parsed { text, tree, seen } = parse(file, 0)?;
+    pub(super) fn without_defaults(file: &Path) -> Result<Self, Vec<Fault>> {
+        let Parsed { text, tree, seen } = parse_file(file, 0)?;
         let nothing = Node { place: Place { file: 0, start: 0, end: 0 }, kind: Kind::Map(Vec::new()) };
         let tree = tree.unwrap_or(nothing);
         let seen = vec![(file.to_owned(), seen)];
-        Ok(Self { texts: vec![text], folders: vec![folder(file)], tree, seen })
+        Ok(Self { texts: vec![text], folders: vec![parent_folder(file)], tree, seen })
     }
 
     /// Returns true if the tree is a mapping with this key.
@@ -134,8 +134,8 @@ impl Parts {
         }
         let text = Arc::new(Text { path: PathBuf::new(), body: text.to_owned() });
         let index = u32::try_from(self.texts.len()).expect("recipes are made from few files");
-        let under = tree::parse(&text, index).ok().flatten().expect("the text is sound");
-        self.tree = merge(self.tree, &under);
+        let under = tree::parse_tree(&text, index).ok().flatten().expect("the text is sound");
+        self.tree = merge_nodes(self.tree, &under);
         self.texts.push(text);
         self.folders.push(PathBuf::new());
         self
@@ -182,8 +182,8 @@ impl Parts {
             reconstruct: at(raw.reconstruct.place()),
         };
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
-        let merged = canonical::merged(&raw, &resolved);
-        let recipe = Recipe { seen: self.seen, ..assemble(file, named_at, resolved, merged) };
+        let merged = canonical::canonical_recipe(&raw, &resolved);
+        let recipe = Recipe { seen: self.seen, ..assemble_recipe(file, named_at, resolved, merged) };
         Ok(Read { recipe, texts: self.texts, scene })
     }
 
@@ -210,11 +210,16 @@ impl Parts {
     fn position(&self, place: Place) -> Position {
         let text = &self.texts[place.file as usize];
         let (line, column) = text.position(place.start as usize);
-        Position { file: shown(&text.path), line, column }
+        Position { file: shown_path(&text.path), line, column }
     }
 }
 
-fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: serde_json::Value) -> Recipe {
+fn assemble_recipe(
+    file: &RecipeFile,
+    named_at: NamedAt,
+    resolved: Resolved,
+    merged: serde_json::Value,
+) -> Recipe {
     Recipe {
         file: file.clone(),
         seen: Vec::new(),
@@ -242,10 +247,10 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
 }
 
 /// Reads and parses a file. Its places carry the number `index`.
-fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
-    let (body, seen) = read(file).map_err(|fault| vec![fault])?;
+fn parse_file(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
+    let (body, seen) = read_file(file).map_err(|fault| vec![fault])?;
     let text = Arc::new(Text { path: file.to_owned(), body });
-    match tree::parse(&text, index) {
+    match tree::parse_tree(&text, index) {
         Ok(tree) => Ok(Parsed { text, tree, seen }),
         Err(problems) => {
             let texts = vec![text; index as usize + 1];
@@ -254,11 +259,11 @@ fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
     }
 }
 
-fn read(file: &Path) -> Result<(String, Sighting), Fault> {
-    let unreadable = |error| Fault::of_file(file, &format!("cannot be read: {}", words(&error)), None);
+fn read_file(file: &Path) -> Result<(String, Sighting), Fault> {
+    let unreadable = |error| Fault::of_file(file, &format!("cannot be read: {}", system_words(&error)), None);
     let opened = files::open(file).map_err(unreadable)?;
     let about = opened.metadata().map_err(unreadable)?;
-    let seen = Sighting::now(Stat::from(&about));
+    let seen = Sighting::seen_now(Stat::from(&about));
     if about.len() > MAX_BYTES as u64 {
         let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
         return Err(Fault::of_file(file, &message, Some("is it a recipe?")));
@@ -277,11 +282,11 @@ fn read(file: &Path) -> Result<(String, Sighting), Fault> {
 
 /// Reads the text of a file next to the recipes that is not YAML.
 pub(super) fn read_text(file: &Path) -> Result<String, Fault> {
-    read(file).map(|(body, _)| body)
+    read_file(file).map(|(body, _)| body)
 }
 
 /// Returns the message of the operating system without its error number.
-pub(super) fn words(error: &std::io::Error) -> String {
+pub(super) fn system_words(error: &std::io::Error) -> String {
     let text = error.to_string();
     text.split_once(" (os error").map_or_else(|| text.clone(), |(text, _)| text.to_lowercase())
 }

@@ -22,7 +22,7 @@ const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
 ];
 
 /// Merges `over` with `under`; values of `over` win.
-pub(super) fn merge(over: Node, under: &Node) -> Node {
+pub(super) fn merge_nodes(over: Node, under: &Node) -> Node {
     merge_at("", over, under)
 }
 
@@ -34,10 +34,10 @@ fn merge_at(path: &str, over: Node, under: &Node) -> Node {
         return Node { place, kind: Kind::Map(entries) };
     }
     let mut merged: Vec<Entry> = Vec::with_capacity(entries.len() + defaults.len());
-    let inherited: Vec<&Entry> = defaults.iter().filter(|d| !overruled(path, &d.key, &entries)).collect();
+    let inherited: Vec<&Entry> = defaults.iter().filter(|d| !is_overruled(path, &d.key, &entries)).collect();
     for mut entry in entries {
         if let Some(default) = defaults.iter().find(|d| d.key == entry.key) {
-            entry.value = merge_at(&join(path, &entry.key), entry.value, &default.value);
+            entry.value = merge_at(&join_path(path, &entry.key), entry.value, &default.value);
         }
         merged.push(entry);
     }
@@ -50,25 +50,25 @@ fn same_key(a: &[Entry], b: &[Entry]) -> bool {
 }
 
 /// Returns true if a default's key is overridden by the same key or by a key of another group.
-fn overruled(path: &str, key: &str, entries: &[Entry]) -> bool {
+fn is_overruled(path: &str, key: &str, entries: &[Entry]) -> bool {
     let given = |key: &str| entries.iter().any(|e| e.key == key);
-    let groups = EXCLUSIVE.iter().filter(|(at, _)| matches(at, path)).flat_map(|(_, groups)| groups);
+    let groups = EXCLUSIVE.iter().filter(|(at, _)| paths_match(at, path)).flat_map(|(_, groups)| groups);
     let others: Vec<&&[&str]> = groups.filter(|group| !group.contains(&key)).collect();
     let in_group =
-        EXCLUSIVE.iter().any(|(at, groups)| matches(at, path) && groups.iter().any(|g| g.contains(&key)));
+        EXCLUSIVE.iter().any(|(at, groups)| paths_match(at, path) && groups.iter().any(|g| g.contains(&key)));
     given(key) || in_group && others.iter().any(|group| group.iter().any(|k| given(k)))
 }
 
 fn is_enumeration(path: &str) -> bool {
-    ENUMERATIONS.iter().any(|pattern| matches(pattern, path))
+    ENUMERATIONS.iter().any(|pattern| paths_match(pattern, path))
 }
 
-fn matches(pattern: &str, path: &str) -> bool {
+fn paths_match(pattern: &str, path: &str) -> bool {
     let (pattern, path): (Vec<&str>, Vec<&str>) = (pattern.split('.').collect(), path.split('.').collect());
     pattern.len() == path.len() && pattern.iter().zip(&path).all(|(p, q)| *p == "*" || p == q)
 }
 
-fn join(path: &str, key: &str) -> String {
+fn join_path(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
@@ -80,7 +80,7 @@ mod tests {
 
     fn parse(yaml: &str) -> Node {
         let text = Text { path: "test.yaml".into(), body: yaml.into() };
-        tree::parse(&text, 0).unwrap_or_else(|p| panic!("{yaml}: {p:?}")).expect("it is not empty")
+        tree::parse_tree(&text, 0).unwrap_or_else(|p| panic!("{yaml}: {p:?}")).expect("it is not empty")
     }
 
     /// Canonical form without places: keys sorted.
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn the_scene_wins_and_what_it_leaves_open_is_inherited() {
         let t = |over: &str, under: &str, wanted: &str| {
-            assert_eq!(plain(&merge(parse(over), &parse(under))), wanted, "{over} over {under}");
+            assert_eq!(plain(&merge_nodes(parse(over), &parse(under))), wanted, "{over} over {under}");
         };
         t("a: 1", "b: 2", "{a:1 b:2}");
         t("a: {x: 1}", "a: {x: 2, y: 3}", "{a:{x:1 y:3}}");
@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn another_choice_replaces_the_whole() {
         let t = |over: &str, under: &str, wanted: &str| {
-            assert_eq!(plain(&merge(parse(over), &parse(under))), wanted, "{over} over {under}");
+            assert_eq!(plain(&merge_nodes(parse(over), &parse(under))), wanted, "{over} over {under}");
         };
         t("source: {colmap: {path: a}}", "source: {procedural: {seed: 1}}", "{source:{colmap:{path:a}}}");
         t("sensor: {esim: {c: 1}}", "sensor: {voltmeter: {preset: dvs346}}", "{sensor:{esim:{c:1}}}");
@@ -139,13 +139,16 @@ mod tests {
     fn another_way_of_saying_it_replaces_the_default_one() {
         let t = |over: &str, under: &str, wanted: &str| {
             let wrap = |s: &str| parse(&format!("sensor: {{voltmeter: {{{s}}}}}"));
-            let merged = plain(&merge(wrap(over), &wrap(under)));
+            let merged = plain(&merge_nodes(wrap(over), &wrap(under)));
             assert_eq!(merged, format!("{{sensor:{{voltmeter:{{{wanted}}}}}}}"), "{over} over {under}");
         };
         t("k: [1], units: u", "preset: dvs346, gain: log", "gain:log k:[1] units:u");
         t("preset: dvs240", "k: [1], units: u", "preset:dvs240");
         t("units: v", "k: [1], units: u", "k:[1] units:v");
         t("gain: log", "preset: dvs240", "gain:log preset:dvs240");
-        assert_eq!(plain(&merge(parse("sensors: {a: 1}"), &parse("sensor: {b: 2}"))), "{sensors:{a:1}}");
+        assert_eq!(
+            plain(&merge_nodes(parse("sensors: {a: 1}"), &parse("sensor: {b: 2}"))),
+            "{sensors:{a:1}}"
+        );
     }
 }

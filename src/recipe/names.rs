@@ -50,28 +50,28 @@ pub(super) fn id_parts(id: &str) -> Result<(), String> {
     if id.starts_with('/') {
         return Err("which starts at the root".into());
     }
-    id.split('/').try_for_each(part)
+    id.split('/').try_for_each(check_part)
 }
 
 /// Checks that a trajectory name is one folder inside its scene's folder. The error says what is
 /// wrong.
-pub(super) fn trajectory(name: &str) -> Result<(), String> {
-    sensor(name)?;
+pub(super) fn check_trajectory(name: &str) -> Result<(), String> {
+    check_sensor(name)?;
     not_taken(name, &TAKEN_IN_SCENE)
 }
 
 /// Checks the name of a sensor, which becomes a file name in the release.
-pub(super) fn sensor(name: &str) -> Result<(), String> {
+pub(super) fn check_sensor(name: &str) -> Result<(), String> {
     if name.len() > 100 {
         return Err(format!("of {} bytes, wanted at most 100", name.len()));
     }
     if name.contains('/') {
         return Err("which has more than one part".into());
     }
-    part(name)
+    check_part(name)
 }
 
-fn part(part: &str) -> Result<(), String> {
+fn check_part(part: &str) -> Result<(), String> {
     if part.is_empty() {
         return Err("which has an empty part".into());
     }
@@ -79,18 +79,18 @@ fn part(part: &str) -> Result<(), String> {
         return Err(format!("whose part \"{part}\" leads out of its place"));
     }
     if let Some(c) = part.chars().find(|c| !c.is_ascii_alphanumeric() && !"._-".contains(*c)) {
-        return Err(format!("which holds {}", super::problem::quoted(&c.to_string())));
+        return Err(format!("which holds {}", super::problem::quote_text(&c.to_string())));
     }
     if part.ends_with('.') {
         return Err("with a part that ends in \".\", which Windows cuts off".into());
     }
-    if reserved(part) {
+    if is_reserved(part) {
         return Err(format!("whose part \"{part}\" is a device on Windows"));
     }
     Ok(())
 }
 
-fn reserved(part: &str) -> bool {
+fn is_reserved(part: &str) -> bool {
     let stem = part.split('.').next().unwrap_or(part).to_ascii_lowercase();
     let numbered = stem.strip_prefix("com").or_else(|| stem.strip_prefix("lpt"));
     RESERVED.contains(&stem.as_str())
@@ -145,9 +145,9 @@ mod tests {
 
     #[test]
     fn trajectory_names_are_one_part() {
-        assert_eq!(trajectory("base-0"), Ok(()));
+        assert_eq!(check_trajectory("base-0"), Ok(()));
         for bad in ["", "a/b", "..", "scene.json", "Scene.JSON", "aux", "a*"] {
-            assert!(trajectory(bad).is_err(), "{bad}");
+            assert!(check_trajectory(bad).is_err(), "{bad}");
         }
     }
 }

@@ -2,15 +2,15 @@
 
 /// Returns the word nearest to `word` by edit distance, if it is near enough to be a typing error.
 /// The first of equal words wins.
-pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+pub(super) fn nearest_word<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let reach = (word.chars().count() / 3).clamp(1, 3);
-    let ranked = known.iter().map(|k| (distance(&word.to_lowercase(), &k.to_lowercase()), *k));
+    let ranked = known.iter().map(|k| (edit_distance(&word.to_lowercase(), &k.to_lowercase()), *k));
     ranked.filter(|(d, _)| *d <= reach).min_by_key(|(d, _)| *d).map(|(_, k)| k)
 }
 
 /// Returns the number of insertions, deletions, substitutions and swaps of neighbours that turn one
 /// word into the other (optimal string alignment).
-fn distance(a: &str, b: &str) -> usize {
+fn edit_distance(a: &str, b: &str) -> usize {
     let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
     let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
     for (i, row) in rows.iter_mut().enumerate() {
@@ -36,7 +36,7 @@ mod tests {
 
     #[test]
     fn distances_are_those_of_known_pairs() {
-        let t = |a, b, d| assert_eq!((distance(a, b), distance(b, a)), (d, d), "{a} {b}");
+        let t = |a, b, d| assert_eq!((edit_distance(a, b), edit_distance(b, a)), (d, d), "{a} {b}");
         t("", "", 0);
         t("", "abc", 3);
         t("kitten", "sitting", 3);
@@ -47,9 +47,9 @@ mod tests {
     #[test]
     fn slips_are_recognised_and_other_words_are_not() {
         let fields = ["preset", "k", "units", "threshold"];
-        assert_eq!(nearest("treshold", &fields), Some("threshold"));
-        assert_eq!(nearest("Units", &fields), Some("units"));
-        assert_eq!(nearest("contrast", &fields), None);
-        assert_eq!(nearest("", &[]), None);
+        assert_eq!(nearest_word("treshold", &fields), Some("threshold"));
+        assert_eq!(nearest_word("Units", &fields), Some("units"));
+        assert_eq!(nearest_word("contrast", &fields), None);
+        assert_eq!(nearest_word("", &[]), None);
     }
 }

@@ -1,7 +1,7 @@
 //! A fault before its files are known, as reported by readers of the value tree.
 
 use super::fault::Fault;
-use super::nearest::nearest;
+use super::nearest::nearest_word;
 use super::text::{Place, Texts};
 use super::tree::Node;
 use crate::escape::is_hidden;
@@ -52,19 +52,19 @@ impl Problem {
     }
 
     /// Creates a problem for a field that is missing in the mapping at the problem's place.
-    pub(super) fn missing(field: &str) -> Self {
+    pub(super) fn missing_field(field: &str) -> Self {
         Self { about: About::Missing, ..Self::new(field) }
     }
 
     /// Creates a problem for an unknown name. The help lists all known names and suggests the
     /// nearest.
-    pub(super) fn unknown(what: &str, found: &str, known: &[&str]) -> Self {
+    pub(super) fn unknown_name(what: &str, found: &str, known: &[&str]) -> Self {
         let all = format!("{what}s here: {}", known.join(", "));
-        let help = match nearest(found, known) {
+        let help = match nearest_word(found, known) {
             Some(near) => format!("did you mean \"{near}\"? {all}"),
             None => all,
         };
-        Self::new(format!("unknown {what} {}", quoted(found))).help(help)
+        Self::new(format!("unknown {what} {}", quote_text(found))).help(help)
     }
 
     /// Adds the advice.
@@ -115,12 +115,12 @@ impl Problem {
 }
 
 /// A text of a recipe in a message: quoted, short, and without hidden characters.
-pub(super) fn quoted(text: &str) -> String {
-    format!("\"{}\"", bare(text))
+pub(super) fn quote_text(text: &str) -> String {
+    format!("\"{}\"", bare_text(text))
 }
 
-/// Like [`quoted`], without the quotes.
-pub(super) fn bare(text: &str) -> String {
+/// Like [`quote_text`], without the quotes.
+pub(super) fn bare_text(text: &str) -> String {
     const SHOWN: usize = 60;
     let mut short = String::new();
     for c in text.chars().take(SHOWN) {
@@ -158,11 +158,11 @@ impl de::Error for Problem {
     }
 
     fn unknown_field(found: &str, known: &'static [&'static str]) -> Self {
-        Self::unknown("field", found, known)
+        Self::unknown_name("field", found, known)
     }
 
     fn missing_field(name: &'static str) -> Self {
-        Self::missing(name)
+        Self::missing_field(name)
     }
 }
 
@@ -172,8 +172,8 @@ mod tests {
 
     #[test]
     fn texts_in_messages_are_short_and_harmless() {
-        assert_eq!(quoted("dvs346"), "\"dvs346\"");
-        assert_eq!(quoted("a\u{1b}[31m\n\"é'"), "\"a\\u{1b}[31m\\n\\\"é'\"");
-        assert_eq!(bare(&"x".repeat(100)).chars().count(), 61);
+        assert_eq!(quote_text("dvs346"), "\"dvs346\"");
+        assert_eq!(quote_text("a\u{1b}[31m\n\"é'"), "\"a\\u{1b}[31m\\n\\\"é'\"");
+        assert_eq!(bare_text(&"x".repeat(100)).chars().count(), 61);
     }
 }

@@ -7,7 +7,7 @@ mod access;
 mod number;
 
 use super::field::{FIELD, LITERAL};
-use super::problem::{Problem, bare, quoted};
+use super::problem::{Problem, bare_text, quote_text};
 use super::tree::{Entry, Kind, Node};
 use access::{Choice, Entries, FieldAccess, Items};
 use serde::de::{Deserializer, Visitor};
@@ -72,7 +72,7 @@ impl<'a> Reader<'a> {
     fn plain(self, what: &str) -> Result<&'a str, Problem> {
         match &self.node.kind {
             Kind::Scalar { text, plain: true } => Ok(text),
-            Kind::Scalar { text, plain: false } if number::real(text).is_some() => {
+            Kind::Scalar { text, plain: false } if number::parse_real(text).is_some() => {
                 Err(self.wanted(what).help("write the number without quotes"))
             }
             _ => Err(self.wanted(what)),
@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
 
     fn whole(self, low: i128, high: i128) -> Result<i128, Problem> {
         let wanted = "a whole number";
-        let whole = number::whole(self.plain(wanted)?).ok_or_else(|| self.wanted(wanted))?;
+        let whole = number::parse_whole(self.plain(wanted)?).ok_or_else(|| self.wanted(wanted))?;
         let within = (low..=high).contains(&whole);
         if within { Ok(whole) } else { Err(self.wanted(&format!("{wanted} from {low} to {high}"))) }
     }
@@ -101,7 +101,7 @@ impl<'a> Reader<'a> {
             _ => return Err(self.wanted(&one_of())),
         };
         if !variants.contains(&name.as_str()) {
-            return Err(Problem::unknown("choice", name, variants).at(place));
+            return Err(Problem::unknown_name("choice", name, variants).at(place));
         }
         Ok(Choice { reader: self, name, value })
     }
@@ -112,8 +112,8 @@ impl Kind {
     fn described(&self) -> String {
         match self {
             Self::Null => "empty".into(),
-            Self::Scalar { text, plain: true } => bare(text),
-            Self::Scalar { text, plain: false } => format!("the text {}", quoted(text)),
+            Self::Scalar { text, plain: true } => bare_text(text),
+            Self::Scalar { text, plain: false } => format!("the text {}", quote_text(text)),
             Self::List(items) => format!("a list of {}", items.len()),
             Self::Map(_) => "a mapping".into(),
         }
@@ -146,7 +146,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
             Kind::Scalar { text, plain: true } => match text.as_str() {
                 "true" | "false" => self.deserialize_bool(visitor),
                 text if text.parse::<i64>().is_ok() => self.deserialize_i64(visitor),
-                text if number::real(text).is_some() => self.deserialize_f64(visitor),
+                text if number::parse_real(text).is_some() => self.deserialize_f64(visitor),
                 _ => self.deserialize_str(visitor),
             },
             Kind::Scalar { plain: false, .. } => self.deserialize_str(visitor),
@@ -163,7 +163,8 @@ impl<'de> Deserializer<'de> for Reader<'_> {
     }
 
     fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
-        let real = number::real(self.plain("a number")?).ok_or_else(|| self.wanted("a finite number"))?;
+        let real =
+            number::parse_real(self.plain("a number")?).ok_or_else(|| self.wanted("a finite number"))?;
         visitor.visit_f64(real).map_err(self.here())
     }
 
@@ -222,7 +223,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
     ) -> Result<V::Value, Problem> {
         let entries = self.entries()?;
         for entry in entries.iter().filter(|e| !fields.contains(&e.key.as_str())) {
-            self.report(Problem::unknown("field", &entry.key, fields).at(entry.place));
+            self.report(Problem::unknown_name("field", &entry.key, fields).at(entry.place));
         }
         let last = Cell::new(self.node.place);
         let access = Entries { reader: self, rest: entries, fields: Some(fields), value: None, last: &last };

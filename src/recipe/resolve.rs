@@ -11,7 +11,7 @@ mod source;
 pub(super) mod trajectory;
 
 use super::field::{Field, Later};
-use super::problem::{Problem, quoted};
+use super::problem::{Problem, quote_text};
 use super::reader::Problems;
 use super::text::Place;
 use super::{
@@ -143,7 +143,7 @@ impl Resolver<'_> {
         match verdict {
             Ok(()) => Some(name.to_owned()),
             Err(because) => {
-                let problem = Problem::of_field(format!("is {}, {because}", quoted(name)));
+                let problem = Problem::of_field(format!("is {}, {because}", quote_text(name)));
                 self.refuse(problem.help(help).at(place))
             }
         }
@@ -190,7 +190,7 @@ impl Resolver<'_> {
         help: &str,
     ) -> Option<(&'f T, Place)> {
         if field.is_absent() {
-            self.report(Problem::missing(name).help(help).at(within));
+            self.report(Problem::missing_field(name).help(help).at(within));
         }
         field.given()
     }

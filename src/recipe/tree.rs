@@ -7,7 +7,7 @@ mod parse;
 
 use super::text::Place;
 
-pub(super) use parse::parse;
+pub(super) use parse::parse_tree;
 
 /// Maximum file size in bytes, hundreds of times the length of a real recipe. Larger files are
 /// refused unread.

@@ -39,25 +39,25 @@ impl Argument {
         let mut rest = text;
         while let Some(at) = rest.find(['{', '}']) {
             let (before, braces) = rest.split_at(at);
-            append(&mut parts, before);
+            append_text(&mut parts, before);
             rest = if let Some(after) = braces.strip_prefix("{{") {
-                append(&mut parts, "{");
+                append_text(&mut parts, "{");
                 after
             } else if let Some(after) = braces.strip_prefix("}}") {
-                append(&mut parts, "}");
+                append_text(&mut parts, "}");
                 after
             } else {
                 let inside = braces.strip_prefix('{').and_then(|rest| rest.split_once('}'));
                 let (name, after) = inside.ok_or(ArgumentError::Alone)?;
                 match known.get(name) {
-                    Some(Some(value)) => append(&mut parts, value),
+                    Some(Some(value)) => append_text(&mut parts, value),
                     Some(None) => parts.push(Part::Place(name.to_owned())),
                     None => return Err(ArgumentError::Unknown(name.to_owned())),
                 }
                 after
             };
         }
-        append(&mut parts, rest);
+        append_text(&mut parts, rest);
         Ok(Self(parts))
     }
 
@@ -84,7 +84,7 @@ impl Argument {
     }
 }
 
-fn append(parts: &mut Vec<Part>, text: &str) {
+fn append_text(parts: &mut Vec<Part>, text: &str) {
     match parts.last_mut() {
         Some(Part::Text(before)) => before.push_str(text),
         _ if text.is_empty() => {}

@@ -178,7 +178,7 @@ impl Command {
         let own = Places::ALL.into_iter().zip([given, images, out.clone()]);
         let invocation = self.invocation(&self.arguments, &places.into_iter().chain(own).collect(), &work);
         let from = self.run(&invocation, desk)?;
-        let gaussians = trained::read(&out, self.scene.as_deref(), self.gaussians);
+        let gaussians = trained::read_trained(&out, self.scene.as_deref(), self.gaussians);
         let gaussians =
             gaussians.map_err(|e| self.failed(&invocation, How::Product(e.to_string()), desk, from))?;
         Ok(Trained { gaussians, without_photo: laid.without_photo })

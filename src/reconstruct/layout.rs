@@ -7,10 +7,10 @@
 
 use crate::files;
 use crate::image::{Image, Shades, Size, jpeg, png, to_byte};
-use crate::source::colmap::write::{Taken, write};
+use crate::source::colmap::write::{Taken, write_model};
 use crate::source::colmap::{Point, read_points};
 use crate::source::lens::NEGLIGIBLE_PX;
-use crate::source::undistort::undistorted;
+use crate::source::undistort::undistort_photo;
 use crate::source::{Capture, SourceError, View};
 use rayon::prelude::*;
 use std::fs::{self, File};
@@ -60,7 +60,7 @@ pub enum LayoutError {
     Stopped,
 }
 
-fn at(path: &Path) -> impl FnOnce(io::Error) -> LayoutError {
+fn layout_error(path: &Path) -> impl FnOnce(io::Error) -> LayoutError {
     move |cause| LayoutError::Io { path: path.to_owned(), cause }
 }
 
@@ -74,7 +74,7 @@ pub(super) struct Laid {
 /// Returns the estimated memory of a trainer in bytes: the photos of a capture as 32-bit colours,
 /// and the rest.
 #[must_use]
-pub fn memory(capture: &Capture) -> u64 {
+pub fn photo_memory(capture: &Capture) -> u64 {
     const COLOUR_BYTES: u64 = 12;
     const ELSE: u64 = 2 << 30;
     let pixels = |view: &View| u64::from(view.camera.size.width) * u64::from(view.camera.size.height);
@@ -92,51 +92,51 @@ pub(super) fn lay_out(
 ) -> Result<Laid, LayoutError> {
     let (images, model) = (to.join("images"), to.join("sparse/0"));
     for folder in [&images, &model] {
-        fs::create_dir_all(folder).map_err(at(folder))?;
+        fs::create_dir_all(folder).map_err(layout_error(folder))?;
     }
     let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
     let shown: Vec<(usize, &View)> =
         capture.views.iter().enumerate().filter(|(index, _)| !is_held_out(*index)).collect();
     let photos: Vec<(usize, &View, &Path)> =
-        shown.iter().filter_map(|(index, view)| Some((*index, *view, photo(view, files)?))).collect();
+        shown.iter().filter_map(|(index, view)| Some((*index, *view, find_photo(view, files)?))).collect();
     let without_photo = shown.len() - photos.len();
     if photos.is_empty() {
         let views = capture.views.len();
         return Err(LayoutError::Nothing { views, without_photo, held_out: views - shown.len() });
     }
     let put = |(index, view, photo): &(usize, &View, &Path)| {
-        if goes_on() { put(*index, view, photo, &images) } else { Err(LayoutError::Stopped) }
+        if goes_on() { place_photo(*index, view, photo, &images) } else { Err(LayoutError::Stopped) }
     };
     let taken: Vec<Taken> = photos.par_iter().map(put).collect::<Result<_, _>>()?;
-    write(&model, &taken, &points(files)?).map_err(at(&model))?;
+    write_model(&model, &taken, &model_points(files)?).map_err(layout_error(&model))?;
     Ok(Laid { without_photo })
 }
 
 /// Returns the photo of a view, if it exists.
-fn photo<'f>(view: &View, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
+fn find_photo<'f>(view: &View, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
     let is_its = |name: &str| name == view.name || name.strip_prefix("images/") == Some(&view.name);
     files.iter().find(|(name, _)| is_its(name)).map(|(_, path)| path.as_path())
 }
 
 /// Returns the points of the source's COLMAP model, if it has one.
-fn points(files: &[(String, PathBuf)]) -> Result<Vec<Point>, SourceError> {
+fn model_points(files: &[(String, PathBuf)]) -> Result<Vec<Point>, SourceError> {
     let file = files.iter().find(|(name, _)| ["points3D.bin", "points3D.txt"].contains(&name.as_str()));
     file.map(|(_, path)| read_points(path)).transpose().map(Option::unwrap_or_default)
 }
 
 /// Writes a photo to the folder `images`, undistorted if its lens has distortion.
-fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, LayoutError> {
+fn place_photo(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, LayoutError> {
     let is_bent = view.lens.max_displacement_px(&view.camera) > NEGLIGIBLE_PX;
     let name = if is_bent {
-        straighten(index, view, photo, images)?
+        write_undistorted(index, view, photo, images)?
     } else {
         let name = match photo.extension().and_then(|extension| extension.to_str()) {
             Some(extension) => format!("{index:06}.{}", extension.to_lowercase()),
             None => format!("{index:06}"),
         };
-        let mut from = files::open_at_most(photo, files::MAX_PICTURE).map_err(at(photo))?;
+        let mut from = files::open_at_most(photo, files::MAX_PICTURE).map_err(layout_error(photo))?;
         let to = images.join(&name);
-        File::create_new(&to).and_then(|mut to| io::copy(&mut from, &mut to)).map_err(at(&to))?;
+        File::create_new(&to).and_then(|mut to| io::copy(&mut from, &mut to)).map_err(layout_error(&to))?;
         name
     };
     let View { world_from_camera, camera, .. } = *view;
@@ -144,19 +144,21 @@ fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, 
 }
 
 /// Writes the undistorted photo and returns its file name.
-fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
+fn write_undistorted(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
     let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
-    let taken = decode(photo, view.camera.size).map_err(unreadable)?;
-    let straight = undistorted(&taken, &view.camera, &view.lens);
+    let taken = decode_photo(photo, view.camera.size).map_err(unreadable)?;
+    let straight = undistort_photo(&taken, &view.camera, &view.lens);
     let name = format!("{index:06}.png");
     let file = images.join(&name);
-    File::create(&file).and_then(|out| png::write(&*straight, BufWriter::new(out))).map_err(at(&file))?;
+    File::create(&file)
+        .and_then(|out| png::write_image(&*straight, BufWriter::new(out)))
+        .map_err(layout_error(&file))?;
     Ok(name)
 }
 
 /// Decodes the colours of a PNG or a JPEG, which must have the size of its camera, because the lens
 /// bends it. A grey picture becomes three equal channels.
-fn decode(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
+fn decode_photo(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
     let bytes = files::read(photo, files::MAX_PICTURE).map_err(|e| e.to_string())?;
     let shades = if bytes.starts_with(b"\x89PNG") {
         png::read_colours(Cursor::new(&bytes), Some(camera)).map_err(|e| e.to_string())?
@@ -166,13 +168,13 @@ fn decode(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
     let Shades { luminance, colours } = shades;
     let size = luminance.size();
     let pixels = match colours {
-        Some(colours) => colours.into_pixels().into_iter().map(|rgb| rgb.map(byte)).collect(),
-        None => luminance.into_pixels().into_iter().map(|grey| [byte(grey); 3]).collect(),
+        Some(colours) => colours.into_pixels().into_iter().map(|rgb| rgb.map(sample_byte)).collect(),
+        None => luminance.into_pixels().into_iter().map(|grey| [sample_byte(grey); 3]).collect(),
     };
     Ok(Image::from_vec(size, pixels))
 }
 
 /// Scales a sample to 0..255.
-fn byte(sample: f32) -> u8 {
+fn sample_byte(sample: f32) -> u8 {
     to_byte(sample / 255.0)
 }

@@ -44,18 +44,22 @@ pub(super) enum TrainedError {
     Unreadable(SceneError),
     #[error("what it made is no sound scene: {non_finite} of {read} Gaussians hold a NaN or an infinity")]
     NonFinite { read: u64, non_finite: u64 },
-    #[error("it made {found} Gaussians, wanted {}", wanted(.limits))]
+    #[error("it made {found} Gaussians, wanted {}", wanted_count(.limits))]
     Count { found: u64, limits: Count },
 }
 
-fn wanted(limits: &Count) -> String {
+fn wanted_count(limits: &Count) -> String {
     let min = limits.min.map(|min| format!("at least {min}"));
     let max = limits.max.map(|max| format!("at most {max}"));
     [min, max].into_iter().flatten().collect::<Vec<_>>().join(" and ")
 }
 
 /// Reads the scene that a trainer left in `out`.
-pub(super) fn read(out: &Path, scene: Option<&str>, limits: Count) -> Result<Gaussians, TrainedError> {
+pub(super) fn read_trained(
+    out: &Path,
+    scene: Option<&str>,
+    limits: Count,
+) -> Result<Gaussians, TrainedError> {
     let file = match scene {
         Some(below) => out.join(below),
         None => model::newest_scene(out).map_err(TrainedError::NotFound)?,
@@ -63,7 +67,7 @@ pub(super) fn read(out: &Path, scene: Option<&str>, limits: Count) -> Result<Gau
     if !is_there(&file) {
         return Err(TrainedError::Absent(scene.unwrap_or_default().into()));
     }
-    let gaussians = scene::read(&file).map_err(TrainedError::Unreadable)?;
+    let gaussians = scene::read_file(&file).map_err(TrainedError::Unreadable)?;
     let scene::Screening { read, non_finite, .. } = gaussians.screening;
     if non_finite as f64 > MOST_NON_FINITE * read as f64 {
         return Err(TrainedError::NonFinite { read, non_finite });

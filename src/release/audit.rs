@@ -281,23 +281,23 @@ const COVERS: [&str; 13] = [
 ///
 /// # Errors
 /// When the folder cannot be listed. A file that cannot be read is a fault.
-pub fn audit(dir: &Path) -> io::Result<Report> {
+pub fn audit_release(dir: &Path) -> io::Result<Report> {
     audit_against(dir, None)
 }
 
 /// Audits the release in `dir`, and whether it holds a scene of a takedown list.
 ///
 /// # Errors
-/// As [`audit`].
+/// As [`audit_release`].
 pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Report> {
-    let tree = walk::walk(dir)?;
-    let bytes = bytes::hash(dir, &tree.files);
+    let tree = walk::walk_tree(dir)?;
+    let bytes = bytes::hash_files(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
-    if let Some(sums) = sums::read(dir, &mut faults) {
-        let tree = Tree { dir, intact: bytes::intact(&bytes, &sums) };
-        let manifest: Option<Manifest> = claims::parse(&tree, super::manifest::NAME, &mut faults);
+    if let Some(sums) = sums::read_sums(dir, &mut faults) {
+        let tree = Tree { dir, intact: bytes::intact_files(&bytes, &sums) };
+        let manifest: Option<Manifest> = claims::parse_claims(&tree, super::manifest::NAME, &mut faults);
         let b3 = sums::read_b3(&tree, &sums, &mut faults);
-        bytes::compare(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
+        bytes::compare_bytes(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
         if let Some(manifest) = &manifest {
             written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
             scenes = manifest.scenes.len();
@@ -322,10 +322,13 @@ pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Repo
 ///
 /// # Errors
 /// When the folder cannot be listed, or a file not be read.
-pub fn read(dir: &Path) -> io::Result<u64> {
-    let tree = walk::walk(dir)?;
+pub fn read_tree(dir: &Path) -> io::Result<u64> {
+    let tree = walk::walk_tree(dir)?;
     let unreadable = || io::Error::other("a file cannot be read");
-    bytes::hash(dir, &tree.files).into_values().map(|hashes| Ok(hashes.ok_or_else(unreadable)?.size)).sum()
+    bytes::hash_files(dir, &tree.files)
+        .into_values()
+        .map(|hashes| Ok(hashes.ok_or_else(unreadable)?.size))
+        .sum()
 }
 
 /// The part of a tree that can be trusted to be what was released.
@@ -368,16 +371,16 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown
                 &listed.id,
                 "it has no scene.json that is whole",
             ));
-        } else if let Some(scene) = claims::parse::<SceneFile>(tree, &path, &mut faults) {
-            faults.extend(claims::scene(manifest, listed, &scene));
-            faults.extend(terms::scene(&scene, tree));
-            faults.extend(contents::scene(tree, &scene));
+        } else if let Some(scene) = claims::parse_claims::<SceneFile>(tree, &path, &mut faults) {
+            faults.extend(claims::audit_scene(manifest, listed, &scene));
+            faults.extend(terms::scene_terms(&scene, tree));
+            faults.extend(contents::audit_scene(tree, &scene));
             faults.extend(steps::audit(manifest, listed, &scene));
             scenes.push(scene);
         }
-        faults.extend(takedown.and_then(|list| takedown::scene(list, listed, scenes.get(known))));
+        faults.extend(takedown.and_then(|list| takedown::takedown_fault(list, listed, scenes.get(known))));
     }
-    faults.extend(splits::audit(manifest, &scenes));
+    faults.extend(splits::audit_splits(manifest, &scenes));
     faults.extend(names::audit(tree, manifest, &scenes));
     let published = published(tree, manifest, &scenes, &mut faults);
     faults.extend(top(tree, manifest, &scenes));
@@ -415,13 +418,18 @@ fn published(
 /// The files at the top, as far as one look at each tells.
 fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let index = index::read(tree, &mut faults);
+    let index = index::read_index(tree, &mut faults);
     let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
-    faults.extend(compared.flat_map(|table| index::compare(tree, table, scenes)));
-    faults.extend(croissant::audit(&croissant::Subject { tree, manifest, index: index.as_ref(), scenes }));
-    faults.extend(terms::texts(manifest, tree));
-    faults.extend(terms::card(tree, manifest));
-    faults.extend(terms::files(tree, manifest, scenes));
+    faults.extend(compared.flat_map(|table| index::compare_index(tree, table, scenes)));
+    faults.extend(croissant::audit_croissant(&croissant::Subject {
+        tree,
+        manifest,
+        index: index.as_ref(),
+        scenes,
+    }));
+    faults.extend(terms::text_faults(manifest, tree));
+    faults.extend(terms::card_fault(tree, manifest));
+    faults.extend(terms::reuse_faults(tree, manifest, scenes));
     faults
 }
 

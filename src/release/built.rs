@@ -9,7 +9,7 @@ use crate::camera::{self, Camera};
 use crate::check::Finding;
 use crate::licence::Composed;
 use crate::plan::Plan;
-use crate::plan::assess::{Product, describe};
+use crate::plan::assess::{Product, describe_step};
 use crate::recipe::{Recipe, SourceTerms};
 use crate::render::fidelity::Fidelity;
 use crate::run::Summary;
@@ -123,7 +123,7 @@ impl Shelf<'_> {
         let outputs = self
             .find(name)
             .ok_or_else(|| GatherError::NotBuilt { scene: self.scene.to_owned(), step: name.to_owned() })?;
-        A::open(&Files::of(outputs, self.store)).map_err(|e| self.unreadable(name, &e))
+        A::open(&Files::from_outputs(outputs, self.store)).map_err(|e| self.unreadable(name, &e))
     }
 
     /// What the steps of a trajectory left out.
@@ -136,7 +136,7 @@ impl Shelf<'_> {
                 Value::Record(fields) => fields.get("class").map(ToString::to_string),
                 _ => None,
             };
-            let files = Files::of(&step.outputs, self.store);
+            let files = Files::from_outputs(&step.outputs, self.store);
             let left_out = left_out::of_step(step.stage, class.as_deref(), &files);
             rows.extend(left_out.map_err(|e| self.unreadable(&step.name, &e))?);
         }
@@ -157,7 +157,7 @@ impl Shelf<'_> {
 }
 
 /// Gathers one scene.
-pub(super) fn gather<'a>(
+pub(super) fn gather_scene<'a>(
     plan: &'a Plan,
     index: usize,
     summary: &Summary,
@@ -170,7 +170,7 @@ pub(super) fn gather<'a>(
     for (id, planned) in plan.steps_of(index) {
         let Product { key, outputs, sources } =
             summary.products.get(&id).ok_or_else(|| not_built(&planned.name))?;
-        let description = describe(planned, sources, &outputs_of);
+        let description = describe_step(planned, sources, &outputs_of);
         let (name, stage, outputs) = (planned.name.clone(), planned.step.stage(), outputs.clone());
         steps.push(BuiltStep { name, stage, key: *key, description, outputs });
     }
@@ -190,21 +190,21 @@ pub(super) fn gather<'a>(
             screening: gaussians.screening,
         }),
     };
-    let photographed = photographed(&shelf)?;
+    let photographed = photo_findings(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
-    let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
+    let trajectories = names.map(|name| gather_trajectory(&shelf, name)).collect::<Result<_, _>>()?;
     let allowed = terms.get(recipe.source.kind()).map(|stated| stated.because.as_str());
     let licence = published::terms(recipe, allowed);
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }
 
-fn photographed(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> {
+fn photo_findings(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> {
     let Some(verdicts) = shelf.open_optional::<Verdicts>("checks")? else { return Ok(None) };
     let fidelity = shelf.open_optional("fidelity")?;
     Ok(Some(Photographed { fidelity, findings: verdicts.findings_of_scene(shelf.scene) }))
 }
 
-fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
+fn gather_trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
     let step = |step: &str| format!("{name}/{step}");
     let verdicts: Verdicts = shelf.open(&step("checks"))?;
     Ok(BuiltTrajectory {
@@ -234,6 +234,7 @@ impl BuiltScene<'_> {
     /// The camera that was rendered.
     pub(super) fn camera(&self) -> Camera {
         let own = self.capture.camera().map(|(own, _)| own);
-        camera::choose(self.recipe.camera, own.as_ref()).expect("recipes without views write a whole camera")
+        camera::choose_camera(self.recipe.camera, own.as_ref())
+            .expect("recipes without views write a whole camera")
     }
 }

@@ -1,7 +1,7 @@
 //! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
 //! number in it is computed.
 
-use super::facts::{Counts, Facts, breaks_line, plain};
+use super::facts::{Counts, Facts, breaks_line, plain_text};
 use super::published::PublishedScene;
 use super::scene::{Statistics, TrajectoryPart};
 use crate::check::Verdict;
@@ -14,21 +14,21 @@ use crate::sensor::voltmeter::Between;
 use std::fmt::Write as _;
 
 /// Composes the card.
-pub(super) fn compose(facts: &Facts<'_>) -> String {
+pub(super) fn compose_card(facts: &Facts<'_>) -> String {
     let (scenes, info) = (facts.scenes, facts.info);
-    let mut text = head(facts);
+    let mut text = card_head(facts);
     for section in [
-        introduction(facts),
+        card_introduction(facts),
         FILES.to_owned(),
         LOADING.to_owned(),
-        conventions(scenes),
-        making(scenes),
-        checks(scenes),
-        splits(facts),
+        conventions_section(scenes),
+        making_section(scenes),
+        checks_section(scenes),
+        splits_section(facts),
         format!("## Limits\n\n{LIMITS}\n"),
-        licences(facts),
-        removal(info),
-        citation(info),
+        licences_section(facts),
+        removal_section(info),
+        citation_section(info),
     ] {
         if !section.is_empty() {
             text.push('\n');
@@ -38,12 +38,12 @@ pub(super) fn compose(facts: &Facts<'_>) -> String {
     text
 }
 
-fn trajectories(scenes: &[PublishedScene]) -> impl Iterator<Item = (&PublishedScene, &TrajectoryPart)> {
+fn built_trajectories(scenes: &[PublishedScene]) -> impl Iterator<Item = (&PublishedScene, &TrajectoryPart)> {
     scenes.iter().flat_map(|scene| scene.file.trajectories.iter().map(move |part| (scene, part)))
 }
 
 /// The card's head, as dataset hubs read it.
-fn head(facts: &Facts<'_>) -> String {
+fn card_head(facts: &Facts<'_>) -> String {
     let (info, licence) = (facts.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
     // A hub knows few licences by name; an expression is told as another licence with a link.
@@ -60,14 +60,14 @@ fn head(facts: &Facts<'_>) -> String {
     text.push_str("tags: [event-camera, 3d-gaussian-splatting, synthetic]\n");
     let _ = writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", super::index::NAME);
     if licence.gated {
-        text.push_str(&gate(facts));
+        text.push_str(&gate_prompt(facts));
     }
     text.push_str("---\n");
     text
 }
 
 /// What receivers are asked before they get anything, as hubs read it: who they are, and each obligation of the terms.
-fn gate(facts: &Facts<'_>) -> String {
+fn gate_prompt(facts: &Facts<'_>) -> String {
     let mut text = String::from(
         "extra_gated_heading: \"Terms of the upstream datasets\"\n\
          extra_gated_prompt: \"Access needs your acceptance of the upstream terms in LICENSES.\"\n\
@@ -86,11 +86,11 @@ fn gate(facts: &Facts<'_>) -> String {
     text
 }
 
-fn introduction(facts: &Facts<'_>) -> String {
+fn card_introduction(facts: &Facts<'_>) -> String {
     let info = facts.info;
-    let mut text = format!("# {} {}\n\n", plain(&info.name), plain(&info.version));
+    let mut text = format!("# {} {}\n\n", plain_text(&info.name), plain_text(&info.version));
     if !info.description.is_empty() {
-        let _ = writeln!(text, "{}\n", plain(&info.description));
+        let _ = writeln!(text, "{}\n", plain_text(&info.description));
     }
     let Counts { scenes, trajectories, events, withheld, .. } = facts.counts();
     let pictures = facts.pictures();
@@ -113,7 +113,7 @@ fn introduction(facts: &Facts<'_>) -> String {
 }
 
 /// How many scenes are in which split; empty where there are none.
-fn splits(facts: &Facts<'_>) -> String {
+fn splits_section(facts: &Facts<'_>) -> String {
     let Some(rule) = &facts.info.splits else { return String::new() };
     let by = match rule.by {
         By::Capture => "capture",
@@ -129,11 +129,11 @@ fn splits(facts: &Facts<'_>) -> String {
 }
 
 /// Whom to ask.
-fn removal(info: &ReleaseInfo) -> String {
+fn removal_section(info: &ReleaseInfo) -> String {
     let whom = match &info.contact {
-        Some(contact) => format!("Write to {}", plain(contact)),
+        Some(contact) => format!("Write to {}", plain_text(contact)),
         None if info.url == ReleaseInfo::default().url => "No contact is stated".to_owned(),
-        None => format!("No contact is stated; the publisher's page is {}", plain(&info.url)),
+        None => format!("No contact is stated; the publisher's page is {}", plain_text(&info.url)),
     };
     format!(
         "## Removal of scenes\n\n{whom}. A scene that is taken down is left out of every later version.\n"
@@ -199,9 +199,9 @@ the pixel's event before.
 ";
 
 /// How numbers are to be read, and which sensors see another brightness than most.
-fn conventions(scenes: &[PublishedScene]) -> String {
+fn conventions_section(scenes: &[PublishedScene]) -> String {
     let mut text = CONVENTIONS.to_owned();
-    let streams = trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
+    let streams = built_trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
     if streams.into_iter().any(|(_, sensor)| sensor.as_model().labels()) {
         text.push_str(LABELS);
     }
@@ -233,14 +233,14 @@ const PATHS: [(&str, &str); 4] = [
     ("keyframes", "poses given by hand, joined by a curve"),
 ];
 
-fn making(scenes: &[PublishedScene]) -> String {
-    let kinds: Vec<&str> = trajectories(scenes).map(|(_, part)| part.kind.as_str()).collect();
+fn making_section(scenes: &[PublishedScene]) -> String {
+    let kinds: Vec<&str> = built_trajectories(scenes).map(|(_, part)| part.kind.as_str()).collect();
     let mut text = String::from("## How it was made\n\nEach path is one of these:\n\n");
     for (kind, what) in PATHS.iter().filter(|(kind, _)| kinds.contains(kind)) {
         let _ = writeln!(text, "- `{kind}`: {what}");
     }
     let mut between: Vec<&str> =
-        scenes.iter().flat_map(|s| s.recipe.sensors.iter()).map(|(_, s)| word(s)).collect();
+        scenes.iter().flat_map(|s| s.recipe.sensors.iter()).map(|(_, s)| between_words(s)).collect();
     between.sort_unstable();
     between.dedup();
     let between = between.join(" or ");
@@ -252,14 +252,14 @@ fn making(scenes: &[PublishedScene]) -> String {
          | scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for row in trajectories(scenes).flat_map(|(scene, part)| rows(scene, part)) {
+    for row in built_trajectories(scenes).flat_map(|(scene, part)| stream_rows(scene, part)) {
         let _ = writeln!(text, "{row}");
     }
     text
 }
 
 /// How a sensor takes brightness between poses.
-fn word(sensor: &Sensor) -> &'static str {
+fn between_words(sensor: &Sensor) -> &'static str {
     match sensor.between() {
         Between::Linear => "linear",
         Between::Catmull => "cubic (Catmull-Rom)",
@@ -268,7 +268,7 @@ fn word(sensor: &Sensor) -> &'static str {
 }
 
 /// A row for each stream, and one where there is none.
-fn rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
+fn stream_rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
     let camera = &scene.file.camera;
     let size = Size { width: camera.width, height: camera.height };
     let gaussians = scene.file.reconstruction.as_ref().map(|it| it.gaussians.to_string());
@@ -301,7 +301,7 @@ fn rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
     if rows.is_empty() { vec![row("", "- | - | - | -")] } else { rows }
 }
 
-fn checks(scenes: &[PublishedScene]) -> String {
+fn checks_section(scenes: &[PublishedScene]) -> String {
     let mut text = String::from("## Checks\n\n");
     let findings: Vec<_> = scenes.iter().flat_map(PublishedScene::all_findings).collect();
     let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
@@ -315,7 +315,7 @@ fn checks(scenes: &[PublishedScene]) -> String {
     );
     for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
         // Names of photos and the reasons for waivers are texts of users.
-        let [subject, because] = [&finding.subject, &finding.because].map(|text| plain(text));
+        let [subject, because] = [&finding.subject, &finding.because].map(|text| plain_text(text));
         let _ = writeln!(text, "- {} `{}` {subject}: {because}", finding.verdict.name(), finding.check);
     }
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
@@ -343,14 +343,15 @@ good as its reconstruction. Lengths are in the unit of each source, which is arb
 is not known. Events between poses rest on brightness that was interpolated: how far the image moves from pose to pose is \
 in `checks.json` (`sampling`). Photos are named and hashed, and are not in the release.";
 
-fn licences(facts: &Facts<'_>) -> String {
+fn licences_section(facts: &Facts<'_>) -> String {
     let mut text =
         format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", facts.licence.expression);
     for scene in facts.scenes {
-        let holder = scene.recipe.licence.as_ref().map_or_else(|| "not stated".into(), |l| plain(&l.holder));
+        let holder =
+            scene.recipe.licence.as_ref().map_or_else(|| "not stated".into(), |l| plain_text(&l.holder));
         let passing = match &scene.licence.passing {
             Passing::Free => String::new(),
-            Passing::Allowed(because) => format!("; passed on, because: {}", plain(because)),
+            Passing::Allowed(because) => format!("; passed on, because: {}", plain_text(because)),
             Passing::Withheld => "; recipe, poses and reports alone".to_owned(),
         };
         let (id, terms) = (&scene.recipe.scene, &scene.licence.expression);
@@ -359,7 +360,7 @@ fn licences(facts: &Facts<'_>) -> String {
     for grant in facts.grants() {
         let _ = writeln!(text, "- {grant}");
     }
-    let named: Vec<String> = facts.attributions().into_iter().map(plain).collect();
+    let named: Vec<String> = facts.attributions().into_iter().map(plain_text).collect();
     if !named.is_empty() {
         let _ = writeln!(text, "\nTo be named: {}.", named.join("; "));
     }
@@ -381,7 +382,7 @@ const PROGRAMS: &str =
 const TRAINED: &str = " Whether the licence of 3D Gaussian Splatting reaches what is rendered from scenes that were \
     trained with it is not said by its text.";
 
-fn citation(info: &ReleaseInfo) -> String {
+fn citation_section(info: &ReleaseInfo) -> String {
     let mut text = String::from("## Citation\n\n");
     if !info.cite_as.is_empty() {
         // As code: nothing in it is markup.

@@ -15,7 +15,7 @@ pub(super) const NAME: &str = "SHA256SUMS";
 pub(super) const B3_NAME: &str = "B3SUMS";
 
 /// Lower-case hexadecimal.
-fn hex(bytes: &[u8]) -> String {
+fn hex_digits(bytes: &[u8]) -> String {
     bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
         write!(text, "{byte:02x}").expect("a String takes any text");
         text
@@ -23,13 +23,13 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 /// SHA-256 of some bytes, hexadecimal.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
+pub(super) fn sha256_hex(bytes: &[u8]) -> String {
+    hex_digits(&Sha256::digest(bytes))
 }
 
 /// SHA-256 of a file, hexadecimal.
 pub(super) fn sha256_of_file(path: &Path) -> io::Result<String> {
-    both(path).map(|hashes| hashes.sha256)
+    hash_file(path).map(|hashes| hashes.sha256)
 }
 
 /// Both hashes of a file.
@@ -42,13 +42,13 @@ pub(super) struct Hashes {
 
 impl Hashes {
     /// Both hashes of some bytes.
-    pub(super) fn of(bytes: &[u8]) -> Self {
-        Self { sha256: sha256(bytes), blake3: Digest::of(bytes), size: bytes.len() as u64 }
+    pub(super) fn of_bytes(bytes: &[u8]) -> Self {
+        Self { sha256: sha256_hex(bytes), blake3: Digest::of_bytes(bytes), size: bytes.len() as u64 }
     }
 }
 
 /// Both hashes of a file, in one pass over its bytes.
-pub(super) fn both(path: &Path) -> io::Result<Hashes> {
+pub(super) fn hash_file(path: &Path) -> io::Result<Hashes> {
     let mut file = files::open_with(path, files::Links::Refuse)?;
     let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
     let mut piece = vec![0; 1 << 16];
@@ -63,11 +63,11 @@ pub(super) fn both(path: &Path) -> io::Result<Hashes> {
         size += n as u64;
     }
     let blake3 = Digest::from(blake3.finalize());
-    Ok(Hashes { sha256: hex(&sha256.finalize()), blake3, size })
+    Ok(Hashes { sha256: hex_digits(&sha256.finalize()), blake3, size })
 }
 
 /// The text of either file, from paths and sums sorted by path.
-pub(super) fn text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
+pub(super) fn sums_text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
     sums.fold(String::new(), |mut text, (path, sum)| {
         writeln!(text, "{sum}  {path}").expect("a String takes any text");
         text
@@ -81,11 +81,11 @@ mod tests {
     #[test]
     fn both_hashes_are_those_of_the_published_algorithms() {
         // FIPS 180-2, "abc"; BLAKE3's test vector of the empty input.
-        assert_eq!(sha256(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        assert_eq!(sha256_hex(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("empty");
         std::fs::write(&path, b"").unwrap();
-        let hashes = both(&path).unwrap();
+        let hashes = hash_file(&path).unwrap();
         assert_eq!(hashes.sha256, "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
         assert!(hashes.blake3.to_string().starts_with("af1349b9f5f9a1a6a0404dea36dcc949"));
     }

@@ -5,7 +5,7 @@
 mod glob;
 mod records;
 
-pub(super) use glob::matches;
+pub(super) use glob::glob_matches;
 pub(super) use records::{SPLITS, data_type};
 
 use super::card;
@@ -113,31 +113,31 @@ pub(super) struct Described<'a> {
 }
 
 /// Composes the file.
-pub(super) fn compose(of: &Described<'_>) -> Value {
+pub(super) fn compose_croissant(of: &Described<'_>) -> Value {
     let info = of.info;
     let mut file = json!({
-        "@context": context(), "@type": "sc:Dataset", "conformsTo": CONFORMS_TO,
+        "@context": json_context(), "@type": "sc:Dataset", "conformsTo": CONFORMS_TO,
         "name": info.name, "description": info.description, "version": info.version, "url": info.url,
-        "license": licence(of.licence), "creator": { "@type": "Organization", "name": info.creator },
+        "license": licence_address(of.licence), "creator": { "@type": "Organization", "name": info.creator },
         "datePublished": info.date_published, "citeAs": info.cite_as, "isLiveDataset": false,
-        "prov:wasDerivedFrom": sources(of.scenes),
+        "prov:wasDerivedFrom": source_entries(of.scenes),
         "prov:wasGeneratedBy": [{ "@type": "prov:Activity", "name": super::TOOL, "description": COLLECTION }],
-        "distribution": distribution(of),
+        "distribution": distribution_entries(of),
         "recordSet": record_sets(info.splits.as_ref()),
     });
-    for (name, text) in RESPONSIBLE.into_iter().zip(responsible(of.scenes)) {
+    for (name, text) in RESPONSIBLE.into_iter().zip(responsible_texts(of.scenes)) {
         file[name] = text;
     }
     file
 }
 
 fn record_sets(splits: Option<&Splits>) -> Vec<Value> {
-    let sets = [records::index(splits), records::scenes(SCENE_FILES)];
-    sets.into_iter().chain(splits.map(records::splits)).collect()
+    let sets = [records::index_records(splits), records::scene_records(SCENE_FILES)];
+    sets.into_iter().chain(splits.map(records::split_records)).collect()
 }
 
 /// A licence of the SPDX list by its address, as Croissant recommends; another expression as it stands.
-pub(super) fn licence(expression: &str) -> String {
+pub(super) fn licence_address(expression: &str) -> String {
     if crate::licence::is_listed(expression) {
         format!("https://spdx.org/licenses/{expression}.html")
     } else {
@@ -160,9 +160,9 @@ const IMPACT: &str = "None is known beyond that of its sources and of methods tr
     bind who receives it: see licence and gated in index.parquet.";
 
 /// The texts of [`RESPONSIBLE`], in its order.
-fn responsible(scenes: &[&SceneFile]) -> [Value; RESPONSIBLE.len()] {
+fn responsible_texts(scenes: &[&SceneFile]) -> [Value; RESPONSIBLE.len()] {
     let made_up = |scene: &&SceneFile| scene.source.kind == SourceKind::Procedural.name();
-    let personal = personal(scenes.iter().all(made_up));
+    let personal = personal_words(scenes.iter().all(made_up));
     [
         COLLECTION.into(),
         card::LIMITS.into(),
@@ -175,7 +175,7 @@ fn responsible(scenes: &[&SceneFile]) -> [Value; RESPONSIBLE.len()] {
 }
 
 /// What is known of persons in scenes that are all made up, or not.
-pub(super) fn personal(made_up: bool) -> &'static str {
+pub(super) fn personal_words(made_up: bool) -> &'static str {
     if made_up {
         "None: its scenes are made up by the program."
     } else {
@@ -184,7 +184,7 @@ pub(super) fn personal(made_up: bool) -> &'static str {
 }
 
 /// What the scenes were derived from: each upstream dataset, else each kind of source, once.
-fn sources(scenes: &[&SceneFile]) -> Vec<Value> {
+fn source_entries(scenes: &[&SceneFile]) -> Vec<Value> {
     let named: BTreeSet<(&str, Option<&str>, Option<&str>)> = scenes
         .iter()
         .map(|scene| &scene.source)
@@ -200,12 +200,12 @@ fn sources(scenes: &[&SceneFile]) -> Vec<Value> {
     named.into_iter().map(source).collect()
 }
 
-fn distribution(of: &Described<'_>) -> Vec<Value> {
+fn distribution_entries(of: &Described<'_>) -> Vec<Value> {
     let mut nodes = vec![
         json!({
             "@type": "cr:FileObject", "@id": index::NAME, "name": index::NAME, "contentUrl": index::NAME,
-            "description": "a row a trajectory", "contentSize": size(of.index.len() as u64),
-            "encodingFormat": "application/x-parquet", "sha256": checksum::sha256(of.index),
+            "description": "a row a trajectory", "contentSize": content_size(of.index.len() as u64),
+            "encodingFormat": "application/x-parquet", "sha256": checksum::sha256_hex(of.index),
         }),
         json!({
             "@type": "cr:FileObject", "@id": ROOT, "name": ROOT, "description": "the release folder",
@@ -213,7 +213,7 @@ fn distribution(of: &Described<'_>) -> Vec<Value> {
         }),
     ];
     for (id, media, glob, what) in FILE_SETS {
-        if of.paths.iter().any(|path| matches(glob, path)) {
+        if of.paths.iter().any(|path| glob_matches(glob, path)) {
             nodes.push(json!({
                 "@type": "cr:FileSet", "@id": id, "name": id, "description": what, "encodingFormat": media,
                 "containedIn": { "@id": ROOT }, "includes": glob,
@@ -224,7 +224,7 @@ fn distribution(of: &Described<'_>) -> Vec<Value> {
 }
 
 /// A length in Croissant's form.
-pub(super) fn size(bytes: u64) -> String {
+pub(super) fn content_size(bytes: u64) -> String {
     format!("{bytes} B")
 }
 
@@ -259,7 +259,7 @@ const TERMS: [&str; 26] = [
 ];
 
 /// The JSON-LD context; `mlcroissant` warns of any other.
-fn context() -> Value {
+fn json_context() -> Value {
     let mut context = json!({
         "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
         "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",

@@ -3,7 +3,7 @@
 
 mod answers;
 
-use super::facts::{Facts, plain};
+use super::facts::{Facts, plain_text};
 use answers::Answers;
 use std::fmt::Write as _;
 
@@ -20,9 +20,9 @@ const UNKNOWN: &str = "Not known.";
 type Asked = (&'static str, String);
 
 /// Composes the file.
-pub(super) fn compose(facts: &Facts<'_>) -> String {
+pub(super) fn compose_datasheet(facts: &Facts<'_>) -> String {
     let info = facts.info;
-    let mut text = format!("# Datasheet of {} {}\n\n", plain(&info.name), plain(&info.version));
+    let mut text = format!("# Datasheet of {} {}\n\n", plain_text(&info.name), plain_text(&info.version));
     text.push_str(
         "The questions are those of Gebru et al., Datasheets for Datasets (2021). Answers are computed from the release, \
          or the publisher's own words, which are marked as such.\n",

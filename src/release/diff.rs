@@ -138,25 +138,25 @@ pub struct DiffError {
 ///
 /// # Errors
 /// When one of them is no release, or a `scene.json` that is needed to say why cannot be read.
-pub fn diff(old: &Path, new: &Path) -> Result<Difference, DiffError> {
+pub fn diff_releases(old: &Path, new: &Path) -> Result<Difference, DiffError> {
     let before = read_manifest(old)?;
     let after = read_manifest(new)?;
     let id = |scene: &ManifestScene| scene.id.clone();
     let mut told = Difference {
-        release: values::changes(&claims(&before), &claims(&after)),
-        files: files(&before.files, &after.files),
+        release: values::value_changes(&claimed_values(&before), &claimed_values(&after)),
+        files: file_changes(&before.files, &after.files),
         added: Vec::new(),
         removed: Vec::new(),
         changed: Vec::new(),
         unchanged: 0,
     };
-    for pair in paired(&before.scenes, &after.scenes, id) {
+    for pair in pair_named(&before.scenes, &after.scenes, id) {
         match pair {
-            (None, Some(scene)) => told.added.push(size(scene)),
-            (Some(scene), None) => told.removed.push(size(scene)),
+            (None, Some(scene)) => told.added.push(scene_size(scene)),
+            (Some(scene), None) => told.removed.push(scene_size(scene)),
             (Some(a), Some(b)) if a != b => {
                 let [a_file, b_file] = [read_scene(old, a)?, read_scene(new, b)?];
-                told.changed.push(scene([a, b], [&a_file, &b_file]));
+                told.changed.push(scene_change([a, b], [&a_file, &b_file]));
             }
             _ => told.unchanged += 1,
         }
@@ -198,7 +198,7 @@ fn read_json<T: DeserializeOwned>(dir: &Path, name: &str, wanted: &'static str) 
 }
 
 /// Elements of two lists that have one name, sorted by it.
-fn paired<'a, T, K: Ord>(
+fn pair_named<'a, T, K: Ord>(
     old: &'a [T],
     new: &'a [T],
     name: impl Fn(&T) -> K,
@@ -210,7 +210,7 @@ fn paired<'a, T, K: Ord>(
 }
 
 /// What is claimed beside the lists that are compared one by one.
-fn claims<T: Serialize>(listed: &T) -> Value {
+fn claimed_values<T: Serialize>(listed: &T) -> Value {
     let mut value = serde_json::to_value(listed).expect("a manifest is plain data");
     if let Some(fields) = value.as_object_mut() {
         fields.retain(|name, _| !["id", "scenes", "steps", "files"].contains(&name.as_str()));
@@ -218,13 +218,13 @@ fn claims<T: Serialize>(listed: &T) -> Value {
     value
 }
 
-fn size(scene: &ManifestScene) -> SceneSize {
+fn scene_size(scene: &ManifestScene) -> SceneSize {
     let bytes = scene.files.iter().map(|file| file.size).sum();
     SceneSize { id: scene.id.clone(), files: scene.files.len(), bytes }
 }
 
-fn files(old: &[ManifestFile], new: &[ManifestFile]) -> Vec<FileChange> {
-    let pairs = paired(old, new, |file| file.path.clone()).into_iter().filter(|(old, new)| old != new);
+fn file_changes(old: &[ManifestFile], new: &[ManifestFile]) -> Vec<FileChange> {
+    let pairs = pair_named(old, new, |file| file.path.clone()).into_iter().filter(|(old, new)| old != new);
     let change = |(old, new): (Option<&ManifestFile>, Option<&ManifestFile>)| {
         let path = new.or(old).map(|file| file.path.clone())?;
         Some(FileChange { path, old: old.map(|file| file.size), new: new.map(|file| file.size) })
@@ -232,21 +232,21 @@ fn files(old: &[ManifestFile], new: &[ManifestFile]) -> Vec<FileChange> {
     pairs.filter_map(change).collect()
 }
 
-fn scene([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneFile; 2]) -> SceneChange {
+fn scene_change([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneFile; 2]) -> SceneChange {
     let photos = |file: &SceneFile| -> Value {
         file.images.iter().map(|photo| (photo.name.clone(), Value::from(photo.sha256.clone()))).collect()
     };
     SceneChange {
         id: new.id.clone(),
-        recipe: values::changes(&old_file.recipe, &new_file.recipe),
-        photos: values::changes(&photos(old_file), &photos(new_file)),
-        claims: values::changes(&claims(old), &claims(new)),
-        steps: steps(&old.steps, &new.steps),
-        files: files(&old.files, &new.files),
+        recipe: values::value_changes(&old_file.recipe, &new_file.recipe),
+        photos: values::value_changes(&photos(old_file), &photos(new_file)),
+        claims: values::value_changes(&claimed_values(old), &claimed_values(new)),
+        steps: step_changes(&old.steps, &new.steps),
+        files: file_changes(&old.files, &new.files),
     }
 }
 
-fn steps(old: &[ManifestStep], new: &[ManifestStep]) -> Vec<StepChange> {
+fn step_changes(old: &[ManifestStep], new: &[ManifestStep]) -> Vec<StepChange> {
     let there = new.iter().filter_map(|step| match old.iter().find(|s| s.step == step.step) {
         None => Some(StepChange::new(step, false, vec![Reason::StepAdded])),
         Some(before) => step_change(before, step),
@@ -267,13 +267,13 @@ fn step_change(old: &ManifestStep, new: &ManifestStep) -> Option<StepChange> {
     let reasons = match (&old.made_of, &new.made_of) {
         _ if old.key == new.key && same_bytes => return None,
         _ if old.key == new.key => vec![Reason::Nondeterministic],
-        (Some(old), Some(new)) => reasons(old, new),
+        (Some(old), Some(new)) => change_reasons(old, new),
         _ => vec![Reason::Untold],
     };
     Some(StepChange::new(new, same_bytes, reasons))
 }
 
-fn reasons(old: &Ingredients, new: &Ingredients) -> Vec<Reason> {
+fn change_reasons(old: &Ingredients, new: &Ingredients) -> Vec<Reason> {
     let revision =
         (old.revision != new.revision).then_some(Reason::Revision { old: old.revision, new: new.revision });
     let class =

@@ -72,7 +72,7 @@ impl Facts<'_> {
 
     /// Number of scenes of each kind of source.
     pub(super) fn sources(&self) -> BTreeMap<&'static str, usize> {
-        tally(self.scenes.iter().map(|scene| scene.recipe.source.kind()))
+        tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind()))
     }
 
     /// Number of scenes in each split; empty where there are no splits.
@@ -93,7 +93,7 @@ impl Facts<'_> {
     /// Verdicts of all checks.
     pub(super) fn verdicts(&self) -> BTreeMap<&'static str, usize> {
         let findings = self.scenes.iter().flat_map(PublishedScene::all_findings);
-        tally(findings.map(|finding| finding.verdict.name()))
+        tally_names(findings.map(|finding| finding.verdict.name()))
     }
 
     pub(super) fn passed(&self) -> usize {
@@ -151,7 +151,7 @@ impl Facts<'_> {
                 None => {}
             }
         }
-        let how: Vec<String> = how.iter().map(|text| plain(text)).collect();
+        let how: Vec<String> = how.iter().map(|text| plain_text(text)).collect();
         (!how.is_empty()).then(|| how.join("; "))
     }
 
@@ -199,7 +199,7 @@ impl Facts<'_> {
                     scene.recipe.scene,
                     asset.name,
                     grant.expression,
-                    plain(&grant.granted_by),
+                    plain_text(&grant.granted_by),
                     grant.date,
                     // Nothing is escaped between angle brackets; the form of addresses leaves no markup.
                     grant.url
@@ -210,7 +210,7 @@ impl Facts<'_> {
     }
 }
 
-fn tally<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, usize> {
+fn tally_names<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, usize> {
     names.fold(BTreeMap::new(), |mut counts, name| {
         *counts.entry(name).or_default() += 1;
         counts
@@ -218,7 +218,7 @@ fn tally<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, usize> {
 }
 
 /// A text of a user as it stands, on one line of Markdown: nothing in it is markup or hidden, wherever it is put.
-pub(super) fn plain(text: &str) -> String {
+pub(super) fn plain_text(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.trim().chars() {
         match c {
@@ -257,7 +257,7 @@ mod tests {
 
     #[test]
     fn texts_of_users_are_no_markup() {
-        let t = |text: &str, wanted: &str| assert_eq!(plain(text), wanted);
+        let t = |text: &str, wanted: &str| assert_eq!(plain_text(text), wanted);
         t("Example Lab, 2025", "Example Lab, 2025");
         t(" a|b\n## Licence ", "a\\|b ## Licence");
         t("<img src=x> [a](b) `c` **d**", "\\<img src=x\\> \\[a\\](b) \\`c\\` \\*\\*d\\*\\*");

@@ -23,9 +23,9 @@ pub(super) struct Told {
 }
 
 impl Told {
-    pub(super) fn of(report: &Report, findings: &[Finding]) -> Self {
+    pub(super) fn from_files(report: &Report, findings: &[Finding]) -> Self {
         Self {
-            speed_median_unit_s: median(&report.linear_unit_s),
+            speed_median_unit_s: middle_mean(&report.linear_unit_s),
             checks: findings.len(),
             checks_passed: findings.iter().filter(|f| f.verdict == Verdict::Pass).count(),
         }
@@ -33,7 +33,7 @@ impl Told {
 }
 
 /// The middle value, or the mean of the two.
-fn median(values: &[f64]) -> Option<f64> {
+fn middle_mean(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let upper = sorted.len() / 2;
@@ -89,7 +89,7 @@ pub(super) struct Column {
     value: fn(&Row<'_>) -> Value,
 }
 
-const fn column(
+const fn index_column(
     name: &'static str,
     kind: Kind,
     description: &'static str,
@@ -100,99 +100,120 @@ const fn column(
 
 /// All columns, in the file's order.
 pub(super) const COLUMNS: [Column; 35] = [
-    column("id", Kind::Text, "scene/trajectory, and /sensor where there are several; unique", |r| {
+    index_column("id", Kind::Text, "scene/trajectory, and /sensor where there are several; unique", |r| {
         r.name().map_or_else(|| r.path(), |name| format!("{}/{name}", r.path())).into()
     }),
-    column("scene", Kind::Text, "scene id", |r| r.scene.id.as_str().into()),
-    column("trajectory", Kind::Text, "name of the trajectory", |r| r.part.name.as_str().into()),
-    column("sensor", Kind::Text, "name of the sensor, where several saw the trajectory", |r| r.name().into()),
-    column("path", Kind::Text, "folder of the trajectory in the release", |r| r.path().into()),
-    column("source", Kind::Text, "kind of source that the poses come from", |r| {
+    index_column("scene", Kind::Text, "scene id", |r| r.scene.id.as_str().into()),
+    index_column("trajectory", Kind::Text, "name of the trajectory", |r| r.part.name.as_str().into()),
+    index_column("sensor", Kind::Text, "name of the sensor, where several saw the trajectory", |r| {
+        r.name().into()
+    }),
+    index_column("path", Kind::Text, "folder of the trajectory in the release", |r| r.path().into()),
+    index_column("source", Kind::Text, "kind of source that the poses come from", |r| {
         r.scene.source.kind.as_str().into()
     }),
-    column("upstream_id", Kind::Text, "the upstream dataset's own id of the scene", |r| {
+    index_column("upstream_id", Kind::Text, "the upstream dataset's own id of the scene", |r| {
         r.scene.source.upstream_id.as_deref().into()
     }),
-    column("split", Kind::Text, "split that the scene belongs to", |r| {
+    index_column("split", Kind::Text, "split that the scene belongs to", |r| {
         r.scene.split.as_ref().map(|split| split.name.as_str()).into()
     }),
-    column("licence", Kind::Text, "SPDX expression of the scene", |r| {
+    index_column("licence", Kind::Text, "SPDX expression of the scene", |r| {
         r.scene.licence.expression.as_str().into()
     }),
-    column("gated", Kind::Flag, "whether receivers must accept the upstream terms first", |r| {
+    index_column("gated", Kind::Flag, "whether receivers must accept the upstream terms first", |r| {
         r.scene.licence.gated.into()
     }),
-    column("width", Kind::Whole, "width of the sensor, px", |r| u64::from(r.scene.camera.width).into()),
-    column("height", Kind::Whole, "height of the sensor, px", |r| u64::from(r.scene.camera.height).into()),
-    column("frames", Kind::Whole, "number of poses; sharp/ has a picture of each, or of every n-th", |r| {
-        (r.part.poses as u64).into()
+    index_column("width", Kind::Whole, "width of the sensor, px", |r| u64::from(r.scene.camera.width).into()),
+    index_column("height", Kind::Whole, "height of the sensor, px", |r| {
+        u64::from(r.scene.camera.height).into()
     }),
-    column("duration_us", Kind::Whole, "stamp of the last pose, us", |r| r.part.duration_us.into()),
-    column("rate", Kind::Number, "poses a second, Hz", |r| {
+    index_column(
+        "frames",
+        Kind::Whole,
+        "number of poses; sharp/ has a picture of each, or of every n-th",
+        |r| (r.part.poses as u64).into(),
+    ),
+    index_column("duration_us", Kind::Whole, "stamp of the last pose, us", |r| r.part.duration_us.into()),
+    index_column("rate", Kind::Number, "poses a second, Hz", |r| {
         r.part.rate.parse().ok().map(|ratio| Hertz(ratio).to_f64()).into()
     }),
-    column("speed_profile", Kind::Text, "uniform or non-uniform", |r| {
+    index_column("speed_profile", Kind::Text, "uniform or non-uniform", |r| {
         r.scene.attributes.speed_profile.as_str().into()
     }),
-    column("speed_min_unit_s", Kind::Number, "smallest speed of the camera's centre, scene units/s", |r| {
-        r.part.statistics.linear_unit_s.map(|range| range.min).into()
-    }),
-    column("speed_median_unit_s", Kind::Number, "median speed of the camera's centre, scene units/s", |r| {
-        r.told.speed_median_unit_s.into()
-    }),
-    column("speed_max_unit_s", Kind::Number, "largest speed of the camera's centre, scene units/s", |r| {
-        r.part.statistics.linear_unit_s.map(|range| range.max).into()
-    }),
-    column(
+    index_column(
+        "speed_min_unit_s",
+        Kind::Number,
+        "smallest speed of the camera's centre, scene units/s",
+        |r| r.part.statistics.linear_unit_s.map(|range| range.min).into(),
+    ),
+    index_column(
+        "speed_median_unit_s",
+        Kind::Number,
+        "median speed of the camera's centre, scene units/s",
+        |r| r.told.speed_median_unit_s.into(),
+    ),
+    index_column(
+        "speed_max_unit_s",
+        Kind::Number,
+        "largest speed of the camera's centre, scene units/s",
+        |r| r.part.statistics.linear_unit_s.map(|range| range.max).into(),
+    ),
+    index_column(
         "max_step_px",
         Kind::Number,
         "largest optical flow from pose to pose, px, over sampled poses",
         |r| r.part.statistics.max_step_px.map(f64::from).into(),
     ),
-    column("blur", Kind::Flag, "whether there are blurred pictures", |r| r.part.blur.is_some().into()),
-    column("model", Kind::Text, "sensor model", |r| {
+    index_column("blur", Kind::Flag, "whether there are blurred pictures", |r| r.part.blur.is_some().into()),
+    index_column("model", Kind::Text, "sensor model", |r| {
         r.sensor().and_then(|sensor| sensor["model"].as_str()).into()
     }),
-    column("threshold_on", Kind::Number, "threshold of brighter events, in the model's own unit", |r| {
-        r.sensor_number(&["/theta_on", "/threshold/on"]).into()
-    }),
-    column("threshold_off", Kind::Number, "threshold of darker events, in the model's own unit", |r| {
+    index_column(
+        "threshold_on",
+        Kind::Number,
+        "threshold of brighter events, in the model's own unit",
+        |r| r.sensor_number(&["/theta_on", "/threshold/on"]).into(),
+    ),
+    index_column("threshold_off", Kind::Number, "threshold of darker events, in the model's own unit", |r| {
         r.sensor_number(&["/theta_off", "/threshold/off"]).into()
     }),
-    column("c_on", Kind::Number, "contrast of brighter events, natural logarithm of brightness", |r| {
+    index_column("c_on", Kind::Number, "contrast of brighter events, natural logarithm of brightness", |r| {
         r.sensor_number(&["/c_on"]).into()
     }),
-    column("c_off", Kind::Number, "contrast of darker events, natural logarithm of brightness", |r| {
+    index_column("c_off", Kind::Number, "contrast of darker events, natural logarithm of brightness", |r| {
         r.sensor_number(&["/c_off"]).into()
     }),
-    column("events", Kind::Whole, "number of events", |r| r.statistics().events.into()),
-    column("on_share", Kind::Number, "share of brighter events", |r| {
+    index_column("events", Kind::Whole, "number of events", |r| r.statistics().events.into()),
+    index_column("on_share", Kind::Number, "share of brighter events", |r| {
         let Statistics { events, on, .. } = r.statistics();
         events.filter(|events| *events > 0).zip(*on).map(|(events, on)| on as f64 / events as f64).into()
     }),
-    column("rate_ev_px_s", Kind::Number, "events per pixel and second", |r| {
+    index_column("rate_ev_px_s", Kind::Number, "events per pixel and second", |r| {
         r.statistics().rate_ev_px_s.into()
     }),
-    column("peak_ev_per_ms", Kind::Whole, "most events in one millisecond", |r| {
+    index_column("peak_ev_per_ms", Kind::Whole, "most events in one millisecond", |r| {
         r.statistics().peak_ev_per_ms.into()
     }),
-    column("seed", Kind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
+    index_column("seed", Kind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
         r.scene.seed.to_string().into()
     }),
-    column("gaussians", Kind::Whole, "number of Gaussians of the scene", |r| {
+    index_column("gaussians", Kind::Whole, "number of Gaussians of the scene", |r| {
         r.scene.reconstruction.as_ref().map(|it| it.gaussians).into()
     }),
-    column("checks", Kind::Whole, "number of records in checks.json", |r| (r.told.checks as u64).into()),
-    column("checks_passed", Kind::Whole, "number of them that passed", |r| {
+    index_column("checks", Kind::Whole, "number of records in checks.json", |r| {
+        (r.told.checks as u64).into()
+    }),
+    index_column("checks_passed", Kind::Whole, "number of them that passed", |r| {
         (r.told.checks_passed as u64).into()
     }),
-    column("recipe_sha256", Kind::Text, "SHA-256 of the recipe as compact JSON", |r| {
+    index_column("recipe_sha256", Kind::Text, "SHA-256 of the recipe as compact JSON", |r| {
         r.scene.recipe_sha256.as_str().into()
     }),
 ];
 
 /// The rows of a scene; `told` is of each of its trajectories in their order.
-pub(super) fn rows<'a>(scene: &'a SceneFile, told: &[Told]) -> Vec<Row<'a>> {
+pub(super) fn scene_rows<'a>(scene: &'a SceneFile, told: &[Told]) -> Vec<Row<'a>> {
     let mut rows = Vec::new();
     for (part, told) in scene.trajectories.iter().zip(told) {
         let mut add = |named| rows.push(Row { scene, part, named, told: *told });
@@ -205,16 +226,16 @@ pub(super) fn rows<'a>(scene: &'a SceneFile, told: &[Told]) -> Vec<Row<'a>> {
 }
 
 /// The cells of all rows, sorted by scene, trajectory and sensor.
-pub(super) fn cells(mut rows: Vec<Row<'_>>) -> Vec<Vec<Value>> {
+pub(super) fn sorted_cells(mut rows: Vec<Row<'_>>) -> Vec<Vec<Value>> {
     let place = |row: &Row<'_>| (row.scene.id.clone(), row.part.name.clone(), row.name().map(str::to_owned));
     rows.sort_by_cached_key(place);
     rows.iter().map(Row::cells).collect()
 }
 
 /// The file.
-pub(super) fn compose(rows: Vec<Row<'_>>) -> Vec<u8> {
+pub(super) fn compose_index(rows: Vec<Row<'_>>) -> Vec<u8> {
     let columns = COLUMNS.each_ref().map(|column| (column.name, column.kind));
-    table::write(&columns, &cells(rows), super::TOOL)
+    table::write_table(&columns, &sorted_cells(rows), super::TOOL)
 }
 
 #[cfg(test)]
@@ -224,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_median_is_in_the_middle() {
-        let t = |values: &[f64], wanted| assert_eq!(median(values), wanted, "{values:?}");
+        let t = |values: &[f64], wanted| assert_eq!(middle_mean(values), wanted, "{values:?}");
         t(&[], None);
         t(&[3.0], Some(3.0));
         t(&[9.0, 1.0, 2.0], Some(2.0));

@@ -73,8 +73,8 @@ pub(super) fn made<'o>(
             .map(|o| (o.name.clone(), o)),
     );
     for name in streams {
-        let stored = outputs("events").iter().filter(|o| o.name == Stream::stored(*name));
-        files.extend(stored.map(|o| (Stream::released(*name), o)));
+        let stored = outputs("events").iter().filter(|o| o.name == Stream::stored_name(*name));
+        files.extend(stored.map(|o| (Stream::released_name(*name), o)));
     }
     for (kind, end) in PICTURES {
         let pictures = outputs(kind).iter().filter(|o| o.name.ends_with(end));

@@ -54,28 +54,33 @@ pub fn of_step(stage: &str, class: Option<&str>, files: &Files) -> Result<Vec<Ro
     }
 }
 
-fn row(step: &str, what: &str, (how_much, of, unit): (u64, Option<u64>, &str), proof: &str) -> Option<Row> {
+fn omission_row(
+    step: &str,
+    what: &str,
+    (how_much, of, unit): (u64, Option<u64>, &str),
+    proof: &str,
+) -> Option<Row> {
     let [step, what, unit, proof] = [step, what, unit, proof].map(str::to_owned);
     (how_much > 0).then_some(Row { step, what, how_much, of, unit, proof })
 }
 
 /// What a renderer left out; `sh_degree` is the scene's, where it is known.
 fn of_work(step: &str, work: &Work, sh_degree: Option<u8>) -> Vec<Row> {
-    let harmonics = sh_degree.map(|degree| work.drawn() * sh::len(degree) as u64);
+    let harmonics = sh_degree.map(|degree| work.drawn() * sh::function_count(degree) as u64);
     [
-        row(
+        omission_row(
             step,
             "Gaussians that no pose sees",
             (work.unseen, Some(work.gaussians), "Gaussian-frames"),
             IDENTICAL,
         ),
-        row(
+        omission_row(
             step,
             "harmonics that are zero in the whole scene",
             (work.zero_harmonics, harmonics, "harmonics"),
             IDENTICAL,
         ),
-        row(
+        omission_row(
             step,
             "pairs with tiles that are finished before",
             (work.hidden, Some(work.tile_pairs), "pairs"),
@@ -90,24 +95,31 @@ fn of_work(step: &str, work: &Work, sh_degree: Option<u8>) -> Vec<Row> {
 fn of_events(simulation: &Simulation, class: &str) -> Vec<Row> {
     let step = Simulating::NAME;
     let mut rows = of_work(step, &simulation.work, Some(simulation.sh_degree));
-    rows.extend(colours(simulation, class));
+    rows.extend(colour_row(simulation, class));
     for stream in &simulation.streams {
         let of = |what: &str| stream.name.as_ref().map_or(what.to_owned(), |name| format!("{what}, {name}"));
         if let Sensor::Voltmeter(sensor) = &stream.sensor {
-            let cells = quiet(simulation, stream, sensor);
+            let cells = quiet_row(simulation, stream, sensor);
             let proof = format!("error: an event of probability below e^-{} a cell", Voltmeter::MISSED_LN);
             let what = of("cells of the sensor's clock far from any threshold");
-            rows.extend(cells.and_then(|[quiet, all]| row(step, &what, (quiet, Some(all), "cells"), &proof)));
+            rows.extend(
+                cells.and_then(|[quiet, all]| omission_row(step, &what, (quiet, Some(all), "cells"), &proof)),
+            );
         }
         let (kept, capped) = (stream.account.events, stream.account.capped);
         let what = of("events beyond the cap");
-        rows.extend(row(step, &what, (capped, Some(kept + capped), "events"), "error: they are missing"));
+        rows.extend(omission_row(
+            step,
+            &what,
+            (capped, Some(kept + capped), "events"),
+            "error: they are missing",
+        ));
     }
     rows
 }
 
 /// Frames whose colours were not blended, since no sensor sees them. The reference blends them all the same.
-fn colours(simulation: &Simulation, class: &str) -> Option<Row> {
+fn colour_row(simulation: &Simulation, class: &str) -> Option<Row> {
     let seen = !simulation.omit.is_needless() || simulation.front_ends().iter().any(|f| f.needs_colour());
     let proof = match class {
         class if Backend::is_cpu(class) => IDENTICAL,
@@ -115,11 +127,11 @@ fn colours(simulation: &Simulation, class: &str) -> Option<Row> {
         _ => return None,
     };
     let frames = simulation.work.gaussians.checked_div(simulation.gaussians as u64).filter(|_| !seen)?;
-    row(Simulating::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
+    omission_row(Simulating::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
 }
 
 /// Cells of a pixel's clock that were not looked into, and all of them.
-fn quiet(simulation: &Simulation, stream: &Stream, sensor: &Voltmeter) -> Option<[u64; 2]> {
+fn quiet_row(simulation: &Simulation, stream: &Stream, sensor: &Voltmeter) -> Option<[u64; 2]> {
     let stamps = &simulation.brightness_stamps_us;
     let span_us = stamps.last()? - stamps.first()?;
     sensor.quiet_cells(&stream.account, simulation.camera.size, span_us)

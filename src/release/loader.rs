@@ -12,7 +12,7 @@ pub(super) const HOLDER: &str = "The gs2e authors";
 pub(super) const LICENCE: &str = "MIT OR Apache-2.0";
 
 /// The ids of its terms, whose texts are shipped with it.
-pub(super) fn ids() -> impl Iterator<Item = String> {
+pub(super) fn licence_ids() -> impl Iterator<Item = String> {
     let expression = crate::licence::Expression::parse(LICENCE).expect("it is an expression");
     expression.ids().into_iter()
 }

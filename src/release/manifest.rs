@@ -145,7 +145,7 @@ pub struct Ingredients {
 
 impl Ingredients {
     /// From the description of a step; `None` for any other value.
-    pub(super) fn of(description: &Value) -> Option<Self> {
+    pub(super) fn from_lines(description: &Value) -> Option<Self> {
         let Value::Record(fields) = description else { return None };
         let (Value::Unsigned(revision), Value::Record(inputs)) =
             (fields.get("revision")?, fields.get("inputs")?)
@@ -182,7 +182,7 @@ impl Ingredients {
         if let Some(class) = &self.class {
             fields.insert("class".to_owned(), Value::Text(class.clone()));
         }
-        Key::of(&Value::Record(fields)).0
+        Key::of_description(&Value::Record(fields)).0
     }
 }
 
@@ -265,7 +265,7 @@ pub struct ManifestFile {
 }
 
 /// Describes a scene; its files are added when the tree is known.
-pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
+pub(super) fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
     let findings: Vec<&Finding> = built.trajectories.iter().flat_map(|t| &t.findings).collect();
     let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
     let omitted = built.trajectories.iter().map(|t| (t.name.clone(), t.left_out.clone()));
@@ -273,7 +273,7 @@ pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> Manifes
         id: built.recipe.scene.clone(),
         source: built.recipe.source.kind().to_owned(),
         licence: built.licence.expression.clone(),
-        steps: built.steps.iter().map(step).collect(),
+        steps: built.steps.iter().map(manifest_step).collect(),
         checks: verdicts(findings.iter().copied()),
         waivers: waivers(findings.into_iter()),
         left_out: left_out.collect(),
@@ -295,12 +295,12 @@ pub(super) fn waivers<'f>(findings: impl Iterator<Item = &'f Finding>) -> Vec<Fi
     findings.filter(|finding| finding.verdict == Verdict::Waived).cloned().collect()
 }
 
-fn step(built: &BuiltStep) -> ManifestStep {
+fn manifest_step(built: &BuiltStep) -> ManifestStep {
     ManifestStep {
         step: built.name.clone(),
         stage: built.stage.to_owned(),
         key: built.key.0,
-        made_of: Ingredients::of(&built.description),
+        made_of: Ingredients::from_lines(&built.description),
         outputs: built.outputs.clone(),
     }
 }

@@ -16,7 +16,7 @@ const PATH: [f64; 3] = [153.0; 3];
 const BAR: [f64; 3] = [51.0; 3];
 
 /// The picture; `None` where there is no pose.
-pub(super) fn compose(motion: &Motion) -> Option<Vec<u8>> {
+pub(super) fn compose_picture(motion: &Motion) -> Option<Vec<u8>> {
     let [width, height] = VIEW;
     let (poses, speeds) = (&motion.trajectory.world_from_camera, &motion.report.linear_unit_s);
     let views = sketch(poses, speeds, [f64::from(width), f64::from(height)], DRAWN)?;
@@ -31,18 +31,18 @@ pub(super) fn compose(motion: &Motion) -> Option<Vec<u8>> {
         };
         stroke(&view.path, PATH, 1.5);
         for (strokes, colour) in &view.frusta {
-            stroke(strokes, rgb(colour), 1.2);
+            stroke(strokes, parse_colour(colour), 1.2);
         }
         let bottom = f64::from(height) - 10.0;
         stroke(&[[10.0, bottom], [10.0 + view.bar, bottom]], BAR, 2.0);
     }
     let mut bytes = Vec::new();
-    png::write(&canvas.image(), &mut bytes).expect("a Vec takes any bytes");
+    png::write_image(&canvas.image(), &mut bytes).expect("a Vec takes any bytes");
     Some(bytes)
 }
 
 /// A colour written as `#rrggbb`; black where it is none.
-fn rgb(text: &str) -> [f64; 3] {
+fn parse_colour(text: &str) -> [f64; 3] {
     [1, 3, 5].map(|at| {
         text.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok()).map_or(0.0, f64::from)
     })
@@ -65,7 +65,7 @@ impl Canvas {
         };
         for y in side(1, height) {
             for x in side(0, width) {
-                let away = distance([f64::from(x) + 0.5, f64::from(y) + 0.5], a, b);
+                let away = segment_distance([f64::from(x) + 0.5, f64::from(y) + 0.5], a, b);
                 let share = (thick / 2.0 + 0.5 - away).clamp(0.0, 1.0);
                 let pixel = &mut self.pixels[(y * width + x) as usize];
                 for (value, colour) in pixel.iter_mut().zip(colour) {
@@ -83,7 +83,7 @@ impl Canvas {
 }
 
 /// From a point to a segment.
-fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+fn segment_distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let [along, to] = [[b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]];
     let length = along[0] * along[0] + along[1] * along[1];
     let share =
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn colours_are_read() {
-        assert_eq!(rgb("#ff8001").map(f64::to_bits), [255.0f64, 128.0, 1.0].map(f64::to_bits));
-        assert_eq!(rgb("none").map(f64::to_bits), [0; 3]);
+        assert_eq!(parse_colour("#ff8001").map(f64::to_bits), [255.0f64, 128.0, 1.0].map(f64::to_bits));
+        assert_eq!(parse_colour("none").map(f64::to_bits), [0; 3]);
     }
 }

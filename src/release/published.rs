@@ -106,20 +106,20 @@ pub(super) fn exposures(part: &TrajectoryPart, motion: &Motion) -> BTreeMap<usiz
         return BTreeMap::new();
     };
     let seconds = motion.seconds();
-    let centres = exposure::centres(seconds.len(), frames);
+    let centres = exposure::exposure_centres(seconds.len(), frames);
     centres.into_iter().map(|pose| (pose, exposure::open_us(&seconds, pose, frames))).collect()
 }
 
 /// The terms of a scene by its recipe; `redistribution` is the releaser's reason why restricted material may be passed on.
 ///
 /// # Panics
-/// As [`licence::compose`].
+/// As [`licence::compose_terms`].
 pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> Composed {
     let url = match &recipe.source {
         Source::Captured(_, upstream) => upstream.url.as_deref(),
         Source::Procedural(_) | Source::None => None,
     };
-    licence::compose(&Stated {
+    licence::compose_terms(&Stated {
         kind: recipe.source.kind(),
         url,
         owner: recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str())),

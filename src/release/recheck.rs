@@ -7,7 +7,7 @@ use super::published::{self, RecipeError};
 use super::{Manifest, SceneFile};
 use crate::artifact::Stream;
 use crate::check::tally::{Against, Observer};
-use crate::check::{Finding, Subject, Tally, judge};
+use crate::check::{Finding, Subject, Tally, judge_trajectory};
 use crate::event::{EventSource, h5};
 use crate::files;
 use crate::image::Size;
@@ -43,7 +43,7 @@ pub enum RecheckError {
     },
 }
 
-fn unreadable(path: &Path, because: impl std::fmt::Display) -> RecheckError {
+fn unreadable_file(path: &Path, because: impl std::fmt::Display) -> RecheckError {
     RecheckError::Unreadable { path: path.to_owned(), because: because.to_string() }
 }
 
@@ -52,7 +52,7 @@ fn unreadable(path: &Path, because: impl std::fmt::Display) -> RecheckError {
 /// # Errors
 /// When there is no such scene, or a file of it cannot be read. Events that cannot be read are for the audit to name; here
 /// they are an error too.
-pub fn recheck(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
+pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
     let tree = ReleaseTree { dir };
     let manifest: Manifest = tree.json(super::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
@@ -79,11 +79,11 @@ impl ReleaseTree<'_> {
     /// The bytes of a file, whose name may come from another file of the tree.
     fn read(self, name: &str) -> Result<Vec<u8>, RecheckError> {
         files::read_below(self.dir, Path::new(name), files::MAX_DOCUMENT)
-            .map_err(|e| unreadable(&self.path_of(name), e))
+            .map_err(|e| unreadable_file(&self.path_of(name), e))
     }
 
     fn json<T: DeserializeOwned>(self, name: &str) -> Result<T, RecheckError> {
-        serde_json::from_slice(&self.read(name)?).map_err(|e| unreadable(&self.path_of(name), e))
+        serde_json::from_slice(&self.read(name)?).map_err(|e| unreadable_file(&self.path_of(name), e))
     }
 
     /// Tells a regular file of this name from nothing; an error for all else.
@@ -91,7 +91,7 @@ impl ReleaseTree<'_> {
         match files::open_below(self.dir, Path::new(name)) {
             Ok(_) => Ok(true),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
-            Err(e) => Err(unreadable(&self.path_of(name), e)),
+            Err(e) => Err(unreadable_file(&self.path_of(name), e)),
         }
     }
 }
@@ -116,19 +116,19 @@ fn of_trajectory(
 ) -> Result<Vec<Finding>, RecheckError> {
     let poses = format!("{folder}/poses.txt");
     let trajectory = Trajectory::read_poses(tree.read(&poses)?.as_slice())
-        .map_err(|e| unreadable(&tree.path_of(&poses), e))?;
+        .map_err(|e| unreadable_file(&tree.path_of(&poses), e))?;
     let speed = format!("{folder}/speed.json");
     let report: Report = tree.json(&speed)?;
-    let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable(&tree.path_of(&speed), e))?);
+    let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable_file(&tree.path_of(&speed), e))?);
     let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
     let mut counted = Vec::new();
     for (stream, sensor) in recipe.sensors.iter() {
-        let events = format!("{folder}/{}", Stream::released(stream));
+        let events = format!("{folder}/{}", Stream::released_name(stream));
         if tree.has(&events)? {
             let path = tree.path_of(&events);
             let against = Against { dead_us: sensor.dead_us(), ..Against::default() };
-            let tally =
-                count(&path, Observer::new(size, rate, end_us, against)).map_err(|e| unreadable(&path, e))?;
+            let tally = count_stream(&path, Observer::new(size, rate, end_us, against))
+                .map_err(|e| unreadable_file(&path, e))?;
             let name = stream.map_or_else(|| name.to_owned(), |stream| format!("{name}/{stream}"));
             counted.push((name, sensor, tally));
         }
@@ -150,10 +150,10 @@ fn of_trajectory(
     let of = |(name, sensor, tally)| Subject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
     let streams: Vec<Subject<'_>> =
         counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
-    Ok(judge(&whole, &streams))
+    Ok(judge_trajectory(&whole, &streams))
 }
 
-fn count(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String> {
+fn count_stream(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String> {
     let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
     let mut chunk = Vec::new();
     while reader.next_chunk(&mut chunk).map_err(|e| e.to_string())? {
@@ -164,7 +164,7 @@ fn count(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String> {
 
 fn recipe_of(scene: &SceneFile) -> Result<Recipe, RecheckError> {
     published::recipe(scene).map_err(|e| match e {
-        RecipeError::Io(e) => unreadable(Path::new("a temporary file"), e),
+        RecipeError::Io(e) => unreadable_file(Path::new("a temporary file"), e),
         RecipeError::Faults(faults) => RecheckError::Recipe { scene: scene.id.clone(), faults },
     })
 }

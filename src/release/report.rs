@@ -62,34 +62,35 @@ const UNFOLDED: usize = 2;
 
 /// Composes the page; `top` are the files at the top of the tree. Scenes are read in parallel, and only what the page
 /// shows of them stays in memory.
-pub(super) fn compose(facts: &Facts<'_>, top: Vec<String>, places: Places<'_>) -> String {
+pub(super) fn compose_page(facts: &Facts<'_>, top: Vec<String>, places: Places<'_>) -> String {
     let entries: Vec<Entry<'_>> = facts.scenes.iter().map(|scene| Entry { scene }).collect();
-    let depth = Depth::of(facts.counts().trajectories);
+    let depth = Depth::for_trajectories(facts.counts().trajectories);
     let Facts { info, licence, taken_down, .. } = *facts;
     let page = Page { info, licence, entries, taken_down, top, places, depth };
-    let parts: Vec<Part> = page.entries.par_iter().map(|entry| section::compose(&page, entry)).collect();
-    Html::page(|html| {
-        html.within("head", &[], |html| head(html, page.info));
+    let parts: Vec<Part> =
+        page.entries.par_iter().map(|entry| section::compose_section(&page, entry)).collect();
+    Html::whole_page(|html| {
+        html.within("head", &[], |html| page_head(html, page.info));
         html.within("body", &[], |html| {
-            overview::head(html, &page);
+            overview::write_head(html, &page);
             html.within("main", &[], |html| {
-                overview::scenes(html, &page, &parts);
-                overview::checks(html, &page);
+                overview::write_scenes(html, &page, &parts);
+                overview::write_checks(html, &page);
                 overview::not_run(html, &page);
                 overview::left_out(html, &page);
                 html.within("section", &[("id", "each")], |html| {
                     html.leaf("h2", &[], "Each scene");
                     parts.iter().for_each(|part| html.append(&part.section));
                 });
-                overview::files(html, &page);
+                overview::write_files(html, &page);
             });
         });
     })
 }
 
-fn head(html: &mut Html, info: &ReleaseInfo) {
+fn page_head(html: &mut Html, info: &ReleaseInfo) {
     html.empty("meta", &[("charset", "utf-8")]);
-    html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &policy())]);
+    html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
     html.empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);
     html.empty("meta", &[("name", "color-scheme"), ("content", "light dark")]);
     html.empty("meta", &[("name", "referrer"), ("content", "no-referrer")]);
@@ -98,8 +99,8 @@ fn head(html: &mut Html, info: &ReleaseInfo) {
 }
 
 /// What a browser may do for the page: show its pictures, and follow its one style sheet.
-fn policy() -> String {
-    let style = embed::base64(&Sha256::digest(STYLE.as_bytes()));
+fn content_policy() -> String {
+    let style = embed::encode_base64(&Sha256::digest(STYLE.as_bytes()));
     format!(
         "default-src 'none'; style-src 'sha256-{style}'; img-src data:; base-uri 'none'; form-action 'none'"
     )

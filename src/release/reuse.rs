@@ -15,27 +15,27 @@ const NOBODY: &str = "not stated";
 
 /// Composes the file. Where several entries are of one file the last one counts; what files say of themselves never does,
 /// since texts of users stand in them.
-pub(super) fn compose(scenes: &[&SceneFile], whole: &str) -> String {
+pub(super) fn compose_reuse(scenes: &[&SceneFile], whole: &str) -> String {
     let mut text = String::from("version = 1\n");
-    let everybody: BTreeSet<&str> = scenes.iter().flat_map(|scene| holders(scene)).collect();
-    annotate(&mut text, "**", &everybody, whole);
+    let everybody: BTreeSet<&str> = scenes.iter().flat_map(|scene| scene_holders(scene)).collect();
+    write_annotation(&mut text, "**", &everybody, whole);
     for scene in scenes {
-        annotate(
+        write_annotation(
             &mut text,
             &format!("{}/**", scene.id),
-            &holders(scene).collect(),
+            &scene_holders(scene).collect(),
             &scene.licence.expression,
         );
     }
-    annotate(&mut text, loader::NAME, &BTreeSet::from([loader::HOLDER]), loader::LICENCE);
+    write_annotation(&mut text, loader::NAME, &BTreeSet::from([loader::HOLDER]), loader::LICENCE);
     text
 }
 
-fn holders(scene: &SceneFile) -> impl Iterator<Item = &str> {
+fn scene_holders(scene: &SceneFile) -> impl Iterator<Item = &str> {
     scene.licence.parts.iter().map(|part| part.attribution.as_str()).filter(|name| !name.is_empty())
 }
 
-fn annotate(text: &mut String, path: &str, holders: &BTreeSet<&str>, expression: &str) {
+fn write_annotation(text: &mut String, path: &str, holders: &BTreeSet<&str>, expression: &str) {
     let nobody = BTreeSet::from([NOBODY]);
     let holders = if holders.is_empty() { &nobody } else { holders };
     let holders: Vec<String> = holders.iter().map(|holder| quoted(holder)).collect();
@@ -57,7 +57,7 @@ mod tests {
     fn texts_of_users_stay_texts() {
         assert_eq!(quoted("a \"lab\"\n\u{7f}"), r#""a \"lab\"\n\u007f""#);
         let mut text = String::new();
-        annotate(&mut text, "a/**", &BTreeSet::new(), "MIT");
+        write_annotation(&mut text, "a/**", &BTreeSet::new(), "MIT");
         assert!(text.contains("SPDX-FileCopyrightText = [\"not stated\"]\n"), "{text}");
     }
 }

@@ -147,7 +147,7 @@ impl Conventions {
     /// Those of a scene of this recipe: its sensors see brightness as it is encoded for a display, or in proportion to
     /// light (`front_end: { decode: srgb }`), or some this way and some that.
     #[must_use]
-    pub fn of(recipe: &Value) -> Self {
+    pub fn for_brightness(recipe: &Value) -> Self {
         let sensors = recipe.get("sensors").and_then(Value::as_object).map(|named| named.values().collect());
         let sensors: Vec<&Value> = sensors.unwrap_or_else(|| recipe.get("sensor").into_iter().collect());
         let models = sensors.into_iter().filter_map(Value::as_object).flat_map(|sensor| sensor.values());
@@ -284,7 +284,7 @@ pub struct Range {
 }
 
 impl Range {
-    pub(super) fn of(values: &[f64]) -> Option<Self> {
+    pub(super) fn from_values(values: &[f64]) -> Option<Self> {
         let (min, max) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -328,30 +328,34 @@ pub struct Attributes {
 ///
 /// # Errors
 /// When a blob cannot be read to be hashed.
-pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
+pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
     Ok(SceneFile {
         schema: 1,
         id: recipe.scene.clone(),
         gs2e_version: env!("CARGO_PKG_VERSION").into(),
-        source: source(recipe),
-        images: images(scene),
-        camera: camera(scene),
-        conventions: Conventions::of(&recipe.merged),
-        reconstruction: reconstruction(scene)?,
-        licence: licence::part(recipe, &scene.licence),
+        source: source_part(recipe),
+        images: capture_images(scene),
+        camera: camera_part(scene),
+        conventions: Conventions::for_brightness(&recipe.merged),
+        reconstruction: reconstruction_part(scene)?,
+        licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
-        seeds: seeds(recipe),
+        seeds: draw_seeds(recipe),
         recipe: recipe.merged.clone(),
-        recipe_sha256: super::checksum::sha256(&compact),
+        recipe_sha256: super::checksum::sha256_hex(&compact),
         split: None,
-        trajectories: scene.trajectories.iter().map(|t| trajectory::part(recipe, t)).collect(),
-        attributes: attributes(recipe, &scene.licence, scene.trajectories.iter().map(|t| &t.motion.report)),
+        trajectories: scene.trajectories.iter().map(|t| trajectory::trajectory_part(recipe, t)).collect(),
+        attributes: scene_attributes(
+            recipe,
+            &scene.licence,
+            scene.trajectories.iter().map(|t| &t.motion.report),
+        ),
     })
 }
 
-fn source(recipe: &Recipe) -> SourcePart {
+fn source_part(recipe: &Recipe) -> SourcePart {
     let upstream = match &recipe.source {
         Source::Captured(_, upstream) => upstream.clone(),
         Source::Procedural(_) | Source::None => Upstream::default(),
@@ -366,7 +370,7 @@ fn source(recipe: &Recipe) -> SourcePart {
 }
 
 /// Every photo that the source has, in natural order of the names: those that are used and those that are not.
-fn images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
+fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
     if !scene.recipe.source.has_photos() {
         // The embedded scene has views, but there are no photos.
         return Vec::new();
@@ -389,11 +393,11 @@ fn images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
     };
     let Capture { views, unused } = &scene.capture;
     let mut images: Vec<ImagePart> = views.iter().map(image).chain(unused.iter().map(other)).collect();
-    images.sort_by(|a, b| natural::compare(&a.name, &b.name));
+    images.sort_by(|a, b| natural::compare_names(&a.name, &b.name));
     images
 }
 
-fn camera(scene: &BuiltScene<'_>) -> CameraPart {
+fn camera_part(scene: &BuiltScene<'_>) -> CameraPart {
     let Camera { size, fx, fy, cx, cy } = scene.camera();
     let lens =
         scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::Lens::Pinhole);
@@ -401,9 +405,9 @@ fn camera(scene: &BuiltScene<'_>) -> CameraPart {
     CameraPart { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
 }
 
-fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<Option<ReconstructionPart>> {
+fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<ReconstructionPart>> {
     let Some(summary) = &scene.gaussians else { return Ok(None) };
-    let command = command(scene.recipe);
+    let command = training_command(scene.recipe);
     let fidelity = scene.photographed.as_ref().and_then(|photographed| photographed.fidelity.as_ref());
     Ok(Some(ReconstructionPart {
         kind: kind_of_gaussians(scene.recipe).into(),
@@ -422,7 +426,7 @@ fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconstructi
 
 /// Where the Gaussians of a recipe come from.
 fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
-    match (&recipe.source, command(recipe)) {
+    match (&recipe.source, training_command(recipe)) {
         (Source::Procedural(_), _) => "procedural",
         (_, Some(_)) => "command",
         (_, None) => "given",
@@ -430,7 +434,7 @@ fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
 }
 
 /// The program that trained the scene.
-fn command(recipe: &Recipe) -> Option<&Command> {
+fn training_command(recipe: &Recipe) -> Option<&Command> {
     match &recipe.reconstruct {
         Some(Reconstruct::Command(command)) => Some(command),
         Some(Reconstruct::Given(_) | Reconstruct::Newest(_)) | None => None,
@@ -438,7 +442,7 @@ fn command(recipe: &Recipe) -> Option<&Command> {
 }
 
 /// The groups of a novel trajectory share the seeds of its draws, which derive from its name as the recipe has it.
-fn seeds(recipe: &Recipe) -> BTreeMap<String, String> {
+fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
     let mut seeds = BTreeMap::new();
     let mut add = |name: &str, purpose: Purpose, seed: Seed| {
         seeds.insert(format!("{name}/{}", purpose.name()), seed.0.to_string());
@@ -457,10 +461,10 @@ fn seeds(recipe: &Recipe) -> BTreeMap<String, String> {
 
 /// The seed of the sensors' noise along a trajectory.
 fn sensor_seed(recipe: &Recipe, trajectory: &str) -> Seed {
-    Seed::derive(recipe.seed, &recipe.scene, trajectory, Purpose::Sensor)
+    Seed::for_stream(recipe.seed, &recipe.scene, trajectory, Purpose::Sensor)
 }
 
-fn attributes<'r>(
+fn scene_attributes<'r>(
     recipe: &Recipe,
     licence: &Composed,
     mut reports: impl Iterator<Item = &'r Report>,
@@ -471,7 +475,7 @@ fn attributes<'r>(
     // Where the frame rate varies in the speed's place, steps are as short as they are quick.
     let is_uniform = |report: &Report| {
         report.meaning == Meaning::FrameRate
-            || Range::of(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
+            || Range::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
     };
     let captured = match &recipe.source {
         Source::Captured(captured, _) => Some(captured.kind),

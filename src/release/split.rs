@@ -8,14 +8,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// The split of a scene by a rule.
-pub(super) fn part(scene: &SceneFile, splits: &Splits) -> SplitPart {
-    let group = key(scene, splits.by);
+pub(super) fn split_part(scene: &SceneFile, splits: &Splits) -> SplitPart {
+    let group = split_key(scene, splits.by);
     SplitPart { name: splits.of(&group).to_owned(), group }
 }
 
 /// What keeps scenes together: the recipe's own word where objects are meant; else the upstream's id of the capture; else
 /// the photos of the source, whichever of them are used; else the Gaussians; else the scene is by itself.
-fn key(scene: &SceneFile, by: By) -> String {
+fn split_key(scene: &SceneFile, by: By) -> String {
     let group = scene.recipe.get("group").and_then(serde_json::Value::as_str);
     if let (By::Object, Some(group)) = (by, group) {
         return format!("group/{group}");
@@ -23,22 +23,22 @@ fn key(scene: &SceneFile, by: By) -> String {
     if let Some(id) = &scene.source.upstream_id {
         return format!("{}/{id}", scene.source.kind);
     }
-    let photos: BTreeSet<&str> = photos(scene).collect();
+    let photos: BTreeSet<&str> = split_photos(scene).collect();
     if !photos.is_empty() {
         let photos: Vec<&str> = photos.into_iter().collect();
-        return format!("photos/{}", checksum::sha256(photos.join("\n").as_bytes()));
+        return format!("photos/{}", checksum::sha256_hex(photos.join("\n").as_bytes()));
     }
-    match gaussians(scene) {
+    match scene_digest(scene) {
         Some(sha256) => format!("gaussians/{sha256}"),
         None => format!("scene/{}", scene.id),
     }
 }
 
-fn photos(scene: &SceneFile) -> impl Iterator<Item = &str> {
+fn split_photos(scene: &SceneFile) -> impl Iterator<Item = &str> {
     scene.images.iter().filter_map(|image| image.sha256.as_deref())
 }
 
-fn gaussians(scene: &SceneFile) -> Option<&str> {
+fn scene_digest(scene: &SceneFile) -> Option<&str> {
     scene.reconstruction.as_ref().map(|made| made.scene_sha256.as_str())
 }
 
@@ -60,13 +60,13 @@ impl fmt::Display for Leak {
 
 /// What scenes of two splits have in common: a group, a photo by its SHA-256, or the Gaussians. One of each kind for two
 /// scenes.
-pub(super) fn leaks(scenes: &[SceneFile]) -> Vec<Leak> {
+pub(super) fn find_leaks(scenes: &[SceneFile]) -> Vec<Leak> {
     // The first scene of each split that has a thing.
     let mut holders: BTreeMap<(&str, &str), BTreeMap<&str, &str>> = BTreeMap::new();
     for (scene, part) in scenes.iter().filter_map(|scene| Some((scene, scene.split.as_ref()?))) {
         let group = [("the group", part.group.as_str())];
-        let gaussians = gaussians(scene).map(|sha256| ("the Gaussians", sha256));
-        let photos = photos(scene).map(|sha256| ("the photo of SHA-256", sha256));
+        let gaussians = scene_digest(scene).map(|sha256| ("the Gaussians", sha256));
+        let photos = split_photos(scene).map(|sha256| ("the photo of SHA-256", sha256));
         for thing in group.into_iter().chain(gaussians).chain(photos) {
             holders.entry(thing).or_default().entry(&part.name).or_insert(&scene.id);
         }

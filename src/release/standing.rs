@@ -247,14 +247,14 @@ impl Lists {
         let stated = manifest.scenes.iter().flat_map(|scene| &scene.files).chain(&manifest.files);
         let mut stated: BTreeMap<&str, String> =
             stated.map(|file| (file.path.as_str(), file.blake3.to_string())).collect();
-        stated.insert(manifest::NAME, Digest::of(manifest_bytes).to_string());
+        stated.insert(manifest::NAME, Digest::of_bytes(manifest_bytes).to_string());
         let is_same = |(path, sum): (&String, &String)| stated.get(path.as_str()) == Some(sum);
         let both = self.b3.keys().map(String::as_str).chain([checksum::B3_NAME]).collect::<BTreeSet<_>>();
         let of_b3 = self.sums.get(checksum::B3_NAME);
         self.b3.len() == stated.len()
             && self.b3.iter().all(is_same)
             && both.into_iter().eq(self.sums.keys().map(String::as_str))
-            && of_b3 == Some(&checksum::sha256(self.b3_text.as_bytes()))
+            && of_b3 == Some(&checksum::sha256_hex(self.b3_text.as_bytes()))
     }
 
     /// Reads a file that is listed; the error says what is wrong with it.
@@ -262,7 +262,7 @@ impl Lists {
         let file = files::open_with(&folder.join(path), Links::Refuse);
         let about = file.and_then(|file| file.metadata());
         let about = about.map_err(|e| format!("cannot be read: {e}"))?;
-        let hashes = checksum::both(&folder.join(path)).map_err(|e| format!("cannot be read: {e}"))?;
+        let hashes = checksum::hash_file(&folder.join(path)).map_err(|e| format!("cannot be read: {e}"))?;
         let is_stated = match path {
             // No list has its sum, and it is in its one form.
             checksum::NAME => true,
@@ -279,10 +279,10 @@ impl Lists {
     }
 }
 
-/// Reads sums in their one form, in which [`checksum::text`] writes them.
+/// Reads sums in their one form, in which [`checksum::sums_text`] writes them.
 fn parse(text: &str) -> Option<BTreeMap<String, String>> {
     let line = |line: &str| line.split_once("  ").map(|(sum, path)| (path.to_owned(), sum.to_owned()));
     let sums: BTreeMap<String, String> = text.lines().map(line).collect::<Option<_>>()?;
-    let again = checksum::text(sums.iter().map(|(path, sum)| (path.as_str(), sum.clone())));
+    let again = checksum::sums_text(sums.iter().map(|(path, sum)| (path.as_str(), sum.clone())));
     (again == text).then_some(sums)
 }

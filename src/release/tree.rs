@@ -87,7 +87,7 @@ impl Tree {
     pub(super) fn listing(&self) -> Vec<ManifestFile> {
         let list = self.files.iter().map(|(path, content)| {
             let (size, blake3) = match content {
-                Content::Bytes(bytes) => (bytes.len() as u64, Digest::of(bytes)),
+                Content::Bytes(bytes) => (bytes.len() as u64, Digest::of_bytes(bytes)),
                 Content::Blob { digest, size, .. } => (*size, *digest),
             };
             ManifestFile { path: path.clone(), size, blake3 }
@@ -108,7 +108,7 @@ pub(super) struct Outcome {
 }
 
 /// Writes the tree and its sums, and puts it in place, unless it stands there already.
-pub(super) fn write(
+pub(super) fn write_tree(
     target: &mut ReleaseTarget,
     tree: &Tree,
     (store, takedown): (&Store, &Takedown),
@@ -129,8 +129,8 @@ pub(super) fn write(
         .par_iter()
         .map(|(path, content)| Ok((path.as_str(), placing.place(path, content)?)))
         .collect::<Result<_, ReleaseError>>()?;
-    sync(&root)?;
-    seal(&root, &mut written)?;
+    sync_tree(&root)?;
+    write_sums(&root, &mut written)?;
     let report = audit::audit_against(&root, Some(takedown)).map_err(failed(&root))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
@@ -147,30 +147,31 @@ pub(super) fn write(
 
 /// The text of `B3SUMS`, which follows from the listing alone.
 fn b3_sums(listing: &[ManifestFile]) -> String {
-    checksum::text(listing.iter().map(|file| (file.path.as_str(), file.blake3.to_string())))
+    checksum::sums_text(listing.iter().map(|file| (file.path.as_str(), file.blake3.to_string())))
 }
 
 /// The size of every file, the sums included.
 fn sizes(listing: &[ManifestFile]) -> BTreeMap<String, u64> {
     let b3 = b3_sums(listing).len();
     // SHA-256 sums have the length of BLAKE3 sums, and there is one line more.
-    let sums = b3 + checksum::text([(checksum::B3_NAME, Digest::of(b"").to_string())].into_iter()).len();
+    let sums =
+        b3 + checksum::sums_text([(checksum::B3_NAME, Digest::of_bytes(b"").to_string())].into_iter()).len();
     let sums = [(checksum::B3_NAME, b3), (checksum::NAME, sums)];
     let sums = sums.map(|(name, size)| (name.to_owned(), size as u64));
     listing.iter().map(|file| (file.path.clone(), file.size)).chain(sums).collect()
 }
 
 /// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
-fn seal(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Result<(), ReleaseError> {
+fn write_sums(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Result<(), ReleaseError> {
     for name in [checksum::B3_NAME, checksum::NAME] {
         let sum = |of: &checksum::Hashes| match name {
             checksum::B3_NAME => of.blake3.to_string(),
             _ => of.sha256.clone(),
         };
-        let text = checksum::text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
+        let text = checksum::sums_text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
         let path = partial.join(name);
         write_new(&path, text.as_bytes()).map_err(failed(&path))?;
-        written.insert(name, checksum::Hashes::of(text.as_bytes()));
+        written.insert(name, checksum::Hashes::of_bytes(text.as_bytes()));
     }
     Ok(())
 }
@@ -194,7 +195,7 @@ impl Placing<'_> {
     fn place(&self, name: &str, content: &Content) -> Result<checksum::Hashes, ReleaseError> {
         self.go_on()?;
         let path = self.root.join(name);
-        let hash = || checksum::both(&path).map_err(failed(&path));
+        let hash = || checksum::hash_file(&path).map_err(failed(&path));
         let (blob, digest) = match content {
             Content::Bytes(bytes) => {
                 fs::write(&path, bytes).map_err(failed(&path))?;
@@ -209,7 +210,7 @@ impl Placing<'_> {
                 _ => remove()?,
             }
         }
-        materialise(blob, &path, self.link).map_err(failed(&path))?;
+        materialise_blob(blob, &path, self.link).map_err(failed(&path))?;
         let hashes = hash()?;
         if hashes.blake3 == *digest {
             self.store.settle(digest)?;
@@ -230,7 +231,7 @@ impl Placing<'_> {
 }
 
 /// Brings a blob to `path`.
-fn materialise(blob: &Path, path: &Path, link: Link) -> io::Result<()> {
+fn materialise_blob(blob: &Path, path: &Path, link: Link) -> io::Result<()> {
     if link == Link::Hard && fs::hard_link(blob, path).is_ok() {
         return Ok(());
     }
@@ -243,7 +244,7 @@ fn materialise(blob: &Path, path: &Path, link: Link) -> io::Result<()> {
 }
 
 /// Has everything that was written to this file system on disk before the sums say so.
-fn sync(folder: &Path) -> Result<(), ReleaseError> {
+fn sync_tree(folder: &Path) -> Result<(), ReleaseError> {
     let synced = File::open(folder).and_then(|file| rustix::fs::syncfs(&file).map_err(io::Error::from));
     synced.map_err(failed(folder))
 }

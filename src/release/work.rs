@@ -279,7 +279,8 @@ impl Placing {
     /// Removes the sound files at `folder` and returns whether the folder is gone.
     fn remove_at(&self, folder: &Path, cancel: &AtomicBool) -> io::Result<bool> {
         let is_ours = |path: &str, _: &Metadata| {
-            let hashed = || checksum::both(&folder.join(path)).is_ok_and(|it| it.blake3 == self.sound[path]);
+            let hashed =
+                || checksum::hash_file(&folder.join(path)).is_ok_and(|it| it.blake3 == self.sound[path]);
             self.sound.contains_key(path) && !cancel.load(Ordering::Relaxed) && hashed()
         };
         let gone = remove_ours(folder, self.sound.keys().map(String::as_str), &is_ours)?;
@@ -480,7 +481,7 @@ mod tests {
         let files = ["B3SUMS", "SHA256SUMS", "a/one", "manifest.json"];
         for removed in 0..=files.len() {
             let (place, target, folder) = killed();
-            let sound = files.map(|path| (path.to_owned(), Digest::of(path.as_bytes()))).into();
+            let sound = files.map(|path| (path.to_owned(), Digest::of_bytes(path.as_bytes()))).into();
             fs::rename(folder.join(TREE), &target).unwrap();
             let placing = Placing { tree: identity(&target).unwrap(), sound };
             fs::write(folder.join(PLACING), placing.text()).unwrap();
@@ -495,7 +496,8 @@ mod tests {
 
     #[test]
     fn a_list_that_was_cut_off_is_none() {
-        let sound = [("end".to_owned(), Digest::of(b"")), ("x y".to_owned(), Digest::of(b"1"))].into();
+        let sound =
+            [("end".to_owned(), Digest::of_bytes(b"")), ("x y".to_owned(), Digest::of_bytes(b"1"))].into();
         let text = Placing { tree: [1, 2], sound }.text();
         assert!((0..text.len()).all(|n| Placing::parse(&text[..n]).is_none()));
         assert_eq!(Placing::parse(&text).unwrap().text(), text);

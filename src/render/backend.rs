@@ -52,9 +52,9 @@ impl Backend {
     #[must_use]
     pub fn memory(&self, scene_bytes: u64, size: Size) -> u64 {
         match self {
-            Self::Cpu => cpu::memory(scene_bytes, size),
-            Self::Reference => reference::memory(scene_bytes, size),
-            Self::Gpu(_) | Self::Unopened(_) => gpu::memory(scene_bytes, size),
+            Self::Cpu => cpu::memory_needed(scene_bytes, size),
+            Self::Reference => reference::memory_needed(scene_bytes, size),
+            Self::Gpu(_) | Self::Unopened(_) => gpu::memory_needed(scene_bytes, size),
         }
     }
 

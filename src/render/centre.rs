@@ -11,7 +11,7 @@
 use super::flow::Quantiles;
 use crate::camera::Camera;
 use crate::se3::Se3;
-use crate::se3::rotation::log;
+use crate::se3::rotation::log_vector;
 use glam::DVec3;
 
 /// Quantiles over the steps between neighbouring poses of the most that a point straight ahead at
@@ -23,10 +23,10 @@ pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<Quanti
     let step = |pair: &[Se3]| {
         let camera_from_world = pair[0].rotation.conjugate();
         let shift = camera_from_world * (pair[1].translation - pair[0].translation);
-        let turn = log(camera_from_world * pair[1].rotation);
+        let turn = log_vector(camera_from_world * pair[1].rotation);
         (camera.fx * (across(shift) / distance + across(turn))) as f32
     };
-    Quantiles::of(poses.windows(2).map(step).collect())
+    Quantiles::from_values(poses.windows(2).map(step).collect())
 }
 
 #[cfg(test)]
@@ -34,8 +34,8 @@ mod tests {
     use super::*;
     use crate::image::{Image, Size};
     use crate::render::View;
-    use crate::render::flow::displacement;
-    use crate::se3::rotation::exp;
+    use crate::render::flow::flow_displacement;
+    use crate::se3::rotation::exp_vector;
     use glam::DQuat;
 
     const CAMERA: Camera =
@@ -45,13 +45,13 @@ mod tests {
     /// What the middle pixel moves by while the camera moves by this, by the formula and by projection.
     fn both(shift: DVec3, turn: DVec3) -> [f32; 2] {
         let start =
-            Se3 { rotation: exp(DVec3::new(0.3, -0.7, 0.2)), translation: DVec3::new(5.0, -2.0, 9.0) };
+            Se3 { rotation: exp_vector(DVec3::new(0.3, -0.7, 0.2)), translation: DVec3::new(5.0, -2.0, 9.0) };
         let end = Se3 {
-            rotation: start.rotation * exp(turn),
+            rotation: start.rotation * exp_vector(turn),
             translation: start.translation + start.rotation * shift,
         };
-        let [from, to] = [start, end].map(|pose| View::still(CAMERA, pose));
-        let moved = displacement(&Image::filled(CAMERA.size, DISTANCE), &from, &to);
+        let [from, to] = [start, end].map(|pose| View::at_rest(CAMERA, pose));
+        let moved = flow_displacement(&Image::filled(CAMERA.size, DISTANCE), &from, &to);
         let px = centre_px(&[start, end], &CAMERA, DISTANCE.into()).unwrap();
         [px.max, moved.pixels()[15 * 41 + 20]]
     }

@@ -63,7 +63,7 @@ pub const FINGERPRINT: &str = "cpu/1";
 /// Memory for rendering a scene of this many bytes at this size, in bytes, as measured: the scene
 /// as stored and in activated form; colour, alpha and depth of every pixel; the lists of the tiles.
 #[must_use]
-pub fn memory(scene_bytes: u64, size: Size) -> u64 {
+pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 24;
     2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
@@ -79,7 +79,7 @@ impl Cpu {
             return Err(RenderError::Scene(because));
         }
         super::check_style(&style)?;
-        let blocks = activate::activate(&scene, style.rules, &unseen::all(&scene));
+        let blocks = activate::activate_all(&scene, style.rules, &unseen::all_indices(&scene));
         let sh_degree = activate::sh_degree(&scene);
         Ok(Self {
             scene,
@@ -87,7 +87,7 @@ impl Cpu {
             sh_degree,
             style,
             omit: Omit::default(),
-            instructions: Instructions::best(),
+            instructions: Instructions::widest_set(),
             splats: Vec::new(),
             rates: Vec::new(),
             chunks: Vec::new(),
@@ -154,7 +154,7 @@ impl Cpu {
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
         work.unseen = work.gaussians - self.splats.len() as u64;
-        work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::len(self.sh_degree))) as u64;
+        work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
         done(Pass::Project);
 
         let sorted = self.sorter.run(&self.splats, &self.chunks);
@@ -166,11 +166,17 @@ impl Cpu {
         work.tile_pairs = self.lists.run(Ordered { order: sorted, splats, grid }, |lists| {
             done(Pass::Bin);
             let frame = Frame { splats, rates, lists, grid, rules, order, omit, level };
-            work += raster(features, asked.luminance_rate, frame, tiles);
+            work += raster_pass(features, asked.luminance_rate, frame, tiles);
             done(Pass::Raster);
         });
-        resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
-        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
+        resolve::resolve_tiles(
+            Blended { tiles: &self.tiles, features, grid },
+            asked,
+            self.style.background,
+            out,
+        );
+        out.flow =
+            if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
         done(Pass::Resolve);
         Ok(work)
@@ -182,7 +188,7 @@ impl Cpu {
     /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {
         self.blocks = Vec::new();
-        self.blocks = activate::activate(&self.scene, self.style.rules, numbers);
+        self.blocks = activate::activate_all(&self.scene, self.style.rules, numbers);
     }
 }
 
@@ -202,13 +208,13 @@ impl Renderer for Cpu {
         };
         let kept: usize = self.blocks.iter().map(|block| block.len).sum();
         if omit == Omit::Nothing && kept < self.scene.len() {
-            self.keep(&unseen::all(&self.scene));
+            self.keep(&unseen::all_indices(&self.scene));
         }
     }
 
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         if self.omit == Omit::Needless {
-            self.keep(&unseen::seen(&self.scene, self.style.rules, camera, poses));
+            self.keep(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
         }
     }
 
@@ -226,14 +232,14 @@ fn feature_count(want: Channels) -> usize {
 }
 
 /// The raster pass for this number of features, with or without rates.
-fn raster(features: usize, rate: bool, frame: Frame<'_>, out: &mut Vec<f32>) -> Work {
+fn raster_pass(features: usize, rate: bool, frame: Frame<'_>, out: &mut Vec<f32>) -> Work {
     macro_rules! with {
         ($($n:literal)+) => {
             match (features, frame.rules == Rules::Soft, rate) {
-                $(($n, false, false) => raster::run::<$n, false, false>(frame, out),
-                ($n, true, false) => raster::run::<$n, true, false>(frame, out),
-                ($n, false, true) => raster::run::<$n, false, true>(frame, out),
-                ($n, true, true) => raster::run::<$n, true, true>(frame, out),)+
+                $(($n, false, false) => raster::raster_tiles::<$n, false, false>(frame, out),
+                ($n, true, false) => raster::raster_tiles::<$n, true, false>(frame, out),
+                ($n, false, true) => raster::raster_tiles::<$n, false, true>(frame, out),
+                ($n, true, true) => raster::raster_tiles::<$n, true, true>(frame, out),)+
                 (n, ..) => unreachable!("colour, luminance, depth and doubt make six features, not {n}"),
             }
         };

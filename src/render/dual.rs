@@ -206,13 +206,13 @@ impl<T: Real<Plain = T>> Scalar for Dual<T> {
 
 /// The scalar product of two vectors.
 #[inline(always)]
-pub(super) fn dot<S: Real>(a: [S; 3], b: [S; 3]) -> S {
+pub(super) fn dot_product<S: Real>(a: [S; 3], b: [S; 3]) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The vector product of two vectors.
 #[inline(always)]
-pub(super) fn cross<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
+pub(super) fn cross_product<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

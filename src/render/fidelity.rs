@@ -13,7 +13,7 @@ use super::{Channels, RenderError, Rendered, Renderer, View};
 use crate::image::Image;
 use crate::image::likeness::{mean_square, psnr_db, ssim};
 use crate::source;
-use crate::source::undistort::{covered, undistorted};
+use crate::source::undistort::{covered_pixels, undistort_photo};
 use serde::{Deserialize, Serialize};
 
 /// Maximum number of compared views.
@@ -101,17 +101,17 @@ impl Fidelity {
     pub fn psnr(&self) -> Option<Psnr> {
         let held_out = self.views.iter().filter(|view| view.held_out).map(|view| view.psnr);
         Some(Psnr {
-            mean: mean(self.views.iter().map(|view| view.psnr))?,
+            mean: mean_value(self.views.iter().map(|view| view.psnr))?,
             min: self.worst()?.psnr,
             views: self.views.len(),
-            held_out: mean(held_out),
+            held_out: mean_value(held_out),
         })
     }
 
     /// Mean SSIM; `None` without compared views.
     #[must_use]
     pub fn ssim(&self) -> Option<f64> {
-        mean(self.views.iter().map(|view| view.ssim))
+        mean_value(self.views.iter().map(|view| view.ssim))
     }
 
     /// The view with the smallest PSNR.
@@ -121,7 +121,7 @@ impl Fidelity {
     }
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+fn mean_value(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
     (count > 0.0).then(|| sum / count)
 }
@@ -135,7 +135,7 @@ pub fn held_out(index: usize) -> bool {
 /// The indices of the compared photos: all of up to 100, otherwise 100 of them evenly,
 /// `round(i (count - 1) / 99)`.
 #[must_use]
-pub fn picked(count: usize) -> Vec<usize> {
+pub fn picked_indices(count: usize) -> Vec<usize> {
     let steps = MOST_VIEWS - 1;
     match count {
         0..=MOST_VIEWS => (0..count).collect(),
@@ -148,23 +148,23 @@ pub fn picked(count: usize) -> Vec<usize> {
 ///
 /// # Errors
 /// The view cannot be rendered.
-pub fn compare(
+pub fn compare_view(
     renderer: &mut dyn Renderer,
     view: &source::View,
     photo: &Image<[u8; 3]>,
 ) -> Result<[f64; 2], RenderError> {
     let mut rendered = Rendered::default();
     let want = Channels { rgb: true, ..Channels::default() };
-    renderer.render(&View::still(view.camera, view.world_from_camera), want, &mut rendered)?;
+    renderer.render(&View::at_rest(view.camera, view.world_from_camera), want, &mut rendered)?;
     let mut shown = rendered.rgb.expect("colour was asked for");
-    let straight = undistorted(photo, &view.camera, &view.lens);
+    let straight = undistort_photo(photo, &view.camera, &view.lens);
     let colours = straight.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
     let mut wanted = Image::from_vec(photo.size(), colours);
     // A channel that is NaN becomes black, as in a file.
     let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
     shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
     let mut counted = photo.size().pixels();
-    if let Some(covered) = covered(&view.camera, &view.lens) {
+    if let Some(covered) = covered_pixels(&view.camera, &view.lens) {
         counted = covered.pixels().iter().filter(|is_covered| **is_covered).count();
         let pixels = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
         for ((shown, wanted), _) in pixels.zip(covered.pixels()).filter(|(_, is_covered)| !**is_covered) {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     fn compared(colour: [f32; 3], lens: Lens, photo: [u8; 3]) -> [f64; 2] {
-        compare(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap()
+        compare_view(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap()
     }
 
     #[test]
@@ -230,7 +230,7 @@ mod tests {
     fn pixels_beyond_the_photo_do_not_count() {
         // The visible part of the border lies outside the photo.
         let lens = Lens::SimpleRadial { k1: 0.3 };
-        let outside = covered(&view(lens.clone()).camera, &lens).unwrap();
+        let outside = covered_pixels(&view(lens.clone()).camera, &lens).unwrap();
         assert!(outside.pixels().iter().filter(|is_covered| !**is_covered).count() > 100);
         let [psnr, ssim] = compared([1.0; 3], lens.clone(), [255; 3]);
         assert!((psnr - 100.0).abs() < 1e-9 && (ssim - 1.0).abs() < 1e-9, "{psnr} {ssim}");
@@ -241,15 +241,15 @@ mod tests {
 
     #[test]
     fn views_are_picked_evenly_and_held_out_by_eights() {
-        assert_eq!(picked(0), [0usize; 0]);
-        assert_eq!(picked(100).len(), 100);
+        assert_eq!(picked_indices(0), [0usize; 0]);
+        assert_eq!(picked_indices(100).len(), 100);
         for count in [101, 250, 3000] {
-            let picked = picked(count);
+            let picked = picked_indices(count);
             assert_eq!((picked.len(), picked[0], picked[99]), (100, 0, count - 1));
             assert!(picked.windows(2).all(|w| w[0] < w[1]));
         }
         // 17 (250 - 1) / 99 = 42.76.
-        assert_eq!(picked(250)[17], 43);
+        assert_eq!(picked_indices(250)[17], 43);
         let held: Vec<usize> = (0..20).filter(|i| held_out(*i)).collect();
         assert_eq!(held, [0, 8, 16]);
     }

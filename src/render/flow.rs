@@ -20,7 +20,7 @@ use rayon::prelude::*;
 /// # Panics
 /// If `depth` does not have the size of `from`'s camera.
 #[must_use]
-pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
+pub fn flow_displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
     let size = from.camera.size;
     assert_eq!(depth.size(), size, "the depth image is that of the view");
     // Centres are subtracted before anything is rotated: far from the world's origin, the
@@ -115,7 +115,7 @@ impl FlowMeter for Meter {
 /// # Panics
 /// If `depth` does not have the size of the view's camera.
 #[must_use]
-pub fn rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
+pub fn flow_rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
     let (camera, size) = (&view.camera, view.camera.size);
     assert_eq!(depth.size(), size, "the depth image is that of the view");
     let width = size.width as usize;
@@ -145,7 +145,7 @@ impl Quantiles {
     /// Quantiles of the values that are not NaN, by [`nearest_ranks`]; `None` if there are no such
     /// values.
     #[must_use]
-    pub fn of(values: Vec<f32>) -> Option<Self> {
+    pub fn from_values(values: Vec<f32>) -> Option<Self> {
         nearest_ranks(values, [50, 95, 100]).map(|[median, p95, max]| Self { median, p95, max })
     }
 }
@@ -182,7 +182,7 @@ mod tests {
 
     fn view(translation: DVec3, rotation: DQuat) -> View {
         let camera = Camera { size: SIZE, fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0 };
-        View::still(camera, Se3 { rotation, translation })
+        View::at_rest(camera, Se3 { rotation, translation })
     }
 
     #[test]
@@ -193,8 +193,9 @@ mod tests {
         let start = DVec3::splat(1e6);
         let depth = Image::filled(SIZE, 4.0);
         let from = view(start, turn);
-        let sideways = displacement(&depth, &from, &view(start + turn * DVec3::new(0.1, 0.0, 0.0), turn));
-        let down = displacement(&depth, &from, &view(start + turn * DVec3::new(0.0, 0.1, 0.0), turn));
+        let sideways =
+            flow_displacement(&depth, &from, &view(start + turn * DVec3::new(0.1, 0.0, 0.0), turn));
+        let down = flow_displacement(&depth, &from, &view(start + turn * DVec3::new(0.0, 0.1, 0.0), turn));
         for (moved, wanted) in [(sideways, 50.0 * 0.1 / 4.0), (down, 60.0 * 0.1 / 4.0)] {
             // Positions at 1e6 are rounded at 1.2e-10, times 60/4 px per unit; the result is
             // rounded at 6e-8 of itself.
@@ -213,7 +214,7 @@ mod tests {
     fn the_flow_of_a_pure_rotation_does_not_depend_on_depth() {
         let (from, to) =
             (view(DVec3::ZERO, DQuat::IDENTITY), view(DVec3::ZERO, DQuat::from_rotation_x(0.01)));
-        let [near, far] = [1.0, 1000.0].map(|z| displacement(&Image::filled(SIZE, z), &from, &to));
+        let [near, far] = [1.0, 1000.0].map(|z| flow_displacement(&Image::filled(SIZE, z), &from, &to));
         for (a, b) in near.pixels().iter().zip(far.pixels()) {
             assert!((a - b).abs() <= 1e-7, "{a} {b}");
         }
@@ -227,17 +228,17 @@ mod tests {
         let mut depth = Image::filled(SIZE, 4.0);
         depth.pixels_mut()[7] = f32::NAN;
         let from = view(DVec3::ZERO, DQuat::IDENTITY);
-        let still = displacement(&depth, &from, &from);
+        let still = flow_displacement(&depth, &from, &from);
         assert!(still.pixels()[7].is_nan());
         assert_eq!(still.pixels().iter().filter(|&&v| v < 1e-12).count(), SIZE.pixels() - 1);
-        let past = displacement(&depth, &from, &view(DVec3::new(0.0, 0.0, 5.0), DQuat::IDENTITY));
+        let past = flow_displacement(&depth, &from, &view(DVec3::new(0.0, 0.0, 5.0), DQuat::IDENTITY));
         assert!(past.pixels().iter().all(|v| v.is_nan()));
     }
 
     #[test]
     fn quantiles_are_values_of_nearest_rank() {
         let t = |values: Vec<f32>, wanted: Option<[f32; 3]>| {
-            let found = Quantiles::of(values).map(|q| [q.median, q.p95, q.max]);
+            let found = Quantiles::from_values(values).map(|q| [q.median, q.p95, q.max]);
             assert_eq!(found, wanted);
         };
         t((1..=100).rev().map(|v| v as f32).collect(), Some([50.0, 95.0, 100.0]));

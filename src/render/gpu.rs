@@ -86,14 +86,14 @@ const FIRST_PAIRS: u32 = 1 << 18;
 /// Host memory for rendering a scene of this many bytes at this size, in bytes: the scene and its
 /// activated form during the upload, and the images of a few frames in transfer.
 #[must_use]
-pub fn memory(scene_bytes: u64, size: Size) -> u64 {
+pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 96;
     2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
 
 /// Whether layers can be blended in this order.
 #[must_use]
-pub fn blends(order: Layering) -> bool {
+pub fn supports_order(order: Layering) -> bool {
     order == Layering::Depth
 }
 
@@ -104,11 +104,11 @@ impl Gpu {
     /// The style cannot be rendered, or the device has no memory for the scene.
     pub fn new(device: Device, scene: &Gaussians, style: Style) -> Result<Self, RenderError> {
         super::check_style(&style)?;
-        if !blends(style.order) {
+        if !supports_order(style.order) {
             let because = "this gs2e blends orders on the CPU alone: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }
-        let parts = scene::upload(scene, &device)?;
+        let parts = scene::upload_scene(scene, &device)?;
         let layouts = Layouts::new(&device);
         let splat_rows = splat_rows(false);
         let room = Room {
@@ -147,7 +147,7 @@ impl Gpu {
     fn begin(&mut self, view: &View, want: Channels) -> Result<Pending, RenderError> {
         super::check_view(view)?;
         let mut shots = Vec::new();
-        self.shoot(view, want, Region::whole(view.camera.size), &mut shots)?;
+        self.shoot(view, want, Region::whole_image(view.camera.size), &mut shots)?;
         Ok(Pending { view: *view, want, shots })
     }
 
@@ -165,18 +165,19 @@ impl Gpu {
                     let fits = totals.of_count(Total::Splats) <= room.splats
                         && totals.of_count(Total::Pairs) <= room.pairs;
                     if fits {
-                        readback::place(images, region, size, (want, layout), out);
+                        readback::place_region(images, region, size, (want, layout), out);
                     }
                     let times = clock.map(|clock| clock.times(stamps));
                     (*totals, times, fits.then(|| totals.work(gaussians)))
                 })?;
             self.times = times;
             match found {
-                Some(done) => work = Some(work.map_or(done, |sum| joined(sum, done))),
+                Some(done) => work = Some(work.map_or(done, |sum| join_work(sum, done))),
                 None => self.again(&view, want, (region, totals), &mut shots)?,
             }
         }
-        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, &view)) } else { None };
+        out.flow =
+            if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, &view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
         Ok(work.unwrap_or_default())
     }
@@ -192,7 +193,7 @@ impl Gpu {
         let layout = Layout::new(want);
         let pixels = region.pixels(view.camera.size) as u64;
         let needed = buffers::room_of(region, pixels, layout.floats);
-        if readback::bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
+        if readback::transfer_bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
             let [one, other] = region.halves().ok_or_else(|| self.device.too_small("images"))?;
             self.shoot(view, want, other, shots)?;
             return self.shoot(view, want, one, shots);
@@ -201,7 +202,7 @@ impl Gpu {
         self.make_room(Room { splat_rows, ..needed })?;
         let at = self.compiled(layout)?;
         let room = self.buffers.room;
-        let bytes = frame::bytes(view, self.origin, &self.style, region, [room.splats, room.pairs]);
+        let bytes = frame::frame_bytes(view, self.origin, &self.style, region, [room.splats, room.pairs]);
         self.device.queue.write_buffer(&self.buffers.frame, 0, &bytes);
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -284,7 +285,7 @@ impl Renderer for Gpu {
 }
 
 /// Adds the work of two regions of a view. Both count what was left out of the whole image.
-fn joined(a: Work, b: Work) -> Work {
+fn join_work(a: Work, b: Work) -> Work {
     Work {
         tile_pairs: a.tile_pairs + b.tile_pairs,
         blended: a.blended + b.blended,
@@ -305,7 +306,7 @@ const EDGE: u32 = TILE as u32;
 
 impl Region {
     /// All tiles of an image.
-    fn whole(size: Size) -> Self {
+    fn whole_image(size: Size) -> Self {
         Self { first: [0; 2], end: [size.width.div_ceil(EDGE), size.height.div_ceil(EDGE)] }
     }
 

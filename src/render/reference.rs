@@ -23,7 +23,7 @@ pub const FINGERPRINT: &str = "reference/1";
 /// Memory for rendering a scene of this many bytes at this size, in bytes: a layer of 256 bytes per
 /// Gaussian, which is stored in at least 56 bytes, and two copies of each pixel.
 #[must_use]
-pub fn memory(scene_bytes: u64, size: Size) -> u64 {
+pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 256;
     6 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
@@ -67,7 +67,7 @@ impl Reference {
         let eye = Eye::new(view, self.style, self.scene.origin);
         let all: Vec<Result<Layer, Culled>> =
             (0..self.scene.len()).into_par_iter().map(|i| eye.layer(&self.scene, i)).collect();
-        let mut work = counts(&all);
+        let mut work = count_outcomes(&all);
         let mut layers: Vec<Layer> = all.into_iter().flatten().collect();
         layers.sort_by_key(|layer| layer.order);
         let [width, height] = [view.camera.size.width, view.camera.size.height].map(|edge| edge as usize);
@@ -81,7 +81,7 @@ impl Reference {
 }
 
 /// Counts of all Gaussians, and of those left out by reason.
-fn counts(all: &[Result<Layer, Culled>]) -> Work {
+fn count_outcomes(all: &[Result<Layer, Culled>]) -> Work {
     let culled = |why| all.iter().filter(|one| one.as_ref().err() == Some(&why)).count() as u64;
     let drawn = |is: fn(&Layer) -> bool| all.iter().flatten().filter(|layer| is(layer)).count() as u64;
     Work {
@@ -114,7 +114,7 @@ impl Renderer for Reference {
         out.luminance_rate = want.luminance_rate.then(|| image(&|p| p.luminance().rate));
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
         let depth = (want.depth || want.flow).then(|| image(&Pixel::depth));
-        out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::rates(depth, view));
+        out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::flow_rates(depth, view));
         out.depth = depth.filter(|_| want.depth);
         Ok(work)
     }
@@ -209,7 +209,7 @@ impl Reference {
             Layering::Depth => D::constant(f64::from(u8::from(of.order < other.order))),
             Layering::Blended => {
                 let ahead = (other.depth - of.depth) / (D::constant(2.0 * BLENDED_DEPTHS) * other.depth);
-                smoothstep(ahead + D::constant(0.5))
+                smooth_step(ahead + D::constant(0.5))
             }
         }
     }
@@ -223,7 +223,7 @@ impl Reference {
         if alpha.value < least_alpha(self.style.rules) {
             return None;
         }
-        Some(if self.style.rules == Rules::Soft { alpha * ramp(alpha) } else { alpha })
+        Some(if self.style.rules == Rules::Soft { alpha * soft_ramp(alpha) } else { alpha })
     }
 
     fn stops(&self, rest: f64) -> bool {
@@ -233,12 +233,12 @@ impl Reference {
 }
 
 /// `3u^2 - 2u^3` with `u` clamped to 0..1.
-fn smoothstep(x: D) -> D {
+fn smooth_step(x: D) -> D {
     let u = x.clamp(0.0, 1.0);
     u * u * (D::constant(3.0) - D::constant(2.0) * u)
 }
 
 /// The ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half.
-fn ramp(alpha: D) -> D {
-    smoothstep(D::constant(255.0) * alpha - D::constant(0.5))
+fn soft_ramp(alpha: D) -> D {
+    smooth_step(D::constant(255.0) * alpha - D::constant(0.5))
 }

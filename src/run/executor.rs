@@ -209,7 +209,10 @@ impl<'scope, 'a> Executor<'scope, 'a> {
 
     fn open_inputs(&self, step: StepId) -> Vec<Files> {
         let inputs = self.plan.steps()[step.0].step.inputs();
-        inputs.iter().map(|(_, id)| Files::of(&self.summary.products[id].outputs, self.store)).collect()
+        inputs
+            .iter()
+            .map(|(_, id)| Files::from_outputs(&self.summary.products[id].outputs, self.store))
+            .collect()
     }
 
     pub(super) fn finish(&mut self, finished: Finished) {

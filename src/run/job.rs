@@ -17,7 +17,7 @@ use std::thread;
 use std::time::Instant;
 
 /// Seconds since the first call.
-fn seconds() -> f64 {
+fn monotonic_seconds() -> f64 {
     static BEGAN: OnceLock<Instant> = OnceLock::new();
     BEGAN.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
@@ -68,7 +68,7 @@ impl Job<'_> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let mut cx = Context::new(workspace.path(), self.cancel);
-        cx.clock = Some(seconds);
+        cx.clock = Some(monotonic_seconds);
         cx.allows_commands = self.allows_commands;
         cx.programs = self.programs.clone();
         let runs_commands = self.allows_commands && !planned.step.programs().is_empty();
@@ -133,7 +133,7 @@ impl Job<'_> {
             Ok(())
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).spawn_handler(start).build();
-        let pool = pool.map_err(StageError::work("start threads"))?;
+        let pool = pool.map_err(StageError::work_failed("start threads"))?;
         let worked = pool.install(work);
         drop(pool);
         threads

@@ -12,7 +12,7 @@ pub(super) struct Rank(Reverse<u64>, pub(super) StepId);
 
 /// The rank of each step. A step without a known duration counts as zero. Results do not depend on
 /// ranks.
-pub(super) fn ranks(plan: &Plan, past: &[Option<Past>]) -> Vec<Rank> {
+pub(super) fn step_ranks(plan: &Plan, past: &[Option<Past>]) -> Vec<Rank> {
     // Milliseconds, so that ranks compare exactly. Invalid durations in a damaged record are
     // ignored.
     let own = |step: usize| {

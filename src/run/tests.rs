@@ -60,20 +60,20 @@ impl Stage for Toy {
     fn run(&self, _: Option<Note>, cx: &mut Context<'_>) -> Result<(), StageError> {
         match &self.act {
             Act::Nothing => {}
-            Act::Overwrite(path) => std::fs::write(path, "moved").map_err(StageError::io(path))?,
+            Act::Overwrite(path) => std::fs::write(path, "moved").map_err(StageError::io_error(path))?,
             Act::Fill => {
                 let full = Path::new("/dev/full");
-                std::fs::write(full, [0; 100]).map_err(StageError::io(full))?;
+                std::fs::write(full, [0; 100]).map_err(StageError::io_error(full))?;
             }
-            Act::Fail => return Err(StageError::work("please")(std::fmt::Error)),
+            Act::Fail => return Err(StageError::work_failed("please")(std::fmt::Error)),
             Act::FailOver(path) => {
-                std::fs::write(path, "moved").map_err(StageError::io(path))?;
-                return Err(StageError::work("read it")(std::fmt::Error));
+                std::fs::write(path, "moved").map_err(StageError::io_error(path))?;
+                return Err(StageError::work_failed("read it")(std::fmt::Error));
             }
             Act::Panic => panic!("the panic of a test"),
         }
         let out = cx.out.join("note");
-        std::fs::write(&out, self.note).map_err(StageError::io(&out))
+        std::fs::write(&out, self.note).map_err(StageError::io_error(&out))
     }
 }
 
@@ -105,7 +105,7 @@ fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> S
     let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
     let options =
         Options { budget, keep_going, recheck: None, allow_commands: false, programs: Programs::default() };
-    run(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()
+    run_plan(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()
 }
 
 fn counts(summary: &Summary) -> [usize; 4] {

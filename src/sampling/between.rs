@@ -17,14 +17,14 @@ pub struct Knot {
 /// `V` of a pixel between two frames at time `at`, s. `outer` are the frames before and after them,
 /// if there are any; [`Between::Catmull`] computes its slopes from them.
 #[must_use]
-pub fn value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], at: f64) -> f64 {
+pub fn interpolated_value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], at: f64) -> f64 {
     let h = to.seconds - from.seconds;
     let s = (at - from.seconds) / h;
     let rise = to.v - from.v;
     let slopes = match between {
         Between::Linear => return from.v + s * rise,
         Between::Hermite => [from.slope, to.slope],
-        Between::Catmull => [slope(outer[0], from, rise / h, h), slope(outer[1], to, rise / h, h)],
+        Between::Catmull => [end_slope(outer[0], from, rise / h, h), end_slope(outer[1], to, rise / h, h)],
     };
     let [a, b] = slopes.map(|m| m * h);
     from.v + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
@@ -32,7 +32,7 @@ pub fn value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], 
 
 /// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by
 /// the length of the other.
-fn slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
+fn end_slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
     let Some(beyond) = beyond else { return own };
     let secant = (beyond.v - end.v) / (beyond.seconds - end.seconds);
     let other = (beyond.seconds - end.seconds).abs();
@@ -54,7 +54,9 @@ mod tests {
         };
         let middle = f64::midpoint(times[1], times[2]);
         let [before, from, to, after] = times.map(knot);
-        ALL.map(|between| value(between, [Some(before), Some(after)], [from, to], middle) - signal(middle).0)
+        ALL.map(|between| {
+            interpolated_value(between, [Some(before), Some(after)], [from, to], middle) - signal(middle).0
+        })
     }
 
     #[test]
@@ -74,7 +76,8 @@ mod tests {
         // For a parabola, the one-sided slope has an error of q h, the middle of q h^2/8.
         let (q, h) = (2000.0, 2e-3);
         let knot = |t: f64| Knot { seconds: t, v: q * t * t, slope: 0.0 };
-        let found = value(Between::Catmull, [None, Some(knot(2.0 * h))], [knot(0.0), knot(h)], h / 2.0);
+        let found =
+            interpolated_value(Between::Catmull, [None, Some(knot(2.0 * h))], [knot(0.0), knot(h)], h / 2.0);
         assert!((found - q * h * h / 4.0 - q * h * h / 8.0).abs() < 1e-12, "{found}");
     }
 

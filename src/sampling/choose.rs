@@ -3,7 +3,7 @@
 
 use super::flow::{Flow, SHORTEST_US};
 use super::law::Law;
-use super::measure::{Interval, Scale, Viewer, measure};
+use super::measure::{Interval, Scale, Viewer, measure_intervals};
 use super::{Candidate, Chosen, Tolerance};
 use crate::seed::{Cell, Seed, Space};
 use crate::sensor::voltmeter::Between;
@@ -160,7 +160,8 @@ impl Question<'_> {
         if longest <= 0.0 {
             // Nothing moves: every method is exact, and the smallest number of steps is sufficient.
             let frames = self.flow.steps(LONGEST_PX).len();
-            let still = self.between.iter().map(|between| Candidate::still(*between, LONGEST_PX, frames));
+            let still =
+                self.between.iter().map(|between| Candidate::without_motion(*between, LONGEST_PX, frames));
             return Ok((still.collect(), 0));
         }
         let steps: Vec<f64> = (0..STEPS).map(|k| longest / libm::pow(RATIO, f64::from(k))).collect();
@@ -169,7 +170,8 @@ impl Question<'_> {
             tried.extend(self.stencils(place, &steps));
         }
         let intervals: Vec<Interval> = tried.iter().map(|(_, interval)| *interval).collect();
-        let measured = measure(viewer, self.scales, &intervals, self.between).map_err(ChooseError::View)?;
+        let measured =
+            measure_intervals(viewer, self.scales, &intervals, self.between).map_err(ChooseError::View)?;
         let mut candidates = Vec::new();
         for (method, between) in self.between.iter().enumerate() {
             // The root of the mean over places, for each step measured somewhere.
@@ -191,7 +193,7 @@ impl Question<'_> {
             points[k - 1].1 = points[k - 1].1.max(points[k].1);
         }
         let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
-        let law = Law::through(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
+        let law = Law::fit_points(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
         let (finest_px, _) = *points.last()?;
         let step_px = law.step(MARGIN * self.tolerance.rms, [finest_px, points[0].0]);
         Some(Candidate {
@@ -260,9 +262,10 @@ impl Question<'_> {
                 Interval { ends: [moments[j], moments[j + 1]], outer }
             })
             .collect();
-        let measured = measure(viewer, self.scales, &intervals, &[between]).map_err(ChooseError::View)?;
+        let measured =
+            measure_intervals(viewer, self.scales, &intervals, &[between]).map_err(ChooseError::View)?;
         let squares: Vec<f64> = measured.squares.iter().map(|squares| squares[0]).collect();
-        Ok(Checked::of(&squares, count == all, measured.frames))
+        Ok(Checked::from_squares(&squares, count == all, measured.frames))
     }
 }
 
@@ -284,7 +287,7 @@ struct Checked {
 
 impl Checked {
     /// The bound from squared errors. If `all` intervals were measured, there is no uncertainty.
-    fn of(squares: &[f64], all: bool, frames: usize) -> Self {
+    fn from_squares(squares: &[f64], all: bool, frames: usize) -> Self {
         let n = squares.len() as f64;
         let mean = squares.iter().sum::<f64>() / n;
         let variance = squares.iter().map(|s| (s - mean) * (s - mean)).sum::<f64>() / (n - 1.0).max(1.0);
@@ -417,11 +420,11 @@ mod tests {
     #[test]
     fn the_bound_is_students() {
         let squares: Vec<f64> = (0..12).map(|k| 1.0 + 0.1 * f64::from(k)).collect();
-        let checked = Checked::of(&squares, false, 0);
+        let checked = Checked::from_squares(&squares, false, 0);
         // Mean 1.55, variance 0.13: 1.55 + 1.795885 sqrt(0.13 / 12).
         assert!((checked.rms - 1.55_f64.sqrt()).abs() < 1e-12);
         assert!((checked.bound * checked.bound - 1.736_922).abs() < 1e-6, "{}", checked.bound);
-        let all = Checked::of(&squares, true, 0);
+        let all = Checked::from_squares(&squares, true, 0);
         assert!((all.bound - all.rms).abs() < 1e-15);
     }
 }

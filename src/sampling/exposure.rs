@@ -71,39 +71,39 @@ impl Exposure {
 /// The poses at the centres of exposures of this many frames: back to back, each exposure within
 /// the path.
 #[must_use]
-pub fn centres(poses: usize, frames: u32) -> Vec<usize> {
+pub fn exposure_centres(poses: usize, frames: u32) -> Vec<usize> {
     let frames = frames as usize;
     let beyond = frames / 2 + 1;
     (beyond..poses.saturating_sub(beyond)).step_by(frames).collect()
 }
 
-/// Opening and closing time of the shutter around one of [`centres`], s: halfway between the frames
+/// Opening and closing time of the shutter around one of [`exposure_centres`], s: halfway between the frames
 /// of the exposure and the frames beyond.
 ///
 /// # Panics
 /// There are no frames beyond.
 #[must_use]
-pub fn open(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
+pub fn shutter_times(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
     let half = frames as usize / 2;
     let halfway = |i: usize| f64::midpoint(seconds[i], seconds[i + 1]);
     [halfway(pose - half - 1), halfway(pose + half)]
 }
 
-/// [`open`], in whole microseconds.
+/// [`shutter_times`], in whole microseconds.
 ///
 /// # Panics
-/// As [`open`].
+/// As [`shutter_times`].
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a trajectory lasts no 292,000 years")]
 pub fn open_us(seconds: &[f64], pose: usize, frames: u32) -> [i64; 2] {
-    open(seconds, pose, frames).map(|s| (s * 1e6).round() as i64)
+    shutter_times(seconds, pose, frames).map(|s| (s * 1e6).round() as i64)
 }
 
 /// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many frames.
 #[must_use]
-pub fn kept(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
+pub fn kept_poses(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..poses).step_by(every as usize).collect();
-    kept.extend(exposed.iter().flat_map(|frames| centres(poses, *frames)));
+    kept.extend(exposed.iter().flat_map(|frames| exposure_centres(poses, *frames)));
     kept.sort_unstable();
     kept.dedup();
     kept
@@ -124,7 +124,7 @@ pub struct TooShort {
 
 /// A warning for sub-frames that are so far apart that edges appear separately.
 #[must_use]
-pub fn ghosts(exposures: &[Exposure]) -> Option<String> {
+pub fn ghost_warning(exposures: &[Exposure]) -> Option<String> {
     let apart: Vec<(f32, usize)> =
         exposures.iter().filter_map(|e| Some((e.step_px?, e.pose))).filter(|(px, _)| *px > 1.0).collect();
     let (px, pose) = apart.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -201,23 +201,23 @@ impl<'a> Exposer<'a> {
         course: Course<'a>,
         shutter: Shutter,
     ) -> Result<Self, Unsettled> {
-        let path = Path::through(course.poses, course.seconds.to_vec())?;
+        let path = Path::through_poses(course.poses, course.seconds.to_vec())?;
         Ok(Self { renderer, course, path, shutter, rendered: Rendered::default(), work: Work::default() })
     }
 
-    /// Exposes the frame around one of [`centres`], while `go_on` returns true.
+    /// Exposes the frame around one of [`exposure_centres`], while `go_on` returns true.
     ///
     /// # Errors
     /// The renderer fails, or `go_on` returns false.
     pub fn expose(&mut self, pose: usize, go_on: &dyn Fn() -> bool) -> Result<Exposed, ExposeError> {
         let [start, end] = self.open(pose);
         let frames = self.shutter.frames;
-        let mut light = Light::none(self.course.camera.size);
+        let mut light = Light::empty_sum(self.course.camera.size);
         let sees_motion = self.shutter.subframes == Subframes::Auto;
         let dense: Vec<Moment> = (0..frames).map(|k| self.moment(pose, k, 1)).collect();
         let fastest = self.add(&dense, sees_motion, &mut light, go_on)?;
         let moved = f64::from(fastest) * (end - start) / f64::from(frames);
-        let subframes = subframes(moved);
+        let subframes = subframe_count(moved);
         // Each dense frame is in the middle of its sub-frames, because their number is odd.
         let between = (0..frames * subframes).filter(|k| k % subframes != subframes / 2);
         let between: Vec<Moment> = between.map(|k| self.moment(pose, k, subframes)).collect();
@@ -230,7 +230,7 @@ impl<'a> Exposer<'a> {
     }
 
     fn open(&self, pose: usize) -> [f64; 2] {
-        open(self.course.seconds, pose, self.shutter.frames)
+        shutter_times(self.course.seconds, pose, self.shutter.frames)
     }
 
     /// Time of the `k`-th sub-frame of an exposure, at `subframes` per dense frame.
@@ -293,7 +293,7 @@ enum Moment {
 }
 
 /// The smallest odd number of sub-frames, within bounds, for an image motion in px per dense frame.
-fn subframes(moved_px: f64) -> u32 {
+fn subframe_count(moved_px: f64) -> u32 {
     (1..=MOST).step_by(2).find(|n| moved_px <= f64::from(*n)).unwrap_or(MOST)
 }
 
@@ -363,14 +363,15 @@ mod tests {
     /// A case like the paper's: 150 poses and 15 frames. The first centre is 8, then every 15th.
     #[test]
     fn exposures_follow_one_another_within_the_path() {
-        assert_eq!(centres(150, 15), [8, 23, 38, 53, 68, 83, 98, 113, 128]);
-        let t = |poses: usize, frames: u32, wanted: &[usize]| assert_eq!(centres(poses, frames), wanted);
+        assert_eq!(exposure_centres(150, 15), [8, 23, 38, 53, 68, 83, 98, 113, 128]);
+        let t =
+            |poses: usize, frames: u32, wanted: &[usize]| assert_eq!(exposure_centres(poses, frames), wanted);
         t(5, 3, &[2]);
         t(4, 3, &[]);
         t(3, 1, &[1]);
         t(0, 15, &[]);
-        assert_eq!(kept(12, 5, Some(3)), [0, 2, 5, 8, 10]);
-        assert_eq!(kept(12, 5, None), [0, 5, 10]);
+        assert_eq!(kept_poses(12, 5, Some(3)), [0, 2, 5, 8, 10]);
+        assert_eq!(kept_poses(12, 5, None), [0, 5, 10]);
     }
 
     /// Light that grows evenly has its mean at the middle of the exposure, for any number of
@@ -419,14 +420,17 @@ mod tests {
     fn motion_beyond_what_is_rendered_is_told() {
         let (Exposed { exposure, .. }, ..) = exposed(5000.0, SEVEN);
         assert_eq!(exposure.subframes, MOST);
-        let told = ghosts(&[exposure, Exposure { step_px: Some(0.5), ..exposure }]).unwrap();
+        let told = ghost_warning(&[exposure, Exposure { step_px: Some(0.5), ..exposure }]).unwrap();
         assert!(
             told.starts_with("1 of 2 blurred frames")
                 && told.contains("at pose 20 some pixel moves by 1.5 px"),
             "{told}"
         );
         assert_eq!(
-            ghosts(&[Exposure { step_px: Some(1.0), ..exposure }, Exposure { step_px: None, ..exposure }]),
+            ghost_warning(&[
+                Exposure { step_px: Some(1.0), ..exposure },
+                Exposure { step_px: None, ..exposure }
+            ]),
             None
         );
     }

@@ -7,7 +7,7 @@
 use super::path::Path;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
-use crate::render::flow::{nearest_ranks, rates};
+use crate::render::flow::{flow_rates, nearest_ranks};
 use crate::render::{Channels, RenderError, Rendered, Renderer, View};
 use rayon::prelude::*;
 
@@ -40,7 +40,7 @@ impl Flow {
     ///
     /// # Errors
     /// A place cannot be rendered.
-    pub fn measure(
+    pub fn measure_path(
         path: &Path,
         (intervals, end_us): (usize, i64),
         camera: Camera,
@@ -60,7 +60,7 @@ impl Flow {
         let (mut rendered, mut depths) = (Rendered::default(), Vec::with_capacity(places));
         for k in 0..places {
             let want = Channels { depth: true, ..Channels::default() };
-            renderer.render(&View::still(small, path.at(time(place(k))).0), want, &mut rendered)?;
+            renderer.render(&View::at_rest(small, path.at(time(place(k))).0), want, &mut rendered)?;
             depths.push(rendered.depth.take().expect("depth was asked for"));
         }
         // At both ends and in the middle of each part.
@@ -71,7 +71,7 @@ impl Flow {
                 let (world_from_camera, velocity) = path.at(time(share));
                 let view = View { camera: small, world_from_camera, velocity };
                 let nearest = ((m * (places - 1)) / (2 * parts)).min(places - 2);
-                pixels * quickest(&depths[nearest..=nearest + 1], &view)
+                pixels * quickest_flow(&depths[nearest..=nearest + 1], &view)
             })
             .collect();
         let highest = |part: usize| moments[2 * part..=2 * part + 2].iter().copied().fold(0.0, f64::max);
@@ -189,9 +189,9 @@ impl Flow {
 
 /// The flow of a moving camera, px/s of its own pixels, from the depth images of the places before
 /// and after: the higher of both.
-fn quickest(depths: &[Image<f32>], view: &View) -> f64 {
+fn quickest_flow(depths: &[Image<f32>], view: &View) -> f64 {
     let of = |depth: &Image<f32>| {
-        let flow = rates(depth, view);
+        let flow = flow_rates(depth, view);
         let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
         nearest_ranks(speeds, [PERCENT]).map_or(0.0, |[speed]| f64::from(speed))
     };

@@ -21,7 +21,7 @@ impl Jitter {
     /// The jitter of a noisy sensor with a stream of this duration, event count and pixel count:
     /// `sigma sqrt(Ti) / Th`, with sigma at this grey. `None` without events.
     #[must_use]
-    pub fn of(
+    pub fn for_sensor(
         sensor: &Voltmeter,
         grey: f64,
         [events, active_pixels]: [u64; 2],
@@ -52,7 +52,7 @@ pub fn lost_in_noise(
 ) -> Option<String> {
     let grey = first.pixels().iter().map(|l| f64::from(*l)).sum::<f64>() / first.pixels().len() as f64;
     let counts = [account.events, account.active_pixels];
-    let jitter = Jitter::of(sensor, grey, counts, duration_us as f64 * 1e-6)?;
+    let jitter = Jitter::for_sensor(sensor, grey, counts, duration_us as f64 * 1e-6)?;
     (tolerance < jitter.rms_th).then(|| {
         format!(
             "sampling.tolerance {tolerance} is below the sensor's own jitter of {:.2e} thresholds, {:.1} us: its noise hides \
@@ -72,11 +72,11 @@ mod tests {
     fn jitter_is_the_noise_over_the_time_between_events() {
         // dvs346, 10 ms between events: 1.8e-3 thresholds, which is 17.6 us.
         let sensor = Voltmeter::new(Preset::Dvs346.k());
-        let jitter = Jitter::of(&sensor, 100.0, [100, 1], 1.0).unwrap();
+        let jitter = Jitter::for_sensor(&sensor, 100.0, [100, 1], 1.0).unwrap();
         assert!((jitter.interval_us - 1e4).abs() < 1e-6);
         assert!((1.5e-3..2.2e-3).contains(&jitter.rms_th), "{jitter:?}");
         assert!((jitter.us / 1e4 - jitter.rms_th).abs() < 1e-12);
-        assert_eq!(Jitter::of(&sensor, 100.0, [0, 0], 1.0), None);
+        assert_eq!(Jitter::for_sensor(&sensor, 100.0, [0, 0], 1.0), None);
     }
 
     #[test]

@@ -32,7 +32,7 @@ impl Law {
     /// the squared error. `None` for fewer than three points, which do not determine the constants;
     /// if a step is not above 0; or if some errors are 0 and others not.
     #[must_use]
-    pub fn through(points: &[(f64, f64)]) -> Option<Self> {
+    pub fn fit_points(points: &[(f64, f64)]) -> Option<Self> {
         let steps = points.iter().all(|(h, _)| *h > 0.0 && h.is_finite());
         if points.len() < 3 || !steps {
             return None;
@@ -50,9 +50,10 @@ impl Law {
         let [low, high] = ORDERS;
         let spacing = (high - low) / f64::from(TRIED - 1);
         let tried = (0..TRIED).map(|k| low + f64::from(k) * spacing);
-        let least = |a: f64, b: f64| if residual(&scaled, b) < residual(&scaled, a) { b } else { a };
+        let least =
+            |a: f64, b: f64| if order_residual(&scaled, b) < order_residual(&scaled, a) { b } else { a };
         let best = tried.reduce(least).unwrap_or(low);
-        let p = narrowed(&scaled, [(best - spacing).max(low), (best + spacing).min(high)]);
+        let p = narrow_order(&scaled, [(best - spacing).max(low), (best + spacing).min(high)]);
         let [square, jumps] = at_order(&scaled, p);
         Some(Self { c: square.sqrt() / libm::pow(unit, p), p, jumps: jumps / unit })
     }
@@ -98,17 +99,17 @@ impl Law {
 }
 
 /// The order of least residual between two orders, by ternary search.
-fn narrowed(points: &[(f64, f64)], [mut low, mut high]: [f64; 2]) -> f64 {
+fn narrow_order(points: &[(f64, f64)], [mut low, mut high]: [f64; 2]) -> f64 {
     for _ in 0..NARROWINGS {
         let third = (high - low) / 3.0;
         let [a, b] = [low + third, high - third];
-        if residual(points, a) <= residual(points, b) { high = b } else { low = a }
+        if order_residual(points, a) <= order_residual(points, b) { high = b } else { low = a }
     }
     f64::midpoint(low, high)
 }
 
 /// Points `(step, squared error)`.
-fn residual(points: &[(f64, f64)], p: f64) -> f64 {
+fn order_residual(points: &[(f64, f64)], p: f64) -> f64 {
     let [square, jumps] = at_order(points, p);
     let law = |h: f64| square * libm::pow(h, 2.0 * p) + jumps * h;
     points.iter().map(|(h, e)| law(*h) / e - 1.0).map(|r| r * r).sum()
@@ -148,7 +149,7 @@ mod tests {
         let steps = [9.0, 3.0, 1.0, 1.0 / 3.0, 1.0 / 9.0];
         for (c, p, jumps) in [(0.02, 2.0, 1e-4), (0.001, 3.3, 0.0), (0.4, 1.0, 1e-3), (1e-4, 4.0, 1e-6)] {
             let points = planted(c, p, jumps, &steps);
-            let found = Law::through(&points).unwrap();
+            let found = Law::fit_points(&points).unwrap();
             for (h, e) in points {
                 // The order is known to 1e-9, and to the root of the rounding of the squares.
                 assert!((found.error(h) / e - 1.0).abs() < 1e-6, "{found:?} {c} {p} {jumps}");
@@ -161,27 +162,27 @@ mod tests {
     #[test]
     fn constants_stay_in_their_range() {
         // Faster than the fourth order: jumps must not become negative to compensate for it.
-        let fast = Law::through(&planted(1.0, 6.0, 0.0, &[1.0, 0.5, 0.25])).unwrap();
+        let fast = Law::fit_points(&planted(1.0, 6.0, 0.0, &[1.0, 0.5, 0.25])).unwrap();
         assert!(fast.jumps >= 0.0 && fast.p <= 4.0 && fast.c >= 0.0, "{fast:?}");
         // Errors that do not shrink with the step have no order: they are attributed to jumps.
-        let flat = Law::through(&[(1.0, 1.0), (0.5, 1.0), (0.25, 1.0)]).unwrap();
+        let flat = Law::fit_points(&[(1.0, 1.0), (0.5, 1.0), (0.25, 1.0)]).unwrap();
         assert!(flat.c.abs() < 1e-12 && flat.jumps > 0.5, "{flat:?}");
-        let none = Law::through(&[(1.0, 0.0), (0.5, 0.0), (0.25, 0.0)]).unwrap();
+        let none = Law::fit_points(&[(1.0, 0.0), (0.5, 0.0), (0.25, 0.0)]).unwrap();
         assert_eq!((none.error(7.0), none.share_of_jumps(7.0)), (0.0, 0.0));
     }
 
     #[test]
     fn too_little_is_no_law() {
-        assert_eq!(Law::through(&[(1.0, 1.0), (0.5, 0.5)]), None);
-        assert_eq!(Law::through(&[(1.0, 1.0), (0.5, 0.5), (0.25, 0.0)]), None);
-        assert_eq!(Law::through(&[(1.0, 1.0), (0.5, 0.5), (0.0, 0.2)]), None);
+        assert_eq!(Law::fit_points(&[(1.0, 1.0), (0.5, 0.5)]), None);
+        assert_eq!(Law::fit_points(&[(1.0, 1.0), (0.5, 0.5), (0.25, 0.0)]), None);
+        assert_eq!(Law::fit_points(&[(1.0, 1.0), (0.5, 0.5), (0.0, 0.2)]), None);
     }
 
     /// Twenty intervals of a path contain a jump of 1, and the middle misses half of it.
     #[test]
     fn jumps_are_of_order_one_half() {
         let rms = |intervals: f64| (0.25 * 20.0 / intervals).sqrt();
-        let law = Law::through(&[1000.0, 2000.0, 4000.0].map(|n| (1.0 / n, rms(n)))).unwrap();
+        let law = Law::fit_points(&[1000.0, 2000.0, 4000.0].map(|n| (1.0 / n, rms(n)))).unwrap();
         assert!((law.jumps - 5.0).abs() < 1e-9 && law.c.abs() < 1e-6, "{law:?}");
         assert!((law.order(1e-3) - 0.5).abs() < 1e-6 && (law.share_of_jumps(1e-3) - 1.0).abs() < 1e-6);
         let smooth = Law { c: 1.0, p: 3.0, jumps: 0.0 };

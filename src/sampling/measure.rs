@@ -1,6 +1,6 @@
 //! Difference between interpolated and rendered brightness between two frames, in thresholds.
 
-use super::between::{Knot, value};
+use super::between::{Knot, interpolated_value};
 use crate::frames::Frame;
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ pub struct Scale {
 impl Scale {
     /// The scale of a sensor behind the front end of this index.
     #[must_use]
-    pub fn of(sensor: &Voltmeter, front_end: usize) -> Self {
+    pub fn for_sensor(sensor: &Voltmeter, front_end: usize) -> Self {
         let [k1, k2, ..] = sensor.k;
         Self { front_end, k2, thresholds: k1 / sensor.threshold_on.min(sensor.threshold_off) }
     }
@@ -111,7 +111,7 @@ pub struct Measured {
 ///
 /// # Errors
 /// A frame cannot be rendered.
-pub fn measure<V: Viewer>(
+pub fn measure_intervals<V: Viewer>(
     viewer: &mut V,
     scales: &[Scale],
     intervals: &[Interval],
@@ -137,7 +137,7 @@ pub fn measure<V: Viewer>(
             if !next.moments(between).all(|moment| held.contains_key(&moment)) {
                 break;
             }
-            squares.push(between.iter().map(|between| worst(next, *between, scales, &held)).collect());
+            squares.push(between.iter().map(|between| worst_square(next, *between, scales, &held)).collect());
             held.retain(|moment, _| last_use[moment] >= squares.len());
         }
     })?;
@@ -145,7 +145,12 @@ pub fn measure<V: Viewer>(
 }
 
 /// The largest mean square error of any sensor.
-fn worst(interval: &Interval, between: Between, scales: &[Scale], held: &BTreeMap<i64, Vec<Seen>>) -> f64 {
+fn worst_square(
+    interval: &Interval,
+    between: Between,
+    scales: &[Scale],
+    held: &BTreeMap<i64, Vec<Seen>>,
+) -> f64 {
     let mean = |(number, scale): (usize, &Scale)| {
         let seen = |moment: i64| held.get(&moment).map(|seen| &seen[number]);
         let outer = interval.outer.map(|moment| moment.and_then(seen));
@@ -162,7 +167,8 @@ const CHUNK: usize = 4096;
 fn mean_square(between: Between, outer: [Option<&Seen>; 2], ends: [&Seen; 2], middle: &Seen) -> f64 {
     let error = |i: usize| {
         let outer = outer.map(|seen| seen.map(|seen| seen.knot(i)));
-        value(between, outer, ends.map(|seen| seen.knot(i)), middle.seconds) - f64::from(middle.v[i])
+        interpolated_value(between, outer, ends.map(|seen| seen.knot(i)), middle.seconds)
+            - f64::from(middle.v[i])
     };
     let sum = |(chunk, values): (usize, &[f32])| -> f64 {
         (0..values.len()).map(|i| error(chunk * CHUNK + i)).map(|error| error * error).sum()
@@ -243,7 +249,7 @@ mod tests {
         let signal = |i: usize, t: f64| (4.5 + 1000.0 * i as f64 * t * t, 2000.0 * i as f64 * t);
         let mut viewer = Planted::new(SIZE, signal);
         let interval = Interval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)] };
-        let found = measure(&mut viewer, &[SCALE], &[interval], &ALL).unwrap();
+        let found = measure_intervals(&mut viewer, &[SCALE], &[interval], &ALL).unwrap();
         let mean = (0..6).map(|i| f64::from(i) * 1000.0 * h * h / 4.0).map(|e| e * e).sum::<f64>() / 6.0;
         let [linear, catmull, hermite] = found.squares[0][..] else { panic!() };
         // V is known to 3e-7, times five thresholds.
@@ -260,10 +266,10 @@ mod tests {
             Interval { ends: [70, 130], outer: [Some(10), None] },
             Interval { ends: [500, 520], outer: [None, None] },
         ];
-        measure(&mut viewer, &[SCALE], &nested, &ALL).unwrap();
+        measure_intervals(&mut viewer, &[SCALE], &nested, &ALL).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
-        let found = measure(&mut viewer, &[SCALE], &nested, &[Between::Linear]).unwrap();
+        let found = measure_intervals(&mut viewer, &[SCALE], &nested, &[Between::Linear]).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 500, 520, 510]);
         assert_eq!((found.squares.len(), found.squares[0].len()), (3, 1));
     }
@@ -273,7 +279,7 @@ mod tests {
         let mut viewer = Planted::new(SIZE, |_, t| (4.5 + 1000.0 * t * t, 0.0));
         let interval = Interval { ends: [0, 2000], outer: [None, None] };
         let scales = [SCALE, Scale { thresholds: 10.0, ..SCALE }];
-        let found = measure(&mut viewer, &scales, &[interval], &[Between::Linear]).unwrap();
+        let found = measure_intervals(&mut viewer, &scales, &[interval], &[Between::Linear]).unwrap();
         assert!((found.squares[0][0].sqrt() - 10.0 * 1e-3).abs() < 4e-6);
     }
 }

@@ -22,9 +22,9 @@ impl Path {
     ///
     /// # Panics
     /// There are fewer than two poses, or there is not one strictly increasing time per pose.
-    pub fn through(poses: &[Se3], seconds: Vec<f64>) -> Result<Self, Unsettled> {
+    pub fn through_poses(poses: &[Se3], seconds: Vec<f64>) -> Result<Self, Unsettled> {
         let steps = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        Ok(Self { curve: Cubic::through(steps, poses)?, seconds })
+        Ok(Self { curve: Cubic::through_knots(steps, poses)?, seconds })
     }
 
     /// Duration from the first pose to the last, s.
@@ -59,7 +59,7 @@ impl Path {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::exp;
+    use crate::se3::rotation::exp_vector;
     use glam::DVec3;
 
     /// A cubic path with a constant turn about one axis: the spline reproduces it.
@@ -67,12 +67,12 @@ mod tests {
     fn a_path_of_its_own_kind_is_met_between_the_poses() {
         let turn = DVec3::new(0.3, -0.2, 0.5);
         let pose = |t: f64| Se3 {
-            rotation: exp(turn * t),
+            rotation: exp_vector(turn * t),
             translation: DVec3::new(t * t * t, 1.0 - t, 2.0 * t * t),
         };
         let seconds: Vec<f64> = vec![1.0, 1.2, 1.3, 1.7, 2.0, 2.1];
         let poses: Vec<Se3> = seconds.iter().map(|t| pose(*t)).collect();
-        let path = Path::through(&poses, seconds).unwrap();
+        let path = Path::through_poses(&poses, seconds).unwrap();
         assert!((path.seconds() - 1.1).abs() < 1e-12);
         for t in [1.0f64, 1.1, 1.3, 1.55, 1.99, 2.1] {
             let (found, velocity) = path.at(t - 1.0);

@@ -42,7 +42,7 @@ impl Collector {
             log_scales: try_with_room(capacity)?,
             rotations: try_with_room(capacity)?,
             opacity_logits: try_with_room(capacity)?,
-            sh: try_with_room(capacity.saturating_mul(sh::len(sh_degree)))?,
+            sh: try_with_room(capacity.saturating_mul(sh::function_count(sh_degree)))?,
             sh_degree,
             antialiased: None,
             screening: Screening::default(),

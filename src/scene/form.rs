@@ -32,7 +32,7 @@ impl Form {
 
     /// The format that belongs to a file name.
     #[must_use]
-    pub fn of(path: &Path) -> Option<Self> {
+    pub fn for_path(path: &Path) -> Option<Self> {
         Self::ALL
             .into_iter()
             .find(|form| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(form.extension())))
@@ -87,8 +87,16 @@ impl Form {
         let opacity_of = |logit: f32| 1.0 / (1.0 + libm::exp(-f64::from(logit)));
         let rounded = [
             ("positions", position, largest(&|i| (scene.position(i) - back.position(i)).abs().max_element())),
-            ("log scales", scale, largest(&|i| apart(&scene.log_scales[i], &back.log_scales[i]))),
-            ("rotations", turn, largest(&|i| rotation::angle(scene.rotations[i], back.rotations[i]))),
+            (
+                "log scales",
+                scale,
+                largest(&|i| largest_difference(&scene.log_scales[i], &back.log_scales[i])),
+            ),
+            (
+                "rotations",
+                turn,
+                largest(&|i| rotation::rotation_angle(scene.rotations[i], back.rotations[i])),
+            ),
             (
                 "opacities",
                 opacity,
@@ -96,12 +104,19 @@ impl Form {
                     (opacity_of(scene.opacity_logits[i]) - opacity_of(back.opacity_logits[i])).abs()
                 }),
             ),
-            ("colours", colour, largest(&|i| sh::C0 * apart(&scene.sh_of(i)[0], &back.sh_of(i)[0]))),
+            (
+                "colours",
+                colour,
+                largest(&|i| sh::C0 * largest_difference(&scene.sh_of(i)[0], &back.sh_of(i)[0])),
+            ),
             (
                 "harmonics",
                 harmonic,
                 largest(&|i| {
-                    apart(scene.sh_of(i)[1..kept].as_flattened(), back.sh_of(i)[1..kept].as_flattened())
+                    largest_difference(
+                        scene.sh_of(i)[1..kept].as_flattened(),
+                        back.sh_of(i)[1..kept].as_flattened(),
+                    )
                 }),
             ),
         ];
@@ -111,7 +126,7 @@ impl Form {
                 what: format!("rounded to {step}, at most {largest:.2e} off"),
                 largest: Some(largest),
             });
-        Ok(rounded.chain(dropped(scene, back)).collect())
+        Ok(rounded.chain(dropped_fields(scene, back)).collect())
     }
 
     /// Rounding of each field: positions, log scales, rotations, opacities, colours, harmonics.
@@ -146,12 +161,12 @@ impl Form {
 }
 
 /// The largest difference between two numbers at the same place.
-fn apart(a: &[f32], b: &[f32]) -> f64 {
+fn largest_difference(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).fold(0.0, f64::max)
 }
 
 /// Fields that are missing entirely.
-fn dropped(scene: &Gaussians, back: &Gaussians) -> Vec<Loss> {
+fn dropped_fields(scene: &Gaussians, back: &Gaussians) -> Vec<Loss> {
     let loss = |field, what: String| Loss { field, what, largest: None };
     let mut losses = Vec::new();
     if back.sh_degree < scene.sh_degree {

@@ -30,15 +30,15 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let header = Header::read(&mut cursor)?;
     let vertices = header.element("vertex", &cursor)?;
     if packed::is_packed(vertices) {
-        return packed::read(&header, cursor);
+        return packed::read_packed(&header, cursor);
     }
-    let columns = Columns::find(vertices, header.encoding, &cursor)?;
+    let columns = Columns::find_columns(vertices, header.encoding, &cursor)?;
     let mut buffer = Vec::new();
-    let mut cursor = body::binary(&header, cursor, &mut buffer)?;
-    let [Rows { bytes: rows, .. }] = body::rows(&header, ["vertex"], &mut cursor)?;
+    let mut cursor = body::binary_body(&header, cursor, &mut buffer)?;
+    let [Rows { bytes: rows, .. }] = body::element_rows(&header, ["vertex"], &mut cursor)?;
     let origin = columns.origin(rows, header.notes.origin);
     let mut collector = Collector::new(columns.sh_degree, rows.len() / columns.stride)?;
-    let mut harmonics = vec![[0.0; 3]; sh::len(columns.sh_degree)];
+    let mut harmonics = vec![[0.0; 3]; sh::function_count(columns.sh_degree)];
     for row in rows.chunks_exact(columns.stride) {
         collector.push(&columns.gaussian(row, origin, &mut harmonics));
     }
@@ -59,7 +59,7 @@ pub const MAX_HEADER: usize = header::MAX_LEN;
 pub fn left_out(bytes: &[u8]) -> Vec<String> {
     let Ok(header) = Header::read(&mut Cursor::new(".ply", bytes)) else { return Vec::new() };
     let packed = header.elements.iter().any(packed::is_packed);
-    let known = |name: &str| if packed { packed::knows(name) } else { knows(name) };
+    let known = |name: &str| if packed { packed::knows_property(name) } else { knows_property(name) };
     let mut names = Vec::new();
     for element in &header.elements {
         match element.name.as_str() {
@@ -71,7 +71,7 @@ pub fn left_out(bytes: &[u8]) -> Vec<String> {
     names
 }
 
-fn knows(name: &str) -> bool {
+fn knows_property(name: &str) -> bool {
     property_names(sh::MAX_DEGREE).iter().any(|known| known == name)
 }
 
@@ -89,9 +89,9 @@ struct Columns {
 }
 
 impl Columns {
-    fn find(vertices: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
+    fn find_columns(vertices: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
         let stride = vertices.flat_stride(at)?;
-        let optional = |name: &str| Column::find(vertices, name, encoding, at);
+        let optional = |name: &str| Column::find_column(vertices, name, encoding, at);
         let column = |name: &str| {
             optional(name)?.ok_or_else(|| {
                 let wanted = "x y z, f_dc_0..2, opacity, scale_0..2 and rot_0..3";
@@ -100,7 +100,7 @@ impl Columns {
         };
         let rest_len = vertices.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
         let sh_degree = degree_of(rest_len, at)?;
-        let functions = sh::len(sh_degree);
+        let functions = sh::function_count(sh_degree);
         let mut harmonics = vec![[column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?]];
         for k in 0..functions - 1 {
             let of = |channel: usize| column(&format!("f_rest_{}", channel * (functions - 1) + k));
@@ -124,7 +124,7 @@ impl Columns {
             return DVec3::ZERO;
         }
         noted.unwrap_or_else(|| {
-            position::origin(self.position.map(|column| {
+            position::median_origin(self.position.map(|column| {
                 rows.chunks_exact(self.stride).map(|row| column.get(row)).filter(|x| x.is_finite()).collect()
             }))
         })
@@ -138,7 +138,7 @@ impl Columns {
         }
         let origin = origin.to_array();
         Gaussian {
-            position: [0, 1, 2].map(|k| position::local(self.position[k].get(row), origin[k])),
+            position: [0, 1, 2].map(|k| position::to_local(self.position[k].get(row), origin[k])),
             log_scale: self.log_scale.map(get),
             rotation: self.rotation.map(get),
             opacity_logit: get(self.opacity),
@@ -163,7 +163,7 @@ fn property_names(sh_degree: u8) -> Vec<String> {
     let numbered = |name: &str, n: usize| (0..n).map(|i| format!("{name}_{i}")).collect::<Vec<_>>();
     let mut names = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).to_vec();
     names.extend(numbered("f_dc", 3));
-    names.extend(numbered("f_rest", 3 * (sh::len(sh_degree) - 1)));
+    names.extend(numbered("f_rest", 3 * (sh::function_count(sh_degree) - 1)));
     names.push("opacity".into());
     names.extend(numbered("scale", 3));
     names.extend(numbered("rot", 4));
@@ -272,12 +272,12 @@ mod tests {
     #[test]
     fn double_positions_survive_a_round_trip_far_from_zero() {
         let exact: Vec<f64> = (0..100).map(|i| 1e6 + f64::from(i * i) * 0.37).collect();
-        let origin = position::origin([exact.clone(), exact.clone(), exact.clone()]);
+        let origin = position::median_origin([exact.clone(), exact.clone(), exact.clone()]);
         for &x in &exact {
-            let p = position::local(x, origin.x);
+            let p = position::to_local(x, origin.x);
             // Half an ulp of the largest distance, 1813 - 889 = 2,740 < 4096, is 2^-13.
-            assert!((position::absolute(p, origin.x) - x).abs() <= 1.3e-4);
-            let again = position::local(position::absolute(p, origin.x), origin.x);
+            assert!((position::to_absolute(p, origin.x) - x).abs() <= 1.3e-4);
+            let again = position::to_local(position::to_absolute(p, origin.x), origin.x);
             assert_eq!(again.to_bits(), p.to_bits());
         }
     }
@@ -382,7 +382,7 @@ mod tests {
             degree in Just(degree),
             n in Just(n),
             origin in prop_oneof![Just([0.0; 3]), (-1e7..1e7_f64, 1e-3..1.0_f64).prop_map(|(x, z)| [x, 0.0, z])],
-            numbers in prop::collection::vec(prop_oneof![-1e4..1e4_f32, prop::num::f32::NORMAL], n * (11 + 3 * sh::len(degree))),
+            numbers in prop::collection::vec(prop_oneof![-1e4..1e4_f32, prop::num::f32::NORMAL], n * (11 + 3 * sh::function_count(degree))),
             antialiased in prop::option::of(any::<bool>()),
             dropped in 0_u64..9,
         ) -> Gaussians {
@@ -392,7 +392,7 @@ mod tests {
             let rows = || fields.chunks_exact(11);
             let settle = |f: &[f32]| {
                 let o = origin.to_array();
-                [0, 1, 2].map(|k| if o[k] == 0.0 { f[k] } else { position::local(o[k] + f64::from(f[k]), o[k]) })
+                [0, 1, 2].map(|k| if o[k] == 0.0 { f[k] } else { position::to_local(o[k] + f64::from(f[k]), o[k]) })
             };
             Gaussians {
                 origin,

@@ -27,7 +27,7 @@ use light::Lit;
 use object::{Arrangement, Finish, Part};
 use serde::{Deserialize, Serialize};
 use shape::{Shape, Spot};
-pub(crate) use texture::{STEP, finalise};
+pub(crate) use texture::{STEP, finalise_bits};
 
 /// Parameters of the still life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -84,16 +84,16 @@ impl StillLife {
 /// # Panics
 /// If the parameters are not [valid](StillLife::validate).
 #[must_use]
-pub fn gaussians(life: &StillLife) -> Gaussians {
+pub fn still_life(life: &StillLife) -> Gaussians {
     life.validate().expect("the parameters were validated where they were read");
-    let arrangement = arrange(life.seed);
+    let arrangement = arrange_table(life.seed);
     let weights: Vec<f64> = arrangement.parts.iter().map(|p| p.detail * p.shape.area()).collect();
-    let counts = shape::shares(life.gaussians as usize, &weights);
+    let counts = shape::split_count(life.gaussians as usize, &weights);
     let mut collector =
         Collector::new(light::DEGREE, life.gaussians as usize).expect("a valid still life has few Gaussians");
     for (stream, (part, count)) in (0_u64..).zip(arrangement.parts.iter().zip(counts)) {
         let mut draws = Draws::new(life.seed, stream);
-        part.shape.spots(count, &mut draws, |spot| paint(part, spot, &arrangement, &mut collector));
+        part.shape.spots(count, &mut draws, |spot| paint_spot(part, spot, &arrangement, &mut collector));
     }
     collector.finish(DVec3::ZERO, Some(false)).expect("a valid still life has Gaussians, all of them finite")
 }
@@ -103,23 +103,23 @@ pub fn gaussians(life: &StillLife) -> Gaussians {
 /// # Panics
 /// If the parameters are not [valid](StillLife::validate).
 #[must_use]
-pub fn capture(life: &StillLife) -> Capture {
+pub fn still_capture(life: &StillLife) -> Capture {
     life.validate().expect("the parameters were validated where they were read");
-    capture::capture(life)
+    capture::arc_capture(life)
 }
 
-fn arrange(seed: u64) -> Arrangement {
+fn arrange_table(seed: u64) -> Arrangement {
     let mut arrangement = Arrangement::default();
-    room::add(seed, &mut arrangement);
-    fruit::add(seed.wrapping_add(200), &mut arrangement);
-    bouquet::add(seed.wrapping_add(300), &mut arrangement);
-    books::add(seed.wrapping_add(400), &mut arrangement);
-    arrangement.parts.push(dust());
+    room::add_room(seed, &mut arrangement);
+    fruit::add_fruit(seed.wrapping_add(200), &mut arrangement);
+    bouquet::add_bouquet(seed.wrapping_add(300), &mut arrangement);
+    books::add_books(seed.wrapping_add(400), &mut arrangement);
+    arrangement.parts.push(dust_part());
     arrangement
 }
 
 /// Floaters: faint blobs in the air in front of the table, as in every captured scene.
-fn dust() -> Part {
+fn dust_part() -> Part {
     let shape =
         Shape::Blobs { low: DVec3::new(-1.8, -1.5, -1.3), high: DVec3::new(1.9, -0.3, 1.2), share: 0.05 };
     let look = |s: &Spot| {
@@ -130,27 +130,27 @@ fn dust() -> Part {
 }
 
 /// Lights a spot, and passes it on as a Gaussian.
-fn paint(part: &Part, spot: &Spot, arrangement: &Arrangement, collector: &mut Collector) {
+fn paint_spot(part: &Part, spot: &Spot, arrangement: &Arrangement, collector: &mut Collector) {
     let finish = (part.look)(spot);
     let away = part.thin && spot.normal.dot(DVec3::new(0.1, -0.5, -0.85)) < 0.0;
     let normal = if away { -spot.normal } else { spot.normal };
     let lit = Lit { object: part.object, position: spot.position, normal };
-    let colour = light::display(light::shade(lit, finish.albedo, &arrangement.occluders));
-    let mut coefficients = [DVec3::ZERO; sh::len(light::DEGREE)];
+    let colour = light::display_light(light::shade_point(lit, finish.albedo, &arrangement.occluders));
+    let mut coefficients = [DVec3::ZERO; sh::function_count(light::DEGREE)];
     coefficients[0] = (colour - DVec3::splat(0.5)) / sh::C0;
     light::add_gloss(lit, finish.gloss, &arrangement.occluders, &mut coefficients);
     let opacity = finish.opacity;
     let rotation = spot.rotation;
     collector.push(&Gaussian {
-        position: narrow(spot.position),
-        log_scale: narrow(DVec3::from_array(spot.deviations.to_array().map(libm::log))),
+        position: to_single(spot.position),
+        log_scale: to_single(DVec3::from_array(spot.deviations.to_array().map(libm::log))),
         rotation: [rotation.w, rotation.x, rotation.y, rotation.z].map(sh::Scalar::nearest),
         opacity_logit: sh::Scalar::nearest(libm::log(opacity / (1.0 - opacity))),
-        sh: &coefficients.map(narrow),
+        sh: &coefficients.map(to_single),
     });
 }
 
-fn narrow(v: DVec3) -> [f32; 3] {
+fn to_single(v: DVec3) -> [f32; 3] {
     v.to_array().map(sh::Scalar::nearest)
 }
 
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn there_are_as_many_gaussians_as_asked_for() {
         for count in [100, 101, 317, 1_000, 12_345] {
-            let scene = gaussians(&life(count));
+            let scene = still_life(&life(count));
             assert_eq!(scene.len(), count as usize);
             assert_eq!(
                 scene.screening,
@@ -197,11 +197,11 @@ mod tests {
     #[test]
     fn the_scene_and_its_capture_are_frozen() {
         let mut bytes = Vec::new();
-        crate::scene::ply::write_ply(&gaussians(&life(2_000)), &mut bytes).unwrap();
+        crate::scene::ply::write_ply(&still_life(&life(2_000)), &mut bytes).unwrap();
         let wanted = "6fdbcd12826d8be36a7ddf3e2a51ae425d196451e12617d2e21bce4453e42365";
         assert_eq!(blake3::hash(&bytes).to_hex().as_str(), wanted);
         let mut poses = blake3::Hasher::new();
-        for view in capture(&life(2_000)).views {
+        for view in still_capture(&life(2_000)).views {
             let Se3 { rotation, translation } = view.world_from_camera;
             for number in rotation.to_array().into_iter().chain(translation.to_array()) {
                 poses.update(&number.to_le_bytes());
@@ -211,18 +211,18 @@ mod tests {
             poses.finalize().to_hex().as_str(),
             "8cf85e8c5001386dea198130571f7a3cd4edf0825e8893bb92ad62e4727efa74"
         );
-        let other = gaussians(&StillLife { seed: 2, ..life(2_000) });
-        assert_ne!(other, gaussians(&life(2_000)));
+        let other = still_life(&StillLife { seed: 2, ..life(2_000) });
+        assert_ne!(other, still_life(&life(2_000)));
     }
 
     #[test]
     fn colours_lie_between_black_and_white_from_the_middle_of_the_arc() {
-        let scene = gaussians(&life(5_000));
-        let eye = capture(&life(5_000)).views[15].world_from_camera.translation;
+        let scene = still_life(&life(5_000));
+        let eye = still_capture(&life(5_000)).views[15].world_from_camera.translation;
         for i in 0..scene.len() {
             let to = DVec3::from_array(scene.positions[i].map(f64::from)) - eye;
-            let basis = sh::basis(scene.sh_degree, narrow(to.normalize()));
-            let colour = sh::colour(scene.sh_of(i), &basis);
+            let basis = sh::basis_values(scene.sh_degree, to_single(to.normalize()));
+            let colour = sh::sum_colour(scene.sh_of(i), &basis);
             // The lobe's series may fall below zero next to its peak, and raise highlights above
             // one.
             assert!(colour.iter().all(|c| (0.0..1.3).contains(c)), "{i}: {colour:?}");
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn the_capture_is_an_uneven_arc_about_the_table() {
-        let views = capture(&StillLife::default()).views;
+        let views = still_capture(&StillLife::default()).views;
         assert_eq!(views.len(), 30);
         assert_eq!((views[0].name.as_str(), views[29].name.as_str()), ("001.jpg", "030.jpg"));
         let middle = DVec3::new(0.1, -0.5, 0.1);
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn the_default_arc_moves_slowly() {
         let life = StillLife::default();
-        let (scene, views) = (gaussians(&life), capture(&life).views);
+        let (scene, views) = (still_life(&life), still_capture(&life).views);
         let total: f64 = views.windows(2).map(|pair| flow_quantile(&scene, &pair[0], &pair[1])).sum();
         assert!(total / 149.0 < 0.85, "{} px a pose", total / 149.0);
     }

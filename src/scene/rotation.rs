@@ -2,7 +2,7 @@
 
 /// The unit quaternion of a stored one, in 64 bits. A zero quaternion gives the identity, as in the
 /// renderer.
-pub(super) fn unit(stored: [f32; 4]) -> [f64; 4] {
+pub(super) fn unit_quaternion(stored: [f32; 4]) -> [f64; 4] {
     let wide = stored.map(f64::from);
     let norm = wide.iter().map(|c| c * c).sum::<f64>().sqrt();
     if norm > 0.0 { wide.map(|c| c / norm) } else { [1.0, 0.0, 0.0, 0.0] }
@@ -11,11 +11,11 @@ pub(super) fn unit(stored: [f32; 4]) -> [f64; 4] {
 /// The angle between two rotations, radians; zero only if the stored quaternions are equal or
 /// opposite.
 #[expect(clippy::float_cmp, reason = "whether they are the same numbers is asked")]
-pub(super) fn angle(a: [f32; 4], b: [f32; 4]) -> f64 {
+pub(super) fn rotation_angle(a: [f32; 4], b: [f32; 4]) -> f64 {
     if a == b || a == b.map(|c| -c) {
         return 0.0;
     }
-    let (a, b) = (unit(a), unit(b));
+    let (a, b) = (unit_quaternion(a), unit_quaternion(b));
     let chord = |sign: f64| a.iter().zip(b).map(|(a, b)| (a - sign * b).powi(2)).sum::<f64>().sqrt();
     4.0 * libm::asin((chord(1.0).min(chord(-1.0)) / 2.0).min(1.0))
 }

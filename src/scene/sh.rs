@@ -55,7 +55,7 @@ impl Scalar for f32 {
 
 /// Number of functions up to `degree`: `(degree + 1)^2`.
 #[must_use]
-pub const fn len(degree: u8) -> usize {
+pub const fn function_count(degree: u8) -> usize {
     (degree as usize + 1).pow(2)
 }
 
@@ -65,7 +65,7 @@ pub const fn len(degree: u8) -> usize {
 /// A degree above [`MAX_DEGREE`] gives the functions up to [`MAX_DEGREE`].
 #[must_use]
 #[inline(always)]
-pub fn basis<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
+pub fn basis_values<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
     let mut b = [T::nearest(0.0); MAX_LEN];
     b[0] = T::nearest(C0);
     if degree >= 1 {
@@ -106,11 +106,14 @@ fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
     ]
 }
 
-/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` with the values of [`basis`], summed
+/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` with the values of [`basis_values`], summed
 /// in the order of the functions. The shorter of the two ends the sum.
 #[must_use]
 #[inline(always)]
-pub fn colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(coefficients: &[[C; 3]], basis: &[T]) -> [T; 3] {
+pub fn sum_colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(
+    coefficients: &[[C; 3]],
+    basis: &[T],
+) -> [T; 3] {
     let zero = T::nearest(0.0);
     let mut sum = [zero; 3];
     for (c, &b) in coefficients.iter().zip(basis) {
@@ -153,7 +156,7 @@ mod tests {
     fn the_functions_are_orthonormal() {
         let mut gram = [[0.0; MAX_LEN]; MAX_LEN];
         for (dir, weight) in sphere() {
-            let b = basis(3, dir);
+            let b = basis_values(3, dir);
             for i in 0..MAX_LEN {
                 for j in 0..MAX_LEN {
                     gram[i][j] += weight * b[i] * b[j];
@@ -173,7 +176,7 @@ mod tests {
     /// polynomials evaluated by hand at (2, 1, 2) / 3).
     #[test]
     fn signs_and_order_are_the_published_ones() {
-        let b = basis::<f64>(3, [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]);
+        let b = basis_values::<f64>(3, [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]);
         let wanted = [
             0.282094792,
             -0.488602512 / 3.0,
@@ -201,18 +204,18 @@ mod tests {
     #[test]
     fn lower_degrees_are_prefixes() {
         let dir = [0.48_f32, -0.6, 0.64];
-        let full = basis(3, dir);
+        let full = basis_values(3, dir);
         for degree in 0..=3 {
-            let b = basis(degree, dir);
-            assert_eq!(b[..len(degree)], full[..len(degree)]);
-            assert!(b[len(degree)..].iter().all(|&v| v.to_bits() == 0));
+            let b = basis_values(degree, dir);
+            assert_eq!(b[..function_count(degree)], full[..function_count(degree)]);
+            assert!(b[function_count(degree)..].iter().all(|&v| v.to_bits() == 0));
         }
     }
 
     #[test]
     fn colours_are_clamped_below_and_not_above() {
-        let b = basis::<f32>(0, [0.0, 0.0, 1.0]);
-        let [low, mid, high] = colour(&[[-4.0, 0.0, 4.0]], &b);
+        let b = basis_values::<f32>(0, [0.0, 0.0, 1.0]);
+        let [low, mid, high] = sum_colour(&[[-4.0, 0.0, 4.0]], &b);
         assert_eq!((low, mid), (0.0, 0.5));
         assert!((high - 1.628_379_2).abs() < 1e-6);
     }

@@ -32,7 +32,7 @@ pub const META: &str = "meta.json";
 /// # Errors
 /// Returns a [`SceneError`] if the bytes are not a `.sog` archive.
 pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    read(&mut Archive::open(bytes)?, Budget::of(bytes.len()))
+    read_parts(&mut Archive::open(bytes)?, Budget::of(bytes.len()))
 }
 
 /// Reads a folder of `meta.json` and images.
@@ -40,18 +40,18 @@ pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 /// # Errors
 /// Returns a [`SceneError`] if a file cannot be read or is invalid.
 pub fn read_sog_folder(folder: &Path) -> Result<Gaussians, SceneError> {
-    read(&mut Folder(folder), Budget::of(0))
+    read_parts(&mut Folder(folder), Budget::of(0))
 }
 
 /// Reads what the parts hold; `budget` is that of the archive, and grows with each file of a folder.
-fn read(parts: &mut impl Parts, mut budget: Budget) -> Result<Gaussians, SceneError> {
-    let meta = Meta::parse(&parts.part(META, meta::PART, &mut budget)?)?;
-    let files = Files::read(&meta, parts, &mut budget)?;
-    let images = Images::decode(&meta, &files, &mut budget)?;
+fn read_parts(parts: &mut impl Parts, mut budget: Budget) -> Result<Gaussians, SceneError> {
+    let meta = Meta::parse_meta(&parts.part(META, meta::PART, &mut budget)?)?;
+    let files = Files::read_all(&meta, parts, &mut budget)?;
+    let images = Images::decode_all(&meta, &files, &mut budget)?;
     images.check(meta.count)?;
     let sh_degree = images.palette.as_ref().map_or(0, |palette| palette.sh_degree);
     let mut collector = Collector::new(sh_degree, meta.count)?;
-    let mut coefficients = vec![[0.0; 3]; sh::len(sh_degree)];
+    let mut coefficients = vec![[0.0; 3]; sh::function_count(sh_degree)];
     for i in 0..meta.count {
         let [r, g, b, alpha] = images.sh0.rgba(i);
         coefficients[0] = meta.sh0.codebook.of([r, g, b]);
@@ -79,7 +79,7 @@ struct Files {
 }
 
 impl Files {
-    fn read(meta: &Meta, parts: &mut impl Parts, budget: &mut Budget) -> Result<Self, SceneError> {
+    fn read_all(meta: &Meta, parts: &mut impl Parts, budget: &mut Budget) -> Result<Self, SceneError> {
         let mut part = |name: &str, part| parts.part(name, part, budget);
         let [low, high] = &meta.means.files;
         let palette = match &meta.palette {
@@ -111,15 +111,16 @@ struct Images {
 }
 
 impl Images {
-    fn decode(meta: &Meta, files: &Files, budget: &mut Budget) -> Result<Self, SceneError> {
+    fn decode_all(meta: &Meta, files: &Files, budget: &mut Budget) -> Result<Self, SceneError> {
         let palette = match (&meta.palette, &files.palette) {
             (Some(meta), Some([centroids, labels])) => {
-                Some((meta, Pixels::decode(centroids, PALETTE, Room::of_palette(meta), budget)?, labels))
+                Some((meta, Pixels::decode_webp(centroids, PALETTE, Room::of_palette(meta), budget)?, labels))
             }
             _ => None,
         };
         let one_each = Room::of_scene(meta.count);
-        let mut decode = |bytes: &[u8], part: &'static str| Pixels::decode(bytes, part, one_each, budget);
+        let mut decode =
+            |bytes: &[u8], part: &'static str| Pixels::decode_webp(bytes, part, one_each, budget);
         let palette = palette.map(|(meta, centroids, labels)| {
             Palette::new(meta, centroids, decode(labels, ".sog (labels of harmonics)")?)
         });
@@ -193,7 +194,7 @@ struct Palette {
 
 impl Palette {
     fn new(meta: &meta::Palette, centroids: Pixels, labels: Pixels) -> Result<Self, SceneError> {
-        let functions = sh::len(meta.bands) - 1;
+        let functions = sh::function_count(meta.bands) - 1;
         let wanted = PALETTE_WIDTH * functions;
         if centroids.width != wanted {
             let found = format!("an image {} pixels wide", centroids.width);

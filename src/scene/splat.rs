@@ -8,7 +8,7 @@
 use super::collector::{Collector, Gaussian};
 use super::cursor::Cursor;
 use super::opacity::{byte_of_logit, logit_of_byte};
-use super::rotation::unit;
+use super::rotation::unit_quaternion;
 use super::{Gaussians, SceneError, nearest_byte, sh};
 use glam::DVec3;
 use std::io::{self, BufWriter, Write};
@@ -26,7 +26,7 @@ pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let count = bytes.len() / RECORD_LEN;
     let mut collector = Collector::new(0, count)?;
     for _ in 0..count {
-        push(cursor.array("a record")?, &mut collector);
+        push_record(cursor.array("a record")?, &mut collector);
     }
     if !cursor.rest().is_empty() {
         cursor.take(RECORD_LEN, "a record")?;
@@ -42,13 +42,13 @@ pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 pub fn write_splat(scene: &Gaussians, out: impl Write) -> io::Result<()> {
     let mut out = BufWriter::new(out);
     for i in 0..scene.len() {
-        out.write_all(&record(scene, i))?;
+        out.write_all(&splat_record(scene, i))?;
     }
     out.flush()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits of the format")]
-fn record(scene: &Gaussians, i: usize) -> [u8; RECORD_LEN] {
+fn splat_record(scene: &Gaussians, i: usize) -> [u8; RECORD_LEN] {
     let mut record = [0; RECORD_LEN];
     let position = scene.position(i).to_array().map(|x| x as f32);
     let floats = position.into_iter().chain(scene.log_scales[i].map(libm::expf));
@@ -58,11 +58,12 @@ fn record(scene: &Gaussians, i: usize) -> [u8; RECORD_LEN] {
     let colour = scene.sh_of(i)[0].map(|c| nearest_byte((0.5 + sh::C0 * f64::from(c)) * 255.0));
     record[24..27].copy_from_slice(&colour);
     record[27] = byte_of_logit(scene.opacity_logits[i]);
-    record[28..].copy_from_slice(&unit(scene.rotations[i]).map(|c| nearest_byte(c * 128.0 + 128.0)));
+    record[28..]
+        .copy_from_slice(&unit_quaternion(scene.rotations[i]).map(|c| nearest_byte(c * 128.0 + 128.0)));
     record
 }
 
-fn push(record: [u8; RECORD_LEN], collector: &mut Collector) {
+fn push_record(record: [u8; RECORD_LEN], collector: &mut Collector) {
     let float = |k: usize| {
         f32::from_le_bytes([record[4 * k], record[4 * k + 1], record[4 * k + 2], record[4 * k + 3]])
     };
@@ -71,7 +72,7 @@ fn push(record: [u8; RECORD_LEN], collector: &mut Collector) {
         log_scale: [3, 4, 5].map(|k| log_scale(float(k))),
         rotation: [28, 29, 30, 31].map(|k| (f32::from(record[k]) - 128.0) / 128.0),
         opacity_logit: logit_of_byte(record[27]),
-        sh: &[[24, 25, 26].map(|k| coefficient(record[k]))],
+        sh: &[[24, 25, 26].map(|k| byte_coefficient(record[k]))],
     });
 }
 
@@ -81,7 +82,7 @@ fn log_scale(deviation: f32) -> f32 {
 
 /// Returns the coefficient of degree 0 for the colour `byte / 255`.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
-fn coefficient(byte: u8) -> f32 {
+fn byte_coefficient(byte: u8) -> f32 {
     ((f64::from(byte) / 255.0 - 0.5) / sh::C0) as f32
 }
 
@@ -89,7 +90,7 @@ fn coefficient(byte: u8) -> f32 {
 mod tests {
     use super::*;
 
-    fn record(floats: [f32; 6], rgba: [u8; 4], rotation: [u8; 4]) -> Vec<u8> {
+    fn splat_record(floats: [f32; 6], rgba: [u8; 4], rotation: [u8; 4]) -> Vec<u8> {
         let mut bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
         bytes.extend(rgba);
         bytes.extend(rotation);
@@ -98,8 +99,12 @@ mod tests {
 
     fn two() -> Vec<u8> {
         [
-            record([1.0, -2.0, 0.5, 1.0, std::f32::consts::E, 0.0], [255, 0, 51, 255], [255, 128, 0, 64]),
-            record([0.0, 0.25, 8.0, 0.1, 0.1, 0.1], [128, 128, 128, 0], [128, 128, 128, 128]),
+            splat_record(
+                [1.0, -2.0, 0.5, 1.0, std::f32::consts::E, 0.0],
+                [255, 0, 51, 255],
+                [255, 128, 0, 64],
+            ),
+            splat_record([0.0, 0.25, 8.0, 0.1, 0.1, 0.1], [128, 128, 128, 0], [128, 128, 128, 128]),
         ]
         .concat()
     }

@@ -75,7 +75,7 @@ impl Header {
     /// Returns the lengths of the planes in bytes.
     fn plane_lens(&self) -> [usize; planes::COUNT] {
         let rotation = if self.version == 2 { 3 } else { 4 };
-        [9, 1, 3, 3, rotation, 3 * (sh::len(self.sh_degree) - 1)].map(|bytes| bytes * self.count)
+        [9, 1, 3, 3, rotation, 3 * (sh::function_count(self.sh_degree) - 1)].map(|bytes| bytes * self.count)
     }
 
     fn scene(&self, planes: &planes::Planes, flip: Flip) -> Result<Gaussians, SceneError> {

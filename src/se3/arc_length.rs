@@ -19,7 +19,7 @@
 //! the ends. Its integral is inverted by Newton's method, which then evaluates polynomials only,
 //! never the curve.
 
-use super::series::series;
+use super::series::power_sum;
 use super::spline::Place;
 use super::sum::Sum;
 
@@ -98,7 +98,7 @@ pub struct ArcLength<P> {
 
 impl<P: Pace> ArcLength<P> {
     /// Measures a curve. Segment `i` covers `steps[i] > 0` of the parameter.
-    pub fn measure(steps: &[f64], pace: P) -> Self {
+    pub fn measure_curve(steps: &[f64], pace: P) -> Self {
         let mut measured = Self { pace, steps: steps.to_vec(), before: Vec::with_capacity(steps.len() + 1) };
         let (mut sum, mut halves) = (Sum::default(), Vec::new());
         measured.before.push(0.0);
@@ -157,7 +157,7 @@ impl<P: Pace> ArcLength<P> {
         let mut halves = Vec::new();
         let whole = self.span(segment, from, to);
         self.subdivide(&mut halves, whole, whole.length() * FLOOR, DEPTH);
-        Sum::of(halves.iter().map(Span::length))
+        Sum::sum_of(halves.iter().map(Span::length))
     }
 
     /// The halves of a segment's panels, in order.
@@ -239,8 +239,8 @@ impl Panel {
         for (k, c) in speed.iter().enumerate() {
             integral[k + 1] = c / (k + 1) as f64;
         }
-        integral[0] = -series(-1.0, &integral);
-        let whole = series(1.0, &integral);
+        integral[0] = -power_sum(-1.0, &integral);
+        let whole = power_sum(1.0, &integral);
         let bends = [values[0], values[6]].map(|v| 1.0 / (1.0 + v) - 1.0);
         Self { from: span.from, width: span.to - span.from, before, length, speed, integral, whole, bends }
     }
@@ -253,11 +253,11 @@ impl Panel {
         let (mut low, mut high) = (-1.0, 1.0);
         let mut w = self.guess(share);
         for _ in 0..ROUNDS {
-            let residual = series(w, &self.integral) - target;
+            let residual = power_sum(w, &self.integral) - target;
             // The bracket makes the iteration safe where the polynomial is flat and Newton's step
             // leaves it.
             *(if residual > 0.0 { &mut high } else { &mut low }) = w;
-            let newton = w - residual / series(w, &self.speed);
+            let newton = w - residual / power_sum(w, &self.speed);
             if (newton - w).abs() < SHORT && newton >= low - SHORT && newton <= high + SHORT {
                 w = newton.clamp(-1.0, 1.0);
                 break;
@@ -421,7 +421,7 @@ mod tests {
 
     /// A curve of speed `speed(x)` over one segment of length 1.
     fn measure(speed: impl Fn(f64) -> f64) -> ArcLength<impl Pace> {
-        ArcLength::measure(&[1.0], move |at: Place| speed(at.x))
+        ArcLength::measure_curve(&[1.0], move |at: Place| speed(at.x))
     }
 
     fn relative(got: f64, want: f64) -> f64 {
@@ -431,7 +431,7 @@ mod tests {
     #[test]
     fn the_rule_integrates_polynomials_to_degree_nine() {
         for degree in 0..10 {
-            let arc = ArcLength::measure(&[2.0], |at: Place| libm::pow(at.x, f64::from(degree)));
+            let arc = ArcLength::measure_curve(&[2.0], |at: Place| libm::pow(at.x, f64::from(degree)));
             let whole = arc.span(0, 0.0, 2.0);
             let exact = libm::pow(2.0, f64::from(degree + 1)) / f64::from(degree + 1);
             // Weights and nodes carry one rounding each.
@@ -482,7 +482,7 @@ mod tests {
 
     #[test]
     fn lengths_outside_the_curve_name_its_ends() {
-        let arc = ArcLength::measure(&[0.5, 2.0], |_: Place| 3.0);
+        let arc = ArcLength::measure_curve(&[0.5, 2.0], |_: Place| 3.0);
         assert_eq!(arc.invert(-1.0), Place { segment: 0, x: 0.0 });
         assert_eq!(arc.invert(0.0), Place { segment: 0, x: 0.0 });
         assert_eq!(arc.invert(arc.total()), Place { segment: 1, x: 2.0 });
@@ -494,7 +494,7 @@ mod tests {
 
     #[test]
     fn a_curve_that_never_moves_has_no_length_and_no_trouble() {
-        let arc = ArcLength::measure(&[1.0, 1.0], |_: Place| 0.0);
+        let arc = ArcLength::measure_curve(&[1.0, 1.0], |_: Place| 0.0);
         assert!(arc.total() == 0.0 && arc.invert(0.0).x.is_finite());
     }
 }

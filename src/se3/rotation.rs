@@ -3,7 +3,7 @@
 //! Rotation vectors point along the axis (right-handed) and are as long as the angle. Products compose on the
 //! right: `a * exp(v)` turns `a` by `v` in its own body frame.
 
-use super::series::{alternating, series};
+use super::series::{alternating_series, power_sum};
 use glam::{DQuat, DVec3};
 use libm::{atan2, cos, sin};
 
@@ -13,12 +13,12 @@ use libm::{atan2, cos, sin};
 /// terms under 1e-18; above, they are `libm`'s. Valid for every finite `r`.
 #[must_use]
 #[inline]
-pub fn exp(r: DVec3) -> DQuat {
+pub fn exp_vector(r: DVec3) -> DQuat {
     let t2 = r.length_squared();
     let (w, k) = if t2 < 1.0 {
         let y = t2 / 4.0;
         // The leading terms are added last, so that the sums are rounded once.
-        (1.0 + y * series(y, &COSINE), 0.5 + y * series(y, &HALF_SINE))
+        (1.0 + y * power_sum(y, &COSINE), 0.5 + y * power_sum(y, &HALF_SINE))
     } else {
         let t = t2.sqrt();
         (cos(t / 2.0), sin(t / 2.0) / t)
@@ -31,14 +31,14 @@ pub fn exp(r: DVec3) -> DQuat {
 /// inverse root, which leaves the square of the deviation.
 #[must_use]
 #[inline]
-pub fn unit(q: DQuat) -> DQuat {
+pub fn renormalised(q: DQuat) -> DQuat {
     q * (1.5 - 0.5 * q.length_squared())
 }
 
 /// `-(-1)^k / (2k+2)!`
-const COSINE: [f64; 7] = alternating(2, &[-1.0; 7]);
+const COSINE: [f64; 7] = alternating_series(2, &[-1.0; 7]);
 /// `-(-1)^k / (2 (2k+3)!)`
-const HALF_SINE: [f64; 7] = alternating(3, &[-0.5; 7]);
+const HALF_SINE: [f64; 7] = alternating_series(3, &[-0.5; 7]);
 
 /// The rotation vector of the unit quaternion `q`, of length at most pi.
 ///
@@ -46,7 +46,7 @@ const HALF_SINE: [f64; 7] = alternating(3, &[-0.5; 7]);
 /// an axis that fails near pi). At exactly pi, both directions name the same rotation; the result
 /// is the direction of `q` with `w = +0`.
 #[must_use]
-pub fn log(q: DQuat) -> DVec3 {
+pub fn log_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let v = DVec3::new(q.x, q.y, q.z);
     let n = v.length();
@@ -55,7 +55,7 @@ pub fn log(q: DQuat) -> DVec3 {
 
 /// The angle between two rotations, 0 to pi.
 #[must_use]
-pub fn angle(a: DQuat, b: DQuat) -> f64 {
+pub fn angle_between(a: DQuat, b: DQuat) -> f64 {
     let q = a.conjugate() * b;
     2.0 * atan2(DVec3::new(q.x, q.y, q.z).length(), q.w.abs())
 }
@@ -63,14 +63,14 @@ pub fn angle(a: DQuat, b: DQuat) -> f64 {
 /// The rotation at share `t` of the shorter arc from `a` to `b`.
 #[must_use]
 pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
-    unit(a * exp(log(a.conjugate() * b) * t))
+    renormalised(a * exp_vector(log_vector(a.conjugate() * b) * t))
 }
 
 /// The sign convention of files: `w >= 0`, and if `w = 0`, the first non-zero of x, y, z is
 /// positive. Negative zeros become zeros.
 #[must_use]
 #[inline]
-pub fn canonical(q: DQuat) -> DQuat {
+pub fn canonical_sign(q: DQuat) -> DQuat {
     let leading = || [q.w, q.x, q.y, q.z].into_iter().find(|c| *c != 0.0).unwrap_or(0.0);
     let q = if q.w <= 0.0 && leading() < 0.0 { -q } else { q };
     DQuat::from_xyzw(q.x + 0.0, q.y + 0.0, q.z + 0.0, q.w + 0.0)
@@ -78,7 +78,7 @@ pub fn canonical(q: DQuat) -> DQuat {
 
 /// `q` or `-q`, whichever lies in the hemisphere of `of`.
 #[must_use]
-pub fn aligned(q: DQuat, of: DQuat) -> DQuat {
+pub fn same_hemisphere(q: DQuat, of: DQuat) -> DQuat {
     if q.dot(of) < 0.0 { -q } else { q }
 }
 
@@ -123,9 +123,9 @@ pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, M
     let mut mean = start;
     let mut step = 0.0;
     for _ in 0..ROUNDS {
-        let sum: DVec3 = rotations.iter().map(|r| log(mean.conjugate() * *r)).sum();
+        let sum: DVec3 = rotations.iter().map(|r| log_vector(mean.conjugate() * *r)).sum();
         let mean_log = sum / rotations.len().max(1) as f64;
-        mean = (mean * exp(mean_log)).normalize();
+        mean = (mean * exp_vector(mean_log)).normalize();
         step = mean_log.length();
         if step < SETTLED {
             return Ok(mean);
@@ -135,7 +135,7 @@ pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, M
 }
 
 fn within_quarter_turn(rotations: &[DQuat], mean: DQuat) -> Result<DQuat, MeanError> {
-    let widest = rotations.iter().map(|r| angle(mean, *r)).fold(0.0, f64::max);
+    let widest = rotations.iter().map(|r| angle_between(mean, *r)).fold(0.0, f64::max);
     if widest > std::f64::consts::FRAC_PI_2 {
         return Err(MeanError::TooWide { degrees: widest * 180.0 / std::f64::consts::PI });
     }
@@ -157,11 +157,11 @@ mod tests {
                 [0.0, 1e-300, 1e-160, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3, 0.0099999, 0.01, 1.0, 3.0, PI - 1e-9]
             {
                 let r = axis * t;
-                let error = (log(exp(r)) - r).length();
+                let error = (log_vector(exp_vector(r)) - r).length();
                 // Two roundings of the half angle near pi, where the spacing of doubles is 4.4e-16.
                 assert!(error <= 1e-15 * t.max(1e-300), "{axis} {t}: {error}");
             }
-            let half_turn = log(exp(axis * PI));
+            let half_turn = log_vector(exp_vector(axis * PI));
             let up_to_sign = (half_turn - axis * PI).length().min((half_turn + axis * PI).length());
             assert!(up_to_sign < 1e-15, "{up_to_sign}");
         }
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn exp_is_the_half_angle_quaternion() {
         // Right-handed quarter turn about z: x goes to y. Exact except for the last bit: sqrt(1/2).
-        let q = exp(DVec3::Z * (PI / 2.0));
+        let q = exp_vector(DVec3::Z * (PI / 2.0));
         assert!((q * DVec3::X - DVec3::Y).length() < 3e-16);
         assert!((q.w - 0.5f64.sqrt()).abs() < 2e-16);
         // cos and sin of half the angle from their series with 40 decimal digits, on both sides of
@@ -179,45 +179,46 @@ mod tests {
             (0.005, 0.999_996_875_001_627_6, 0.002_499_997_395_834_147),
             (0.02, 0.999_950_000_416_665_3, 0.009_999_833_334_166_665),
         ] {
-            let q = exp(DVec3::Z * t);
+            let q = exp_vector(DVec3::Z * t);
             assert!((q.w - w).abs() <= 1.2e-16 && (q.z - z).abs() <= 2e-18 && q.x == 0.0, "{t}");
         }
     }
 
     #[test]
     fn the_angle_does_not_care_for_the_quaternions_sign() {
-        let a = exp(DVec3::new(0.3, -0.2, 0.9));
+        let a = exp_vector(DVec3::new(0.3, -0.2, 0.9));
         for t in [0.0, 1e-12, 1e-6, 0.7, 3.0, PI - 1e-9] {
-            let b = a * exp(AXES[2] * t);
+            let b = a * exp_vector(AXES[2] * t);
             for (p, q) in [(a, b), (-a, b), (a, -b)] {
-                assert!((angle(p, q) - t).abs() < 5e-16, "{t}");
-                assert!((angle(slerp(p, q, 0.25), a) - t / 4.0).abs() < 1e-15);
+                assert!((angle_between(p, q) - t).abs() < 5e-16, "{t}");
+                assert!((angle_between(slerp(p, q, 0.25), a) - t / 4.0).abs() < 1e-15);
             }
         }
     }
 
     #[test]
     fn the_mean_of_turns_about_one_axis_is_the_mean_angle() {
-        let base = exp(DVec3::new(1.0, 0.2, -0.4));
+        let base = exp_vector(DVec3::new(1.0, 0.2, -0.4));
         let turns: Vec<DQuat> =
-            [-0.9, 0.1, 0.2, 1.0, 0.35].iter().map(|t| base * exp(AXES[1] * *t)).collect();
+            [-0.9, 0.1, 0.2, 1.0, 0.35].iter().map(|t| base * exp_vector(AXES[1] * *t)).collect();
         let mean = karcher_mean(&turns, turns[2]).unwrap();
-        assert!(angle(mean, base * exp(AXES[1] * 0.15)) < 1e-15);
+        assert!(angle_between(mean, base * exp_vector(AXES[1] * 0.15)) < 1e-15);
         let flipped: Vec<DQuat> =
             turns.iter().enumerate().map(|(i, q)| if i % 2 == 0 { -*q } else { *q }).collect();
-        assert!(angle(karcher_mean(&flipped, flipped[2]).unwrap(), mean) < 1e-15);
+        assert!(angle_between(karcher_mean(&flipped, flipped[2]).unwrap(), mean) < 1e-15);
     }
 
     #[test]
     fn rotations_around_the_whole_circle_have_no_mean() {
-        let turns: Vec<DQuat> = (0..5).map(|k| exp(DVec3::Z * (f64::from(k) * 2.0 * PI / 5.0))).collect();
+        let turns: Vec<DQuat> =
+            (0..5).map(|k| exp_vector(DVec3::Z * (f64::from(k) * 2.0 * PI / 5.0))).collect();
         assert!(matches!(karcher_mean(&turns, turns[2]), Err(MeanError::TooWide { .. })));
     }
 
     #[test]
     fn files_hold_one_sign_of_each_quaternion() {
         let t = |q: [f64; 4], want: [f64; 4]| {
-            let got = canonical(DQuat::from_array(q)).to_array();
+            let got = canonical_sign(DQuat::from_array(q)).to_array();
             assert_eq!(got.map(f64::to_bits), want.map(f64::to_bits), "{q:?}");
         };
         t([0.6, 0.0, 0.0, -0.8], [-0.6, 0.0, 0.0, 0.8]);

@@ -12,8 +12,8 @@
 //! converge for a capture with a turn of 90 degrees and back. The only nonlinear term is a
 //! quadratic form, so its derivative is exact and lies on the diagonal of the system.
 
-use super::rotation::{exp, log, unit};
-use super::series::{alternating, series};
+use super::rotation::{exp_vector, log_vector, renormalised};
+use super::series::{alternating_series, power_sum};
 use super::spline::{Cubic, Place};
 use glam::{DMat3, DQuat, DVec3};
 use libm::{cos, sin};
@@ -32,8 +32,8 @@ const SETTLED: f64 = 1e-13;
 /// axis of a half turn is the one with a positive first non-zero component. (Both signs lead to `b`
 /// exactly.)
 #[must_use]
-pub fn turn(a: DQuat, b: DQuat) -> (DVec3, bool) {
-    let r = log(a.conjugate() * b);
+pub fn turn_between(a: DQuat, b: DQuat) -> (DVec3, bool) {
+    let r = log_vector(a.conjugate() * b);
     let length = r.length();
     if length <= PI - HALF_TURN_MARGIN {
         return (r, false);
@@ -72,12 +72,12 @@ impl RotationSpline {
             rotations.len() >= 2 && steps.len() + 1 == rotations.len(),
             "a spline needs a step between any two rotations"
         );
-        let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn(r[0], r[1]).0).collect();
+        let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn_between(r[0], r[1]).0).collect();
         let rates = System::new(steps, &vectors).solve()?;
         let turns = (0..steps.len())
             .map(|i| {
                 let end_slope = slope_from_rate(vectors[i]) * rates[i + 1];
-                Cubic::hermite(steps[i], [DVec3::ZERO, vectors[i]], [rates[i], end_slope])
+                Cubic::from_hermite(steps[i], [DVec3::ZERO, vectors[i]], [rates[i], end_slope])
             })
             .collect();
         Ok(Self { starts: rotations[..steps.len()].to_vec(), turns })
@@ -87,7 +87,7 @@ impl RotationSpline {
     #[must_use]
     #[inline]
     pub fn rotation(&self, at: Place) -> DQuat {
-        unit(self.starts[at.segment] * exp(self.turns[at.segment].value(at.x)))
+        renormalised(self.starts[at.segment] * exp_vector(self.turns[at.segment].value(at.x)))
     }
 
     /// The body rate at a place, rad per parameter, in the body's axes.
@@ -102,7 +102,7 @@ impl RotationSpline {
     pub fn acceleration(&self, at: Place) -> DVec3 {
         let turn = &self.turns[at.segment];
         let (r, slope) = (turn.value(at.x), turn.slope(at.x));
-        rate_from_slope_times(r, turn.bend(at.x)) + quadratic(r, slope)
+        rate_from_slope_times(r, turn.bend(at.x)) + quadratic_part(r, slope)
     }
 }
 
@@ -202,14 +202,14 @@ impl<'a> System<'a> {
         let mean = (r[k] / h[k] / h[k] + r[k + 1] / h[k + 1] / h[k + 1]) * 6.0;
         let linear =
             self.before(k) * rates[k] + rates[k + 1] * self.diagonal(k) + self.after(k) * rates[k + 2];
-        mean - linear - quadratic(r[k], self.slope_from_rate[k] * rates[k + 1])
+        mean - linear - quadratic_part(r[k], self.slope_from_rate[k] * rates[k + 1])
     }
 
     /// Derivative of equation k by the rate at its own knot. For a quadratic form q,
     /// `q(s+e) - q(s) - q(e)` is exactly the derivative along e.
     fn derivative(&self, k: usize, rates: &[DVec3]) -> DMat3 {
         let (r, slope) = (self.turns[k], self.slope_from_rate[k] * rates[k + 1]);
-        let along = |e: DVec3| quadratic(r, slope + e) - quadratic(r, slope) - quadratic(r, e);
+        let along = |e: DVec3| quadratic_part(r, slope + e) - quadratic_part(r, slope) - quadratic_part(r, e);
         let form = DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z));
         DMat3::from_diagonal(DVec3::splat(self.diagonal(k))) + form * self.slope_from_rate[k]
     }
@@ -217,13 +217,13 @@ impl<'a> System<'a> {
 
 /// The right Jacobian `J(r)`: the body rate is `J(r)` times the derivative of the rotation vector.
 fn rate_from_slope(r: DVec3) -> DMat3 {
-    let (skew, c) = (skew(r), Coefficients::of(r.length_squared()));
+    let (skew, c) = (skew_matrix(r), Coefficients::for_angle(r.length_squared()));
     DMat3::IDENTITY - skew * c.versine + skew * skew * c.sine
 }
 
 /// [`rate_from_slope`] times a slope, for every finite `r`.
 pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
-    let c = Coefficients::of(r.length_squared());
+    let c = Coefficients::for_angle(r.length_squared());
     let once = r.cross(slope);
     slope - once * c.versine + r.cross(once) * c.sine
 }
@@ -231,18 +231,18 @@ pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
 /// The inverse of [`rate_from_slope`], for `|r| <= pi`: `I + [r]/2 + (1 - t/2 cot(t/2)) / t^2 [r]^2`.
 fn slope_from_rate(r: DVec3) -> DMat3 {
     let t2 = r.length_squared();
-    let skew = skew(r);
+    let skew = skew_matrix(r);
     DMat3::IDENTITY + skew * 0.5 + skew * skew * cotangent_coefficient(t2)
 }
 
 /// The part of the angular acceleration that is quadratic in the slope of the rotation vector.
-pub(crate) fn quadratic(r: DVec3, slope: DVec3) -> DVec3 {
-    let c = Quadratic::of(r.length_squared());
+pub(crate) fn quadratic_part(r: DVec3, slope: DVec3) -> DVec3 {
+    let c = Quadratic::for_angle(r.length_squared());
     let once = r.cross(slope);
     (once * c.k1 + r.cross(once) * c.k2) * r.dot(slope) + slope.cross(once) * c.k3
 }
 
-fn skew(r: DVec3) -> DMat3 {
+fn skew_matrix(r: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, r.z, -r.y), DVec3::new(-r.z, 0.0, r.x), DVec3::new(r.y, -r.x, 0.0))
 }
 
@@ -253,9 +253,9 @@ struct Coefficients {
 }
 
 impl Coefficients {
-    fn of(t2: f64) -> Self {
+    fn for_angle(t2: f64) -> Self {
         if t2 < 1.0 {
-            return Self { versine: series(t2, &VERSINE), sine: series(t2, &SINE) };
+            return Self { versine: power_sum(t2, &VERSINE), sine: power_sum(t2, &SINE) };
         }
         let t = t2.sqrt();
         Self { versine: (1.0 - cos(t)) / t2, sine: (t - sin(t)) / (t2 * t) }
@@ -270,9 +270,9 @@ struct Quadratic {
 }
 
 impl Quadratic {
-    fn of(t2: f64) -> Self {
+    fn for_angle(t2: f64) -> Self {
         if t2 < 1.0 {
-            return Self { k1: series(t2, &K1), k2: series(t2, &K2), k3: series(t2, &SINE) };
+            return Self { k1: power_sum(t2, &K1), k2: power_sum(t2, &K2), k3: power_sum(t2, &SINE) };
         }
         let t = t2.sqrt();
         let (s, c) = (sin(t), cos(t));
@@ -287,7 +287,7 @@ impl Quadratic {
 /// `(1 - t/2 cot(t/2)) / t^2`, by its power series (Bernoulli numbers) below 1 rad.
 fn cotangent_coefficient(t2: f64) -> f64 {
     if t2 < 1.0 {
-        return series(t2, &COTANGENT);
+        return power_sum(t2, &COTANGENT);
     }
     let half = t2.sqrt() / 2.0;
     (1.0 - half * cos(half) / sin(half)) / t2
@@ -297,13 +297,13 @@ fn cotangent_coefficient(t2: f64) -> f64 {
 
 const TERMS: usize = 9;
 /// `(-1)^k / (2k+2)!`
-const VERSINE: [f64; TERMS] = alternating(2, &[1.0; TERMS]);
+const VERSINE: [f64; TERMS] = alternating_series(2, &[1.0; TERMS]);
 /// `(-1)^k / (2k+3)!`
-const SINE: [f64; TERMS] = alternating(3, &[1.0; TERMS]);
+const SINE: [f64; TERMS] = alternating_series(3, &[1.0; TERMS]);
 /// `(-1)^k (2k+2) / (2k+4)!`
-const K1: [f64; TERMS] = alternating(4, &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0]);
+const K1: [f64; TERMS] = alternating_series(4, &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0]);
 /// `-(-1)^k (2k+2) / (2k+5)!`
-const K2: [f64; TERMS] = alternating(5, &[-2.0, -4.0, -6.0, -8.0, -10.0, -12.0, -14.0, -16.0, -18.0]);
+const K2: [f64; TERMS] = alternating_series(5, &[-2.0, -4.0, -6.0, -8.0, -10.0, -12.0, -14.0, -16.0, -18.0]);
 /// `|B_{2k+2}| / (2k+2)!`
 const COTANGENT: [f64; 12] = [
     1.0 / 12.0,

@@ -54,7 +54,7 @@ pub fn rotation_from_matrix(matrix: &DMat3) -> Result<Screened, RotationError> {
     if determinant < 0.0 {
         return Err(RotationError::Mirrors { determinant });
     }
-    let rotation = super::rotation::canonical(DQuat::from_mat3(&nearest_rotation(*matrix)).normalize());
+    let rotation = super::rotation::canonical_sign(DQuat::from_mat3(&nearest_rotation(*matrix)).normalize());
     Ok(Screened { rotation, projected: deviation > TOLD, deviation })
 }
 
@@ -68,7 +68,7 @@ pub fn rotation_from_quaternion(q: DQuat) -> Result<Screened, RotationError> {
     }
     let deviation = (q.length_squared() - 1.0).abs();
     refuse_above_limit(deviation)?;
-    let rotation = super::rotation::canonical(q.normalize());
+    let rotation = super::rotation::canonical_sign(q.normalize());
     Ok(Screened { rotation, projected: deviation > TOLD, deviation })
 }
 
@@ -87,7 +87,7 @@ fn nearest_rotation(matrix: DMat3) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::{angle, exp};
+    use crate::se3::rotation::{angle_between, exp_vector};
     use glam::DVec3;
 
     fn tilted() -> DMat3 {
@@ -101,11 +101,11 @@ mod tests {
         // Every branch of the conversion: the largest of w, x, y, z in turn, and the half turns between them.
         for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.48, 0.6, 0.64)] {
             for degrees in [0.0f64, 1e-9, 1e-3, 30.0, 90.0, 119.0, 121.0, 179.0, 180.0 - 1e-9, 180.0] {
-                let q = exp(axis * (degrees * std::f64::consts::PI / 180.0));
+                let q = exp_vector(axis * (degrees * std::f64::consts::PI / 180.0));
                 let screened = rotation_from_matrix(&DMat3::from_quat(q)).unwrap();
                 // Some roundings of the matrix entries, 1.1e-16 each; an angle is twice the step of
                 // a quaternion.
-                assert!(angle(q, screened.rotation) < 2e-15, "{axis} {degrees}");
+                assert!(angle_between(q, screened.rotation) < 2e-15, "{axis} {degrees}");
                 assert!(!screened.projected && screened.rotation.w >= 0.0);
             }
         }
@@ -118,7 +118,7 @@ mod tests {
         let screened = rotation_from_matrix(&(tilted() * s)).unwrap();
         let exact = rotation_from_matrix(&tilted()).unwrap();
         assert!(screened.projected && !exact.projected);
-        assert!(angle(screened.rotation, exact.rotation) < 1e-15);
+        assert!(angle_between(screened.rotation, exact.rotation) < 1e-15);
     }
 
     #[test]

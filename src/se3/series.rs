@@ -3,7 +3,7 @@
 /// `sum c[k] x^k`, with even and odd powers in separate chains of operations, which a processor
 /// overlaps.
 #[inline]
-pub(super) fn series<const N: usize>(x: f64, coefficients: &[f64; N]) -> f64 {
+pub(super) fn power_sum<const N: usize>(x: f64, coefficients: &[f64; N]) -> f64 {
     let x2 = x * x;
     let (mut even, mut odd) = (0.0, 0.0);
     for k in (0..N).rev() {
@@ -17,7 +17,7 @@ pub(super) fn series<const N: usize>(x: f64, coefficients: &[f64; N]) -> f64 {
 }
 
 /// `(-1)^k numerators[k] / (2k + first)!`: coefficients of a sine, a cosine or a related function.
-pub(super) const fn alternating<const N: usize>(first: usize, numerators: &[f64; N]) -> [f64; N] {
+pub(super) const fn alternating_series<const N: usize>(first: usize, numerators: &[f64; N]) -> [f64; N] {
     let mut out = [0.0; N];
     let mut factorial = 1.0;
     let mut sign = 1.0;

@@ -26,7 +26,7 @@ impl Cubic {
     /// The end derivatives are taken relative to the mean slope, so that a straight line has
     /// exactly zero curvature.
     #[must_use]
-    pub fn hermite(h: f64, ends: [DVec3; 2], slopes: [DVec3; 2]) -> Self {
+    pub fn from_hermite(h: f64, ends: [DVec3; 2], slopes: [DVec3; 2]) -> Self {
         let chord = (ends[1] - ends[0]) / h;
         let (a, b) = (slopes[0] - chord, slopes[1] - chord);
         Self { c: [ends[0], slopes[0], -(a * 2.0 + b) / h, (a + b) / h / h] }
@@ -83,7 +83,7 @@ impl CubicSpline {
             _ => spline_slopes(steps, &chords),
         };
         let segments = (0..steps.len())
-            .map(|i| Cubic::hermite(steps[i], [points[i], points[i + 1]], [slopes[i], slopes[i + 1]]))
+            .map(|i| Cubic::from_hermite(steps[i], [points[i], points[i + 1]], [slopes[i], slopes[i + 1]]))
             .collect();
         Self { segments }
     }

@@ -24,7 +24,7 @@ impl Sum {
     }
 
     /// The sum of `terms`.
-    pub fn of(terms: impl IntoIterator<Item = f64>) -> f64 {
+    pub fn sum_of(terms: impl IntoIterator<Item = f64>) -> f64 {
         let mut sum = Self::default();
         terms.into_iter().for_each(|t| sum.add(t));
         sum.value()
@@ -37,8 +37,8 @@ mod tests {
 
     #[test]
     fn small_terms_survive_large_ones() {
-        assert_eq!(Sum::of([1.0, 1e100, 1.0, -1e100]).to_bits(), 2.0f64.to_bits());
-        let million = Sum::of(std::iter::repeat_n(0.1, 1_000_000));
+        assert_eq!(Sum::sum_of([1.0, 1e100, 1.0, -1e100]).to_bits(), 2.0f64.to_bits());
+        let million = Sum::sum_of(std::iter::repeat_n(0.1, 1_000_000));
         // 0.1 itself is 5.6e-18 too large, which adds up to 5.6e-12: below the spacing of doubles
         // at 1e5.
         assert_eq!(million.to_bits(), 100_000.0f64.to_bits());

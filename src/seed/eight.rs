@@ -1,7 +1,7 @@
 //! Eight draws at a time, with the same bits as `Seed::draws` one by one.
 
-use super::{Cell, Draws, Seed, Space, normal, philox, tag};
-use crate::elementary::{self, bits, float, load, places, store};
+use super::{Cell, Draws, Seed, Space, normal, philox, space_tag};
+use crate::elementary::{self, load_eight, mask_bits, set_lanes, store_eight, to_float};
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8, u64x8};
 
 /// Cells of eight pixels that differ in the pixel only.
@@ -18,9 +18,9 @@ impl Cells {
     #[inline(always)]
     pub(crate) fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
         let all = |v: u64| u64x8::splat(pixels.simd, v);
-        let third = u64::from(tag(self.level, self.space)) << 24 | self.index >> 32;
+        let third = u64::from(space_tag(self.level, self.space)) << 24 | self.index >> 32;
         let counter = [pixels, all(self.index & philox::LOW), all(third), all(block.into())];
-        let [a, b, c, d] = philox::eight(counter, self.seed.key());
+        let [a, b, c, d] = philox::philox_eight(counter, self.seed.key());
         [b << 32 | a, d << 32 | c]
     }
 
@@ -35,8 +35,8 @@ impl Cells {
 
 /// The upper 52 bits as numbers strictly between 0 and 1.
 #[inline(always)]
-pub(crate) fn uniform<S: Simd>(draws: u64x8<S>) -> f64x8<S> {
-    (float(draws >> 12) + 0.5) * super::STEP
+pub(crate) fn uniform_eight<S: Simd>(draws: u64x8<S>) -> f64x8<S> {
+    (to_float(draws >> 12) + 0.5) * super::STEP
 }
 
 /// Number of deviates from which the tails are gathered at once.
@@ -44,7 +44,7 @@ const CHUNK: usize = 64;
 
 /// Turns uniforms into standard normal deviates in place. The length is a multiple of 8.
 #[inline(always)]
-pub(crate) fn normals<S: Simd>(simd: S, values: &mut [f64]) {
+pub(crate) fn normal_deviates<S: Simd>(simd: S, values: &mut [f64]) {
     for chunk in values.chunks_mut(CHUNK) {
         chunk_of_normals(simd, chunk);
     }
@@ -58,22 +58,22 @@ fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
     let (mut tail_places, mut tails, mut count) = ([0; CHUNK + 8], [0.5; CHUNK + 8], 0);
     let lanes = u64x8::from_fn(simd, |lane| lane as u64);
     for start in (0..values.len()).step_by(8) {
-        let p = load(simd, values, start);
+        let p = load_eight(simd, values, start);
         let q = p - 0.5;
         let far = q.abs().simd_gt(normal::CENTRE);
         // Without a branch, because a processor would mispredict it often.
         simd.compress_u64x8(lanes + start as u64, far).store_slice(&mut tail_places[count..count + 8]);
-        store(simd.compress_f64x8(p, far), &mut tails, count);
-        count += bits(far).count_ones() as usize;
+        store_eight(simd.compress_f64x8(p, far), &mut tails, count);
+        count += mask_bits(far).count_ones() as usize;
         let r = f64x8::splat(simd, normal::CENTRE_SQUARE) - q * q;
-        let z =
-            q * normal::eight(&normal::CENTRE_NUMERATOR, r) / normal::eight(&normal::CENTRE_DENOMINATOR, r);
-        store(z, values, start);
+        let z = q * normal::polynomial_eight(&normal::CENTRE_NUMERATOR, r)
+            / normal::polynomial_eight(&normal::CENTRE_DENOMINATOR, r);
+        store_eight(z, values, start);
     }
     // Padding after the last tail. The value 1/2 takes no rare branch.
-    store(f64x8::splat(simd, 0.5), &mut tails, count);
+    store_eight(f64x8::splat(simd, 0.5), &mut tails, count);
     for start in (0..count).step_by(8) {
-        let z = tail(load(simd, &tails, start));
+        let z = tail_eight(load_eight(simd, &tails, start));
         for i in start..count.min(start + 8) {
             values[tail_places[i] as usize] = z[i - start];
         }
@@ -81,16 +81,17 @@ fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
 }
 
 #[inline(always)]
-fn tail<S: Simd>(p: f64x8<S>) -> f64x8<S> {
+fn tail_eight<S: Simd>(p: f64x8<S>) -> f64x8<S> {
     let q = p - 0.5;
     let nearer = p.min(f64x8::splat(p.simd, 1.0) - p);
-    let r = (-elementary::ln(nearer)).sqrt();
+    let r = (-elementary::ln_eight(nearer)).sqrt();
     let s = r - normal::FAR_CENTRE[0];
-    let z = normal::eight(&normal::MIDDLE_NUMERATOR, s) / normal::eight(&normal::MIDDLE_DENOMINATOR, s);
+    let z = normal::polynomial_eight(&normal::MIDDLE_NUMERATOR, s)
+        / normal::polynomial_eight(&normal::MIDDLE_DENOMINATOR, s);
     let mut z = z.copysign(q);
     // One draw in 10^11.
-    for i in places(bits(r.simd_gt(normal::FAR))) {
-        z[i] = normal::quantile(p[i]);
+    for i in set_lanes(mask_bits(r.simd_gt(normal::FAR))) {
+        z[i] = normal::normal_quantile(p[i]);
     }
     z
 }
@@ -130,9 +131,9 @@ mod tests {
         let even = (0..4000u32).map(|i| (f64::from(i) + 0.5) / 4000.0);
         let all: Vec<f64> = even.chain([least, 1.0 - least, 1e-12, 0.075, 0.925, 0.5, 1e-4, 1e-9]).collect();
         let mut found = all.clone();
-        dispatch!(Level::new(), simd => normals(simd, &mut found));
+        dispatch!(Level::new(), simd => normal_deviates(simd, &mut found));
         for (p, found) in all.into_iter().zip(found) {
-            assert_eq!(found.to_bits(), normal::quantile(p).to_bits(), "{p:e}");
+            assert_eq!(found.to_bits(), normal::normal_quantile(p).to_bits(), "{p:e}");
         }
     }
 }

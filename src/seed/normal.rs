@@ -80,11 +80,11 @@ pub(super) const FAR: f64 = 5.0;
 
 /// The deviate `z` with `Phi(z) = p`, for `0 < p < 1`.
 #[must_use]
-pub fn quantile(p: f64) -> f64 {
+pub fn normal_quantile(p: f64) -> f64 {
     let q = p - 0.5;
     if q.abs() <= CENTRE {
         let r = CENTRE_SQUARE - q * q;
-        return q * polynomial(&CENTRE_NUMERATOR, r) / polynomial(&CENTRE_DENOMINATOR, r);
+        return q * estrin_polynomial(&CENTRE_NUMERATOR, r) / estrin_polynomial(&CENTRE_DENOMINATOR, r);
     }
     let tail = if q < 0.0 { p } else { 1.0 - p };
     tail_quantile(tail).copysign(q)
@@ -94,23 +94,23 @@ fn tail_quantile(tail: f64) -> f64 {
     let r = (-libm::log(tail)).sqrt();
     let [middle, far] = FAR_CENTRE.map(|centre| r - centre);
     if r <= FAR {
-        polynomial(&MIDDLE_NUMERATOR, middle) / polynomial(&MIDDLE_DENOMINATOR, middle)
+        estrin_polynomial(&MIDDLE_NUMERATOR, middle) / estrin_polynomial(&MIDDLE_DENOMINATOR, middle)
     } else {
-        polynomial(&FAR_NUMERATOR, far) / polynomial(&FAR_DENOMINATOR, far)
+        estrin_polynomial(&FAR_NUMERATOR, far) / estrin_polynomial(&FAR_DENOMINATOR, far)
     }
 }
 
 /// Estrin's scheme: pairs are independent, so a processor evaluates them in parallel.
-fn polynomial(c: &[f64; 8], x: f64) -> f64 {
+fn estrin_polynomial(c: &[f64; 8], x: f64) -> f64 {
     let square = x * x;
     let low = (c[0] + c[1] * x) + (c[2] + c[3] * x) * square;
     let high = (c[4] + c[5] * x) + (c[6] + c[7] * x) * square;
     low + high * (square * square)
 }
 
-/// [`polynomial`] for eight numbers.
+/// [`estrin_polynomial`] for eight numbers.
 #[inline(always)]
-pub(super) fn eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
+pub(super) fn polynomial_eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
     let square = x * x;
     let low = (x * c[1] + c[0]) + (x * c[3] + c[2]) * square;
     let high = (x * c[5] + c[4]) + (x * c[7] + c[6]) * square;
@@ -129,7 +129,7 @@ mod tests {
         for i in 1..=820 {
             let z = -8.2 + f64::from(i) * 0.01;
             let p = 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
-            assert!((quantile(p) - z).abs() < 5e-15 * z.abs().max(1.0), "{z}: {}", quantile(p));
+            assert!((normal_quantile(p) - z).abs() < 5e-15 * z.abs().max(1.0), "{z}: {}", normal_quantile(p));
         }
     }
 
@@ -142,9 +142,9 @@ mod tests {
 
     #[test]
     fn ends_and_middle() {
-        assert_eq!(quantile(0.5).to_bits(), 0.0f64.to_bits());
+        assert_eq!(normal_quantile(0.5).to_bits(), 0.0f64.to_bits());
         let least = 0.5 / (1u64 << 52) as f64;
-        assert!((quantile(least) + 8.209_536_151_601_387).abs() < 1e-14, "{}", quantile(least));
-        assert_eq!(quantile(1.0 - least).to_bits(), (-quantile(least)).to_bits());
+        assert!((normal_quantile(least) + 8.209_536_151_601_387).abs() < 1e-14, "{}", normal_quantile(least));
+        assert_eq!(normal_quantile(1.0 - least).to_bits(), (-normal_quantile(least)).to_bits());
     }
 }

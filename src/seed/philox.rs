@@ -12,7 +12,7 @@ const ROUNDS: usize = 10;
 
 /// The block at `counter` of the sequence `key`.
 #[must_use]
-pub fn block(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
+pub fn philox_block(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     let (mut c, mut k) = (counter, key);
     for _ in 0..ROUNDS {
         let left = u64::from(MULTIPLIERS[0]) * u64::from(c[0]);
@@ -33,7 +33,7 @@ pub(crate) const LOW: u64 = 0xffff_ffff;
 
 /// Eight blocks, each word in the lower half of a lane.
 #[inline(always)]
-pub(crate) fn eight<S: Simd>(counter: [u64x8<S>; 4], key: [u32; 2]) -> [u64x8<S>; 4] {
+pub(crate) fn philox_eight<S: Simd>(counter: [u64x8<S>; 4], key: [u32; 2]) -> [u64x8<S>; 4] {
     let (mut c, mut k) = (counter, key);
     let times = MULTIPLIERS.map(|m| u64x8::splat(counter[0].simd, m.into()));
     for _ in 0..ROUNDS {
@@ -58,7 +58,8 @@ mod tests {
     /// The lines `philox4x32 10` of Random123's `kat_vectors`.
     #[test]
     fn known_answers() {
-        let t = |counter, key, answer| assert_eq!(block(counter, key), answer, "{counter:x?} {key:x?}");
+        let t =
+            |counter, key, answer| assert_eq!(philox_block(counter, key), answer, "{counter:x?} {key:x?}");
         t([0; 4], [0; 2], [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
         t([!0; 4], [!0; 2], [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]);
         t(

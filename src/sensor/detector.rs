@@ -137,7 +137,7 @@ impl Detector {
             0.0
         };
         self.leaked = way * left - added;
-        label::of(threshold - leaked, threshold)
+        label::label_of(threshold - leaked, threshold)
     }
 
     /// The next crossing of a threshold on a monotonic stretch. A pixel in its dead time does not
@@ -195,7 +195,7 @@ impl Detector {
 
 /// Difference between a pixel's event balance and the `change` of its brightness, in larger
 /// thresholds.
-pub(super) fn imbalance(detector: &Detector, change: f64, on: u32, off: u32) -> f64 {
+pub(super) fn event_imbalance(detector: &Detector, change: f64, on: u32, off: u32) -> f64 {
     let [up, down] = detector.thresholds;
     let balance = up * f64::from(on) - down * f64::from(off) - change;
     // Each event rounds the reference once, in the last of 53 bits of numbers below about 100

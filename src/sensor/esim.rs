@@ -200,7 +200,7 @@ impl Law for Esim {
     fn cross(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
         let Pair { site, frame, length, luminance } = *pair;
         let seen = self.seen(luminance[1]);
-        let course = Course::straight(pixel.seen, seen, length);
+        let course = Course::straight_line(pixel.seen, seen, length);
         pixel.seen = seen;
         if self.mismatch == Redraw::PerFrame {
             pixel.detector.thresholds = self.threshold.at(site, frame);
@@ -216,7 +216,7 @@ impl Law for Esim {
     }
 
     fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {
-        let balance = super::detector::imbalance(&pixel.detector, pixel.seen - pixel.first, on, off);
+        let balance = super::detector::event_imbalance(&pixel.detector, pixel.seen - pixel.first, on, off);
         self.keeps_balance().then_some(balance)
     }
 }

@@ -119,7 +119,7 @@ impl Luminance {
     ///
     /// # Errors
     /// A weight is not finite or below 0, or they do not sum to 1 within 1e-6.
-    pub fn of(weights: [f64; 3]) -> Result<Self, FrontEndError> {
+    pub fn from_weights(weights: [f64; 3]) -> Result<Self, FrontEndError> {
         let bits = |weights: [f64; 3]| weights.map(f64::to_bits);
         let mut named = [Self::Rec601, Self::Rec709].into_iter();
         let named = named.find(|named| bits(named.weights()) == bits(weights));
@@ -173,7 +173,7 @@ impl Decode {
     fn slope(self, v: f64) -> f64 {
         match self {
             Self::None => 1.0,
-            Self::Srgb => srgb::slope(v),
+            Self::Srgb => srgb::decode_slope(v),
         }
     }
 
@@ -281,7 +281,7 @@ impl FrontEnd {
         };
         let hold = |seen: &mut [f32], sums: [f64; 8]| {
             for (seen, sum) in seen.iter_mut().zip(sums) {
-                *seen = narrow(self.range.hold(sum));
+                *seen = to_single(self.range.hold(sum));
             }
         };
         let ((colour, last), (seen, rest)) = (colour.as_chunks(), seen.as_chunks_mut::<8>());
@@ -294,7 +294,7 @@ impl FrontEnd {
     }
 
     fn of_grey(&self, luminance: &Image<f32>) -> Image<f32> {
-        let seen = |l: &f32| narrow(self.range.hold(self.free(f64::from(*l))));
+        let seen = |l: &f32| to_single(self.range.hold(self.free(f64::from(*l))));
         Image::from_vec(luminance.size(), luminance.pixels().par_iter().map(seen).collect())
     }
 
@@ -313,7 +313,7 @@ impl FrontEnd {
             let (grey, free) = (f64::from(*grey), self.free(f64::from(*grey)));
             let slope =
                 if self.range.holds(free) { 0.0 } else { self.exposure * self.decode.slope(grey / WHITE) };
-            narrow(slope * f64::from(*rate))
+            to_single(slope * f64::from(*rate))
         };
         let pairs = rate.pixels().par_iter().zip(frame.luminance.pixels());
         Some(Image::from_vec(rate.size(), pairs.map(seen).collect()))
@@ -321,12 +321,12 @@ impl FrontEnd {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-fn narrow(v: f64) -> f32 {
+fn to_single(v: f64) -> f32 {
     v as f32
 }
 
 /// The distinct front ends of these sensors, in the order of their first use.
-pub fn distinct<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>) -> Vec<FrontEnd> {
+pub fn distinct_front_ends<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>) -> Vec<FrontEnd> {
     let mut found: Vec<FrontEnd> = Vec::new();
     for front_end in sensors.into_iter().map(Model::front_end) {
         if !found.contains(&front_end) {
@@ -408,7 +408,8 @@ mod tests {
     #[test]
     fn colours_are_weighed() {
         let t = |weights: [f64; 3], rgb: [f32; 3], wanted: f32| {
-            let front_end = FrontEnd { luminance: Luminance::of(weights).unwrap(), ..FrontEnd::default() };
+            let front_end =
+                FrontEnd { luminance: Luminance::from_weights(weights).unwrap(), ..FrontEnd::default() };
             let found = seen(front_end, rgb);
             // Three products and two sums in 64 bits, then rounded to the 24 of a float below 512.
             assert!((found - wanted).abs() <= 512.0 * f32::EPSILON, "{weights:?} {rgb:?}: {found}");
@@ -465,7 +466,10 @@ mod tests {
         let frame = grey(values.clone(), Some(1.7));
         let plain = FrontEnd::default();
         assert!(plain.is_plain() && !plain.needs_colour());
-        assert_eq!(plain, FrontEnd { luminance: Luminance::of([0.299, 0.587, 0.114]).unwrap(), ..plain });
+        assert_eq!(
+            plain,
+            FrontEnd { luminance: Luminance::from_weights([0.299, 0.587, 0.114]).unwrap(), ..plain }
+        );
         let same = plain.see(&frame, Some(&Image::filled(SIZE, [9.0; 3])));
         assert_eq!((same.luminance.pixels(), same.rate), (&values[..], frame.rate));
     }
@@ -495,7 +499,7 @@ mod tests {
     #[test]
     fn numbers_that_are_none_are_told() {
         let t = |weights: [f64; 3], wanted: &str| {
-            assert_eq!(Luminance::of(weights).unwrap_err().to_string(), wanted);
+            assert_eq!(Luminance::from_weights(weights).unwrap_err().to_string(), wanted);
         };
         t(
             [0.3, 0.6, 0.2],
@@ -505,8 +509,8 @@ mod tests {
             [1.5, -0.5, 0.0],
             "the weights [1.5, -0.5, 0.0] sum to 1, wanted three of at least 0 that sum to 1",
         );
-        assert!(Luminance::of([f64::NAN, 0.5, 0.5]).is_err());
-        assert!(Luminance::of([0.333_333_3, 0.333_333_3, 0.333_333_4]).is_ok());
+        assert!(Luminance::from_weights([f64::NAN, 0.5, 0.5]).is_err());
+        assert!(Luminance::from_weights([0.333_333_3, 0.333_333_3, 0.333_333_4]).is_ok());
         let plain = FrontEnd::default();
         for exposure in [0.0, -1.0, f64::INFINITY, f64::NAN] {
             let error = FrontEnd { exposure, ..plain }.validate().unwrap_err();
@@ -520,7 +524,7 @@ mod tests {
     #[test]
     fn a_record_is_what_a_recipe_says() {
         let front_end = FrontEnd {
-            luminance: Luminance::of([0.25, 0.5, 0.25]).unwrap(),
+            luminance: Luminance::from_weights([0.25, 0.5, 0.25]).unwrap(),
             exposure: 2.0,
             range: Range { min: 0.0, max: Some(255.0) },
             ..decoded()

@@ -9,8 +9,8 @@ use crate::image::Size;
 const LAST_STAMP: i64 = 1 << 56;
 
 /// Checks that a frame may follow the one stamped `before`, and counts its values below zero.
-pub(super) fn admit(before: Option<i64>, frame: &Frame, size: Size) -> Result<u64, SensorError> {
-    follows(before, frame, size)?;
+pub(super) fn admit_frame(before: Option<i64>, frame: &Frame, size: Size) -> Result<u64, SensorError> {
+    check_order(before, frame, size)?;
     match frame.luminance.pixels().iter().any(|l| !l.is_finite()) {
         true => Err(not_finite(frame)),
         false => Ok(frame.luminance.pixels().iter().filter(|l| **l < 0.0).count() as u64),
@@ -18,7 +18,7 @@ pub(super) fn admit(before: Option<i64>, frame: &Frame, size: Size) -> Result<u6
 }
 
 /// Checks that the size and stamp of a frame allow it to follow the one stamped `before`.
-pub(super) fn follows(before: Option<i64>, frame: &Frame, size: Size) -> Result<(), SensorError> {
+pub(super) fn check_order(before: Option<i64>, frame: &Frame, size: Size) -> Result<(), SensorError> {
     let refuse = |because| Err(SensorError::Frame { frame: frame.index, because });
     let (found, t) = (frame.luminance.size(), frame.t.0);
     if found != size {

@@ -17,6 +17,6 @@
 use crate::event::Label;
 
 /// `Signal` if brightness moved by at least half of `threshold` since the level was last set.
-pub(super) fn of(gone: f64, threshold: f64) -> Label {
+pub(super) fn label_of(gone: f64, threshold: f64) -> Label {
     if gone < 0.5 * threshold { Label::Noise } else { Label::Signal }
 }

@@ -212,7 +212,7 @@ impl EventSink for Merged<'_> {
 mod tests {
     use super::*;
     use crate::frames::array::{ArrayFrames, FullScale, Samples};
-    use crate::sensor::simulate;
+    use crate::sensor::simulate_one;
     use crate::sensor::voltmeter::{Preset, Voltmeter};
     use std::ops::ControlFlow;
 
@@ -227,7 +227,7 @@ mod tests {
         let mut frames = ArrayFrames::new(SIZE, samples, &stamps).unwrap();
         let mut events = Vec::new();
         let mut go_on = |_: &Frame| ControlFlow::Continue(());
-        let account = simulate(&mut frames, sensor, Seed(5), &mut events, &mut go_on).unwrap();
+        let account = simulate_one(&mut frames, sensor, Seed(5), &mut events, &mut go_on).unwrap();
         (events, account)
     }
 

@@ -295,7 +295,7 @@ impl<L: Law> Pairs<L> {
 impl<L: Law> Pixels for Pairs<L> {
     fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         let before = self.before.take();
-        self.negative_luminance += input::admit(before.as_ref().map(|b| b.t), frame, self.size)?;
+        self.negative_luminance += input::admit_frame(before.as_ref().map(|b| b.t), frame, self.size)?;
         let luminance = frame.luminance.pixels();
         let mut stored = match before {
             None => {

@@ -101,7 +101,7 @@ pub fn simulate_all(
 ///
 /// # Errors
 /// As [`simulate_all`].
-pub fn simulate(
+pub fn simulate_one(
     frames: &mut dyn Frames,
     model: &dyn Model,
     seed: Seed,
@@ -164,7 +164,7 @@ mod tests {
     fn run(sensor: &Sensor, mut frames: ArrayFrames) -> (Vec<Event>, Account) {
         let mut events = Vec::new();
         let mut go_on = |_: &Frame| ControlFlow::Continue(());
-        let account = simulate(&mut frames, sensor.as_model(), Seed(1), &mut events, &mut go_on).unwrap();
+        let account = simulate_one(&mut frames, sensor.as_model(), Seed(1), &mut events, &mut go_on).unwrap();
         (events, account)
     }
 
@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn each_sees_the_frames_through_its_own_front_end() {
-        let weights = |rgb| front_end::Luminance::of(rgb).unwrap();
+        let weights = |rgb| front_end::Luminance::from_weights(rgb).unwrap();
         let plain = FrontEnd::default();
         let front_ends = [
             FrontEnd { luminance: weights([1.0, 0.0, 0.0]), ..plain },
@@ -300,7 +300,7 @@ mod tests {
             if frame.index == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let sensor = &usual()[0];
-        let result = simulate(&mut moving(), sensor.as_model(), Seed(1), &mut Vec::new(), &mut stop);
+        let result = simulate_one(&mut moving(), sensor.as_model(), Seed(1), &mut Vec::new(), &mut stop);
         assert!(matches!(result, Err(SimulateError::Interrupted)));
         assert_eq!(seen, [0, 1, 2]);
     }

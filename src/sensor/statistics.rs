@@ -93,13 +93,13 @@ impl Renewal {
         let skew = 2.0 * drift / variance;
         let scale = 2.0 / (variance * self.mean_interval());
         let (on, off) = (self.on_share(), Self { drift: -drift, up: down, down: up, ..self }.on_share());
-        let below = |depth: f64| off * scale * tail(skew, depth);
-        let above = |depth: f64| on * scale * tail(-skew, depth);
+        let below = |depth: f64| off * scale * occupation_tail(skew, depth);
+        let above = |depth: f64| on * scale * occupation_tail(-skew, depth);
         let inside = below(down);
         if u < inside {
-            bisect(down, |depth| below(depth) < u) - down
+            bisect_below(down, |depth| below(depth) < u) - down
         } else {
-            up - bisect(up, |depth| above(depth) < 1.0 - u)
+            up - bisect_below(up, |depth| above(depth) < 1.0 - u)
         }
     }
 }
@@ -107,7 +107,7 @@ impl Renewal {
 /// `(e^y - 1 - y) / skew^2` with `y = skew depth`: the integral of the occupation density on one
 /// side from its barrier to `depth`. Where it overflows, the probability by which it is multiplied
 /// is zero to all digits, and the result is 0.
-fn tail(skew: f64, depth: f64) -> f64 {
+fn occupation_tail(skew: f64, depth: f64) -> f64 {
     let y = skew * depth;
     if y > 500.0 {
         return 0.0;
@@ -125,7 +125,7 @@ fn tail(skew: f64, depth: f64) -> f64 {
 }
 
 /// The largest number below `limit` for which `holds` is true, to the last bits.
-fn bisect(limit: f64, holds: impl Fn(f64) -> bool) -> f64 {
+fn bisect_below(limit: f64, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, limit);
     for _ in 0..53 {
         let middle = 0.5 * (low + high);

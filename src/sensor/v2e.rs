@@ -34,7 +34,7 @@ mod presets;
 pub use presets::Preset;
 
 use super::course::{Course, Filtered};
-use super::detector::{Detector, Source, imbalance};
+use super::detector::{Detector, Source, event_imbalance};
 use super::front_end::FrontEnd;
 use super::noise::poisson::{Rates, Train};
 use super::noise::{HotPixels, Refractory, Site, Threshold};
@@ -117,7 +117,7 @@ fn lin_log(luminance: f64) -> f64 {
 }
 
 /// Intensity on which rates depend; never 0.
-fn intensity(luminance: f64) -> f64 {
+fn rate_intensity(luminance: f64) -> f64 {
     (luminance + LINEAR) / (WHITE + LINEAR)
 }
 
@@ -183,25 +183,25 @@ impl V2e {
 
     /// Shot noise of a pixel with nominal thresholds.
     fn shots_per_second(&self, luminance: f64) -> f64 {
-        self.shot * (1.0 - SHOT_FALL * intensity(luminance.min(WHITE)))
+        self.shot * (1.0 - SHOT_FALL * rate_intensity(luminance.min(WHITE)))
     }
 
     /// The brightness of a pixel between two frames, without leak.
     fn course(&self, pixel: &Pixel, input: f64, pair: &Pair) -> Course {
         let Pair { length, luminance: [before, after], .. } = *pair;
         if self.cutoff == 0.0 {
-            return Course::straight(pixel.seen, input, length);
+            return Course::straight_line(pixel.seen, input, length);
         }
-        let rate = |luminance| TAU * self.cutoff / NS * intensity(luminance);
+        let rate = |luminance| TAU * self.cutoff / NS * rate_intensity(luminance);
         match self.filter {
             Filter::Exact => {
                 let rate = rate(0.5 * (before + after));
                 let filter = Filtered { output: pixel.seen, input: [pixel.input, input], rate };
-                Course::filtered(&filter, length)
+                Course::filter_output(&filter, length)
             }
             Filter::Euler => {
                 let step = (rate(after) * length).min(1.0);
-                Course::straight(pixel.seen, pixel.seen + step * (input - pixel.seen), length)
+                Course::straight_line(pixel.seen, pixel.seen + step * (input - pixel.seen), length)
             }
         }
     }
@@ -319,6 +319,6 @@ impl Law for V2e {
     }
 
     fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {
-        self.keeps_balance().then(|| imbalance(&pixel.detector, pixel.seen - pixel.first, on, off))
+        self.keeps_balance().then(|| event_imbalance(&pixel.detector, pixel.seen - pixel.first, on, off))
     }
 }

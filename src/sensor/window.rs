@@ -112,7 +112,7 @@ impl Windows {
         let finished = end_us - self.first_us;
         self.sort();
         let count = self.events.partition_point(|event| event.micros() < finished);
-        self.same_us_same_pixel += pairs(&self.events[..count]);
+        self.same_us_same_pixel += coincident_pairs(&self.events[..count]);
         for part in self.events[..count].chunks(CHUNK) {
             self.chunk.clear();
             self.chunk.extend(part.iter().map(|event| event.event(self.first_us)));
@@ -134,7 +134,7 @@ const MOST_MICROS: usize = 4096;
 const CHUNK: usize = 1 << 16;
 
 /// Pairs in one microsecond and pixel: two events are one pair, three are three.
-fn pairs(sorted: &[Packed]) -> u64 {
+fn coincident_pairs(sorted: &[Packed]) -> u64 {
     let same = |a: &Packed, b: &Packed| a.place() == b.place();
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }

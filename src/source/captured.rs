@@ -54,7 +54,7 @@ impl Serialize for Captured {
 impl Captured {
     /// Selects all views of the capture at `path`.
     #[must_use]
-    pub fn whole(kind: Kind, path: PathBuf) -> Self {
+    pub fn all_views(kind: Kind, path: PathBuf) -> Self {
         Self { kind, path, selection: Selection::default() }
     }
 
@@ -95,9 +95,9 @@ impl Captured {
         let (capture, mut warnings) = match self.kind {
             Kind::Colmap => colmap::look_at(&self.path, look),
             Kind::Nerfstudio => nerfstudio::look_at(&self.path, look),
-            Kind::Model => model::read(&self.path),
-            Kind::Mvimgnet => mvimgnet::read(&self.path, look),
-            Kind::Dl3dv => dl3dv::read(&self.path, self.selection.poses, look),
+            Kind::Model => model::read_capture(&self.path),
+            Kind::Mvimgnet => mvimgnet::read_capture(&self.path, look),
+            Kind::Dl3dv => dl3dv::read_capture(&self.path, self.selection.poses, look),
         }?;
         let capture = self.select(capture, &mut warnings)?;
         warnings.extend(capture.distortion());
@@ -110,11 +110,11 @@ impl Captured {
     /// Same as for [`Captured::read`], if the files contain the names of the photos.
     pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
         match self.kind {
-            Kind::Colmap => colmap::files(&self.path),
-            Kind::Nerfstudio => nerfstudio::files(&self.path),
-            Kind::Model => model::files(&self.path),
-            Kind::Mvimgnet => mvimgnet::files(&self.path),
-            Kind::Dl3dv => dl3dv::files(&self.path, self.selection.poses),
+            Kind::Colmap => colmap::source_files(&self.path),
+            Kind::Nerfstudio => nerfstudio::source_files(&self.path),
+            Kind::Model => model::source_files(&self.path),
+            Kind::Mvimgnet => mvimgnet::source_files(&self.path),
+            Kind::Dl3dv => dl3dv::source_files(&self.path, self.selection.poses),
         }
     }
 
@@ -122,9 +122,9 @@ impl Captured {
     #[must_use]
     pub fn model(&self) -> Option<Model> {
         match self.kind {
-            Kind::Colmap => Model::find(&self.path).ok(),
-            Kind::Mvimgnet => mvimgnet::model(&self.path).ok(),
-            Kind::Dl3dv => dl3dv::model(&self.path, self.selection.poses),
+            Kind::Colmap => Model::find_model(&self.path).ok(),
+            Kind::Mvimgnet => mvimgnet::instance_model(&self.path).ok(),
+            Kind::Dl3dv => dl3dv::pose_model(&self.path, self.selection.poses),
             Kind::Nerfstudio | Kind::Model => None,
         }
     }
@@ -133,11 +133,11 @@ impl Captured {
     #[must_use]
     pub fn folders(&self) -> Vec<PathBuf> {
         match self.kind {
-            Kind::Colmap => colmap::folders(&self.path),
-            Kind::Nerfstudio => nerfstudio::folders(&self.path),
-            Kind::Model => model::folders(&self.path),
-            Kind::Mvimgnet => mvimgnet::folders(&self.path),
-            Kind::Dl3dv => dl3dv::folders(&self.path),
+            Kind::Colmap => colmap::source_folders(&self.path),
+            Kind::Nerfstudio => nerfstudio::source_folders(&self.path),
+            Kind::Model => model::source_folders(&self.path),
+            Kind::Mvimgnet => mvimgnet::source_folders(&self.path),
+            Kind::Dl3dv => dl3dv::source_folders(&self.path),
         }
     }
 
@@ -150,7 +150,7 @@ impl Captured {
         }
         let (excluded, views): (Vec<View>, Vec<View>) = views.into_iter().partition(|v| is_excluded(&v.name));
         // Exclusion precedes picking, so that the picked views are even among the remaining views.
-        unused.extend(excluded.into_iter().map(|view| Unused::of(view, Why::Excluded)));
+        unused.extend(excluded.into_iter().map(|view| Unused::from_view(view, Why::Excluded)));
         if views.is_empty() {
             let because = "no view is left of it: the names of all are left out".to_owned();
             return Err(SourceError::Absent { dir: self.path.clone(), because });
@@ -162,15 +162,15 @@ impl Captured {
                 .filter(|&wanted| (wanted as usize) > views.len())
                 .map(|wanted| Warning::FewViews { found: views.len(), wanted }),
         );
-        let picked = evenly(views.len(), wanted.map_or(usize::MAX, |wanted| wanted as usize));
+        let picked = spread_evenly(views.len(), wanted.map_or(usize::MAX, |wanted| wanted as usize));
         for (i, view) in views.into_iter().enumerate() {
             if picked.binary_search(&i).is_ok() {
                 capture.views.push(view);
             } else {
-                capture.unused.push(Unused::of(view, Why::NotPicked));
+                capture.unused.push(Unused::from_view(view, Why::NotPicked));
             }
         }
-        capture.unused.sort_by(|a, b| super::natural::compare(&a.name, &b.name));
+        capture.unused.sort_by(|a, b| super::natural::compare_names(&a.name, &b.name));
         Ok(capture)
     }
 }
@@ -191,13 +191,13 @@ impl Selection {
 ///
 /// # Errors
 /// The pattern is invalid. The error says why.
-pub fn pattern(text: &str) -> Result<(), String> {
+pub fn check_pattern(text: &str) -> Result<(), String> {
     Pattern::new(text).map(drop).map_err(|e| e.msg.to_owned())
 }
 
 /// Picks `wanted` of `count` indices evenly: the i-th is `i (count - 1) / (wanted - 1)`, rounded
 /// half up. Returns all indices if there are no more, and the first if one is wanted.
-fn evenly(count: usize, wanted: usize) -> Vec<usize> {
+fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
     if wanted >= count {
         return (0..count).collect();
     }
@@ -207,7 +207,7 @@ fn evenly(count: usize, wanted: usize) -> Vec<usize> {
 
 impl Unused {
     /// Converts a view that is not used.
-    fn of(view: View, why: Why) -> Self {
+    fn from_view(view: View, why: Why) -> Self {
         Self { name: view.name, sha256: view.sha256, size: Some(view.camera.size), why }
     }
 }
@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn views_are_picked_evenly() {
         let t = |count, wanted, indices: &[usize]| {
-            assert_eq!(evenly(count, wanted), indices, "{wanted} of {count}")
+            assert_eq!(spread_evenly(count, wanted), indices, "{wanted} of {count}")
         };
         t(5, 9, &[0, 1, 2, 3, 4]);
         t(5, 5, &[0, 1, 2, 3, 4]);
@@ -230,7 +230,7 @@ mod tests {
         t(5, 4, &[0, 1, 3, 4]);
         t(6, 3, &[0, 3, 5]);
         for (count, wanted) in [(300, 30), (31, 30), (1000, 999), (97, 2)] {
-            let picked = evenly(count, wanted);
+            let picked = spread_evenly(count, wanted);
             assert_eq!((picked.len(), picked[0], picked[wanted - 1]), (wanted, 0, count - 1));
             assert!(picked.array_windows().all(|[a, b]| a < b), "{wanted} of {count}");
         }
@@ -248,6 +248,6 @@ mod tests {
         t("001.jpg", false);
         t("left/001.jpg", true);
         t("right/left/001.jpg", false);
-        assert!(pattern("[").is_err() && pattern("a?[0-9]*").is_ok());
+        assert!(check_pattern("[").is_err() && check_pattern("a?[0-9]*").is_ok());
     }
 }

@@ -13,7 +13,7 @@ pub mod write;
 pub use reprojection::Reprojection;
 
 use super::photo::{self, Look, Photo, SCALED};
-use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect};
+use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect_views};
 use crate::camera::Camera;
 use crate::files::{MAX_DEPTH, Walk, is_there};
 use crate::image::Size;
@@ -105,12 +105,12 @@ impl Model {
     ///
     /// # Errors
     /// There is no model, or there are several further down.
-    pub fn find(dir: &Path) -> Result<Self, SourceError> {
-        std::fs::read_dir(dir).map_err(SourceError::io(dir))?;
-        if let Some(model) = Self::near(dir) {
+    pub fn find_model(dir: &Path) -> Result<Self, SourceError> {
+        std::fs::read_dir(dir).map_err(SourceError::io_error(dir))?;
+        if let Some(model) = Self::model_near(dir) {
             return Ok(model);
         }
-        Self::below(dir)?.ok_or_else(|| SourceError::Absent {
+        Self::model_below(dir)?.ok_or_else(|| SourceError::Absent {
             dir: dir.to_owned(),
             because: "no COLMAP model was found: wanted cameras and images, .bin or .txt, here, in sparse/0, or in one \
                       sparse/0 up to three folders down"
@@ -119,16 +119,16 @@ impl Model {
     }
 
     /// Finds the model in `dir` itself, or in `sparse/0` or `sparse` below it.
-    pub(super) fn near(dir: &Path) -> Option<Self> {
-        [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")].into_iter().find_map(Self::at)
+    pub(super) fn model_near(dir: &Path) -> Option<Self> {
+        [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")].into_iter().find_map(Self::model_at)
     }
 
     /// Finds the only `sparse/0` further down.
-    pub(super) fn below(dir: &Path) -> Result<Option<Self>, SourceError> {
+    pub(super) fn model_below(dir: &Path) -> Result<Option<Self>, SourceError> {
         let mut models = Vec::new();
         for entry in Walk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
             let entry = entry?;
-            models.extend(Self::at(entry.path().join("sparse/0")).filter(|_| entry.depth() > 0));
+            models.extend(Self::model_at(entry.path().join("sparse/0")).filter(|_| entry.depth() > 0));
         }
         let mut models = models.into_iter();
         match (models.next(), models.next()) {
@@ -142,7 +142,7 @@ impl Model {
     }
 
     /// Finds the model whose files are in `dir` itself.
-    pub(super) fn at(dir: PathBuf) -> Option<Self> {
+    pub(super) fn model_at(dir: PathBuf) -> Option<Self> {
         let form = [Form::Binary, Form::Text].into_iter().find(|form| form.is_in(&dir))?;
         Some(Self { dir, form })
     }
@@ -157,8 +157,8 @@ impl Model {
     /// The file is damaged, or the model of a camera is not supported.
     pub fn cameras(&self) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
         match self.form {
-            Form::Binary => binary::cameras(&self.file("cameras")),
-            Form::Text => text::cameras(&self.file("cameras")),
+            Form::Binary => binary::read_cameras(&self.file("cameras")),
+            Form::Text => text::read_cameras(&self.file("cameras")),
         }
     }
 
@@ -168,8 +168,8 @@ impl Model {
     /// The file is damaged, or a pose is invalid.
     pub fn images(&self) -> Result<Vec<Image>, SourceError> {
         match self.form {
-            Form::Binary => binary::images(&self.file("images")),
-            Form::Text => text::images(&self.file("images")),
+            Form::Binary => binary::read_images(&self.file("images")),
+            Form::Text => text::read_images(&self.file("images")),
         }
     }
 
@@ -179,8 +179,8 @@ impl Model {
     /// The file is absent or damaged.
     pub fn points(&self) -> Result<BTreeMap<u64, Point>, SourceError> {
         match self.form {
-            Form::Binary => binary::points(&self.file("points3D")),
-            Form::Text => text::points(&self.file("points3D")),
+            Form::Binary => binary::read_points(&self.file("points3D")),
+            Form::Text => text::read_points(&self.file("points3D")),
         }
     }
 
@@ -218,7 +218,8 @@ impl Model {
         for (stem, lines_a_record) in [("cameras", 1), ("images", 2), ("points3D", 1)] {
             let (binary, text) = (Form::Binary.file(&self.dir, stem), Form::Text.file(&self.dir, stem));
             if is_there(&binary) && is_there(&text) {
-                let (found, other) = (binary::count(&binary)?, text::count(&text, lines_a_record)?);
+                let (found, other) =
+                    (binary::count_records(&binary)?, text::count_records(&text, lines_a_record)?);
                 if found != other {
                     warnings.push(Warning::CountsDiffer { binary, found, text, other });
                 }
@@ -234,7 +235,7 @@ impl Model {
 /// The file is absent or damaged.
 pub fn read_points(file: &Path) -> Result<Vec<Point>, SourceError> {
     let is_text = file.extension().is_some_and(|extension| extension == "txt");
-    let points = if is_text { text::points(file) } else { binary::points(file) }?;
+    let points = if is_text { text::read_points(file) } else { binary::read_points(file) }?;
     Ok(points.into_values().collect())
 }
 
@@ -242,15 +243,15 @@ fn is_number(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// Returns the folders whose listing determines [`files`].
+/// Returns the folders whose listing determines [`source_files`].
 #[must_use]
-pub fn folders(dir: &Path) -> Vec<PathBuf> {
+pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
     // A model lies in `sparse/0` of the deepest folder that is looked into, and no deeper.
-    let mut folders: Vec<PathBuf> = below(dir, DEEPEST + 2).collect();
-    if let Ok(model) = Model::find(dir) {
+    let mut folders: Vec<PathBuf> = folders_below(dir, DEEPEST + 2).collect();
+    if let Ok(model) = Model::find_model(dir) {
         folders.extend(model.bases().into_iter().map(photo::or_here));
         let photos = model.photos().into_iter();
-        folders.extend(photos.flat_map(|images| below(&images, MAX_DEPTH).collect::<Vec<_>>()));
+        folders.extend(photos.flat_map(|images| folders_below(&images, MAX_DEPTH).collect::<Vec<_>>()));
     }
     folders.sort();
     folders.dedup();
@@ -259,7 +260,7 @@ pub fn folders(dir: &Path) -> Vec<PathBuf> {
 
 /// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the
 /// files that would be in them are not found.
-pub(super) fn below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
+pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
     let entries = Walk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
 }
@@ -269,13 +270,13 @@ pub(super) fn below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> 
 /// # Errors
 /// No model or more than one is found, a file is damaged, the model of a camera is not supported,
 /// or two images have the same name.
-pub fn read(dir: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+pub fn read_capture(dir: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     look_at(dir, Look::Bytes)
 }
 
 /// Reads the model found in `dir`, with the given depth of reading for photos.
 pub(super) fn look_at(dir: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let model = Model::find(dir)?;
+    let model = Model::find_model(dir)?;
     let folder = model.photos();
     read_model(&model, Photos { folder: folder.as_deref(), sizing: Sizing::AsStated, look })
 }
@@ -305,16 +306,17 @@ pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, 
     let Photos { folder, sizing, look } = photos;
     let mut warnings = model.disagreements()?;
     let (cameras, images) = (model.cameras()?, model.images()?);
-    let find =
-        |name: &str| folder.and_then(|f| photo::find(f, name)).map(|p| photo::read(&p, look)).transpose();
+    let find = |name: &str| {
+        folder.and_then(|f| photo::find_photo(f, name)).map(|p| photo::read_photo(&p, look)).transpose()
+    };
     let photos: Vec<Option<Photo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
-    let unused: Vec<Unused> = unregistered(folder, &images)?
+    let unused: Vec<Unused> = unregistered_photos(folder, &images)?
         .into_par_iter()
         .map(|name| Ok(Unused::not_registered(find(&name)?, name)))
         .collect::<Result<_, SourceError>>()?;
     let of_views = images.iter().map(|image| image.name.as_str()).zip(photos.iter().map(Option::as_ref));
-    warnings.extend(folder.and_then(|folder| photo::missing(folder, of_views)));
+    warnings.extend(folder.and_then(|folder| photo::missing_warning(folder, of_views)));
     let path = model.file("images");
     let mut found = Vec::with_capacity(images.len());
     for (image, photo) in images.into_iter().zip(photos) {
@@ -330,24 +332,24 @@ pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, 
         let mut camera = taken.camera;
         let other = photo.as_ref().and_then(|p| p.size).filter(|&size| size != camera.size);
         if let Some(size) = other.filter(|_| sizing == Sizing::ToPhoto) {
-            camera = photo::fitted(&camera, size).map_err(|e| fault(format!("`{}`: {e}", image.name)))?;
+            camera = photo::fit_camera(&camera, size).map_err(|e| fault(format!("`{}`: {e}", image.name)))?;
         }
-        warnings.extend(told(&image, taken, other, sizing));
-        let view = View { camera, ..view(&image, taken, photo) };
+        warnings.extend(image_warnings(&image, taken, other, sizing));
+        let view = View { camera, ..image_view(&image, taken, photo) };
         found.push(Found { view, place: image.place });
     }
-    Ok((Capture { unused, ..collect(&path, found)? }, warnings))
+    Ok((Capture { unused, ..collect_views(&path, found)? }, warnings))
 }
 
 /// The photos of a folder that a model has no pose for.
-fn unregistered(folder: Option<&Path>, images: &[Image]) -> Result<Vec<String>, SourceError> {
+fn unregistered_photos(folder: Option<&Path>, images: &[Image]) -> Result<Vec<String>, SourceError> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
-    let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list)?;
+    let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list_photos)?;
     names.retain(|name| !registered.contains(name.as_str()));
     Ok(names)
 }
 
-fn told(image: &Image, taken: &ModelCamera, other: Option<Size>, sizing: Sizing) -> Vec<Warning> {
+fn image_warnings(image: &Image, taken: &ModelCamera, other: Option<Size>, sizing: Sizing) -> Vec<Warning> {
     let name = || image.name.clone();
     let size = other.map(|photo| Warning::PhotoSize {
         image: name(),
@@ -363,7 +365,7 @@ fn told(image: &Image, taken: &ModelCamera, other: Option<Size>, sizing: Sizing)
     size.into_iter().chain(turned).collect()
 }
 
-fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
+fn image_view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
     let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
     View {
         name: image.name.clone(),
@@ -374,13 +376,13 @@ fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
     }
 }
 
-/// Returns the files that [`read`] reads, each with its name within the source: the files of the
+/// Returns the files that [`read_capture`] reads, each with its name within the source: the files of the
 /// model's form, and the existing photos, with or without a pose.
 ///
 /// # Errors
-/// Same as for [`read`], as far as the names of the photos need the model.
-pub fn files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let model = Model::find(dir)?;
+/// Same as for [`read_capture`], as far as the names of the photos need the model.
+pub fn source_files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let model = Model::find_model(dir)?;
     let folder = model.photos();
     files_of(&model, folder.as_deref())
 }
@@ -390,15 +392,17 @@ pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(Stri
     let mut files = model.files();
     if let Some(folder) = folder {
         let images = model.images()?;
-        let unregistered = unregistered(Some(folder), &images)?;
+        let unregistered = unregistered_photos(Some(folder), &images)?;
         let names = images.into_iter().map(|image| image.name).chain(unregistered);
-        files.extend(names.filter_map(|name| Some((format!("images/{name}"), photo::find(folder, &name)?))));
+        files.extend(
+            names.filter_map(|name| Some((format!("images/{name}"), photo::find_photo(folder, &name)?))),
+        );
     }
     Ok(files)
 }
 
 /// Converts the seven numbers of a pose that COLMAP stores.
-fn pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::Screened, DVec3), String> {
+fn image_pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::Screened, DVec3), String> {
     let translation = DVec3::new(tx, ty, tz);
     if !translation.is_finite() {
         return Err(format!("the translation is {translation}, wanted finite numbers"));

@@ -40,14 +40,14 @@ enum Poses {
 
 impl Files {
     /// Finds the requested poses; by default the COLMAP model, and otherwise `transforms.json`.
-    fn find(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
-        std::fs::read_dir(scene).map_err(SourceError::io(scene))?;
+    fn find_files(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
+        std::fs::read_dir(scene).map_err(SourceError::io_error(scene))?;
         let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
         let transforms = homes().map(|home| home.join("transforms.json")).find(|file| is_there(file));
-        let model = match (wanted, Model::near(scene)) {
+        let model = match (wanted, Model::model_near(scene)) {
             (Some(PoseFile::Transforms), _) => None,
             (_, Some(model)) => Some(model),
-            (_, None) => Model::below(scene)?,
+            (_, None) => Model::model_below(scene)?,
         };
         let poses = match (wanted, model, transforms) {
             (_, Some(model), _) => Poses::Colmap(model),
@@ -70,44 +70,47 @@ impl Files {
     }
 }
 
-pub(super) fn read(
+pub(super) fn read_capture(
     scene: &Path,
     wanted: Option<PoseFile>,
     look: Look,
 ) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let Files { poses, photos } = Files::find(scene, wanted)?;
+    let Files { poses, photos } = Files::find_files(scene, wanted)?;
     let (capture, mut warnings) = match poses {
         Poses::Colmap(model) => {
             let photos = colmap::Photos { folder: photos.as_deref(), sizing: Sizing::ToPhoto, look };
             colmap::read_model(&model, photos)
         }
-        Poses::Transforms(file) => nerfstudio::read_file(&file, named(photos.as_deref()), look),
+        Poses::Transforms(file) => nerfstudio::read_file(&file, named_photos(photos.as_deref()), look),
     }?;
     // The layout of the dataset always has this difference, so a warning would be noise.
     warnings.retain(|warning| !matches!(warning, Warning::PhotoSize { .. }));
     Ok((capture, warnings))
 }
 
-pub(super) fn files(scene: &Path, wanted: Option<PoseFile>) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let Files { poses, photos } = Files::find(scene, wanted)?;
+pub(super) fn source_files(
+    scene: &Path,
+    wanted: Option<PoseFile>,
+) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let Files { poses, photos } = Files::find_files(scene, wanted)?;
     match poses {
         Poses::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
-        Poses::Transforms(file) => nerfstudio::files_of(&file, named(photos.as_deref())),
+        Poses::Transforms(file) => nerfstudio::files_of(&file, named_photos(photos.as_deref())),
     }
 }
 
 /// Returns the COLMAP model of the poses, if they come from a model.
-pub(super) fn model(scene: &Path, wanted: Option<PoseFile>) -> Option<Model> {
-    match Files::find(scene, wanted).ok()?.poses {
+pub(super) fn pose_model(scene: &Path, wanted: Option<PoseFile>) -> Option<Model> {
+    match Files::find_files(scene, wanted).ok()?.poses {
         Poses::Colmap(model) => Some(model),
         Poses::Transforms(_) => None,
     }
 }
 
-pub(super) fn folders(scene: &Path) -> Vec<PathBuf> {
-    colmap::below(scene, MAX_DEPTH).collect()
+pub(super) fn source_folders(scene: &Path) -> Vec<PathBuf> {
+    colmap::folders_below(scene, MAX_DEPTH).collect()
 }
 
-fn named(photos: Option<&Path>) -> nerfstudio::Photos<'_> {
+fn named_photos(photos: Option<&Path>) -> nerfstudio::Photos<'_> {
     photos.map_or(nerfstudio::Photos::AsNamed, nerfstudio::Photos::In)
 }

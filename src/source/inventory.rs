@@ -90,15 +90,15 @@ impl Rejection {
 ///
 /// # Errors
 /// The tree cannot be listed.
-pub fn take(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, SourceError> {
+pub fn take_inventory(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, SourceError> {
     let mut found = match kind {
-        Kind::Mvimgnet => instances(root, &rules.classes)?,
-        Kind::Dl3dv => hashes(root)?,
-        Kind::Colmap => folders(root, &|dir| colmap::Model::near(dir).is_some())?,
-        Kind::Nerfstudio => folders(root, &|dir| is_there(&nerfstudio::locate(dir)))?,
-        Kind::Model => folders(root, &|dir| is_there(&model::locate(dir)))?,
+        Kind::Mvimgnet => instance_folders(root, &rules.classes)?,
+        Kind::Dl3dv => hash_folders(root)?,
+        Kind::Colmap => capture_folders(root, &|dir| colmap::Model::model_near(dir).is_some())?,
+        Kind::Nerfstudio => capture_folders(root, &|dir| is_there(&nerfstudio::locate_transforms(dir)))?,
+        Kind::Model => capture_folders(root, &|dir| is_there(&model::locate_cameras(dir)))?,
     };
-    found.sort_by(|a, b| natural::compare(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
+    found.sort_by(|a, b| natural::compare_names(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
     let mut entries: Vec<Entry> = found.into_par_iter().map(|found| found.judged(kind, rules)).collect();
     for i in 1..entries.len() {
         if entries[i].name == entries[i - 1].name {
@@ -151,11 +151,11 @@ impl Rules {
 }
 
 /// Finds `class/instance` folders. Classes are numbers; other folders are ignored.
-fn instances(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, SourceError> {
+fn instance_folders(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, SourceError> {
     let wanted = |class: &str| mvimgnet::is_class(class) && (classes.is_empty() || classes.contains(class));
     let mut found = Vec::new();
-    for (class, dir) in subfolders(root)?.into_iter().filter(|(class, _)| wanted(class)) {
-        found.extend(subfolders(&dir)?.into_iter().map(|(instance, path)| {
+    for (class, dir) in list_subfolders(root)?.into_iter().filter(|(class, _)| wanted(class)) {
+        found.extend(list_subfolders(&dir)?.into_iter().map(|(instance, path)| {
             let known = mvimgnet::is_instance(&instance);
             let misnamed = (!known).then_some(Rejection::Name("8 hexadecimal digits"));
             Found { name: format!("{class}/{instance}"), path, misnamed }
@@ -166,14 +166,14 @@ fn instances(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, Sour
 
 /// Finds folders with a hash as their name, in the tree or one level below; other folders are
 /// ignored.
-fn hashes(root: &Path) -> Result<Vec<Found>, SourceError> {
+fn hash_folders(root: &Path) -> Result<Vec<Found>, SourceError> {
     let mut found = Vec::new();
     let mut add = |name: String, path| found.push(Found { name, path, misnamed: None });
-    for (name, path) in subfolders(root)? {
+    for (name, path) in list_subfolders(root)? {
         if dl3dv::is_scene(&name) {
             add(name, path);
         } else {
-            subfolders(&path)?
+            list_subfolders(&path)?
                 .into_iter()
                 .filter(|(name, _)| dl3dv::is_scene(name))
                 .for_each(|(n, p)| add(n, p));
@@ -183,8 +183,8 @@ fn hashes(root: &Path) -> Result<Vec<Found>, SourceError> {
 }
 
 /// Finds folders that contain a capture, without descending into them. The root itself may be one.
-fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, SourceError> {
-    std::fs::read_dir(root).map_err(SourceError::io(root))?;
+fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, SourceError> {
+    std::fs::read_dir(root).map_err(SourceError::io_error(root))?;
     let mut found = Vec::new();
     let mut walk =
         WalkDir::new(root).max_depth(DEEPEST).same_file_system(true).sort_by_file_name().into_iter();
@@ -206,10 +206,10 @@ fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, 
 
 /// Lists the subfolders of a folder by name. Names that are not UTF-8 are skipped; no dataset has
 /// them.
-fn subfolders(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+fn list_subfolders(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(dir).map_err(SourceError::io(dir))? {
-        let path = entry.map_err(SourceError::io(dir))?.path();
+    for entry in std::fs::read_dir(dir).map_err(SourceError::io_error(dir))? {
+        let path = entry.map_err(SourceError::io_error(dir))?.path();
         let name = path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
         found.extend(name.filter(|_| path.is_dir()).map(|name| (name, path)));
     }

@@ -29,21 +29,21 @@ impl Kind {
     ///
     /// # Errors
     /// The path does not exist, or matches no kind or several kinds.
-    pub fn find(path: &Path) -> Result<Self, SourceError> {
+    pub fn kind_of(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
         if !super::is_folder(path)? {
             return Self::of_file(path).ok_or_else(|| absent(format!("a file of another name, {WANTED}")));
         }
-        std::fs::read_dir(path).map_err(SourceError::io(path))?;
+        std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
         let kinds = [
-            (Self::Colmap, colmap::Model::near(path).is_some()),
-            (Self::Nerfstudio, is_there(&nerfstudio::locate(path))),
-            (Self::Model, is_there(&model::locate(path))),
+            (Self::Colmap, colmap::Model::model_near(path).is_some()),
+            (Self::Nerfstudio, is_there(&nerfstudio::locate_transforms(path))),
+            (Self::Model, is_there(&model::locate_cameras(path))),
         ];
         let found: Vec<Self> = kinds.into_iter().filter_map(|(kind, is)| is.then_some(kind)).collect();
         match found[..] {
             [kind] => Ok(kind),
-            [] if colmap::Model::below(path)?.is_some() => Ok(Self::Colmap),
+            [] if colmap::Model::model_below(path)?.is_some() => Ok(Self::Colmap),
             [] => Err(absent(format!("nothing of a capture is in it, {WANTED}"))),
             _ => {
                 let names: Vec<&str> = found.iter().map(|kind| kind.words()).collect();
@@ -86,7 +86,7 @@ impl Kind {
     /// # Errors
     /// The reader of this kind fails.
     pub fn read(self, path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-        Captured::whole(self, path.to_owned()).read()
+        Captured::all_views(self, path.to_owned()).read()
     }
 }
 
@@ -104,7 +104,7 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, "").unwrap();
         }
-        Kind::find(dir.path()).map_err(|e| e.to_string().replace(dir.path().to_str().unwrap(), "DIR"))
+        Kind::kind_of(dir.path()).map_err(|e| e.to_string().replace(dir.path().to_str().unwrap(), "DIR"))
     }
 
     fn model_in(folder: &str) -> Vec<String> {
@@ -148,11 +148,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let t = |name: &str, wanted: Option<Kind>| {
             std::fs::write(dir.path().join(name), "").unwrap();
-            assert_eq!(Kind::find(&dir.path().join(name)).ok(), wanted, "{name}");
+            assert_eq!(Kind::kind_of(&dir.path().join(name)).ok(), wanted, "{name}");
         };
         t("transforms_train.json", Some(Kind::Nerfstudio));
         t("cameras.json", Some(Kind::Model));
         t("images.bin", None);
-        assert!(matches!(Kind::find(&dir.path().join("gone")), Err(SourceError::Io { .. })));
+        assert!(matches!(Kind::kind_of(&dir.path().join("gone")), Err(SourceError::Io { .. })));
     }
 }

@@ -11,9 +11,9 @@
 //! of 3x4. It is read only to report that exposures were trained. `cfg_args` is Python text about
 //! the training without poses, and is not read.
 
-use super::node::{Node, load};
+use super::node::{Node, load_document};
 use super::photo::or_here;
-use super::{Capture, Found, Lens, SourceError, View, Warning, collect, screen_camera};
+use super::{Capture, Found, Lens, SourceError, View, Warning, collect_views, screen_camera};
 use crate::camera::Camera;
 use crate::files::is_there;
 use crate::image::Size;
@@ -37,7 +37,7 @@ const NEUTRAL: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0
 const NEAR: f64 = 4e-4;
 
 /// Returns the path of the camera file, given the file or its folder.
-pub(super) fn locate(path: &Path) -> PathBuf {
+pub(super) fn locate_cameras(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(CAMERAS) } else { path.to_owned() }
 }
 
@@ -47,38 +47,38 @@ pub(super) fn locate(path: &Path) -> PathBuf {
 /// # Errors
 /// The folder is no model folder, a value is missing or wrong, a pose is invalid, or two images
 /// have the same name.
-pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let file = locate(path);
-    let document = load(&file)?;
+pub fn read_capture(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let file = locate_cameras(path);
+    let document = load_document(&file)?;
     let mut warnings = Vec::new();
     let mut found = Vec::new();
-    for camera in Node::top(&file, &document).elements()? {
+    for camera in Node::top_node(&file, &document).elements()? {
         let (view, warning) = read_camera(&camera)?;
         warnings.extend(warning);
         found.push(Found { view, place: camera.place() });
     }
     let exposures = file.with_file_name(EXPOSURES);
     if is_there(&exposures) {
-        warnings.extend(exposed(&exposures)?);
+        warnings.extend(exposure_warning(&exposures)?);
     }
-    Ok((collect(&file, found)?, warnings))
+    Ok((collect_views(&file, found)?, warnings))
 }
 
-/// Returns the files that [`read`] reads, each with its name within the source.
+/// Returns the files that [`read_capture`] reads, each with its name within the source.
 ///
 /// # Errors
 /// Never returns an error; missing files are detected on reading.
-pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let file = locate(path);
+pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let file = locate_cameras(path);
     let exposures = file.with_file_name(EXPOSURES);
     let exposures = is_there(&exposures).then(|| (EXPOSURES.to_owned(), exposures));
     Ok([(CAMERAS.to_owned(), file)].into_iter().chain(exposures).collect())
 }
 
-/// Returns the folders whose listing determines [`files`].
+/// Returns the folders whose listing determines [`source_files`].
 #[must_use]
-pub fn folders(path: &Path) -> Vec<PathBuf> {
-    vec![or_here(locate(path).parent().unwrap_or(Path::new("")))]
+pub fn source_folders(path: &Path) -> Vec<PathBuf> {
+    vec![or_here(locate_cameras(path).parent().unwrap_or(Path::new("")))]
 }
 
 /// Returns the newest Gaussians of a model folder, given the folder or its `cameras.json`. The
@@ -87,8 +87,8 @@ pub fn folders(path: &Path) -> Vec<PathBuf> {
 /// # Errors
 /// The folder has no Gaussians, or it cannot be listed.
 pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
-    let scenes = scenes(path);
-    let kept = iterations(&scenes)?;
+    let scenes = scenes_folder(path);
+    let kept = list_iterations(&scenes)?;
     let newest = kept.into_iter().filter(|(_, dir)| is_there(&dir.join(SCENE))).max();
     newest.map(|(_, dir)| dir.join(SCENE)).ok_or_else(|| SourceError::Absent {
         dir: scenes,
@@ -99,20 +99,20 @@ pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
 /// Returns the folders whose listing determines [`newest_scene`].
 #[must_use]
 pub fn scene_folders(path: &Path) -> Vec<PathBuf> {
-    let scenes = scenes(path);
-    let iterations = iterations(&scenes).unwrap_or_default();
+    let scenes = scenes_folder(path);
+    let iterations = list_iterations(&scenes).unwrap_or_default();
     [scenes].into_iter().chain(iterations.into_iter().map(|(_, dir)| dir)).collect()
 }
 
-fn scenes(path: &Path) -> PathBuf {
-    or_here(locate(path).parent().unwrap_or(Path::new(""))).join(SCENES)
+fn scenes_folder(path: &Path) -> PathBuf {
+    or_here(locate_cameras(path).parent().unwrap_or(Path::new(""))).join(SCENES)
 }
 
 /// Returns the folders of iterations, by number.
-fn iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
+fn list_iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(scenes).map_err(SourceError::io(scenes))? {
-        let path = entry.map_err(SourceError::io(scenes))?.path();
+    for entry in std::fs::read_dir(scenes).map_err(SourceError::io_error(scenes))? {
+        let path = entry.map_err(SourceError::io_error(scenes))?.path();
         let name =
             path.file_name().and_then(|name| name.to_str()).and_then(|name| name.strip_prefix(ITERATION));
         if let Some(number) = name.and_then(|number| number.parse().ok()) {
@@ -142,10 +142,10 @@ fn read_camera(camera: &Node<'_>) -> Result<(View, Option<Warning>), SourceError
 }
 
 /// Returns a warning if colour transforms were trained, because trajectories do not apply them.
-fn exposed(file: &Path) -> Result<Option<Warning>, SourceError> {
-    let document = load(file)?;
+fn exposure_warning(file: &Path) -> Result<Option<Warning>, SourceError> {
+    let document = load_document(file)?;
     let mut count = 0;
-    for exposure in Node::top(file, &document).members()? {
+    for exposure in Node::top_node(file, &document).members()? {
         let transform: [[f64; 4]; 3] = exposure.matrix()?;
         let parts = transform.as_flattened().iter().zip(NEUTRAL.as_flattened());
         count += usize::from(parts.into_iter().any(|(found, neutral)| (found - neutral).abs() > NEAR));
@@ -181,7 +181,7 @@ mod tests {
     #[test]
     fn cameras_are_read_as_they_were_planted() {
         let dir = folder(&planted().to_string(), None);
-        let (capture, warnings) = read(dir.path()).unwrap();
+        let (capture, warnings) = read_capture(dir.path()).unwrap();
         assert_eq!(warnings, []);
         let [first, second] = &capture.views[..] else { panic!("{capture:?}") };
         assert_eq!([first.name.as_str(), second.name.as_str()], ["img 9", "img 10"]);
@@ -201,17 +201,18 @@ mod tests {
             }
         }
         // The path of the file is equivalent to the path of its folder.
-        assert_eq!(read(&dir.path().join(CAMERAS)).unwrap().0, capture);
+        assert_eq!(read_capture(&dir.path().join(CAMERAS)).unwrap().0, capture);
     }
 
     #[test]
     fn what_is_read_is_listed() {
-        let names = |dir: &Path| files(dir).unwrap().into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        let names =
+            |dir: &Path| source_files(dir).unwrap().into_iter().map(|(name, _)| name).collect::<Vec<_>>();
         let dir = folder("[]", Some("{}"));
         assert_eq!(names(dir.path()), [CAMERAS, EXPOSURES]);
         assert_eq!(names(folder("[]", None).path()), [CAMERAS]);
-        assert_eq!(folders(dir.path()), [dir.path()]);
-        assert_eq!(folders(Path::new(CAMERAS)), [Path::new(".")]);
+        assert_eq!(source_folders(dir.path()), [dir.path()]);
+        assert_eq!(source_folders(Path::new(CAMERAS)), [Path::new(".")]);
     }
 
     #[test]
@@ -246,7 +247,7 @@ mod tests {
     fn trained_exposures_are_told() {
         let t = |exposures: Value, wanted: Option<usize>| {
             let dir = folder(&planted().to_string(), Some(&exposures.to_string()));
-            let found = read(dir.path()).unwrap().1;
+            let found = read_capture(dir.path()).unwrap().1;
             assert_eq!(
                 found,
                 wanted.map(|count| Warning::Exposure { count }).into_iter().collect::<Vec<_>>()
@@ -265,7 +266,7 @@ mod tests {
             let mut cameras = planted();
             change(&mut cameras);
             let dir = folder(&cameras.to_string(), None);
-            let told = read(dir.path()).unwrap_err().to_string();
+            let told = read_capture(dir.path()).unwrap_err().to_string();
             assert_eq!(told, format!("{}: {wanted}", dir.path().join(CAMERAS).display()));
         };
         let set =
@@ -297,12 +298,12 @@ mod tests {
     #[test]
     fn a_file_that_is_none_is_told_with_its_line() {
         let dir = folder("[\n{ \"id\": NaN }]", None);
-        let told = read(dir.path()).unwrap_err().to_string();
+        let told = read_capture(dir.path()).unwrap_err().to_string();
         assert!(told.contains("cameras.json: line 2: "), "{told}");
-        let gone = read(&dir.path().join("gone")).unwrap_err();
+        let gone = read_capture(&dir.path().join("gone")).unwrap_err();
         assert!(matches!(gone, SourceError::Io { .. }), "{gone}");
         let odd = folder(&planted().to_string(), Some("{\"a\": [[1, 0], [0, 1]]}"));
-        let told = read(odd.path()).unwrap_err().to_string();
+        let told = read_capture(odd.path()).unwrap_err().to_string();
         assert!(told.ends_with("exposure.json: `a`: [[1,0],[0,1]], wanted 3 rows of 4 numbers"), "{told}");
     }
 
@@ -311,7 +312,7 @@ mod tests {
         let mut cameras = planted();
         cameras[0]["rotation"][1][1] = json!(1.0 + 1e-5);
         let dir = folder(&cameras.to_string(), None);
-        let warnings = read(dir.path()).unwrap().1;
+        let warnings = read_capture(dir.path()).unwrap().1;
         let [Warning::Projected { image, deviation }] = &warnings[..] else { panic!("{warnings:?}") };
         // |R^T R - I| is (1 + e)^2 - 1.
         assert!(image == "img 10" && (deviation - 2e-5).abs() < 2e-10, "{deviation}");

@@ -24,10 +24,10 @@ pub(super) fn is_instance(name: &str) -> bool {
 }
 
 /// Returns the model of an instance.
-pub(super) fn model(instance: &Path) -> Result<Model, SourceError> {
-    std::fs::read_dir(instance).map_err(SourceError::io(instance))?;
+pub(super) fn instance_model(instance: &Path) -> Result<Model, SourceError> {
+    std::fs::read_dir(instance).map_err(SourceError::io_error(instance))?;
     let dir = instance.join("sparse/0");
-    Model::at(dir.clone()).ok_or_else(|| {
+    Model::model_at(dir.clone()).ok_or_else(|| {
         let is_there =
             |name: &str| ["bin", "txt"].iter().any(|form| is_there(&dir.join(name).with_extension(form)));
         let because = match (is_there("cameras"), is_there("images")) {
@@ -42,20 +42,27 @@ pub(super) fn model(instance: &Path) -> Result<Model, SourceError> {
     })
 }
 
-fn photos(instance: &Path) -> PathBuf {
+fn photo_folder(instance: &Path) -> PathBuf {
     instance.join("images")
 }
 
-pub(super) fn read(instance: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let folder = photos(instance);
-    colmap::read_model(&model(instance)?, Photos { folder: Some(&folder), sizing: Sizing::AsStated, look })
+pub(super) fn read_capture(instance: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let folder = photo_folder(instance);
+    colmap::read_model(
+        &instance_model(instance)?,
+        Photos { folder: Some(&folder), sizing: Sizing::AsStated, look },
+    )
 }
 
-pub(super) fn files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    colmap::files_of(&model(instance)?, Some(&photos(instance)))
+pub(super) fn source_files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    colmap::files_of(&instance_model(instance)?, Some(&photo_folder(instance)))
 }
 
-pub(super) fn folders(instance: &Path) -> Vec<PathBuf> {
+pub(super) fn source_folders(instance: &Path) -> Vec<PathBuf> {
     let sparse = [instance.to_owned(), instance.join("sparse"), instance.join("sparse/0")];
-    sparse.into_iter().filter(|dir| dir.is_dir()).chain(colmap::below(&photos(instance), MAX_DEPTH)).collect()
+    sparse
+        .into_iter()
+        .filter(|dir| dir.is_dir())
+        .chain(colmap::folders_below(&photo_folder(instance), MAX_DEPTH))
+        .collect()
 }

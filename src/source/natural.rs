@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 ///
 /// Among equal numbers, the number with fewer leading zeros comes first, if no later part decides.
 #[must_use]
-pub fn compare(a: &str, b: &str) -> Ordering {
+pub fn compare_names(a: &str, b: &str) -> Ordering {
     let (mut rest_a, mut rest_b) = (a.as_bytes(), b.as_bytes());
     while let (Some(&first_a), Some(&first_b)) = (rest_a.first(), rest_b.first()) {
         let order = if first_a.is_ascii_digit() && first_b.is_ascii_digit() {
@@ -64,7 +64,7 @@ mod tests {
         ];
         for (i, a) in sorted.iter().enumerate() {
             for (j, b) in sorted.iter().enumerate() {
-                assert_eq!(compare(a, b), i.cmp(&j), "{a} and {b}");
+                assert_eq!(compare_names(a, b), i.cmp(&j), "{a} and {b}");
             }
         }
     }

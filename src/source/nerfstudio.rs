@@ -6,9 +6,9 @@
 //! half-integers, as in this program, unless the file has `pixel_center: 0`. `applied_transform` is
 //! already part of the poses; the world is that of the file.
 
-use super::node::{Node, load};
+use super::node::{Node, load_document};
 use super::photo::{self, Look, Photo, SCALED};
-use super::{Capture, Found, Lens, SourceError, View, Warning, collect, screen_camera};
+use super::{Capture, Found, Lens, SourceError, View, Warning, collect_views, screen_camera};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::{self, Se3};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// Returns the path of the file, given the file or its folder.
-pub(super) fn locate(path: &Path) -> PathBuf {
+pub(super) fn locate_transforms(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("transforms.json") } else { path.to_owned() }
 }
 
@@ -26,13 +26,13 @@ pub(super) fn locate(path: &Path) -> PathBuf {
 /// # Errors
 /// The file is no `transforms.json`, a value is missing or wrong, a pose is invalid, the camera
 /// model is not supported, or the aspect ratio of a photo differs from the file's.
-pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+pub fn read_capture(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     look_at(path, Look::Bytes)
 }
 
 /// Reads a `transforms.json`, with the given depth of reading for photos.
 pub(super) fn look_at(path: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
-    read_file(&locate(path), Photos::AsNamed, look)
+    read_file(&locate_transforms(path), Photos::AsNamed, look)
 }
 
 /// Location of the photos that a file names.
@@ -51,13 +51,13 @@ impl Photos<'_> {
             Self::AsNamed => (file.parent()?, name),
             Self::In(folder) => (folder, name.rsplit('/').next()?),
         };
-        photo::find(folder, name).or_else(|| photo::find(folder, &format!("{name}.png")))
+        photo::find_photo(folder, name).or_else(|| photo::find_photo(folder, &format!("{name}.png")))
     }
 
     /// Reads the photo of a frame, if it exists.
     fn of(self, frame: &Node<'_>, look: Look) -> Result<Option<Photo>, SourceError> {
         let path = self.find(frame.path(), frame.text("file_path")?);
-        path.map(|path| photo::read(&path, look)).transpose()
+        path.map(|path| photo::read_photo(&path, look)).transpose()
     }
 }
 
@@ -67,8 +67,8 @@ pub(super) fn read_file(
     photos: Photos<'_>,
     look: Look,
 ) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let document = load(file)?;
-    let top = Node::top(file, &document);
+    let document = load_document(file)?;
+    let top = Node::top_node(file, &document);
     let frames = top.list("frames")?;
     let taken: Vec<Option<Photo>> =
         frames.par_iter().map(|frame| photos.of(frame, look)).collect::<Result<_, _>>()?;
@@ -83,39 +83,39 @@ pub(super) fn read_file(
         Photos::In(folder) => folder.to_owned(),
     };
     let names = found.iter().map(|found| found.view.name.as_str());
-    warnings.extend(photo::missing(&home, names.zip(taken.iter().map(Option::as_ref))));
-    Ok((collect(file, found)?, warnings))
+    warnings.extend(photo::missing_warning(&home, names.zip(taken.iter().map(Option::as_ref))));
+    Ok((collect_views(file, found)?, warnings))
 }
 
-/// Returns the files that [`read`] reads, each with its name within the source: the file, and the
+/// Returns the files that [`read_capture`] reads, each with its name within the source: the file, and the
 /// existing photos.
 ///
 /// # Errors
-/// Same as for [`read`], as far as the names of the photos need the frames.
-pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    files_of(&locate(path), Photos::AsNamed)
+/// Same as for [`read_capture`], as far as the names of the photos need the frames.
+pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    files_of(&locate_transforms(path), Photos::AsNamed)
 }
 
 /// Returns the files that [`read_file`] reads.
 pub(super) fn files_of(file: &Path, photos: Photos<'_>) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let document = load(file)?;
+    let document = load_document(file)?;
     let mut files = vec![("transforms.json".to_owned(), file.to_owned())];
-    for frame in Node::top(file, &document).list("frames")? {
+    for frame in Node::top_node(file, &document).list("frames")? {
         let name = frame.text("file_path")?;
         files.extend(photos.find(file, name).map(|path| (name.to_owned(), path)));
     }
     Ok(files)
 }
 
-/// Returns the folders whose listing determines [`files`]: the folder of the file, and the folders
+/// Returns the folders whose listing determines [`source_files`]: the folder of the file, and the folders
 /// of existing or missing photos.
 #[must_use]
-pub fn folders(path: &Path) -> Vec<PathBuf> {
-    let file = locate(path);
+pub fn source_folders(path: &Path) -> Vec<PathBuf> {
+    let file = locate_transforms(path);
     let home = photo::or_here(file.parent().unwrap_or(Path::new("")));
     let mut folders = vec![home.clone()];
-    let document = load(&file).unwrap_or_default();
-    let top = Node::top(&file, &document);
+    let document = load_document(&file).unwrap_or_default();
+    let top = Node::top_node(&file, &document);
     for frame in top.list("frames").unwrap_or_default() {
         let photo = home.join(frame.text("file_path").unwrap_or_default());
         folders.extend(photo.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned));
@@ -135,9 +135,9 @@ fn read_frame(
     let own = Own { frame, top };
     let stated = own.camera(size)?;
     let lens = own.lens()?;
-    let camera = fitted(frame, &stated, size)?;
+    let camera = fit_camera(frame, &stated, size)?;
     screen_camera(&camera, &lens).map_err(|e| frame.fault(e))?;
-    let (world_from_camera, projected) = pose(&frame.get("transform_matrix")?)?;
+    let (world_from_camera, projected) = matrix_pose(&frame.get("transform_matrix")?)?;
     let rescaled = size.filter(|&photo| photo != stated.size).map(|photo| Warning::PhotoSize {
         image: name.clone(),
         photo,
@@ -151,9 +151,11 @@ fn read_frame(
 }
 
 /// Returns the camera, scaled to its photo if `w` and `h` state another size.
-fn fitted(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
+fn fit_camera(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
     let other = photo.filter(|&photo| photo != stated.size);
-    other.map_or(Ok(*stated), |photo| photo::fitted(stated, photo)).map_err(|because| frame.fault(because))
+    other
+        .map_or(Ok(*stated), |photo| photo::fit_camera(stated, photo))
+        .map_err(|because| frame.fault(because))
 }
 
 /// Values of a frame, with the file's values as a fallback.
@@ -244,7 +246,7 @@ impl Own<'_> {
 }
 
 /// Returns the pose of a matrix, and its deviation from a rotation if it must be reported.
-fn pose(node: &Node<'_>) -> Result<(Se3, Option<f64>), SourceError> {
+fn matrix_pose(node: &Node<'_>) -> Result<(Se3, Option<f64>), SourceError> {
     let m: [[f64; 4]; 4] = node.matrix()?;
     if m[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, wanted)| (found - wanted).abs() > 1e-9) {
         return Err(node.fault(format!("its last row is {:?}, wanted 0, 0, 0, 1", m[3])));

@@ -7,8 +7,8 @@ use serde_json::Value;
 use std::path::Path;
 
 /// Reads the document in a file.
-pub(super) fn load(file: &Path) -> Result<Value, SourceError> {
-    let text = files::read_text(file, files::MAX_DOCUMENT).map_err(SourceError::io(file))?;
+pub(super) fn load_document(file: &Path) -> Result<Value, SourceError> {
+    let text = files::read_text(file, files::MAX_DOCUMENT).map_err(SourceError::io_error(file))?;
     let fault =
         |line, because| SourceError::Content { path: file.to_owned(), place: Place::Line(line), because };
     check_json(text.as_bytes()).map_err(|e| fault(1, format!("a document that takes {e}")))?;
@@ -23,7 +23,7 @@ pub(super) struct Node<'a> {
 }
 
 impl<'a> Node<'a> {
-    pub(super) fn top(path: &'a Path, value: &'a Value) -> Self {
+    pub(super) fn top_node(path: &'a Path, value: &'a Value) -> Self {
         Self { path, name: String::new(), value }
     }
 

@@ -27,7 +27,7 @@ impl Unused {
 }
 
 /// Returns a warning if some photos of views exist in `folder` and others do not.
-pub(super) fn missing<'a>(
+pub(super) fn missing_warning<'a>(
     folder: &Path,
     photos: impl Iterator<Item = (&'a str, Option<&'a Photo>)>,
 ) -> Option<Warning> {
@@ -54,7 +54,7 @@ pub(super) enum Look {
 
 /// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up, and no
 /// control characters. A link to nothing and a FIFO are there, so that opening them says what is wrong.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+pub(super) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);
     let is_name = !name.is_empty() && !name.contains(char::is_control);
@@ -69,7 +69,7 @@ const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
 ///
 /// # Errors
 /// When a folder cannot be listed, or the walk leaves its bounds.
-pub(super) fn list(folder: &Path) -> Result<Vec<String>, SourceError> {
+pub(super) fn list_photos(folder: &Path) -> Result<Vec<String>, SourceError> {
     let is_photo = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str());
         ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
@@ -90,7 +90,7 @@ pub(super) fn list(folder: &Path) -> Result<Vec<String>, SourceError> {
         let because = format!("the name of the photo {odd:?} holds a control character");
         return Err(SourceError::Absent { dir: folder.to_owned(), because });
     }
-    names.sort_by(|a, b| natural::compare(a, b));
+    names.sort_by(|a, b| natural::compare_names(a, b));
     Ok(names)
 }
 
@@ -104,7 +104,7 @@ const MOST_ASPECT_ERROR: f64 = 0.005;
 ///
 /// # Errors
 /// The aspect ratios of the two differ.
-pub(super) fn fitted(stated: &Camera, photo: Size) -> Result<Camera, String> {
+pub(super) fn fit_camera(stated: &Camera, photo: Size) -> Result<Camera, String> {
     let kx = f64::from(photo.width) / f64::from(stated.size.width);
     let ky = f64::from(photo.height) / f64::from(stated.size.height);
     if (kx / ky - 1.0).abs() > MOST_ASPECT_ERROR {
@@ -122,25 +122,25 @@ pub(super) fn or_here(folder: &Path) -> PathBuf {
 }
 
 /// Reads a photo.
-pub(super) fn read(path: &Path, look: Look) -> Result<Photo, SourceError> {
+pub(super) fn read_photo(path: &Path, look: Look) -> Result<Photo, SourceError> {
     let sha256 = match look {
         Look::Sizes => None,
-        Look::Bytes => Some(sha256(path)?),
+        Look::Bytes => Some(file_sha256(path)?),
     };
     let file = open(path)?;
-    Ok(Photo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(size) })
+    Ok(Photo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(image_size) })
 }
 
 fn open(path: &Path) -> Result<File, SourceError> {
-    files::open_at_most(path, files::MAX_PICTURE).map_err(SourceError::io(path))
+    files::open_at_most(path, files::MAX_PICTURE).map_err(SourceError::io_error(path))
 }
 
-fn sha256(path: &Path) -> Result<String, SourceError> {
+fn file_sha256(path: &Path) -> Result<String, SourceError> {
     let mut file = open(path)?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
     loop {
-        match file.read(&mut buffer).map_err(SourceError::io(path))? {
+        match file.read(&mut buffer).map_err(SourceError::io_error(path))? {
             0 => break,
             n => hash.update(&buffer[..n]),
         }
@@ -148,7 +148,7 @@ fn sha256(path: &Path) -> Result<String, SourceError> {
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-fn size(found: imagesize::ImageSize) -> Option<Size> {
+fn image_size(found: imagesize::ImageSize) -> Option<Size> {
     Some(Size { width: found.width.try_into().ok()?, height: found.height.try_into().ok()? })
 }
 
@@ -167,9 +167,9 @@ mod tests {
         for name in
             ["../secret", "sub folder/../../secret", outside.to_str().unwrap(), "", "sub folder", "gone"]
         {
-            assert_eq!(find(&folder, name), None, "{name}");
+            assert_eq!(find_photo(&folder, name), None, "{name}");
         }
-        let photo = read(&find(&folder, "./sub folder/a b.jpg").unwrap(), Look::Bytes).unwrap();
+        let photo = read_photo(&find_photo(&folder, "./sub folder/a b.jpg").unwrap(), Look::Bytes).unwrap();
         // The test vector of FIPS 180-2 for "abc".
         let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(photo.sha256.as_deref(), Some(wanted));

@@ -20,7 +20,11 @@ use std::borrow::Cow;
 /// # Panics
 /// The photo does not have the camera's size.
 #[must_use]
-pub fn undistorted<'a>(photo: &'a Image<[u8; 3]>, camera: &Camera, lens: &Lens) -> Cow<'a, Image<[u8; 3]>> {
+pub fn undistort_photo<'a>(
+    photo: &'a Image<[u8; 3]>,
+    camera: &Camera,
+    lens: &Lens,
+) -> Cow<'a, Image<[u8; 3]>> {
     assert_eq!(photo.size(), camera.size, "a photo has the size of its camera");
     if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
         return Cow::Borrowed(photo);
@@ -29,16 +33,16 @@ pub fn undistorted<'a>(photo: &'a Image<[u8; 3]>, camera: &Camera, lens: &Lens) 
     let rows = straight.pixels_mut().par_chunks_mut(camera.size.width as usize);
     rows.zip(0..camera.size.height).for_each(|(row, j)| {
         for (pixel, i) in row.iter_mut().zip(0..) {
-            *pixel = bilinear(photo, seen_at(camera, lens, [i, j]));
+            *pixel = bilinear_colour(photo, seen_at(camera, lens, [i, j]));
         }
     });
     Cow::Owned(straight)
 }
 
-/// Returns the mask of the pixels of [`undistorted`] that show only the photo, without black from
+/// Returns the mask of the pixels of [`undistort_photo`] that show only the photo, without black from
 /// outside its border. Returns `None` if all pixels do.
 #[must_use]
-pub fn covered(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
+pub fn covered_pixels(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
     if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
         return None;
     }
@@ -59,24 +63,25 @@ fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
 }
 
 /// Interpolates between the four nearest pixel centres; those outside the photo are black.
-fn bilinear(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
+fn bilinear_colour(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
     // Pixel centres lie at half-integers; the interpolation counts from the centres.
     let (x, y) = (u - 0.5, v - 0.5);
     let (left, top) = (x.floor(), y.floor());
     let (to_right, to_bottom) = (x - left, y - top);
-    let [a, b] = [top, top + 1.0].map(|row| [left, left + 1.0].map(|column| colour(photo, [column, row])));
+    let [a, b] =
+        [top, top + 1.0].map(|row| [left, left + 1.0].map(|column| pixel_colour(photo, [column, row])));
     std::array::from_fn(|channel| {
         let between = |[l, r]: [[u8; 3]; 2]| {
             f64::from(l[channel]) * (1.0 - to_right) + f64::from(r[channel]) * to_right
         };
-        rounded(between(a) * (1.0 - to_bottom) + between(b) * to_bottom)
+        round_byte(between(a) * (1.0 - to_bottom) + between(b) * to_bottom)
     })
 }
 
 /// Returns the colour of the pixel in this column and row, both whole numbers. The result is black
 /// outside the photo, and at a pole of the lens, where the position is NaN.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers within the photo")]
-fn colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
+fn pixel_colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
     let Size { width, height } = photo.size();
     let inside = (0.0..f64::from(width)).contains(&column) && (0.0..f64::from(height)).contains(&row);
     if inside { photo.pixels()[row as usize * width as usize + column as usize] } else { [0; 3] }
@@ -84,7 +89,7 @@ fn colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
 
 /// Rounds a value to the nearest byte; NaN becomes 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 255.5")]
-fn rounded(value: f64) -> u8 {
+fn round_byte(value: f64) -> u8 {
     (value + 0.5) as u8
 }
 
@@ -98,7 +103,7 @@ mod tests {
     /// Paints a picture with the colours of `shade` at the centres of its pixels, px.
     fn picture(shade: impl Fn(f64, f64) -> [f64; 3]) -> Image<[u8; 3]> {
         let at = |k: u32| (f64::from(k % SIZE.width) + 0.5, f64::from(k / SIZE.width) + 0.5);
-        let pixels = (0..SIZE.width * SIZE.height).map(at).map(|(u, v)| shade(u, v).map(rounded));
+        let pixels = (0..SIZE.width * SIZE.height).map(at).map(|(u, v)| shade(u, v).map(round_byte));
         Image::from_vec(SIZE, pixels.collect())
     }
 
@@ -122,8 +127,8 @@ mod tests {
     fn a_lens_that_moves_nothing_leaves_the_photo_alone() {
         let photo = picture(waves);
         for lens in [Lens::Pinhole, Lens::SimpleRadial { k1: 1e-4 }] {
-            assert!(matches!(undistorted(&photo, &CAMERA, &lens), Cow::Borrowed(same) if same == &photo));
-            assert_eq!(covered(&CAMERA, &lens), None);
+            assert!(matches!(undistort_photo(&photo, &CAMERA, &lens), Cow::Borrowed(same) if same == &photo));
+            assert_eq!(covered_pixels(&CAMERA, &lens), None);
         }
     }
 
@@ -133,7 +138,7 @@ mod tests {
     fn a_lens_that_scales_is_undone_about_the_principal_point() {
         let lens = Lens::FullOpenCv { k: [0.5e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
         let photo = picture(|u, v| waves(50.25 + 2.0 * (u - 50.25), 29.5 + 2.0 * (v - 29.5)));
-        let straight = undistorted(&photo, &CAMERA, &lens);
+        let straight = undistort_photo(&photo, &CAMERA, &lens);
         // Waves of half the length have four times the curvature: below one level, with the
         // rounding.
         assert!(largest_difference(&straight, &picture(waves)) <= 2);
@@ -151,8 +156,8 @@ mod tests {
                 None
             }
         };
-        let straight = undistorted(&white, &CAMERA, &lens);
-        let covered = covered(&CAMERA, &lens).unwrap();
+        let straight = undistort_photo(&white, &CAMERA, &lens);
+        let covered = covered_pixels(&CAMERA, &lens).unwrap();
         let mut judged = [0, 0];
         for (k, pixel) in straight.pixels().iter().enumerate() {
             let column = wanted((k % 97) as f64 + 0.5, CAMERA.cx, 97.0);
@@ -185,7 +190,7 @@ mod tests {
         });
         let lens = Lens::SimpleRadial { k1 };
         assert!(lens.max_displacement_px(&CAMERA) > 5.0);
-        assert!(largest_difference(&undistorted(&photo, &CAMERA, &lens), &picture(waves)) <= 1);
+        assert!(largest_difference(&undistort_photo(&photo, &CAMERA, &lens), &picture(waves)) <= 1);
         // The photo as taken is a different picture, so the comparison above can fail.
         assert!(largest_difference(&photo, &picture(waves)) > 20);
     }

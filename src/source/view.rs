@@ -5,7 +5,7 @@
 //! Axes and pixels are the program's own. Other fields are not read.
 
 use super::kind::Kind;
-use super::node::{Node, load};
+use super::node::{Node, load_document};
 use super::{Capture, Lens, SourceError, View, Warning, model, nerfstudio, screen_camera};
 use crate::camera::Camera;
 use crate::image::Size;
@@ -18,17 +18,17 @@ use std::path::Path;
 ///
 /// # Errors
 /// The reader of the kind fails, or a folder contains no capture or two.
-pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+pub fn read_views(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     if super::is_folder(path)? {
-        return Kind::find(path)?.read(path);
+        return Kind::kind_of(path)?.read(path);
     }
-    let document = load(path)?;
-    let top = Node::top(path, &document);
+    let document = load_document(path)?;
+    let top = Node::top_node(path, &document);
     if document.is_array() {
-        return model::read(path);
+        return model::read_capture(path);
     }
     if top.find("frames").is_some() {
-        return nerfstudio::read(path);
+        return nerfstudio::read_capture(path);
     }
     let (view, warning) = read_camera(&top)?;
     Ok((vec![view].into(), warning.into_iter().collect()))
@@ -38,7 +38,10 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
 ///
 /// Returns `None` if the index is out of range.
 #[must_use]
-pub fn choose((capture, warnings): (Capture, Vec<Warning>), index: usize) -> Option<(View, Vec<Warning>)> {
+pub fn choose_view(
+    (capture, warnings): (Capture, Vec<Warning>),
+    index: usize,
+) -> Option<(View, Vec<Warning>)> {
     let view = capture.views.into_iter().nth(index)?;
     let concerns = |warning: &Warning| match warning {
         Warning::Projected { image, .. } | Warning::PhotoSize { image, .. } => *image == view.name,
@@ -92,7 +95,7 @@ mod tests {
     #[test]
     fn a_camera_json_is_one_view() {
         let (_dir, path) = written("camera.json", &planted());
-        let (view, told) = choose(read(&path).unwrap(), 0).unwrap();
+        let (view, told) = choose_view(read_views(&path).unwrap(), 0).unwrap();
         let size = Size { width: 64, height: 48 };
         assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0 });
         assert_eq!((view.name.as_str(), view.lens, told), ("camera.json", Lens::Pinhole, Vec::new()));
@@ -107,7 +110,7 @@ mod tests {
             let found = camera_from_world.rotation * DVec3::new(x, y, z) + camera_from_world.translation;
             assert!((found - DVec3::from_array(wanted)).length() < 1e-14, "{found}");
         }
-        assert!(choose(read(&path).unwrap(), 1).is_none());
+        assert!(choose_view(read_views(&path).unwrap(), 1).is_none());
     }
 
     #[test]
@@ -115,7 +118,7 @@ mod tests {
         let mut camera = planted();
         camera["R"][1][1] = json!(1.0001);
         let (_dir, path) = written("camera.json", &camera);
-        let told = choose(read(&path).unwrap(), 0).unwrap().1;
+        let told = choose_view(read_views(&path).unwrap(), 0).unwrap().1;
         assert!(
             matches!(&told[..], [Warning::Projected { image, .. }] if image == "camera.json"),
             "{told:?}"
@@ -128,7 +131,7 @@ mod tests {
             let mut camera = planted();
             camera[key] = value;
             let (_dir, path) = written("camera.json", &camera);
-            let error = read(&path).unwrap_err().to_string();
+            let error = read_views(&path).unwrap_err().to_string();
             assert!(error.contains(wanted), "{key}: {error}");
         };
         t("W", json!(null), "`W`: it is missing");

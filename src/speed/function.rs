@@ -161,7 +161,7 @@ impl Expression {
     /// The text does not parse, or the value is not positive somewhere; the error has the place or
     /// the `t`.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
-        let root = parse::parse(text)?;
+        let root = parse::parse_expression(text)?;
         proof::prove_positive(&root)?;
         Ok(Self { root })
     }
@@ -173,7 +173,7 @@ impl Law for Expression {
     }
 
     fn distances(&self, steps: usize) -> Vec<f64> {
-        let arc = ArcLength::measure(&[1.0], |at: Place| self.root.value(at.x));
+        let arc = ArcLength::measure_curve(&[1.0], |at: Place| self.root.value(at.x));
         let place = |k: usize| Place { segment: 0, x: k as f64 / steps as f64 };
         let mut sum = Sum::default();
         let parts = (1..=steps).map(|k| {

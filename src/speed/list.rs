@@ -80,10 +80,11 @@ impl List {
         let (before, after) = (self.multipliers[k - 1], self.multipliers[k]);
         // Before the middle of the previous segment, all windows are complete and count as plain
         // steps.
-        let whole = Sum::of(self.multipliers[..k - 1].iter().copied()) + before / 2.0;
+        let whole = Sum::sum_of(self.multipliers[..k - 1].iter().copied()) + before / 2.0;
         let from_boundary = t - k as f64 / segments;
         let tau = self.blend / segments;
-        let blended = if tau > 0.0 { tau * integral(from_boundary / tau) } else { from_boundary.max(0.0) };
+        let blended =
+            if tau > 0.0 { tau * step_integral(from_boundary / tau) } else { from_boundary.max(0.0) };
         whole / segments + before * (from_boundary + 0.5 / segments) + (after - before) * blended
     }
 
@@ -105,7 +106,7 @@ impl Law for List {
         let segments = self.multipliers.len() as f64;
         let from_boundary = t - k as f64 / segments;
         let tau = self.blend / segments;
-        let h = if tau > 0.0 { step(from_boundary / tau) } else { f64::from(from_boundary >= 0.0) };
+        let h = if tau > 0.0 { blend_step(from_boundary / tau) } else { f64::from(from_boundary >= 0.0) };
         // A mean of two positive levels is positive for any ratio between them.
         self.multipliers[k - 1] * (1.0 - h) + self.multipliers[k] * h
     }
@@ -120,7 +121,7 @@ impl Law for List {
 }
 
 /// The C2 step from 0 at -1 to 1 at 1.
-fn step(x: f64) -> f64 {
+fn blend_step(x: f64) -> f64 {
     let w = (1.5 * (x + 1.0)).clamp(0.0, 3.0);
     if w < 1.0 {
         w * w * w / 6.0
@@ -133,8 +134,8 @@ fn step(x: f64) -> f64 {
     }
 }
 
-/// The integral of [`step`] from -1 to `x`; for `x` beyond 1 it is `x`.
-fn integral(x: f64) -> f64 {
+/// The integral of [`blend_step`] from -1 to `x`; for `x` beyond 1 it is `x`.
+fn step_integral(x: f64) -> f64 {
     let w = (1.5 * (x + 1.0)).max(0.0);
     let in_w = if w < 1.0 {
         w * w * w * w / 24.0
@@ -175,7 +176,7 @@ mod tests {
     fn the_step_is_twice_differentiable_with_the_knots_that_it_claims() {
         // The second derivative of a quadratic B-spline's integral is piecewise linear: 0, 9/4, -9/4, 0 at the knots.
         let h = 1e-4;
-        let bend = |x: f64| (step(x + h) - 2.0 * step(x) + step(x - h)) / (h * h);
+        let bend = |x: f64| (blend_step(x + h) - 2.0 * blend_step(x) + blend_step(x - h)) / (h * h);
         for (x, want) in
             [(-1.0, 0.0), (-1.0 / 3.0, 2.25), (0.0, 0.0), (1.0 / 3.0, -2.25), (1.0, 0.0), (-0.5, 1.6875)]
         {
@@ -184,13 +185,13 @@ mod tests {
             assert!((bend(x) - want).abs() < 2e-3, "{x}: {}", bend(x));
         }
         for x in [-1.0f64, -1.0 / 3.0, 1.0 / 3.0, 1.0] {
-            assert!((step(x.next_up()) - step(x.next_down())).abs() < 1e-15);
-            assert!((integral(x.next_up()) - integral(x.next_down())).abs() < 1e-15);
+            assert!((blend_step(x.next_up()) - blend_step(x.next_down())).abs() < 1e-15);
+            assert!((step_integral(x.next_up()) - step_integral(x.next_down())).abs() < 1e-15);
         }
-        assert!((integral(1.0) - 1.0).abs() < 1e-15 && (integral(2.5) - 2.5).abs() < 1e-15);
+        assert!((step_integral(1.0) - 1.0).abs() < 1e-15 && (step_integral(2.5) - 2.5).abs() < 1e-15);
         // Half the mean absolute value of a sum of three uniform draws of width 2/3: 13/32 of that
         // width, halved.
-        assert!(integral(-1.0).abs() < 1e-300 && (integral(0.0) - 13.0 / 96.0).abs() < 1e-15);
+        assert!(step_integral(-1.0).abs() < 1e-300 && (step_integral(0.0) - 13.0 / 96.0).abs() < 1e-15);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Stage `blur`: blurred frames, one PNG per exposure.
 
-use super::shot::{Ready, Shot, record};
+use super::shot::{Ready, Shot, record_work};
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{Blurred, Files, Motion, write_json};
 use crate::image::png;
@@ -47,30 +47,30 @@ impl Stage for Exposing {
     ) -> Result<(), StageError> {
         let Ready { camera, mut renderer } = self.shot.ready(&capture, gaussians, &motion, cx)?;
         let (poses, seconds) = (&motion.trajectory.world_from_camera, motion.seconds());
-        let centres = exposure::centres(poses.len(), self.shutter.frames);
+        let centres = exposure::exposure_centres(poses.len(), self.shutter.frames);
         if centres.is_empty() {
             return Err(exposure::TooShort { poses: poses.len(), frames: self.shutter.frames })
-                .map_err(StageError::work("expose"));
+                .map_err(StageError::work_failed("expose"));
         }
         let course = Course { camera, poses, seconds: &seconds };
         let exposer = Exposer::new(&mut *renderer, course, self.shutter);
-        let mut exposer = exposer.map_err(StageError::work("join the poses by a path"))?;
+        let mut exposer = exposer.map_err(StageError::work_failed("join the poses by a path"))?;
         let mut exposures = Vec::with_capacity(centres.len());
         for pose in centres {
             let exposed = exposer.expose(pose, &|| !cx.is_cancelled());
             let Exposed { exposure, picture } = exposed.map_err(|error| match error {
                 ExposeError::Interrupted => StageError::Cancelled,
-                error @ ExposeError::Render(_) => StageError::work("render")(error),
+                error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
             })?;
             let out = cx.out.join(format!("{pose:06}.png"));
             let written = File::create(&out)
-                .and_then(|file| png::write(&png::to_bytes(&picture), BufWriter::new(file)));
-            written.map_err(StageError::io(&out))?;
+                .and_then(|file| png::write_image(&png::to_bytes(&picture), BufWriter::new(file)));
+            written.map_err(StageError::io_error(&out))?;
             exposures.push(exposure);
         }
-        cx.warnings.extend(exposure::ghosts(&exposures));
+        cx.warnings.extend(exposure::ghost_warning(&exposures));
         let out = cx.out.join(Blurred::EXPOSURES);
-        write_json(&out, &exposures).map_err(StageError::io(&out))?;
-        record(&exposer.work, cx)
+        write_json(&out, &exposures).map_err(StageError::io_error(&out))?;
+        record_work(&exposer.work, cx)
     }
 }

@@ -75,7 +75,7 @@ impl Stage for Capturing {
         if !is_there(root) {
             return Err(StageError::Missing { path: root.clone() });
         }
-        let listed = captured.files().map_err(StageError::work("read the source"))?;
+        let listed = captured.files().map_err(StageError::work_failed("read the source"))?;
         Ok(listed.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
     }
 
@@ -90,13 +90,15 @@ impl Stage for Capturing {
         let (capture, warnings) = match self {
             Self::Procedural { views, arc, seed } => {
                 let still_life = StillLife { views: *views, arc: *arc, seed: *seed, ..StillLife::default() };
-                (procedural::capture(&still_life), Vec::new())
+                (procedural::still_capture(&still_life), Vec::new())
             }
-            Self::Captured(captured) => captured.read().map_err(StageError::work("read the source"))?,
+            Self::Captured(captured) => {
+                captured.read().map_err(StageError::work_failed("read the source"))?
+            }
             Self::None => (Vec::new().into(), Vec::new()),
         };
         cx.warnings.extend(warnings.iter().map(ToString::to_string));
         let out = cx.out.join("capture.json");
-        write_json(&out, &capture).map_err(StageError::io(&out))
+        write_json(&out, &capture).map_err(StageError::io_error(&out))
     }
 }

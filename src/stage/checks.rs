@@ -11,12 +11,12 @@ use crate::artifact::{EventStreams, Files, Motion, Stream, Verdicts, write_json}
 use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::FlowAt;
 use crate::check::tally::{Against, Observer};
-use crate::check::{Limits, Subject, Tally, judge};
+use crate::check::{Limits, Subject, Tally, judge_trajectory};
 use crate::event::{EventSource, h5};
 use crate::foreign::Foreign;
 use crate::image::Image;
 use crate::render::View;
-use crate::render::flow::rates;
+use crate::render::flow::flow_rates;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ impl Stage for Checking {
         // The flow computed from a depth takes two numbers per pixel.
         let flows = files.iter().map(|files| 2 * files.size(EventStreams::DEPTH)).sum::<u64>();
         let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
-        Need::memory([held, held, held])
+        Need::for_parts([held, held, held])
     }
 
     fn run(
@@ -56,10 +56,11 @@ impl Stage for Checking {
         (motion, events, foreign): (Motion, Option<EventStreams>, Option<Foreign>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
-        let rate: Ratio = motion.report.rate.parse().map_err(StageError::work("read the frame rate"))?;
+        let rate: Ratio =
+            motion.report.rate.parse().map_err(StageError::work_failed("read the frame rate"))?;
         let rate = Hertz(rate);
         let tallies = match &events {
-            Some(streams) => count(streams, &motion, rate, cx)?,
+            Some(streams) => count_streams(streams, &motion, rate, cx)?,
             None => Vec::new(),
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
@@ -78,7 +79,7 @@ impl Stage for Checking {
             limits: &self.limits,
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
-        let named: Vec<String> = streams.iter().map(|s| suffix(s.name.as_deref())).collect();
+        let named: Vec<String> = streams.iter().map(|s| stream_suffix(s.name.as_deref())).collect();
         let streams: Vec<Subject<'_>> = streams
             .iter()
             .zip(&tallies)
@@ -92,25 +93,25 @@ impl Stage for Checking {
                 ..whole
             })
             .collect();
-        let findings = judge(&whole, &streams);
+        let findings = judge_trajectory(&whole, &streams);
         for (subject, tally) in streams.iter().zip(&tallies) {
-            pictures::write(subject.name, tally, cx)?;
+            pictures::write_pictures(subject.name, tally, cx)?;
         }
         let verdicts =
             Verdicts { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
         let out = cx.out.join("verdicts.json");
-        write_json(&out, &verdicts).map_err(StageError::io(&out))
+        write_json(&out, &verdicts).map_err(StageError::io_error(&out))
     }
 }
 
 /// The part of a finding's subject for the stream of this name.
-fn suffix(name: Option<&str>) -> String {
+fn stream_suffix(name: Option<&str>) -> String {
     name.map_or_else(String::new, |name| format!("/{name}"))
 }
 
 /// The image motion at the instants with a known depth, from the poses and stamps of the
 /// trajectory. The pose is the one with the nearest stamp, which is within half a frame.
-fn flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
+fn measured_flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
     let (stamps, velocities) = (&motion.trajectory.stamps_us, motion.velocities());
     let at = |(t_us, depth): (&i64, &Image<f32>)| {
         let after = stamps.partition_point(|t| t < t_us).min(stamps.len() - 1);
@@ -119,13 +120,13 @@ fn flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
         let camera = streams.simulation.camera;
         let pose = motion.trajectory.world_from_camera[near];
         let view = View { camera, world_from_camera: pose, velocity: velocities[near] };
-        FlowAt { t_us: *t_us, px_s: rates(depth, &view) }
+        FlowAt { t_us: *t_us, px_s: flow_rates(depth, &view) }
     };
     streams.simulation.depth_stamps_us.iter().zip(&streams.depths).map(at).collect()
 }
 
 /// Counts each stream in one pass.
-fn count(
+fn count_streams(
     streams: &EventStreams,
     motion: &Motion,
     rate: Hertz,
@@ -133,17 +134,17 @@ fn count(
 ) -> Result<Vec<Tally>, StageError> {
     let simulation = &streams.simulation;
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
-    let flows = flows(streams, motion);
+    let flows = measured_flows(streams, motion);
     let count = |(stream, file): (&Stream, &PathBuf)| {
         let against = Against {
-            seen: DriftLaw::of(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream))),
+            seen: DriftLaw::for_sensor(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream))),
             flows: &flows,
             dead_us: stream.sensor.dead_us(),
         };
         let mut observer = Observer::new(simulation.camera.size, rate, end_us, against);
-        let mut reader = h5::Reader::open(file).map_err(StageError::work("read events"))?;
+        let mut reader = h5::Reader::open(file).map_err(StageError::work_failed("read events"))?;
         let mut chunk = Vec::new();
-        while reader.next_chunk(&mut chunk).map_err(StageError::work("read events"))? {
+        while reader.next_chunk(&mut chunk).map_err(StageError::work_failed("read events"))? {
             cx.go_on()?;
             observer.append(&chunk);
         }

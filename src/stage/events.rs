@@ -94,22 +94,22 @@ impl Stage for Simulating {
         (capture, gaussians, motion): (Capture, Gaussians, Motion),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
-        let camera = super::camera(self.camera, &capture, cx);
+        let camera = super::choose_camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
         let gaussians = Arc::new(gaussians);
         let new_renderer = || {
             let renderer = self.backend.renderer(gaussians.clone(), style);
-            let mut renderer = renderer.map_err(StageError::work("render"))?;
+            let mut renderer = renderer.map_err(StageError::work_failed("render"))?;
             renderer.omit(self.omit);
             Ok::<_, StageError>(renderer)
         };
-        let path = path(&motion)?;
+        let path = continuous_path(&motion)?;
         let Sampled { trajectory, velocities, chosen, renderer } =
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
         let own = chosen_own.as_ref().unwrap_or(self);
-        let seen = look(&mut *new_renderer()?, camera, &trajectory, cx)?;
-        let choice = Choice::of(&trajectory.stamps_us, apart(seen.flow_px));
+        let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let choice = Choice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
         let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
         if own.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
             frames = frames.with_rates(velocities);
@@ -118,7 +118,7 @@ impl Stage for Simulating {
             frames.want_colour();
         }
         if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
-            cx.saving = frames.saving(clock).map_err(StageError::work("render"))?;
+            cx.saving = frames.saving(clock).map_err(StageError::work_failed("render"))?;
         }
         let (mut streams, anchors) =
             own.simulate(&mut frames, (&trajectory.stamps_us, &choice), camera.size, cx)?;
@@ -148,10 +148,10 @@ impl Stage for Simulating {
             chosen,
         };
         for (i, anchors) in anchors.iter().enumerate() {
-            write(&cx.out.join(EventStreams::brightness(i)), |file| anchors.write_images(file))?;
+            write_product(&cx.out.join(EventStreams::brightness_name(i)), |file| anchors.write_images(file))?;
         }
         let out = cx.out.join("simulation.json");
-        write_json(&out, &simulation).map_err(StageError::io(&out))
+        write_json(&out, &simulation).map_err(StageError::io_error(&out))
     }
 }
 
@@ -178,7 +178,7 @@ impl Simulating {
     }
 
     fn front_ends(&self) -> Vec<FrontEnd> {
-        front_end::distinct(self.sensors().map(|(_, sensor)| sensor.as_model()))
+        front_end::distinct_front_ends(self.sensors().map(|(_, sensor)| sensor.as_model()))
     }
 
     /// Whether colours are rendered: a sensor needs them, or nothing is left out.
@@ -195,7 +195,7 @@ impl Simulating {
         size: Size,
         cx: &Context<'_>,
     ) -> Result<(Vec<Stream>, Vec<Anchors>), StageError> {
-        let mut anchors = vec![Anchors::empty(choice); self.front_ends().len()];
+        let mut anchors = vec![Anchors::without_frames(choice); self.front_ends().len()];
         let keep = |anchors: &mut Anchors, frame: &Frame| {
             if choice.frames.binary_search(&frame.index).is_ok() {
                 anchors.keep(frame, stamps_us[frame.index]);
@@ -208,7 +208,7 @@ impl Simulating {
         };
         let failed = |e| match e {
             SimulateError::Interrupted => StageError::Cancelled,
-            e => StageError::work("simulate events")(e),
+            e => StageError::work_failed("simulate events")(e),
         };
         let mut sinks = self.sinks(size, cx)?;
         let mut channels = Vec::new();
@@ -226,7 +226,7 @@ impl Simulating {
         drop(channels);
         let last = stamps_us.last().copied().unwrap_or(0);
         for sink in sinks {
-            sink.finish(last).map_err(StageError::work("write events"))?;
+            sink.finish(last).map_err(StageError::work_failed("write events"))?;
         }
         let stream = |((name, sensor), account): ((Option<&str>, &Sensor), Account)| Stream {
             name: name.map(str::to_owned),
@@ -244,11 +244,11 @@ impl Simulating {
             let (c_on, c_off) = model.contrast();
             let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
             h5::Writer::create(
-                &cx.out.join(Stream::stored(name)),
+                &cx.out.join(Stream::stored_name(name)),
                 &Header { size, law, labelled: model.labels() },
             )
         };
-        self.sensors().map(sink).collect::<Result<_, _>>().map_err(StageError::work("write events"))
+        self.sensors().map(sink).collect::<Result<_, _>>().map_err(StageError::work_failed("write events"))
     }
 }
 
@@ -263,20 +263,21 @@ struct Seen {
 }
 
 /// The trajectory as continuous motion; `None` for a single pose.
-fn path(motion: &Motion) -> Result<Option<Path>, StageError> {
+fn continuous_path(motion: &Motion) -> Result<Option<Path>, StageError> {
     let poses = &motion.trajectory.world_from_camera;
-    let path = || Path::through(poses, motion.seconds()).map_err(StageError::work("follow the path"));
+    let path =
+        || Path::through_poses(poses, motion.seconds()).map_err(StageError::work_failed("follow the path"));
     (poses.len() > 1).then(path).transpose()
 }
 
 /// Number of frames in which the median image motion is about a pixel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of frames, saturating")]
-fn apart(flow_px: Option<Quantiles>) -> usize {
+fn span_frames(flow_px: Option<Quantiles>) -> usize {
     flow_px.map_or(1, |flow| (1.0 / flow.median).round() as usize)
 }
 
 /// Measures depth and flow, and writes the depths.
-fn look(
+fn sample_path(
     renderer: &mut dyn Renderer,
     camera: Camera,
     trajectory: &Trajectory,
@@ -288,25 +289,27 @@ fn look(
     let mut doubt = Doubt::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
-        let [from, to] = [a, b].map(|j| View::still(camera, poses[j]));
+        let [from, to] = [a, b].map(|j| View::at_rest(camera, poses[j]));
         let mut rendered = Rendered::default();
-        renderer.render(&from, want, &mut rendered).map_err(StageError::work("measure the optical flow"))?;
+        renderer
+            .render(&from, want, &mut rendered)
+            .map_err(StageError::work_failed("measure the optical flow"))?;
         doubt.add(&rendered);
         let depth = rendered.depth.expect("depth was asked for");
-        moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
+        moved_px.extend(flow::flow_displacement(&depth, &from, &to).into_pixels());
         stamps_us.push(trajectory.stamps_us[a]);
         depths.push(depth);
     }
-    write(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&depths, file))?;
-    let flow_px = Quantiles::of(moved_px);
+    write_product(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&depths, file))?;
+    let flow_px = Quantiles::from_values(moved_px);
     let depths = depths.into_iter().flat_map(Image::into_pixels).collect();
     let depth_unit = flow::nearest_ranks(depths, [5, 50, 95]);
     Ok(Seen { flow_px, doubtful_share: doubt.share(), depth_unit, stamps_us })
 }
 
-fn write(
+fn write_product(
     path: &std::path::Path,
     fill: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), StageError> {
-    File::create(path).and_then(|mut file| fill(&mut file)).map_err(StageError::io(path))
+    File::create(path).and_then(|mut file| fill(&mut file)).map_err(StageError::io_error(path))
 }

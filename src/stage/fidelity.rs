@@ -8,7 +8,7 @@ use crate::files;
 use crate::image::photo;
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
-use crate::render::fidelity::{Compared, Fidelity, NotCompared, compare, held_out, picked};
+use crate::render::fidelity::{Compared, Fidelity, NotCompared, compare_view, held_out, picked_indices};
 use crate::scene::Gaussians;
 use crate::source::{Capture, View};
 use serde::Serialize;
@@ -60,11 +60,11 @@ impl Stage for Comparing {
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let photos = self.capturing.photos()?;
-        let taken = taken(&capture, &photos);
-        let picked: Vec<Taken<'_>> = picked(taken.len()).into_iter().map(|k| taken[k]).collect();
-        let fidelity = measure(&Arc::new(gaussians), (self.render, &self.backend), &picked, cx)?;
+        let taken = views_taken(&capture, &photos);
+        let picked: Vec<Taken<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
+        let fidelity = measure_fidelity(&Arc::new(gaussians), (self.render, &self.backend), &picked, cx)?;
         let out = cx.out.join("fidelity.json");
-        write_json(&out, &fidelity).map_err(StageError::io(&out))
+        write_json(&out, &fidelity).map_err(StageError::io_error(&out))
     }
 }
 
@@ -72,13 +72,13 @@ impl Stage for Comparing {
 pub(super) type Taken<'a> = (usize, &'a View, &'a SourceFile);
 
 /// The views with a photo.
-pub(super) fn taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<Taken<'a>> {
+pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<Taken<'a>> {
     let views = capture.views.iter().enumerate();
     views.filter_map(|(i, view)| Some((i, view, photo_of(view, photos)?))).collect()
 }
 
 /// Compares a scene with these photos. Without photos, no renderer is created.
-pub(super) fn measure(
+pub(super) fn measure_fidelity(
     gaussians: &Arc<Gaussians>,
     (render, backend): (RenderChoice, &Backend),
     taken: &[Taken<'_>],
@@ -89,14 +89,15 @@ pub(super) fn measure(
         return Ok(fidelity);
     }
     let style = render.resolve(gaussians.antialiased);
-    let mut renderer = backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"))?;
+    let mut renderer =
+        backend.renderer(gaussians.clone(), style).map_err(StageError::work_failed("render"))?;
     for &(i, view, photo) in taken {
         cx.go_on()?;
         let name = view.name.clone();
-        match read(view, photo)? {
+        match read_photo(view, photo)? {
             Ok(photo) => {
-                let [psnr, ssim] =
-                    compare(renderer.as_mut(), view, &photo).map_err(StageError::work("render"))?;
+                let [psnr, ssim] = compare_view(renderer.as_mut(), view, &photo)
+                    .map_err(StageError::work_failed("render"))?;
                 fidelity.views.push(Compared { name, psnr, ssim, held_out: held_out(i) });
             }
             Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
@@ -116,7 +117,7 @@ fn photo_of<'a>(view: &View, photos: &'a [SourceFile]) -> Option<&'a SourceFile>
 type Photo = crate::image::Image<[u8; 3]>;
 
 /// The photo of a view, or the problem with it.
-fn read(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
-    let bytes = files::read(&photo.path, files::MAX_PICTURE).map_err(StageError::io(&photo.path))?;
-    Ok(photo::read(&bytes, view.camera.size).map_err(|because| because.to_string()))
+fn read_photo(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
+    let bytes = files::read(&photo.path, files::MAX_PICTURE).map_err(StageError::io_error(&photo.path))?;
+    Ok(photo::read_photo(&bytes, view.camera.size).map_err(|because| because.to_string()))
 }

@@ -6,7 +6,7 @@ use crate::artifact::{EventStreams, Files, Motion, Pictures, write_json};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::foreign::versions::Asked;
-use crate::foreign::{Foreign, ForeignError, Picture, Told, colmap, opencv, readback, spread};
+use crate::foreign::{Foreign, ForeignError, Picture, Told, colmap, opencv, readback, spread_evenly};
 use crate::reconstruct::Desk;
 use crate::source::Capture;
 use serde::Serialize;
@@ -34,7 +34,7 @@ impl Asking {
     /// Who is asked where a recipe has these checks; `None` where nobody is. `version` gives the version of a program that
     /// is known.
     #[must_use]
-    pub fn of(
+    pub fn for_limits(
         checks: &Limits,
         camera: Option<CameraChoice>,
         version: &dyn Fn(Asked) -> Option<String>,
@@ -72,7 +72,7 @@ impl Stage for Asking {
     fn need(&self, files: &[Files]) -> Need {
         let events =
             files.last().map_or(0, |files| files.iter().map(|(name, _)| of_events(files, name)).sum());
-        Need::memory([BYTES, BYTES_A_STORED_BYTE * events])
+        Need::for_parts([BYTES, BYTES_A_STORED_BYTE * events])
     }
 
     fn runs_known_programs(&self) -> bool {
@@ -84,28 +84,30 @@ impl Stage for Asking {
         (capture, motion, pictures, events): (Capture, Motion, Option<Pictures>, Option<EventStreams>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
-        let camera = super::camera(self.camera, &capture, cx);
-        let pictures = pictures.map_or_else(Vec::new, numbered);
+        let camera = super::choose_camera(self.camera, &capture, cx);
+        let pictures = pictures.map_or_else(Vec::new, numbered_pictures);
         let trajectory = &motion.trajectory;
         let mut foreign = Foreign::default();
         if let Some(frames) = self.colmap {
-            let chosen = spread(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
+            let chosen =
+                spread_evenly(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
             let chosen: Vec<Picture> = chosen.collect();
-            let found = at_desk("colmap", cx, |desk| colmap::register(&chosen, &camera, desk))?;
+            let found = at_desk("colmap", cx, |desk| colmap::register_pictures(&chosen, &camera, desk))?;
             foreign.colmap = Some(found.map(|found| found.against(&trajectory.world_from_camera)));
         }
         if self.opencv {
-            let released = opencv::Released::of(&camera, trajectory, &pictures);
-            let ask = |desk: Desk<'_>| opencv::measure(&released, (&camera, trajectory), &pictures, desk);
+            let released = opencv::Released::from_trajectory(&camera, trajectory, &pictures);
+            let ask =
+                |desk: Desk<'_>| opencv::measure_released(&released, (&camera, trajectory), &pictures, desk);
             foreign.opencv = Some(at_desk("opencv", cx, ask)?);
         }
         if self.readback {
             let streams = events.map_or_else(Vec::new, |events| events.files);
             foreign.readback =
-                Some(at_desk("readback", cx, |desk| readback::read(&streams, &pictures, desk))?);
+                Some(at_desk("readback", cx, |desk| readback::read_back(&streams, &pictures, desk))?);
         }
         let out = cx.out.join("foreign.json");
-        write_json(&out, &foreign).map_err(StageError::io(&out))
+        write_json(&out, &foreign).map_err(StageError::io_error(&out))
     }
 }
 
@@ -115,7 +117,7 @@ fn of_events(files: &Files, name: &str) -> u64 {
 }
 
 /// Pictures by the indices in their names.
-fn numbered(pictures: Pictures) -> Vec<Picture> {
+fn numbered_pictures(pictures: Pictures) -> Vec<Picture> {
     let picture = |(name, file): (String, _)| {
         let pose = name.strip_suffix(".png")?.parse().ok()?;
         Some(Picture { pose, file })
@@ -130,20 +132,20 @@ fn at_desk<T>(
     ask: impl FnOnce(Desk<'_>) -> Result<Told<T>, ForeignError>,
 ) -> Result<Told<T>, StageError> {
     cx.go_on()?;
-    let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io(cx.out))?;
-    std::fs::create_dir(&folder).map_err(StageError::io(&folder))?;
+    let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
+    std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
     let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
     let desk = Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
-    let told = ask(desk).map_err(failure)?;
-    std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
+    let told = ask(desk).map_err(stage_failure)?;
+    std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
     Ok(told)
 }
 
-fn failure(error: ForeignError) -> StageError {
+fn stage_failure(error: ForeignError) -> StageError {
     match error {
         ForeignError::Stopped => StageError::Cancelled,
         ForeignError::Failed(failed) => StageError::Program(failed),
         ForeignError::Io { path, cause } => StageError::Io { path, source: cause },
-        error @ ForeignError::Own { .. } => StageError::work("hold it against other programs")(error),
+        error @ ForeignError::Own { .. } => StageError::work_failed("hold it against other programs")(error),
     }
 }

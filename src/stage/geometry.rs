@@ -73,7 +73,7 @@ impl Quantity for Depth {
     }
 
     fn write(rendered: &Rendered, out: impl Write) -> io::Result<()> {
-        npy::write(rendered.depth.as_ref().expect("depth was asked for"), out)
+        npy::write_image(rendered.depth.as_ref().expect("depth was asked for"), out)
     }
 }
 
@@ -88,7 +88,7 @@ impl Quantity for Flow {
     }
 
     fn write(rendered: &Rendered, out: impl Write) -> io::Result<()> {
-        npy::write(rendered.flow.as_ref().expect("flow was asked for"), out)
+        npy::write_image(rendered.flow.as_ref().expect("flow was asked for"), out)
     }
 }
 
@@ -112,7 +112,7 @@ impl<Q: Quantity> Stage for Measuring<Q> {
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let mut ready = self.shot.ready(&capture, gaussians, &motion, cx)?;
-        let kept = exposure::kept(motion.trajectory.world_from_camera.len(), self.every, None);
+        let kept = exposure::kept_poses(motion.trajectory.world_from_camera.len(), self.every, None);
         let views = ready.views(&motion, &kept, Q::velocities(&motion).as_deref());
         ready.take(&views, Q::CHANNELS, ("npy", |rendered, file| Q::write(rendered, file)), cx)
     }

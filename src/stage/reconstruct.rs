@@ -6,7 +6,7 @@ mod command;
 pub use command::Training;
 
 use super::capture::Capturing;
-use super::{Context, Need, SourceFile, Stage, StageError, Target, copies};
+use super::{Context, Need, SourceFile, Stage, StageError, Target, small_stage_memory};
 use crate::artifact::{Artifact, Files};
 use crate::files::is_there;
 use crate::reconstruct::{self, Command};
@@ -57,7 +57,9 @@ impl SceneFile {
         match self {
             Self::At(file) => Ok(file.clone()),
             Self::NewestOf(model) if !is_there(model) => Err(StageError::Missing { path: model.clone() }),
-            Self::NewestOf(model) => model::newest_scene(model).map_err(StageError::work("find the scene")),
+            Self::NewestOf(model) => {
+                model::newest_scene(model).map_err(StageError::work_failed("find the scene"))
+            }
         }
     }
 }
@@ -72,7 +74,7 @@ impl Reconstructing {
 
     /// A scene file. A `.splat` file has no magic number, so its name is part of its identity.
     #[must_use]
-    pub fn given(file: &Path) -> Self {
+    pub fn from_file(file: &Path) -> Self {
         let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
         Self::Given { form: is_splat.then_some("splat"), file: SceneFile::At(file.to_owned()) }
     }
@@ -85,7 +87,7 @@ impl Reconstructing {
 
     /// The scene that a program trains on the photos of a source.
     #[must_use]
-    pub fn command(command: &Command, source: Capturing, render: RenderChoice) -> Self {
+    pub fn from_command(command: &Command, source: Capturing, render: RenderChoice) -> Self {
         Self::Command(Box::new(Training::new(command, source, render)))
     }
 }
@@ -117,8 +119,8 @@ impl Stage for Reconstructing {
         let capture = files.first().filter(|_| matches!(self, Self::Command(_)));
         match capture.and_then(|files| Capture::open(files).ok()) {
             // Trainings use the GPU one after another.
-            Some(capture) => Need { gpu: true, ..Need::memory([reconstruct::memory(&capture)]) },
-            None => Need::memory([copies(files)]),
+            Some(capture) => Need { gpu: true, ..Need::for_parts([reconstruct::photo_memory(&capture)]) },
+            None => Need::for_parts([small_stage_memory(files)]),
         }
     }
 
@@ -136,13 +138,13 @@ impl Stage for Reconstructing {
             }
             Self::Procedural { gaussians, seed } => {
                 let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };
-                procedural::gaussians(&still_life)
+                procedural::still_life(&still_life)
             }
             Self::Given { file, .. } => {
-                scene::read(&file.find()?).map_err(StageError::work("read the scene"))?
+                scene::read_file(&file.find()?).map_err(StageError::work_failed("read the scene"))?
             }
         };
         let out = cx.out.join("scene.ply");
-        File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io(&out))
+        File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io_error(&out))
     }
 }

@@ -53,26 +53,26 @@ impl Stage for CheckingScene {
         let model = self.capturing.model();
         let subject = SceneSubject {
             name: "",
-            photos: photos(&capture, model.as_ref()),
-            reprojection: reprojection(model)?,
-            walk: walk(&capture),
+            photos: count_photos(&capture, model.as_ref()),
+            reprojection: model_reprojection(model)?,
+            walk: capture_walk(&capture),
             fidelity: fidelity.as_ref(),
             limits: &self.limits,
         };
         let verdicts = Verdicts { findings: judge_scene(&subject), peaks_ev_per_ms: Vec::new() };
         let out = cx.out.join("verdicts.json");
-        write_json(&out, &verdicts).map_err(StageError::io(&out))
+        write_json(&out, &verdicts).map_err(StageError::io_error(&out))
     }
 }
 
-fn reprojection(model: Option<Model>) -> Result<Result<Reprojection, String>, StageError> {
+fn model_reprojection(model: Option<Model>) -> Result<Result<Reprojection, String>, StageError> {
     let Some(model) = model else { return Ok(Err(NO_MODEL.to_owned())) };
-    let found = model.reprojection().map_err(StageError::work("measure the model"))?;
+    let found = model.reprojection().map_err(StageError::work_failed("measure the model"))?;
     Ok(found.ok_or_else(|| "the model has no points that its images see".to_owned()))
 }
 
 /// Photos excluded by name do not count; photos that were not selected count like the others.
-fn photos(capture: &Capture, model: Option<&Model>) -> Result<Photos, String> {
+fn count_photos(capture: &Capture, model: Option<&Model>) -> Result<Photos, String> {
     model.ok_or(NO_MODEL)?;
     let unused = |why| capture.unused.iter().filter(move |photo| photo.why == why);
     let hashes = capture.views.iter().map(|view| &view.sha256);
@@ -81,9 +81,9 @@ fn photos(capture: &Capture, model: Option<&Model>) -> Result<Photos, String> {
     Ok(Photos { there: registered + unused(Why::NotRegistered).count(), registered, views: hashes.count() })
 }
 
-fn walk(capture: &Capture) -> Result<Walk, String> {
+fn capture_walk(capture: &Capture) -> Result<Walk, String> {
     let pose = |view: &crate::source::View| view.world_from_camera;
     let views = capture.views.iter().map(|v| NamedPose { name: &v.name, world_from_camera: pose(v) });
-    let walk = Walk::of(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
+    let walk = Walk::measure_views(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
     walk.ok_or_else(|| "no two views are apart".to_owned())
 }

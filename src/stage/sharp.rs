@@ -46,11 +46,11 @@ impl Stage for Photographing {
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let mut ready = self.shot.ready(&capture, gaussians, &motion, cx)?;
-        let kept = exposure::kept(motion.trajectory.world_from_camera.len(), self.every, self.exposed);
+        let kept = exposure::kept_poses(motion.trajectory.world_from_camera.len(), self.every, self.exposed);
         let want = Channels { rgb: true, ..Channels::default() };
         let views = ready.views(&motion, &kept, None);
         let write = |rendered: &Rendered, file| {
-            png::write(&png::to_bytes(rendered.rgb.as_ref().expect("colour was asked for")), file)
+            png::write_image(&png::to_bytes(rendered.rgb.as_ref().expect("colour was asked for")), file)
         };
         ready.take(&views, want, ("png", write), cx)
     }

@@ -52,10 +52,10 @@ impl Shot {
         motion: &Motion,
         cx: &mut Context<'_>,
     ) -> Result<Ready, StageError> {
-        let camera = super::camera(self.camera, capture, cx);
+        let camera = super::choose_camera(self.camera, capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
         let mut renderer =
-            self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+            self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work_failed("render"))?;
         renderer.omit(self.omit);
         renderer.keep_to(&camera, &motion.trajectory.world_from_camera);
         Ok(Ready { camera, renderer })
@@ -71,7 +71,7 @@ impl Ready {
         velocities: Option<&[Velocity]>,
     ) -> Vec<(usize, View)> {
         let view = |j: usize| {
-            let still = View::still(self.camera, motion.trajectory.world_from_camera[j]);
+            let still = View::at_rest(self.camera, motion.trajectory.world_from_camera[j]);
             velocities.map_or(still, |all| View { velocity: all[j], ..still })
         };
         poses.iter().map(|j| (*j, view(*j))).collect()
@@ -92,22 +92,24 @@ impl Ready {
             for (j, view) in batch {
                 cx.go_on()?;
                 let mut rendered = Rendered::default();
-                work +=
-                    self.renderer.render(view, want, &mut rendered).map_err(StageError::work("render"))?;
+                work += self
+                    .renderer
+                    .render(view, want, &mut rendered)
+                    .map_err(StageError::work_failed("render"))?;
                 pictures.push((j, rendered));
             }
             pictures.par_iter().try_for_each(|(j, rendered)| {
                 let out = cx.out.join(format!("{j:06}.{extension}"));
                 let written = File::create(&out).and_then(|file| write(rendered, BufWriter::new(file)));
-                written.map_err(StageError::io(&out))
+                written.map_err(StageError::io_error(&out))
             })?;
         }
-        record(&work, cx)
+        record_work(&work, cx)
     }
 }
 
 /// Writes the counts of the rendering.
-pub(super) fn record(work: &Work, cx: &Context<'_>) -> Result<(), StageError> {
+pub(super) fn record_work(work: &Work, cx: &Context<'_>) -> Result<(), StageError> {
     let out = cx.out.join("work.json");
-    write_json(&out, work).map_err(StageError::io(&out))
+    write_json(&out, work).map_err(StageError::io_error(&out))
 }

@@ -68,10 +68,13 @@ impl Stage for Moving {
         const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
             (Some(seeing), [others @ .., scene]) => {
-                let need = Need::memory([super::copies(others), seeing.backend.memory(scene.bytes(), SMALL)]);
+                let need = Need::for_parts([
+                    super::small_stage_memory(others),
+                    seeing.backend.memory(scene.bytes(), SMALL),
+                ]);
                 Need { gpu: seeing.backend.takes_gpu(), ..need }
             }
-            _ => Need::memory([super::copies(files)]),
+            _ => Need::for_parts([super::small_stage_memory(files)]),
         }
     }
 
@@ -93,7 +96,7 @@ impl Stage for Moving {
         let meter = meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
         let timing = Timing { speed: &self.speed, rate: self.rate, law: self.law };
         let made = self.path.make(Ground { views: &views, base }, timing, meter);
-        let made = made.map_err(StageError::work("make the trajectory"))?;
+        let made = made.map_err(StageError::work_failed("make the trajectory"))?;
         cx.warnings.extend(made.report.warnings.iter().cloned());
         let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
             let out = cx.out.join(name);
@@ -101,15 +104,15 @@ impl Stage for Moving {
                 fill(&mut file)?;
                 file.flush()
             });
-            written.map_err(StageError::io(&out))
+            written.map_err(StageError::io_error(&out))
         };
         write("poses.txt", &|file| made.trajectory.write_poses(file))?;
         write("timestamps_us.txt", &|file| made.trajectory.write_stamps(file))?;
         write("trajectory.svg", &|file| {
-            file.write_all(picture::svg(&made.trajectory, &made.report).as_bytes())
+            file.write_all(picture::trajectory_svg(&made.trajectory, &made.report).as_bytes())
         })?;
         let out = cx.out.join("speed.json");
-        write_json(&out, &made.report).map_err(StageError::io(&out))
+        write_json(&out, &made.report).map_err(StageError::io_error(&out))
     }
 }
 
@@ -124,10 +127,10 @@ impl Moving {
         let (Some(seeing), Some(capture), Some(gaussians)) = (&self.seeing, capture, gaussians) else {
             return Ok(None);
         };
-        let camera = super::camera(seeing.camera, capture, cx);
+        let camera = super::choose_camera(seeing.camera, capture, cx);
         let style = seeing.render.resolve(gaussians.antialiased);
         let renderer =
-            seeing.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+            seeing.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work_failed("render"))?;
         Ok(Some(Meter::new(renderer, camera)))
     }
 }

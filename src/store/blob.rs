@@ -1,6 +1,6 @@
 //! Blobs: files named by the BLAKE3 of their bytes, mode 0444, never changed in place.
 
-use super::disk::{Disk, failed};
+use super::disk::{Disk, disk_error};
 use super::record::Output;
 use super::{Digest, StoreError};
 use crate::files::is_no_file;
@@ -49,7 +49,7 @@ impl Blobs {
             Ok(found) if found == Some(*digest) => Ok(()),
             Ok(_) => self.disk.rename(&path, &self.fresh("trash")),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
-            Err(e) => Err(failed("reading", &path)(e)),
+            Err(e) => Err(disk_error("reading", &path)(e)),
         }
     }
 
@@ -69,8 +69,8 @@ impl Blobs {
 
     fn hash(&self, name: String, path: PathBuf) -> Result<Finished, StoreError> {
         self.disk.make_read_only(&path)?;
-        let digest = self.disk.digest(&path).map_err(failed("reading", &path))?;
-        let size = self.disk.stat(&path).map_err(failed("reading", &path))?.size;
+        let digest = self.disk.digest(&path).map_err(disk_error("reading", &path))?;
+        let size = self.disk.stat(&path).map_err(disk_error("reading", &path))?.size;
         Ok(Finished { output: Output { name, digest, size }, path })
     }
 
@@ -87,7 +87,7 @@ impl Blobs {
         }
         // Another writer was first, or its bytes were altered since: only the bytes can decide.
         let _alone = self.replacing.lock().expect("no holder panics");
-        let found = self.found(&to).map_err(failed("reading", &to))?;
+        let found = self.found(&to).map_err(disk_error("reading", &to))?;
         if found.is_none() {
             // A file does not take the place of a folder.
             self.disk.rename(&to, &self.fresh("trash"))?;

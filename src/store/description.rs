@@ -1,6 +1,6 @@
 //! The description of a step, from which both its key and its explanation are made.
 //!
-//! The parameters of a stage implement [`serde::Serialize`]; [`describe`] turns them into a
+//! The parameters of a stage implement [`serde::Serialize`]; [`describe_value`] turns them into a
 //! [`Value`]. The key hashes the encoding of the value, and `gs2e why` prints its lines, so an
 //! explanation cannot disagree with a key.
 //!
@@ -50,33 +50,33 @@ pub enum Value {
 impl Value {
     /// A record without fields.
     #[must_use]
-    pub fn empty() -> Self {
+    pub fn empty_record() -> Self {
         Self::Record(BTreeMap::new())
     }
 
     /// Appends the encoding to `out`.
     pub fn encode(&self, out: &mut Vec<u8>) {
         match self {
-            Self::Bool(v) => tagged(out, 1, &[u8::from(*v)]),
-            Self::Signed(v) => tagged(out, 2, &v.to_le_bytes()),
-            Self::Unsigned(v) => tagged(out, 3, &v.to_le_bytes()),
-            Self::Real(v) => tagged(out, 4, &v.to_bits().to_le_bytes()),
-            Self::Text(v) => tagged(out, 5, v.as_bytes()),
-            Self::Bytes(v) => tagged(out, 6, v),
-            Self::List(values) => nested(out, 7, |out| values.iter().for_each(|v| v.encode(out))),
-            Self::Record(fields) => nested(out, 8, |out| {
+            Self::Bool(v) => write_tagged(out, 1, &[u8::from(*v)]),
+            Self::Signed(v) => write_tagged(out, 2, &v.to_le_bytes()),
+            Self::Unsigned(v) => write_tagged(out, 3, &v.to_le_bytes()),
+            Self::Real(v) => write_tagged(out, 4, &v.to_bits().to_le_bytes()),
+            Self::Text(v) => write_tagged(out, 5, v.as_bytes()),
+            Self::Bytes(v) => write_tagged(out, 6, v),
+            Self::List(values) => write_nested(out, 7, |out| values.iter().for_each(|v| v.encode(out))),
+            Self::Record(fields) => write_nested(out, 8, |out| {
                 for (name, value) in fields.iter().filter(|(_, value)| !matches!(value, Self::Implied(_))) {
-                    tagged(out, 5, name.as_bytes());
+                    write_tagged(out, 5, name.as_bytes());
                     value.encode(out);
                 }
             }),
             // Only a field can be left out.
             Self::Implied(value) => value.encode(out),
-            Self::Variant(name, value) => nested(out, 9, |out| {
-                tagged(out, 5, name.as_bytes());
+            Self::Variant(name, value) => write_nested(out, 9, |out| {
+                write_tagged(out, 5, name.as_bytes());
                 value.encode(out);
             }),
-            Self::Digest(v) => tagged(out, 10, v.as_bytes()),
+            Self::Digest(v) => write_tagged(out, 10, v.as_bytes()),
             Self::Encoded(bytes) => out.extend_from_slice(bytes),
         }
     }
@@ -137,7 +137,7 @@ impl Value {
                     value.walk(&below(name), lines);
                 }
             }
-            Self::Variant(name, value) if **value != Self::empty() => value.walk(&below(name), lines),
+            Self::Variant(name, value) if **value != Self::empty_record() => value.walk(&below(name), lines),
             Self::Implied(value) => value.walk(path, lines),
             leaf => lines.push(Line { path: path.to_owned(), text: leaf.to_string() }),
         }
@@ -162,27 +162,27 @@ impl fmt::Display for Value {
             Self::Unsigned(v) => write!(f, "{v}"),
             Self::Real(v) => write!(f, "{v:?}"),
             Self::Text(v) => f.write_str(v),
-            Self::Bytes(v) => write!(f, "{} bytes {}", v.len(), Digest::of(v)),
+            Self::Bytes(v) => write!(f, "{} bytes {}", v.len(), Digest::of_bytes(v)),
             Self::List(_) => f.write_str("[]"),
             Self::Record(_) => f.write_str("{}"),
             Self::Variant(name, _) => f.write_str(name),
             Self::Digest(v) => write!(f, "{v}"),
             Self::Implied(v) => v.fmt(f),
-            Self::Encoded(v) => write!(f, "encoded, {} bytes {}", v.len(), Digest::of(v)),
+            Self::Encoded(v) => write!(f, "encoded, {} bytes {}", v.len(), Digest::of_bytes(v)),
         }
     }
 }
 
-fn tagged(out: &mut Vec<u8>, tag: u8, payload: &[u8]) {
+fn write_tagged(out: &mut Vec<u8>, tag: u8, payload: &[u8]) {
     out.push(tag);
     out.extend_from_slice(&(payload.len() as u64).to_le_bytes());
     out.extend_from_slice(payload);
 }
 
-fn nested(out: &mut Vec<u8>, tag: u8, fill: impl FnOnce(&mut Vec<u8>)) {
+fn write_nested(out: &mut Vec<u8>, tag: u8, fill: impl FnOnce(&mut Vec<u8>)) {
     let mut payload = Vec::new();
     fill(&mut payload);
-    tagged(out, tag, &payload);
+    write_tagged(out, tag, &payload);
 }
 
 /// Describes parameters.
@@ -191,7 +191,7 @@ fn nested(out: &mut Vec<u8>, tag: u8, fill: impl FnOnce(&mut Vec<u8>)) {
 /// A number is NaN or infinite, a map key is not text, or `None` stands outside a record. Stages
 /// hold valid values, so each of these is an error in the definition of a stage.
 #[must_use]
-pub fn describe<T: Serialize + ?Sized>(parameters: &T) -> Value {
+pub fn describe_value<T: Serialize + ?Sized>(parameters: &T) -> Value {
     parameters
         .serialize(Describer)
         .expect("stage parameters hold finite numbers and named fields")
@@ -230,15 +230,18 @@ mod tests {
 
     #[test]
     fn neither_field_order_nor_absence_nor_negative_zero_shows() {
-        let forward = describe(&Forward { a: -0.0, b: None, choice: Choice::Plain });
-        let backward = describe(&Backward { choice: Choice::Plain, a: 0.0 });
+        let forward = describe_value(&Forward { a: -0.0, b: None, choice: Choice::Plain });
+        let backward = describe_value(&Backward { choice: Choice::Plain, a: 0.0 });
         assert_eq!(bytes(&forward), bytes(&backward));
-        assert_ne!(bytes(&forward), bytes(&describe(&Forward { a: 0.0, b: Some(0), choice: Choice::Plain })));
+        assert_ne!(
+            bytes(&forward),
+            bytes(&describe_value(&Forward { a: 0.0, b: Some(0), choice: Choice::Plain }))
+        );
     }
 
     #[test]
     fn the_encoding_is_what_the_module_says() {
-        let value = describe(&Backward { choice: Choice::WithNumber(7), a: 1.0 });
+        let value = describe_value(&Backward { choice: Choice::WithNumber(7), a: 1.0 });
         let mut want = Vec::new();
         // record { a: 1.0, choice: with-number(7) } = (9+1 + 9+8) + (9+6 + 9 + (9+11) + (9+8))
         // bytes of payload.
@@ -271,10 +274,10 @@ mod tests {
         struct More {
             depth: u8,
         }
-        let before = bytes(&describe(&Before { a: 1.0 }));
+        let before = bytes(&describe_value(&Before { a: 1.0 }));
         let added = [("gain", "plain"), ("more.depth", "3")];
         let after =
-            |gain, depth| describe(&After { a: 1.0, gain, more: More { depth } }).with_implied(&added);
+            |gain, depth| describe_value(&After { a: 1.0, gain, more: More { depth } }).with_implied(&added);
         assert_eq!(bytes(&after(Choice::Plain, 3)), before);
         for other in [after(Choice::WithNumber(1), 3), after(Choice::Plain, 4)] {
             assert_ne!(bytes(&other), before);
@@ -287,7 +290,7 @@ mod tests {
 
     #[test]
     fn lines_name_every_leaf() {
-        let lines = describe(&Forward { a: 0.25, b: Some(3), choice: Choice::WithNumber(7) }).lines();
+        let lines = describe_value(&Forward { a: 0.25, b: Some(3), choice: Choice::WithNumber(7) }).lines();
         let text: Vec<String> = lines.iter().map(|l| format!("{} = {}", l.path, l.text)).collect();
         assert_eq!(text, ["a = 0.25", "b = 3", "choice.with-number = 7"]);
     }
@@ -295,6 +298,6 @@ mod tests {
     #[test]
     #[should_panic(expected = "finite")]
     fn nan_has_no_place_in_a_key() {
-        let _ = describe(&f64::NAN);
+        let _ = describe_value(&f64::NAN);
     }
 }

@@ -11,7 +11,7 @@ pub struct Digest([u8; 32]);
 impl Digest {
     /// The digest of `bytes`.
     #[must_use]
-    pub fn of(bytes: &[u8]) -> Self {
+    pub fn of_bytes(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())
     }
 
@@ -83,7 +83,7 @@ pub struct Key(pub Digest);
 impl Key {
     /// The key of a description.
     #[must_use]
-    pub fn of(description: &description::Value) -> Self {
+    pub fn of_description(description: &description::Value) -> Self {
         let mut bytes = Vec::new();
         description.encode(&mut bytes);
         Self(Digest(blake3::derive_key("gs2e 2026 step key v1", &bytes)))

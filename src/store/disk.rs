@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub(super) fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
+pub(super) fn disk_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
     let path = path.to_owned();
     move |source| StoreError::Io { doing, path, source }
 }
@@ -21,7 +21,7 @@ pub(super) fn is_absent(error: &io::Error) -> bool {
 const PATIENCE: usize = 100;
 
 /// Retries an operation that a signal interrupted.
-fn patiently<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+fn retry_interrupted<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     for _ in 1..PATIENCE {
         match operation() {
             Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
@@ -45,24 +45,24 @@ impl Disk {
     }
 
     pub(super) fn stat(&self, path: &Path) -> io::Result<Stat> {
-        patiently(|| self.fs.stat(path))
+        retry_interrupted(|| self.fs.stat(path))
     }
 
     pub(super) fn digest(&self, path: &Path) -> io::Result<Digest> {
-        patiently(|| self.fs.digest(path))
+        retry_interrupted(|| self.fs.digest(path))
     }
 
     pub(super) fn create_dir(&self, path: &Path) -> Result<(), StoreError> {
-        patiently(|| self.fs.create_dir_all(path)).map_err(failed("creating", path))
+        retry_interrupted(|| self.fs.create_dir_all(path)).map_err(disk_error("creating", path))
     }
 
     pub(super) fn remove(&self, path: &Path) -> Result<(), StoreError> {
-        patiently(|| self.fs.remove(path)).map_err(failed("removing", path))
+        retry_interrupted(|| self.fs.remove(path)).map_err(disk_error("removing", path))
     }
 
     /// Removes everything in a folder, but keeps the folder.
     pub(super) fn empty_dir(&self, path: &Path) -> Result<(), StoreError> {
-        let entries = patiently(|| self.fs.list(path)).map_err(failed("listing", path))?;
+        let entries = retry_interrupted(|| self.fs.list(path)).map_err(disk_error("listing", path))?;
         entries.iter().try_for_each(|entry| self.remove(&entry.path))
     }
 
@@ -98,32 +98,32 @@ impl Disk {
         bytes: &[u8],
     ) -> Result<(), StoreError> {
         let write = || -> io::Result<()> {
-            patiently(|| self.fs.write(temporary, bytes))?;
+            retry_interrupted(|| self.fs.write(temporary, bytes))?;
             self.sync_now(temporary)?;
-            patiently(|| self.fs.rename(temporary, path))?;
+            retry_interrupted(|| self.fs.rename(temporary, path))?;
             self.sync_folder_of(path)
         };
         write().map_err(|e| {
             // The error is reported by the caller. A remaining temporary file is removed when the
             // store is next opened.
             let _ = self.fs.remove(temporary);
-            failed("writing", path)(e)
+            disk_error("writing", path)(e)
         })
     }
 
     /// Publishes a finished file under its final name; the first writer wins. Returns `false` if
     /// the name was taken.
     pub(super) fn link_new(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
-        self.sync_now(from).map_err(failed("syncing", from))?;
-        match patiently(|| self.fs.link(from, to)) {
-            Ok(()) => self.sync_folder_of(to).map(|()| true).map_err(failed("syncing", to)),
+        self.sync_now(from).map_err(disk_error("syncing", from))?;
+        match retry_interrupted(|| self.fs.link(from, to)) {
+            Ok(()) => self.sync_folder_of(to).map(|()| true).map_err(disk_error("syncing", to)),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-            Err(e) => Err(failed("publishing", to)(e)),
+            Err(e) => Err(disk_error("publishing", to)(e)),
         }
     }
 
     fn sync_now(&self, path: &Path) -> io::Result<()> {
-        if self.sync_each { patiently(|| self.fs.sync(path)) } else { Ok(()) }
+        if self.sync_each { retry_interrupted(|| self.fs.sync(path)) } else { Ok(()) }
     }
 
     fn sync_folder_of(&self, path: &Path) -> io::Result<()> {
@@ -132,26 +132,28 @@ impl Disk {
 
     /// Syncs everything written so far.
     pub(super) fn sync_all(&self, root: &Path) -> Result<(), StoreError> {
-        patiently(|| self.fs.sync_all(root)).map_err(failed("syncing", root))
+        retry_interrupted(|| self.fs.sync_all(root)).map_err(disk_error("syncing", root))
     }
 
     pub(super) fn committed(&self, database: &Path) -> Result<(), StoreError> {
-        self.fs.committed(database).map_err(failed("writing", database))
+        self.fs.committed(database).map_err(disk_error("writing", database))
     }
 
     pub(super) fn make_read_only(&self, path: &Path) -> Result<(), StoreError> {
-        patiently(|| self.fs.protect(path)).map_err(failed("protecting", path))
+        retry_interrupted(|| self.fs.protect(path)).map_err(disk_error("protecting", path))
     }
 
     pub(super) fn rename(&self, from: &Path, to: &Path) -> Result<(), StoreError> {
-        patiently(|| self.fs.rename(from, to)).map_err(failed("renaming", from))
+        retry_interrupted(|| self.fs.rename(from, to)).map_err(disk_error("renaming", from))
     }
 
     /// The files below a folder, as sorted relative names joined by `/`.
     pub(super) fn files_below(&self, root: &Path) -> Result<Vec<(String, PathBuf)>, StoreError> {
         let (mut files, mut folders) = (Vec::new(), vec![root.to_owned()]);
         while let Some(folder) = folders.pop() {
-            for entry in patiently(|| self.fs.list(&folder)).map_err(failed("listing", &folder))? {
+            for entry in
+                retry_interrupted(|| self.fs.list(&folder)).map_err(disk_error("listing", &folder))?
+            {
                 if entry.is_dir {
                     folders.push(entry.path);
                 } else {
@@ -167,10 +169,10 @@ impl Disk {
 
     /// Reads a whole file; `None` if it is absent.
     pub(super) fn read_optional(&self, path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
-        match patiently(|| self.fs.read(path)) {
+        match retry_interrupted(|| self.fs.read(path)) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(failed("reading", path)(e)),
+            Err(e) => Err(disk_error("reading", path)(e)),
         }
     }
 }

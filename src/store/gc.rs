@@ -4,7 +4,7 @@
 //! that nothing that remains names something that is gone. Each file is first renamed into
 //! `trash/`, where the next collection finds it if this one ends early.
 
-use super::disk::failed;
+use super::disk::disk_error;
 use super::fs::Stat;
 use super::state::Table;
 use super::{Digest, Key, LOG, LOGS, Store, StoreError};
@@ -117,7 +117,7 @@ impl Store {
                 Ok(stat) => stored.push(Stored { name, path, stat }),
                 // Without the lock, a file may vanish during the scan.
                 Err(e) if e.kind() == ErrorKind::NotFound => {}
-                Err(e) => return Err(failed("reading", &path)(e)),
+                Err(e) => return Err(disk_error("reading", &path)(e)),
             }
         }
         Ok(stored)

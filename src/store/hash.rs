@@ -67,22 +67,23 @@ fn to_the_end(mut file: File) -> io::Result<Digest> {
 /// Hashes the first `length` bytes, which is more than one task.
 fn in_parallel(file: &File, length: u64) -> io::Result<Digest> {
     let left = hazmat::left_subtree_len(length);
-    let (left, right) = rayon::join(|| subtree(file, 0, left), || subtree(file, left, length - left));
+    let (left, right) =
+        rayon::join(|| hash_subtree(file, 0, left), || hash_subtree(file, left, length - left));
     Ok(hazmat::merge_subtrees_root(&left?, &right?, Mode::Hash).into())
 }
 
 /// Hashes `length` bytes from `offset` on, which are not the whole file.
-fn subtree(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
+fn hash_subtree(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
     if length <= TASK {
-        return task(file, offset, length);
+        return hash_task(file, offset, length);
     }
     let left = hazmat::left_subtree_len(length);
     let (left, right) =
-        rayon::join(|| subtree(file, offset, left), || subtree(file, offset + left, length - left));
+        rayon::join(|| hash_subtree(file, offset, left), || hash_subtree(file, offset + left, length - left));
     Ok(hazmat::merge_subtrees_non_root(&left?, &right?, Mode::Hash))
 }
 
-fn task(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
+fn hash_task(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
     let mut hasher = Hasher::new();
     hasher.set_input_offset(offset);
     let mut piece = vec![0; PIECE];
@@ -120,7 +121,7 @@ mod tests {
         for length in lengths.chain(more) {
             let part = &all[..usize::try_from(length).unwrap()];
             std::fs::write(&path, part).unwrap();
-            assert_eq!(Digest::of_file(&path).unwrap(), Digest::of(part), "{length} bytes");
+            assert_eq!(Digest::of_file(&path).unwrap(), Digest::of_bytes(part), "{length} bytes");
         }
     }
 
@@ -135,7 +136,7 @@ mod tests {
         for said in [PARALLEL_FROM + 1, PARALLEL_FROM + TASK, 4 * PARALLEL_FROM] {
             assert_eq!(in_parallel(&file, said).unwrap_err().kind(), ErrorKind::UnexpectedEof, "{said}");
         }
-        assert_eq!(to_the_end(file).unwrap(), Digest::of(&all));
+        assert_eq!(to_the_end(file).unwrap(), Digest::of_bytes(&all));
     }
 
     /// A writer truncates and extends the file continuously: each call returns a digest or an

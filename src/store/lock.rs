@@ -42,7 +42,7 @@ pub struct Lock {
 impl Lock {
     /// Takes the lock. If it is held, waits and calls `waiting` with the holder from time to time,
     /// or fails.
-    pub(super) fn take(
+    pub(super) fn take_lock(
         root: &Path,
         claim: &Claim,
         wait: bool,
@@ -55,10 +55,11 @@ impl Lock {
             .create(true)
             .truncate(false)
             .open(&path)
-            .map_err(disk::failed("opening", &path))?;
+            .map_err(disk::disk_error("opening", &path))?;
         let request = Request { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
         request.lock(&mut file, waiting)?;
-        write(&mut file, &Holder::us(claim).to_text()).map_err(disk::failed("writing", &path))?;
+        write_holder(&mut file, &Holder::this_process(claim).to_text())
+            .map_err(disk::disk_error("writing", &path))?;
         Ok(Self { file, temporary: None })
     }
 
@@ -77,14 +78,15 @@ impl Lock {
     ) -> Result<Self, StoreError> {
         let request = Request { path, of, claim, wait, cancel };
         loop {
-            let mut file = open_own(path).map_err(disk::failed("opening", path))?;
+            let mut file = open_own(path).map_err(disk::disk_error("opening", path))?;
             request.lock(&mut file, waiting)?;
             // A holder removes the file before it lets go, so the awaited file may be gone by now.
             if !is_at(&file, path) {
                 continue;
             }
-            refuse_foreign(&mut file).map_err(disk::failed("locking", path))?;
-            write(&mut file, &Holder::us(claim).to_text()).map_err(disk::failed("writing", path))?;
+            refuse_foreign(&mut file).map_err(disk::disk_error("locking", path))?;
+            write_holder(&mut file, &Holder::this_process(claim).to_text())
+                .map_err(disk::disk_error("writing", path))?;
             return Ok(Self { file, temporary: Some(path.to_owned()) });
         }
     }
@@ -125,17 +127,17 @@ impl Request<'_> {
             match file.try_lock() {
                 Ok(()) => return Ok(()),
                 Err(TryLockError::WouldBlock) => {}
-                Err(TryLockError::Error(e)) => return Err(disk::failed("locking", self.path)(e)),
+                Err(TryLockError::Error(e)) => return Err(disk::disk_error("locking", self.path)(e)),
             }
             if !self.wait {
-                let holder = holder(file, self.claim);
+                let holder = holder_text(file, self.claim);
                 return Err(StoreError::Locked { path: self.of.to_owned(), holder });
             }
             if self.cancel.load(Ordering::Relaxed) {
-                return Err(disk::failed("locking", self.path)(io::ErrorKind::Interrupted.into()));
+                return Err(disk::disk_error("locking", self.path)(io::ErrorKind::Interrupted.into()));
             }
             if tries % tries_a_reminder == 0 {
-                waiting(&holder(file, self.claim));
+                waiting(&holder_text(file, self.claim));
             }
             tries += 1;
             std::thread::sleep(TRY);
@@ -171,7 +173,7 @@ fn refuse_foreign(file: &mut File) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, "the file is not a lock of gs2e; remove or rename it"))
 }
 
-fn write(file: &mut File, text: &str) -> std::io::Result<()> {
+fn write_holder(file: &mut File, text: &str) -> std::io::Result<()> {
     // The file is never empty in between, because others may read it to see the holder.
     file.rewind()?;
     file.write_all(text.as_bytes())?;
@@ -180,7 +182,7 @@ fn write(file: &mut File, text: &str) -> std::io::Result<()> {
 
 /// The holder of the lock, as text. The first holder of a new store has the lock shortly before its
 /// name is written.
-fn holder(file: &mut File, claim: &Claim) -> String {
+fn holder_text(file: &mut File, claim: &Claim) -> String {
     const LOOKS: usize = 20;
     for look in 0..LOOKS {
         if look > 0 {
@@ -212,7 +214,7 @@ struct Holder {
 }
 
 impl Holder {
-    fn us(claim: &Claim) -> Self {
+    fn this_process(claim: &Claim) -> Self {
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         // Only Linux has it.
         let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
@@ -305,10 +307,10 @@ mod tests {
     fn who_waits_is_told_again_and_then_has_it() {
         let folder = tempfile::tempdir().unwrap();
         let claim = Claim { command: "first\nof two".into(), remind: 2 * TRY, ..Claim::default() };
-        let first = Lock::take(folder.path(), &claim, false, &mut |_| {}).unwrap();
+        let first = Lock::take_lock(folder.path(), &claim, false, &mut |_| {}).unwrap();
         let mut told = Vec::new();
         let mut held = Some(first);
-        let second = Lock::take(folder.path(), &claim, true, &mut |holder| {
+        let second = Lock::take_lock(folder.path(), &claim, true, &mut |holder| {
             told.push(holder.to_owned());
             if told.len() == 3 {
                 held.take();
@@ -378,7 +380,7 @@ mod tests {
         let path = folder.path().join("lock");
         std::fs::write(&path, sample().to_text().repeat(3)).unwrap();
         let told = &mut |holder: &str| panic!("nobody holds it, and it waits for {holder}");
-        let _ours = Lock::take(folder.path(), &Claim::default(), true, told).unwrap();
+        let _ours = Lock::take_lock(folder.path(), &Claim::default(), true, told).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         assert_eq!(Holder::parse(&text).unwrap().pid, std::process::id());
         assert_eq!(text.lines().count(), 5);

@@ -5,7 +5,7 @@
 //! that it depends on. While they all agree, nothing is read, parsed or hashed. A memo is only
 //! written where equal fields mean equal bytes.
 
-use super::disk::{Disk, failed, is_absent};
+use super::disk::{Disk, disk_error, is_absent};
 use super::fs::Stat;
 use super::stat_cache::{Entry, Sighting};
 use super::state::Table;
@@ -39,7 +39,7 @@ impl<T> Memo<T> {
         let is = |path: &Path, then: &Stat| match disk.stat(path) {
             Ok(now) => Ok(now == *then),
             Err(e) if is_absent(&e) => Ok(false),
-            Err(e) => Err(failed("reading", path)(e)),
+            Err(e) => Err(disk_error("reading", path)(e)),
         };
         if self.tag != *tag {
             return Ok(false);
@@ -109,7 +109,7 @@ impl Store {
             (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
         };
         let blobs: Option<Vec<_>> = blobs.iter().map(known).collect();
-        let (Some(files), Some(blobs)) = (firm(files), blobs) else { return };
+        let (Some(files), Some(blobs)) = (firm_files(files), blobs) else { return };
         let memo = Memo { tag, files, blobs, fact };
         let row = postcard::to_stdvec(&memo).expect("a memo is plain data");
         state.put_new(Table::Memo, name, row);
@@ -118,7 +118,7 @@ impl Store {
 
 /// Files in the form of a memo; `None` if one of them may change unnoticed, or has a name that is
 /// not UTF-8.
-fn firm(files: &[(PathBuf, Sighting)]) -> Option<Vec<(String, Stat)>> {
+fn firm_files(files: &[(PathBuf, Sighting)]) -> Option<Vec<(String, Stat)>> {
     let firm = |(path, seen): &(PathBuf, Sighting)| {
         seen.is_firm().then_some(()).and_then(|()| Some((path.to_str()?.to_owned(), seen.stat)))
     };

@@ -20,7 +20,7 @@ pub struct Output {
 /// The content digest of a step's outputs: of the sorted list of names, sizes and digests. The keys
 /// of later steps contain it.
 #[must_use]
-pub fn content(outputs: &[Output]) -> Digest {
+pub fn content_digest(outputs: &[Output]) -> Digest {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 output list v1");
     for output in outputs {
         hasher.update(&(output.name.len() as u64).to_le_bytes());
@@ -105,7 +105,7 @@ impl Record {
         }
     }
 
-    fn path(root: &Path, key: &Key) -> PathBuf {
+    fn record_path(root: &Path, key: &Key) -> PathBuf {
         let name = key.to_string();
         root.join("ac").join(&name[..2]).join(format!("{name}.json"))
     }
@@ -118,12 +118,12 @@ impl Record {
 
     fn sealed(&self) -> String {
         let open = Self { seal: String::new(), ..self.clone() };
-        Digest::of(&serde_json::to_vec(&open).expect("a record is plain data")).to_string()
+        Digest::of_bytes(&serde_json::to_vec(&open).expect("a record is plain data")).to_string()
     }
 
     pub(super) fn write(&mut self, root: &Path, disk: &Disk) -> Result<(), StoreError> {
         self.seal = self.sealed();
-        let path = Self::path(root, &self.key);
+        let path = Self::record_path(root, &self.key);
         if let Some(folder) = path.parent() {
             disk.create_dir(folder)?;
         }
@@ -135,7 +135,7 @@ impl Record {
     /// The record of a key. `None` if there is none, or if it is torn, altered or of another
     /// format, which counts as a miss.
     pub(super) fn read(root: &Path, disk: &Disk, key: &Key) -> Result<Option<Self>, StoreError> {
-        let Some(bytes) = disk.read_optional(&Self::path(root, key))? else { return Ok(None) };
+        let Some(bytes) = disk.read_optional(&Self::record_path(root, key))? else { return Ok(None) };
         Ok(Self::parse(&bytes).filter(|record| record.key == *key))
     }
 
@@ -169,8 +169,8 @@ mod tests {
         let line = Line { path: "params.rate".into(), text: "2400/1".into() };
         let provenance =
             Provenance { tool: "0".into(), seconds: 0.1, threads: 2, memory: 7, warnings: vec![] };
-        let mut record = Record::new(Key(Digest::of(b"key")), "trajectory", vec![line], provenance);
-        record.outputs.push(Output { name: "poses.txt".into(), digest: Digest::of(b"poses"), size: 5 });
+        let mut record = Record::new(Key(Digest::of_bytes(b"key")), "trajectory", vec![line], provenance);
+        record.outputs.push(Output { name: "poses.txt".into(), digest: Digest::of_bytes(b"poses"), size: 5 });
         record
     }
 
@@ -183,7 +183,7 @@ mod tests {
         record.write(folder.path(), &disk).unwrap();
         let read = || Record::read(folder.path(), &disk, &record.key).unwrap();
         assert_eq!(read(), Some(record.clone()));
-        let path = Record::path(folder.path(), &record.key);
+        let path = Record::record_path(folder.path(), &record.key);
         let whole = std::fs::read(&path).unwrap();
         for n in 0..whole.len() {
             std::fs::write(&path, &whole[..n]).unwrap();
@@ -202,6 +202,6 @@ mod tests {
         let a = sample().outputs;
         let mut b = a.clone();
         b[0].name = "pose.txt".into();
-        assert_ne!(content(&a), content(&b));
+        assert_ne!(content_digest(&a), content_digest(&b));
     }
 }

@@ -1,7 +1,7 @@
 //! Roots: steps that stay in the store although no recipe refers to them any more. One file per
 //! release, in `roots/`.
 
-use super::disk::failed;
+use super::disk::disk_error;
 use super::{Digest, Key, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ impl Store {
     /// The root cannot be written.
     pub fn write_root(&self, root: &Root) -> Result<(), StoreError> {
         let path = self.path_of_root(root);
-        let bytes = serde_json::to_vec(root).map_err(|e| failed("writing", &path)(e.into()))?;
+        let bytes = serde_json::to_vec(root).map_err(|e| disk_error("writing", &path)(e.into()))?;
         self.disk.create_dir(&self.root.join(FOLDER))?;
         self.disk.write_atomically(&path, &self.blobs.fresh("tmp"), &bytes)
     }
@@ -38,7 +38,7 @@ impl Store {
         let mut roots = Vec::new();
         for (_, path) in self.files_of(FOLDER)? {
             let Some(bytes) = self.disk.read_optional(&path)? else { continue };
-            let root = serde_json::from_slice(&bytes).map_err(|e| failed("reading", &path)(e.into()))?;
+            let root = serde_json::from_slice(&bytes).map_err(|e| disk_error("reading", &path)(e.into()))?;
             roots.push(root);
         }
         Ok(roots)
@@ -54,7 +54,7 @@ impl Store {
 
     /// The name of a root is a function of its folder, so that the next release replaces it.
     fn path_of_root(&self, root: &Root) -> PathBuf {
-        let name = Digest::of(root.release.as_os_str().as_encoded_bytes());
+        let name = Digest::of_bytes(root.release.as_os_str().as_encoded_bytes());
         self.root.join(FOLDER).join(format!("{name}.json"))
     }
 }

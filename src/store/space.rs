@@ -26,7 +26,7 @@ impl Space {
     ///
     /// # Errors
     /// The path does not exist, or the system does not report it.
-    pub fn around(path: &Path) -> io::Result<Self> {
+    pub fn holding_path(path: &Path) -> io::Result<Self> {
         let found = rustix::fs::statvfs(path)?;
         let path = path.canonicalize()?;
         // Some systems do not list their mounts; then the path itself is used.
@@ -91,7 +91,8 @@ impl StoreError {
     fn may_be_full(&self) -> bool {
         let Self::State { path, source } = self else { return false };
         let is_vague = source.sqlite_error_code() == Some(rusqlite::ErrorCode::SystemIoFailure);
-        is_vague && path.parent().and_then(|f| Space::around(f).ok()).is_some_and(|space| space.is_used_up())
+        is_vague
+            && path.parent().and_then(|f| Space::holding_path(f).ok()).is_some_and(|space| space.is_used_up())
     }
 }
 
@@ -154,8 +155,8 @@ mod tests {
     #[test]
     fn the_space_of_a_folder_is_told() {
         let folder = tempfile::tempdir().unwrap();
-        let space = Space::around(folder.path()).unwrap();
+        let space = Space::holding_path(folder.path()).unwrap();
         assert!(folder.path().canonicalize().unwrap().starts_with(&space.mount), "{space:?}");
-        assert!(Space::around(&folder.path().join("absent")).is_err());
+        assert!(Space::holding_path(&folder.path().join("absent")).is_err());
     }
 }

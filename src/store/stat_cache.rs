@@ -29,13 +29,13 @@ const RACY_NS: i64 = 2_000_000_000;
 impl Sighting {
     /// Observes fields now. Call it before the file is read.
     #[must_use]
-    pub fn now(stat: Stat) -> Self {
+    pub fn seen_now(stat: Stat) -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self { stat, observed_ns: i64::try_from(since.as_nanos()).unwrap_or(i64::MAX - 1) }
     }
 
     /// Fields of a file that this program has just written or linked.
-    pub(super) fn settled(stat: Stat) -> Self {
+    pub(super) fn settled_file(stat: Stat) -> Self {
         Self { stat, observed_ns: SETTLED }
     }
 
@@ -81,7 +81,7 @@ mod tests {
         t(seen(old, RACY_NS), old, false);
         t(seen(stat(0, RACY_NS), 2 * RACY_NS), stat(0, RACY_NS), false);
         t(seen(stat(RACY_NS, 0), 2 * RACY_NS), stat(RACY_NS, 0), false);
-        t(Sighting::settled(stat(5, 5)), stat(5, 5), true);
+        t(Sighting::settled_file(stat(5, 5)), stat(5, 5), true);
         for moved in [
             Stat { dev: 9, ..old },
             Stat { ino: 9, ..old },
@@ -90,7 +90,7 @@ mod tests {
             Stat { ctime_ns: 9, ..old },
         ] {
             t(seen(old, 2 * RACY_NS), moved, false);
-            t(Sighting::settled(old), moved, false);
+            t(Sighting::settled_file(old), moved, false);
         }
     }
 }

@@ -52,7 +52,7 @@ const BUSY: std::time::Duration = std::time::Duration::from_secs(30);
 /// Number of bytes of the hash that a row carries.
 type Seal = [u8; 16];
 
-fn seal(table: Table, name: &str, body: &[u8]) -> Seal {
+fn row_seal(table: Table, name: &str, body: &[u8]) -> Seal {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 state row v1");
     for part in [table.name().as_bytes(), name.as_bytes()] {
         hasher.update(&(part.len() as u64).to_le_bytes());
@@ -184,7 +184,7 @@ impl State {
         }
         let access = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
         let made = connection(&new, access).and_then(|database| {
-            create(&database)?;
+            create_tables(&database)?;
             // Its log goes into the file when the last connection ends.
             database.close().map_err(|(_, error)| error)
         });
@@ -296,7 +296,7 @@ impl State {
                 Some(body) => {
                     let put = format!("INSERT OR REPLACE INTO {of} VALUES (?1, ?2, ?3)");
                     let mut put = transaction.prepare_cached(&put)?;
-                    put.execute(params![name, body, seal(*table, name, body)])?;
+                    put.execute(params![name, body, row_seal(*table, name, body)])?;
                 }
                 None => {
                     let mut delete =
@@ -331,7 +331,7 @@ fn connection(path: &Path, access: OpenFlags) -> rusqlite::Result<Connection> {
     Ok(database)
 }
 
-fn create(database: &Connection) -> rusqlite::Result<()> {
+fn create_tables(database: &Connection) -> rusqlite::Result<()> {
     for table in Table::ALL {
         let name = table.name();
         database.execute_batch(&format!(
@@ -345,7 +345,7 @@ fn look_up(database: &Connection, table: Table, name: &str) -> rusqlite::Result<
     let query = format!("SELECT body, seal FROM {} WHERE name = ?1", table.name());
     let mut query = database.prepare_cached(&query)?;
     let found = query.query_row([name], |row| Ok((row.get::<_, Vec<u8>>(0)?, row.get::<_, Vec<u8>>(1)?)));
-    let sound = found.optional()?.filter(|(body, found)| *found == seal(table, name, body));
+    let sound = found.optional()?.filter(|(body, found)| *found == row_seal(table, name, body));
     Ok(sound.map(|(body, _)| body))
 }
 
@@ -360,7 +360,7 @@ fn read_all(database: &Connection, table: Table) -> rusqlite::Result<BTreeMap<St
         else {
             continue;
         };
-        if mark == seal(table, &name, &body) {
+        if mark == row_seal(table, &name, &body) {
             found.insert(name, body);
         }
     }

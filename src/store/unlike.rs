@@ -1,7 +1,7 @@
 //! Different bytes for one key: both records, and the first difference of their files.
 
 use super::Digest;
-use super::record::{Record, content};
+use super::record::{Record, content_digest};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -22,7 +22,7 @@ pub struct Unlike {
 
 impl fmt::Display for Unlike {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [before, now] = [&self.before, &self.now].map(|record| content(&record.outputs));
+        let [before, now] = [&self.before, &self.now].map(|record| content_digest(&record.outputs));
         write!(f, "key {} made {before} before and {now} now", self.now.key)
     }
 }
@@ -75,10 +75,10 @@ mod tests {
     fn the_first_difference_is_told_by_file_and_byte() {
         let folder = tempfile::tempdir().unwrap();
         let record = |files: &[(&str, &str)]| {
-            let key = Key(Digest::of(b"key"));
+            let key = Key(Digest::of_bytes(b"key"));
             let mut record = Record::new(key, "test", Vec::new(), Provenance::default());
             for (name, text) in files {
-                let digest = Digest::of(text.as_bytes());
+                let digest = Digest::of_bytes(text.as_bytes());
                 std::fs::write(folder.path().join(digest.to_string()), text).unwrap();
                 std::fs::write(folder.path().join(name), text).unwrap();
                 record.outputs.push(Output { name: (*name).into(), digest, size: text.len() as u64 });

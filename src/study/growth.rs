@@ -25,15 +25,15 @@ pub struct Growth {
 impl Growth {
     /// Fits at least three points of different sizes, all finite and above 0; `None` for others.
     #[must_use]
-    pub fn through(points: &[(f64, f64)]) -> Option<Self> {
+    pub fn fit_points(points: &[(f64, f64)]) -> Option<Self> {
         let sound = points.iter().all(|(x, t)| [x, t].iter().all(|v| **v > 0.0 && v.is_finite()));
         if points.len() < 3 || !sound {
             return None;
         }
         let logarithms: Vec<(f64, f64)> =
             points.iter().map(|(x, t)| (libm::log(*x), libm::log(*t))).collect();
-        let (exponent, standard_error) = slope(&logarithms)?;
-        let [fixed, marginal] = line(points);
+        let (exponent, standard_error) = fit_slope(&logarithms)?;
+        let [fixed, marginal] = fit_line(points);
         let off = |(x, t): &(f64, f64)| ((fixed + marginal * x) / t - 1.0).abs();
         Some(Self {
             exponent,
@@ -53,7 +53,7 @@ impl Growth {
 
 /// Slope of the line through points, and its standard error; `None` if all points have one
 /// abscissa.
-fn slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+fn fit_slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let count = points.len() as f64;
     let [x, y] = points.iter().fold([0.0; 2], |[x, y], point| [x + point.0 / count, y + point.1 / count]);
     let sum =
@@ -65,7 +65,7 @@ fn slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 }
 
 /// `a` and `b` with the least sum of `((a + b x)/t - 1)^2`.
-fn line(points: &[(f64, f64)]) -> [f64; 2] {
+fn fit_line(points: &[(f64, f64)]) -> [f64; 2] {
     let mut sums = [0.0; 5];
     for (x, t) in points {
         let (u, v) = (1.0 / t, x / t);
@@ -85,7 +85,7 @@ mod tests {
     const SIZES: [f64; 5] = [1e3, 2e3, 4e3, 8e3, 16e3];
 
     fn through(law: impl Fn(f64) -> f64) -> Growth {
-        Growth::through(&SIZES.map(|x| (x, law(x)))).unwrap()
+        Growth::fit_points(&SIZES.map(|x| (x, law(x)))).unwrap()
     }
 
     #[test]
@@ -108,14 +108,14 @@ mod tests {
     /// -1, 2 and -1, and the variance of the slope is 6 / (3 - 2) / 2.
     #[test]
     fn the_standard_error_is_that_of_the_textbook() {
-        let (slope, error) = slope(&[(-1.0, 0.0), (0.0, 3.0), (1.0, 0.0)]).unwrap();
+        let (slope, error) = fit_slope(&[(-1.0, 0.0), (0.0, 3.0), (1.0, 0.0)]).unwrap();
         assert!(slope.abs() < 1e-15 && (error - 3f64.sqrt()).abs() < 1e-12, "{slope} {error}");
     }
 
     #[test]
     fn too_little_is_no_law() {
-        assert_eq!(Growth::through(&[(1.0, 1.0), (2.0, 2.0)]), None);
-        assert_eq!(Growth::through(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
-        assert_eq!(Growth::through(&[(1.0, 1.0), (2.0, 2.0), (3.0, 0.0)]), None);
+        assert_eq!(Growth::fit_points(&[(1.0, 1.0), (2.0, 2.0)]), None);
+        assert_eq!(Growth::fit_points(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
+        assert_eq!(Growth::fit_points(&[(1.0, 1.0), (2.0, 2.0), (3.0, 0.0)]), None);
     }
 }

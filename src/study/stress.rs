@@ -65,27 +65,27 @@ pub struct Point {
 impl Point {
     /// An absolute error.
     #[must_use]
-    pub fn absolute(computed: f64, answer: f64, limit: f64) -> Self {
+    pub fn absolute_error(computed: f64, answer: f64, limit: f64) -> Self {
         Self { computed, answer, error: (computed - answer).abs(), limit }
     }
 
     /// An error relative to the answer.
     #[must_use]
-    pub fn relative(computed: f64, answer: f64, limit: f64) -> Self {
+    pub fn relative_error(computed: f64, answer: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / answer).abs(), limit }
     }
 
     /// An error in a unit of its own, such as units in the last place, standard errors or
     /// nanoseconds.
     #[must_use]
-    pub fn scaled(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
+    pub fn scaled_error(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / unit).abs(), limit }
     }
 
     /// A count that must be exact.
     #[must_use]
-    pub fn count(computed: u64, answer: u64) -> Self {
-        Self::absolute(computed as f64, answer as f64, 0.0)
+    pub fn exact_count(computed: u64, answer: u64) -> Self {
+        Self::absolute_error(computed as f64, answer as f64, 0.0)
     }
 
     /// Whether the error is within its limit. NaN is not.
@@ -145,7 +145,7 @@ impl Worst {
     /// Adds a comparison of bits: `differing` of `all` values differ.
     pub fn see_same(&mut self, differing: usize, all: usize, at: impl FnOnce() -> String) {
         assert!(all > 0, "there is something to compare");
-        self.see(Point::count(differing as u64, 0), at);
+        self.see(Point::exact_count(differing as u64, 0), at);
     }
 
     /// The worst point.
@@ -211,12 +211,12 @@ impl fmt::Debug for Case<'_> {
 /// All cases of an area, in the order of the table. Those of [`Area::Splat`] run with each of these
 /// renderers.
 #[must_use]
-pub fn cases<'a>(area: Area, stage: &'a splat::Stage) -> Vec<Case<'a>> {
+pub fn area_cases<'a>(area: Area, stage: &'a splat::Stage) -> Vec<Case<'a>> {
     match area {
-        Area::Sensor => sensor::cases(),
-        Area::Trajectory => trajectory::cases(),
-        Area::Splat => splat::cases(stage),
-        Area::Clock => clock::cases(),
+        Area::Sensor => sensor::sensor_cases(),
+        Area::Trajectory => trajectory::trajectory_cases(),
+        Area::Splat => splat::splat_cases(stage),
+        Area::Clock => clock::clock_cases(),
     }
 }
 
@@ -227,16 +227,16 @@ mod tests {
     #[test]
     fn the_worst_point_is_kept_and_what_is_no_number_is_worst() {
         let mut worst = Worst::default();
-        worst.see(Point::absolute(1.0, 1.5, 1.0), || "half".to_owned());
-        worst.see(Point::relative(1.1, 1.0, 0.2), || "less than half, or just".to_owned());
-        worst.see(Point::count(3, 3), || "nothing".to_owned());
+        worst.see(Point::absolute_error(1.0, 1.5, 1.0), || "half".to_owned());
+        worst.see(Point::relative_error(1.1, 1.0, 0.2), || "less than half, or just".to_owned());
+        worst.see(Point::exact_count(3, 3), || "nothing".to_owned());
         let found = worst.found();
         assert!(found.holds() && found.points == 3 && found.at != "nothing");
         for (bad, limit) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (1e-300, 0.0)] {
             let mut worst = Worst::default();
-            worst.see(Point::absolute(1.0, 1.5, 1.0), || "half".to_owned());
-            worst.see(Point { error: bad, ..Point::absolute(0.0, 0.0, limit) }, || "bad".to_owned());
-            worst.see(Point::absolute(0.0, 3.0, 1.0), || "far".to_owned());
+            worst.see(Point::absolute_error(1.0, 1.5, 1.0), || "half".to_owned());
+            worst.see(Point { error: bad, ..Point::absolute_error(0.0, 0.0, limit) }, || "bad".to_owned());
+            worst.see(Point::absolute_error(0.0, 3.0, 1.0), || "far".to_owned());
             let found = worst.found();
             assert!(!found.holds() && found.at == "bad", "{bad}: {found:?}");
         }

@@ -126,7 +126,7 @@ impl Found {
 ///
 /// # Panics
 /// The sequences differ in size or number of frames.
-pub fn sweep(
+pub fn sweep_thresholds(
     sweep: &Sweep,
     (released, smooth): (&mut dyn Frames, &mut dyn Frames),
     tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
@@ -337,7 +337,7 @@ mod tests {
             window_us: 0..1000,
         };
         let (mut a, mut b) = (frames(released), frames(smooth));
-        sweep(&asked, (&mut a, &mut b), &mut |_| ControlFlow::Continue(())).unwrap()
+        sweep_thresholds(&asked, (&mut a, &mut b), &mut |_| ControlFlow::Continue(())).unwrap()
     }
 
     /// Brightness such that `k1 ln(L + k2)` rises or falls by half a threshold per frame.

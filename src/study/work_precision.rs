@@ -186,7 +186,7 @@ pub struct Picture {
 /// # Panics
 /// The images differ in number or size.
 #[must_use]
-pub fn differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Option<f64>, f64) {
+pub fn image_differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Option<f64>, f64) {
     assert_eq!(found.len(), reference.len(), "one reference an image");
     let (mut squares, mut count, mut worst) = (0.0, 0usize, 0.0f64);
     for (a, b) in found.iter().zip(reference) {
@@ -229,7 +229,7 @@ pub struct Study {
 
 /// The rows of a pass, and the results for its rule set.
 #[must_use]
-pub fn judge(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) -> Vec<Row> {
+pub fn judge_pass(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) -> Vec<Row> {
     let row = |fed: &pass::Fed| {
         let grid = &grids[fed.grid];
         let (frames, cost) = (grid.places.len(), costs.of(fed.between));
@@ -240,7 +240,7 @@ pub fn judge(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) 
             rate: grid.rate,
             frames,
             rms_th: fed.rms_th,
-            errors: Errors::of(&fed.events, &passed.reference),
+            errors: Errors::compare_streams(&fed.events, &passed.reference),
             render: cost.frame * frames as f64,
             sensor: fed.spent,
             pairs: cost.pairs * frames as f64,
@@ -252,7 +252,7 @@ pub fn judge(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) 
 
 /// Steps and errors of the three finest uniform rates of `hermite`, or of the best requested
 /// interpolation.
-fn finest(rows: &[Row]) -> Vec<(f64, f64)> {
+fn finest_steps(rows: &[Row]) -> Vec<(f64, f64)> {
     let of = |between: Between| {
         let uniform = rows.iter().filter(move |row| row.steps == Steps::Uniform && row.between == between);
         let mut points: Vec<(f64, f64)> =
@@ -267,9 +267,9 @@ fn finest(rows: &[Row]) -> Vec<(f64, f64)> {
 
 /// The error law of `hermite` at the three finest uniform rates, and the finest step, s.
 #[must_use]
-pub fn law(rows: &[Row]) -> (Option<Law>, Option<f64>) {
-    let points = finest(rows);
-    (Law::through(&points), points.first().map(|(step, _)| *step))
+pub fn finest_law(rows: &[Row]) -> (Option<Law>, Option<f64>) {
+    let points = finest_steps(rows);
+    (Law::fit_points(&points), points.first().map(|(step, _)| *step))
 }
 
 impl OfRules {
@@ -303,7 +303,7 @@ impl Study {
     #[must_use]
     pub fn picks(&self) -> Vec<Pick> {
         let Some(base) = self.base() else { return Vec::new() };
-        Measure::ALL.iter().filter_map(|measure| Pick::at(*measure, base, &self.rows)).collect()
+        Measure::ALL.iter().filter_map(|measure| Pick::at_error(*measure, base, &self.rows)).collect()
     }
 
     /// The cheapest setting of another rule set that is nearer to its limit than the first rule set
@@ -328,8 +328,8 @@ mod tests {
         let a = Image::from_vec(size, vec![0.0, 0.5, 1.0, 0.25]);
         let b = Image::from_vec(size, vec![0.0, 0.5, 0.8, 0.25]);
         // 0.2^2 / 4 is 0.01: 20 dB.
-        let (psnr, worst) = differences(std::slice::from_ref(&b), std::slice::from_ref(&a));
+        let (psnr, worst) = image_differences(std::slice::from_ref(&b), std::slice::from_ref(&a));
         assert!((psnr.unwrap() - 20.0).abs() < 1e-5 && (worst - 51.0).abs() < 1e-5);
-        assert_eq!(differences(std::slice::from_ref(&a), std::slice::from_ref(&a)), (None, 0.0));
+        assert_eq!(image_differences(std::slice::from_ref(&a), std::slice::from_ref(&a)), (None, 0.0));
     }
 }

@@ -6,7 +6,7 @@ use super::metric::Metric;
 use super::{TrajectoryError, Warning};
 use crate::se3::Se3;
 use crate::se3::arc_length::ArcLength;
-use crate::se3::rotation::canonical;
+use crate::se3::rotation::canonical_sign;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -73,7 +73,7 @@ impl Course {
     /// # Errors
     /// The degree of the curve is out of range, no curve holds the steps, or rotations turn too
     /// unevenly for it.
-    pub(super) fn through(
+    pub(super) fn through_knots(
         kind: Kind,
         knots: Knots<'_>,
         curve: Curve,
@@ -81,7 +81,7 @@ impl Course {
         metric: Metric,
     ) -> Result<Self, TrajectoryError> {
         screen_degree(curve)?;
-        let (line, length) = (Line::through(&knots, curve)?, knots.length());
+        let (line, length) = (Line::through_knots(&knots, curve)?, knots.length());
         let views = knots.views();
         let mut warnings: Vec<Warning> = knots.half_turns().collect();
         warnings.extend(line.curve().and_then(PoseCurve::warning));
@@ -112,7 +112,7 @@ impl Course {
 
     /// A pose as written to files: in world coordinates, with a quaternion of `w >= 0`.
     pub(super) fn placed(&self, pose: Se3) -> Se3 {
-        Se3 { rotation: canonical(pose.rotation), translation: self.origin + pose.translation }
+        Se3 { rotation: canonical_sign(pose.rotation), translation: self.origin + pose.translation }
     }
 }
 
@@ -128,7 +128,7 @@ fn screen_degree(curve: Curve) -> Result<(), TrajectoryError> {
 }
 
 impl Line {
-    fn through(knots: &Knots<'_>, curve: Curve) -> Result<Self, TrajectoryError> {
+    fn through_knots(knots: &Knots<'_>, curve: Curve) -> Result<Self, TrajectoryError> {
         let poses: Vec<Se3> = knots.poses.iter().map(|k| k.world_from_camera).collect();
         if let [pose] = poses[..] {
             return Ok(Self::Still(pose));
@@ -160,6 +160,6 @@ impl Line {
     /// The curve with its length in the metric; `None` if nothing moves.
     pub(super) fn measured(&self, metric: Metric) -> Option<Lengthwise<'_>> {
         let curve = self.curve()?;
-        Some((curve, ArcLength::measure(curve.steps(), Measured { curve, metric })))
+        Some((curve, ArcLength::measure_curve(curve.steps(), Measured { curve, metric })))
     }
 }

@@ -88,10 +88,10 @@ impl Curve {
     /// There are fewer than two knots, or their number is not one more than that of steps.
     pub fn through(self, steps: Vec<f64>, knots: &[Se3]) -> Result<Box<dyn PoseCurve>, Unsettled> {
         Ok(match self {
-            Self::Cubic => Box::new(Cubic::through(steps, knots)?),
-            Self::Cumulative => Box::new(Cumulative::near(knots)),
-            Self::SlerpLerp => Box::new(SlerpLerp::through(steps, knots)),
-            Self::Bezier { degree } => Box::new(Bezier::fit(degree, &steps, knots)?),
+            Self::Cubic => Box::new(Cubic::through_knots(steps, knots)?),
+            Self::Cumulative => Box::new(Cumulative::near_knots(knots)),
+            Self::SlerpLerp => Box::new(SlerpLerp::through_knots(steps, knots)),
+            Self::Bezier { degree } => Box::new(Bezier::fit_knots(degree, &steps, knots)?),
         })
     }
 }

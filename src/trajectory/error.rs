@@ -32,7 +32,7 @@ pub enum TrajectoryError {
         source: RotationError,
     },
     /// Neighbouring rotations have no mean.
-    #[error("views {}: {source}", quoted(names))]
+    #[error("views {}: {source}", quote_names(names))]
     Mean {
         /// Images of the window.
         names: Vec<String>,
@@ -209,6 +209,6 @@ pub enum Warning {
     },
 }
 
-fn quoted(names: &[String]) -> String {
+fn quote_names(names: &[String]) -> String {
     names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
 }

@@ -47,7 +47,7 @@ impl Pace for Exponential {
 
 impl FlowLength {
     /// Measures the flow along a curve. `placed` turns its poses into world poses.
-    pub(super) fn measure(
+    pub(super) fn measure_flow(
         arc: &ArcLength<Measured<'_>>,
         curve: &dyn PoseCurve,
         placed: impl Fn(Se3) -> Se3,
@@ -79,7 +79,7 @@ impl FlowLength {
         }
         let steps = vec![1.0; segments as usize];
         let spline = CubicSpline::not_a_knot(&steps, &logarithms);
-        Ok(Self { arc: ArcLength::measure(&steps, Exponential(spline)), unit })
+        Ok(Self { arc: ArcLength::measure_curve(&steps, Exponential(spline)), unit })
     }
 
     /// Total length, px.

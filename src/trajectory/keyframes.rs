@@ -4,7 +4,7 @@ use super::course::{Course, Kind};
 use super::curve::Curve;
 use super::knots::Knots;
 use super::metric::Metric;
-use super::refine::{Scale, screen};
+use super::refine::{Scale, screen_views};
 use super::travel::{Count, Travel};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::{Se3, look_at};
@@ -74,10 +74,10 @@ impl Keyframes {
         let named = names.iter().zip(&self.poses).enumerate().map(|(k, (name, keyframe))| {
             keyframe.pose(k).map(|world_from_camera| NamedPose { name, world_from_camera })
         });
-        let (origin, views, warnings) = screen(named.collect::<Result<_, _>>()?)?;
+        let (origin, views, warnings) = screen_views(named.collect::<Result<_, _>>()?)?;
         let metric = Metric::new(self.scale, &views)?;
         let knots = Knots::new(&views, metric)?;
-        let mut course = Course::through(Kind::Keyframes, knots, self.curve, origin, metric)?;
+        let mut course = Course::through_knots(Kind::Keyframes, knots, self.curve, origin, metric)?;
         course.warnings.splice(..0, warnings);
         Ok(course)
     }

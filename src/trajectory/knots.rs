@@ -1,13 +1,13 @@
 //! The knots of a path: smoothed poses are measured, coinciding ones merged, and gaps between them
 //! found.
 
-use super::metric::{Metric, median};
+use super::metric::{Metric, middle_mean};
 use super::refine::Gaps;
 use super::smooth::{mean_centre, mean_rotation};
 use super::{NamedPose, TrajectoryError, Warning};
 use crate::se3::Se3;
-use crate::se3::rotation::aligned;
-use crate::se3::rotation_spline::turn;
+use crate::se3::rotation::same_hemisphere;
+use crate::se3::rotation_spline::turn_between;
 use crate::se3::sum::Sum;
 use serde::{Deserialize, Serialize};
 
@@ -65,9 +65,9 @@ impl<'a> Knots<'a> {
     /// # Errors
     /// The rotations of a long run of coinciding views have no mean.
     pub(super) fn new(views: &[NamedPose<'a>], metric: Metric) -> Result<Self, TrajectoryError> {
-        let apart = distances(views, metric);
-        let still = rounding(views, metric);
-        let limit = still.max(COINCIDE * median(apart.iter().copied().filter(|d| *d > still).collect()));
+        let apart = knot_distances(views, metric);
+        let still = rounding_distance(views, metric);
+        let limit = still.max(COINCIDE * middle_mean(apart.iter().copied().filter(|d| *d > still).collect()));
         let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new(), views: views.len() };
         let mut start = 0;
         for end in 1..=views.len() {
@@ -76,7 +76,7 @@ impl<'a> Knots<'a> {
                 start = end;
             }
         }
-        knots.steps = distances(&knots.poses, metric);
+        knots.steps = knot_distances(&knots.poses, metric);
         Ok(knots)
     }
 
@@ -89,7 +89,7 @@ impl<'a> Knots<'a> {
         }
         if let Some(before) = self.poses.last() {
             let rotation = &mut knot.world_from_camera.rotation;
-            *rotation = aligned(*rotation, before.world_from_camera.rotation);
+            *rotation = same_hemisphere(*rotation, before.world_from_camera.rotation);
         }
         self.poses.push(knot);
         Ok(())
@@ -102,13 +102,14 @@ impl<'a> Knots<'a> {
 
     /// Length of the path through the knots.
     pub(super) fn length(&self) -> f64 {
-        Sum::of(self.steps.iter().copied())
+        Sum::sum_of(self.steps.iter().copied())
     }
 
     /// Neighbours that are half a turn apart.
     pub(super) fn half_turns(&self) -> impl Iterator<Item = Warning> {
-        let half =
-            |w: &&[NamedPose<'_>]| turn(w[0].world_from_camera.rotation, w[1].world_from_camera.rotation).1;
+        let half = |w: &&[NamedPose<'_>]| {
+            turn_between(w[0].world_from_camera.rotation, w[1].world_from_camera.rotation).1
+        };
         self.poses
             .windows(2)
             .filter(half)
@@ -118,10 +119,10 @@ impl<'a> Knots<'a> {
 
 /// The gaps in a capture, in path order. They are looked for before smoothing, which spreads a gap over its window:
 /// one of 12 median steps in a hand-held capture is under 8 of them everywhere after smoothing with half-width 2.
-pub(super) fn gaps(views: &[NamedPose<'_>], metric: Metric) -> Vec<Gap> {
-    let apart = distances(views, metric);
-    let still = rounding(views, metric);
-    let median = median(apart.iter().copied().filter(|d| *d > still).collect());
+pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: Metric) -> Vec<Gap> {
+    let apart = knot_distances(views, metric);
+    let still = rounding_distance(views, metric);
+    let median = middle_mean(apart.iter().copied().filter(|d| *d > still).collect());
     let gap = |(i, step): (usize, &f64)| Gap {
         after: views[i].name.to_owned(),
         before: views[i + 1].name.to_owned(),
@@ -131,7 +132,7 @@ pub(super) fn gaps(views: &[NamedPose<'_>], metric: Metric) -> Vec<Gap> {
 }
 
 /// Warnings of the gaps that are bridged, or the error for one that must not be.
-pub(super) fn judge(gaps: &[Gap], policy: Gaps) -> Result<Vec<Warning>, TrajectoryError> {
+pub(super) fn judge_gaps(gaps: &[Gap], policy: Gaps) -> Result<Vec<Warning>, TrajectoryError> {
     match (policy, gaps.first().cloned()) {
         (Gaps::Refuse, Some(Gap { after, before, times_median })) => {
             Err(TrajectoryError::Gap { after, before, times_median, limit: GAP })
@@ -144,13 +145,13 @@ pub(super) fn judge(gaps: &[Gap], policy: Gaps) -> Result<Vec<Warning>, Trajecto
     }
 }
 
-pub(super) fn distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
+pub(super) fn knot_distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
     poses.windows(2).map(|w| metric.distance(&w[0].world_from_camera, &w[1].world_from_camera)).collect()
 }
 
 /// Distances that rounding alone makes between equal poses, after smoothing: 1e-14 rad, and as much of the largest
 /// centre.
-pub(super) fn rounding(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
+pub(super) fn rounding_distance(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
     let farthest = poses.iter().map(|p| p.world_from_camera.translation.length()).fold(0.0, f64::max);
     metric.mix(ROUNDING, ROUNDING * farthest)
 }

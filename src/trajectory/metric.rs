@@ -6,7 +6,7 @@
 
 use super::{NamedPose, TrajectoryError, refine::Scale};
 use crate::se3::Se3;
-use crate::se3::rotation::angle;
+use crate::se3::rotation::angle_between;
 use crate::se3::sum::Sum;
 use glam::{DMat3, DVec3};
 
@@ -56,7 +56,7 @@ impl Metric {
     /// The distance between two poses.
     #[must_use]
     pub fn distance(self, a: &Se3, b: &Se3) -> f64 {
-        self.mix(angle(a.rotation, b.rotation), (b.translation - a.translation).length())
+        self.mix(angle_between(a.rotation, b.rotation), (b.translation - a.translation).length())
     }
 
     /// `alpha * angular + beta / D * linear`, for angles and lengths or for their rates.
@@ -71,7 +71,8 @@ impl Metric {
 fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
     let poses = views.iter().map(|v| v.world_from_camera);
     let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
-    let focused = focus(&rays).map(|p| median(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
+    let focused =
+        common_focus(&rays).map(|p| middle_mean(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
     focused.filter(|d| *d > 0.0).or_else(|| largest_distance(&rays).filter(|d| *d > 0.0)).unwrap_or(1.0)
 }
 
@@ -85,7 +86,7 @@ fn largest_distance(rays: &[(DVec3, DVec3)]) -> Option<f64> {
 
 /// The point with the least sum of squared distances to the rays' lines. `None` if the lines are
 /// nearly parallel, or the point lies behind more than half of the cameras.
-pub(super) fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
+pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     let across = |d: DVec3| DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
     let n = rays.len() as f64;
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
@@ -94,7 +95,7 @@ pub(super) fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
         b += across(*direction) * *centre;
     }
     let (a, b) = (a * (1.0 / n), b / n);
-    if !exceeds(&a, LEAST_SPREAD) {
+    if !eigenvalues_exceed(&a, LEAST_SPREAD) {
         return None;
     }
     let point = a.inverse() * b;
@@ -104,13 +105,13 @@ pub(super) fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
 
 /// Whether every eigenvalue of the symmetric `a` exceeds `limit`, by Sylvester's criterion on
 /// `a - limit I`, without computing eigenvalues.
-fn exceeds(a: &DMat3, limit: f64) -> bool {
+fn eigenvalues_exceed(a: &DMat3, limit: f64) -> bool {
     let m = *a - DMat3::from_diagonal(DVec3::splat(limit));
     m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y - m.y_axis.x * m.x_axis.y > 0.0 && m.determinant() > 0.0
 }
 
 /// The median: the mean of the middle two for an even number of values, and 0 for none.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn middle_mean(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     match n {

@@ -8,7 +8,7 @@ use super::course::{Course, Kind};
 use super::curve::Curve;
 use super::knots::Knots;
 use super::metric::Metric;
-use super::refine::{Scale, screen};
+use super::refine::{Scale, screen_views};
 use super::travel::{Count, Travel};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::Se3;
@@ -70,10 +70,11 @@ impl Novel {
         let names: Vec<String> = keyframes.iter().map(|k| format!("pose {k}")).collect();
         let named = |(name, k)| NamedPose { name, world_from_camera: base.poses[k] };
         let views = names.iter().map(String::as_str).zip(keyframes.iter().copied()).map(named);
-        let (origin, views, warnings) = screen(views.collect())?;
+        let (origin, views, warnings) = screen_views(views.collect())?;
         let metric = Metric::new(Scale::Fixed(base.scale), &views)?;
         let (curve, degree_drawn) = self.draw_curve();
-        let mut course = Course::through(Kind::Novel, Knots::new(&views, metric)?, curve, origin, metric)?;
+        let mut course =
+            Course::through_knots(Kind::Novel, Knots::new(&views, metric)?, curve, origin, metric)?;
         course.degree_drawn = degree_drawn;
         course.keyframes = keyframes;
         course.warnings.splice(..0, warnings);
@@ -107,7 +108,7 @@ impl Novel {
     /// Fisher-Yates shuffle.
     fn draw(&self, poses: usize) -> Vec<usize> {
         let (group, keyframes) = (self.group as usize, self.keyframes as usize);
-        let mut draws = choices(self.keyframes_seed, 0);
+        let mut draws = choice_draws(self.keyframes_seed, 0);
         let mut deck: Vec<usize> = (0..poses).collect();
         for next in 0..(group + 1) * keyframes {
             deck.swap(next, next + draws.index(poses - next));
@@ -123,7 +124,7 @@ impl Novel {
         if let NovelCurve::Fixed(curve) = self.curve {
             return (curve, None);
         }
-        let mut draws = choices(self.curve_seed, u64::from(self.group));
+        let mut draws = choice_draws(self.curve_seed, u64::from(self.group));
         if draws.index(2) == 0 {
             return (Curve::Cubic, None);
         }
@@ -133,7 +134,7 @@ impl Novel {
 }
 
 /// The draws of one choice.
-fn choices(seed: Seed, index: u64) -> Draws {
+fn choice_draws(seed: Seed, index: u64) -> Draws {
     seed.draws(Cell { x: 0, y: 0, level: 0, index }, Space::Choice)
 }
 

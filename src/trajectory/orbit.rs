@@ -6,9 +6,9 @@
 
 use super::course::{Course, Kind, Line};
 use super::curve::Circle;
-use super::metric::{Metric, focus};
+use super::metric::{Metric, common_focus};
 use super::order::by_name;
-use super::refine::screen;
+use super::refine::screen_views;
 use super::travel::{Count, Travel};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::{Se3, look_at};
@@ -41,7 +41,7 @@ impl Orbit {
     /// The course about a point, relative to that point.
     pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<Course, TrajectoryError> {
         let missing = |what| move || TrajectoryError::Orbit { what, because: NO_CAPTURE };
-        let (seen, warnings) = Seen::of(views)?;
+        let (seen, warnings) = Seen::from_views(views)?;
         let from = self.from.or(seen.from).ok_or_else(missing("from"))?;
         let up = self.up.or(seen.up).ok_or_else(missing("up"))?;
         let centre = match (self.centre, seen.centre) {
@@ -91,16 +91,16 @@ struct Seen {
 }
 
 impl Seen {
-    fn of(views: &[NamedPose<'_>]) -> Result<(Self, Vec<super::Warning>), TrajectoryError> {
+    fn from_views(views: &[NamedPose<'_>]) -> Result<(Self, Vec<super::Warning>), TrajectoryError> {
         if views.is_empty() {
             return Ok((Self::default(), Vec::new()));
         }
-        let (origin, views, warnings) = screen(by_name(views)?)?;
+        let (origin, views, warnings) = screen_views(by_name(views)?)?;
         let poses = views.iter().map(|v| v.world_from_camera);
         let rays: Vec<(DVec3, DVec3)> =
             poses.clone().map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
         let seen = Self {
-            centre: focus(&rays).map(|focus| origin + focus),
+            centre: common_focus(&rays).map(|focus| origin + focus),
             from: Some(origin + views[0].world_from_camera.translation),
             up: poses.map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize(),
         };

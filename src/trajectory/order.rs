@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 /// Natural order of file names: runs of digits compare as numbers, everything else byte by byte.
 /// Names that differ only in leading zeros compare by their bytes, so the order is total.
 #[must_use]
-pub fn natural(a: &str, b: &str) -> Ordering {
+pub fn natural_order(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a.as_bytes(), b.as_bytes());
     while let (Some(p), Some(q)) = (x.first(), y.first()) {
         let order = if p.is_ascii_digit() && q.is_ascii_digit() {
@@ -44,7 +44,7 @@ fn compare_numbers(a: &[u8], b: &[u8]) -> Ordering {
 /// Two views have the same name.
 pub(super) fn by_name<'a>(views: &[NamedPose<'a>]) -> Result<Vec<NamedPose<'a>>, TrajectoryError> {
     let mut sorted = views.to_vec();
-    sorted.sort_by(|a, b| natural(a.name, b.name));
+    sorted.sort_by(|a, b| natural_order(a.name, b.name));
     match sorted.windows(2).find(|w| w[0].name == w[1].name) {
         Some(w) => Err(TrajectoryError::SameName { name: w[0].name.to_owned() }),
         None => Ok(sorted),
@@ -53,7 +53,7 @@ pub(super) fn by_name<'a>(views: &[NamedPose<'a>]) -> Result<Vec<NamedPose<'a>>,
 
 /// Rearranges views that are sorted by name. `Nearest` is greedy from the first name, and ties go
 /// to the earlier name; its time is quadratic in the number of views.
-pub(super) fn arrange(views: &mut [NamedPose<'_>], order: Order, metric: Metric) {
+pub(super) fn arrange_views(views: &mut [NamedPose<'_>], order: Order, metric: Metric) {
     if order == Order::Name {
         return;
     }
@@ -63,7 +63,7 @@ pub(super) fn arrange(views: &mut [NamedPose<'_>], order: Order, metric: Metric)
         let nearest = (i..views.len()).min_by(|a, b| {
             distance(&views[*a])
                 .total_cmp(&distance(&views[*b]))
-                .then_with(|| natural(views[*a].name, views[*b].name))
+                .then_with(|| natural_order(views[*a].name, views[*b].name))
         });
         views.swap(i, nearest.unwrap_or(i));
     }
@@ -78,7 +78,7 @@ mod tests {
         let t = |names: &[&str]| {
             for (i, a) in names.iter().enumerate() {
                 for (j, b) in names.iter().enumerate() {
-                    assert_eq!(natural(a, b), i.cmp(&j), "{a} {b}");
+                    assert_eq!(natural_order(a, b), i.cmp(&j), "{a} {b}");
                 }
             }
         };

@@ -30,16 +30,16 @@ pub(crate) struct Panel {
 
 /// The picture as SVG.
 #[must_use]
-pub fn svg(trajectory: &Trajectory, report: &Report) -> String {
+pub fn trajectory_svg(trajectory: &Trajectory, report: &Report) -> String {
     let half = (WIDTH - 3.0 * MARGIN) / 2.0;
     let above = Panel { left: MARGIN, top: MARGIN, width: half, height: 440.0 };
     let side = Panel { left: above.left + half + MARGIN, ..above };
     let top = above.top + above.height + MARGIN;
     let chart = Panel { left: MARGIN, top, width: WIDTH - 2.0 * MARGIN, height: HEIGHT - top - MARGIN };
     let mut out = Svg::new([WIDTH, HEIGHT]);
-    path::draw(&mut out, [above, side], &trajectory.world_from_camera, &report.linear_unit_s);
+    path::draw_path(&mut out, [above, side], &trajectory.world_from_camera, &report.linear_unit_s);
     let seconds = trajectory.stamps_us.last().copied().unwrap_or(0) as f64 * 1e-6;
-    chart::draw(&mut out, chart, seconds, report);
+    chart::draw_chart(&mut out, chart, seconds, report);
     out.finish()
 }
 
@@ -108,7 +108,7 @@ fn round_down(limit: f64) -> f64 {
 }
 
 /// A number with about four digits.
-pub(crate) fn short(number: f64) -> String {
+pub(crate) fn short_number(number: f64) -> String {
     let fixed = match number.abs() {
         n if n != 0.0 && !(1e-3..1e6).contains(&n) => return format!("{number:.2e}"),
         n if n >= 1000.0 => return format!("{number:.0}"),
@@ -119,7 +119,7 @@ pub(crate) fn short(number: f64) -> String {
 }
 
 /// At most `count` indices of `0..len`, evenly spread, with both ends.
-pub(crate) fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn spread_indices(len: usize, count: usize) -> impl Iterator<Item = usize> {
     let shown = len.min(count);
     (0..shown).map(move |k| if shown < 2 { 0 } else { k * (len - 1) / (shown - 1) })
 }
@@ -148,15 +148,15 @@ mod tests {
             (1e9, "1.00e9"),
             (-0.25, "-0.25"),
         ] {
-            assert_eq!(short(number), want);
+            assert_eq!(short_number(number), want);
         }
     }
 
     #[test]
     fn both_ends_are_shown() {
-        assert_eq!(spread(5, 10).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
-        assert_eq!(spread(101, 3).collect::<Vec<_>>(), [0, 50, 100]);
-        assert_eq!(spread(1, 3).collect::<Vec<_>>(), [0]);
-        assert_eq!(spread(0, 3).count(), 0);
+        assert_eq!(spread_indices(5, 10).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+        assert_eq!(spread_indices(101, 3).collect::<Vec<_>>(), [0, 50, 100]);
+        assert_eq!(spread_indices(1, 3).collect::<Vec<_>>(), [0]);
+        assert_eq!(spread_indices(0, 3).count(), 0);
     }
 }

@@ -3,13 +3,13 @@
 
 use super::course::{Course, Kind};
 use super::curve::Curve;
-use super::knots::{Knots, gaps, judge};
+use super::knots::{Knots, find_gaps, judge_gaps};
 use super::metric::Metric;
-use super::order::{arrange, by_name};
-use super::smooth::smooth;
+use super::order::{arrange_views, by_name};
+use super::smooth::smooth_views;
 use super::travel::{Count, Travel};
 use super::{Made, NamedPose, Timing, TrajectoryError, Warning};
-use crate::se3::rotation::aligned;
+use crate::se3::rotation::same_hemisphere;
 use crate::se3::{Screened, Se3, rotation_from_quaternion};
 use crate::units::Ratio;
 use glam::{DQuat, DVec3};
@@ -117,7 +117,11 @@ impl Default for Refine {
 /// There are no views; they have values that are not finite, invalid rotations or equal names;
 /// neighbouring rotations have no mean or no curve; a parameter is out of range; or there is a gap
 /// under [`Gaps::Refuse`].
-pub fn refine(views: &[NamedPose<'_>], params: &Refine, timing: Timing<'_>) -> Result<Made, TrajectoryError> {
+pub fn refine_views(
+    views: &[NamedPose<'_>],
+    params: &Refine,
+    timing: Timing<'_>,
+) -> Result<Made, TrajectoryError> {
     params.travel().along(params.course(views)?, timing, None)
 }
 
@@ -128,13 +132,13 @@ impl Refine {
 
     /// The course along the views of a capture.
     pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<Course, TrajectoryError> {
-        let (origin, mut views, mut warnings) = screen(by_name(views)?)?;
+        let (origin, mut views, mut warnings) = screen_views(by_name(views)?)?;
         let metric = Metric::new(self.scale, &views)?;
-        arrange(&mut views, self.order, metric);
-        let gaps = gaps(&views, metric);
-        warnings.extend(judge(&gaps, self.gaps)?);
-        let knots = Knots::new(&smooth(&views, self)?, metric)?;
-        let mut course = Course::through(Kind::Refine, knots, self.curve, origin, metric)?;
+        arrange_views(&mut views, self.order, metric);
+        let gaps = find_gaps(&views, metric);
+        warnings.extend(judge_gaps(&gaps, self.gaps)?);
+        let knots = Knots::new(&smooth_views(&views, self)?, metric)?;
+        let mut course = Course::through_knots(Kind::Refine, knots, self.curve, origin, metric)?;
         course.gaps = gaps;
         course.warnings.splice(..0, warnings);
         Ok(course)
@@ -144,7 +148,7 @@ impl Refine {
 /// Checks every pose, makes centres relative to the first one (so that a large offset costs no
 /// digits later), and moves every quaternion into the hemisphere of its predecessor. Returns the
 /// origin, the views and the warnings.
-pub(super) fn screen(
+pub(super) fn screen_views(
     mut views: Vec<NamedPose<'_>>,
 ) -> Result<(DVec3, Vec<NamedPose<'_>>, Vec<Warning>), TrajectoryError> {
     let mut warnings = Vec::new();
@@ -159,7 +163,7 @@ pub(super) fn screen(
         let screened = rotation_from_quaternion(view.world_from_camera.rotation);
         let Screened { rotation, projected, deviation } =
             screened.map_err(|source| TrajectoryError::Rotation { name: name.clone(), source })?;
-        before = aligned(rotation, before);
+        before = same_hemisphere(rotation, before);
         view.world_from_camera = Se3 { rotation: before, translation: centre };
         warnings.extend(projected.then_some(Warning::Projected { name, deviation }));
     }

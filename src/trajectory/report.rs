@@ -7,7 +7,7 @@ use super::knots::{Gap, Merged};
 use super::metric::{ALPHA, BETA, Metric};
 use super::sample::{Schedule, Summation, step_seconds};
 use super::travel::{Timing, Travel};
-use crate::se3::rotation::angle;
+use crate::se3::rotation::angle_between;
 use crate::se3::spline::Place;
 use crate::se3::sum::Sum;
 use crate::se3::{Se3, Twist};
@@ -146,7 +146,7 @@ impl Report {
     #[must_use]
     pub fn measured_again(&self, poses: &[Se3], schedule: Option<&Schedule>) -> Option<Self> {
         let rate = Hertz(self.rate.parse().ok()?);
-        let steps = Steps::of(poses, Metric { scale: self.scale_distance });
+        let steps = Steps::between_poses(poses, Metric { scale: self.scale_distance });
         let (u, s) = match schedule {
             Some(of) => (of.speeds.clone(), of.shares.iter().map(|share| share * self.length).collect()),
             None => (self.u.clone(), self.s.clone()),
@@ -191,10 +191,10 @@ impl Asked<'_> {
     /// the camera stands still.
     pub(super) fn report(self, poses: &[Se3], arcs: &[f64]) -> Report {
         let Course { metric, length, .. } = *self.course;
-        let steps = Steps::of(poses, metric);
+        let steps = Steps::between_poses(poses, metric);
         let follow = |lengths: &[f64], weight: f64| self.follow(lengths, weight);
         let seconds = |j: usize| self.schedule.seconds(self.timing.rate, j);
-        let fit = Fit::of(self.course);
+        let fit = Fit::for_course(self.course);
         Report {
             kind: self.course.kind,
             curve: self.course.curve,
@@ -211,7 +211,7 @@ impl Asked<'_> {
             rate: self.timing.rate.0.to_string(),
             poses: poses.len(),
             length,
-            length_ratio: (!arcs.is_empty()).then(|| Sum::of(arcs.iter().copied()) / length),
+            length_ratio: (!arcs.is_empty()).then(|| Sum::sum_of(arcs.iter().copied()) / length),
             knot_distance: fit.as_ref().map(|fit| fit.distance),
             knot_jumps: fit.and_then(|fit| fit.jumps),
             flow: self.flow,
@@ -234,25 +234,25 @@ impl Asked<'_> {
     /// Ratios of `lengths`, one per step, to the asked shares. `weight` converts lengths into the
     /// metric.
     fn follow(&self, lengths: &[f64], weight: f64) -> Option<Follow> {
-        let total = Sum::of(lengths.iter().copied());
+        let total = Sum::sum_of(lengths.iter().copied());
         let moves = total * weight > LEAST_PART * self.course.length;
         let asked = self.schedule.shares.windows(2).map(|w| w[1] - w[0]);
         let ratios = lengths.iter().zip(asked).filter(|(_, asked)| *asked >= LEAST_SHARE);
         let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
-        (moves && !ratios.is_empty()).then(|| Follow::of(ratios))
+        (moves && !ratios.is_empty()).then(|| Follow::from_ratios(ratios))
     }
 }
 
 impl Follow {
     /// Statistics of at least one ratio.
-    fn of(ratios: Vec<f64>) -> Self {
+    fn from_ratios(ratios: Vec<f64>) -> Self {
         let count = ratios.len();
         let (min, max) = (
             ratios.iter().copied().fold(f64::INFINITY, f64::min),
             ratios.iter().copied().fold(0.0, f64::max),
         );
         let mut away: Vec<f64> = ratios.into_iter().map(|r| (r - 1.0).abs()).collect();
-        let rms = (Sum::of(away.iter().map(|a| a * a)) / count as f64).sqrt();
+        let rms = (Sum::sum_of(away.iter().map(|a| a * a)) / count as f64).sqrt();
         let rank = (count * 95).div_ceil(100).max(1) - 1;
         let p95 = *away.select_nth_unstable_by(rank, f64::total_cmp).1;
         Self { min, max, rms, p95 }
@@ -267,7 +267,7 @@ struct Fit {
 
 impl Fit {
     /// `None` without a curve through knots.
-    fn of(course: &Course) -> Option<Self> {
+    fn for_course(course: &Course) -> Option<Self> {
         let curve = course.line.curve().filter(|_| !course.knots.is_empty())?;
         let metric = course.metric;
         let between = course.length / (course.knots.len() - 1) as f64;
@@ -275,7 +275,7 @@ impl Fit {
         let distance = course.knots.iter().enumerate().map(away).fold(0.0, f64::max) / between;
         // In the curve's own parameter, the mean rate is the distance of the knots divided by their
         // distance in the parameter.
-        let whole = Sum::of(curve.steps().iter().copied());
+        let whole = Sum::sum_of(curve.steps().iter().copied());
         let rate = course.length / whole;
         let apart =
             |a: Twist, b: Twist| metric.mix((a.angular - b.angular).length(), (a.linear - b.linear).length());
@@ -307,10 +307,10 @@ struct Steps {
 }
 
 impl Steps {
-    fn of(poses: &[Se3], metric: Metric) -> Self {
+    fn between_poses(poses: &[Se3], metric: Metric) -> Self {
         let pairs = || poses.windows(2);
         let linear: Vec<f64> = pairs().map(|w| (w[1].translation - w[0].translation).length()).collect();
-        let angular: Vec<f64> = pairs().map(|w| angle(w[0].rotation, w[1].rotation)).collect();
+        let angular: Vec<f64> = pairs().map(|w| angle_between(w[0].rotation, w[1].rotation)).collect();
         let mixed = angular.iter().zip(&linear).map(|(a, l)| metric.mix(*a, *l)).collect();
         Self { linear, angular, mixed }
     }
@@ -322,7 +322,7 @@ impl Steps {
 
     /// Largest change between neighbouring steps over the mean step; 0 where nothing moves.
     fn largest_change(&self) -> f64 {
-        let mean = Sum::of(self.mixed.iter().copied()) / self.mixed.len().max(1) as f64;
+        let mean = Sum::sum_of(self.mixed.iter().copied()) / self.mixed.len().max(1) as f64;
         let largest = self.mixed.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         if mean > 0.0 { largest / mean } else { 0.0 }
     }

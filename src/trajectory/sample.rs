@@ -47,7 +47,7 @@ impl Schedule {
     pub fn new(speed: &Speed, count: usize, summation: Summation) -> Result<Self, TrajectoryError> {
         let (law, steps) = (speed.as_law(), count.saturating_sub(1));
         let meaning = speed.meaning();
-        let speeds = speeds(law, steps)?;
+        let speeds = law_speeds(law, steps)?;
         let shares = match (meaning, summation) {
             (Meaning::Speed, Summation::Sum) => left_sums(speeds.iter().copied()),
             (Meaning::Speed, Summation::Integral) => {
@@ -93,7 +93,7 @@ fn whole_micros(us: f64) -> i64 {
     (us + 0.5).floor() as i64
 }
 
-fn speeds(law: &dyn Law, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
+fn law_speeds(law: &dyn Law, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
     let speeds: Vec<f64> = (0..steps).map(|j| law.speed(j as f64 / steps as f64)).collect();
     match speeds.iter().position(|v| !(*v > 0.0 && v.is_finite())) {
         None => Ok(speeds),

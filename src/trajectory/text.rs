@@ -6,7 +6,7 @@
 
 use super::Trajectory;
 use crate::se3::Se3;
-use crate::se3::rotation::canonical;
+use crate::se3::rotation::canonical_sign;
 use glam::{DQuat, DVec3};
 use std::io::{self, BufRead, Write};
 
@@ -75,10 +75,10 @@ impl Trajectory {
     /// Writing fails.
     pub fn write_poses(&self, mut out: impl Write) -> io::Result<()> {
         for (pose, t_us) in self.world_from_camera.iter().zip(&self.stamps_us) {
-            let (c, q) = (pose.translation, canonical(pose.rotation));
+            let (c, q) = (pose.translation, canonical_sign(pose.rotation));
             write!(out, "{t_us}")?;
             for number in [c.x, c.y, c.z, q.x, q.y, q.z, q.w] {
-                write!(out, " {}", significant(number))?;
+                write!(out, " {}", significant_digits(number))?;
             }
             out.write_all(b"\n")?;
         }
@@ -91,7 +91,7 @@ impl Trajectory {
     /// A line is not a pose, or its stamp does not follow the previous one.
     pub fn read_poses(input: impl BufRead) -> Result<Self, TextError> {
         let mut read = Self { world_from_camera: Vec::new(), stamps_us: Vec::new() };
-        for (line, text) in lines(input) {
+        for (line, text) in numbered_lines(input) {
             let (t_us, pose) = parse_pose(line, &text?)?;
             push_stamp(&mut read.stamps_us, line, t_us)?;
             read.world_from_camera.push(pose);
@@ -114,14 +114,14 @@ impl Trajectory {
 /// A line is not an integer, or does not follow the previous one.
 pub fn read_stamps(input: impl BufRead) -> Result<Vec<i64>, TextError> {
     let mut stamps = Vec::new();
-    for (line, text) in lines(input) {
+    for (line, text) in numbered_lines(input) {
         let t_us = parse_stamp(line, text?.trim())?;
         push_stamp(&mut stamps, line, t_us)?;
     }
     Ok(stamps)
 }
 
-fn lines(input: impl BufRead) -> impl Iterator<Item = (usize, Result<String, TextError>)> {
+fn numbered_lines(input: impl BufRead) -> impl Iterator<Item = (usize, Result<String, TextError>)> {
     let number = |(i, text): (usize, io::Result<String>)| {
         let line = i + 1;
         (line, text.map_err(|source| TextError::Io { line, source }))
@@ -146,7 +146,7 @@ fn parse_pose(line: usize, text: &str) -> Result<(i64, Se3), TextError> {
     let [tx, ty, tz, qx, qy, qz, qw] = numbers;
     let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
     let unit = (rotation.length_squared() - 1.0).abs() <= UNIT;
-    if !unit || canonical(rotation) != rotation {
+    if !unit || canonical_sign(rotation) != rotation {
         return Err(TextError::Quaternion { line, found: rotation });
     }
     Ok((parse_stamp(line, fields[0])?, Se3 { rotation, translation: DVec3::new(tx, ty, tz) }))
@@ -176,7 +176,7 @@ fn push_stamp(stamps: &mut Vec<i64>, line: usize, t_us: i64) -> Result<(), TextE
 /// A finite number with 17 significant digits, as C's `%.17g` writes it: without trailing zeros,
 /// and with an exponent only below 1e-4 and from 1e17 on.
 #[must_use]
-pub fn significant(number: f64) -> String {
+pub fn significant_digits(number: f64) -> String {
     let scientific = format!("{number:.16e}");
     let Some((mantissa, exponent)) = scientific.split_once('e') else { return scientific };
     let Ok(power) = exponent.parse::<i32>() else { return scientific };
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn numbers_are_written_as_c_does() {
         // From Python: '%.17g' % x.
-        let t = |number: f64, want: &str| assert_eq!(significant(number), want);
+        let t = |number: f64, want: &str| assert_eq!(significant_digits(number), want);
         t(0.0, "0");
         t(1.0, "1");
         t(-1.5, "-1.5");
@@ -234,7 +234,7 @@ mod tests {
             let poses = numbers.iter().filter(|(_, q)| DQuat::from_array(*q).length() > 1e-3);
             let world_from_camera: Vec<Se3> = poses
                 .map(|(c, q)| Se3 {
-                    rotation: canonical(DQuat::from_array(*q).normalize()),
+                    rotation: canonical_sign(DQuat::from_array(*q).normalize()),
                     translation: DVec3::from_array(*c) * scale,
                 })
                 .collect();

@@ -20,7 +20,7 @@ pub struct Pictures<'a> {
 /// picture for each frame; without sharp pictures it lists all poses. `poses.txt` always has every
 /// pose. A frame also names its blurred picture.
 #[must_use]
-pub fn compose(camera: &Camera, path: &Trajectory, pictures: &Pictures<'_>) -> Value {
+pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &Pictures<'_>) -> Value {
     let frames: Vec<Value> = path
         .world_from_camera
         .iter()

@@ -7,7 +7,7 @@ use super::report::{Asked, FlowReport, Report};
 use super::sample::{Schedule, Summation, places_by_chord};
 use super::{Trajectory, TrajectoryError, Warning};
 use crate::se3::Se3;
-use crate::se3::rotation::angle;
+use crate::se3::rotation::angle_between;
 use crate::speed::Speed;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
@@ -94,7 +94,7 @@ impl Travel {
         };
         let mut schedule = Schedule::new(timing.speed, count, timing.law)?;
         let stamps_us = schedule.stamps_us(timing.rate)?;
-        let flow = flow.map(|(px_s, length)| FlowReport { px_s, px: apply(length, &mut schedule) });
+        let flow = flow.map(|(px_s, length)| FlowReport { px_s, px: apply_flow(length, &mut schedule) });
         let (poses, arcs) = course.follow(measured.as_ref(), &schedule, self.literal);
         warnings.extend(speed_warnings(timing.speed, &schedule, &poses));
         let asked = Asked { course: &course, travel: self, timing, schedule, flow, warnings: &warnings };
@@ -105,7 +105,7 @@ impl Travel {
 
 /// Converts shares of a path in pixels into shares of its mixed length. Also returns the length of
 /// the path in pixels.
-fn apply(length: Option<FlowLength>, schedule: &mut Schedule) -> f64 {
+fn apply_flow(length: Option<FlowLength>, schedule: &mut Schedule) -> f64 {
     let Some(length) = length else { return 0.0 };
     let mixed = length.mixed_lengths(&schedule.shares);
     let whole = mixed[mixed.len() - 1];
@@ -146,10 +146,10 @@ fn screen_rate(rate: Hertz) -> Result<(), TrajectoryError> {
     reason = "positive; casts saturate, and what is too many is refused"
 )]
 fn frames_of(seconds: f64, rate: Hertz) -> Result<usize, TrajectoryError> {
-    within(1 + ((seconds * rate.to_f64()).ceil() as u64).min(u64::MAX - 1))
+    within_limit(1 + ((seconds * rate.to_f64()).ceil() as u64).min(u64::MAX - 1))
 }
 
-fn within(count: u64) -> Result<usize, TrajectoryError> {
+fn within_limit(count: u64) -> Result<usize, TrajectoryError> {
     match usize::try_from(count) {
         Ok(0) => Err(TrajectoryError::Parameter {
             field: "frames",
@@ -164,7 +164,7 @@ fn within(count: u64) -> Result<usize, TrajectoryError> {
 impl Count {
     /// Number of poses for this many views.
     fn poses(self, views: usize, rate: Hertz, warnings: &mut Vec<Warning>) -> Result<usize, TrajectoryError> {
-        within(match self {
+        within_limit(match self {
             Self::Factor(gamma) => {
                 let sparse = gamma.numerator() <= gamma.denominator();
                 warnings.extend(sparse.then(|| Warning::Sparse { factor: gamma.to_string() }));
@@ -237,15 +237,16 @@ impl Course {
         let no_scene = || TrajectoryError::Flow { share: 0.0, because: "there is no scene".to_owned() };
         let Some((curve, arc)) = measured else { return Ok(None) };
         let meter = meter.ok_or_else(no_scene)?;
-        FlowLength::measure(arc, *curve, |pose| self.placed(pose), meter).map(Some)
+        FlowLength::measure_flow(arc, *curve, |pose| self.placed(pose), meter).map(Some)
     }
 }
 
 fn speed_warnings(speed: &Speed, schedule: &Schedule, poses: &[Se3]) -> Vec<Warning> {
     let slowest = schedule.speeds.iter().copied().fold(f64::INFINITY, f64::min);
     let ratio = schedule.speeds.iter().copied().fold(0.0, f64::max) / slowest;
-    let degrees =
-        || poses.windows(2).map(|w| angle(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees();
+    let degrees = || {
+        poses.windows(2).map(|w| angle_between(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees()
+    };
     let rough = speed.as_law().roughness().map(|because| Warning::Rough { because });
     let wide = (ratio > MILD_RANGE).then(|| Warning::SpeedRange { ratio, degrees: degrees() });
     rough.into_iter().chain(wide).collect()

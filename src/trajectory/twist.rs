@@ -6,7 +6,7 @@
 //! `h^4/30` of the fifth derivative. Where the path is only twice differentiable, at the knots of a cubic spline, it is
 //! off by no more than `h^2/6` of the jump of the third derivative.
 
-use crate::se3::rotation::log;
+use crate::se3::rotation::log_vector;
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
 
@@ -18,28 +18,28 @@ const NEAR: usize = 5;
 /// # Panics
 /// If there is not one time a pose, strictly increasing.
 #[must_use]
-pub fn twists(poses: &[Se3], seconds: &[f64]) -> Vec<Twist> {
+pub fn pose_twists(poses: &[Se3], seconds: &[f64]) -> Vec<Twist> {
     assert_eq!(poses.len(), seconds.len(), "one time a pose");
     assert!(seconds.windows(2).all(|pair| pair[0] < pair[1]), "times increase");
-    (0..poses.len()).map(|at| twist(poses, seconds, at)).collect()
+    (0..poses.len()).map(|at| pose_twist(poses, seconds, at)).collect()
 }
 
-fn twist(poses: &[Se3], seconds: &[f64], at: usize) -> Twist {
+fn pose_twist(poses: &[Se3], seconds: &[f64], at: usize) -> Twist {
     let near = NEAR.min(poses.len());
     let first = at.saturating_sub(NEAR / 2).min(poses.len() - near);
     let here = poses[at];
     let mut twist = Twist { linear: DVec3::ZERO, angular: DVec3::ZERO };
     for i in (first..first + near).filter(|i| *i != at) {
         // Relative to this pose both are zero here, so that its own weight is not needed.
-        let weight = weight(&seconds[first..first + near], at - first, i - first);
+        let weight = derivative_weight(&seconds[first..first + near], at - first, i - first);
         twist.linear += weight * (poses[i].translation - here.translation);
-        twist.angular += weight * log(here.rotation.conjugate() * poses[i].rotation);
+        twist.angular += weight * log_vector(here.rotation.conjugate() * poses[i].rotation);
     }
     twist
 }
 
 /// The weight of the value at `times[i]` in the derivative at `times[at]` of the polynomial through all.
-fn weight(times: &[f64], at: usize, i: usize) -> f64 {
+fn derivative_weight(times: &[f64], at: usize, i: usize) -> f64 {
     let others = (0..times.len()).filter(|k| *k != i && *k != at);
     others.map(|k| (times[at] - times[k]) / (times[i] - times[k])).product::<f64>() / (times[i] - times[at])
 }
@@ -47,7 +47,7 @@ fn weight(times: &[f64], at: usize, i: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::exp;
+    use crate::se3::rotation::exp_vector;
 
     /// A path that is quartic in time, turning about a fixed axis by a quartic angle.
     fn quartic(t: f64) -> (Se3, Twist) {
@@ -56,8 +56,10 @@ mod tests {
         let (x, y, angle) =
             ([1e6, 2.0, -3.0, 1.0, 4.0], [0.0, -1.0, 0.5, 2.0, -1.0], [0.3, 0.7, -0.4, 0.2, 0.9]);
         let axis = DVec3::new(1.0, 2.0, -2.0) / 3.0;
-        let pose =
-            Se3 { rotation: exp(axis * value(angle)), translation: DVec3::new(value(x), value(y), 7.0) };
+        let pose = Se3 {
+            rotation: exp_vector(axis * value(angle)),
+            translation: DVec3::new(value(x), value(y), 7.0),
+        };
         (pose, Twist { linear: DVec3::new(rate(x), rate(y), 0.0), angular: axis * rate(angle) })
     }
 
@@ -69,7 +71,7 @@ mod tests {
             vec![0.0, 0.2, 0.3, 0.7, 0.9],
         ] {
             let poses: Vec<Se3> = times.iter().map(|t| quartic(*t).0).collect();
-            for (found, t) in twists(&poses, &times).into_iter().zip(&times) {
+            for (found, t) in pose_twists(&poses, &times).into_iter().zip(&times) {
                 let wanted = quartic(*t).1;
                 // Positions of 1e6 lose 1e-10; times as close as 0.01 amplify it.
                 assert!((found.linear - wanted.linear).length() < 1e-6, "{t}: {found:?} {wanted:?}");
@@ -82,8 +84,8 @@ mod tests {
     fn the_error_of_a_smooth_path_falls_with_the_fourth_power_of_the_step() {
         // Turning about an axis that turns itself: the body rate is not along any fixed axis.
         let pose = |t: f64| {
-            let turn =
-                exp(DVec3::new(0.0, 0.0, 2.0 * t)) * exp(DVec3::new(0.8 * libm::sin(3.0 * t), 0.0, 0.0));
+            let turn = exp_vector(DVec3::new(0.0, 0.0, 2.0 * t))
+                * exp_vector(DVec3::new(0.8 * libm::sin(3.0 * t), 0.0, 0.0));
             Se3 { rotation: turn, translation: DVec3::new(libm::sin(2.0 * t), libm::cos(5.0 * t), t) }
         };
         let wanted = |t: f64| {
@@ -97,7 +99,7 @@ mod tests {
         let worst = |n: u32| {
             let times: Vec<f64> = (0..=n).map(|j| f64::from(j) / f64::from(n)).collect();
             let poses: Vec<Se3> = times.iter().map(|t| pose(*t)).collect();
-            let found = twists(&poses, &times);
+            let found = pose_twists(&poses, &times);
             let inner = 2..times.len() - 2;
             inner.fold([0.0f64; 2], |[linear, angular], j| {
                 let wanted = wanted(times[j]);
@@ -117,9 +119,9 @@ mod tests {
     #[test]
     fn short_paths_have_what_their_poses_say() {
         let at = |x: f64| Se3 { translation: DVec3::new(x, 0.0, 0.0), ..Se3::IDENTITY };
-        assert!(twists(&[], &[]).is_empty());
-        assert_eq!(twists(&[at(1.0)], &[0.0])[0].linear, DVec3::ZERO);
-        let two = twists(&[at(1.0), at(4.0)], &[0.0, 2.0]);
+        assert!(pose_twists(&[], &[]).is_empty());
+        assert_eq!(pose_twists(&[at(1.0)], &[0.0])[0].linear, DVec3::ZERO);
+        let two = pose_twists(&[at(1.0), at(4.0)], &[0.0, 2.0]);
         assert!(two.iter().all(|twist| (twist.linear.x - 1.5).abs() < 1e-15));
     }
 }

@@ -13,10 +13,10 @@
 //! detours of its neighbours are at most a step. By the triangle inequality, a detour is at most
 //! the shorter of its two steps, so a gap, one long step, makes none.
 
-use super::knots::{Gap, distances, rounding};
-use super::metric::{Metric, median};
+use super::knots::{Gap, knot_distances, rounding_distance};
+use super::metric::{Metric, middle_mean};
 use super::order::by_name;
-use super::refine::{Scale, screen};
+use super::refine::{Scale, screen_views};
 use super::{NamedPose, TrajectoryError};
 
 /// Steps and detours, divided by the median step.
@@ -43,11 +43,11 @@ impl Walk {
     /// # Errors
     /// There are no views, or they have values that are not finite, invalid rotations or equal
     /// names.
-    pub fn of(views: &[NamedPose<'_>]) -> Result<Option<Self>, TrajectoryError> {
-        let (_, views, _) = screen(by_name(views)?)?;
+    pub fn measure_views(views: &[NamedPose<'_>]) -> Result<Option<Self>, TrajectoryError> {
+        let (_, views, _) = screen_views(by_name(views)?)?;
         let metric = Metric::new(Scale::Scene, &views)?;
-        let (steps, still) = (distances(&views, metric), rounding(&views, metric));
-        let median = median(steps.iter().copied().filter(|step| *step > still).collect());
+        let (steps, still) = (knot_distances(&views, metric), rounding_distance(&views, metric));
+        let median = middle_mean(steps.iter().copied().filter(|step| *step > still).collect());
         let step = |(pair, step): (&[NamedPose<'_>], &f64)| Gap {
             after: pair[0].name.to_owned(),
             before: pair[1].name.to_owned(),
@@ -85,7 +85,7 @@ mod tests {
                 world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::from_array(*centre) },
             })
             .collect();
-        Walk::of(&views).unwrap().unwrap()
+        Walk::measure_views(&views).unwrap().unwrap()
     }
 
     fn close(found: f64, wanted: f64) {
@@ -121,8 +121,8 @@ mod tests {
             name,
             world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ONE },
         };
-        assert_eq!(Walk::of(&[view("a"), view("b")]).unwrap(), None);
-        assert_eq!(Walk::of(&[view("a")]).unwrap(), None);
-        assert!(Walk::of(&[view("a"), view("a")]).is_err());
+        assert_eq!(Walk::measure_views(&[view("a"), view("b")]).unwrap(), None);
+        assert_eq!(Walk::measure_views(&[view("a")]).unwrap(), None);
+        assert!(Walk::measure_views(&[view("a"), view("a")]).is_err());
     }
 }

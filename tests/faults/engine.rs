@@ -1,11 +1,11 @@
 //! The engine within this process, over any file operations.
 
 use crate::place::{Place, Products};
-use gs2e::plan::assess::{Action, assess};
-use gs2e::plan::survey::{Survey, survey};
+use gs2e::plan::assess::{Action, assess_plan};
+use gs2e::plan::survey::{Survey, survey_recipes};
 use gs2e::programs::Programs;
 use gs2e::render::backend::Backend;
-use gs2e::run::{Budget, Event, Observer, Options, run, settle};
+use gs2e::run::{Budget, Event, Observer, Options, run_plan, settle_run};
 use gs2e::stage::StepId;
 use gs2e::store::fs::Fs;
 use gs2e::store::record::Output;
@@ -60,8 +60,8 @@ impl Engine {
     }
 
     fn survey(&self, store: &Store) -> Result<(Survey, Outputs), String> {
-        let survey =
-            survey(&self.recipes, &Backend::Cpu, store, &tag()).map_err(|faults| format!("{faults:?}"))?;
+        let survey = survey_recipes(&self.recipes, &Backend::Cpu, store, &tag())
+            .map_err(|faults| format!("{faults:?}"))?;
         let steps = survey.settled.iter().flat_map(|scene| {
             scene.steps.iter().map(|step| (format!("{}/{}", scene.scene, step.name), step.outputs.clone()))
         });
@@ -85,7 +85,7 @@ impl Engine {
             return Ok(Built::Done { outputs, made: 0, settled });
         }
         // As the command does: what is missing or unreadable is known before anything runs.
-        assess(&plan, &store).map_err(|e| e.to_string())?;
+        assess_plan(&plan, &store).map_err(|e| e.to_string())?;
         let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
         let options = Options {
             budget,
@@ -95,8 +95,8 @@ impl Engine {
             programs: Programs::default(),
         };
         let summary =
-            run(&plan, &store, options, &AtomicBool::new(false), &Silent).map_err(|e| e.to_string())?;
-        settle(&plan, &summary, &store, &tag()).map_err(|e| e.to_string())?;
+            run_plan(&plan, &store, options, &AtomicBool::new(false), &Silent).map_err(|e| e.to_string())?;
+        settle_run(&plan, &summary, &store, &tag()).map_err(|e| e.to_string())?;
         if let Some(failure) = summary.failures.first() {
             return Err(failure.error.to_string());
         }
@@ -112,7 +112,7 @@ impl Engine {
     pub(crate) fn look(&self, place: &Place) -> Result<Products, String> {
         let store = self.store(place, Access::Read)?;
         let (Survey { plan, .. }, mut outputs) = self.survey(&store)?;
-        let assessed = assess(&plan, &store).map_err(|e| e.to_string())?;
+        let assessed = assess_plan(&plan, &store).map_err(|e| e.to_string())?;
         for (step, a) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == Action::Keep) {
             outputs.push((format!("{}/{}", plan.scene_of(step), step.name), a.outputs.unwrap_or_default()));
         }
@@ -122,7 +122,7 @@ impl Engine {
 
 /// Names this program, as the command names itself.
 fn tag() -> Digest {
-    Digest::of(b"the fault tests")
+    Digest::of_bytes(b"the fault tests")
 }
 
 impl Built {
@@ -143,7 +143,7 @@ fn products(place: &Place, steps: &[(String, Vec<Output>)]) -> Result<Products, 
             let digest = output.digest.to_string();
             let path = place.store().join("cas").join(&digest[..2]).join(&digest);
             let bytes = fs::read(&path).map_err(|e| format!("{name}/{} is on record: {e}", output.name))?;
-            if Digest::of(&bytes) != output.digest {
+            if Digest::of_bytes(&bytes) != output.digest {
                 return Err(format!("{name}/{} is on record with other bytes", output.name));
             }
             products.insert(format!("{name}/{}", output.name), output.digest);

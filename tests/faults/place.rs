@@ -109,7 +109,7 @@ pub(crate) fn sound(plan: &Plan) -> Result<Products, String> {
     for (name, step) in plan.iter().filter(|(_, step)| step.keep) {
         for (role, digest, path) in &step.outputs {
             let bytes = fs::read(path).map_err(|e| format!("{name}, {role} counts as up to date: {e}"))?;
-            let found = Digest::of(&bytes);
+            let found = Digest::of_bytes(&bytes);
             if found.to_string() != *digest {
                 return Err(format!(
                     "{name}, {role} counts as up to date with other bytes: {digest} is {found}"
@@ -142,5 +142,5 @@ pub(crate) fn tree(folder: &Path) -> BTreeMap<PathBuf, Digest> {
     let entries = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
     let files = entries.filter(|entry| entry.file_type().is_file());
     let relative = |path: &Path| path.strip_prefix(folder).unwrap().to_owned();
-    files.map(|file| (relative(file.path()), Digest::of(&fs::read(file.path()).unwrap()))).collect()
+    files.map(|file| (relative(file.path()), Digest::of_bytes(&fs::read(file.path()).unwrap()))).collect()
 }

@@ -122,6 +122,6 @@ fn eight_writers(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
 fn corrupt_blobs(cas: &Path) -> Vec<String> {
     let entries = walkdir::WalkDir::new(cas).into_iter().map(Result::unwrap);
     let files = entries.filter(|entry| entry.file_type().is_file());
-    let is_wrong = |path: &Path| !path.ends_with(Digest::of(&fs::read(path).unwrap()).to_string());
+    let is_wrong = |path: &Path| !path.ends_with(Digest::of_bytes(&fs::read(path).unwrap()).to_string());
     files.filter(|file| is_wrong(file.path())).map(|file| file.path().display().to_string()).collect()
 }

@@ -94,7 +94,7 @@ pub(crate) const READERS: [Reader; 23] = [
     Reader {
         name: "transforms",
         corpus: || files(&["tests/fuzz/corpus/transforms.json"]),
-        read: |file| on_disk(file, "transforms.json", |path| nerfstudio::read(path).is_ok()),
+        read: |file| on_disk(file, "transforms.json", |path| nerfstudio::read_capture(path).is_ok()),
     },
     Reader {
         name: "recipe",
@@ -128,14 +128,14 @@ pub(crate) const READERS: [Reader; 23] = [
     Reader {
         name: "npy",
         corpus: || files(&ARRAYS),
-        read: |file| on_disk(file, "array.npy", |path| npy::stamps(path).is_ok() || read_stack(path)),
+        read: |file| on_disk(file, "array.npy", |path| npy::read_stamps(path).is_ok() || read_stack(path)),
     },
     Reader {
         name: "info",
         corpus: || files(&["tests/fuzz/corpus/info.txt"]),
         read: |file| {
             on_disk(b"", "grey.png", |_| true);
-            on_disk(file, folder::INFO, |path| folder::Listing::read(path.parent().unwrap()).is_ok())
+            on_disk(file, folder::INFO, |path| folder::Listing::list_folder(path.parent().unwrap()).is_ok())
         },
     },
     Reader { name: "command-lines", corpus: command_lines::corpus, read: command_lines::read },
@@ -231,7 +231,7 @@ fn read_model(file: &[u8], extension: &str) -> bool {
         on_disk(file, &format!("{name}.{extension}"), |_| true);
     }
     on_disk(file, &format!("points3D.{extension}"), |path| {
-        let Ok(model) = colmap::Model::find(path.parent().unwrap()) else { return false };
+        let Ok(model) = colmap::Model::find_model(path.parent().unwrap()) else { return false };
         [model.cameras().is_ok(), model.images().is_ok(), model.points().is_ok()].contains(&true)
     })
 }

@@ -6,7 +6,7 @@ mod croissant;
 mod rebuild;
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
-use gs2e::release::audit::{Fault, audit};
+use gs2e::release::audit::{Fault, audit_release};
 use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;
@@ -19,14 +19,14 @@ const INDEX: &str = "claims-disagree index.parquet";
 /// `code file-or-scene` of each fault.
 fn found(folder: &Path) -> Vec<String> {
     let name = |f: Fault| format!("{} {}", f.code.name(), f.file.or(f.scene).unwrap_or_default());
-    audit(folder).unwrap().faults.into_iter().map(name).collect()
+    audit_release(folder).unwrap().faults.into_iter().map(name).collect()
 }
 
 /// Damages a release; the faults found must be exactly `wanted`.
 fn check(damage: impl FnOnce(&Path), wanted: &[&str]) {
     let folder = copy();
     damage(folder.path());
-    assert_eq!(found(folder.path()), wanted, "{:#?}", audit(folder.path()).unwrap().faults);
+    assert_eq!(found(folder.path()), wanted, "{:#?}", audit_release(folder.path()).unwrap().faults);
 }
 
 /// Tampers with a release and covers it up with new sums: what is found is what the files say.
@@ -42,7 +42,7 @@ fn check_resealed(damage: impl FnOnce(&Path), wanted: &[&str]) {
 
 #[test]
 fn a_sound_release_has_no_faults() {
-    let report = audit(release()).unwrap();
+    let report = audit_release(release()).unwrap();
     assert_eq!(report.faults, []);
     assert_eq!(report.files, read(release()).len());
     check(|_| (), &[]);
@@ -53,7 +53,7 @@ fn a_sound_release_has_no_faults() {
 fn a_fault_names_its_scene_and_what_to_do() {
     let folder = copy();
     fs::write(folder.path().join(BASE).join("speed.json"), "{}").unwrap();
-    let faults = audit(folder.path()).unwrap().faults;
+    let faults = audit_release(folder.path()).unwrap().faults;
     assert_eq!(faults[0].scene.as_deref(), Some("small/one"));
     let text = faults[0].to_string();
     assert!(text.starts_with("altered: small/one/base/speed.json: its SHA-256 is 44136fa3"), "{text}");
@@ -255,7 +255,7 @@ fn restricted_material_is_found() {
     edit(f, SCENE, |v| v["source"]["kind"] = "dl3dv".into());
     edit(f, "manifest.json", |v| v["scenes"][0]["source"] = "dl3dv".into());
     reseal(f);
-    let mut faults = audit(f).unwrap().faults;
+    let mut faults = audit_release(f).unwrap().faults;
     faults.retain(|fault| fault.file.as_deref() != Some("index.parquet"));
     let count = |part: &str| faults.iter().filter(|fault| fault.message.contains(part)).count();
     assert!(faults.iter().all(|fault| fault.code.name() == "licence-forbidden"), "{faults:#?}");
@@ -455,12 +455,12 @@ fn missed(hand: u64, flips: usize) -> Vec<String> {
             fs::File::open(&file).unwrap().set_modified(before).unwrap();
         };
         write(&flipped);
-        if audit(folder.path()).unwrap().faults.is_empty() {
+        if audit_release(folder.path()).unwrap().faults.is_empty() {
             missed.push(format!("bit {bit} of byte {byte} of {path}"));
         }
         write(&sound);
     }
-    assert_eq!(audit(folder.path()).unwrap().faults, []);
+    assert_eq!(audit_release(folder.path()).unwrap().faults, []);
     missed
 }
 

@@ -11,13 +11,13 @@ use gs2e::render::{Layering, Rules, Style, Velocity};
 use gs2e::scene::Gaussians;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp;
+use gs2e::se3::rotation::exp_vector;
 use gs2e::seed::Seed;
-use gs2e::sensor::simulate;
+use gs2e::sensor::simulate_one;
 use gs2e::sensor::voltmeter::{Between, Preset, Voltmeter};
 use gs2e::source::Capture;
 use gs2e::trajectory::Trajectory;
-use gs2e::trajectory::twist::twists;
+use gs2e::trajectory::twist::pose_twists;
 use serde_json::Value;
 use std::fs;
 use std::ops::ControlFlow;
@@ -38,14 +38,14 @@ struct World {
 impl World {
     fn new() -> Self {
         let life = StillLife { gaussians: 300, views: 6, arc: 40.0, seed: 1 };
-        Self { scene: Arc::new(procedural::gaussians(&life)), capture: procedural::capture(&life) }
+        Self { scene: Arc::new(procedural::still_life(&life)), capture: procedural::still_capture(&life) }
     }
 
     /// Half of an orbit's step there and back, turning all the while.
     fn pose(&self, t: f64) -> Se3 {
         let [from, to] = [&self.capture.views[0], &self.capture.views[1]].map(|view| view.world_from_camera);
         let way = 0.5 * libm::sin(30.0 * t);
-        let turn = exp(DVec3::new(0.01 * libm::cos(40.0 * t), 0.02 * libm::sin(25.0 * t), 0.01 * t));
+        let turn = exp_vector(DVec3::new(0.01 * libm::cos(40.0 * t), 0.02 * libm::sin(25.0 * t), 0.01 * t));
         Se3 { rotation: from.rotation * turn, translation: from.translation.lerp(to.translation, way) }
     }
 
@@ -56,7 +56,7 @@ impl World {
             linear: pose.rotation.conjugate() * twist.linear,
             angular: twist.angular,
         };
-        let velocities = poses.iter().zip(twists(&poses, &seconds)).map(own).collect();
+        let velocities = poses.iter().zip(pose_twists(&poses, &seconds)).map(own).collect();
         // Whole microseconds at every number of steps used here.
         let stamps_us = (0..=i64::from(steps)).map(|j| 80_000 * j / i64::from(steps)).collect();
         let trajectory = Trajectory { world_from_camera: poses, stamps_us };
@@ -71,7 +71,7 @@ impl World {
         let sensor = Voltmeter { between, ..Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) };
         let mut all: Vec<Event> = Vec::new();
         let mut go_on = |_: &_| ControlFlow::Continue(());
-        simulate(&mut self.frames(steps), &sensor, Seed(1), &mut all, &mut go_on).unwrap();
+        simulate_one(&mut self.frames(steps), &sensor, Seed(1), &mut all, &mut go_on).unwrap();
         let mut pixels = vec![Vec::new(); SIZE.pixels()];
         for event in all {
             pixels[usize::from(event.y) * SIZE.width as usize + usize::from(event.x)].push(event.t.0);

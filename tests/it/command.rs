@@ -12,7 +12,7 @@ use gs2e::camera::Camera;
 use gs2e::image::{Image, Size, png};
 use gs2e::se3::Se3;
 use gs2e::source::colmap::Point;
-use gs2e::source::colmap::write::{Taken, write};
+use gs2e::source::colmap::write::{Taken, write_model};
 use std::fs;
 
 const SIZE: Size = Size { width: 64, height: 48 };
@@ -83,7 +83,7 @@ fn points() -> [Point; 2] {
 fn capture(place: &Workspace) {
     let model = place.path("capture/sparse/0");
     fs::create_dir_all(&model).unwrap();
-    write(&model, &views(), &points()).unwrap();
+    write_model(&model, &views(), &points()).unwrap();
     for (view, grey) in views().iter().zip(10..) {
         photo(place, &view.name, grey);
     }
@@ -91,7 +91,7 @@ fn capture(place: &Workspace) {
 
 fn photo(place: &Workspace, name: &str, grey: u8) {
     let mut bytes = Vec::new();
-    png::write(&Image::filled(SIZE, [grey, 20, 30]), &mut bytes).unwrap();
+    png::write_image(&Image::filled(SIZE, [grey, 20, 30]), &mut bytes).unwrap();
     place.write(&format!("capture/images/{name}"), bytes);
 }
 

@@ -25,7 +25,7 @@ fn compressed_scenes_become_ply_without_loss() {
     for name in ["packed-coloured.ply", "packed-third-degree.ply", "palette.sog", "flat.sog"] {
         let input = PathBuf::from(golden(name));
         place.ok(&format!("convert {} out.ply", input.display()));
-        let (written, read) = (ply::read(&place.path("out.ply")), scene::read(&input).unwrap());
+        let (written, read) = (ply::read(&place.path("out.ply")), scene::read_file(&input).unwrap());
         assert_eq!(written.positions, read.positions, "{name}");
         assert_eq!((&written.rotations, &written.log_scales), (&read.rotations, &read.log_scales), "{name}");
         assert_eq!((&written.sh, written.sh_degree), (&read.sh, read.sh_degree), "{name}");

@@ -3,7 +3,7 @@
 use crate::support::steps::{Step, recipe, steps};
 use crate::support::workspace::{Workspace, alter};
 use gs2e::scene::ply::write_ply;
-use gs2e::scene::procedural::{StillLife, gaussians};
+use gs2e::scene::procedural::{StillLife, still_life};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,7 +16,7 @@ fn captured() -> Workspace {
     place.write("transforms.json", transforms().to_string());
     let life = StillLife { gaussians: 300, ..StillLife::default() };
     let mut ply = Vec::new();
-    write_ply(&gaussians(&life), &mut ply).unwrap();
+    write_ply(&still_life(&life), &mut ply).unwrap();
     place.write("scene.ply", ply);
     place.write("tiny.yaml", over_files("tiny").to_string());
     place

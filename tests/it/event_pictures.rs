@@ -18,7 +18,7 @@ fn workspace() -> Workspace {
 
 fn picture(place: &Workspace, options: &str) -> Image<[u8; 3]> {
     place.ok(&format!("convert e.txt p.png {options}"));
-    png::read(BufReader::new(File::open(place.path("p.png")).unwrap())).unwrap()
+    png::read_rgb(BufReader::new(File::open(place.path("p.png")).unwrap())).unwrap()
 }
 
 fn at(image: &Image<[u8; 3]>, x: usize, y: usize) -> [u8; 3] {

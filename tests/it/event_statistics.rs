@@ -20,14 +20,14 @@ use gs2e::event::{Event, Polarity};
 use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
 use gs2e::image::Size;
 use gs2e::seed::Seed;
-use gs2e::sensor::{Account, Model, simulate};
+use gs2e::sensor::{Account, Model, simulate_one};
 use std::ops::ControlFlow;
 
 /// Simulates a sequence from its beginning.
 fn run(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
     let (mut events, mut frames) = (Vec::new(), frames.clone());
     let mut go_on = |_: &_| ControlFlow::Continue(());
-    let account = simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
+    let account = simulate_one(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
     (events, account)
 }
 

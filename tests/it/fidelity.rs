@@ -20,19 +20,19 @@ pub(crate) fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
     let place = given::sound();
     let recipe = GIVEN.replace("outputs: [events, sharp]", "outputs: []");
     place.write("recipe.yaml", recipe + LICENCE);
-    let (capture, _) = source::nerfstudio::read(&place.path("transforms.json")).unwrap();
-    let gaussians = Arc::new(scene::read(&place.path("scene.ply")).unwrap());
+    let (capture, _) = source::nerfstudio::read_capture(&place.path("transforms.json")).unwrap();
+    let gaussians = Arc::new(scene::read_file(&place.path("scene.ply")).unwrap());
     let style =
         Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
     let mut renderer = Cpu::new(gaussians, style).unwrap();
     for (i, view) in capture.views.iter().enumerate() {
         let mut rendered = Rendered::default();
         let want = Channels { rgb: true, ..Channels::default() };
-        renderer.render(&View::still(view.camera, view.world_from_camera), want, &mut rendered).unwrap();
+        renderer.render(&View::at_rest(view.camera, view.world_from_camera), want, &mut rendered).unwrap();
         let mut photo = png::to_bytes(&rendered.rgb.unwrap());
         photo.pixels_mut().as_flattened_mut().iter_mut().for_each(|v| *v = change(i, *v));
         let mut bytes = Vec::new();
-        png::write(&photo, &mut bytes).unwrap();
+        png::write_image(&photo, &mut bytes).unwrap();
         place.write(&view.name, bytes);
     }
     place

@@ -9,7 +9,7 @@ mod rows;
 use crate::release::forger::{read, reseal, reseal_sums};
 use crate::release::small::{copy, release};
 use crate::release::unfindable::{DATA, VALUES, is_data, is_unfindable};
-use gs2e::release::audit::{Fault, audit, rebuilt};
+use gs2e::release::audit::{Fault, audit_release, rebuilt};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -47,10 +47,10 @@ fn judge(forgery: &Forgery) -> (Vec<Fault>, Vec<Fault>) {
     } else {
         reseal_sums(folder.path());
     }
-    let audited = audit(folder.path()).unwrap().faults;
+    let audited = audit_release(folder.path()).unwrap().faults;
     let mut compared = Vec::new();
     if audited.is_empty() {
-        compared = rebuilt::compare(folder.path(), release(), "small/one").unwrap();
+        compared = rebuilt::compare_scenes(folder.path(), release(), "small/one").unwrap();
         compared.extend(rebuilt::compare_tops(folder.path(), release()).unwrap());
     }
     (audited, compared)
@@ -138,11 +138,12 @@ fn a_release_that_names_another_version_is_judged_by_what_holds_for_any() {
     let folder = copy();
     rows::of_version(folder.path(), "0.0.9");
     reseal(folder.path());
-    let report = audit(folder.path()).unwrap();
+    let report = audit_release(folder.path()).unwrap();
     assert_eq!((report.faults.as_slice(), report.written_by.as_deref()), (&[][..], Some("gs2e 0.0.9")));
     assert!(report.proved().concat().contains("written by gs2e 0.0.9"), "{:?}", report.proved());
     std::fs::write(folder.path().join("setup.py"), "").unwrap();
     reseal(folder.path());
-    let codes: Vec<&str> = audit(folder.path()).unwrap().faults.iter().map(|f| f.code.name()).collect();
+    let codes: Vec<&str> =
+        audit_release(folder.path()).unwrap().faults.iter().map(|f| f.code.name()).collect();
     assert_eq!(codes, ["stray"]);
 }

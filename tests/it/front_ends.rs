@@ -144,8 +144,8 @@ fn cubics_see_through_front_ends() {
 #[test]
 fn rendered_colours_are_decoded() {
     let life = StillLife { gaussians: 400, views: 6, arc: 6.0, seed: 1 };
-    let scene = Arc::new(procedural::gaussians(&life));
-    let seen_from = procedural::capture(&life).views[0].clone();
+    let scene = Arc::new(procedural::still_life(&life));
+    let seen_from = procedural::still_capture(&life).views[0].clone();
     let (camera, pose) =
         (seen_from.camera.resized(Size { width: 40, height: 30 }), seen_from.world_from_camera);
     let choice = RenderChoice {
@@ -157,12 +157,12 @@ fn rendered_colours_are_decoded() {
     let renderer = || Backend::Cpu.renderer(scene.clone(), choice.resolve(None)).unwrap();
     let mut rendered = Rendered::default();
     let want = Channels { rgb: true, ..Channels::default() };
-    renderer().render(&View::still(camera, pose), want, &mut rendered).unwrap();
+    renderer().render(&View::at_rest(camera, pose), want, &mut rendered).unwrap();
     let rgb = rendered.rgb.unwrap();
     for (channel, weights) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().enumerate() {
         let trajectory = Trajectory { world_from_camera: vec![pose], stamps_us: vec![0] };
         let mut frames = RenderedFrames::new(renderer(), camera, trajectory);
-        let luminance = Luminance::of(weights).unwrap();
+        let luminance = Luminance::from_weights(weights).unwrap();
         let mut seen =
             Seen::new(&mut frames, FrontEnd { luminance, decode: Decode::Srgb, ..FrontEnd::default() });
         let frame = seen.next().unwrap().unwrap();

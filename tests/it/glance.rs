@@ -3,11 +3,11 @@
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, alter};
 use gs2e::plan::Plan;
-use gs2e::plan::survey::survey;
+use gs2e::plan::survey::survey_recipes;
 use gs2e::programs::Programs;
 use gs2e::recipe::read_all;
 use gs2e::render::backend::Backend;
-use gs2e::run::{Budget, Event, Observer, Options, run, settle};
+use gs2e::run::{Budget, Event, Observer, Options, run_plan, settle_run};
 use gs2e::store::{Access, Digest, Store};
 use serde_json::{Value, json};
 use std::fs;
@@ -26,7 +26,7 @@ fn open(place: &Workspace) -> Store {
 }
 
 fn tag() -> Digest {
-    Digest::of(b"this program")
+    Digest::of_bytes(b"this program")
 }
 
 /// Builds in this process, under [`tag`]: how many steps were made.
@@ -44,9 +44,9 @@ fn build(place: &Workspace) -> usize {
         allow_commands: false,
         programs: Programs::default(),
     };
-    let summary = run(&plan, &store, options, &AtomicBool::new(false), &Silent).unwrap();
+    let summary = run_plan(&plan, &store, options, &AtomicBool::new(false), &Silent).unwrap();
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
-    settle(&plan, &summary, &store, &tag()).unwrap();
+    settle_run(&plan, &summary, &store, &tag()).unwrap();
     summary.made
 }
 
@@ -57,7 +57,7 @@ fn recipes(place: &Workspace) -> Vec<PathBuf> {
 /// The scenes that are known at a glance, and how many files were read to know it.
 fn settled(place: &Workspace, tag: &Digest) -> (Vec<String>, usize) {
     let store = open(place);
-    let survey = survey(&recipes(place), &Backend::Cpu, &store, tag).unwrap();
+    let survey = survey_recipes(&recipes(place), &Backend::Cpu, &store, tag).unwrap();
     (survey.settled.into_iter().map(|scene| scene.scene).collect(), store.digests().1)
 }
 
@@ -88,7 +88,7 @@ fn what_has_not_moved_is_known_at_a_glance() {
     assert!(build(&place) > 0);
     let all = ["a", "b", "c"].map(str::to_owned).to_vec();
     assert_eq!(settled(&place, &tag()), (all.clone(), 0));
-    assert_eq!(settled(&place, &Digest::of(b"another program")).0, [""; 0]);
+    assert_eq!(settled(&place, &Digest::of_bytes(b"another program")).0, [""; 0]);
 
     let first = |scene: &str| {
         let steps = steps(&place, &format!("recipes/{scene}.yaml"));
@@ -115,7 +115,7 @@ fn what_has_not_moved_is_known_at_a_glance() {
     // Two recipes of one scene are told, although each is known.
     place.write("recipes/d.yaml", fs::read(place.path("recipes/a.yaml")).unwrap());
     let store = open(&place);
-    assert!(survey(&recipes(&place), &Backend::Cpu, &store, &tag()).is_err());
+    assert!(survey_recipes(&recipes(&place), &Backend::Cpu, &store, &tag()).is_err());
 }
 
 #[test]

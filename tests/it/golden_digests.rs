@@ -3,7 +3,7 @@
 
 use crate::support::given::{GIVEN, sound};
 use gs2e::release::Manifest;
-use gs2e::store::record::content;
+use gs2e::store::record::content_digest;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::io::Write as _;
@@ -145,7 +145,7 @@ fn found() -> Vec<Pin> {
                 revision: made_of.revision,
                 class: made_of.class.unwrap_or_default(),
                 key: step.key.to_string(),
-                made: content(&step.outputs).to_string(),
+                made: content_digest(&step.outputs).to_string(),
             });
         }
     }

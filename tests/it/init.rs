@@ -256,7 +256,7 @@ fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
     assert!(place.path(&format!("recipes/{sample}.yaml")).is_file());
 
     let read = |path: &str, poses| {
-        let mut captured = Captured::whole(Kind::Dl3dv, place.path(path));
+        let mut captured = Captured::all_views(Kind::Dl3dv, place.path(path));
         captured.selection.poses = poses;
         captured.read().map(|(capture, _)| capture).map_err(|e| e.to_string())
     };

@@ -43,9 +43,9 @@ fn own_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
     for planned in plan.steps() {
         let made = planned.step.inputs().into_iter();
         let mut inputs: Vec<_> =
-            made.map(|(role, _)| (role.to_owned(), Digest::of(role.as_bytes()))).collect();
+            made.map(|(role, _)| (role.to_owned(), Digest::of_bytes(role.as_bytes()))).collect();
         inputs.extend(read_sources(&plan, &store, planned).unwrap().digests);
-        keys.insert(planned.step.stage(), Key::of(&planned.step.describe(&inputs)));
+        keys.insert(planned.step.stage(), Key::of_description(&planned.step.describe(&inputs)));
     }
     keys
 }

@@ -59,7 +59,7 @@ fn pictures_are_what_another_decoder_reads() {
     let base = release().join("small/one/base");
     for j in (0..24).step_by(4) {
         let file = fs::File::open(base.join(format!("sharp/{j:06}.png"))).unwrap();
-        let image = png::read(BufReader::new(file)).unwrap();
+        let image = png::read_rgb(BufReader::new(file)).unwrap();
         place.write(&format!("{j:06}.raw"), raw(&image));
     }
     ask(release(), &["pictures", base.to_str().unwrap(), place.path("").to_str().unwrap()]);

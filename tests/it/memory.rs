@@ -1,7 +1,7 @@
 //! How much memory a step takes: what the estimate says, and no more for a longer sequence; and how much rendering a
 //! view takes: within 2.5 times the scene and 200 MB.
 
-use crate::support::gaussians::{crowd, scene};
+use crate::support::gaussians::{blob_crowd, blob_scene};
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, hidden_gpus};
 use gs2e::scene::{Gaussians, ply};
@@ -122,7 +122,7 @@ fn rendering(scene: &Gaussians, edge: u32) -> (f64, f64) {
 #[test]
 fn a_view_takes_two_and_a_half_times_its_scene() {
     for (gaussians, sh_degree) in [(500_000, 3), (1_000_000, 0)] {
-        let mut scene = scene(&crowd(gaussians, 3));
+        let mut scene = blob_scene(&blob_crowd(gaussians, 3));
         scene.sh_degree = sh_degree;
         scene.sh = scene.sh.iter().flat_map(|dc| std::iter::repeat_n(*dc, scene.sh_len())).collect();
         // small ones, as those of a large scene are
@@ -137,7 +137,7 @@ fn a_view_takes_two_and_a_half_times_its_scene() {
 /// planes and the picture, lists of up to 200 MB while they grow, the program, and what the allocator keeps.
 #[test]
 fn giants_take_no_more_than_the_budget_of_the_lists() {
-    let mut scene = scene(&crowd(3000, 3));
+    let mut scene = blob_scene(&blob_crowd(3000, 3));
     scene.log_scales.iter_mut().flatten().for_each(|scale| *scale = 6.0);
     scene.opacity_logits.fill(3.0);
     scene.positions.iter_mut().for_each(|position| position[2] = position[2].abs() + 1.0);

@@ -1,7 +1,7 @@
 //! `--no-omit`: what is left out otherwise is computed after all, and neither an event nor a frame changes.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{Blob, crowd, scene};
+use crate::support::gaussians::{Blob, blob_crowd, blob_scene};
 use crate::support::given::{GIVEN, transforms};
 use crate::support::workspace::{TINY, Workspace, tree};
 use gs2e::release::Manifest;
@@ -27,9 +27,9 @@ fn wasteful() -> Gaussians {
         colour: [0.1 + 0.002 * f64::from(k), 0.5, 0.3],
         ..Blob::default()
     };
-    let blobs: Vec<Blob> = crowd(400, 6).iter().map(before).chain((0..250).map(layer)).collect();
-    let mut scene = scene(&blobs);
-    let zeros = vec![[0.0; 3]; sh::len(DEGREE) - 1];
+    let blobs: Vec<Blob> = blob_crowd(400, 6).iter().map(before).chain((0..250).map(layer)).collect();
+    let mut scene = blob_scene(&blobs);
+    let zeros = vec![[0.0; 3]; sh::function_count(DEGREE) - 1];
     scene.sh = scene.sh.iter().flat_map(|first| std::iter::once(*first).chain(zeros.clone())).collect();
     scene.sh_degree = DEGREE;
     scene

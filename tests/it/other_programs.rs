@@ -17,7 +17,7 @@ use gs2e::reconstruct::Desk;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp;
+use gs2e::se3::rotation::exp_vector;
 use gs2e::trajectory::Trajectory;
 use gs2e::{scene, source};
 use serde_json::{Value, json};
@@ -55,8 +55,8 @@ impl Filmed {
     fn views(count: usize) -> Option<Self> {
         let [file, views] = ["playbot_lod3.ply", "playbot.transforms.json"]
             .map(|name| shared::path(&format!("data/scenes/{name}")));
-        let (capture, _) = source::nerfstudio::read(&views?).unwrap();
-        let gaussians = Arc::new(scene::read(&file?).unwrap());
+        let (capture, _) = source::nerfstudio::read_capture(&views?).unwrap();
+        let gaussians = Arc::new(scene::read_file(&file?).unwrap());
         let style = Style {
             rules: Rules::Official,
             order: Layering::Depth,
@@ -70,9 +70,9 @@ impl Filmed {
         let mut picture = |(pose, at): (usize, &Se3)| {
             let mut rendered = Rendered::default();
             let want = Channels { rgb: true, ..Channels::default() };
-            renderer.render(&View::still(camera, *at), want, &mut rendered).unwrap();
+            renderer.render(&View::at_rest(camera, *at), want, &mut rendered).unwrap();
             let file = folder.path().join(format!("picture {pose}"));
-            png::write(&png::to_bytes(&rendered.rgb.unwrap()), File::create(&file).unwrap()).unwrap();
+            png::write_image(&png::to_bytes(&rendered.rgb.unwrap()), File::create(&file).unwrap()).unwrap();
             Picture { pose, file }
         };
         let pictures = poses.iter().enumerate().map(&mut picture).collect();
@@ -105,12 +105,12 @@ impl Filmed {
     /// What OpenCV says where the files of another trajectory were released.
     fn seen(&self, name: &str, released: &Released, pictures: &[Picture]) -> Geometry {
         let own = (&self.camera, &self.trajectory);
-        self.at_desk(name, |desk| opencv::measure(released, own, pictures, desk)).unwrap().unwrap()
+        self.at_desk(name, |desk| opencv::measure_released(released, own, pictures, desk)).unwrap().unwrap()
     }
 }
 
 fn median(registration: &Registration) -> f64 {
-    gs2e::foreign::median(registration.poses.iter().map(|p| p.rotation_deg).collect())
+    gs2e::foreign::upper_median(registration.poses.iter().map(|p| p.rotation_deg).collect())
 }
 
 fn worst(registration: &Registration) -> (usize, f64) {
@@ -130,7 +130,7 @@ fn opengl(pose: Se3) -> Se3 {
 fn colmap_finds_the_poses_of_real_pictures_and_the_one_that_is_wrong() {
     let Some(filmed) = Filmed::views(10).filter(|_| colmap_is_there()) else { return };
     let found: Found = filmed
-        .at_desk("a", |desk| colmap::register(&filmed.pictures, &filmed.camera, desk))
+        .at_desk("a", |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk))
         .unwrap()
         .unwrap();
     let against = |trajectory: &Trajectory| found.clone().against(&trajectory.world_from_camera);
@@ -146,7 +146,8 @@ fn colmap_finds_the_poses_of_real_pictures_and_the_one_that_is_wrong() {
 
     for wrong in [0, 4, 9] {
         let turned = filmed.with(|j, pose| {
-            let turn = if j == wrong { exp(DVec3::new(0.6, -0.8, 0.0) * DEGREE) } else { DQuat::IDENTITY };
+            let turn =
+                if j == wrong { exp_vector(DVec3::new(0.6, -0.8, 0.0) * DEGREE) } else { DQuat::IDENTITY };
             Se3 { rotation: pose.rotation * turn, ..pose }
         });
         let (pose, degrees) = worst(&against(&turned));
@@ -160,18 +161,19 @@ fn colmap_finds_the_poses_of_real_pictures_and_the_one_that_is_wrong() {
 #[test]
 fn equal_pictures_are_found_at_equal_places_by_colmap() {
     let Some(filmed) = Filmed::views(4).filter(|_| colmap_is_there()) else { return };
-    let find = |name| filmed.at_desk(name, |desk| colmap::register(&filmed.pictures, &filmed.camera, desk));
+    let find =
+        |name| filmed.at_desk(name, |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk));
     let [one, other] = ["a", "b"].map(|name| find(name).unwrap().unwrap());
     assert_eq!(one, other);
     // Two pictures say nothing, and one without anything in it has no place.
     let few = &filmed.pictures[..2];
-    let told = filmed.at_desk("c", |desk| colmap::register(few, &filmed.camera, desk)).unwrap();
+    let told = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
     assert_eq!(told.unwrap_err(), "there are 2 pictures, 3 are the fewest");
     let blank: Vec<Picture> =
         (0..4).map(|pose| Picture { pose, file: filmed.folder.path().join("blank") }).collect();
     let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);
-    png::write(&grey, File::create(&blank[0].file).unwrap()).unwrap();
-    let told = filmed.at_desk("d", |desk| colmap::register(&blank, &filmed.camera, desk)).unwrap();
+    png::write_image(&grey, File::create(&blank[0].file).unwrap()).unwrap();
+    let told = filmed.at_desk("d", |desk| colmap::register_pictures(&blank, &filmed.camera, desk)).unwrap();
     assert!(told.as_ref().unwrap_err().ends_with("finds no key points that two pictures share"), "{told:?}");
 }
 
@@ -181,9 +183,10 @@ fn a_program_that_fails_is_told_with_its_own_words() {
     let broken: Vec<Picture> =
         filmed.pictures.iter().map(|p| Picture { file: filmed.folder.path().join("none"), ..*p }).collect();
     std::fs::write(filmed.folder.path().join("none"), "no picture").unwrap();
-    let released = Released::of(&filmed.camera, &filmed.trajectory, &filmed.pictures);
+    let released = Released::from_trajectory(&filmed.camera, &filmed.trajectory, &filmed.pictures);
     let own = (&filmed.camera, &filmed.trajectory);
-    let error = filmed.at_desk("b", |desk| opencv::measure(&released, own, &broken, desk)).unwrap_err();
+    let error =
+        filmed.at_desk("b", |desk| opencv::measure_released(&released, own, &broken, desk)).unwrap_err();
     assert_eq!(error.to_string(), "run python3: it ended with exit code 1");
     let gs2e::foreign::ForeignError::Failed(failed) = error else { panic!("{error}") };
     assert!(failed.last.iter().any(|line| line.contains("OpenCV cannot read")), "{:?}", failed.last);
@@ -193,17 +196,18 @@ fn a_program_that_fails_is_told_with_its_own_words() {
 fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
     let Some(filmed) = Filmed::views(12).filter(|_| python_is_there()) else { return };
     let Filmed { camera, trajectory, pictures, .. } = &filmed;
-    let sound = filmed.seen("sound", &Released::of(camera, trajectory, pictures), pictures);
+    let sound = filmed.seen("sound", &Released::from_trajectory(camera, trajectory, pictures), pictures);
     eprintln!("{sound:?}");
     for seen in [sound.poses_txt, sound.transforms_json] {
         assert!(seen.px < 1e-6 && seen.points == 12 * 75, "{seen:?}");
     }
     assert!(sound.pairs.len() >= 8);
-    let half =
-        |value: fn(&opencv::Motion) -> f64| gs2e::foreign::median(sound.pairs.iter().map(value).collect());
+    let half = |value: fn(&opencv::Motion) -> f64| {
+        gs2e::foreign::upper_median(sound.pairs.iter().map(value).collect())
+    };
     assert!(half(|m| m.rotation_deg) < 0.5 && half(|m| m.direction_deg) < 10.0, "{:?}", sound.pairs);
 
-    let turned = exp(DVec3::Y * DEGREE);
+    let turned = exp_vector(DVec3::Y * DEGREE);
     let planted: [(&str, Change); 4] = [
         ("opengl", Box::new(|_, pose| opengl(pose))),
         ("inverse", Box::new(|_, pose| pose.inverse())),
@@ -215,13 +219,13 @@ fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
     ];
     for (name, change) in planted {
         // The renderer's poses stay as they were: it is the files that are wrong.
-        let seen = filmed.seen(name, &Released::of(camera, &filmed.with(change), pictures), &[]);
+        let seen = filmed.seen(name, &Released::from_trajectory(camera, &filmed.with(change), pictures), &[]);
         for file in [seen.poses_txt, seen.transforms_json] {
             assert!(file.px > 1e-3, "{name}: {file:?}");
         }
     }
     let other = Camera { cx: camera.cx + 0.5, ..*camera };
-    let seen = filmed.seen("centre", &Released::of(&other, trajectory, pictures), &[]);
+    let seen = filmed.seen("centre", &Released::from_trajectory(&other, trajectory, pictures), &[]);
     assert!((seen.transforms_json.px - 0.5).abs() < 1e-6, "{seen:?}");
 }
 
@@ -229,11 +233,11 @@ fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
 fn motions_that_pictures_do_not_show_are_found_by_opencv() {
     let Some(filmed) = Filmed::views(8).filter(|_| python_is_there()) else { return };
     // Every second pose is turned: each motion is wrong by 2 degrees.
-    let turn = exp(DVec3::Y * 2.0 * DEGREE);
+    let turn = exp_vector(DVec3::Y * 2.0 * DEGREE);
     let planted = filmed.with(|j, p| if j % 2 == 1 { Se3 { rotation: p.rotation * turn, ..p } } else { p });
-    let released = Released::of(&filmed.camera, &planted, &filmed.pictures);
+    let released = Released::from_trajectory(&filmed.camera, &planted, &filmed.pictures);
     let seen = filmed.seen("a", &released, &filmed.pictures);
-    let half = gs2e::foreign::median(seen.pairs.iter().map(|m| m.rotation_deg).collect());
+    let half = gs2e::foreign::upper_median(seen.pairs.iter().map(|m| m.rotation_deg).collect());
     assert!(seen.pairs.len() >= 3 && half > 1.0, "{:?}", seen.pairs);
 }
 

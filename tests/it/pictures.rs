@@ -2,7 +2,7 @@
 //! formulas of sRGB, and where points are seen from one pose and the next.
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal};
-use crate::support::gaussians::{Blob, scene};
+use crate::support::gaussians::{Blob, blob_scene};
 use crate::support::workspace::{TINY, Workspace};
 use gs2e::image::png;
 use gs2e::scene::ply;
@@ -87,7 +87,7 @@ fn a_blurred_frame_is_the_mean_of_the_dense_ones() {
     for centre in [2, 5, 8] {
         let [a, b, c] = [centre - 1, centre, centre + 1].map(picture);
         let found = fs::read(place.path(&format!("out/tiny/base/blur/{centre:06}.png"))).unwrap();
-        let found = png::read(Cursor::new(found)).unwrap();
+        let found = png::read_rgb(Cursor::new(found)).unwrap();
         let mut others = 0;
         for (i, byte) in found.pixels().as_flattened().iter().enumerate() {
             let wanted = 255.0 * display((a[i] + b[i] + c[i]) / 3.0);
@@ -115,7 +115,7 @@ fn a_light_that_passes_leaves_a_streak() {
     let lamp =
         Blob { position: [0.0; 3], deviations: [0.05; 3], opacity: 0.9, colour: [1.0; 3], ..Blob::default() };
     let mut ply_bytes = Vec::new();
-    ply::write_ply(&scene(&[lamp]), &mut ply_bytes).unwrap();
+    ply::write_ply(&blob_scene(&[lamp]), &mut ply_bytes).unwrap();
     place.write("scene.ply", ply_bytes);
     let recipe = |name: &str, subframes: &str| {
         format!(
@@ -141,7 +141,7 @@ fn a_light_that_passes_leaves_a_streak() {
     // At pose 5 the camera is at -0.30 by the default speed, so the light at 48 + 4.5 px; the streak goes 9 px to either side.
     let streak = |scene: &str| -> Vec<f64> {
         let bytes = fs::read(place.path(&format!("out/{scene}/base/blur/000005.png"))).unwrap();
-        let image = png::read(Cursor::new(bytes)).unwrap();
+        let image = png::read_rgb(Cursor::new(bytes)).unwrap();
         let row = &image.pixels()[4 * 96..5 * 96];
         (46..59).map(|x| light(f64::from(row[x][0]) / 255.0)).collect()
     };

@@ -56,7 +56,7 @@ fn finished_steps_are_told_to_programs() {
             for output in outputs {
                 let text = |field: &str| output[field].as_str().unwrap();
                 let bytes = std::fs::read(place.path(text("path"))).unwrap();
-                assert_eq!(Digest::of(&bytes).to_string(), text("digest"), "{}", text("role"));
+                assert_eq!(Digest::of_bytes(&bytes).to_string(), text("digest"), "{}", text("role"));
             }
         }
     }

@@ -71,7 +71,7 @@ impl GoldenCamera {
         let size = Size { width: self.w, height: self.h };
         let camera = Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy };
         let rotation = DQuat::from_mat3(&world_from_camera);
-        View::still(camera, Se3 { rotation, translation: -(world_from_camera * self.t) })
+        View::at_rest(camera, Se3 { rotation, translation: -(world_from_camera * self.t) })
     }
 }
 

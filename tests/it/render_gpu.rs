@@ -10,7 +10,7 @@
 mod events;
 
 use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
-use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, scene};
+use crate::support::gaussians::{ALL, OFFICIAL, blob_crowd, blob_scene, view_ahead};
 use crate::support::{gpu, ply, shared};
 use glam::DVec3;
 use gs2e::image::{Image, Size, luminance, png};
@@ -97,7 +97,7 @@ fn heat(name: &str, errors: &[f32], size: Size) {
     };
     let image = Image::from_vec(size, errors.chunks_exact(values).map(colour).collect());
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}.png", name.replace(' ', "-")));
-    png::write(&png::to_bytes(&image), std::fs::File::create(&path).unwrap()).unwrap();
+    png::write_image(&png::to_bytes(&image), std::fs::File::create(&path).unwrap()).unwrap();
     println!("  heat map: {}", path.display());
 }
 
@@ -168,8 +168,8 @@ fn golden(root: &Path, case: &Case, device: &Device) -> bool {
 #[test]
 fn a_crowd_is_as_on_the_cpu() {
     let Some(device) = gpu::device() else { return };
-    let scene = Arc::new(scene(&crowd(3000, 1)));
-    let view = moving(ahead(203, 150, 150.0));
+    let scene = Arc::new(blob_scene(&blob_crowd(3000, 1)));
+    let view = moving(view_ahead(203, 150, 150.0));
     let mut fine = true;
     for rules in ALL_RULES {
         for antialiased in [false, true] {
@@ -185,9 +185,9 @@ fn a_crowd_is_as_on_the_cpu() {
 fn far_from_the_origin_nothing_is_lost() {
     let Some(device) = gpu::device() else { return };
     let far = DVec3::new(1e6 + 0.1, -2e6, 5e5 + 0.3);
-    let mut scene = scene(&crowd(1000, 2));
+    let mut scene = blob_scene(&blob_crowd(1000, 2));
     scene.origin = far;
-    let mut view = moving(ahead(120, 90, 100.0));
+    let mut view = moving(view_ahead(120, 90, 100.0));
     view.world_from_camera.translation = far + DVec3::new(0.013, -0.007, 0.021);
     assert!(check(&device, "far", &Arc::new(scene), style(Rules::Exact, true), &view));
 }
@@ -198,9 +198,9 @@ fn a_real_scene_is_as_on_the_cpu() {
         return;
     };
     let views = shared::path("data/scenes/playbot.transforms.json").unwrap();
-    let key = nerfstudio::read(&views).unwrap().0.views.swap_remove(11);
+    let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
     let camera = key.camera.resized(Size { width: 320, height: 180 });
-    let view = moving(View::still(camera, key.world_from_camera));
+    let view = moving(View::at_rest(camera, key.world_from_camera));
     let scene = Arc::new(ply::read(&path));
     let fine = ALL_RULES.map(|rules| {
         check(&device, &format!("playbot {rules:?}"), &scene, style(rules, rules == Rules::Exact), &view)
@@ -212,8 +212,8 @@ fn a_real_scene_is_as_on_the_cpu() {
 #[test]
 fn small_bindings_change_nothing() {
     let Some(device) = gpu::device() else { return };
-    let scene = scene(&crowd(3000, 3));
-    let (style, view) = (style(Rules::Exact, false), moving(ahead(203, 150, 150.0)));
+    let scene = blob_scene(&blob_crowd(3000, 3));
+    let (style, view) = (style(Rules::Exact, false), moving(view_ahead(203, 150, 150.0)));
     let (wanted, work) = by_gpu(&device, &scene, style, &view);
     let bits = |rendered: &Rendered| -> Vec<u32> {
         images(rendered).into_iter().flat_map(|(_, values)| values).map(f32::to_bits).collect()
@@ -233,10 +233,10 @@ fn small_bindings_change_nothing() {
 #[test]
 fn views_in_flight_are_those_made_one_by_one() {
     let Some(device) = gpu::device() else { return };
-    let scene = scene(&crowd(1000, 4));
+    let scene = blob_scene(&blob_crowd(1000, 4));
     let views: Vec<View> = (0..5)
         .map(|k| {
-            let mut view = moving(ahead(64, 48, 60.0));
+            let mut view = moving(view_ahead(64, 48, 60.0));
             view.world_from_camera.translation.x = 0.2 * f64::from(k);
             view
         })
@@ -277,24 +277,24 @@ fn views_in_flight_are_those_made_one_by_one() {
 #[test]
 fn what_is_not_finite_is_left_out_and_counted() {
     let Some(device) = gpu::device() else { return };
-    let mut spoilt = scene(&crowd(400, 5));
+    let mut spoilt = blob_scene(&blob_crowd(400, 5));
     spoilt.positions[1][0] = f32::NAN;
     spoilt.log_scales[2][1] = f32::INFINITY;
     spoilt.rotations[3] = [f32::NAN; 4];
     spoilt.sh[4][2] = f32::NEG_INFINITY;
     spoilt.log_scales[5] = [80.0; 3];
     spoilt.positions[6] = [f32::INFINITY, 0.0, 3.0];
-    let view = moving(ahead(64, 48, 60.0));
+    let view = moving(view_ahead(64, 48, 60.0));
     assert!(check(&device, "spoilt", &Arc::new(spoilt), style(Rules::Exact, false), &view));
     // Nothing at all shows the background.
-    assert!(check(&device, "empty", &Arc::new(scene(&[])), style(Rules::Exact, false), &view));
+    assert!(check(&device, "empty", &Arc::new(blob_scene(&[])), style(Rules::Exact, false), &view));
 }
 
 #[test]
 fn a_gpu_that_is_lost_is_an_error() {
     let Some(device) = gpu::device() else { return };
-    let mut gpu = Gpu::new(device.clone(), &scene(&crowd(10, 6)), OFFICIAL).unwrap();
-    let view = ahead(64, 48, 60.0);
+    let mut gpu = Gpu::new(device.clone(), &blob_scene(&blob_crowd(10, 6)), OFFICIAL).unwrap();
+    let view = view_ahead(64, 48, 60.0);
     gpu.render(&view, ALL, &mut Rendered::default()).unwrap();
     device.destroy();
     let error = gpu.render(&view, ALL, &mut Rendered::default()).unwrap_err();
@@ -305,7 +305,7 @@ fn a_gpu_that_is_lost_is_an_error() {
 #[test]
 fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_there_is() {
     let Some(device) = gpu::device() else { return };
-    let (crowd, view) = (scene(&crowd(1000, 6)), ahead(640, 480, 600.0));
+    let (crowd, view) = (blob_scene(&blob_crowd(1000, 6)), view_ahead(640, 480, 600.0));
     let told = |room: u64| {
         let device = device.clone().with_room(room);
         let rendered = Gpu::new(device, &crowd, OFFICIAL)

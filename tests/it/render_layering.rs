@@ -1,7 +1,7 @@
 //! Layers of nearly the same depth that cover each other in part: rules `soft`, `order: blended`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, OFFICIAL, ahead, crowd, render, scene};
+use crate::support::gaussians::{ALL, Blob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use crate::support::{ply, shared};
 use gs2e::image::Size;
 use gs2e::render::cpu::{Cpu, Instructions};
@@ -23,12 +23,12 @@ fn pair(behind: f32) -> Gaussians {
         colour,
         ..Blob::default()
     };
-    scene(&[layer(4.0, 0.8, [1.0, 0.0, 0.0]), layer(4.0 + behind, 0.6, [0.0, 0.0, 1.0])])
+    blob_scene(&[layer(4.0, 0.8, [1.0, 0.0, 0.0]), layer(4.0 + behind, 0.6, [0.0, 0.0, 1.0])])
 }
 
 /// Red and blue of the middle pixel, by `Cpu`.
 fn middle(scene: Gaussians, style: Style) -> [f64; 2] {
-    let (out, _) = render(scene, style, &ahead(17, 17, 20.0));
+    let (out, _) = render(scene, style, &view_ahead(17, 17, 20.0));
     let [r, _, b] = out.rgb.unwrap().pixels()[8 * 17 + 8];
     [r, b].map(f64::from)
 }
@@ -41,7 +41,7 @@ fn layers_of_one_depth_share_the_light_evenly() {
     // opacities are rounded at 2^-24 and the exponential is good to 2e-7
     assert!((r - wanted[0]).abs() < 1e-6 && (b - wanted[1]).abs() < 1e-6, "{r} {b}, wanted {wanted:?}");
     // the order in the file decides nothing
-    let swapped = scene(&[0, 1].map(|k| Blob {
+    let swapped = blob_scene(&[0, 1].map(|k| Blob {
         position: [0.0, 0.0, 4.0],
         deviations: [50.0, 50.0, 1e-4],
         opacity: [0.6, 0.8][k],
@@ -90,12 +90,12 @@ fn compare(scene: &Arc<Gaussians>, view: &View) -> [[f64; 2]; 2] {
 
 #[test]
 fn both_back_ends_agree() {
-    let mut cases = vec![("crowd", Arc::new(scene(&crowd(3000, 4))), ahead(203, 117, 150.0))];
+    let mut cases = vec![("crowd", Arc::new(blob_scene(&blob_crowd(3000, 4))), view_ahead(203, 117, 150.0))];
     let real =
         [shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/scenes/playbot.transforms.json")];
     if let [Some(path), Some(views)] = real {
-        let key = nerfstudio::read(&views).unwrap().0.views.swap_remove(11);
-        let view = View::still(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera);
+        let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
+        let view = View::at_rest(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera);
         cases.push(("playbot", Arc::new(ply::read(&path)), view));
     }
     for (name, scene, view) in cases {
@@ -111,8 +111,8 @@ fn both_back_ends_agree() {
 
 #[test]
 fn no_bit_depends_on_threads_instructions_or_other_channels() {
-    let scene = Arc::new(scene(&crowd(2000, 9)));
-    let view = ahead(150, 90, 100.0);
+    let scene = Arc::new(blob_scene(&blob_crowd(2000, 9)));
+    let view = view_ahead(150, 90, 100.0);
     let by = |threads: usize, set: Instructions, want: Channels| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -124,17 +124,18 @@ fn no_bit_depends_on_threads_instructions_or_other_channels() {
             (bits, work)
         })
     };
-    let first = by(1, Instructions::all()[0], ALL);
+    let first = by(1, Instructions::available_sets()[0], ALL);
     assert!(first.1.blended > 10_000 && first.1.stopped > 100, "the scene is a test: {:?}", first.1);
-    assert!(first == by(4, Instructions::best(), ALL));
+    assert!(first == by(4, Instructions::widest_set(), ALL));
     let moving = Channels { luminance_rate: true, ..ALL };
-    assert!(first == by(3, Instructions::best(), moving), "the rate changes no value");
+    assert!(first == by(3, Instructions::widest_set(), moving), "the rate changes no value");
 }
 
 #[test]
 fn what_is_blended_and_where_it_stops_is_the_plain_orders() {
-    let view = ahead(150, 90, 100.0);
-    let [soft, blended] = [SOFT, BLENDED].map(|style| render(scene(&crowd(2000, 9)), style, &view).1);
+    let view = view_ahead(150, 90, 100.0);
+    let [soft, blended] =
+        [SOFT, BLENDED].map(|style| render(blob_scene(&blob_crowd(2000, 9)), style, &view).1);
     assert_eq!(soft.blended, blended.blended);
     assert_eq!(soft.stopped, blended.stopped);
 }

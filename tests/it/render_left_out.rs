@@ -1,14 +1,14 @@
 //! What the renderer leaves out changes no bit: Gaussians that no promised view can see, harmonics that are zero.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, Draws, OFFICIAL, ahead, crowd, scene};
+use crate::support::gaussians::{ALL, Blob, Draws, OFFICIAL, blob_crowd, blob_scene, view_ahead};
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, Omit, Rendered, Renderer, Rules, Style, Velocity, View, Work};
 use gs2e::scene::{Gaussians, sh};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp;
+use gs2e::se3::rotation::exp_vector;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::sync::Arc;
@@ -60,7 +60,7 @@ fn blobs() -> impl Strategy<Value = Vec<Blob>> {
 fn cameras() -> impl Strategy<Value = Camera> {
     let off = || prop_oneof![2 => Just(0.0_f64), 1 => -150.0..150.0_f64];
     (20.0..200.0_f64, 20.0..200.0_f64, off(), off()).prop_map(|(fx, fy, right, down)| {
-        let camera = ahead(48, 36, fx).camera;
+        let camera = view_ahead(48, 36, fx).camera;
         Camera { fy, cx: camera.cx + right, cy: camera.cy + down, ..camera }
     })
 }
@@ -71,7 +71,10 @@ fn paths() -> impl Strategy<Value = Vec<Se3>> {
     let turn = prop_oneof![3 => vector(0.05), 1 => vector(2.0)];
     (vector(3.0), vector(3.0), vector(0.2), turn, 1..100_usize).prop_map(|(at, facing, step, turn, len)| {
         (0..len)
-            .map(|j| Se3 { rotation: exp(facing) * exp(turn * j as f64), translation: at + step * j as f64 })
+            .map(|j| Se3 {
+                rotation: exp_vector(facing) * exp_vector(turn * j as f64),
+                translation: at + step * j as f64,
+            })
             .collect()
     })
 }
@@ -93,7 +96,7 @@ proptest! {
         antialiased: bool,
         origin in prop_oneof![Just(DVec3::ZERO), Just(DVec3::new(3e5, -4e6, 120.0))],
     ) {
-        let scene = Arc::new(Gaussians { origin, ..scene(&blobs) });
+        let scene = Arc::new(Gaussians { origin, ..blob_scene(&blobs) });
         let poses: Vec<Se3> =
             poses.iter().map(|pose| Se3 { translation: pose.translation + origin, ..*pose }).collect();
         let style = Style { rules, antialiased, ..OFFICIAL };
@@ -141,19 +144,19 @@ fn nearly_all_that_no_pose_sees_is_found() {
             ..Blob::default()
         })
         .collect();
-    let (camera, poses) = (ahead(256, 192, 240.0).camera, walk());
-    let mut cpu = Cpu::new(Arc::new(scene(&blobs)), OFFICIAL).unwrap();
+    let (camera, poses) = (view_ahead(256, 192, 240.0).camera, walk());
+    let mut cpu = Cpu::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
     cpu.keep_to(&camera, &poses);
     let found = frame(&mut cpu, camera, poses[0]).1.unseen;
     // each by itself at every tenth pose: what touches no tile of any is not seen
     let is_unseen = |blob: &&Blob| {
-        let mut cpu = Cpu::new(Arc::new(scene(&[**blob])), OFFICIAL).unwrap();
+        let mut cpu = Cpu::new(Arc::new(blob_scene(&[**blob])), OFFICIAL).unwrap();
         let mut out = Rendered::default();
         let want = Channels { alpha: true, ..Channels::default() };
         poses
             .iter()
             .step_by(10)
-            .all(|&pose| cpu.render(&View::still(camera, pose), want, &mut out).unwrap().tile_pairs == 0)
+            .all(|&pose| cpu.render(&View::at_rest(camera, pose), want, &mut out).unwrap().tile_pairs == 0)
     };
     let unseen = blobs.iter().filter(is_unseen).count() as u64;
     println!("{found} of {unseen} unseen ones of {}", blobs.len());
@@ -164,10 +167,10 @@ fn nearly_all_that_no_pose_sees_is_found() {
 
 #[test]
 fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
-    let (camera, walk) = (ahead(64, 48, 60.0).camera, walk());
+    let (camera, walk) = (view_ahead(64, 48, 60.0).camera, walk());
     // none too faint for any view
-    let blobs: Vec<Blob> = crowd(3000, 4).iter().map(|blob| Blob { opacity: 0.7, ..*blob }).collect();
-    let mut cpu = Cpu::new(Arc::new(scene(&blobs)), OFFICIAL).unwrap();
+    let blobs: Vec<Blob> = blob_crowd(3000, 4).iter().map(|blob| Blob { opacity: 0.7, ..*blob }).collect();
+    let mut cpu = Cpu::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
     let whole = frame(&mut cpu, camera, walk[0]);
     let mut unseen = |poses: &[Se3]| {
         cpu.keep_to(&camera, poses);
@@ -186,14 +189,15 @@ fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
 /// A crowd with harmonics up to `degree`, stored with those up to `stored`: the rest are zeros of both signs.
 fn harmonics(degree: u8, stored: u8) -> Gaussians {
     let mut draws = Draws(3);
-    let mut scene = scene(&crowd(2000, 2));
+    let mut scene = blob_scene(&blob_crowd(2000, 2));
     let triple = |draws: &mut Draws| [(); 3].map(|()| draws.within(-0.3, 0.3));
     scene.sh = scene
         .sh
         .iter()
         .flat_map(|&first| {
-            let drawn: Vec<_> = (1..sh::len(degree)).map(|_| triple(&mut draws)).collect();
-            let zeros = (sh::len(degree)..sh::len(stored)).map(|n| [if n % 2 == 0 { 0.0 } else { -0.0 }; 3]);
+            let drawn: Vec<_> = (1..sh::function_count(degree)).map(|_| triple(&mut draws)).collect();
+            let zeros = (sh::function_count(degree)..sh::function_count(stored))
+                .map(|n| [if n % 2 == 0 { 0.0 } else { -0.0 }; 3]);
             std::iter::once(first).chain(drawn).chain(zeros).collect::<Vec<_>>()
         })
         .collect();
@@ -203,7 +207,7 @@ fn harmonics(degree: u8, stored: u8) -> Gaussians {
 
 #[test]
 fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
-    let View { camera, world_from_camera, .. } = ahead(96, 64, 80.0);
+    let View { camera, world_from_camera, .. } = view_ahead(96, 64, 80.0);
     let draw = |scene: Gaussians| {
         frame(&mut Cpu::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera)
     };
@@ -214,7 +218,7 @@ fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
         for stored in degree..=3 {
             let (found, work) = draw(harmonics(degree, stored));
             assert!(found == wanted, "degree {degree} stored as {stored}");
-            let spared = drawn * (sh::len(stored) - sh::len(degree)) as u64;
+            let spared = drawn * (sh::function_count(stored) - sh::function_count(degree)) as u64;
             assert_eq!(work, Work { zero_harmonics: spared, ..plain });
         }
     }
@@ -230,8 +234,8 @@ fn opaque() -> Gaussians {
         ..Blob::default()
     };
     let mut both = harmonics(1, 3);
-    let wall = scene(&(0..250).map(layer).collect::<Vec<_>>());
-    let zeros = vec![[0.0; 3]; sh::len(3) - 1];
+    let wall = blob_scene(&(0..250).map(layer).collect::<Vec<_>>());
+    let zeros = vec![[0.0; 3]; sh::function_count(3) - 1];
     both.positions.extend(wall.positions);
     both.log_scales.extend(wall.log_scales);
     both.rotations.extend(wall.rotations);
@@ -242,7 +246,7 @@ fn opaque() -> Gaussians {
 
 #[test]
 fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
-    let View { camera, world_from_camera, .. } = ahead(90, 70, 80.0);
+    let View { camera, world_from_camera, .. } = view_ahead(90, 70, 80.0);
     let scene = Arc::new(opaque());
     for rules in ALL_RULES {
         let mut cpu = Cpu::new(scene.clone(), Style { rules, ..OFFICIAL }).unwrap();
@@ -265,7 +269,7 @@ fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
 
 #[test]
 fn one_harmonic_that_is_not_zero_is_evaluated() {
-    let View { camera, world_from_camera, .. } = ahead(96, 64, 80.0);
+    let View { camera, world_from_camera, .. } = view_ahead(96, 64, 80.0);
     let mut scene = harmonics(0, 3);
     *scene.sh.last_mut().unwrap() = [0.0, 0.0, f32::MIN_POSITIVE];
     let work = frame(&mut Cpu::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera).1;

@@ -8,17 +8,17 @@
 #![expect(clippy::print_stdout, reason = "the figures")]
 #![expect(clippy::cast_possible_truncation, reason = "scenes and images hold 32 bits")]
 
-use crate::support::gaussians::{Blob, Draws, ahead, scene};
+use crate::support::gaussians::{Blob, Draws, blob_scene, view_ahead};
 use crate::support::{ply, shared};
 use glam::DVec3;
 use gs2e::image::Size;
 use gs2e::render::cpu::Cpu;
-use gs2e::render::flow::displacement;
+use gs2e::render::flow::flow_displacement;
 use gs2e::render::reference::Reference;
 use gs2e::render::{Channels, Layering, Rendered, Renderer, Rules, Style, Velocity, View};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp;
+use gs2e::se3::rotation::exp_vector;
 use gs2e::source::nerfstudio;
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ fn moving(view: View) -> View {
 fn after(view: &View, seconds: f64) -> View {
     let Se3 { rotation, translation } = view.world_from_camera;
     let world_from_camera = Se3 {
-        rotation: rotation * exp(view.velocity.angular * seconds),
+        rotation: rotation * exp_vector(view.velocity.angular * seconds),
         translation: translation + rotation * view.velocity.linear * seconds,
     };
     View { world_from_camera, ..*view }
@@ -61,7 +61,7 @@ fn crowd() -> Gaussians {
             colour: [0; 3].map(|_| draw(0.0, 1.2)),
         })
         .collect();
-    let mut scene = scene(&blobs);
+    let mut scene = blob_scene(&blobs);
     scene.sh = scene
         .sh
         .iter()
@@ -131,7 +131,7 @@ fn check(scene: &Arc<Gaussians>, view: &View, style: Style) {
 fn flow_is_the_way_over_time(view: &View, out: &Rendered) {
     let depth = out.depth.as_ref().unwrap();
     let seconds = 1e-4;
-    let moved = displacement(depth, view, &after(view, seconds));
+    let moved = flow_displacement(depth, view, &after(view, seconds));
     let flow = out.flow.as_ref().unwrap().pixels();
     let mut errors: Vec<f32> = flow
         .iter()
@@ -149,7 +149,7 @@ fn flow_is_the_way_over_time(view: &View, out: &Rendered) {
 #[test]
 fn rates_are_differences_in_a_crowd() {
     let scene = Arc::new(crowd());
-    let view = moving(ahead(96, 64, 80.0));
+    let view = moving(view_ahead(96, 64, 80.0));
     for rules in ALL_RULES {
         for antialiased in [false, true] {
             check(&scene, &view, style(rules, antialiased));
@@ -163,9 +163,9 @@ fn rates_are_differences_in_a_real_scene() {
     let Some(path) = shared::path("data/scenes/playbot_lod3.ply") else { return };
     let Some(views) = shared::path("data/scenes/playbot.transforms.json") else { return };
     let scene = Arc::new(ply::read(&path));
-    let key = nerfstudio::read(&views).unwrap().0.views.swap_remove(11);
+    let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
     let view =
-        moving(View::still(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera));
+        moving(View::at_rest(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera));
     for rules in ALL_RULES {
         check(&scene, &view, style(rules, false));
     }
@@ -176,7 +176,7 @@ fn rates_are_differences_in_a_real_scene() {
 fn a_camera_at_rest_sees_nothing_change() {
     let mut out = Rendered::default();
     let want = Channels { luminance_rate: true, flow: true, ..Channels::default() };
-    let view = ahead(96, 64, 80.0);
+    let view = view_ahead(96, 64, 80.0);
     let mut cpu = Cpu::new(Arc::new(crowd()), style(Rules::Soft, true)).unwrap();
     cpu.render(&view, want, &mut out).unwrap();
     assert!(out.luminance_rate.unwrap().pixels().iter().all(|v| v.abs() < 1e-30));

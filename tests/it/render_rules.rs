@@ -1,7 +1,7 @@
 //! The renderer's rules against closed forms.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, OFFICIAL, ahead, render, scene};
+use crate::support::gaussians::{ALL, Blob, OFFICIAL, blob_scene, render, view_ahead};
 use gs2e::image::{Image, luminance};
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, RenderError, Rendered, Renderer, Rules, Style, View};
@@ -26,7 +26,7 @@ fn a_round_gaussian_on_the_axis_has_its_profile() {
     let blob = Blob { deviations: [0.4; 3], opacity: 0.8, ..Blob::default() };
     let variance = 100.0 + 0.3;
     for style in [OFFICIAL, EXACT] {
-        let (found, _) = render(scene(&[blob]), style, &ahead(101, 81, 100.0));
+        let (found, _) = render(blob_scene(&[blob]), style, &view_ahead(101, 81, 100.0));
         for y in 0..81 {
             for x in 0..101 {
                 let square = (f64::from(x) - 50.0).powi(2) + (f64::from(y) - 40.0).powi(2);
@@ -45,10 +45,10 @@ fn official_extents_end_with_the_tiles_of_three_deviations() {
     // deviation 10 px: r = ceil(3 sqrt(100.3 + sqrt .1)) = 31 from pixel 50 reaches tiles 1 (16..) to 5 (..95) in x;
     // opacity 0.99 would reach 33.3 px, to columns 17..83, inside. At 45 px the tiles begin at 0 instead.
     let blob = Blob { deviations: [0.4; 3], opacity: 0.999, ..Blob::default() };
-    let mut view = ahead(160, 160, 100.0);
+    let mut view = view_ahead(160, 160, 100.0);
     // the mean on pixel 47: 47 - 31 = 16 starts exactly with tile 1, which leaves out pixel 15 at 32 px
     (view.camera.cx, view.camera.cy) = (47.5, 47.5);
-    let [official, exact] = [OFFICIAL, EXACT].map(|style| render(scene(&[blob]), style, &view).0);
+    let [official, exact] = [OFFICIAL, EXACT].map(|style| render(blob_scene(&[blob]), style, &view).0);
     let alpha = |image: &Rendered, x| f64::from(at(image.alpha.as_ref(), x, 47));
     let wanted = layer(0.999, 100.3, 32.0 * 32.0);
     assert!(wanted > 0.006 && (alpha(&exact, 15) - wanted).abs() < 1e-6);
@@ -62,7 +62,7 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
     let far = Blob { position: [0.0, 0.0, 5.0], opacity: 0.7, colour: [0.1, 0.9, 0.4], ..Blob::default() };
     let style = Style { background: [0.2, 0.4, 0.8], ..OFFICIAL };
     // written far first: depth decides, not the file
-    let (found, _) = render(scene(&[far, near]), style, &ahead(33, 33, 100.0));
+    let (found, _) = render(blob_scene(&[far, near]), style, &view_ahead(33, 33, 100.0));
     let centre = at(found.rgb.as_ref(), 16, 16);
     for (c, found) in centre.into_iter().enumerate() {
         let background = f64::from(style.background[c]);
@@ -81,7 +81,7 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
 fn depth_is_undefined_below_half_opacity() {
     for (opacity, defined) in [(0.499, false), (0.501, true)] {
         let (found, _) =
-            render(scene(&[Blob { opacity, ..Blob::default() }]), OFFICIAL, &ahead(17, 17, 100.0));
+            render(blob_scene(&[Blob { opacity, ..Blob::default() }]), OFFICIAL, &view_ahead(17, 17, 100.0));
         assert_eq!(!at(found.depth.as_ref(), 8, 8).is_nan(), defined, "opacity {opacity}");
     }
 }
@@ -91,7 +91,7 @@ fn equal_depths_follow_the_file() {
     let red = Blob { opacity: 0.9, colour: [1.0, 0.0, 0.0], ..Blob::default() };
     let green = Blob { colour: [0.0, 1.0, 0.0], ..red };
     for (blobs, first) in [([red, green], 0), ([green, red], 1)] {
-        let (found, _) = render(scene(&blobs), OFFICIAL, &ahead(17, 17, 100.0));
+        let (found, _) = render(blob_scene(&blobs), OFFICIAL, &view_ahead(17, 17, 100.0));
         let centre = at(found.rgb.as_ref(), 8, 8);
         assert!((centre[first] - 0.9).abs() < 1e-6 && (centre[1 - first] - 0.09).abs() < 1e-6, "{centre:?}");
     }
@@ -102,7 +102,7 @@ fn a_pixel_stops_before_the_layer_that_would_leave_too_little() {
     // capped at 0.99, two layers leave 1e-4 less a rounding: the second is not blended, nor any after it
     let blob =
         |z| Blob { position: [0.0, 0.0, z], deviations: [1.0; 3], opacity: 0.999_999, ..Blob::default() };
-    let (found, work) = render(scene(&[1.0, 2.0, 3.0].map(blob)), OFFICIAL, &ahead(1, 1, 100.0));
+    let (found, work) = render(blob_scene(&[1.0, 2.0, 3.0].map(blob)), OFFICIAL, &view_ahead(1, 1, 100.0));
     assert!((at(found.alpha.as_ref(), 0, 0) - 0.99).abs() < 1e-7);
     assert_eq!((work.blended, work.stopped), (1, 1));
 }
@@ -113,7 +113,7 @@ fn the_antialiased_rule_weakens_small_gaussians() {
     // 100 px focal at depth 4: deviation 0.02 is half a pixel
     for (deviation, opacity) in [(0.02_f32, 0.8), (0.4, 0.8), (1e-5, 0.95)] {
         let blob = Blob { deviations: [deviation; 3], opacity, ..Blob::default() };
-        let (found, _) = render(scene(&[blob]), style, &ahead(17, 17, 100.0));
+        let (found, _) = render(blob_scene(&[blob]), style, &view_ahead(17, 17, 100.0));
         let variance = (f64::from(deviation) * 25.0).powi(2);
         // both determinants are squares; the floor under their ratio is 2.5e-5
         let wanted = opacity * (variance / (variance + 0.3)).max(2.5e-5_f64.sqrt());
@@ -125,7 +125,7 @@ fn the_antialiased_rule_weakens_small_gaussians() {
 #[test]
 fn channels_are_clamped_below_zero_before_luminance_and_never_above_one() {
     let blob = Blob { opacity: 0.5, colour: [-2.0, 1.6, 0.5], ..Blob::default() };
-    let (found, _) = render(scene(&[blob]), OFFICIAL, &ahead(17, 17, 100.0));
+    let (found, _) = render(blob_scene(&[blob]), OFFICIAL, &view_ahead(17, 17, 100.0));
     let centre = at(found.rgb.as_ref(), 8, 8);
     let wanted = [0.0, 0.8, 0.25];
     assert!(centre.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-6), "{centre:?}");
@@ -145,7 +145,7 @@ fn what_is_left_out_is_counted() {
         Blob { deviations: [0.8; 3], ..here },
         Blob { deviations: [4.0 / 3.0; 3], ..here },
     ];
-    let (_, work) = render(scene(&blobs), OFFICIAL, &ahead(32, 32, 100.0));
+    let (_, work) = render(blob_scene(&blobs), OFFICIAL, &view_ahead(32, 32, 100.0));
     assert_eq!((work.gaussians, work.behind, work.outside, work.degenerate), (7, 1, 2, 1));
     assert_eq!((work.affine_doubtful, work.affine_invalid), (2, 1));
     // 10 px on an image of two by two tiles: all three are everywhere
@@ -154,9 +154,9 @@ fn what_is_left_out_is_counted() {
 
 #[test]
 fn views_and_styles_without_an_image_are_errors() {
-    let mut cpu = Cpu::new(Arc::new(scene(&[Blob::default()])), OFFICIAL).unwrap();
+    let mut cpu = Cpu::new(Arc::new(blob_scene(&[Blob::default()])), OFFICIAL).unwrap();
     let mut t = |spoil: fn(&mut View), because: &str| {
-        let mut view = ahead(8, 8, 10.0);
+        let mut view = view_ahead(8, 8, 10.0);
         spoil(&mut view);
         let error = cpu.render(&view, ALL, &mut Rendered::default()).unwrap_err();
         let RenderError::View(text) = &error else { panic!("{error}") };
@@ -169,14 +169,14 @@ fn views_and_styles_without_an_image_are_errors() {
     t(|v| v.world_from_camera.translation.x = f64::INFINITY, "pose ");
     t(|v| v.world_from_camera.rotation.w = f64::NAN, "pose ");
     let style = Style { background: [0.0, f32::NAN, 0.0], ..OFFICIAL };
-    let error = Cpu::new(Arc::new(scene(&[Blob::default()])), style).unwrap_err();
+    let error = Cpu::new(Arc::new(blob_scene(&[Blob::default()])), style).unwrap_err();
     assert!(matches!(error, RenderError::Style(_)), "{error}");
 }
 
 #[test]
 fn an_empty_scene_shows_the_background() {
     let style = Style { background: [0.25, 0.5, 0.75], ..EXACT };
-    let (found, work) = render(scene(&[]), style, &ahead(20, 3, 10.0));
+    let (found, work) = render(blob_scene(&[]), style, &view_ahead(20, 3, 10.0));
     assert!(
         found.rgb.unwrap().pixels().iter().all(|c| c.map(f32::to_bits) == style.background.map(f32::to_bits))
     );
@@ -185,11 +185,11 @@ fn an_empty_scene_shows_the_background() {
 
 #[test]
 fn only_what_is_wanted_is_made() {
-    let mut cpu = Cpu::new(Arc::new(scene(&[Blob::default()])), OFFICIAL).unwrap();
+    let mut cpu = Cpu::new(Arc::new(blob_scene(&[Blob::default()])), OFFICIAL).unwrap();
     let mut out = Rendered::default();
-    cpu.render(&ahead(8, 8, 10.0), ALL, &mut out).unwrap();
+    cpu.render(&view_ahead(8, 8, 10.0), ALL, &mut out).unwrap();
     let want = Channels { alpha: true, ..Channels::default() };
-    cpu.render(&ahead(9, 7, 10.0), want, &mut out).unwrap();
+    cpu.render(&view_ahead(9, 7, 10.0), want, &mut out).unwrap();
     assert!(out.rgb.is_none() && out.luminance.is_none() && out.depth.is_none());
     assert_eq!(out.alpha.unwrap().pixels().len(), 63);
 }

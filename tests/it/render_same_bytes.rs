@@ -1,7 +1,7 @@
 //! What must not change a rendered bit: threads, frames rendered before, other images asked for.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, OFFICIAL, ahead, crowd, render, scene};
+use crate::support::gaussians::{ALL, Blob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use glam::{DQuat, DVec3};
 use gs2e::image::luminance;
 use gs2e::render::cpu::{Cpu, Instructions};
@@ -12,7 +12,7 @@ const GAUSSIANS: usize = 6000;
 
 /// Sizes that are no multiple of a tile, and a pose without zeros.
 fn askew() -> View {
-    let mut view = ahead(203, 117, 150.0);
+    let mut view = view_ahead(203, 117, 150.0);
     view.world_from_camera.rotation = DQuat::from_xyzw(0.02, -0.05, 0.01, 1.0).normalize();
     view.world_from_camera.translation = DVec3::new(0.3, -0.2, -1.5);
     view
@@ -29,7 +29,7 @@ fn bits(image: &Rendered) -> Vec<u32> {
 fn on_threads(threads: usize) -> (Vec<u32>, Work) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
-        let (image, work) = render(scene(&crowd(GAUSSIANS, 1)), OFFICIAL, &askew());
+        let (image, work) = render(blob_scene(&blob_crowd(GAUSSIANS, 1)), OFFICIAL, &askew());
         (bits(&image), work)
     })
 }
@@ -44,10 +44,10 @@ fn the_number_of_threads() {
 /// Every channel of a moving camera under all rules, by every instruction set of this machine.
 #[test]
 fn the_instruction_set() {
-    let scene = Arc::new(scene(&crowd(GAUSSIANS, 1)));
+    let scene = Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1)));
     let velocity = Velocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
     let view = View { velocity, ..askew() };
-    let sets = Instructions::all();
+    let sets = Instructions::available_sets();
     println!("{:?}", sets.iter().map(Instructions::name).collect::<Vec<_>>());
     for rules in [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft] {
         let by = |set: &Instructions| {
@@ -67,17 +67,17 @@ fn the_instruction_set() {
 
 #[test]
 fn frames_rendered_before() {
-    let mut cpu = Cpu::new(Arc::new(scene(&crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
+    let mut cpu = Cpu::new(Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
     let mut out = Rendered::default();
     let first = (cpu.render(&askew(), ALL, &mut out).unwrap(), bits(&out));
     let small = Channels { depth: true, ..Channels::default() };
-    cpu.render(&ahead(64, 300, 90.0), small, &mut out).unwrap();
+    cpu.render(&view_ahead(64, 300, 90.0), small, &mut out).unwrap();
     assert_eq!((cpu.render(&askew(), ALL, &mut out).unwrap(), bits(&out)), first);
 }
 
 #[test]
 fn other_images_asked_for() {
-    let mut cpu = Cpu::new(Arc::new(scene(&crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
+    let mut cpu = Cpu::new(Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
     let none = Channels::default();
     let [mut all, mut one] = [Rendered::default(), Rendered::default()];
     let work = cpu.render(&askew(), ALL, &mut all).unwrap();
@@ -96,9 +96,9 @@ fn other_images_asked_for() {
 
 #[test]
 fn a_shuffled_file_without_equal_depths() {
-    let blobs = crowd(GAUSSIANS, 1);
+    let blobs = blob_crowd(GAUSSIANS, 1);
     let shuffled: Vec<_> = (0..GAUSSIANS).map(|i| blobs[i * 1009 % GAUSSIANS]).collect();
-    let [a, b] = [blobs, shuffled].map(|blobs| render(scene(&blobs), OFFICIAL, &askew()));
+    let [a, b] = [blobs, shuffled].map(|blobs| render(blob_scene(&blobs), OFFICIAL, &askew()));
     assert_eq!((bits(&a.0), a.1), (bits(&b.0), b.1));
 }
 
@@ -106,7 +106,7 @@ fn a_shuffled_file_without_equal_depths() {
 fn luminance_is_that_of_the_colour_up_to_rounding() {
     for rules in [Rules::Official, Rules::Exact] {
         let style = Style { rules, background: [0.3, 0.1, 0.9], ..OFFICIAL };
-        let (found, _) = render(scene(&crowd(GAUSSIANS, 2)), style, &askew());
+        let (found, _) = render(blob_scene(&blob_crowd(GAUSSIANS, 2)), style, &askew());
         let pairs =
             found.luminance.as_ref().unwrap().pixels().iter().zip(found.rgb.as_ref().unwrap().pixels());
         let worst = pairs.map(|(y, &rgb)| (y - luminance(rgb)).abs()).fold(0.0, f32::max);
@@ -131,17 +131,17 @@ fn what_lies_behind_finished_tiles() {
         colour: [0.1 + 0.004 * k as f64; 3],
         ..Blob::default()
     };
-    let view = ahead(32, 16, 100.0);
+    let view = view_ahead(32, 16, 100.0);
     let wall: Vec<Blob> = (0..LAYERS).map(|k| layer(k, 0.0, 80.0)).collect();
-    let (image, work) = render(scene(&wall), OFFICIAL, &view);
+    let (image, work) = render(blob_scene(&wall), OFFICIAL, &view);
     assert_eq!((work.tile_pairs, work.hidden), (2 * LAYERS as u64, 2 * (LAYERS - LOOK) as u64));
     assert_eq!((work.blended, work.stopped), (3 * 32 * 16, 32 * 16));
-    let (seen, rest) = render(scene(&wall[..LOOK]), OFFICIAL, &view);
+    let (seen, rest) = render(blob_scene(&wall[..LOOK]), OFFICIAL, &view);
     assert_eq!((bits(&image), rest.hidden), (bits(&seen), 0));
 
     // dots of 2 px about (8, 8): the left tile keeps its light at the edges, and nothing is hidden there
     let dots: Vec<Blob> =
         (0..LAYERS).map(|k| layer(k, -8.0 * (4.0 + 0.01 * k as f32) / 100.0, 0.08)).collect();
-    let (_, work) = render(scene(&dots), Style { rules: Rules::Exact, ..OFFICIAL }, &view);
+    let (_, work) = render(blob_scene(&dots), Style { rules: Rules::Exact, ..OFFICIAL }, &view);
     assert_eq!((work.tile_pairs, work.hidden), (LAYERS as u64, 0));
 }

@@ -31,7 +31,7 @@ fn bits(image: &Rendered) -> Vec<u32> {
 /// Whatever the lists may hold at once, down to one entry: the same picture, and the same counts.
 #[test]
 fn lists_in_bands_give_the_same_bits() {
-    let (scene, view) = scenes::askew(3000);
+    let (scene, view) = scenes::askew_crowd(3000);
     for rules in ALL_RULES {
         let style = Style { rules, ..OFFICIAL };
         let mut renderer = cpu(&scene, style);
@@ -52,7 +52,7 @@ fn lists_in_bands_give_the_same_bits() {
 #[test]
 fn giants_over_a_large_picture() {
     let (edge, n) = (2048, 6000);
-    let (scene, view) = scenes::giants(n, edge);
+    let (scene, view) = scenes::giant_scene(n, edge);
     let mut out = Rendered::default();
     let want = Channels { luminance: true, ..Channels::default() };
     let work = cpu(&scene, OFFICIAL).render(&view, want, &mut out).unwrap();

@@ -4,7 +4,7 @@ mod goldens;
 mod gpu;
 mod mistakes;
 
-use crate::support::gaussians::{Blob, scene};
+use crate::support::gaussians::{Blob, blob_scene};
 use crate::support::workspace::Workspace;
 use gs2e::image::{png, to_byte};
 use gs2e::scene::{Gaussians, ply, splat};
@@ -65,7 +65,7 @@ fn ply_bytes(scene: &Gaussians) -> Vec<u8> {
 /// The planted scene and its views.
 fn workspace() -> Workspace {
     let place = Workspace::new();
-    place.write("one.ply", ply_bytes(&scene(&[planted()])));
+    place.write("one.ply", ply_bytes(&blob_scene(&[planted()])));
     place.write("camera.json", camera().to_string());
     place.write("capture/transforms.json", transforms().to_string());
     place
@@ -203,7 +203,7 @@ fn the_antialiased_rule_is_the_files_or_forced() {
         (Some(false), false, OPACITY),
         (Some(false), true, weak),
     ] {
-        place.write("one.ply", ply_bytes(&Gaussians { antialiased: says, ..scene(&[small]) }));
+        place.write("one.ply", ply_bytes(&Gaussians { antialiased: says, ..blob_scene(&[small]) }));
         let option = if forced { "--antialiased" } else { "" };
         let (_, values) = array(&place, &format!("--channel alpha {option}"));
         let found = f64::from(values[40 * WIDTH + 50]);
@@ -217,7 +217,7 @@ fn every_rule_can_be_asked_for() {
     let place = workspace();
     let faint = 1.0 / 255.0;
     let above = Blob { opacity: faint * 1.001, ..planted() };
-    place.write("one.ply", ply_bytes(&scene(&[above])));
+    place.write("one.ply", ply_bytes(&blob_scene(&[above])));
     for (rules, wanted) in [("official", faint), ("exact", faint), ("gsplat", faint), ("soft", faint / 2.0)] {
         let (_, values) = array(&place, &format!("--channel alpha --rules {rules}"));
         let found = f64::from(values[40 * WIDTH + 50]);
@@ -235,7 +235,7 @@ fn pictures_of_bytes_are_the_numbers_clipped() {
         let file = fs::read(place.path("new.PNG")).unwrap();
         // The colour type stands in the header: 2 is colour, 0 grey.
         assert_eq!(file[25], colour_type, "{channel}");
-        let image = png::read(Cursor::new(&file)).unwrap();
+        let image = png::read_rgb(Cursor::new(&file)).unwrap();
         let wanted: Vec<u8> = match shape.len() {
             3 => values.iter().copied().map(to_byte).collect(),
             _ => values.iter().flat_map(|v| [to_byte(*v); 3]).collect(),
@@ -298,7 +298,7 @@ fn people_are_told_what_was_drawn() {
         Blob { position: [-1.0, 500.0, -1.0], ..planted() },
         Blob { deviations: [2.0, 2.0, 2.0], ..planted() },
     ];
-    let mut spoilt = scene(&[&blobs[..], &[planted(), planted()]].concat());
+    let mut spoilt = blob_scene(&[&blobs[..], &[planted(), planted()]].concat());
     spoilt.positions[4][0] = f32::NAN;
     spoilt.rotations[5] = [0.0; 4];
     place.write("one.ply", ply_bytes(&spoilt));

@@ -9,7 +9,7 @@ use gs2e::scene::{self, Gaussians};
 /// Reads a scene of `count` Gaussians of this degree, nine tenths of which lie within `radius` of the
 /// origin along each axis, and whose scales and quaternions are those of a trained scene.
 fn check(name: &str, count: usize, degree: u8, radius: f32) -> Option<Gaussians> {
-    let scene = scene::read(&shared::path(&format!("data/{name}"))?).unwrap();
+    let scene = scene::read_file(&shared::path(&format!("data/{name}"))?).unwrap();
     assert_eq!((scene.len(), scene.sh_degree), (count, degree), "{name}");
     assert_eq!((scene.screening.read, scene.screening.non_finite), (count as u64, 0), "{name}");
     for axis in 0..3 {
@@ -70,7 +70,7 @@ fn ply_and_spz_agree_on_axes() {
 
 /// A scene of the golden renders.
 fn synthetic(name: &str) -> Gaussians {
-    scene::read(&golden::folder("render").join(name)).unwrap()
+    scene::read_file(&golden::folder("render").join(name)).unwrap()
 }
 
 /// Positions of 32 bits stay as they are, a million units away, too: the twin's lie on a grid that both can
@@ -95,7 +95,7 @@ fn a_scene_with_nan_equals_its_twin() {
 fn decoded(name: &str) -> (Gaussians, Gaussians) {
     let folder = golden::folder("scenes");
     let expected = folder.join(name).with_extension("expected.ply");
-    (scene::read(&folder.join(name)).unwrap(), crate::support::ply::read(&expected))
+    (scene::read_file(&folder.join(name)).unwrap(), crate::support::ply::read(&expected))
 }
 
 /// Both sides compute in 64 bits and round once to 32. Where they take different ways, the last bit may

@@ -16,7 +16,7 @@ use gs2e::render::{Antialiased, Layering, RenderChoice, Rules};
 use gs2e::scene;
 use gs2e::seed::Seed;
 use gs2e::sensor::noise::HotPixels;
-use gs2e::sensor::simulate;
+use gs2e::sensor::simulate_one;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
 use gs2e::trajectory::Trajectory;
 use npyz::{AutoSerialize, WriterBuilder as _};
@@ -95,7 +95,7 @@ fn by_library(sensor: &Voltmeter, seed: u64) -> Vec<Event> {
     let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(greys()), &STAMPS_US).unwrap();
     let mut events = Vec::new();
     let mut go_on = |_: &Frame| ControlFlow::Continue(());
-    simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
+    simulate_one(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
     events
 }
 
@@ -160,7 +160,7 @@ fn frames_are_the_same_however_they_come() {
         for name in [format!("plain/{i}.png"), format!("clip/f/{i}.png")] {
             fs::create_dir_all(place.path(&name).parent().unwrap()).unwrap();
             let image = Image::from_vec(SIZE, grey.iter().map(|&v| [v; 3]).collect());
-            png::write(&image, File::create(place.path(&name)).unwrap()).unwrap();
+            png::write_image(&image, File::create(place.path(&name)).unwrap()).unwrap();
         }
         info += &format!("f/{i}.png {t}\n");
     }
@@ -373,7 +373,7 @@ fn frames_that_were_rendered_make_what_a_build_made() {
     let trajectory = Trajectory::read_poses(poses).unwrap();
     let simulation: Value = serde_json::from_slice(&fs::read(built("simulation.json")).unwrap()).unwrap();
     let camera: Camera = serde_json::from_value(simulation["camera"].clone()).unwrap();
-    let scene = scene::read(&built("scene.ply")).unwrap();
+    let scene = scene::read_file(&built("scene.ply")).unwrap();
     let (rules, order, antialiased) = (Rules::Official, Layering::Depth, Antialiased::Auto);
     let style = RenderChoice { rules, order, antialiased, background: [0.0; 3] }.resolve(scene.antialiased);
     let renderer = Backend::Cpu.renderer(Arc::new(scene), style).unwrap();

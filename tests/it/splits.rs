@@ -4,7 +4,7 @@ use crate::release::small::{edit, reseal};
 use crate::sources::datasets::Generator;
 use crate::support::given;
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::release::audit::audit;
+use gs2e::release::audit::audit_release;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;
@@ -139,7 +139,7 @@ fn an_audit_deals_the_scenes_again() {
     place.ok("release --to out --copy recipes");
     let out = place.path("out");
     let codes = || -> Vec<String> {
-        let faults = audit(&out).unwrap().faults;
+        let faults = audit_release(&out).unwrap().faults;
         // The index, and what a card says, were not forged with the rest.
         let mut codes: Vec<String> = faults
             .iter()
@@ -149,7 +149,7 @@ fn an_audit_deals_the_scenes_again() {
         codes.dedup();
         codes
     };
-    assert_eq!(audit(&out).unwrap().faults, []);
+    assert_eq!(audit_release(&out).unwrap().faults, []);
     edit(&out, "manifest.json", |manifest| manifest["splits"]["salt"] = salt.as_str().into());
     reseal(&out);
     let moved: Vec<String> =
@@ -162,7 +162,7 @@ fn an_audit_deals_the_scenes_again() {
     reseal(&out);
     // Told of the scene in the split that is named first, which is `test`.
     assert_eq!(codes(), [moved[0].as_str()]);
-    let faults = audit(&out).unwrap().faults;
+    let faults = audit_release(&out).unwrap().faults;
     assert!(faults.iter().any(|fault| fault.message.starts_with("the photo of SHA-256")), "{faults:#?}");
 }
 

@@ -1,6 +1,6 @@
 //! The store through its public face: publishing, damage, lost indices, locks.
 
-use gs2e::store::description::describe;
+use gs2e::store::description::describe_value;
 use gs2e::store::record::{Output, Provenance, Record};
 use gs2e::store::{Access, BlobState, Digest, Key, Opening, Store, StoreError};
 use std::path::Path;
@@ -17,13 +17,14 @@ fn publish(store: &Store, name: &str, files: &[(&str, &str)]) -> Result<Vec<Outp
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, content).unwrap();
     }
-    let description = describe(name);
-    let record = Record::new(Key::of(&description), "test", description.lines(), Provenance::default());
+    let description = describe_value(name);
+    let record =
+        Record::new(Key::of_description(&description), "test", description.lines(), Provenance::default());
     store.publish(&workspace, record)
 }
 
 fn key(name: &str) -> Key {
-    Key::of(&describe(name))
+    Key::of_description(&describe_value(name))
 }
 
 /// What is on record under the key of `name`.
@@ -149,7 +150,7 @@ fn what_a_dead_process_left_behind_is_removed() {
 #[test]
 fn digests_are_blake3() {
     let empty = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
-    assert_eq!(Digest::of(b"").to_string(), empty);
+    assert_eq!(Digest::of_bytes(b"").to_string(), empty);
 }
 
 /// A store on a network file system keeps its database elsewhere; the records are in the store all the same.

@@ -16,7 +16,7 @@ use gs2e::sampling::path::Path;
 use gs2e::sampling::scout::Scout;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp;
+use gs2e::se3::rotation::exp_vector;
 use gs2e::seed::Seed;
 use gs2e::sensor::front_end::FrontEnd;
 use gs2e::sensor::voltmeter::{Between, Preset, Voltmeter};
@@ -121,14 +121,14 @@ fn path() -> Path {
     let pose = |t: &f64| {
         let share = t / 0.2;
         let angle = 0.4 * (share - 0.6 * libm::sin(std::f64::consts::TAU * share) / std::f64::consts::TAU);
-        let rotation = exp(DVec3::new(0.0, -angle, 0.0));
+        let rotation = exp_vector(DVec3::new(0.0, -angle, 0.0));
         Se3 { rotation, translation: rotation * DVec3::new(0.0, -0.4, -3.0) }
     };
-    Path::through(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap()
+    Path::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap()
 }
 
 fn renderer(rules: Rules) -> Box<dyn Renderer> {
-    let scene = procedural::gaussians(&StillLife { gaussians: 1500, ..StillLife::default() });
+    let scene = procedural::still_life(&StillLife { gaussians: 1500, ..StillLife::default() });
     let style = Style { rules, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
     Backend::Cpu.renderer(Arc::new(scene), style).unwrap()
 }
@@ -176,14 +176,14 @@ fn the_error_of_all_intervals_is_within_the_tolerance() {
     for (rules, rms, between) in
         [(Rules::Soft, 0.05, &all[..]), (Rules::Soft, 0.04, &all[2..]), (Rules::Official, 0.06, &all[..1])]
     {
-        let flow = Flow::measure(&path, (480, 200_000), camera, &mut *renderer(rules)).unwrap();
+        let flow = Flow::measure_path(&path, (480, 200_000), camera, &mut *renderer(rules)).unwrap();
         let front_ends = [FrontEnd::default()];
         let mut scout = Scout::new(renderer(rules), camera, &path, &front_ends, &|| true);
         let question = Question {
             tolerance: Tolerance { rms, between: None },
             flow: &flow,
             intervals: 480,
-            scales: &[Scale::of(&sensor, 0)],
+            scales: &[Scale::for_sensor(&sensor, 0)],
             between,
             seed: Seed(3),
             advice: "",
@@ -223,9 +223,9 @@ fn the_flow_of_a_known_motion_is_found() {
     let seconds: Vec<f64> = (0..=200).map(|j| f64::from(j) / 1000.0).collect();
     let angle = |t: f64| if t < 0.1 { 0.5 * t } else { 0.05 + 1.5 * (t - 0.1) };
     let from = DVec3::new(0.0, -0.4, -3.0);
-    let pose = |t: &f64| Se3 { rotation: exp(DVec3::new(0.0, angle(*t), 0.0)), translation: from };
-    let path = Path::through(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
-    let flow = Flow::measure(&path, (200, 200_000), camera, &mut *renderer(Rules::Soft)).unwrap();
+    let pose = |t: &f64| Se3 { rotation: exp_vector(DVec3::new(0.0, angle(*t), 0.0)), translation: from };
+    let path = Path::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
+    let flow = Flow::measure_path(&path, (200, 200_000), camera, &mut *renderer(Rules::Soft)).unwrap();
     // At the left and right edges the flow is f (1 + (40/75)^2), which 99 % of the pixels do not exceed but for a column.
     for (from, to, rate) in [(10_000, 80_000, 0.5), (120_000, 190_000, 1.5)] {
         let px_s = 75.0 * (1.0 + (40.0_f64 / 75.0).powi(2)) * rate;

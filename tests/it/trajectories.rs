@@ -17,7 +17,7 @@ use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::speed::Speed;
 use gs2e::speed::function::Expression;
-use gs2e::trajectory::refine::{Refine, refine};
+use gs2e::trajectory::refine::{Refine, refine_views};
 use gs2e::trajectory::sample::Summation;
 use gs2e::trajectory::{Made, NamedPose, Timing, TrajectoryError};
 use gs2e::units::Hertz;
@@ -46,7 +46,7 @@ fn timing(speed: &Speed) -> Timing<'_> {
 fn try_refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Result<Made, TrajectoryError> {
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    refine(&named, params, timing(&law(law_text)))
+    refine_views(&named, params, timing(&law(law_text)))
 }
 
 fn refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Made {
@@ -90,7 +90,7 @@ fn orbit(views: usize, units: f64, degrees: f64, seed: u64) -> Views {
             at += steps.get(i).copied().unwrap_or(0.0);
             let ideal = DVec3::new(2.0 * phi.cos(), 2.0 * phi.sin(), 0.4);
             let mut pose = look_at_origin(ideal + jitter(units));
-            pose.rotation *= gs2e::se3::rotation::exp(jitter(degrees.to_radians()));
+            pose.rotation *= gs2e::se3::rotation::exp_vector(jitter(degrees.to_radians()));
             pose
         })
         .collect();

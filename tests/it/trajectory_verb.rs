@@ -11,7 +11,7 @@ use gs2e::se3::Se3;
 use gs2e::source::{Capture, colmap, nerfstudio};
 use gs2e::speed::Speed;
 use gs2e::speed::function::Expression;
-use gs2e::trajectory::refine::{Refine, refine};
+use gs2e::trajectory::refine::{Refine, refine_views};
 use gs2e::trajectory::report::Report;
 use gs2e::trajectory::sample::Summation;
 use gs2e::trajectory::travel::Count;
@@ -37,7 +37,8 @@ fn base(views: &[(String, Se3)]) -> Made {
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
     let speed = Speed::Function(Expression::parse("1 + t").unwrap());
     let timing = Timing { speed: &speed, rate: Hertz("1000".parse().unwrap()), law: Summation::Sum };
-    refine(&named, &Refine { window: 1, count: Count::Frames(25), ..Refine::default() }, timing).unwrap()
+    refine_views(&named, &Refine { window: 1, count: Count::Frames(25), ..Refine::default() }, timing)
+        .unwrap()
 }
 
 fn views(capture: &Capture) -> Vec<(String, Se3)> {
@@ -142,7 +143,8 @@ fn every_form_of_a_capture_gives_its_path() {
 fn a_photographed_capture_gives_what_the_library_makes() {
     for (capture, kind) in [("sparse/0", "colmap"), ("transforms.json", "nerfstudio")] {
         let Some(path) = shared::path(&format!("data/captures/fox/{capture}")) else { return };
-        let read = if kind == "colmap" { colmap::read(&path) } else { nerfstudio::read(&path) };
+        let read =
+            if kind == "colmap" { colmap::read_capture(&path) } else { nerfstudio::read_capture(&path) };
         let wanted = base(&views(&read.unwrap().0));
         let place = workspace();
         let path = path.display();
@@ -151,7 +153,7 @@ fn a_photographed_capture_gives_what_the_library_makes() {
         let file = |name: &str| fs::read(place.path(name)).unwrap();
         assert_eq!(poses(&file("a.txt")), wanted.trajectory);
         assert_eq!(serde_json::from_slice::<Report>(&file("b.json")).unwrap(), wanted.report);
-        assert_eq!(file("c.svg"), picture::svg(&wanted.trajectory, &wanted.report).into_bytes());
+        assert_eq!(file("c.svg"), picture::trajectory_svg(&wanted.trajectory, &wanted.report).into_bytes());
         let stamps: Vec<String> = wanted.trajectory.stamps_us.iter().map(|t| format!("{t}\n")).collect();
         assert_eq!(file("d.txt"), stamps.concat().into_bytes());
         // The lens is told, and every warning of the report.
@@ -208,7 +210,7 @@ fn programs_get_one_object() {
     let ended = place.ok(&format!("{RIGHT} --json -q --svg picture.svg"));
     assert_eq!((ended.stdout.lines().count(), ended.stderr.as_str()), (1, ""));
     let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-    let made = base(&views(&nerfstudio::read(&place.path("transforms.json")).unwrap().0));
+    let made = base(&views(&nerfstudio::read_capture(&place.path("transforms.json")).unwrap().0));
     let report = serde_json::to_value(&made.report).unwrap();
     for (key, value) in report.as_object().unwrap() {
         let long = ["u", "s", "linear_unit_s", "angular_rad_s"].contains(&key.as_str());

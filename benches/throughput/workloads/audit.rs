@@ -5,7 +5,7 @@
 
 use super::amount;
 use crate::measure::{Amount, Run, Workload, timed};
-use gs2e::release::audit::{audit, read};
+use gs2e::release::audit::{audit_release, read_tree};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         };
         Workload { part: "audit", what, rival, run: Box::new(run) }
     };
-    let whole = |given: &Given| assert_eq!(audit(&given.tree).expect("it can be read").faults, []);
+    let whole = |given: &Given| assert_eq!(audit_release(&given.tree).expect("it can be read").faults, []);
     let mut all = vec![
         work("sums alone, from the disk", false, true, first_pass),
         work("plain reading by one thread, from the disk", true, true, plain),
@@ -57,7 +57,7 @@ fn release() -> Given {
     let words = ["gs2e", "-q", "release", "--copy", "--backend", "cpu", "--to"].map(Into::into);
     let paths =
         [tree.clone().into_os_string(), "--store".into(), store.into_os_string(), recipe.into_os_string()];
-    let ended = gs2e::cli::run(words.into_iter().chain(paths));
+    let ended = gs2e::cli::run_program(words.into_iter().chain(paths));
     assert!(ended == ExitCode::SUCCESS, "the demo can be released");
     let entries = walkdir::WalkDir::new(&tree).into_iter().map(|entry| entry.expect("it can be listed"));
     let files: Vec<PathBuf> = entries.filter(|e| e.file_type().is_file()).map(|e| e.into_path()).collect();
@@ -74,7 +74,7 @@ fn done(given: &Given, run: fn(&Given)) -> Run {
 }
 
 fn first_pass(given: &Given) {
-    let bytes = read(&given.tree).expect("it can be read");
+    let bytes = read_tree(&given.tree).expect("it can be read");
     assert_eq!(bytes, given.bytes as u64);
 }
 

@@ -49,7 +49,7 @@ fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
     let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
     let mut out = Rendered::default();
     let mut lines = Vec::new();
-    for set in Instructions::all() {
+    for set in Instructions::available_sets() {
         renderer.set_instructions(set);
         let mut fastest = [f64::INFINITY; 5];
         let mut work = Work::default();
@@ -137,14 +137,14 @@ fn gpu_workload(name: &str, scene: &Gaussians, device: &Device, (view, want): (V
 /// The demo's scene from the middle of its capture.
 fn still_life() -> (&'static str, Arc<Gaussians>, View) {
     let life = StillLife::default();
-    let photo = &procedural::capture(&life).views[life.views as usize / 2];
-    let view = View::still(photo.camera, photo.world_from_camera);
-    ("still-life", Arc::new(procedural::gaussians(&life)), view)
+    let photo = &procedural::still_capture(&life).views[life.views as usize / 2];
+    let view = View::at_rest(photo.camera, photo.world_from_camera);
+    ("still-life", Arc::new(procedural::still_life(&life)), view)
 }
 
 /// A real capture from outside and from inside: its up is -y, its centre (0, -0.5, 0), its radius about 1.
 fn playbot() -> Option<[(&'static str, Arc<Gaussians>, View); 2]> {
-    let scene = Arc::new(scene::read(&shared("playbot.spz")?).expect("the scene is sound"));
+    let scene = Arc::new(scene::read_file(&shared("playbot.spz")?).expect("the scene is sound"));
     let size = Size { width: 1280, height: 720 };
     let from = |x, y, z| look_at(DVec3::new(x, y, z), DVec3::new(0.0, -0.5, 0.0), size);
     Some([
@@ -209,5 +209,5 @@ fn look_at(centre: DVec3, target: DVec3, size: Size) -> View {
     let (width, height) = (f64::from(size.width), f64::from(size.height));
     let focal = width / (2.0 * libm::tan(30f64.to_radians()));
     let camera = Camera { size, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0 };
-    View::still(camera, Se3 { rotation, translation: centre })
+    View::at_rest(camera, Se3 { rotation, translation: centre })
 }

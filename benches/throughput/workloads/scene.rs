@@ -11,7 +11,7 @@ type Reader = fn(&[u8]) -> Result<Gaussians, SceneError>;
 
 pub(super) fn workloads() -> Vec<Workload> {
     let mut file = Vec::new();
-    let scene = procedural::gaussians(&StillLife::default());
+    let scene = procedural::still_life(&StillLife::default());
     ply::write_ply(&scene, &mut file).expect("memory can be written");
     let own = workload("the still life as .ply", file, ply::read_ply);
     let real = shared("playbot.spz").map(|path| {

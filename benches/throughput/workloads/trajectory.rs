@@ -5,12 +5,12 @@ use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::arc_length::ArcLength;
-use gs2e::se3::rotation::canonical;
+use gs2e::se3::rotation::canonical_sign;
 use gs2e::speed::Speed;
 use gs2e::speed::function::Expression;
 use gs2e::trajectory::curve::{Cubic, Measured, PoseCurve};
 use gs2e::trajectory::metric::Metric;
-use gs2e::trajectory::refine::{Refine, refine};
+use gs2e::trajectory::refine::{Refine, refine_views};
 use gs2e::trajectory::sample::{Schedule, Summation};
 use gs2e::trajectory::travel::Count;
 use gs2e::trajectory::{NamedPose, Timing};
@@ -41,15 +41,15 @@ fn sampling() -> Workload {
     let steps: Vec<f64> = knots.windows(2).map(|w| metric.distance(&w[0], &w[1])).collect();
     let speed = paper();
     let run = move || {
-        let curve = Cubic::through(steps.clone(), &knots).expect("an orbit turns evenly");
-        let arc = ArcLength::measure(curve.steps(), Measured { curve: &curve, metric });
+        let curve = Cubic::through_knots(steps.clone(), &knots).expect("an orbit turns evenly");
+        let arc = ArcLength::measure_curve(curve.steps(), Measured { curve: &curve, metric });
         timed(|| {
             let schedule =
                 Schedule::new(&speed, POSES as usize, Summation::Sum).expect("the law is positive");
             let mut walk = arc.walk();
             let pose = |share: &f64| {
                 let pose = curve.pose(walk.to(share * arc.total()));
-                Se3 { rotation: canonical(pose.rotation), ..pose }
+                Se3 { rotation: canonical_sign(pose.rotation), ..pose }
             };
             let poses: Vec<Se3> = schedule.shares.iter().map(pose).collect();
             vec![amount(std::hint::black_box(poses).len(), "Mpose")]
@@ -71,7 +71,7 @@ fn refining(views: u32, poses: u32) -> Workload {
         let named: Vec<NamedPose<'_>> = named.collect();
         let timing = Timing { speed: &speed, rate, law: Summation::Sum };
         timed(|| {
-            let made = refine(&named, &params, timing).expect("an orbit can be followed");
+            let made = refine_views(&named, &params, timing).expect("an orbit can be followed");
             let done = made.trajectory.world_from_camera.len();
             vec![amount(done, "Mpose"), amount(done + named.len(), "Mview+pose")]
         })

@@ -234,14 +234,14 @@ impl Stock {
             self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual);
         }
         if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
-            self.near[side].push(ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
+            self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
         dv - s
     }
 
     fn fit(self, t_us: i64) -> Fit {
         let Self { events, slopes, possible, doubled, silent, lag, near, expected, .. } = self;
-        Fit { t_us, events, slopes, possible, doubled, silent, lag, edges: near.map(edge), expected }
+        Fit { t_us, events, slopes, possible, doubled, silent, lag, edges: near.map(find_edge), expected }
     }
 }
 
@@ -256,19 +256,23 @@ fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
 /// to it if the pixel is about to fire. The second value is the same for a pixel whose events are
 /// the whole `steps` of its drift.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
-fn ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
+fn edge_ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
     let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MOST_SHOWN) } else { MOST_SHOWN };
     [shown as f32, (dv / (threshold * (steps + 1.0))) as f32]
 }
 
-fn edge(near: Vec<[f32; 2]>) -> Option<Edge> {
+fn find_edge(near: Vec<[f32; 2]>) -> Option<Edge> {
     let pixels = near.len();
     let (shown, reachable): (Vec<f32>, Vec<f32>) = near.into_iter().map(|[s, r]| (s, r)).unzip();
-    (pixels >= LEAST_NEAR).then(|| Edge { pixels, shown: quantile(shown), reachable: quantile(reachable) })
+    (pixels >= LEAST_NEAR).then(|| Edge {
+        pixels,
+        shown: edge_quantile(shown),
+        reachable: edge_quantile(reachable),
+    })
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index below the length")]
-fn quantile(mut values: Vec<f32>) -> f64 {
+fn edge_quantile(mut values: Vec<f32>) -> f64 {
     let rank = (EDGE * values.len() as f64).ceil() as usize - 1;
     f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1)
 }

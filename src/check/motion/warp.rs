@@ -119,7 +119,7 @@ impl<'a> Windows<'a> {
         let Some(window) = self.open.take() else { return };
         let (until, sharpness) = (window.span_us[1], window.sharpness(self.size));
         if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events > *events) {
-            let counts = [window.in_place, window.moved].map(|[on, off]| add(on, &off));
+            let counts = [window.in_place, window.moved].map(|[on, off]| add_counts(on, &off));
             self.shown = Some((sharpness.events, counts));
         }
         self.done.push(sharpness);
@@ -180,7 +180,7 @@ impl<'a> Window<'a> {
     }
 
     fn sharpness(&self, size: Size) -> Sharpness {
-        let of = |counts: &[Vec<u16>; 2]| variance(&counts[0]) + variance(&counts[1]);
+        let of = |counts: &[Vec<u16>; 2]| count_variance(&counts[0]) + count_variance(&counts[1]);
         Sharpness {
             t_us: self.flow.t_us,
             moved_px: self.moved_px,
@@ -192,13 +192,13 @@ impl<'a> Window<'a> {
     }
 }
 
-fn add(mut a: Vec<u16>, b: &[u16]) -> Vec<u16> {
+fn add_counts(mut a: Vec<u16>, b: &[u16]) -> Vec<u16> {
     a.iter_mut().zip(b).for_each(|(a, b)| *a = a.saturating_add(*b));
     a
 }
 
 /// The variance of counts below 2^16, whose sums are exact.
-fn variance(counts: &[u16]) -> f64 {
+fn count_variance(counts: &[u16]) -> f64 {
     let sum: u64 = counts.iter().map(|n| u64::from(*n)).sum();
     let squares: u64 = counts.iter().map(|n| u64::from(*n) * u64::from(*n)).sum();
     let n = counts.len() as f64;

@@ -54,11 +54,11 @@ impl Watch {
         if anchors.images.len() < 2 || flows.is_empty() || end_us <= 0 {
             return None;
         }
-        let still = still(size, end_us, law, anchors, flows);
+        let still = find_still(size, end_us, law, anchors, flows);
         let (mut expected, mut pixels) = (0.0, 0u64);
         for i in still.iter().enumerate().filter_map(|(i, still)| still.then_some(i)) {
             let sum: f64 = anchors.images.iter().map(|image| f64::from(image.pixels()[i].max(0.0))).sum();
-            expected += floor(law, sum / anchors.images.len() as f64).rate() * end_us as f64;
+            expected += noise_process(law, sum / anchors.images.len() as f64).rate() * end_us as f64;
             pixels += 1;
         }
         let intervals = expected / pixels.max(1) as f64;
@@ -81,13 +81,13 @@ impl Watch {
     }
 
     pub(in crate::check) fn finish(self) -> Stillness {
-        let rhythm = self.bins.iter().map(|bins| repetition(bins)).fold(0.0, f64::max);
+        let rhythm = self.bins.iter().map(|bins| peak_autocorrelation(bins)).fold(0.0, f64::max);
         Stillness { rhythm, ..self.found }
     }
 }
 
 /// The noise of a pixel of constant luminance, per microsecond.
-fn floor(law: &DriftLaw, luminance: f64) -> Renewal {
+fn noise_process(law: &DriftLaw, luminance: f64) -> Renewal {
     let noise = law.noise(luminance, 1.0);
     let [up, down] = law.thresholds;
     Renewal { drift: law.drift(0.0, 1.0, luminance), variance: noise * noise, up, down }
@@ -95,7 +95,7 @@ fn floor(law: &DriftLaw, luminance: f64) -> Renewal {
 
 /// The pixels with constant brightness, in their neighbourhood too, at all instants, and with
 /// nothing moving behind them.
-fn still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[FlowAt]) -> Vec<bool> {
+fn find_still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[FlowAt]) -> Vec<bool> {
     let most = STILL * law.thresholds[0].min(law.thresholds[1]);
     let seconds = end_us as f64 * 1e-6;
     let standing = STANDS / seconds;
@@ -119,14 +119,14 @@ fn still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[Fl
         }
     }
     let between = fastest * seconds / flows.len() as f64;
-    erode(&mut still, size, between.clamp(AROUND[0], AROUND[1]));
+    erode_mask(&mut still, size, between.clamp(AROUND[0], AROUND[1]));
     still
 }
 
 /// Removes pixels within this distance, px, of pixels that are not still, in the larger of both
 /// axes.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 24")]
-fn erode(still: &mut [bool], size: Size, reach: f64) {
+fn erode_mask(still: &mut [bool], size: Size, reach: f64) {
     let (width, height, reach) = (size.width as usize, size.height as usize, reach.ceil() as usize);
     let mut line = |at: &dyn Fn(usize) -> usize, length: usize| {
         let before: Vec<bool> = (0..length).map(|k| still[at(k)]).collect();
@@ -147,7 +147,7 @@ fn erode(still: &mut [bool], size: Size, reach: f64) {
 /// The largest autocorrelation of counts at lags from two bins to half of all bins, in standard
 /// deviations of uncorrelated counts. Slow changes are removed by differences, whose own
 /// correlation of -1/2 concerns neighbours only.
-fn repetition(bins: &[u32]) -> f64 {
+fn peak_autocorrelation(bins: &[u32]) -> f64 {
     let steps: Vec<f64> = bins.windows(2).map(|w| f64::from(w[1]) - f64::from(w[0])).collect();
     let mean = steps.iter().sum::<f64>() / steps.len() as f64;
     let steps: Vec<f64> = steps.into_iter().map(|step| step - mean).collect();
@@ -176,7 +176,7 @@ mod tests {
             for _ in 0..20_000 {
                 bins[at(draws.below(256), draws.below(10))] += 1;
             }
-            repetition(&bins)
+            peak_autocorrelation(&bins)
         };
         assert!(chance(&|bin, _| bin) < 5.0);
         // A rising rate: seven of ten events in the later half.
@@ -190,7 +190,7 @@ mod tests {
         let size = Size { width: 9, height: 7 };
         let mut still = vec![true; 63];
         still[3 * 9 + 4] = false;
-        erode(&mut still, size, 2.0);
+        erode_mask(&mut still, size, 2.0);
         let gone = |i: usize| (i % 9).abs_diff(4) <= 2 && (i / 9).abs_diff(3) <= 2;
         assert!((0..63).all(|i| still[i] != gone(i)));
     }

@@ -24,7 +24,7 @@ pub struct Resampled {
 impl Resampled {
     /// Pairs the events of each pixel and polarity in their order.
     #[must_use]
-    pub fn of(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Self {
+    pub fn pair_events(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Self {
         let key = |e: &Event| (e.y, e.x, e.polarity == Polarity::Off);
         let counts = [&events, &at_twice].map(|events| events.len() as u64);
         let [first, second] = [events, at_twice].map(|mut events| {
@@ -62,7 +62,7 @@ mod tests {
         let few = vec![event(10, 3, On), event(50, 3, On), event(20, 1, Off), event(30, 9, On)];
         let more =
             vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
-        let found = Resampled::of(4, few, more);
+        let found = Resampled::pair_events(4, few, more);
         // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 has no partner. Sorted: 3,
         // 4, 10.
         let wanted = Resampled {
@@ -74,6 +74,6 @@ mod tests {
             tolerance: None,
         };
         assert_eq!(found, wanted);
-        assert_eq!(Resampled::of(1, Vec::new(), Vec::new()).shift_us, None);
+        assert_eq!(Resampled::pair_events(1, Vec::new(), Vec::new()).shift_us, None);
     }
 }

@@ -1,7 +1,7 @@
 //! `gs2e audit --rebuild N`: some scenes of a release are made again from their recipes, in a store of their own, and
 //! every byte is compared.
 
-use crate::cli::build::{Building, Care, exit};
+use crate::cli::build::{Building, Care, exit_kind};
 use crate::cli::console::Console;
 use crate::cli::message::{Level, Message};
 use crate::cli::problem::{Exit, Problem};
@@ -47,10 +47,10 @@ impl Rebuild {
         console: &Console,
     ) -> Result<Option<Rebuilt>, Problem> {
         let Some(count) = self.rebuild else { return Ok(None) };
-        let manifest = rebuilt::manifest(dir).map_err(|e| {
+        let manifest = rebuilt::read_manifest(dir).map_err(|e| {
             Problem::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display()))
         })?;
-        let chosen = draw(&manifest, count, self.seed);
+        let chosen = draw_scenes(&manifest, count, self.seed);
         let recipes = self.recipes_of(&chosen)?;
         let mut found = Rebuilt { scenes: chosen, faults: Vec::new() };
         // What was rendered in one class is made again in it, and scenes of several classes apart.
@@ -65,7 +65,7 @@ impl Rebuild {
             let tops = rebuilt::compare_tops(dir, &again);
             found.faults.extend(tops.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
             for scene in &scenes {
-                let compared = rebuilt::compare(dir, &again, scene);
+                let compared = rebuilt::compare_scenes(dir, &again, scene);
                 found.faults.extend(compared.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
             }
         }
@@ -96,18 +96,18 @@ impl Rebuild {
         console: &Console,
     ) -> Result<PathBuf, Problem> {
         let common = &Common { store: folder.join("store"), ..common.clone() };
-        let chosen = &Chosen::new(By::One(backend(class, common)?), common.omit(), common.programs());
+        let chosen = &Chosen::new(By::One(open_backend(class, common)?), common.omit(), common.programs());
         let beside = Beside::read(&self.recipes)?;
         let store = Store::open(&common.store, Opening::from(Access::Write), &mut |_| {})?;
         let (targets, care) = (&Targets { recipes: self.recipes.clone() }, &Care::default());
         let plan = Plan::new(recipes, &chosen.asking(&store));
         let building = Building { settled: 0, targets, chosen, common, care, console };
         let (plan, summary) = building.build(plan, &store)?;
-        match exit(&summary) {
+        match exit_kind(&summary) {
             Exit::Done => {}
             Exit::Interrupted => {
                 let message = Message::new(Level::Error, "interrupted", "nothing was compared".to_owned());
-                return Err(Problem::of(Exit::Interrupted, message));
+                return Err(Problem::from_message(Exit::Interrupted, message));
             }
             _ => return Err(Problem::failed("rebuild", "a scene cannot be made again".to_owned())),
         }
@@ -118,16 +118,16 @@ impl Rebuild {
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
         // The folder goes with its store, so that nothing can be changed through a shared file.
         ReleaseTarget::claim(&to, claim, &mut |_| {})
-            .and_then(|mut target| release::write(&mut target, built, Link::Hard, cancel))
+            .and_then(|mut target| release::write_release(&mut target, built, Link::Hard, cancel))
             .map_err(|e| Problem::failed("rebuild", e.to_string()))?;
         Ok(to)
     }
 }
 
 /// So many scenes, or all: those whose ids hash lowest with the seed, so that nobody chooses them and anybody can check.
-fn draw(manifest: &Manifest, count: usize, seed: u64) -> Vec<String> {
+fn draw_scenes(manifest: &Manifest, count: usize, seed: u64) -> Vec<String> {
     let mut ids: Vec<String> = manifest.scenes.iter().map(|scene| scene.id.clone()).collect();
-    ids.sort_by_key(|id| Digest::of(format!("{seed} {id}").as_bytes()));
+    ids.sort_by_key(|id| Digest::of_bytes(format!("{seed} {id}").as_bytes()));
     ids.truncate(count);
     ids.sort();
     ids
@@ -141,7 +141,7 @@ fn class_of(manifest: &Manifest, scene: &str) -> String {
 }
 
 /// The back end of a class, if this machine has it.
-fn backend(class: &str, common: &Common) -> Result<Backend, Problem> {
+fn open_backend(class: &str, common: &Common) -> Result<Backend, Problem> {
     let backend = match class {
         class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
         class if Backend::is_gpu(class) => {

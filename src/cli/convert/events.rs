@@ -11,7 +11,7 @@ use crate::event::text::TimeUnit;
 use crate::event::{Event, EventFileError, EventSource as _, h5};
 use crate::files;
 use crate::image::Size;
-use crate::units::amount;
+use crate::units::format_amount;
 use clap::ValueEnum;
 use serde_json::json;
 use std::io;
@@ -30,7 +30,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::Filter,
     /// Size of the sensor, where an event file does not state it
-    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<Size>,
     /// Unit of times with a fraction in a .txt or .csv
     #[arg(long, value_enum, value_name = "UNIT")]
@@ -71,7 +71,7 @@ enum Unit {
 impl Options {
     /// The format that a name asks for.
     pub(super) fn format(&self, path: &Path) -> Option<Format> {
-        Format::of(path, self.codec.into())
+        Format::for_path(path, self.codec.into())
     }
 
     /// Opens a file of events.
@@ -96,7 +96,7 @@ impl Options {
 }
 
 /// `640x480`.
-fn size(text: &str) -> Result<Size, String> {
+fn parse_size(text: &str) -> Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, as 640x480"))?;
     let size = Size { width, height };
@@ -128,7 +128,7 @@ struct Done {
 
 impl Conversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<Exit, Problem> {
-        output::screen([self.to.0.as_path()], [], false)?;
+        output::screen_outputs([self.to.0.as_path()], [], false)?;
         let mut opened = self.options.open(self.from.0, self.from.1)?;
         let before = self.losses_of_form(&opened);
         if !before.is_empty() && !self.lossy {
@@ -171,7 +171,7 @@ impl Conversion<'_> {
     fn refused(&self, losses: &[String]) -> Problem {
         let what = format!("{} would lose something", self.to.0.display());
         let message = Message::new(Level::Error, "lossy", what).help("--lossy writes it all the same");
-        Problem::of(Exit::Usage, losses.iter().fold(message, |m, loss| m.detail(loss.clone())))
+        Problem::from_message(Exit::Usage, losses.iter().fold(message, |m, loss| m.detail(loss.clone())))
     }
 
     fn copy(&self, opened: &mut Opened, part: &Path) -> Result<Done, Failure> {
@@ -204,7 +204,7 @@ impl Conversion<'_> {
     fn tell(&self, opened: &Opened, done: &Done, losses: &[String], console: &Console) {
         let (output, size) = (self.to.0, opened.header.size);
         let Done { events, on, untimed, bytes, .. } = *done;
-        let amounts = [amount(events, "events"), amount(bytes, "B")];
+        let amounts = [format_amount(events, "events"), format_amount(bytes, "B")];
         console.say(&format!("{}: {} of a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
         losses.iter().for_each(|loss| console.say(loss));
         if console.json {

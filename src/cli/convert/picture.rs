@@ -1,7 +1,7 @@
 //! Events as a picture.
 
 use super::events::Options;
-use super::refuse;
+use super::refuse_usage;
 use crate::cli::console::{Console, path};
 use crate::cli::output::{self, Output};
 use crate::cli::problem::{Exit, Problem};
@@ -9,7 +9,7 @@ use crate::event::file::Format;
 use crate::event::picture::{Picture, rate::Rate, surface::Surface};
 use crate::event::{Event, EventFileError, EventSink, EventSource};
 use crate::image::{Image, Size, png};
-use crate::units::amount;
+use crate::units::format_amount;
 use clap::ValueEnum;
 use serde_json::json;
 use std::collections::TryReserveError;
@@ -24,7 +24,7 @@ pub(super) struct Asked {
     #[arg(long, value_enum, value_name = "KIND")]
     picture: Option<Kind>,
     /// The events of a picture: those with T0 <= t < T1, in microseconds [default: all]
-    #[arg(long, value_name = "T0,T1", value_parser = window, allow_hyphen_values = true)]
+    #[arg(long, value_name = "T0,T1", value_parser = parse_window, allow_hyphen_values = true)]
     window: Option<Window>,
     /// Age in microseconds at which an event of a time surface has faded to 1/e [default: a quarter of the window]
     #[arg(long, value_name = "US", value_parser = clap::value_parser!(u32).range(1..))]
@@ -47,7 +47,7 @@ enum Kind {
 struct Window(i64, i64);
 
 /// Reads `T0,T1`.
-fn window(text: &str) -> Result<Window, String> {
+fn parse_window(text: &str) -> Result<Window, String> {
     let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     match ends {
         Some((begin, end)) if begin < end => Ok(Window(begin, end)),
@@ -86,7 +86,7 @@ impl Asked {
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let asked = self.picture.is_some() || self.window.is_some() || self.tau.is_some();
         if asked && !is_png {
-            return refuse(format!("{} is no .png, and a picture is asked for", output.display()));
+            return refuse_usage(format!("{} is no .png, and a picture is asked for", output.display()));
         }
         Ok(is_png)
     }
@@ -99,7 +99,7 @@ impl Asked {
         options: &Options,
         console: &Console,
     ) -> Result<Exit, Problem> {
-        output::screen([output], [input], console.json)?;
+        output::screen_outputs([output], [input], console.json)?;
         let mut opened = options.open(input, format)?;
         let size = opened.header.size;
         let window_us = self.window.map_or(i64::MIN..i64::MAX, |Window(begin, end)| begin..end);
@@ -107,14 +107,14 @@ impl Asked {
             let what = format!("{}: a picture of {size}: {}", output.display(), io::Error::from(e));
             Problem::failed("not-written", what)
         })?;
-        let events = pour(&mut *opened.source, &window_us, canvas.sink()).map_err(|e| {
+        let events = pour_events(&mut *opened.source, &window_us, canvas.sink()).map_err(|e| {
             let what = format!("{}: failed to read events: {e}", input.display());
             Problem::failed("input-unreadable", what)
         })?;
         let image = canvas.image(self.tau);
-        let fill = |out: &mut dyn io::Write| png::write(&image, out);
-        output::write(&[Output { path: output, fill: &fill }])?;
-        let shown = amount(events, "events");
+        let fill = |out: &mut dyn io::Write| png::write_image(&image, out);
+        output::write_outputs(&[Output { path: output, fill: &fill }])?;
+        let shown = format_amount(events, "events");
         console.say(&format!("{}: {shown} of a sensor of {size}, {}", output.display(), image.size()));
         if console.json {
             let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
@@ -140,7 +140,7 @@ impl Asked {
 }
 
 /// Pours a whole file into a picture; the number of events within its window.
-fn pour(
+fn pour_events(
     source: &mut dyn EventSource,
     window_us: &Range<i64>,
     sink: &mut dyn EventSink,

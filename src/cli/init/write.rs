@@ -12,26 +12,26 @@ use std::path::{Path, PathBuf};
 /// The list of what was rejected, beside the recipes. It is no recipe.
 const REJECTED: &str = "rejected.tsv";
 
-fn failed(path: &Path) -> impl FnOnce(io::Error) -> Problem {
+fn write_failed(path: &Path) -> impl FnOnce(io::Error) -> Problem {
     let what = format!("cannot write {}", path.display());
     move |e| Problem::failed("output-unwritable", format!("{what}: {e}"))
 }
 
 /// Makes a folder and those above it.
-pub(super) fn folder(path: &Path) -> Result<(), Problem> {
-    fs::create_dir_all(path).map_err(failed(path))
+pub(super) fn make_folder(path: &Path) -> Result<(), Problem> {
+    fs::create_dir_all(path).map_err(write_failed(path))
 }
 
 /// Writes a file by way of one beside it, which no walk over recipes sees.
-pub(super) fn file(path: &Path, text: &str) -> Result<(), Problem> {
+pub(super) fn write_file(path: &Path, text: &str) -> Result<(), Problem> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = path.with_file_name(format!(".{name}.partial"));
     let write = fs::write(&partial, text).and_then(|()| fs::rename(&partial, path));
-    write.map_err(failed(path))
+    write.map_err(write_failed(path))
 }
 
 /// The way from a recipe's folder to a place, as it is written in the recipe.
-pub(super) fn way(folder: &Path, to: &Path) -> Result<PathBuf, Problem> {
+pub(super) fn relative_path(folder: &Path, to: &Path) -> Result<PathBuf, Problem> {
     // What is not there yet lies below something that is.
     let mut there = to;
     let mut rest = PathBuf::new();
@@ -40,7 +40,7 @@ pub(super) fn way(folder: &Path, to: &Path) -> Result<PathBuf, Problem> {
         there = there.parent().unwrap_or(Path::new(""));
     }
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
-    let way = draft::way(folder, there).map_err(failed(folder))?;
+    let way = draft::relative_path(folder, there).map_err(write_failed(folder))?;
     Ok(if rest.as_os_str().is_empty() { way } else { way.join(rest).components().collect() })
 }
 
@@ -50,14 +50,14 @@ pub(super) fn rejected_in(folder: &Path) -> PathBuf {
 }
 
 /// Writes the list of what was rejected: scene, folder, code and reason in visible characters; none where nothing was.
-pub(super) fn rejected(
+pub(super) fn write_rejected(
     folder: &Path,
     rejected: &[(String, PathBuf, &'static str, String)],
 ) -> Result<(), Problem> {
     let path = rejected_in(folder);
     if rejected.is_empty() {
         return match fs::remove_file(&path) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(failed(&path)(e)),
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(write_failed(&path)(e)),
             _ => Ok(()),
         };
     }
@@ -70,5 +70,5 @@ pub(super) fn rejected(
     if files::read_text(&path, files::MAX_DOCUMENT).is_ok_and(|known| known == text) {
         return Ok(());
     }
-    file(&path, &text)
+    write_file(&path, &text)
 }

@@ -8,8 +8,8 @@ use glam::DVec3;
 pub(super) struct Colour(pub(super) [f64; 3]);
 
 /// Reads `R,G,B`.
-pub(super) fn colour(text: &str) -> Result<Colour, String> {
-    let rgb = numbers(text)?;
+pub(super) fn parse_colour(text: &str) -> Result<Colour, String> {
+    let rgb = parse_numbers(text)?;
     match rgb.iter().find(|v| !(0.0..=1.0).contains(*v)) {
         Some(bad) => Err(format!("{bad} is not from 0 to 1")),
         None => Ok(Colour(rgb)),
@@ -17,13 +17,13 @@ pub(super) fn colour(text: &str) -> Result<Colour, String> {
 }
 
 /// Reads `vx,vy,vz,wx,wy,wz`.
-pub(super) fn velocity(text: &str) -> Result<Velocity, String> {
-    let [vx, vy, vz, wx, wy, wz] = numbers(text)?;
+pub(super) fn parse_velocity(text: &str) -> Result<Velocity, String> {
+    let [vx, vy, vz, wx, wy, wz] = parse_numbers(text)?;
     Ok(Velocity { linear: DVec3::new(vx, vy, vz), angular: DVec3::new(wx, wy, wz) })
 }
 
 /// So many finite numbers.
-fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let number = |part: &str| {
         let value = part.trim().parse().ok().filter(|v: &f64| v.is_finite());
         value.ok_or_else(|| format!("`{part}` is no finite number"))
@@ -39,10 +39,10 @@ mod tests {
 
     #[test]
     fn numbers_are_as_many_as_are_wanted() {
-        assert_eq!(colour("0, .5,1"), Ok(Colour([0.0, 0.5, 1.0])));
+        assert_eq!(parse_colour("0, .5,1"), Ok(Colour([0.0, 0.5, 1.0])));
         let wanted = Velocity { linear: DVec3::new(-1.0, 2e3, 0.0), angular: DVec3::new(0.5, -0.0, 7.0) };
-        assert_eq!(velocity("-1,2e3,0,.5,-0,7"), Ok(wanted));
-        let t = |text: &str, wanted: &str| assert_eq!(colour(text).unwrap_err(), wanted, "{text}");
+        assert_eq!(parse_velocity("-1,2e3,0,.5,-0,7"), Ok(wanted));
+        let t = |text: &str, wanted: &str| assert_eq!(parse_colour(text).unwrap_err(), wanted, "{text}");
         t("", "`` is no finite number");
         t("1,2", "2 numbers, wanted 3 with commas between them");
         t("1,0,0,1", "4 numbers, wanted 3 with commas between them");

@@ -67,7 +67,7 @@ pub(super) enum Format {
 
 impl Format {
     /// What a channel is written as to `path`, by its extension; stdout gets numbers.
-    pub(super) fn of(path: &Path, channel: Channel) -> Result<Self, Problem> {
+    pub(super) fn for_path(path: &Path, channel: Channel) -> Result<Self, Problem> {
         let is = |wanted: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted));
         let shown = path.display();
         if is("npy") || path.as_os_str() == "-" {
@@ -100,7 +100,7 @@ pub(super) enum Picture {
 
 impl Picture {
     /// The image that was rendered for `channel`, if it was.
-    pub(super) fn take(channel: Channel, rendered: Rendered) -> Option<Self> {
+    pub(super) fn from_rendered(channel: Channel, rendered: Rendered) -> Option<Self> {
         match channel {
             Channel::Rgb => rendered.rgb.map(Self::Colour),
             Channel::Alpha => rendered.alpha.map(Self::Plane),
@@ -115,13 +115,13 @@ impl Picture {
     /// Writes it.
     pub(super) fn write(&self, format: Format, out: &mut dyn Write) -> io::Result<()> {
         match (self, format) {
-            (Self::Colour(image), Format::Npy) => npy::write(image, out),
-            (Self::Plane(image), Format::Npy) => npy::write(image, out),
-            (Self::Vectors(image), Format::Npy) => npy::write(image, out),
-            (Self::Colour(image), Format::Png) => png::write(&png::to_bytes(image), out),
+            (Self::Colour(image), Format::Npy) => npy::write_image(image, out),
+            (Self::Plane(image), Format::Npy) => npy::write_image(image, out),
+            (Self::Vectors(image), Format::Npy) => npy::write_image(image, out),
+            (Self::Colour(image), Format::Png) => png::write_image(&png::to_bytes(image), out),
             (Self::Plane(image), Format::Png) => {
                 let grey = image.pixels().iter().copied().map(to_byte).collect();
-                png::write(&Image::from_vec(image.size(), grey), out)
+                png::write_image(&Image::from_vec(image.size(), grey), out)
             }
             (Self::Vectors(_), Format::Png) => {
                 Err(io::Error::new(io::ErrorKind::Unsupported, "a .png has no vectors"))

@@ -3,12 +3,12 @@
 use super::Simulate;
 use super::sequence::Sequence;
 use crate::cli::console::{Console, path};
-use crate::cli::output::unwritable;
+use crate::cli::output::unwritable_file;
 use crate::cli::problem::Problem;
 use crate::frames::array::FullScale;
 use crate::sensor::screening::Screening;
 use crate::sensor::{Account, Sensor};
-use crate::units::amount;
+use crate::units::format_amount;
 use serde_json::{Value, json};
 
 /// A simulation and all that is told of it.
@@ -23,15 +23,15 @@ pub(super) struct Report<'a> {
 impl Report<'_> {
     pub(super) fn tell(&self, console: &Console) -> Result<(), Problem> {
         let out = &self.asked.out;
-        let bytes = std::fs::metadata(out).map_err(|e| unwritable(out, e))?.len();
+        let bytes = std::fs::metadata(out).map_err(|e| unwritable_file(out, e))?.len();
         let Account { events, on, active_pixels, .. } = self.account;
         let (size, seconds) = (self.sequence.frames.size(), self.seconds());
         let frames = self.sequence.stamps_us.len();
         console.say(&format!(
             "{}: {} of {frames} frames of {size} in {seconds:.6} s, {}",
             out.display(),
-            amount(events, "events"),
-            amount(bytes, "B")
+            format_amount(events, "events"),
+            format_amount(bytes, "B")
         ));
         if events > 0 {
             let (rate, share) = (self.rate(), 100.0 * on as f64 / events as f64);

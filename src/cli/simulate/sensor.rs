@@ -11,8 +11,8 @@ use serde::Serialize;
 use std::path::Path;
 
 /// The sensor that is asked for.
-pub(super) fn choose(asked: &Simulate) -> Result<Sensor, Problem> {
-    let mut sensor = read(&asked.sensor)?;
+pub(super) fn choose_sensor(asked: &Simulate) -> Result<Sensor, Problem> {
+    let mut sensor = sensor_from(&asked.sensor)?;
     match &mut sensor {
         Sensor::Voltmeter(found) => {
             found.law = asked.law.unwrap_or(found.law);
@@ -42,12 +42,12 @@ pub(super) fn choose(asked: &Simulate) -> Result<Sensor, Problem> {
             let what = format!("{option} is of the sensor voltmeter, and this is {}", sensor.name());
             Err(Problem::usage("sensor", what).help("leave it out"))
         }
-        _ => behind(sensor, asked),
+        _ => with_front_end(sensor, asked),
     }
 }
 
 /// The sensor behind what is asked for of its front end.
-fn behind(mut sensor: Sensor, asked: &Simulate) -> Result<Sensor, Problem> {
+fn with_front_end(mut sensor: Sensor, asked: &Simulate) -> Result<Sensor, Problem> {
     let front_end = match &mut sensor {
         Sensor::Voltmeter(found) => &mut found.front_end,
         Sensor::Esim(found) => &mut found.front_end,
@@ -64,25 +64,26 @@ fn behind(mut sensor: Sensor, asked: &Simulate) -> Result<Sensor, Problem> {
 /// Reads the weights of colours, by name or as three numbers.
 pub(super) fn luminance(text: &str) -> Result<Luminance, String> {
     if !text.contains(',') {
-        let named = super::word(text).ok().filter(|named| !matches!(named, Luminance::Weights(_)));
+        let named = super::parse_word(text).ok().filter(|named| !matches!(named, Luminance::Weights(_)));
         return named.ok_or_else(|| format!("`{text}` is not rec601, rec709, or R,G,B, as 0.25,0.5,0.25"));
     }
-    let weights = numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B, three numbers"))?;
-    Luminance::of(weights).map_err(|error| error.to_string())
+    let weights = parse_numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B, three numbers"))?;
+    Luminance::from_weights(weights).map_err(|error| error.to_string())
 }
 
 /// Reads the ends of a range, the upper of which may be `inf`.
-pub(super) fn range(text: &str) -> Result<Range, String> {
-    let [min, max] = numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
+pub(super) fn parse_range(text: &str) -> Result<Range, String> {
+    let [min, max] =
+        parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
     Ok(Range { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
 }
 
-fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     numbers?.try_into().ok()
 }
 
-fn read(name: &str) -> Result<Sensor, Problem> {
+fn sensor_from(name: &str) -> Result<Sensor, Problem> {
     let path = Path::new(name);
     if let Some(preset) = Preset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
         return Ok(Sensor::Voltmeter(Voltmeter::new(preset.k())));
@@ -106,14 +107,14 @@ pub(super) fn check_rates(sensor: &Sensor, given: bool, coloured: bool) -> Resul
         return Err(Problem::usage("rates-missing", what).help("--rates: a .npy of float32, one a pixel"));
     }
     if between != Between::Hermite && given {
-        let what = format!("--rates is for hermite, and between the frames it is {}", name(&between));
+        let what = format!("--rates is for hermite, and between the frames it is {}", recipe_name(&between));
         return Err(Problem::usage("rates-unused", what).help("--between hermite with it, or leave it out"));
     }
     Ok(())
 }
 
 /// What recipes call a value.
-pub(super) fn name(value: &impl Serialize) -> String {
+pub(super) fn recipe_name(value: &impl Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,
         _ => String::new(),

@@ -9,8 +9,8 @@ use crate::frames::Frames;
 use crate::frames::array::FullScale;
 use crate::frames::folder::{FolderError, FolderFrames, INFO, Listing};
 use crate::frames::npy::{self, Kind, NpyError, NpyFrames, RatedFrames, Stack};
-use crate::frames::stamps::relative;
-use crate::units::{Hertz, Ratio, amount};
+use crate::frames::stamps::relative_stamps;
+use crate::units::{Hertz, Ratio, format_amount};
 use std::io;
 use std::path::Path;
 
@@ -28,7 +28,7 @@ const HELD_NS: f64 = 1_048_576.0;
 pub(super) struct Origin(pub(super) [u16; 2]);
 
 /// Reads `X,Y`.
-pub(super) fn origin(text: &str) -> Result<Origin, String> {
+pub(super) fn parse_origin(text: &str) -> Result<Origin, String> {
     let sides =
         text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
     sides.map(Origin).ok_or_else(|| format!("`{text}` is not X,Y, two of 0 to 65535, as 40,12"))
@@ -44,7 +44,7 @@ pub(super) fn full_scale(text: &str) -> Result<FullScale, String> {
 }
 
 /// Reads frames a second, as many as whole microseconds can tell apart.
-pub(super) fn rate(text: &str) -> Result<Hertz, String> {
+pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
     let ratio: Ratio = text.parse().map_err(|e: crate::units::RatioError| e.to_string())?;
     if ratio.to_f64() > 1e6 || ratio.to_f64() < 1e-6 {
         return Err(format!("`{text}` is not from 1e-6 to 1e6 frames a second"));
@@ -75,9 +75,9 @@ enum Source {
 
 impl Sequence {
     /// Opens everything that is named.
-    pub(super) fn open(asked: &Simulate) -> Result<Self, Problem> {
-        let source = source(&asked.frames)?;
-        let stamps_us = stamps(asked, &source)?;
+    pub(super) fn open_inputs(asked: &Simulate) -> Result<Self, Problem> {
+        let source = open_frames(&asked.frames)?;
+        let stamps_us = find_stamps(asked, &source)?;
         if stamps_us.len() < 2 {
             let what =
                 format!("{} holds {} frames, wanted at least 2", asked.frames.display(), stamps_us.len());
@@ -87,7 +87,7 @@ impl Sequence {
         let floats = matches!(&source, Source::Stack(stack) if stack.kind() == Kind::Floats);
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
-            None if floats => decide(&asked.frames, &mut told)?,
+            None if floats => decide_scale(&asked.frames, &mut told)?,
             _ => FullScale::Grey255,
         };
         let decided = floats && asked.full_scale.is_none();
@@ -100,7 +100,7 @@ impl Sequence {
         let may_be_coloured = matches!(source, Source::Images(_));
         let frames: Box<dyn Frames> = match source {
             Source::Stack(stack) => {
-                Box::new(NpyFrames::new(stack, full_scale, &stamps_us).map_err(|e| wrong(&e))?)
+                Box::new(NpyFrames::new(stack, full_scale, &stamps_us).map_err(|e| mismatched_frames(&e))?)
             }
             Source::Images(listing) => {
                 Box::new(FolderFrames::new(listing.images, &stamps_us).map_err(|e| wrong_folder(&e))?)
@@ -109,8 +109,8 @@ impl Sequence {
         let frames = match &asked.rates {
             None => frames,
             Some(path) => {
-                let rates = Stack::open(path).map_err(|e| unread("rates", &e, path))?;
-                Box::new(RatedFrames::new(frames, rates, full_scale).map_err(|e| wrong(&e))?)
+                let rates = Stack::open(path).map_err(|e| unreadable_array("rates", &e, path))?;
+                Box::new(RatedFrames::new(frames, rates, full_scale).map_err(|e| mismatched_frames(&e))?)
             }
         };
         let mut sequence = Self { frames, stamps_us, full_scale, decided, may_be_coloured, told };
@@ -136,26 +136,26 @@ impl Sequence {
         let hz = self.rate().to_f64();
         let held = (hz * HELD_NS * 1e-9).ceil() * self.frames.size().pixels() as f64 * 4.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an amount for people")]
-        let bytes = amount(held as u64, "B");
+        let bytes = format_amount(held as u64, "B");
         (hz > MANY_A_SECOND).then(|| {
             format!("warning: at {hz:.0} frames a second the sensor holds {bytes} of frames at once")
         })
     }
 }
 
-fn source(path: &Path) -> Result<Source, Problem> {
+fn open_frames(path: &Path) -> Result<Source, Problem> {
     if path.is_dir() {
-        return Listing::read(path).map(Source::Images).map_err(|e| wrong_folder(&e));
+        return Listing::list_folder(path).map(Source::Images).map_err(|e| wrong_folder(&e));
     }
     let is_npy = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
     if is_there(path) && !is_npy {
         let what = format!("{} is neither a .npy nor a folder of images", path.display());
         return Err(Problem::usage("format", what));
     }
-    Stack::open(path).map(Source::Stack).map_err(|e| unread("frames", &e, path))
+    Stack::open(path).map(Source::Stack).map_err(|e| unreadable_array("frames", &e, path))
 }
 
-fn stamps(asked: &Simulate, source: &Source) -> Result<Vec<i64>, Problem> {
+fn find_stamps(asked: &Simulate, source: &Source) -> Result<Vec<i64>, Problem> {
     let count = match source {
         Source::Stack(stack) => stack.frames(),
         Source::Images(listing) => listing.images.len(),
@@ -171,9 +171,10 @@ fn stamps(asked: &Simulate, source: &Source) -> Result<Vec<i64>, Problem> {
             Err(Problem::usage("stamps", what).help("leave --stamps and --fps out"))
         }
         (None, Some(path), _) => {
-            let stamps = npy::stamps(path).map_err(|e| unread("stamps", &e, path))?;
+            let stamps = npy::read_stamps(path).map_err(|e| unreadable_array("stamps", &e, path))?;
             // Told with their file, before anything is made of them.
-            relative(&stamps).map_err(|e| Problem::usage("stamps", format!("{}: {e}", path.display())))?;
+            relative_stamps(&stamps)
+                .map_err(|e| Problem::usage("stamps", format!("{}: {e}", path.display())))?;
             Ok(stamps)
         }
         (None, None, Some(rate)) => Ok((0..count as u64).map(|index| rate.stamp_us(index)).collect()),
@@ -186,8 +187,8 @@ fn stamps(asked: &Simulate, source: &Source) -> Result<Vec<i64>, Problem> {
 }
 
 /// The full scale of floats, by the brightest of the first two frames.
-fn decide(path: &Path, told: &mut Vec<String>) -> Result<FullScale, Problem> {
-    let brightest = npy::brightest(path).map_err(|e| unread("frames", &e, path))?;
+fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, Problem> {
+    let brightest = npy::brightest_sample(path).map_err(|e| unreadable_array("frames", &e, path))?;
     let (full_scale, name) = if brightest > LEAST_OF_255 {
         (FullScale::Grey255, 255)
     } else if brightest <= MOST_OF_ONE {
@@ -201,19 +202,24 @@ fn decide(path: &Path, told: &mut Vec<String>) -> Result<FullScale, Problem> {
 }
 
 /// A file that is not there, or cannot be read as what it should be.
-fn unread(what: &str, error: &NpyError, path: &Path) -> Problem {
+fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> Problem {
     match error {
-        NpyError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => input::missing(what, path),
-        error => input::unreadable(what, error),
+        NpyError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+            input::missing_file(what, path)
+        }
+        error => input::unreadable_file(what, error),
     }
 }
 
 /// Frames that do not go with what else is given: nothing ran.
-fn wrong(error: &NpyError) -> Problem {
+fn mismatched_frames(error: &NpyError) -> Problem {
     Problem::usage("frames", error.to_string())
 }
 
 fn wrong_folder(error: &FolderError) -> Problem {
     let message = Message::new(Level::Error, "frames", error.to_string());
-    Problem::of(if matches!(error, FolderError::Io { .. }) { Exit::Failed } else { Exit::Usage }, message)
+    Problem::from_message(
+        if matches!(error, FolderError::Io { .. }) { Exit::Failed } else { Exit::Usage },
+        message,
+    )
 }

@@ -1,12 +1,12 @@
 //! The table as a page of the documentation.
 
-use super::{Row, Verdict, summary};
+use super::{Row, Verdict, summary_line};
 use crate::cli::machine;
 use crate::study::stress::Area;
 use std::io::{self, Write};
 
 /// Writes the page.
-pub(super) fn write(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
+pub(super) fn write_page(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "# Numerics at their extremes\n")?;
     writeln!(
         out,
@@ -19,9 +19,9 @@ pub(super) fn write(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
         "A row shows the worst of its points and the limit there. `rel` is a share of the answer, `se` standard errors of a \
          count with\na fixed seed, `KS sqrt N` the Kolmogorov-Smirnov distance times the root of the sample size (2.23 is \
          alpha 1e-4), `values`\nand `events` numbers that differ. Times are from one run, with {} cores.\n",
-        machine::cores()
+        machine::available_cores()
     )?;
-    writeln!(out, "{}.", summary(rows))?;
+    writeln!(out, "{}.", summary_line(rows))?;
     for area in Area::ALL {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.area == area).collect();
         if rows.is_empty() {
@@ -30,29 +30,31 @@ pub(super) fn write(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "\n## {}\n", area.name())?;
         writeln!(out, "| case | regime | error | limit | unit | within | time |")?;
         writeln!(out, "|---|---|---|---|---|---|---|")?;
-        rows.into_iter().try_for_each(|row| line(row, out))?;
+        rows.into_iter().try_for_each(|row| write_row(row, out))?;
     }
     Ok(())
 }
 
-fn line(row: &Row, out: &mut dyn Write) -> io::Result<()> {
+fn write_row(row: &Row, out: &mut dyn Write) -> io::Result<()> {
     let by = row.backend.map(|backend| format!(", {backend}")).unwrap_or_default();
-    let (case, regime, unit) = (row.case, escaped(row.regime), row.unit);
+    let (case, regime, unit) = (row.case, escape_cell(row.regime), row.unit);
     let found = match &row.outcome {
-        Err(why) => return writeln!(out, "| {case}{by} | {regime} | | | | not run: {} | |", escaped(&why.0)),
+        Err(why) => {
+            return writeln!(out, "| {case}{by} | {regime} | | | | not run: {} | |", escape_cell(&why.0));
+        }
         Ok(found) => found,
     };
     let within = if row.verdict() == Verdict::Pass { "yes" } else { "**no**" };
-    let (error, limit) = (figure(found.worst.error), figure(found.worst.limit));
+    let (error, limit) = (two_digits(found.worst.error), two_digits(found.worst.limit));
     writeln!(out, "| {case}{by} | {regime} | {error} | {limit} | {unit} | {within} | {:.2} s |", row.seconds)
 }
 
 /// Two digits, and none of nothing.
-fn figure(value: f64) -> String {
+fn two_digits(value: f64) -> String {
     if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
 }
 
 /// Text that ends no cell.
-fn escaped(text: &str) -> String {
+fn escape_cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }

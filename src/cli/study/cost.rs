@@ -1,6 +1,6 @@
 //! What rendering costs: time of all cores, time on the wall, and memory at its peak.
 
-use super::interrupted;
+use super::interrupted_problem;
 use super::not_rendered;
 use crate::cli::problem::Problem;
 use crate::files;
@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 /// What this process has spent so far.
-pub(super) fn spent() -> Spent {
+pub(super) fn process_time() -> Spent {
     let seconds = |at: Timespec| at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9;
     let [core_s, wall_s] = [ClockId::ProcessCPUTime, ClockId::Monotonic].map(|id| seconds(clock_gettime(id)));
     Spent { core_s, wall_s }
@@ -36,7 +36,7 @@ pub(super) struct Sampling<'a> {
 /// Renders each view for its cost, and keeps the luminance of some: of each kind.
 ///
 /// Rounds are interleaved, kind by kind, so that a machine that is busy for a while slows all of them and not one.
-pub(super) fn measure(
+pub(super) fn measure_views(
     renderer: &mut dyn Renderer,
     views: &[View],
     sampling: &Sampling<'_>,
@@ -44,7 +44,7 @@ pub(super) fn measure(
 ) -> Result<Vec<Measured>, Problem> {
     let mut kinds: Vec<Kind> = Vec::new();
     for want in sampling.kinds {
-        kinds.push(Kind::first(renderer, views, (*want, sampling.keep), tap)?);
+        kinds.push(Kind::render_once(renderer, views, (*want, sampling.keep), tap)?);
     }
     for _ in 0..sampling.rounds {
         kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, tap))?;
@@ -66,7 +66,7 @@ struct Kind {
 
 impl Kind {
     /// All views once.
-    fn first(
+    fn render_once(
         renderer: &mut dyn Renderer,
         views: &[View],
         (want, keep): (Channels, usize),
@@ -108,11 +108,11 @@ impl Kind {
         view: &View,
         tap: &dyn Fn() -> ControlFlow<()>,
     ) -> Result<(Spent, Work), Problem> {
-        let before = spent();
+        let before = process_time();
         renderer.expect(view, self.want);
         let work = renderer.render(view, self.want, &mut self.rendered).map_err(|e| not_rendered(&e))?;
-        let took = spent() - before;
-        if tap().is_break() { Err(interrupted()) } else { Ok((took, work)) }
+        let took = process_time() - before;
+        if tap().is_break() { Err(interrupted_problem()) } else { Ok((took, work)) }
     }
 
     fn cost(&self) -> Cost {

@@ -3,10 +3,10 @@
 use crate::artifact::{Artifact, Files, Motion};
 use crate::camera::{self, Camera};
 use crate::cli::Common;
-use crate::cli::build::opening;
+use crate::cli::build::store_options;
 use crate::cli::problem::Problem;
 use crate::plan::Plan;
-use crate::plan::assess::{Assessment, assess};
+use crate::plan::assess::{Assessment, assess_plan};
 use crate::recipe::{self, Recipe};
 use crate::scene::Gaussians;
 use crate::sensor::voltmeter::Voltmeter;
@@ -17,7 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The one recipe of a file or folder.
-pub(super) fn recipe(path: &Path) -> Result<Recipe, Problem> {
+pub(super) fn single_recipe(path: &Path) -> Result<Recipe, Problem> {
     let mut recipes = recipe::read_all(std::slice::from_ref(&path.to_owned()))?;
     match (recipes.pop(), recipes.len()) {
         (Some(recipe), 0) => Ok(recipe),
@@ -29,7 +29,7 @@ pub(super) fn recipe(path: &Path) -> Result<Recipe, Problem> {
 }
 
 /// The name of the trajectory that is meant: the first, where none is named.
-pub(super) fn trajectory(recipe: &Recipe, wanted: Option<&str>) -> Result<String, Problem> {
+pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<String, Problem> {
     let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
     let wanted = wanted.unwrap_or(names[0]);
     if names.contains(&wanted) {
@@ -40,7 +40,7 @@ pub(super) fn trajectory(recipe: &Recipe, wanted: Option<&str>) -> Result<String
 }
 
 /// The recipe's one sensor, a voltmeter.
-pub(super) fn sensor(recipe: &Recipe) -> Result<Voltmeter, Problem> {
+pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<Voltmeter, Problem> {
     match &recipe.sensors {
         Sensors::One(Sensor::Voltmeter(sensor)) => Ok(sensor.clone()),
         Sensors::One(other) => {
@@ -62,16 +62,17 @@ pub(super) struct Subject {
 }
 
 impl Subject {
-    pub(super) fn open(recipe: Recipe, trajectory: &str, common: &Common) -> Result<Self, Problem> {
-        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+    pub(super) fn open_subject(recipe: Recipe, trajectory: &str, common: &Common) -> Result<Self, Problem> {
+        let store = Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?;
         let (scene, camera) = (recipe.scene.clone(), recipe.camera);
         let plan = Plan::new(vec![recipe], &common.renderers()?.knowing(&store));
-        let assessed = assess(&plan, &store)?;
+        let assessed = assess_plan(&plan, &store)?;
         let shelf = Shelf { scene: &scene, plan: &plan, assessed: &assessed, store: &store };
         let capture: Capture = shelf.open("capture")?;
         let own = capture.camera().map(|(own, _)| own);
         Ok(Self {
-            camera: camera::choose(camera, own.as_ref()).expect("recipes without views write a whole camera"),
+            camera: camera::choose_camera(camera, own.as_ref())
+                .expect("recipes without views write a whole camera"),
             gaussians: Arc::new(shelf.open("reconstruct")?),
             motion: shelf.open(&format!("{trajectory}/trajectory"))?,
         })
@@ -93,7 +94,7 @@ impl Shelf<'_> {
             let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
             return Err(Problem::failed("not-built", message).step(self.scene, name).help("gs2e build"));
         };
-        A::open(&Files::of(outputs, self.store))
+        A::open(&Files::from_outputs(outputs, self.store))
             .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))
     }
 }

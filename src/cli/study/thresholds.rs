@@ -1,12 +1,12 @@
 //! `gs2e study thresholds`: a sweep of the contrast threshold.
 
 use super::subject::{self, Subject};
-use super::{ended, not_rendered, unless};
+use super::{end_problem, go_unless, not_rendered};
 use crate::cli::console::Console;
 use crate::cli::output::{self, Output};
 use crate::cli::problem::{Exit, Problem};
 use crate::cli::{Common, Targets, on_interrupt};
-use crate::event::picture::grid;
+use crate::event::picture::picture_grid;
 use crate::frames::rendered::RenderedFrames;
 use crate::image::png;
 use crate::render::backend::Backend;
@@ -14,7 +14,7 @@ use crate::render::{Layering, RenderError, Rules, Style};
 use crate::seed::{Purpose, Seed};
 use crate::sensor::front_end::Seen;
 use crate::sensor::voltmeter::Between;
-use crate::study::thresholds::{Found, Row, Sweep, sweep};
+use crate::study::thresholds::{Found, Row, Sweep, sweep_thresholds};
 use crate::trajectory::Trajectory;
 use serde_json::json;
 use std::io::{self, Write};
@@ -34,7 +34,7 @@ pub(super) struct Thresholds {
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.25,0.5,0.75,1,1.25,1.5")]
     thresholds: Vec<f64>,
     /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms about its middle]
-    #[arg(long, value_name = "T0,T1", value_parser = span)]
+    #[arg(long, value_name = "T0,T1", value_parser = parse_span)]
     span: Option<Span>,
     /// File for the table
     #[arg(long, value_name = "FILE")]
@@ -48,7 +48,7 @@ pub(super) struct Thresholds {
 #[derive(Debug, Clone, Copy)]
 struct Span(f64, f64);
 
-fn span(text: &str) -> Result<Span, String> {
+fn parse_span(text: &str) -> Result<Span, String> {
     let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     ends.filter(|(begin, end)| 0.0 <= *begin && begin < end)
         .map(|(begin, end)| Span(begin, end))
@@ -66,17 +66,17 @@ const GAP: u32 = 4;
 impl Thresholds {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         self.screen(console)?;
-        let recipe = subject::recipe(&self.recipe)?;
-        let name = subject::trajectory(&recipe, self.trajectory.as_deref())?;
-        let sensor = subject::sensor(&recipe)?;
+        let recipe = subject::single_recipe(&self.recipe)?;
+        let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
+        let sensor = subject::single_voltmeter(&recipe)?;
         common.limit_cores();
         let backend = common.backend()?;
-        let seed = Seed::derive(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
+        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let asked = recipe.render;
-        let built = Subject::open(recipe, &name, common)?;
+        let built = Subject::open_subject(recipe, &name, common)?;
         let range = self.range(&built.motion.trajectory)?;
-        let trajectory = part(&built.motion.trajectory, range.clone());
+        let trajectory = part_of(&built.motion.trajectory, range.clone());
         let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
         let sweep = Sweep {
             sensor,
@@ -94,7 +94,7 @@ impl Thresholds {
 
     fn screen(&self, console: &Console) -> Result<(), Problem> {
         let outputs = self.csv.iter().chain(&self.picture).map(PathBuf::as_path);
-        output::screen(outputs, [self.recipe.as_path()], console.json)?;
+        output::screen_outputs(outputs, [self.recipe.as_path()], console.json)?;
         let rising = self.thresholds.windows(2).all(|pair| pair[0] < pair[1]);
         let in_range = self.thresholds.iter().all(|t| (1e-6..=1e6).contains(t));
         if !rising || !in_range {
@@ -120,16 +120,16 @@ impl Thresholds {
     }
 
     fn write(&self, sweep: &Sweep, found: &Found) -> Result<(), Problem> {
-        let table = |out: &mut dyn Write| csv(found, out);
+        let table = |out: &mut dyn Write| write_csv(found, out);
         let picture = |out: &mut dyn Write| {
             let captioned = found.pictures.iter().zip(&sweep.thresholds);
             let captioned: Vec<_> = captioned.map(|(image, t)| (image.clone(), t.to_string())).collect();
-            png::write(&grid(&captioned, COLUMNS, GAP), out)
+            png::write_image(&picture_grid(&captioned, COLUMNS, GAP), out)
         };
         let mut outputs: Vec<Output<'_>> = Vec::new();
         outputs.extend(self.csv.iter().map(|path| Output { path, fill: &table }));
         outputs.extend(self.picture.iter().map(|path| Output { path, fill: &picture }));
-        output::write(&outputs)
+        output::write_outputs(&outputs)
     }
 
     fn tell(&self, scene: &str, found: &Found, console: &Console) {
@@ -165,7 +165,7 @@ impl Thresholds {
 }
 
 /// A part of a trajectory, its first stamp at 0.
-fn part(whole: &Trajectory, range: Range<usize>) -> Trajectory {
+fn part_of(whole: &Trajectory, range: Range<usize>) -> Trajectory {
     let first = whole.stamps_us[range.start];
     Trajectory {
         world_from_camera: whole.world_from_camera[range.clone()].to_vec(),
@@ -173,7 +173,7 @@ fn part(whole: &Trajectory, range: Range<usize>) -> Trajectory {
     }
 }
 
-fn csv(found: &Found, out: &mut dyn Write) -> io::Result<()> {
+fn write_csv(found: &Found, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "threshold,contrast,events,on,rate_ev_px_s,smooth_stream,smooth,near_jump,other")?;
     for row in &found.rows {
         let Row { threshold, contrast, events, on, rate_ev_px_s, smooth_stream, smooth, near_jump, other } =
@@ -201,7 +201,7 @@ impl Subject {
         (backend, style): (Backend, Style),
     ) -> Result<Found, Problem> {
         let cancel = on_interrupt()?;
-        let mut tap = |_: usize| unless(&cancel);
+        let mut tap = |_: usize| go_unless(&cancel);
         // The picture as a continuous function of the view, which no GPU renders yet.
         let smooth = Style { rules: Rules::Soft, order: Layering::Blended, ..style };
         let velocities = self.motion.velocities();
@@ -218,6 +218,6 @@ impl Subject {
         let mut smooth = frames(&smooth_by, smooth).map_err(|e| not_rendered(&e))?;
         let front_end = asked.sensor.front_end;
         let mut seen = (Seen::new(&mut released, front_end), Seen::new(&mut smooth, front_end));
-        sweep(asked, (&mut seen.0, &mut seen.1), &mut tap).map_err(ended)
+        sweep_thresholds(asked, (&mut seen.0, &mut seen.1), &mut tap).map_err(end_problem)
     }
 }

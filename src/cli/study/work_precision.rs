@@ -118,24 +118,28 @@ const USUAL_S: f64 = 0.1;
 impl WorkPrecision {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         self.screen()?;
-        let recipe = subject::recipe(&self.recipe)?;
-        let name = subject::trajectory(&recipe, self.trajectory.as_deref())?;
-        let sensor = subject::sensor(&recipe)?;
+        let recipe = subject::single_recipe(&self.recipe)?;
+        let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
+        let sensor = subject::single_voltmeter(&recipe)?;
         common.limit_cores();
         let backend = common.backend()?;
         let to = self.to.clone().unwrap_or_else(|| PathBuf::from("study").join(&recipe.scene));
-        let seed = Seed::derive(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
+        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let render = recipe.render;
-        let subject = Subject::open(recipe, &name, common)?;
+        let subject = Subject::open_subject(recipe, &name, common)?;
         let style = render.resolve(subject.gaussians.antialiased);
         let window = self.window(&subject)?;
-        fs::create_dir_all(&to).map_err(|e| output::unwritable(&to, e))?;
+        fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
         let lab = Lab {
             subject: &subject,
             window: &window,
             own: sensor.clone(),
-            sensor: if self.noise { law(&sensor) } else { quiet(&law(&sensor)) },
+            sensor: if self.noise {
+                frame_independent(&sensor)
+            } else {
+                without_noise(&frame_independent(&sensor))
+            },
             seed,
             style,
             backend,
@@ -143,11 +147,11 @@ impl WorkPrecision {
             console,
         };
         let study = lab.study(&self, scene)?;
-        write(&study, &to)?;
+        write_study(&study, &to)?;
         if console.json {
             console.large_result(&study);
         } else {
-            console.print(&report::paragraph(&study));
+            console.print(&report::conclusion_words(&study));
             console.print(&format!("table, pictures and words: {}", to.display()));
         }
         Ok(Exit::Done)
@@ -178,7 +182,7 @@ impl WorkPrecision {
         if poses.len() < 2 {
             return Err(refuse("the trajectory has a single pose: nothing moves".to_owned()));
         }
-        let path = Path::through(poses, subject.motion.seconds())
+        let path = Path::through_poses(poses, subject.motion.seconds())
             .map_err(|e| Problem::failed("step-failed", format!("failed to follow the path: {e}")))?;
         let whole = path.seconds();
         let seconds = self.seconds.unwrap_or(USUAL_S.min(whole - self.start.unwrap_or(0.0)));
@@ -212,7 +216,7 @@ impl WorkPrecision {
 }
 
 /// The sensor by the law whose events do not depend on frames, without what is not of the signal.
-fn law(sensor: &Voltmeter) -> Voltmeter {
+fn frame_independent(sensor: &Voltmeter) -> Voltmeter {
     Voltmeter {
         law: Law::Exact,
         gain: Gain::Log,
@@ -224,21 +228,21 @@ fn law(sensor: &Voltmeter) -> Voltmeter {
     }
 }
 
-fn quiet(sensor: &Voltmeter) -> Voltmeter {
+fn without_noise(sensor: &Voltmeter) -> Voltmeter {
     let [k1, k2, _, k4, k5, _] = sensor.k;
     Voltmeter { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor.clone() }
 }
 
 /// Puts everything into a folder.
-fn write(study: &Study, to: &std::path::Path) -> Result<(), Problem> {
-    let table = |out: &mut dyn Write| report::csv(study, out);
+fn write_study(study: &Study, to: &std::path::Path) -> Result<(), Problem> {
+    let table = |out: &mut dyn Write| report::write_csv(study, out);
     let json = |out: &mut dyn Write| Ok(serde_json::to_writer_pretty(out, study)?);
-    let words = report::words(study);
+    let words = report::study_words(study);
     let words = |out: &mut dyn Write| out.write_all(words.as_bytes());
     let charts: Vec<(PathBuf, String)> = Measure::ALL
         .iter()
         .filter_map(|measure| {
-            Some((to.join(format!("{}.svg", measure.name())), chart::svg(study, *measure)?))
+            Some((to.join(format!("{}.svg", measure.name())), chart::chart_svg(study, *measure)?))
         })
         .collect();
     type Fill<'a> = Box<dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a>;
@@ -254,5 +258,5 @@ fn write(study: &Study, to: &std::path::Path) -> Result<(), Problem> {
         Output { path: &words_at, fill: &words },
     ];
     outputs.extend(charted.iter().map(|(path, fill)| Output { path, fill }));
-    output::write(&outputs)
+    output::write_outputs(&outputs)
 }

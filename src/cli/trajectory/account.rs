@@ -66,7 +66,7 @@ impl<'a> Account<'a> {
         ];
         console.say("achieved share of the path over the asked one, of each step:");
         for (part, follow) in parts {
-            console.say(&format!("  {part:22} {}", follow.map_or("does not move".to_owned(), followed)));
+            console.say(&format!("  {part:22} {}", follow.map_or("does not move".to_owned(), follow_words)));
         }
     }
 
@@ -110,7 +110,7 @@ impl<'a> Account<'a> {
     }
 }
 
-fn followed(follow: Follow) -> String {
+fn follow_words(follow: Follow) -> String {
     let Follow { min, max, p95, .. } = follow;
     format!("{min:.4}..{max:.4}, 95 % within {:.2} %", p95 * 100.0)
 }

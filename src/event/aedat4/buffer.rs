@@ -8,7 +8,7 @@ use crate::event::Event;
 const BEFORE_EVENTS: usize = 32;
 
 /// A header for LZ4 frames without a table of packets. Numbers of 8 bytes are at multiples of 8.
-pub(super) fn header(info: &str) -> Vec<u8> {
+pub(super) fn header_buffer(info: &str) -> Vec<u8> {
     const LZ4: i32 = 1;
     const NO_TABLE: i64 = -1;
     let mut bytes = Vec::new();
@@ -21,37 +21,37 @@ pub(super) fn header(info: &str) -> Vec<u8> {
     bytes.extend(LZ4.to_le_bytes());
     bytes.extend(NO_TABLE.to_le_bytes());
     bytes.extend(4_u32.to_le_bytes()); // on to the text
-    bytes.extend(length(info.len()).to_le_bytes());
+    bytes.extend(buffer_length(info.len()).to_le_bytes());
     bytes.extend(info.as_bytes());
     bytes.resize((bytes.len() + 1).next_multiple_of(4), 0);
-    sized(bytes)
+    with_size(bytes)
 }
 
 /// A packet.
 #[expect(clippy::cast_possible_wrap, reason = "columns and rows are below 2^15")]
-pub(super) fn packet(events: &[Event]) -> Vec<u8> {
+pub(super) fn packet_buffer(events: &[Event]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(BEFORE_EVENTS + EVENT * events.len());
     bytes.extend(16_u32.to_le_bytes()); // the table
     bytes.extend(EVENTS);
     bytes.extend([6_u16, 8, 4, 0].map(u16::to_le_bytes).concat());
     bytes.extend(8_i32.to_le_bytes()); // back to the list
     bytes.extend(4_u32.to_le_bytes()); // on to the vector
-    bytes.extend(length(events.len()).to_le_bytes());
+    bytes.extend(buffer_length(events.len()).to_le_bytes());
     for event in events {
         bytes.extend(event.t.floor_micros().to_le_bytes());
         bytes.extend((event.x as i16).to_le_bytes());
         bytes.extend((event.y as i16).to_le_bytes());
         bytes.extend([event.polarity as u8, 0, 0, 0]);
     }
-    sized(bytes)
+    with_size(bytes)
 }
 
-fn length(n: usize) -> u32 {
+fn buffer_length(n: usize) -> u32 {
     u32::try_from(n).expect("packets and headers are small")
 }
 
-fn sized(bytes: Vec<u8>) -> Vec<u8> {
-    [length(bytes.len()).to_le_bytes().to_vec(), bytes].concat()
+fn with_size(bytes: Vec<u8>) -> Vec<u8> {
+    [buffer_length(bytes.len()).to_le_bytes().to_vec(), bytes].concat()
 }
 
 /// A table of a buffer.
@@ -63,7 +63,7 @@ pub(super) struct Table<'a> {
 
 impl<'a> Table<'a> {
     /// The root table of a buffer without its size, if the buffer has this identifier.
-    pub(super) fn root(bytes: &'a [u8], identifier: &[u8; 4]) -> Option<Self> {
+    pub(super) fn root_table(bytes: &'a [u8], identifier: &[u8; 4]) -> Option<Self> {
         if bytes.get(4..8)? != identifier {
             return None;
         }
@@ -72,22 +72,22 @@ impl<'a> Table<'a> {
 
     /// Place of field `k`; `None` if it is absent and has its default.
     fn field(&self, k: usize) -> Option<usize> {
-        let back = i32::from_le_bytes(array(self.bytes, self.at)?);
+        let back = i32::from_le_bytes(read_array(self.bytes, self.at)?);
         let list = usize::try_from(i64::try_from(self.at).ok()? - i64::from(back)).ok()?;
         let entry = 4 + 2 * k;
-        if entry + 2 > usize::from(u16::from_le_bytes(array(self.bytes, list)?)) {
+        if entry + 2 > usize::from(u16::from_le_bytes(read_array(self.bytes, list)?)) {
             return None;
         }
-        let offset = usize::from(u16::from_le_bytes(array(self.bytes, list + entry)?));
+        let offset = usize::from(u16::from_le_bytes(read_array(self.bytes, list + entry)?));
         (offset > 0).then_some(self.at + offset)
     }
 
     pub(super) fn i32(&self, k: usize) -> Option<i32> {
-        self.field(k).and_then(|at| Some(i32::from_le_bytes(array(self.bytes, at)?)))
+        self.field(k).and_then(|at| Some(i32::from_le_bytes(read_array(self.bytes, at)?)))
     }
 
     pub(super) fn i64(&self, k: usize) -> Option<i64> {
-        self.field(k).and_then(|at| Some(i64::from_le_bytes(array(self.bytes, at)?)))
+        self.field(k).and_then(|at| Some(i64::from_le_bytes(read_array(self.bytes, at)?)))
     }
 
     /// The elements, of this size in bytes, of a text or a vector.
@@ -99,10 +99,10 @@ impl<'a> Table<'a> {
     }
 }
 
-fn array<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
+fn read_array<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..at.checked_add(N)?)?.try_into().ok()
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
-    usize::try_from(u32::from_le_bytes(array(bytes, at)?)).ok()
+    usize::try_from(u32::from_le_bytes(read_array(bytes, at)?)).ok()
 }

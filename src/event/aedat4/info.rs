@@ -11,7 +11,7 @@ pub(super) struct Stream {
 }
 
 /// The description of one stream of events, numbered 0.
-pub(super) fn write(size: Size) -> String {
+pub(super) fn write_info(size: Size) -> String {
     let attribute =
         |key: &str, kind: &str, value: &str| format!("<attr key=\"{key}\" type=\"{kind}\">{value}</attr>\n");
     let place = "/mainloop/Recorder/outInfo/";
@@ -36,23 +36,24 @@ pub(super) fn write(size: Size) -> String {
 }
 
 /// The first stream of events. The error says what is missing.
-pub(super) fn read(text: &str) -> Result<Stream, String> {
+pub(super) fn read_info(text: &str) -> Result<Stream, String> {
     let document = Document::parse(text).map_err(|e| format!("its description is no XML: {e}"))?;
-    let streams = document.descendants().filter(|node| attribute(*node, "typeIdentifier") == Some("EVTS"));
-    let stream = streams.min_by_key(|node| number(*node)).ok_or("it has no stream of events")?;
-    let id = number(stream).ok_or("its stream of events has no number")?;
+    let streams =
+        document.descendants().filter(|node| node_attribute(*node, "typeIdentifier") == Some("EVTS"));
+    let stream = streams.min_by_key(|node| node_number(*node)).ok_or("it has no stream of events")?;
+    let id = node_number(stream).ok_or("its stream of events has no number")?;
     let info = stream.children().find(|node| node.attribute("name") == Some("info"));
-    let side = |key: &str| attribute(info?, key)?.trim().parse::<u32>().ok();
+    let side = |key: &str| node_attribute(info?, key)?.trim().parse::<u32>().ok();
     let size = side("sizeX").zip(side("sizeY")).ok_or("it does not say the sensor's size: sizeX, sizeY")?;
     Ok(Stream { id, size: Size { width: size.0, height: size.1 } })
 }
 
-fn number(node: Node<'_, '_>) -> Option<i32> {
+fn node_number(node: Node<'_, '_>) -> Option<i32> {
     node.attribute("name")?.parse().ok()
 }
 
 /// The value of one of a node's own attributes, which are its children.
-fn attribute<'a>(node: Node<'a, '_>, key: &str) -> Option<&'a str> {
+fn node_attribute<'a>(node: Node<'a, '_>, key: &str) -> Option<&'a str> {
     let is_it = |child: &Node<'_, '_>| child.has_tag_name("attr") && child.attribute("key") == Some(key);
     node.children().find(is_it)?.text()
 }

@@ -39,24 +39,30 @@ impl Reader {
         let mut version = [0; VERSION.len()];
         let begins = file.read_exact(&mut version).is_ok() && version == *VERSION;
         if !begins {
-            return Err(wrong(0, "it does not begin with `#!AER-DAT4.0`"));
+            return Err(wrong_packet(0, "it does not begin with `#!AER-DAT4.0`"));
         }
         let at = VERSION.len() as u64;
-        let cut = || wrong(at, "the header is cut off");
+        let cut = || wrong_packet(at, "the header is cut off");
         let mut length = [0; 4];
         file.read_exact(&mut length).map_err(|_| cut())?;
         let length = u64::from(u32::from_le_bytes(length));
         if length > MAX_HEADER {
-            return Err(wrong(at, &format!("a header of {length} bytes, wanted at most {MAX_HEADER}")));
+            return Err(wrong_packet(
+                at,
+                &format!("a header of {length} bytes, wanted at most {MAX_HEADER}"),
+            ));
         }
-        let bytes = exactly(&mut file, length)?.ok_or_else(cut)?;
-        let table = Table::root(&bytes, HEADER).ok_or_else(|| wrong(at, "no header lies here"))?;
+        let bytes = read_exactly(&mut file, length)?.ok_or_else(cut)?;
+        let table =
+            Table::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no header lies here"))?;
         let number = table.i32(0).unwrap_or(0);
-        let compression = Compression::numbered(number)
-            .ok_or_else(|| wrong(at, &format!("compression number {number}, wanted 0 to 4")))?;
-        let text =
-            table.elements(2, 1).ok_or_else(|| wrong(at, "the header does not describe its streams"))?;
-        let stream = info::read(&String::from_utf8_lossy(text)).map_err(|because| wrong(at, &because))?;
+        let compression = Compression::from_number(number)
+            .ok_or_else(|| wrong_packet(at, &format!("compression number {number}, wanted 0 to 4")))?;
+        let text = table
+            .elements(2, 1)
+            .ok_or_else(|| wrong_packet(at, "the header does not describe its streams"))?;
+        let stream =
+            info::read_info(&String::from_utf8_lossy(text)).map_err(|because| wrong_packet(at, &because))?;
         let end = table.i64(1).and_then(|end| u64::try_from(end).ok()).unwrap_or(u64::MAX);
         Ok(Self { file, compression, stream, offset: at + 4 + length, end })
     }
@@ -76,24 +82,24 @@ impl Reader {
         if head.is_empty() {
             return Ok(None);
         }
-        let cut = || wrong(self.offset, "the packet is cut off");
+        let cut = || wrong_packet(self.offset, "the packet is cut off");
         let word = |k: usize| Some(i32::from_le_bytes(head.get(4 * k..4 * k + 4)?.try_into().ok()?));
         let (stream, length) = word(0).zip(word(1)).ok_or_else(cut)?;
-        let length =
-            u64::try_from(length).map_err(|_| wrong(self.offset, &format!("a packet of {length} bytes")))?;
-        let bytes = exactly(&mut self.file, length)?.ok_or_else(cut)?;
+        let length = u64::try_from(length)
+            .map_err(|_| wrong_packet(self.offset, &format!("a packet of {length} bytes")))?;
+        let bytes = read_exactly(&mut self.file, length)?.ok_or_else(cut)?;
         self.offset += 8 + length;
         Ok(Some((stream, bytes)))
     }
 
     /// The events of a packet at offset `at`.
     fn events(&self, packet: &[u8], at: u64, out: &mut Vec<Event>) -> Result<(), EventFileError> {
-        let inflated = self.inflate(packet).map_err(|e| wrong(at, &format!("the packet: {e}")))?;
-        let table = inflated.get(4..).and_then(|bytes| Table::root(bytes, EVENTS));
-        let table = table.ok_or_else(|| wrong(at, "the packet holds no events"))?;
+        let inflated = self.inflate(packet).map_err(|e| wrong_packet(at, &format!("the packet: {e}")))?;
+        let table = inflated.get(4..).and_then(|bytes| Table::root_table(bytes, EVENTS));
+        let table = table.ok_or_else(|| wrong_packet(at, "the packet holds no events"))?;
         // A packet without its field has no events.
         for bytes in table.elements(0, EVENT).unwrap_or_default().chunks_exact(EVENT) {
-            let event = self.event(bytes).map_err(|because| wrong(at, &because))?;
+            let event = self.event(bytes).map_err(|because| wrong_packet(at, &because))?;
             out.push(event);
         }
         Ok(())
@@ -153,12 +159,12 @@ impl EventSource for Reader {
 }
 
 /// This many bytes, or `None` if the file ends before.
-fn exactly(file: &mut impl Read, length: u64) -> std::io::Result<Option<Vec<u8>>> {
+fn read_exactly(file: &mut impl Read, length: u64) -> std::io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     file.by_ref().take(length).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 == length).then_some(bytes))
 }
 
-fn wrong(at: u64, because: &str) -> EventFileError {
+fn wrong_packet(at: u64, because: &str) -> EventFileError {
     EventFileError::Container(format!("byte {at}: {because}"))
 }

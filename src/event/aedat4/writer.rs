@@ -36,7 +36,7 @@ impl Writer {
         }
         let mut file = BufWriter::new(File::create(path)?);
         file.write_all(VERSION)?;
-        file.write_all(&buffer::header(&info::write(size)))?;
+        file.write_all(&buffer::header_buffer(&info::write_info(size)))?;
         Ok(Self { file, order: Order::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
     }
 
@@ -55,7 +55,7 @@ impl Writer {
             return Ok(());
         }
         let mut frame = FrameEncoder::new(Vec::new());
-        frame.write_all(&buffer::packet(&self.waiting))?;
+        frame.write_all(&buffer::packet_buffer(&self.waiting))?;
         let frame = frame.finish().map_err(std::io::Error::other)?;
         let length = i32::try_from(frame.len()).map_err(std::io::Error::other)?;
         self.file.write_all(&[STREAM.to_le_bytes(), length.to_le_bytes()].concat())?;

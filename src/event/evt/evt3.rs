@@ -45,7 +45,7 @@ pub(super) struct Encoder {
     silent_words: i64,
 }
 
-fn word(kind: u16, value: u16, out: &mut Vec<u8>) {
+fn write_word(kind: u16, value: u16, out: &mut Vec<u8>) {
     out.extend((kind << PART | value & VALUE).to_le_bytes());
 }
 
@@ -72,26 +72,26 @@ impl Encoder {
         self.time(first.t.floor_micros(), out);
         if self.row != Some(first.y) {
             self.row = Some(first.y);
-            word(ADDRESS_Y, first.y, out);
+            write_word(ADDRESS_Y, first.y, out);
         }
         let polarity = (first.polarity as u16) << 11;
         let columns: Vec<u16> = self.waiting.drain(..).map(|event| event.x).collect();
         let mut rest = &columns[..];
         while let Some(&x) = rest.first() {
-            let (mask, taken) = window(rest, x);
+            let (mask, taken) = leading_mask(rest, x);
             if taken < WORTH_A_MASK {
-                word(ADDRESS_X, x | polarity, out);
+                write_word(ADDRESS_X, x | polarity, out);
                 rest = &rest[1..];
                 continue;
             }
-            word(BASE_X, x | polarity, out);
+            write_word(BASE_X, x | polarity, out);
             let (mut base, mut mask, mut taken) = (x, mask, taken);
             // The base advances by itself: each further mask costs no more than one event.
             while taken > 0 {
-                word(MASK_12, mask, out);
+                write_word(MASK_12, mask, out);
                 rest = &rest[taken..];
                 base += 12;
-                (mask, taken) = window(rest, base);
+                (mask, taken) = leading_mask(rest, base);
             }
         }
     }
@@ -102,14 +102,14 @@ impl Encoder {
         let mut at = self.high.unwrap_or(0);
         while high - at > STEP {
             at += STEP;
-            word(TIME_HIGH, at as u16, out);
+            write_word(TIME_HIGH, at as u16, out);
         }
         if self.high != Some(high) {
-            word(TIME_HIGH, high as u16, out);
+            write_word(TIME_HIGH, high as u16, out);
             self.low = None;
         }
         if self.low != Some(low) {
-            word(TIME_LOW, low, out);
+            write_word(TIME_LOW, low, out);
         }
         (self.high, self.low) = (Some(high), Some(low));
     }
@@ -117,7 +117,7 @@ impl Encoder {
 
 /// The mask of the leading columns within 12 of `base`, and their number. A repeated column ends
 /// it.
-fn window(columns: &[u16], base: u16) -> (u16, usize) {
+fn leading_mask(columns: &[u16], base: u16) -> (u16, usize) {
     let mut mask = 0;
     let mut taken = 0;
     for &x in columns {

@@ -9,7 +9,7 @@ use std::io::{BufRead, Read as _, Write};
 const MOST_BYTES: u64 = 1 << 16;
 
 /// Writes the header of a stream from a sensor of this size.
-pub(super) fn write(out: &mut impl Write, version: Version, size: Size) -> std::io::Result<()> {
+pub(super) fn write_header(out: &mut impl Write, version: Version, size: Size) -> std::io::Result<()> {
     let (number, name) = match version {
         Version::Evt2 => ("2.0", "EVT2"),
         Version::Evt3 => ("3.0", "EVT3"),
@@ -23,7 +23,7 @@ pub(super) fn write(out: &mut impl Write, version: Version, size: Size) -> std::
 }
 
 /// Reads the header, and returns its length as well.
-pub(super) fn read(input: &mut impl BufRead) -> Result<(Version, Size, u64), EventFileError> {
+pub(super) fn read_header(input: &mut impl BufRead) -> Result<(Version, Size, u64), EventFileError> {
     let (mut version, mut size) = (None, None);
     let mut bytes = 0;
     while input.fill_buf()?.first() == Some(&b'%') {
@@ -37,13 +37,13 @@ pub(super) fn read(input: &mut impl BufRead) -> Result<(Version, Size, u64), Eve
         let (key, value) = line[1..].trim().split_once(' ').unwrap_or((line[1..].trim(), ""));
         match key {
             "end" => break,
-            "evt" => version = Some(self::version(value)?),
+            "evt" => version = Some(self::parse_version(value)?),
             "format" => {
                 let (name, fields) = value.split_once(';').unwrap_or((value, ""));
-                version = Some(self::version(name)?);
-                size = sized(fields).or(size);
+                version = Some(self::parse_version(name)?);
+                size = parse_size(fields).or(size);
             }
-            "geometry" => size = size.or_else(|| pair(value.split_once('x')?)),
+            "geometry" => size = size.or_else(|| size_pair(value.split_once('x')?)),
             _ => {}
         }
     }
@@ -57,7 +57,7 @@ pub(super) fn read(input: &mut impl BufRead) -> Result<(Version, Size, u64), Eve
     Ok((version, size, bytes))
 }
 
-fn version(name: &str) -> Result<Version, EventFileError> {
+fn parse_version(name: &str) -> Result<Version, EventFileError> {
     match name.trim() {
         "2.0" | "EVT2" => Ok(Version::Evt2),
         "3.0" | "EVT3" => Ok(Version::Evt3),
@@ -66,11 +66,11 @@ fn version(name: &str) -> Result<Version, EventFileError> {
 }
 
 /// `width=W;height=H` in any order.
-fn sized(fields: &str) -> Option<Size> {
+fn parse_size(fields: &str) -> Option<Size> {
     let field = |name: &str| fields.split(';').find_map(|f| f.trim().strip_prefix(name)?.strip_prefix('='));
-    pair((field("width")?, field("height")?))
+    size_pair((field("width")?, field("height")?))
 }
 
-fn pair((width, height): (&str, &str)) -> Option<Size> {
+fn size_pair((width, height): (&str, &str)) -> Option<Size> {
     Some(Size { width: width.trim().parse().ok()?, height: height.trim().parse().ok()? })
 }

@@ -67,7 +67,7 @@ impl Reader {
     /// The header does not name one of the two formats and the sensor size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut file = BufReader::with_capacity(BLOCK, files::open(path)?);
-        let (version, size, offset) = header::read(&mut file)?;
+        let (version, size, offset) = header::read_header(&mut file)?;
         let state = match version {
             Version::Evt2 => State::Evt2(evt2::State::default()),
             Version::Evt3 => State::Evt3(evt3::State::default()),
@@ -93,8 +93,8 @@ impl EventSource for Reader {
             }
             let mut found = Found { events: out, size: self.header.size, untimed: 0 };
             match &mut self.state {
-                State::Evt2(state) => decode(state, &block, self.offset, &mut found),
-                State::Evt3(state) => decode(state, &block, self.offset, &mut found),
+                State::Evt2(state) => decode_words(state, &block, self.offset, &mut found),
+                State::Evt3(state) => decode_words(state, &block, self.offset, &mut found),
             }?;
             self.untimed += found.untimed;
             self.offset += block.len() as u64;
@@ -107,7 +107,7 @@ impl EventSource for Reader {
     }
 }
 
-fn decode<D: Decoder>(
+fn decode_words<D: Decoder>(
     decoder: &mut D,
     block: &[u8],
     offset: u64,

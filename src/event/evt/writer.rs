@@ -39,7 +39,7 @@ impl Writer {
             Version::Evt3 => (Encoder::Evt3(evt3::Encoder::default()), END_US),
         };
         let mut file = BufWriter::new(File::create(path)?);
-        header::write(&mut file, version, size)?;
+        header::write_header(&mut file, version, size)?;
         Ok(Self { file, order: Order::new(size, end_us), encoder, words: Vec::new() })
     }
 

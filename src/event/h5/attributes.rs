@@ -26,7 +26,7 @@ pub(super) struct Attributes(Vec<AttributeMessage>);
 impl Attributes {
     pub(super) fn read(path: &Path) -> Result<Self, EventFileError> {
         let mut file = files::open(path)?;
-        let Ok(superblock) = SuperblockV0V1::decode(&block(&mut file, 0, 256)?) else {
+        let Ok(superblock) = SuperblockV0V1::decode(&read_block(&mut file, 0, 256)?) else {
             return Ok(Self::default());
         };
         let (len, wanted) = (file.metadata()?.len(), superblock.end_of_file_address);
@@ -38,8 +38,8 @@ impl Attributes {
         let context =
             FormatContext { sizeof_addr: superblock.sizeof_offsets, sizeof_size: superblock.sizeof_lengths };
         let at = superblock.root_symbol_table_entry.obj_header_addr;
-        let head = block(&mut file, at, MOST)?;
-        let (mut header, _) = ObjectHeader::decode_v1(&head).map_err(|e| damaged(&e.to_string()))?;
+        let head = read_block(&mut file, at, MOST)?;
+        let (mut header, _) = ObjectHeader::decode_v1(&head).map_err(|e| damaged_file(&e.to_string()))?;
         let mut found = Vec::new();
         let mut blocks = 0;
         while !header.messages.is_empty() {
@@ -49,14 +49,14 @@ impl Attributes {
                     MSG_ATTRIBUTE => {
                         found.extend(AttributeMessage::decode(&message.data, &context).map(|a| a.0))
                     }
-                    MSG_OBJ_HEADER_CONTINUATION => rest.extend(continued(&mut file, &message.data)?),
+                    MSG_OBJ_HEADER_CONTINUATION => rest.extend(read_continued(&mut file, &message.data)?),
                     _ => (),
                 }
             }
             header.messages = rest;
             blocks += 1;
             if blocks > 64 {
-                return Err(damaged("its header goes on and on"));
+                return Err(damaged_file("its header goes on and on"));
             }
         }
         Ok(Self(found))
@@ -87,7 +87,7 @@ impl FromBytes for f64 {
 }
 
 /// The messages of a continuation block, in the form of a version 1 header.
-fn continued(
+fn read_continued(
     file: &mut File,
     message: &[u8],
 ) -> Result<Vec<rust_hdf5::format::object_header::ObjectHeaderMessage>, EventFileError> {
@@ -95,22 +95,22 @@ fn continued(
         Some(u64::from_le_bytes(<[u8; 8]>::try_from(message.get::<std::ops::Range<usize>>(range)?).ok()?))
     };
     let (Some(at), Some(len)) = (number(0..8), number(8..16)) else {
-        return Err(damaged("a continuation of its header is cut short"));
+        return Err(damaged_file("a continuation of its header is cut short"));
     };
-    let body = block(file, at, len.min(MOST))?;
+    let body = read_block(file, at, len.min(MOST))?;
     let mut header = vec![1, 0, 0xff, 0xff, 1, 0, 0, 0];
     header.extend((body.len() as u64).to_le_bytes());
     header.extend(body);
-    Ok(ObjectHeader::decode_v1(&header).map_err(|e| damaged(&e.to_string()))?.0.messages)
+    Ok(ObjectHeader::decode_v1(&header).map_err(|e| damaged_file(&e.to_string()))?.0.messages)
 }
 
-fn block(file: &mut File, at: u64, len: u64) -> Result<Vec<u8>, EventFileError> {
+fn read_block(file: &mut File, at: u64, len: u64) -> Result<Vec<u8>, EventFileError> {
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(at))?;
     file.take(len).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-fn damaged(because: &str) -> EventFileError {
+fn damaged_file(because: &str) -> EventFileError {
     EventFileError::Container(format!("the root group cannot be read: {because}"))
 }

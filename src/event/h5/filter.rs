@@ -96,17 +96,17 @@ impl Filter {
                 whole.resize(CHUNK * width, 0);
                 Ok(whole)
             }
-            Self::Gzip(level) => Ok(deflated(&shuffled(bytes, width), level)),
+            Self::Gzip(level) => Ok(deflate_bytes(&shuffle_bytes(bytes, width), level)),
             Self::Zstd(level) => {
                 let level = i32::try_from(level).expect("levels are small");
-                zstd::bulk::compress(&shuffled(bytes, width), level)
+                zstd::bulk::compress(&shuffle_bytes(bytes, width), level)
             }
-            Self::Lz4 => Ok(lz4(&shuffled(bytes, width))),
+            Self::Lz4 => Ok(lz4_block(&shuffle_bytes(bytes, width))),
         }
     }
 }
 
-fn shuffled(bytes: &[u8], width: usize) -> Vec<u8> {
+fn shuffle_bytes(bytes: &[u8], width: usize) -> Vec<u8> {
     let mut shuffled = vec![0; CHUNK * width];
     for (i, element) in bytes.chunks_exact(width).enumerate() {
         for (k, &byte) in element.iter().enumerate() {
@@ -116,7 +116,7 @@ fn shuffled(bytes: &[u8], width: usize) -> Vec<u8> {
     shuffled
 }
 
-fn deflated(bytes: &[u8], level: u32) -> Vec<u8> {
+fn deflate_bytes(bytes: &[u8], level: u32) -> Vec<u8> {
     // A stored block of zlib adds 5 bytes per 16 KiB or more, and 6 bytes per stream.
     let mut out = Vec::with_capacity(bytes.len() + bytes.len() / 1024 + 64);
     let status =
@@ -127,7 +127,7 @@ fn deflated(bytes: &[u8], level: u32) -> Vec<u8> {
 
 /// One block in the layout of the registered filter: total length, block length, stored length (big
 /// endian), and the block, which is stored plain if it does not shrink.
-fn lz4(bytes: &[u8]) -> Vec<u8> {
+fn lz4_block(bytes: &[u8]) -> Vec<u8> {
     let len = u32::try_from(bytes.len()).expect("a chunk is small");
     let packed = lz4_flex::block::compress(bytes);
     let block = if packed.len() < bytes.len() { &packed } else { bytes };

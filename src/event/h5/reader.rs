@@ -55,7 +55,7 @@ impl Reader {
     /// # Errors
     /// It is not an HDF5 file, a dataset is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        guarded(|| Self::open_unguarded(path))
+        guard_panics(|| Self::open_unguarded(path))
     }
 
     fn open_unguarded(path: &Path) -> Result<Self, EventFileError> {
@@ -64,7 +64,7 @@ impl Reader {
         outside::refuse_virtual(opened)?;
         let file = H5File::options().no_locking().open(path)?;
         outside::refuse_links(&file, &[X, Y, P, T, LABEL, MS_TO_IDX, T_OFFSET])?;
-        let (t, count) = column::<u32>(&file, T)?;
+        let (t, count) = open_column::<u32>(&file, T)?;
         if count as u64 > bytes.saturating_mul(MOST_PER_BYTE) {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
             return Err(EventFileError::Dataset { dataset: T, because });
@@ -73,14 +73,14 @@ impl Reader {
         let labels = labelled.then(|| column_of_length::<u8>(&file, LABEL, count)).transpose()?;
         let reader = Self {
             header: read_header(path)?.map(|header| Header { labelled, ..header }),
-            offset_us: offset(&file)?,
+            offset_us: read_offset(&file)?,
             x: column_of_length::<u16>(&file, X, count)?,
             y: column_of_length::<u16>(&file, Y, count)?,
             p: column_of_length::<u8>(&file, P, count)?,
             step: step_of(&t),
             t,
             labels,
-            ms_to_idx: column::<u64>(&file, MS_TO_IDX)?.0,
+            ms_to_idx: open_column::<u64>(&file, MS_TO_IDX)?.0,
             count,
             next: 0,
         };
@@ -119,7 +119,7 @@ impl Reader {
     /// It has more entries than 32-bit times have milliseconds, or cannot be read.
     pub fn index(&self) -> Result<Vec<u64>, EventFileError> {
         let entries = self.entries()?;
-        if entries == 0 { Ok(Vec::new()) } else { read(&self.ms_to_idx, MS_TO_IDX, 0, entries) }
+        if entries == 0 { Ok(Vec::new()) } else { read_elements(&self.ms_to_idx, MS_TO_IDX, 0, entries) }
     }
 
     /// Makes the next chunk the one with event `number`; the end if there are fewer events.
@@ -148,10 +148,10 @@ impl Reader {
         let mut stored = Stored { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
         let (mut index, mut last) = (MsIndex::default(), 0);
         for start in (0..self.count).step_by(self.step) {
-            let times: Vec<u32> = read(&self.t, T, start, self.step.min(self.count - start))?;
+            let times: Vec<u32> = read_elements(&self.t, T, start, self.step.min(self.count - start))?;
             for (number, t) in (start as u64..).zip(times) {
                 if t < last {
-                    return Err(wrong(T, number, t, format!("at least {last}, the time before it")));
+                    return Err(wrong_value(T, number, t, format!("at least {last}, the time before it")));
                 }
                 last = t;
                 stored.expect(number, index.settle(t))?;
@@ -166,7 +166,7 @@ impl Reader {
         let polarity = match p {
             0 => Polarity::Off,
             1 => Polarity::On,
-            p => return Err(wrong(P, number as u64, p, "0 or 1".to_owned())),
+            p => return Err(wrong_value(P, number as u64, p, "0 or 1".to_owned())),
         };
         let t = Timestamp::from_micros(self.offset_us + i64::from(t));
         Ok(Event { t, x, y, polarity, label: Label::Signal })
@@ -181,16 +181,20 @@ impl EventSource for Reader {
             return Ok(false);
         }
         let first = self.next;
-        let (t, p) = (read::<u32>(&self.t, T, first, count)?, read::<u8>(&self.p, P, first, count)?);
-        let (x, y) = (read::<u16>(&self.x, X, first, count)?, read::<u16>(&self.y, Y, first, count)?);
+        let (t, p) =
+            (read_elements::<u32>(&self.t, T, first, count)?, read_elements::<u8>(&self.p, P, first, count)?);
+        let (x, y) = (
+            read_elements::<u16>(&self.x, X, first, count)?,
+            read_elements::<u16>(&self.y, Y, first, count)?,
+        );
         for i in 0..count {
             out.push(self.event(first + i, t[i], x[i], y[i], p[i])?);
         }
         if let Some(labels) = &self.labels {
-            let labels = read::<u8>(labels, LABEL, first, count)?;
+            let labels = read_elements::<u8>(labels, LABEL, first, count)?;
             for ((number, event), stored) in (first as u64..).zip(out).zip(labels) {
-                let refusal = || wrong(LABEL, number, stored, "0 or 1".to_owned());
-                event.label = Label::of(stored).ok_or_else(refusal)?;
+                let refusal = || wrong_value(LABEL, number, stored, "0 or 1".to_owned());
+                event.label = Label::from_number(stored).ok_or_else(refusal)?;
             }
         }
         self.next += count;
@@ -212,7 +216,7 @@ impl Stored<'_> {
         for _ in 0..entries {
             let found = self.next()?;
             if found != value {
-                return Err(wrong(MS_TO_IDX, self.at as u64 - 1, found, value.to_string()));
+                return Err(wrong_value(MS_TO_IDX, self.at as u64 - 1, found, value.to_string()));
             }
         }
         Ok(())
@@ -226,19 +230,19 @@ impl Stored<'_> {
         }
         let within = self.at % CHUNK;
         if within == 0 {
-            self.held = read(self.dataset, MS_TO_IDX, self.at, CHUNK.min(self.len - self.at))?;
+            self.held = read_elements(self.dataset, MS_TO_IDX, self.at, CHUNK.min(self.len - self.at))?;
         }
         self.at += 1;
         Ok(self.held[within])
     }
 }
 
-fn wrong(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: String) -> EventFileError {
+fn wrong_value(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: String) -> EventFileError {
     EventFileError::Value { dataset, index, found: found.into(), wanted }
 }
 
 /// A one-dimensional dataset of `T`, with its length.
-fn column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Dataset, usize), EventFileError> {
+fn open_column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Dataset, usize), EventFileError> {
     let refusal = |because| EventFileError::Dataset { dataset: name, because };
     let dataset = file.dataset(name).map_err(|e| refusal(e.to_string()))?;
     outside::refuse_external(&dataset, name)?;
@@ -261,7 +265,7 @@ fn column_of_length<T: H5Type>(
     name: &'static str,
     wanted: usize,
 ) -> Result<H5Dataset, EventFileError> {
-    match column::<T>(file, name)? {
+    match open_column::<T>(file, name)? {
         (dataset, len) if len == wanted => Ok(dataset),
         (_, len) => {
             let because = format!("{len} elements, wanted {wanted} as in `{T}`");
@@ -270,13 +274,13 @@ fn column_of_length<T: H5Type>(
     }
 }
 
-fn read<T: H5Type>(
+fn read_elements<T: H5Type>(
     dataset: &H5Dataset,
     name: &'static str,
     start: usize,
     count: usize,
 ) -> Result<Vec<T>, EventFileError> {
-    guarded(|| {
+    guard_panics(|| {
         dataset.read_slice(&[start], &[count]).map_err(|e| EventFileError::Dataset {
             dataset: name,
             because: format!("elements {start} to {} cannot be read: {e}", start + count - 1),
@@ -286,7 +290,7 @@ fn read<T: H5Type>(
 
 /// Runs code of rust-hdf5. Version 0.7.9 panics on some damaged files (a datatype with an
 /// overflowing size); such a panic becomes an error.
-fn guarded<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
+fn guard_panics<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
     std::panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
         Err(EventFileError::Container(
             "the HDF5 structure is damaged beyond what its library can name".to_owned(),
@@ -303,7 +307,7 @@ fn step_of(dataset: &H5Dataset) -> usize {
     }
 }
 
-fn offset(file: &H5File) -> Result<i64, EventFileError> {
+fn read_offset(file: &H5File) -> Result<i64, EventFileError> {
     let refusal = |because| EventFileError::Dataset { dataset: T_OFFSET, because };
     let dataset = file.dataset(T_OFFSET).map_err(|e| refusal(e.to_string()))?;
     outside::refuse_external(&dataset, T_OFFSET)?;

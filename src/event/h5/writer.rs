@@ -58,7 +58,7 @@ impl Writer {
             Column::create::<u16>(&events, "x", filter, |e, out| out.extend(e.x.to_le_bytes()))?,
             Column::create::<u16>(&events, "y", filter, |e, out| out.extend(e.y.to_le_bytes()))?,
             Column::create::<u8>(&events, "p", filter, |e, out| out.push(e.polarity as u8))?,
-            Column::create::<u32>(&events, "t", filter, |e, out| out.extend(micros(e).to_le_bytes()))?,
+            Column::create::<u32>(&events, "t", filter, |e, out| out.extend(file_micros(e).to_le_bytes()))?,
         ];
         if header.labelled {
             columns.push(Column::create::<u8>(&events, "label", filter, |e, out| out.push(e.label as u8))?);
@@ -102,7 +102,7 @@ impl Writer {
 
     fn note_times(&mut self, first: u64, events: &[Event]) -> Result<(), EventFileError> {
         for (number, event) in (first..).zip(events) {
-            let entries = self.index.settle(micros(event));
+            let entries = self.index.settle(file_micros(event));
             self.extend_index(number, entries)?;
         }
         Ok(())
@@ -174,7 +174,7 @@ impl Drop for Writer {
 }
 
 /// The microseconds as stored in the file.
-fn micros(event: &Event) -> u32 {
+fn file_micros(event: &Event) -> u32 {
     u32::try_from(event.t.floor_micros()).expect("the order admits 0 <= t < 2^32 us only")
 }
 

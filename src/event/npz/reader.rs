@@ -62,15 +62,15 @@ impl Reader {
         self.labels.is_some()
     }
 
-    fn event(number: u64, t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8) -> Result<Event, EventFileError> {
+    fn decode_event(number: u64, t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8) -> Result<Event, EventFileError> {
         let t = i64::from_le_bytes(t);
         if !(0..END_US).contains(&t) {
-            return Err(wrong("t", number, t.into(), format!("0 to {}", END_US - 1)));
+            return Err(wrong_value("t", number, t.into(), format!("0 to {}", END_US - 1)));
         }
         let polarity = match p {
             0 => Polarity::Off,
             1 => Polarity::On,
-            p => return Err(wrong("p", number, p.into(), "0 or 1".to_owned())),
+            p => return Err(wrong_value("p", number, p.into(), "0 or 1".to_owned())),
         };
         let (x, y) = (u16::from_le_bytes(x), u16::from_le_bytes(y));
         Ok(Event { t: Timestamp::from_micros(t), x, y, polarity, label: Label::Signal })
@@ -89,13 +89,13 @@ impl EventSource for Reader {
         let (t, x) = (t.read::<8>(first, count)?, x.read::<2>(first, count)?);
         let (y, p) = (y.read::<2>(first, count)?, p.read::<1>(first, count)?);
         for (number, i) in (first..).zip(0..count) {
-            out.push(Self::event(number, t[i], x[i], y[i], p[i][0])?);
+            out.push(Self::decode_event(number, t[i], x[i], y[i], p[i][0])?);
         }
         if let Some(column) = &mut self.labels {
             let labels = column.read::<1>(first, count)?;
             for ((number, event), [stored]) in (first..).zip(out).zip(labels) {
-                let refusal = || wrong(LABEL.0, number, stored.into(), "0 or 1".to_owned());
-                event.label = Label::of(stored).ok_or_else(refusal)?;
+                let refusal = || wrong_value(LABEL.0, number, stored.into(), "0 or 1".to_owned());
+                event.label = Label::from_number(stored).ok_or_else(refusal)?;
             }
         }
         self.next += count as u64;
@@ -141,7 +141,7 @@ impl Column {
             other => return Err(refusal(format!("compressed by {other}, wanted deflate"))),
         };
         let mut data = CrcReader::new(data);
-        let head = npy::head(&mut data).map_err(|e| refusal(e.to_string()))?;
+        let head = npy::checked_header(&mut data).map_err(|e| refusal(e.to_string()))?;
         let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
         let (found, shape) = (header.dtype().descr(), header.shape());
         match shape {
@@ -178,6 +178,6 @@ impl Column {
     }
 }
 
-fn wrong(dataset: &'static str, index: u64, found: i128, wanted: String) -> EventFileError {
+fn wrong_value(dataset: &'static str, index: u64, found: i128, wanted: String) -> EventFileError {
     EventFileError::Value { dataset, index, found, wanted }
 }

@@ -58,7 +58,7 @@ impl Writer {
         for ((name, kind), column) in
             ARRAYS.into_iter().chain([LABEL]).zip(self.columns.iter_mut().chain(&mut self.labels))
         {
-            archive.start_file(format!("{name}.npy"), entry())?;
+            archive.start_file(format!("{name}.npy"), entry_options())?;
             write_npy_header(&mut archive, kind, count)?;
             std::io::copy(&mut column.rewound()?, &mut archive)?;
         }
@@ -85,7 +85,7 @@ impl EventSink for Writer {
 }
 
 /// Options of every entry. Sizes always have 64 bits, so that the bytes do not depend on a guess.
-fn entry() -> SimpleFileOptions {
+fn entry_options() -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(LEVEL))

@@ -3,7 +3,7 @@
 use super::text;
 use crate::event::{Event, EventSink};
 use crate::image::{Image, Size};
-use crate::units::amount;
+use crate::units::format_amount;
 use std::ops::Range;
 
 /// Maximum number of bars. For longer streams, neighbours are merged.
@@ -72,17 +72,17 @@ impl Rate {
         for quarter in 1..=4 {
             let away = quarter * HALF / 4;
             for row in [zero - away, zero + away] {
-                fill(&mut image, 0..width, row..row + 1, GRID);
+                fill_rectangle(&mut image, 0..width, row..row + 1, GRID);
             }
         }
         let most = self.bars.iter().flatten().copied().max().unwrap_or(0).max(1);
         for (number, &[off, on]) in self.bars.iter().enumerate() {
             let columns = number * wide..(number + 1) * wide;
-            let [up, down] = [on, off].map(|count| tall(count, most));
-            fill(&mut image, columns.clone(), zero - up..zero, ON);
-            fill(&mut image, columns, zero + 1..zero + 1 + down, OFF);
+            let [up, down] = [on, off].map(|count| bar_rows(count, most));
+            fill_rectangle(&mut image, columns.clone(), zero - up..zero, ON);
+            fill_rectangle(&mut image, columns, zero + 1..zero + 1 + down, OFF);
         }
-        fill(&mut image, 0..width, zero..zero + 1, AXIS);
+        fill_rectangle(&mut image, 0..width, zero..zero + 1, AXIS);
         self.label(&mut image, most);
         image
     }
@@ -91,14 +91,14 @@ impl Rate {
     fn label(&self, image: &mut Image<[u8; 3]>, most: u64) {
         let Size { width, height } = image.size();
         let hz = u128::from(most) * 1_000_000 / u128::from(self.bar_us.unsigned_abs());
-        text::write(image, [3, 3], &amount(u64::try_from(hz).unwrap_or(u64::MAX), "ev/s"));
+        text::draw_text(image, [3, 3], &format_amount(u64::try_from(hz).unwrap_or(u64::MAX), "ev/s"));
         let begin = self.begin_us.unwrap_or(0);
         let end =
             begin.saturating_add(self.bar_us.saturating_mul(self.bars.len().try_into().unwrap_or(i64::MAX)));
         let [begin, end] = [begin, end.min(self.window_us.end)].map(|us| format!("{} s", us as f64 / 1e6));
         let bottom = height - 10;
-        text::write(image, [3, bottom], &begin);
-        text::write(image, [width.saturating_sub(3 + text::width(&end)), bottom], &end);
+        text::draw_text(image, [3, bottom], &begin);
+        text::draw_text(image, [width.saturating_sub(3 + text::text_width(&end)), bottom], &end);
     }
 
     /// Extends the bars up to a time after the start of the first.
@@ -135,12 +135,12 @@ impl EventSink for Rate {
 }
 
 /// Number of rows of a bar; at least one if there is an event.
-fn tall(count: u64, most: u64) -> usize {
+fn bar_rows(count: u64, most: u64) -> usize {
     let rows = (u128::from(count) * HALF as u128).div_ceil(u128::from(most));
     usize::try_from(rows).unwrap_or(HALF)
 }
 
-fn fill(image: &mut Image<[u8; 3]>, columns: Range<usize>, rows: Range<usize>, colour: [u8; 3]) {
+fn fill_rectangle(image: &mut Image<[u8; 3]>, columns: Range<usize>, rows: Range<usize>, colour: [u8; 3]) {
     let width = image.size().width as usize;
     for row in rows {
         image.pixels_mut()[row * width..][columns.clone()].fill(colour);

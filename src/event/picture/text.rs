@@ -7,7 +7,7 @@ const STEP: u32 = 6;
 const COLOUR: [u8; 3] = [64; 3];
 
 /// Columns of a letter, with the top row in the lowest bit. Unknown letters are blank.
-fn glyph(letter: char) -> [u8; 5] {
+fn letter_columns(letter: char) -> [u8; 5] {
     match letter {
         '0' => [0x3e, 0x51, 0x49, 0x45, 0x3e],
         '1' => [0x00, 0x42, 0x7f, 0x40, 0x00],
@@ -33,15 +33,15 @@ fn glyph(letter: char) -> [u8; 5] {
 }
 
 /// Width of a text, px.
-pub(super) fn width(text: &str) -> u32 {
+pub(super) fn text_width(text: &str) -> u32 {
     STEP * u32::try_from(text.chars().count()).expect("labels are short")
 }
 
 /// Draws a text with its upper left corner at a pixel. Parts outside the picture are clipped.
-pub(super) fn write(image: &mut Image<[u8; 3]>, [left, top]: [u32; 2], text: &str) {
+pub(super) fn draw_text(image: &mut Image<[u8; 3]>, [left, top]: [u32; 2], text: &str) {
     let Size { width, height } = image.size();
     for (place, letter) in (0u32..).zip(text.chars()) {
-        for (column, bits) in (0u32..).zip(glyph(letter)) {
+        for (column, bits) in (0u32..).zip(letter_columns(letter)) {
             for row in (0u32..7).filter(|row| bits >> row & 1 == 1) {
                 let (x, y) = (left + place * STEP + column, top + row);
                 if x < width && y < height {

@@ -66,7 +66,7 @@ impl Reader {
         let (mut first, mut is_empty) = (None, true);
         while let Some(line) = lines.next()? {
             is_empty &= line.trim().is_empty();
-            if !head.takes(&line).map_err(|because| at(lines.number, &because))? {
+            if !head.takes(&line).map_err(|because| error_at(lines.number, &because))? {
                 first = Some(line);
                 break;
             }
@@ -97,14 +97,14 @@ impl Reader {
     }
 
     fn event(&self, line: &str) -> Result<Event, String> {
-        let fields: Vec<&str> = fields(line).collect();
+        let fields: Vec<&str> = split_fields(line).collect();
         let field = |k: usize| {
             let found = fields.get(self.places[k]);
             found.ok_or_else(|| {
                 format!("{} columns, and {} is in column {}", fields.len(), NAMES[k], self.places[k] + 1)
             })
         };
-        let t = time(field(0)?, self.unit)?;
+        let t = parse_time(field(0)?, self.unit)?;
         if !(0..END_US).contains(&t.floor_micros()) {
             return Err(format!("t = {} us, wanted 0 to {}", t.floor_micros(), END_US - 1));
         }
@@ -130,7 +130,7 @@ impl EventSource for Reader {
             let Some(line) = self.line()? else { break };
             let told = line.split('#').next().unwrap_or_default();
             if !told.trim().is_empty() {
-                out.push(self.event(told).map_err(|because| at(self.lines.number, &because))?);
+                out.push(self.event(told).map_err(|because| error_at(self.lines.number, &because))?);
             }
         }
         Ok(!out.is_empty())
@@ -149,7 +149,7 @@ impl Lines {
     fn next(&mut self) -> Result<Option<String>, EventFileError> {
         let Some(line) = self.input.next() else { return Ok(None) };
         self.number += 1;
-        let mut line = line.map_err(|e| at(self.number, &e.to_string()))?;
+        let mut line = line.map_err(|e| error_at(self.number, &e.to_string()))?;
         if self.number == 1 && line.starts_with(BYTE_ORDER_MARK) {
             line.drain(..BYTE_ORDER_MARK.len());
         }
@@ -171,7 +171,7 @@ impl Head {
             let size = comment.split_once("sensor ").and_then(|(_, size)| size.trim().split_once('x'));
             return self.sized(size).map(|()| true);
         }
-        let fields: Vec<&str> = fields(line).collect();
+        let fields: Vec<&str> = split_fields(line).collect();
         match fields[..] {
             [] => Ok(true),
             [width, height] => self.sized(Some((width, height))).map(|()| true),
@@ -205,17 +205,17 @@ impl Head {
     }
 }
 
-fn at(line: u64, because: &str) -> EventFileError {
+fn error_at(line: u64, because: &str) -> EventFileError {
     EventFileError::Container(format!("line {line}: {because}"))
 }
 
-fn fields(line: &str) -> impl Iterator<Item = &str> {
+fn split_fields(line: &str) -> impl Iterator<Item = &str> {
     line.split(|c: char| c.is_whitespace() || c == ',' || c == ';').filter(|field| !field.is_empty())
 }
 
 /// A decimal time, digit by digit: seconds since 1970 to the microsecond have more digits than an
 /// f64. Digits below a nanosecond are cut off.
-fn time(text: &str, unit: Option<TimeUnit>) -> Result<Timestamp, String> {
+fn parse_time(text: &str, unit: Option<TimeUnit>) -> Result<Timestamp, String> {
     let refuse = || format!("t = {text}, wanted a decimal number");
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     let unit = match unit {

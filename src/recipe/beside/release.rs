@@ -74,19 +74,20 @@ pub(super) struct Raw {
 }
 
 /// Returns the content of the file, completed with defaults.
-pub(super) fn info(raw: &Raw, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
+pub(super) fn release_info(raw: &Raw, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
     let default = ReleaseInfo::default();
-    let name = text(resolver, &raw.name, default.name);
+    let name = resolve_text(resolver, &raw.name, default.name);
     let version = resolver.formed(&raw.version, forms::VERSION).map(|given| given.unwrap_or(default.version));
     let url = resolver.formed(&raw.url, forms::URL).map(|given| given.unwrap_or(default.url));
-    let creator = text(resolver, &raw.creator, default.creator);
+    let creator = resolve_text(resolver, &raw.creator, default.creator);
     let date = resolver.formed(&raw.date_published, forms::DAY);
     let date = date.map(|given| given.unwrap_or(default.date_published));
-    let cite_as = text(resolver, &raw.cite_as, default.cite_as);
-    let description = text(resolver, &raw.description, default.description);
+    let cite_as = resolve_text(resolver, &raw.cite_as, default.cite_as);
+    let description = resolve_text(resolver, &raw.description, default.description);
     let [contact, purpose, funding, maintenance] =
-        [&raw.contact, &raw.purpose, &raw.funding, &raw.maintenance].map(|field| optional(resolver, field));
-    let splits = splits::splits(&raw.splits, resolver);
+        [&raw.contact, &raw.purpose, &raw.funding, &raw.maintenance]
+            .map(|field| optional_text(resolver, field));
+    let splits = splits::resolve_splits(&raw.splits, resolver);
     Some(ReleaseInfo {
         name: name?,
         version: version?,
@@ -103,12 +104,12 @@ pub(super) fn info(raw: &Raw, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
     })
 }
 
-fn text(resolver: &Resolver<'_>, field: &Field<String>, default: String) -> Option<String> {
+fn resolve_text(resolver: &Resolver<'_>, field: &Field<String>, default: String) -> Option<String> {
     let Some((text, place)) = field.given() else { return field.is_absent().then_some(default) };
     resolver.filled(text, place)
 }
 
-fn optional(resolver: &Resolver<'_>, field: &Field<String>) -> Option<Option<String>> {
+fn optional_text(resolver: &Resolver<'_>, field: &Field<String>) -> Option<Option<String>> {
     let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
     resolver.filled(text, place).map(Some)
 }

@@ -44,7 +44,7 @@ enum Redistribute {
 }
 
 /// Returns the statements of the file.
-pub(super) fn terms(raw: &Raw, resolver: &Resolver<'_>) -> Option<SourceTerms> {
+pub(super) fn source_terms(raw: &Raw, resolver: &Resolver<'_>) -> Option<SourceTerms> {
     let sources = [
         ("mvimgnet", &raw.mvimgnet),
         ("dl3dv", &raw.dl3dv),
@@ -56,13 +56,13 @@ pub(super) fn terms(raw: &Raw, resolver: &Resolver<'_>) -> Option<SourceTerms> {
     let stated: Vec<Option<(String, Redistribution)>> = given
         .map(|(name, entry)| {
             let (entry, place) = entry.given()?;
-            Some((name.to_owned(), redistribution(entry, place, resolver)?))
+            Some((name.to_owned(), redistribution_terms(entry, place, resolver)?))
         })
         .collect();
     stated.into_iter().collect()
 }
 
-fn redistribution(entry: &Entry, place: Place, resolver: &Resolver<'_>) -> Option<Redistribution> {
+fn redistribution_terms(entry: &Entry, place: Place, resolver: &Resolver<'_>) -> Option<Redistribution> {
     let help = "write { redistribute: allowed, because: why this may be said }, or remove the source";
     let allowed = resolver.required(&entry.redistribute, "redistribute", place, help);
     let because = resolver.required(&entry.because, "because", place, help);

@@ -8,7 +8,7 @@
 
 use crate::recipe::field::Field;
 use crate::recipe::names;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::text::Place;
 use crate::units::brief;
@@ -92,7 +92,7 @@ pub(super) struct Raw {
 const HELP: &str = "write splits: { by: object, shares: { train: 0.8, val: 0.1, test: 0.1 } }";
 
 /// Resolves the section; `Some(None)` if it is absent.
-pub(super) fn splits(field: &Field<Raw>, resolver: &Resolver<'_>) -> Option<Option<Splits>> {
+pub(super) fn resolve_splits(field: &Field<Raw>, resolver: &Resolver<'_>) -> Option<Option<Splits>> {
     let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
     let by = resolver.required(&raw.by, "by", place, HELP).map(|(by, _)| *by);
     let shares = resolver.required(&raw.shares, "shares", place, HELP);
@@ -116,9 +116,9 @@ fn shares_of(
 ) -> Option<(BTreeMap<String, f64>, Place)> {
     let share = |(name, share): (&String, &Field<f64>)| {
         let (share, place) = share.given()?;
-        if let Err(because) = names::sensor(name) {
+        if let Err(because) = names::check_sensor(name) {
             return resolver
-                .refuse(Problem::new(format!("the split {} is one {because}", quoted(name))).at(place));
+                .refuse(Problem::new(format!("the split {} is one {because}", quote_text(name))).at(place));
         }
         Some((name.clone(), *share))
     };
@@ -130,7 +130,7 @@ fn shares_of(
 mod tests {
     use super::*;
 
-    fn splits(shares: &[(&str, f64)], salt: &str) -> Splits {
+    fn resolve_splits(shares: &[(&str, f64)], salt: &str) -> Splits {
         let shares = shares.iter().map(|(name, share)| ((*name).to_owned(), *share)).collect();
         Splits { by: By::Object, shares, salt: salt.into() }
     }
@@ -140,7 +140,7 @@ mod tests {
         // By sha256sum of "\0a": 022a6979…, a fraction of 0.008; of "\0b" 0.343, "\0f" 0.959,
         // "s\0a" 0.301.
         let t = |salt, key, wanted| {
-            assert_eq!(splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], salt).of(key), wanted);
+            assert_eq!(resolve_splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], salt).of(key), wanted);
         };
         t("", "a", "test");
         t("", "b", "train");
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn shares_are_reached_in_the_long_run_and_salts_deal_anew() {
-        let [a, b] = ["", "again"].map(|salt| splits(&[("train", 0.7), ("test", 0.3)], salt));
+        let [a, b] = ["", "again"].map(|salt| resolve_splits(&[("train", 0.7), ("test", 0.3)], salt));
         let keys: Vec<String> = (0..10_000).map(|i| format!("dl3dv/{i}")).collect();
         let tests = |splits: &Splits| keys.iter().filter(|key| splits.of(key) == "test").count();
         // The standard deviation of the binomial distribution is 46; the bound is 4 of them.
@@ -162,10 +162,10 @@ mod tests {
 
     #[test]
     fn shares_are_parts_of_one() {
-        assert_eq!(splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], "").fault(), None);
-        assert_eq!(splits(&[("all", 1.0)], "").fault(), None);
+        assert_eq!(resolve_splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], "").fault(), None);
+        assert_eq!(resolve_splits(&[("all", 1.0)], "").fault(), None);
         for shares in [&[][..], &[("a", 0.5), ("b", 0.4)], &[("a", 1.5), ("b", -0.5)], &[("a", f64::NAN)]] {
-            assert!(splits(shares, "").fault().is_some(), "{shares:?}");
+            assert!(resolve_splits(shares, "").fault().is_some(), "{shares:?}");
         }
     }
 }

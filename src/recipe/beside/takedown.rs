@@ -5,7 +5,7 @@ use crate::files::is_there;
 use crate::recipe::fault::{Fault, Faults};
 use crate::recipe::find::{self, TAKEDOWN};
 use crate::recipe::load::read_text;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::text::{Place, Text};
 use crate::recipe::{Recipe, RecipeFile, forms, names};
 use std::collections::{BTreeMap, BTreeSet};
@@ -72,7 +72,7 @@ impl Takedown {
                 Err(fault) => faults.push(fault),
             }
         }
-        Faults::or(list, faults)
+        Faults::value_or(list, faults)
     }
 
     /// Adds the lines of a file and returns their faults.
@@ -85,12 +85,12 @@ impl Takedown {
                 // Lines and their words are slices of the text, so the distance of their starts is
                 // their offset.
                 let at = from.as_ptr() as usize - texts[0].body.as_ptr() as usize;
-                Place { file: 0, start: bytes(at), end: bytes(at + from.len()) }
+                Place { file: 0, start: byte_place(at), end: byte_place(at + from.len()) }
             };
             if line.is_empty() || line.starts_with('#') {
                 continue;
             }
-            match entry(line) {
+            match parse_entry(line) {
                 Ok((id, day)) => {
                     let known = self.0.entry(id.to_lowercase()).or_insert_with(|| day.to_owned());
                     if day < known.as_str() {
@@ -124,7 +124,7 @@ fn ids<'a>(scene: &'a str, kind: &'a str, upstream_id: Option<&'a str>) -> impl 
 }
 
 /// A place in a file of at most as many bytes as the reader takes.
-fn bytes(at: usize) -> u32 {
+fn byte_place(at: usize) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
 
@@ -132,15 +132,15 @@ const HELP: &str =
     "a line is an id, a day and perhaps a reason: dl3dv/0a1b 2025-06-01 asked for by the owner";
 
 /// Splits a line into id and day. The error holds the wrong word and the message.
-fn entry(line: &str) -> Result<(&str, &str), (&str, String)> {
+fn parse_entry(line: &str) -> Result<(&str, &str), (&str, String)> {
     let mut words = line.split_whitespace();
     let id = words.next().unwrap_or(line);
     if let Err(because) = names::id_parts(id) {
-        return Err((id, format!("{} can name no scene: an id {because}", quoted(id))));
+        return Err((id, format!("{} can name no scene: an id {because}", quote_text(id))));
     }
     let Some(day) = words.next() else { return Err((line, "the line has no day".into())) };
     if !forms::DAY.holds(day) {
-        return Err((day, format!("the day is {}, wanted one such as 2025-05-21", quoted(day))));
+        return Err((day, format!("the day is {}, wanted one such as 2025-05-21", quote_text(day))));
     }
     Ok((id, day))
 }
@@ -160,9 +160,9 @@ pub fn read_takedown(paths: &[PathBuf]) -> Result<Takedown, Faults> {
 /// # Errors
 /// Same as for [`Takedown::read`].
 pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown, Faults> {
-    let root = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
+    let root = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::parent_folder(path) };
     let roots: BTreeSet<PathBuf> = paths.iter().map(root).collect();
-    let homes: BTreeSet<PathBuf> = recipes.iter().map(|recipe| find::folder(&recipe.path)).collect();
+    let homes: BTreeSet<PathBuf> = recipes.iter().map(|recipe| find::parent_folder(&recipe.path)).collect();
     let above = |home: &PathBuf| {
         let inside = |folder: &&Path| roots.iter().any(|root| folder.starts_with(root));
         home.ancestors().take_while(inside).map(Path::to_owned).collect::<Vec<_>>()
@@ -171,7 +171,7 @@ pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown
     let misnamed: Vec<Fault> = folders.iter().flat_map(|folder| misnamed_in(folder)).collect();
     let files = folders.into_iter().map(|folder| folder.join(TAKEDOWN)).filter(|file| is_there(file));
     let read = Takedown::read(&files.collect::<Vec<_>>())?;
-    Faults::or(read, misnamed)
+    Faults::value_or(read, misnamed)
 }
 
 /// Files of a folder whose name differs from `takedown.txt` in the case of letters.

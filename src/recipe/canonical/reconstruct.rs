@@ -5,7 +5,7 @@ use crate::reconstruct::{Argument, Command};
 use serde_json::{Map, Value, json};
 
 /// Returns all known fields; file paths are as written.
-pub(super) fn command(raw: &schema::Recipe, command: &Command) -> Value {
+pub(super) fn command_value(raw: &schema::Recipe, command: &Command) -> Value {
     let texts = |list: &[Argument]| list.iter().map(Argument::to_string).collect::<Vec<_>>();
     let mut out = json!({
         "program": command.program.to_string(),
@@ -26,11 +26,11 @@ pub(super) fn command(raw: &schema::Recipe, command: &Command) -> Value {
     let told = command.min_psnr.to_bits() != Command::MIN_PSNR_DB.to_bits();
     add("min_psnr", told.then(|| json!(command.min_psnr)));
     add("environment", (!command.environment.is_empty()).then(|| json!(command.environment)));
-    add("files", (!command.files.is_empty()).then(|| files(raw)));
+    add("files", (!command.files.is_empty()).then(|| files_value(raw)));
     out
 }
 
-fn files(raw: &schema::Recipe) -> Value {
+fn files_value(raw: &schema::Recipe) -> Value {
     let Some((schema::Reconstruct::Command(written), _)) = raw.reconstruct.given() else {
         return Value::Null;
     };

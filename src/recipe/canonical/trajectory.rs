@@ -1,6 +1,6 @@
 //! Trajectories in the merged recipe: one entry per written trajectory, however many groups it has.
 
-use super::{ratio, written};
+use super::{ratio_value, written_text};
 use crate::recipe::resolve::trajectory::{CONSTANT_SPEED, PAPERS_SPEED};
 use crate::recipe::{TrajectoryRecipe, schema};
 use crate::speed::Speed;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 /// Returns the list, each trajectory as written. The first group of a novel trajectory represents
 /// all its groups.
-pub(super) fn all(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value> {
+pub(super) fn trajectory_values(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value> {
     let Some((items, _)) = raw.trajectories.given() else { return Vec::new() };
     let mut rest = list;
     let mut shown = Vec::with_capacity(items.len());
@@ -22,26 +22,28 @@ pub(super) fn all(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value>
         let Some(first) = rest.first() else { break };
         let groups = rest.iter().take_while(|t| t.written == first.written).count();
         rest = &rest[groups..];
-        shown.push(one(raw, first));
+        shown.push(trajectory_value(raw, first));
     }
     shown
 }
 
-fn one(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
+fn trajectory_value(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
     let (kind, path) = match &trajectory.path {
-        Path::Refine(path) => ("refine", refine(path)),
-        Path::Novel(path) => ("novel", novel(path, trajectory.base.as_deref())),
-        Path::Orbit(path) => ("orbit", orbit(path)),
-        Path::Keyframes(path) => ("keyframes", keyframes(path)),
+        Path::Refine(path) => ("refine", refine_value(path)),
+        Path::Novel(path) => ("novel", novel_value(path, trajectory.base.as_deref())),
+        Path::Orbit(path) => ("orbit", orbit_value(path)),
+        Path::Keyframes(path) => ("keyframes", keyframes_value(path)),
     };
-    json!({ "name": trajectory.written, kind: path, "speed": speed(raw, trajectory) })
+    json!({ "name": trajectory.written, kind: path, "speed": speed_value(raw, trajectory) })
 }
 
 /// Formulae are shown as written.
-fn speed(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
+fn speed_value(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
     let function = match raw.speed.given() {
-        Some((schema::Speed::Function(text), _)) => written(text),
-        Some((schema::Speed::Flow(flow), _)) => flow.given().and_then(|(flow, _)| written(&flow.function)),
+        Some((schema::Speed::Function(text), _)) => written_text(text),
+        Some((schema::Speed::Flow(flow), _)) => {
+            flow.given().and_then(|(flow, _)| written_text(&flow.function))
+        }
         _ => None,
     };
     match &trajectory.speed {
@@ -56,21 +58,21 @@ fn speed(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
     }
 }
 
-fn refine(refine: &Refine) -> Value {
+fn refine_value(refine: &Refine) -> Value {
     let path = json!({
         "window": refine.window,
         "order": refine.order,
         "rotation": refine.rotation,
         "ends": refine.ends,
-        "metric": { "scale": scale(refine.scale) },
+        "metric": { "scale": scale_value(refine.scale) },
         "gaps": refine.gaps,
         "curve": refine.curve,
         "literal": refine.literal,
     });
-    counted(path, refine.count)
+    counted_value(path, refine.count)
 }
 
-fn novel(novel: &Novel, base: Option<&str>) -> Value {
+fn novel_value(novel: &Novel, base: Option<&str>) -> Value {
     let path = json!({
         "base": base,
         "groups": novel.groups,
@@ -81,30 +83,30 @@ fn novel(novel: &Novel, base: Option<&str>) -> Value {
         },
         "literal": novel.literal,
     });
-    counted(path, novel.count)
+    counted_value(path, novel.count)
 }
 
-fn orbit(orbit: &Orbit) -> Value {
+fn orbit_value(orbit: &Orbit) -> Value {
     let mut path = json!({ "arc": orbit.arc });
     for (key, value) in [("centre", orbit.centre), ("from", orbit.from), ("up", orbit.up)] {
         if let Some(value) = value {
             path[key] = json!(value);
         }
     }
-    counted(path, orbit.count)
+    counted_value(path, orbit.count)
 }
 
-fn keyframes(keyframes: &Keyframes) -> Value {
+fn keyframes_value(keyframes: &Keyframes) -> Value {
     let path = json!({
-        "poses": keyframes.poses.iter().map(keyframe).collect::<Vec<_>>(),
-        "metric": { "scale": scale(keyframes.scale) },
+        "poses": keyframes.poses.iter().map(keyframe_value).collect::<Vec<_>>(),
+        "metric": { "scale": scale_value(keyframes.scale) },
         "curve": keyframes.curve,
         "literal": keyframes.literal,
     });
-    counted(path, keyframes.count)
+    counted_value(path, keyframes.count)
 }
 
-fn keyframe(keyframe: &Keyframe) -> Value {
+fn keyframe_value(keyframe: &Keyframe) -> Value {
     let position = keyframe.position;
     match keyframe.facing {
         Facing::Rotation(rotation) => json!({ "position": position, "rotation": rotation }),
@@ -113,18 +115,18 @@ fn keyframe(keyframe: &Keyframe) -> Value {
 }
 
 /// Adds the number of poses to a path, if it is a choice.
-fn counted(mut path: Value, count: Count) -> Value {
+fn counted_value(mut path: Value, count: Count) -> Value {
     let (key, value) = match count {
-        Count::Factor(factor) => ("factor", ratio(factor)),
+        Count::Factor(factor) => ("factor", ratio_value(factor)),
         Count::Frames(frames) => ("frames", json!(frames)),
-        Count::Duration(seconds) => ("duration", ratio(seconds)),
+        Count::Duration(seconds) => ("duration", ratio_value(seconds)),
         Count::Flow => return path,
     };
     path[key] = value;
     path
 }
 
-fn scale(scale: Scale) -> Value {
+fn scale_value(scale: Scale) -> Value {
     match scale {
         Scale::Scene => json!("scene"),
         Scale::None => json!("none"),

@@ -2,7 +2,7 @@
 
 /// Parses a finite real in decimal form; -0 becomes 0. Returns `None` for `.nan`, `.inf`, overflow,
 /// and text that is no number.
-pub(super) fn real(text: &str) -> Option<f64> {
+pub(super) fn parse_real(text: &str) -> Option<f64> {
     let spelled = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
     let value: f64 = text.parse().ok().filter(|v: &f64| spelled && v.is_finite())?;
     Some(if value == 0.0 { 0.0 } else { value })
@@ -10,7 +10,7 @@ pub(super) fn real(text: &str) -> Option<f64> {
 
 /// Parses a whole number: decimal, `0x`, `0o`, or a real without a fraction below 2^53, for example
 /// `2e3`.
-pub(super) fn whole(text: &str) -> Option<i128> {
+pub(super) fn parse_whole(text: &str) -> Option<i128> {
     if let Some(digits) = text.strip_prefix("0x") {
         return i128::from_str_radix(digits, 16).ok();
     }
@@ -18,7 +18,7 @@ pub(super) fn whole(text: &str) -> Option<i128> {
         return i128::from_str_radix(digits, 8).ok();
     }
     text.parse().ok().or_else(|| {
-        let value = real(text)?;
+        let value = parse_real(text)?;
         let exact = value.fract() == 0.0 && value.abs() < (1_u64 << 53) as f64;
         #[expect(clippy::cast_possible_truncation, reason = "a whole number below 2^53")]
         exact.then_some(value as i128)
@@ -32,7 +32,7 @@ mod tests {
     #[test]
     fn reals_are_finite_and_decimal() {
         let t = |text: &str, wanted: Option<f64>| {
-            assert_eq!(real(text).map(f64::to_bits), wanted.map(f64::to_bits), "{text}");
+            assert_eq!(parse_real(text).map(f64::to_bits), wanted.map(f64::to_bits), "{text}");
         };
         for text in ["0.5", "0.50", ".5", "5e-1", "+0.5", "5E-1"] {
             t(text, Some(0.5));
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_are_told_by_value_not_by_spelling() {
-        let t = |text: &str, wanted: Option<i128>| assert_eq!(whole(text), wanted, "{text}");
+        let t = |text: &str, wanted: Option<i128>| assert_eq!(parse_whole(text), wanted, "{text}");
         t("30", Some(30));
         t("30.0", Some(30));
         t("3e1", Some(30));

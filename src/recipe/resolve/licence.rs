@@ -3,7 +3,7 @@
 use super::Resolver;
 use crate::licence::{Asset, Expression, Grant, SourceKind, ledger};
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::text::Place;
 use crate::recipe::{LicenceChoice, Source, forms, schema};
 
@@ -44,7 +44,7 @@ impl Resolver<'_> {
         };
         let Some((evidence, within)) = raw.evidence.given() else {
             if raw.evidence.is_absent() {
-                let found = quoted(&expression);
+                let found = quote_text(&expression);
                 let message = format!(
                     "is {found}, and {} states {} for everybody (licence-forbidden without evidence)",
                     asset.name,
@@ -68,11 +68,12 @@ impl Resolver<'_> {
     pub(super) fn tool_terms(&self, program: &str, text: &str, place: Place) -> Option<String> {
         let stated = self.spdx(text, place)?;
         let name = program.rsplit('/').next().unwrap_or(program);
-        let Some(asset) = ledger::tool(name) else { return Some(stated) };
+        let Some(asset) = ledger::find_tool(name) else { return Some(stated) };
         let parsed = Expression::parse(&stated).ok();
         let lacks = asset.ids.iter().find(|id| !parsed.as_ref().is_some_and(|terms| terms.demands(id)));
         let Some(id) = lacks else { return Some(stated) };
-        let message = format!("is {}, and {} is under {id} (licence-forbidden)", quoted(&stated), asset.name);
+        let message =
+            format!("is {}, and {} is under {id} (licence-forbidden)", quote_text(&stated), asset.name);
         let help = asset.evidence.iter().map(|evidence| format!("read {}: {}", evidence.url, evidence.says));
         self.refuse(Problem::of_field(message).help(help.collect::<Vec<_>>().join("; ")).at(place))
     }
@@ -99,5 +100,5 @@ fn upstream_of(source: &Source) -> Option<&'static Asset> {
         Source::Captured(_, upstream) => upstream.url.as_deref(),
         Source::Procedural(_) | Source::None => None,
     };
-    ledger::dataset(SourceKind::by_name(source.kind())?, url)
+    ledger::find_dataset(SourceKind::by_name(source.kind())?, url)
 }

@@ -2,7 +2,7 @@
 
 use super::Resolver;
 use crate::recipe::field::{Field, Literal};
-use crate::recipe::problem::{Problem, bare};
+use crate::recipe::problem::{Problem, bare_text};
 use crate::recipe::text::Place;
 use crate::units::{Ratio, brief};
 use std::fmt;
@@ -88,11 +88,12 @@ impl Resolver<'_> {
         };
         match text.parse::<Ratio>() {
             Ok(ratio) if range.holds(ratio.to_f64()) => Some(ratio),
-            Ok(_) => self.out_of_range(&bare(text), &range, place),
-            Err(_) if text.parse().is_ok_and(|value| range.holds(value)) => self
-                .refuse(Problem::of_field(format!("is {}, wanted at most 18 digits", bare(text))).at(place)),
+            Ok(_) => self.out_of_range(&bare_text(text), &range, place),
+            Err(_) if text.parse().is_ok_and(|value| range.holds(value)) => self.refuse(
+                Problem::of_field(format!("is {}, wanted at most 18 digits", bare_text(text))).at(place),
+            ),
             Err(_) => {
-                self.out_of_range(&bare(text), &format_args!("{range}, such as 5, 1.1 or 11/10"), place)
+                self.out_of_range(&bare_text(text), &format_args!("{range}, such as 5, 1.1 or 11/10"), place)
             }
         }
     }

@@ -19,7 +19,7 @@ impl Resolver<'_> {
             Field::Bad => return None,
             Field::Given(list, _) => list,
         };
-        let found: Vec<Option<(Output, Place)>> = list.iter().map(output).collect();
+        let found: Vec<Option<(Output, Place)>> = list.iter().map(resolve_output).collect();
         let mut outputs = BTreeSet::new();
         for (output, place) in found.into_iter().collect::<Option<Vec<_>>>()? {
             if !outputs.insert(output) {
@@ -56,7 +56,7 @@ impl Resolver<'_> {
     }
 }
 
-fn output(item: &Field<schema::Output>) -> Option<(Output, Place)> {
+fn resolve_output(item: &Field<schema::Output>) -> Option<(Output, Place)> {
     let (output, place) = item.given()?;
     let output = match output {
         schema::Output::Events => Output::Events,

@@ -23,7 +23,7 @@ impl Resolver<'_> {
     ) -> Option<Option<CameraChoice>> {
         let whole = source.is_some_and(|source| !source.has_views());
         if whole && field.is_absent() {
-            return self.refuse(Problem::missing("camera").help(WHOLE).at(self.root));
+            return self.refuse(Problem::missing_field("camera").help(WHOLE).at(self.root));
         }
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let help = "width and height are given together, in pixels";

@@ -37,10 +37,10 @@ impl Resolver<'_> {
             }
             (Field::Absent, Some(Source::Captured(..))) => {
                 let help = format!("{GIVEN}, the scene file that was trained on this source, {TRAINED}");
-                self.refuse(Problem::missing("reconstruct").help(help).at(self.root))
+                self.refuse(Problem::missing_field("reconstruct").help(help).at(self.root))
             }
             (Field::Absent, Some(Source::None)) => {
-                self.refuse(Problem::missing("reconstruct").help(GIVEN).at(self.root))
+                self.refuse(Problem::missing_field("reconstruct").help(GIVEN).at(self.root))
             }
             (Field::Absent, _) => Some(None),
             (Field::Given(_, place), Some(Source::Procedural(_))) => {

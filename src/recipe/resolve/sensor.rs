@@ -7,7 +7,7 @@ use super::Resolver;
 use super::number::Range;
 use crate::recipe::field::Field;
 use crate::recipe::names;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::schema;
 use crate::recipe::text::Place;
 use crate::sensor::voltmeter::{Between, Gain, Initial, Law, Preset, Voltmeter};
@@ -53,8 +53,8 @@ impl Resolver<'_> {
             // Sensor names are file names, and some systems ignore case.
             let found = format!(
                 "has {}, which differs from {} in case alone",
-                quoted(lower[&name.to_lowercase()]),
-                quoted(name)
+                quote_text(lower[&name.to_lowercase()]),
+                quote_text(name)
             );
             return self.refuse(Problem::of_field(found).help("choose another name").at(place));
         }
@@ -74,7 +74,7 @@ impl Resolver<'_> {
         rate: Option<Hertz>,
     ) -> Option<(String, Sensor)> {
         let place = field.place().unwrap_or(place);
-        let name = self.named(name, place, names::sensor(name), names::SENSOR_HELP);
+        let name = self.named(name, place, names::check_sensor(name), names::SENSOR_HELP);
         let sensor = self.sensor(field, between, rate);
         Some((name?, sensor?))
     }
@@ -138,7 +138,7 @@ impl Resolver<'_> {
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
         let gain = self.or(&raw.gain, schema::Gain::Log);
-        let initial = initial(&raw.initial);
+        let initial = resolve_initial(&raw.initial);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
         let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
@@ -193,7 +193,7 @@ impl Resolver<'_> {
         let names = Preset::ALL.map(Preset::name);
         Preset::by_name(name)
             .map(Preset::k)
-            .or_else(|| self.refuse(Problem::unknown("preset", name, &names).at(place)))
+            .or_else(|| self.refuse(Problem::unknown_name("preset", name, &names).at(place)))
     }
 
     /// Resolves the thresholds of ON and OFF, and their spread.
@@ -214,7 +214,7 @@ impl Resolver<'_> {
     }
 }
 
-fn initial(field: &Field<schema::Initial>) -> Option<Initial> {
+fn resolve_initial(field: &Field<schema::Initial>) -> Option<Initial> {
     match field {
         Field::Absent | Field::Given(schema::Initial::Zero, _) => Some(Initial::Zero),
         Field::Given(schema::Initial::Stationary, _) => Some(Initial::Stationary),

@@ -59,7 +59,7 @@ impl Resolver<'_> {
         };
         let selection = Selection { views: views?, exclude: exclude?, poses: poses? };
         let captured = Captured { kind, path: path?, selection };
-        let known = Upstream::of(&captured);
+        let known = Upstream::from_capture(&captured);
         let upstream = Upstream {
             id: id?.or(known.id),
             url: url?.or(known.url),
@@ -80,7 +80,7 @@ impl Resolver<'_> {
         };
         let pattern = |item: &Field<String>| {
             let (text, place) = item.given()?;
-            match source::pattern(text) {
+            match source::check_pattern(text) {
                 Ok(()) => self.filled(text, place),
                 Err(because) => self.refuse(Problem::of_field(format!("is no pattern: {because}")).at(place)),
             }

@@ -10,7 +10,7 @@ mod vector;
 
 use super::Resolver;
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::text::Place;
 use crate::recipe::{Source, TrajectoryRecipe, names, schema};
 use crate::speed::Speed;
@@ -77,12 +77,12 @@ impl Resolver<'_> {
         let (mut written, mut folders) = (BTreeSet::new(), BTreeSet::new());
         for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
             let Some((name, place)) = raw.name.given() else { continue };
-            let own = novel::folders(name, raw);
+            let own = novel::group_folders(name, raw);
             let repeated = own.iter().find(|folder| folders.contains(&folder.to_lowercase()));
             let message = if written.contains(&name.to_lowercase()) {
-                Some(format!("is {}, as an earlier trajectory's is", quoted(name)))
+                Some(format!("is {}, as an earlier trajectory's is", quote_text(name)))
             } else {
-                repeated.map(|folder| clash(name, folder))
+                repeated.map(|folder| clash_message(name, folder))
             };
             let help = "names are folders, which some systems tell apart without case";
             message.into_iter().for_each(|m| self.report(Problem::of_field(m).help(help).at(place)));
@@ -100,8 +100,9 @@ impl Resolver<'_> {
     ) -> Option<Vec<TrajectoryRecipe>> {
         let (raw, place) = item.given()?;
         let name = self.required(&raw.name, "name", place, "write name: base, its folder in the release");
-        let name =
-            name.and_then(|(name, at)| self.named(name, at, names::trajectory(name), names::TRAJECTORY_HELP));
+        let name = name.and_then(|(name, at)| {
+            self.named(name, at, names::check_trajectory(name), names::TRAJECTORY_HELP)
+        });
         // Every part is resolved before a fault returns, so that all faults are reported.
         let speed = self.speed(&raw.speed, raw.refine.is_absent(), setting.law);
         let flows = matches!(raw.speed.given(), Some((schema::Speed::Flow(_), _)));
@@ -153,8 +154,8 @@ impl Resolver<'_> {
     ) -> Option<Vec<TrajectoryRecipe>> {
         let place = raw.name.place()?;
         let group = |path: Novel| {
-            let name = novel::folder(written, path.group);
-            let name = self.named(&name, place, names::trajectory(&name), names::TRAJECTORY_HELP)?;
+            let name = novel::group_folder(written, path.group);
+            let name = self.named(&name, place, names::check_trajectory(&name), names::TRAJECTORY_HELP)?;
             let (written, base) = (written.to_owned(), Some(groups.base.clone()));
             Some(TrajectoryRecipe { name, written, path: Path::Novel(path), base, speed: speed.clone() })
         };
@@ -163,10 +164,14 @@ impl Resolver<'_> {
 }
 
 /// Message for a folder that an earlier trajectory already has.
-fn clash(name: &str, folder: &str) -> String {
+fn clash_message(name: &str, folder: &str) -> String {
     if name == folder {
-        format!("is {}, as a group of an earlier trajectory is called", quoted(name))
+        format!("is {}, as a group of an earlier trajectory is called", quote_text(name))
     } else {
-        format!("is {}, whose group {} is called as an earlier trajectory is", quoted(name), quoted(folder))
+        format!(
+            "is {}, whose group {} is called as an earlier trajectory is",
+            quote_text(name),
+            quote_text(folder)
+        )
     }
 }

@@ -1,7 +1,7 @@
 //! Parser of YAML text into the tree.
 
 use super::{Entry, Kind, MAX_BYTES, Node};
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::text::{Place, Text};
 use serde::Deserialize;
 use serde::de::{self, Visitor};
@@ -11,10 +11,10 @@ use unicode_normalization::is_nfc;
 
 /// Parses a file that contains one mapping, or nothing (`None`). `file` is the index for its
 /// places.
-pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, Vec<Problem>> {
+pub(in crate::recipe) fn parse_tree(text: &Text, file: u32) -> Result<Option<Node>, Vec<Problem>> {
     let body = text.body.as_str();
     refuse_tabs(body, file).map_err(|problem| vec![problem])?;
-    let raw: Raw = serde_saphyr::from_str_with_options(body, options(body))
+    let raw: Raw = serde_saphyr::from_str_with_options(body, parser_options(body))
         .map_err(|e| vec![problem_of(&e, text, file)])?;
     let mut problems = Vec::new();
     let node = raw.settle(body, file, &mut problems);
@@ -33,7 +33,7 @@ pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, V
 const MAX_REPEATED: usize = 8 << 20;
 
 /// Limits far above any recipe and far below what hurts; `<<` is refused, as `defaults.yaml` is how values are shared.
-fn options(body: &str) -> serde_saphyr::Options {
+fn parser_options(body: &str) -> serde_saphyr::Options {
     // The library counts what aliases repeat in values, not in bytes.
     let max_aliases = (MAX_REPEATED / body.len().max(1)).min(100);
     serde_saphyr::options! {
@@ -79,19 +79,19 @@ fn problem_of(error: &serde_saphyr::Error, text: &Text, file: u32) -> Problem {
     let place = error.location().map(|location| {
         let start = text.offset(usize_of(location.line()), usize_of(location.column()));
         let bytes = location.span().byte_len().map_or(1, usize_of);
-        Place { file, start: short(start), end: short(start + bytes) }
+        Place { file, start: short_offset(start), end: short_offset(start + bytes) }
     });
-    let problem = told(error.without_snippet());
+    let problem = parser_problem(error.without_snippet());
     place.into_iter().fold(problem, Problem::at)
 }
 
-fn told(error: &serde_saphyr::Error) -> Problem {
+fn parser_problem(error: &serde_saphyr::Error) -> Problem {
     use serde_saphyr::Error as E;
     use serde_saphyr::budget::BudgetBreach;
     match error {
-        E::AliasError { error, .. } => told(error.without_snippet()),
+        E::AliasError { error, .. } => parser_problem(error.without_snippet()),
         E::DuplicateMappingKey { key, .. } => {
-            let key = key.as_deref().map_or_else(String::new, |key| format!(" {}", quoted(key)));
+            let key = key.as_deref().map_or_else(String::new, |key| format!(" {}", quote_text(key)));
             Problem::new(format!("duplicate key{key}")).help("each key stands once in a mapping")
         }
         E::MultipleDocuments { .. } | E::Budget { breach: BudgetBreach::Documents { .. }, .. } => {
@@ -106,12 +106,12 @@ fn told(error: &serde_saphyr::Error) -> Problem {
         E::MergeKeyNotAllowed { .. } => Problem::new("merge keys (<<) are not part of a recipe")
             .help("shared values go into defaults.yaml"),
         E::UnknownAnchor { .. } => Problem::new("not valid YAML: an alias without its anchor"),
-        other => Problem::new(format!("not valid YAML: {}", sentence(other))),
+        other => Problem::new(format!("not valid YAML: {}", parser_sentence(other))),
     }
 }
 
 /// Returns the reader's message without its ` at line L, column C`.
-fn sentence(error: &serde_saphyr::Error) -> String {
+fn parser_sentence(error: &serde_saphyr::Error) -> String {
     let full = error.render_with_formatter(&serde_saphyr::UserMessageFormatter);
     let head = full.rsplit_once(" at line ").map_or(full.as_str(), |(head, _)| head);
     head.lines().next().unwrap_or_default().to_owned()
@@ -122,7 +122,7 @@ fn usize_of(n: u64) -> usize {
 }
 
 /// Converts an offset. Offsets fit because files are shorter than [`MAX_BYTES`].
-fn short(offset: usize) -> u32 {
+fn short_offset(offset: usize) -> u32 {
     u32::try_from(offset).unwrap_or(u32::MAX)
 }
 
@@ -180,7 +180,7 @@ fn place_of(location: &serde_saphyr::Location, file: u32) -> Place {
     let span = location.span();
     let start = span.byte_offset().map_or(0, usize_of);
     let end = start + span.byte_len().map_or(0, usize_of);
-    Place { file, start: short(start), end: short(end) }
+    Place { file, start: short_offset(start), end: short_offset(end) }
 }
 
 impl<'de> Deserialize<'de> for Raw {

@@ -157,8 +157,8 @@ fn trajectory(
         return wanted;
     };
     wanted.push(("speed.json", Content::json_bytes(&speed)));
-    wanted.push(("trajectory.svg", picture::svg(&motion.trajectory, &motion.report).into_bytes()));
-    wanted.extend(path_picture::compose(motion).map(|picture| (path_picture::NAME, picture)));
+    wanted.push(("trajectory.svg", picture::trajectory_svg(&motion.trajectory, &motion.report).into_bytes()));
+    wanted.extend(path_picture::compose_picture(motion).map(|picture| (path_picture::NAME, picture)));
     wanted
 }
 
@@ -204,7 +204,8 @@ pub(super) fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[PublishedScene
 pub(super) fn constants(tree: &Tree<'_>) -> Vec<Fault> {
     let ids = tree.intact.keys().filter_map(|path| layout::licence_id(path));
     let listed = ids.filter(|id| crate::licence::is_listed(id));
-    let texts = listed.map(|id| (layout::licence_text(id), crate::licence::text(id, &[]).into_bytes()));
+    let texts =
+        listed.map(|id| (layout::licence_text(id), crate::licence::licence_text(id, &[]).into_bytes()));
     let loader = [(loader::NAME.to_owned(), loader::TEXT.as_bytes().to_vec())];
     texts.chain(loader).filter_map(|(path, wanted)| compare(tree, &path, &wanted)).collect()
 }
@@ -217,7 +218,7 @@ pub(super) fn spelling<T: serde::Serialize>(tree: &Tree<'_>, path: &str, value: 
 /// A file that has other bytes than those; `None` for one that is absent or not whole, which is another fault.
 fn compare(tree: &Tree<'_>, path: &str, wanted: &[u8]) -> Option<Fault> {
     let found = tree.intact.get(path)?;
-    if *found == checksum::sha256(wanted) {
+    if *found == checksum::sha256_hex(wanted) {
         return None;
     }
     let place = first_difference(&tree.path_of(path), wanted);

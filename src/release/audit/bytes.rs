@@ -13,12 +13,12 @@ use std::path::Path;
 pub(super) type Bytes = BTreeMap<String, Option<Hashes>>;
 
 /// Reads all files, in parallel.
-pub(super) fn hash(dir: &Path, files: &BTreeSet<String>) -> Bytes {
-    files.par_iter().map(|path| (path.clone(), checksum::both(&dir.join(path)).ok())).collect()
+pub(super) fn hash_files(dir: &Path, files: &BTreeSet<String>) -> Bytes {
+    files.par_iter().map(|path| (path.clone(), checksum::hash_file(&dir.join(path)).ok())).collect()
 }
 
 /// The files whose bytes are those of the sums, with their SHA-256.
-pub(super) fn intact<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a str, &'a str> {
+pub(super) fn intact_files<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a str, &'a str> {
     let same = |(path, sum): (&'a String, &'a String)| {
         let found = bytes.get(path)?.as_ref()?;
         (found.sha256 == *sum).then_some((path.as_str(), sum.as_str()))
@@ -38,12 +38,12 @@ pub(super) struct Stated<'a> {
 
 impl<'a> Stated<'a> {
     pub(super) fn new(sums: &'a Sums, b3: Option<&'a Sums>, manifest: Option<&'a Manifest>) -> Self {
-        Self { sums, b3, listed: manifest.map(listing) }
+        Self { sums, b3, listed: manifest.map(manifest_listing) }
     }
 }
 
 /// Holds the files that are there, the sums, and the manifest against each other.
-pub(super) fn compare(bytes: &Bytes, stated: &Stated<'_>, faults: &mut Vec<Fault>) {
+pub(super) fn compare_bytes(bytes: &Bytes, stated: &Stated<'_>, faults: &mut Vec<Fault>) {
     let sums = stated.sums;
     faults.extend(compare_lists(stated));
     for path in sums.keys().filter(|path| !bytes.contains_key(*path)) {
@@ -63,7 +63,7 @@ pub(super) fn compare(bytes: &Bytes, stated: &Stated<'_>, faults: &mut Vec<Fault
 }
 
 /// All files that the manifest lists.
-fn listing(manifest: &Manifest) -> BTreeMap<&str, &ManifestFile> {
+fn manifest_listing(manifest: &Manifest) -> BTreeMap<&str, &ManifestFile> {
     let scenes = manifest.scenes.iter().flat_map(|scene| &scene.files);
     manifest.files.iter().chain(scenes).map(|file| (file.path.as_str(), file)).collect()
 }
@@ -85,7 +85,7 @@ fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
             faults.push(Fault::of_file(Code::UnsafePath, path, because));
         } else if !stated.sums.contains_key(*path) {
             let who = others.iter().filter(|(_, paths, _)| paths.contains(path)).map(|(name, ..)| *name);
-            let message = format!("{}, SHA256SUMS does not", told(who, "lists it", "list it"));
+            let message = format!("{}, SHA256SUMS does not", sources_say(who, "lists it", "list it"));
             faults.push(Fault::of_file(Code::SumsDisagree, path, message));
         }
     }
@@ -95,7 +95,8 @@ fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
         };
         let who: Vec<&str> = others.iter().filter(lacks).map(|(name, ..)| *name).collect();
         if !who.is_empty() {
-            let message = format!("SHA256SUMS lists it, {}", told(who.into_iter(), "does not", "do not"));
+            let message =
+                format!("SHA256SUMS lists it, {}", sources_say(who.into_iter(), "does not", "do not"));
             faults.push(Fault::of_file(Code::SumsDisagree, path, message));
         }
     }
@@ -103,7 +104,7 @@ fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
 }
 
 /// `A says so`, `A and B say so`.
-fn told<'a>(who: impl Iterator<Item = &'a str>, one: &str, several: &str) -> String {
+fn sources_say<'a>(who: impl Iterator<Item = &'a str>, one: &str, several: &str) -> String {
     let who: Vec<&str> = who.collect();
     format!("{} {}", who.join(" and "), if who.len() == 1 { one } else { several })
 }
@@ -125,11 +126,11 @@ fn compare_file(path: &str, found: &Hashes, sum: &str, others: &[(&'static str, 
     match (found.sha256 == *sum, saying(true).next(), saying(false).next()) {
         (true, _, None) => None,
         (true, _, Some(_)) => {
-            let otherwise = told(saying(false), "says otherwise", "say otherwise");
+            let otherwise = sources_say(saying(false), "says otherwise", "say otherwise");
             disagree(format!("its bytes are what SHA256SUMS states, {otherwise}"))
         }
         (false, Some(_), _) => {
-            let states = told(saying(true), "states", "state");
+            let states = sources_say(saying(true), "states", "state");
             disagree(format!("its bytes are what {states}, SHA256SUMS says otherwise"))
         }
         (false, None, _) => {

@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 
 /// Reads a JSON file of a known form, if it is intact; keys that the form does not have are faults, and so is any spelling
 /// but the one in which the program writes.
-pub(super) fn parse<T: DeserializeOwned + Serialize>(
+pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
     tree: &Tree<'_>,
     path: &str,
     faults: &mut Vec<Fault>,
@@ -31,7 +31,7 @@ fn read<T: DeserializeOwned>(tree: &Tree<'_>, path: &str, faults: &mut Vec<Fault
 }
 
 /// `scene.json` against the manifest, and against the recipe that it carries.
-pub(super) fn scene(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
+pub(super) fn audit_scene(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
     let mut claims = Claims { path: format!("{}/scene.json", listed.id), faults: Vec::new() };
     claims.equal("id", &scene.id, "manifest.json", &listed.id);
     claims.equal("source", &scene.source.kind, "manifest.json", &listed.source);
@@ -42,8 +42,8 @@ pub(super) fn scene(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFi
     let seed = scene.recipe.get("seed").map_or("missing".into(), ToString::to_string);
     claims.equal("seed", &scene.seed.to_string(), "its recipe", &seed);
     let compact = serde_json::to_vec(&scene.recipe).expect("a JSON value is writable");
-    claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256(&compact));
-    if scene.conventions != Conventions::of(&scene.recipe) {
+    claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256_hex(&compact));
+    if scene.conventions != Conventions::for_brightness(&scene.recipe) {
         let message = "its conventions are not those of this release format and of its recipe".into();
         claims.fault(Code::ClaimsDisagree, message);
     }

@@ -46,33 +46,36 @@ impl Folder<'_> {
 }
 
 /// Audits the contents of a scene's files that are there; those that are not are faults already.
-pub(super) fn scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
+pub(super) fn audit_scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
     let part = &scene.camera;
     let size = Size { width: part.width, height: part.height };
     let camera = Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy };
-    let mut faults = photographed(tree, scene);
+    let mut faults = photo_faults(tree, scene);
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
         let folder = Folder { tree, path: &path, part, camera };
-        faults.extend(incomplete(&folder, scene));
-        let streams = streams(part).into_par_iter().filter(|(name, _)| folder.has(name));
-        let contents = streams.flat_map(|(name, stated)| events::audit(&folder, &name, stated));
+        faults.extend(missing_files(&folder, scene));
+        let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
+        let contents = streams.flat_map(|(name, stated)| events::audit_stream(&folder, &name, stated));
         faults.extend(contents.collect::<Vec<_>>());
         if folder.has("poses.txt") {
-            faults.extend(motion::audit(&folder));
+            faults.extend(motion::audit_motion(&folder));
         }
-        faults.extend(checks(tree, &folder.path_of(CHECKS)).1);
-        faults.extend(pictures::audit(&folder));
+        faults.extend(read_checks(tree, &folder.path_of(CHECKS)).1);
+        faults.extend(pictures::audit_pictures(&folder));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
 }
 
 /// The file of each event stream that a trajectory has where it has any, with what is counted of it.
-fn streams(part: &TrajectoryPart) -> Vec<(String, &Statistics)> {
+fn stream_files(part: &TrajectoryPart) -> Vec<(String, &Statistics)> {
     if part.sensors.is_empty() {
-        return vec![(Stream::released(None), &part.statistics)];
+        return vec![(Stream::released_name(None), &part.statistics)];
     }
-    part.sensors.iter().map(|(name, sensor)| (Stream::released(Some(name)), &sensor.statistics)).collect()
+    part.sensors
+        .iter()
+        .map(|(name, sensor)| (Stream::released_name(Some(name)), &sensor.statistics))
+        .collect()
 }
 
 /// The names of the pictures that a trajectory has in the tree, by its recipe.
@@ -87,7 +90,7 @@ pub(super) fn pictures_planned(tree: &Tree<'_>, scene: &SceneFile, part: &Trajec
     let poses = tree.path_of(&format!("{}/{}/poses.txt", scene.id, part.name));
     let lines = std::fs::metadata(poses).map_or(0, |file| file.len() / 16);
     let poses = part.poses.min(usize::try_from(lines).unwrap_or(usize::MAX));
-    pictures::wanted(poses, &scene.recipe, &|output| asks(scene, output))
+    pictures::wanted_names(poses, &scene.recipe, &|output| asks(scene, output))
 }
 
 /// Whether the recipe of a scene asks for an output.
@@ -97,11 +100,11 @@ fn asks(scene: &SceneFile, output: &str) -> bool {
 }
 
 /// The files that the scene's own description asks for and that are not there.
-fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
+fn missing_files(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
     let mut wanted: Vec<String> = layout::MOTION.map(str::to_owned).to_vec();
     wanted.extend([layout::TRANSFORMS, path_picture::NAME, CHECKS].map(str::to_owned));
     if asks(scene, "events") && !scene.licence.withheld {
-        wanted.extend(streams(folder.part).into_iter().map(|(name, _)| name));
+        wanted.extend(stream_files(folder.part).into_iter().map(|(name, _)| name));
     }
     wanted.extend(pictures_wanted(folder.tree, scene, folder.part));
     let absent = wanted.iter().filter(|name| !folder.has(name));
@@ -109,9 +112,9 @@ fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
 }
 
 /// The findings in a file, if it is there and intact, and what is wrong with them.
-fn checks(tree: &Tree<'_>, path: &str) -> (Vec<Finding>, Vec<Fault>) {
+fn read_checks(tree: &Tree<'_>, path: &str) -> (Vec<Finding>, Vec<Fault>) {
     let mut faults = Vec::new();
-    let findings: Vec<Finding> = claims::parse(tree, path, &mut faults).unwrap_or_default();
+    let findings: Vec<Finding> = claims::parse_claims(tree, path, &mut faults).unwrap_or_default();
     let failed = findings.iter().filter(|finding| finding.verdict == Verdict::Fail);
     faults.extend(failed.map(|f| {
         let message = format!("{} failed: {}", f.check, f.because);
@@ -121,7 +124,7 @@ fn checks(tree: &Tree<'_>, path: &str) -> (Vec<Finding>, Vec<Fault>) {
 }
 
 /// The checks of a scene that was photographed, against what its description says of them.
-fn photographed(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
+fn photo_faults(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
     let path = format!("{}/{CHECKS}", scene.id);
     if !tree.has(&path) {
         return match scene.images.first() {
@@ -129,7 +132,7 @@ fn photographed(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
             None => Vec::new(),
         };
     }
-    let (findings, mut faults) = checks(tree, &path);
+    let (findings, mut faults) = read_checks(tree, &path);
     let mean = |f: &&Finding| f.check == "recon_psnr" && f.subject.ends_with("#mean");
     let found = findings.iter().find(mean).and_then(|finding| finding.measured);
     let reconstruction = scene.reconstruction.as_ref();

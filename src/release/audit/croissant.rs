@@ -5,7 +5,7 @@ mod records;
 
 use super::{Code, Fault, Tree};
 use crate::release::croissant::{
-    CONFORMS_TO, NAME, REQUIRED, RESPONSIBLE, ROOT, SYNTHETIC, licence, matches, size,
+    CONFORMS_TO, NAME, REQUIRED, RESPONSIBLE, ROOT, SYNTHETIC, content_size, glob_matches, licence_address,
 };
 use crate::release::index::table::Table;
 use crate::release::manifest::{self, Manifest};
@@ -24,17 +24,17 @@ pub(super) struct Subject<'a> {
     pub(super) scenes: &'a [SceneFile],
 }
 
-fn fault(code: Code, message: impl Into<String>) -> Fault {
+fn croissant_fault(code: Code, message: impl Into<String>) -> Fault {
     Fault::of_file(code, NAME, message)
 }
 
 /// The id of a node, or the one that a reference holds.
-fn id(node: &Value) -> &str {
+fn node_id(node: &Value) -> &str {
     node["@id"].as_str().unwrap_or_default()
 }
 
 /// A list, also where a single node stands for it.
-fn list(value: &Value) -> &[Value] {
+fn node_list(value: &Value) -> &[Value] {
     match value {
         Value::Array(values) => values,
         Value::Null => &[],
@@ -42,29 +42,32 @@ fn list(value: &Value) -> &[Value] {
     }
 }
 
-pub(super) fn audit(subject: &Subject<'_>) -> Vec<Fault> {
+pub(super) fn audit_croissant(subject: &Subject<'_>) -> Vec<Fault> {
     if !subject.tree.has(NAME) {
-        return vec![fault(Code::Missing, "a release has one, and it is not there, or not whole")];
+        return vec![croissant_fault(Code::Missing, "a release has one, and it is not there, or not whole")];
     }
     let mut faults = Vec::new();
-    let Some(file) = super::claims::parse::<Value>(subject.tree, NAME, &mut faults) else { return faults };
-    faults.extend(fields(&file));
-    faults.extend(claims(&file, subject.manifest));
-    faults.extend(ids(&file));
-    for node in list(&file["distribution"]) {
+    let Some(file) = super::claims::parse_claims::<Value>(subject.tree, NAME, &mut faults) else {
+        return faults;
+    };
+    faults.extend(field_faults(&file));
+    faults.extend(claim_faults(&file, subject.manifest));
+    faults.extend(id_faults(&file));
+    for node in node_list(&file["distribution"]) {
         match node["@type"].as_str() {
-            Some("cr:FileObject") if id(node) == ROOT => {}
-            Some("cr:FileObject") => faults.extend(object(node, subject)),
-            Some("cr:FileSet") => faults.extend(set(node, &file, subject)),
-            kind => faults.push(fault(Code::CroissantField, format!("`{}` is a {kind:?}", id(node)))),
+            Some("cr:FileObject") if node_id(node) == ROOT => {}
+            Some("cr:FileObject") => faults.extend(object_faults(node, subject)),
+            Some("cr:FileSet") => faults.extend(set_faults(node, &file, subject)),
+            kind => faults
+                .push(croissant_fault(Code::CroissantField, format!("`{}` is a {kind:?}", node_id(node)))),
         }
     }
-    faults.extend(records::audit(&file, subject));
+    faults.extend(records::audit_records(&file, subject));
     faults
 }
 
 /// What must be there, and what is none of the vocabulary.
-fn fields(file: &Value) -> Vec<Fault> {
+fn field_faults(file: &Value) -> Vec<Fault> {
     let is_empty = |value: &Value| match value {
         Value::Null => true,
         Value::String(text) => text.trim().is_empty(),
@@ -74,58 +77,61 @@ fn fields(file: &Value) -> Vec<Fault> {
     };
     let lacking = REQUIRED.into_iter().filter(|name| is_empty(&file[*name]));
     let mut faults: Vec<Fault> =
-        lacking.map(|name| fault(Code::CroissantField, format!("it has no {name}"))).collect();
+        lacking.map(|name| croissant_fault(Code::CroissantField, format!("it has no {name}"))).collect();
     for (name, wanted) in
         [("@type", Value::from("sc:Dataset")), ("conformsTo", CONFORMS_TO.into()), (SYNTHETIC, true.into())]
     {
         if file[name] != wanted {
             let message = format!("its {name} is {}, wanted {wanted}", file[name]);
-            faults.push(fault(Code::CroissantField, message));
+            faults.push(croissant_fault(Code::CroissantField, message));
         }
     }
     let keys = file.as_object().into_iter().flat_map(|fields| fields.keys());
     let unknown = keys.filter(|key| key.starts_with("rai:") && !RESPONSIBLE.contains(&key.as_str()));
-    faults.extend(unknown.map(|key| fault(Code::CroissantUnknown, format!("it has a field {key}"))));
+    faults
+        .extend(unknown.map(|key| croissant_fault(Code::CroissantUnknown, format!("it has a field {key}"))));
     faults
 }
 
 /// What the manifest says too.
-fn claims(file: &Value, manifest: &Manifest) -> Vec<Fault> {
+fn claim_faults(file: &Value, manifest: &Manifest) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let wanted = licence(&manifest.licence);
+    let wanted = licence_address(&manifest.licence);
     let found = &file["license"];
     if !found.is_null() && *found != wanted.as_str() {
         let message = format!("its license is {found}, the release is under {wanted:?}");
-        faults.push(fault(Code::CroissantLicence, message));
+        faults.push(croissant_fault(Code::CroissantLicence, message));
     }
     for (name, wanted) in [("name", &manifest.name), ("version", &manifest.version)] {
         if !file[name].is_null() && file[name] != wanted.as_str() {
             let message = format!("its {name} is {}, {} says {wanted:?}", file[name], manifest::NAME);
-            faults.push(fault(Code::ClaimsDisagree, message));
+            faults.push(croissant_fault(Code::ClaimsDisagree, message));
         }
     }
     faults
 }
 
 /// No two nodes have one id.
-fn ids(file: &Value) -> Vec<Fault> {
-    let sets = list(&file["recordSet"]);
-    let fields = sets.iter().flat_map(|set| list(&set["field"]));
-    let nodes = list(&file["distribution"]).iter().chain(sets).chain(fields);
+fn id_faults(file: &Value) -> Vec<Fault> {
+    let sets = node_list(&file["recordSet"]);
+    let fields = sets.iter().flat_map(|set| node_list(&set["field"]));
+    let nodes = node_list(&file["distribution"]).iter().chain(sets).chain(fields);
     let mut seen = BTreeSet::new();
-    let again = nodes.map(id).filter(|id| !seen.insert(*id));
-    again.map(|id| fault(Code::CroissantReference, format!("two nodes have the id {id:?}"))).collect()
+    let again = nodes.map(node_id).filter(|id| !seen.insert(*id));
+    again
+        .map(|id| croissant_fault(Code::CroissantReference, format!("two nodes have the id {id:?}")))
+        .collect()
 }
 
 /// A file by itself: it is there, and it is what is said of it.
-fn object(node: &Value, subject: &Subject<'_>) -> Vec<Fault> {
-    let name = id(node);
+fn object_faults(node: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+    let name = node_id(node);
     let Some(stated) = node["sha256"].as_str() else {
-        return vec![fault(Code::CroissantField, format!("{name} has no sha256"))];
+        return vec![croissant_fault(Code::CroissantField, format!("{name} has no sha256"))];
     };
     let path = node["contentUrl"].as_str().unwrap_or_default();
     let Some(sha256) = subject.tree.intact.get(path) else {
-        return vec![fault(
+        return vec![croissant_fault(
             Code::CroissantSum,
             format!("{name} is `{path}`, which is not there, or not whole"),
         )];
@@ -133,32 +139,36 @@ fn object(node: &Value, subject: &Subject<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if stated != *sha256 {
         let message = format!("the sha256 of {path} is {stated}, the file's is {sha256}");
-        faults.push(fault(Code::CroissantSum, message));
+        faults.push(croissant_fault(Code::CroissantSum, message));
     }
     let bytes = std::fs::metadata(subject.tree.path_of(path)).map_or(0, |file| file.len());
-    if node["contentSize"] != size(bytes).as_str() {
-        let message = format!("the size of {path} is {}, the file's is {}", node["contentSize"], size(bytes));
-        faults.push(fault(Code::CroissantSum, message));
+    if node["contentSize"] != content_size(bytes).as_str() {
+        let message =
+            format!("the size of {path} is {}, the file's is {}", node["contentSize"], content_size(bytes));
+        faults.push(croissant_fault(Code::CroissantSum, message));
     }
     faults
 }
 
 /// Files by a pattern: there are some, and they lie in what is described.
-fn set(node: &Value, file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+fn set_faults(node: &Value, file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let container = id(&node["containedIn"]);
-    if !list(&file["distribution"]).iter().any(|other| id(other) == container) {
-        let message = format!("{} is contained in {container:?}, which is nothing here", id(node));
-        faults.push(fault(Code::CroissantReference, message));
+    let container = node_id(&node["containedIn"]);
+    if !node_list(&file["distribution"]).iter().any(|other| node_id(other) == container) {
+        let message = format!("{} is contained in {container:?}, which is nothing here", node_id(node));
+        faults.push(croissant_fault(Code::CroissantReference, message));
     }
-    for pattern in list(&node["includes"]).iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
+    for pattern in node_list(&node["includes"]).iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
         // A file that is listed and not whole is told by what lists it.
-        if !subject.manifest.paths().any(|path| matches(pattern, path)) {
-            faults.push(fault(Code::CroissantFiles, format!("no file is of `{pattern}` of {}", id(node))));
+        if !subject.manifest.paths().any(|path| glob_matches(pattern, path)) {
+            faults.push(croissant_fault(
+                Code::CroissantFiles,
+                format!("no file is of `{pattern}` of {}", node_id(node)),
+            ));
         }
     }
-    if list(&node["includes"]).is_empty() {
-        faults.push(fault(Code::CroissantFiles, format!("{} includes nothing", id(node))));
+    if node_list(&node["includes"]).is_empty() {
+        faults.push(croissant_fault(Code::CroissantFiles, format!("{} includes nothing", node_id(node))));
     }
     faults
 }

@@ -12,7 +12,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// When it is absent or of another form.
-pub fn manifest(dir: &Path) -> io::Result<Manifest> {
+pub fn read_manifest(dir: &Path) -> io::Result<Manifest> {
     let path = dir.join(manifest::NAME);
     let bytes = files::read_with(&path, files::Links::Refuse, files::MAX_DOCUMENT)?;
     serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
@@ -22,10 +22,10 @@ pub fn manifest(dir: &Path) -> io::Result<Manifest> {
 ///
 /// # Errors
 /// When a manifest cannot be read, or the scene is not in it. A file that cannot be read is a fault.
-pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> {
-    let [stated, made] = [manifest(dir)?, manifest(again)?];
+pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> {
+    let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
     let (stated, made) = (of_scene(&stated, scene)?, of_scene(&made, scene)?);
-    let because = cause(stated, made);
+    let because = key_cause(stated, made);
     let fault = |path: &str, what: &str| {
         Fault::of_file(Code::RebuiltDiffers, path, format!("{what}{because}")).in_scene(scene)
     };
@@ -41,7 +41,7 @@ pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> 
         faults.push(fault(path, "made again, the scene has this file too"));
     }
     for path in listed.keys().filter(|path| there.contains_key(*path)) {
-        let both = [dir, again].map(|dir| checksum::both(&dir.join(path)));
+        let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
             [Ok(_), Ok(_)] => faults.push(fault(path, "made again, it has other bytes")),
@@ -62,7 +62,7 @@ pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> 
 /// # Errors
 /// When a manifest cannot be read.
 pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
-    let [stated, made] = [manifest(dir)?, manifest(again)?];
+    let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
     let fault = |path: &str, message: &str| Fault::of_file(Code::RebuiltDiffers, path, message);
     let words =
         |of: &Manifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
@@ -77,7 +77,7 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
     let whole = ids(&stated) == ids(&made) && stated.taken_down == made.taken_down;
     let paths = |of: &Manifest| of.files.iter().map(|file| file.path.clone()).collect::<BTreeSet<_>>();
     for path in paths(&stated).union(&paths(&made)).filter(|path| whole || *path == loader::NAME) {
-        let both = [dir, again].map(|dir| checksum::both(&dir.join(path)));
+        let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
             [Ok(_), Ok(_)] => faults.push(fault(path, "made again, it has other bytes")),
@@ -99,7 +99,7 @@ fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<Fault> {
             |step: &ManifestStep| (step.stage.clone(), step.key, step.made_of.clone(), step.outputs.clone());
         stated.as_ref().map(told) != made.as_ref().map(told)
     };
-    let because = cause(stated, made);
+    let because = key_cause(stated, made);
     let fault = |name: &String| {
         let message = format!("made again, step {name} has another key or other outputs{because}");
         Fault::of_file(Code::RebuiltDiffers, manifest::NAME, message).in_scene(&stated.id)
@@ -116,7 +116,7 @@ fn of_scene<'a>(manifest: &'a Manifest, scene: &str) -> io::Result<&'a ManifestS
 
 /// What the first step of another key was made of that differs; empty where all keys are the same, so that the
 /// difference is in the making.
-fn cause(stated: &ManifestScene, made: &ManifestScene) -> String {
+fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
     let other = |step: &&ManifestStep| {
         let again = made.steps.iter().find(|other| other.step == step.step);
         again.is_none_or(|again| again.key != step.key)
@@ -128,14 +128,14 @@ fn cause(stated: &ManifestScene, made: &ManifestScene) -> String {
     match (again, &step.made_of) {
         (None, _) => format!("; the recipe has no step {} now", step.step),
         (Some(again), Some(then)) => match &again.made_of {
-            Some(now) => format!("; its step {} is made of {}", step.step, differing(then, now)),
+            Some(now) => format!("; its step {} is made of {}", step.step, differing_line(then, now)),
             None => String::new(),
         },
         (Some(_), None) => format!("; its step {} has another key", step.step),
     }
 }
 
-fn differing(then: &Ingredients, now: &Ingredients) -> String {
+fn differing_line(then: &Ingredients, now: &Ingredients) -> String {
     let mut parts = Vec::new();
     if then.revision != now.revision {
         parts.push(format!("revision {} of its stage, then {}", now.revision, then.revision));

@@ -6,7 +6,7 @@ use crate::release::scene::{SceneFile, SplitPart};
 use crate::release::split;
 
 /// `scenes` are those that could be read.
-pub(super) fn audit(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+pub(super) fn audit_splits(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
     let rule = manifest.splits.as_ref();
     if let Some(because) = rule.and_then(|rule| rule.fault()) {
         let message = format!("its splits are none: {because}");
@@ -14,7 +14,7 @@ pub(super) fn audit(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
     }
     let mut faults = Vec::new();
     for scene in scenes {
-        let wanted = rule.map(|rule| split::part(scene, rule));
+        let wanted = rule.map(|rule| split::split_part(scene, rule));
         if scene.split != wanted {
             let told = |part: &Option<SplitPart>| match part {
                 Some(part) => format!("in `{}`, of the group `{}`", part.name, part.group),
@@ -26,7 +26,7 @@ pub(super) fn audit(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
             faults.push(Fault::of_scene(Code::SplitLeak, &scene.id, message));
         }
     }
-    let leaks = split::leaks(scenes);
+    let leaks = split::find_leaks(scenes);
     faults.extend(
         leaks.iter().map(|leak| Fault::of_scene(Code::SplitLeak, &leak.scenes[0].0, leak.to_string())),
     );

@@ -8,7 +8,7 @@ use crate::release::manifest::{self, Manifest, ManifestFile, ManifestScene};
 use crate::release::published::stream_names;
 use crate::release::scene::SceneFile;
 use crate::store::Digest;
-use crate::store::record::content;
+use crate::store::record::content_digest;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What a role must start with that stands for a file of the source.
@@ -29,7 +29,7 @@ fn fault(listed: &ManifestScene, message: String) -> Fault {
 }
 
 fn keys(listed: &ManifestScene) -> Vec<Fault> {
-    let made: BTreeSet<Digest> = listed.steps.iter().map(|step| content(&step.outputs)).collect();
+    let made: BTreeSet<Digest> = listed.steps.iter().map(|step| content_digest(&step.outputs)).collect();
     let mut faults = Vec::new();
     for (step, of) in listed.steps.iter().filter_map(|step| Some((step, step.made_of.as_ref()?))) {
         let key = of.key(&step.stage);

@@ -13,7 +13,7 @@ use std::path::Path;
 pub(super) type Sums = BTreeMap<String, String>;
 
 /// Reads `SHA256SUMS`; `None` where there are none to hold anything against.
-pub(super) fn read(dir: &Path, faults: &mut Vec<Fault>) -> Option<Sums> {
+pub(super) fn read_sums(dir: &Path, faults: &mut Vec<Fault>) -> Option<Sums> {
     read_named(dir, checksum::NAME, "there is no such file, so this is no release", faults)
 }
 
@@ -33,7 +33,7 @@ pub(super) fn read_b3(tree: &Tree<'_>, sums: &Sums, faults: &mut Vec<Fault>) -> 
 fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<Fault>) -> Option<Sums> {
     let mut fault = |code, message: String| faults.push(Fault::of_file(code, name, message));
     match files::read_with(&dir.join(name), Links::Refuse, files::MAX_DOCUMENT).map(String::from_utf8) {
-        Ok(Ok(text)) => return Some(parse(name, &text, faults)),
+        Ok(Ok(text)) => return Some(parse_sums(name, &text, faults)),
         Ok(Err(e)) => fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => fault(Code::Missing, absent.into()),
         Err(e) => fault(Code::Unreadable, e.to_string()),
@@ -41,12 +41,12 @@ fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<Fault>) -> 
     None
 }
 
-fn parse(name: &str, text: &str, faults: &mut Vec<Fault>) -> Sums {
+fn parse_sums(name: &str, text: &str, faults: &mut Vec<Fault>) -> Sums {
     let mut sums = Sums::new();
     let mut altered = |message: String| faults.push(Fault::of_file(Code::Altered, name, message));
     let mut previous: Option<&str> = None;
     for (number, line) in (1..).zip(text.split_inclusive('\n')) {
-        let Some((sum, path)) = split(line) else {
+        let Some((sum, path)) = split_line(line) else {
             altered(format!("line {number} is {line:?}, wanted 64 lower-case digits, two blanks and a path"));
             continue;
         };
@@ -63,7 +63,7 @@ fn parse(name: &str, text: &str, faults: &mut Vec<Fault>) -> Sums {
 }
 
 /// The parts of a line with its newline, if it is in form.
-fn split(line: &str) -> Option<(&str, &str)> {
+fn split_line(line: &str) -> Option<(&str, &str)> {
     let (sum, path) = line.strip_suffix('\n')?.split_once("  ")?;
     let digits = sum.len() == 64 && sum.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
     (digits && !path.is_empty()).then_some((sum, path))
@@ -77,7 +77,7 @@ mod tests {
 
     fn codes(text: &str) -> Vec<Code> {
         let mut faults = Vec::new();
-        parse(checksum::NAME, text, &mut faults);
+        parse_sums(checksum::NAME, text, &mut faults);
         faults.into_iter().map(|f| f.code).collect()
     }
 

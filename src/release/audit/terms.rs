@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::io;
 
 /// A scene's own terms, and what its source demands of them.
-pub(super) fn scene(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
+pub(super) fn scene_terms(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
     let fault = |code, message: String| Fault::of_scene(code, &scene.id, message);
     let text = scene.licence.expression.trim();
     if text.is_empty() {
@@ -22,26 +22,26 @@ pub(super) fn scene(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
         Ok(expression) => expression,
         Err(e) => return vec![fault(Code::LicenceInvalid, e.to_string())],
     };
-    let mut faults = photos(scene, tree);
+    let mut faults = photo_faults(scene, tree);
     let Some(kind) = SourceKind::by_name(&scene.source.kind) else {
         let message = format!("its source is `{}`, which is none that is known", scene.source.kind);
         faults.push(fault(Code::LicenceInvalid, message));
         return faults;
     };
-    let upstream = ledger::dataset(kind, scene.source.upstream_url.as_deref());
+    let upstream = ledger::find_dataset(kind, scene.source.upstream_url.as_deref());
     if let Some(asset) = upstream {
-        faults.extend(demanded(scene, asset, &expression));
+        faults.extend(demanded_terms(scene, asset, &expression));
     }
     if let Some(asset) = upstream.filter(|asset| asset.restricted()) {
-        faults.extend(restricted(scene, asset, tree));
+        faults.extend(restricted_faults(scene, asset, tree));
     }
-    faults.extend(parts(scene, upstream, &expression));
+    faults.extend(part_terms(scene, upstream, &expression));
     faults.extend(scene.licence.tools.iter().filter_map(|tool| of_tool(scene, tool)));
     faults
 }
 
 /// The ids of the upstream bind, or what it granted instead: with evidence, which the recipe states as well.
-fn demanded(scene: &SceneFile, asset: &Asset, expression: &Expression) -> Vec<Fault> {
+fn demanded_terms(scene: &SceneFile, asset: &Asset, expression: &Expression) -> Vec<Fault> {
     let fault = |message: String| Fault::of_scene(Code::LicenceForbidden, &scene.id, message);
     let grants = scene.licence.parts.iter().filter(|part| part.asset == asset.name);
     let grant = grants.filter_map(|part| part.grant.as_ref()).next();
@@ -77,7 +77,7 @@ fn demanded(scene: &SceneFile, asset: &Asset, expression: &Expression) -> Vec<Fa
 }
 
 /// What is said part by part comes to the whole, and says of the dataset what the ledger has.
-fn parts(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -> Vec<Fault> {
+fn part_terms(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -> Vec<Fault> {
     let path = format!("{}/scene.json", scene.id);
     let parsed: Result<Vec<Expression>, LicenceError> =
         scene.licence.parts.iter().map(|part| Expression::parse(&part.expression)).collect();
@@ -92,7 +92,7 @@ fn parts(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -> Vec
             ));
         }
         Ok(terms) => {
-            let together = Expression::all(terms);
+            let together = Expression::conjunction_of(terms);
             if together != *whole {
                 let message =
                     format!("its terms are `{whole}`, those of its parts together are `{together}`");
@@ -124,13 +124,13 @@ fn of_tool(scene: &SceneFile, tool: &LicensedTool) -> Option<Fault> {
             return Some(Fault::of_scene(Code::LicenceInvalid, &scene.id, format!("{}: {e}", tool.name)));
         }
     };
-    let id = ledger::tool(&tool.name)?.ids.iter().find(|id| !stated.demands(id))?;
+    let id = ledger::find_tool(&tool.name)?.ids.iter().find(|id| !stated.demands(id))?;
     let message = format!("{} is under {id}, and is said to be under `{stated}`", tool.name);
     Some(Fault::of_scene(Code::LicenceForbidden, &scene.id, message))
 }
 
 /// Upstream photos are never passed on, whatever their name.
-fn photos(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
+fn photo_faults(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
     let photos: BTreeSet<&str> = scene.images.iter().filter_map(|image| image.sha256.as_deref()).collect();
     let found = tree.intact.iter().filter(|(_, sha256)| photos.contains(*sha256));
     let message = "it is a photo of the source, by its SHA-256";
@@ -138,7 +138,7 @@ fn photos(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
 }
 
 /// What is derived from restricted material may be there where the releaser says why, and the scene is gated.
-fn restricted(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<Fault> {
+fn restricted_faults(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
         let message = format!("its source {} must be gated, and it is not", asset.name);
@@ -159,10 +159,10 @@ fn restricted(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<Fault> {
 }
 
 /// A text for every id in use, and none for another; and the whole release's terms are those of its scenes.
-pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
+pub(super) fn text_faults(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
     let parsed = manifest.scenes.iter().filter_map(|scene| Expression::parse(&scene.licence).ok());
     let expressions: Vec<Expression> = parsed.collect();
-    let loader = tree.has(loader::NAME).then(loader::ids).into_iter().flatten();
+    let loader = tree.has(loader::NAME).then(loader::licence_ids).into_iter().flatten();
     let used: BTreeSet<String> = expressions.iter().flat_map(Expression::ids).chain(loader).collect();
     let name = |path: &str| Some(path.strip_prefix("LICENSES/")?.strip_suffix(".txt")?.to_owned());
     let shipped: BTreeSet<String> = tree.intact.keys().filter_map(|path| name(path)).collect();
@@ -179,7 +179,7 @@ pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
         faults.push(Fault::of_file(Code::LicenceUnused, &path(id), "nothing here is under this licence"));
     }
     if !expressions.is_empty() {
-        let whole = Expression::all(expressions).to_string();
+        let whole = Expression::conjunction_of(expressions).to_string();
         if manifest.licence != whole {
             let message = format!("its licence is `{}`, the scenes' together is `{whole}`", manifest.licence);
             faults.push(Fault::of_file(Code::ClaimsDisagree, crate::release::manifest::NAME, message));
@@ -190,7 +190,7 @@ pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
 
 /// What `REUSE.toml` says of every file is what the scenes say, all of which are given; and the datasheet
 /// states the terms of the whole.
-pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+pub(super) fn reuse_faults(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
     let read = |path: &str| {
         let absent =
             || Fault::of_file(Code::Missing, path, "a release has one, and it is not there, or not whole");
@@ -205,7 +205,7 @@ pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) 
         Err(fault) => Some(fault),
     };
     let whole = format!("The whole: `{}`.", manifest.licence);
-    let wanted = reuse::compose(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
+    let wanted = reuse::compose_reuse(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
     let known = scenes.len() == manifest.scenes.len();
     let reuse =
         holds(reuse::NAME, &|text| !known || text == wanted, "it does not say of files what the scenes say");
@@ -219,7 +219,7 @@ fn text_of(tree: &Tree<'_>, path: &str) -> io::Result<String> {
 }
 
 /// The card's head states the terms of the whole.
-pub(super) fn card(tree: &Tree<'_>, manifest: &Manifest) -> Option<Fault> {
+pub(super) fn card_fault(tree: &Tree<'_>, manifest: &Manifest) -> Option<Fault> {
     const CARD: &str = "README.md";
     if !tree.has(CARD) {
         return None;

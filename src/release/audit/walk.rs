@@ -16,7 +16,7 @@ pub(super) struct Listing {
 }
 
 /// Lists the tree below `dir`.
-pub(super) fn walk(dir: &Path) -> io::Result<Listing> {
+pub(super) fn walk_tree(dir: &Path) -> io::Result<Listing> {
     let mut listing = Listing { files: BTreeSet::new(), oddities: Vec::new() };
     for entry in WalkDir::new(dir).min_depth(1).sort_by_file_name() {
         let entry = entry?;

@@ -1,25 +1,25 @@
 //! Patterns of paths: `**` stands for any number of folders, `*` for any letters of a name.
 
 /// Whether a pattern is of this `/`-separated path.
-pub(in crate::release) fn matches(pattern: &str, path: &str) -> bool {
+pub(in crate::release) fn glob_matches(pattern: &str, path: &str) -> bool {
     let [pattern, path] = [pattern, path].map(|text| text.split('/').collect::<Vec<_>>());
-    folders(&pattern, &path)
+    match_folders(&pattern, &path)
 }
 
-fn folders(pattern: &[&str], path: &[&str]) -> bool {
+fn match_folders(pattern: &[&str], path: &[&str]) -> bool {
     match (pattern, path) {
         ([], []) => true,
-        (["**", rest @ ..], _) => (0..=path.len()).any(|skipped| folders(rest, &path[skipped..])),
-        ([first, rest @ ..], [name, below @ ..]) => letters(first, name) && folders(rest, below),
+        (["**", rest @ ..], _) => (0..=path.len()).any(|skipped| match_folders(rest, &path[skipped..])),
+        ([first, rest @ ..], [name, below @ ..]) => match_letters(first, name) && match_folders(rest, below),
         _ => false,
     }
 }
 
-fn letters(pattern: &str, name: &str) -> bool {
+fn match_letters(pattern: &str, name: &str) -> bool {
     let Some((head, tail)) = pattern.split_once('*') else { return pattern == name };
     let Some(rest) = name.strip_prefix(head) else { return false };
     let mut starts = rest.char_indices().map(|(at, _)| at).chain([rest.len()]);
-    starts.any(|at| letters(tail, &rest[at..]))
+    starts.any(|at| match_letters(tail, &rest[at..]))
 }
 
 #[cfg(test)]
@@ -29,8 +29,8 @@ mod tests {
     #[test]
     fn patterns_are_of_whole_paths() {
         let t = |pattern: &str, good: &[&str], bad: &[&str]| {
-            good.iter().for_each(|path| assert!(matches(pattern, path), "{pattern} {path}"));
-            bad.iter().for_each(|path| assert!(!matches(pattern, path), "{pattern} {path}"));
+            good.iter().for_each(|path| assert!(glob_matches(pattern, path), "{pattern} {path}"));
+            bad.iter().for_each(|path| assert!(!glob_matches(pattern, path), "{pattern} {path}"));
         };
         t(
             "**/events.h5",

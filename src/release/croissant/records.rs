@@ -31,14 +31,14 @@ pub(in crate::release) fn data_type(kind: Kind) -> &'static str {
     }
 }
 
-fn set(name: &str, description: &str, key: &str, fields: &[Value]) -> Value {
+fn record_set(name: &str, description: &str, key: &str, fields: &[Value]) -> Value {
     json!({
         "@type": "cr:RecordSet", "@id": name, "name": name, "description": description,
         "key": { "@id": format!("{name}/{key}") }, "field": fields,
     })
 }
 
-fn field(set: &str, name: &str, kind: Kind, description: &str, source: Value) -> Value {
+fn record_field(set: &str, name: &str, kind: Kind, description: &str, source: Value) -> Value {
     let mut field = json!({
         "@type": "cr:Field", "@id": format!("{set}/{name}"), "name": name, "description": description,
         "dataType": data_type(kind),
@@ -48,37 +48,38 @@ fn field(set: &str, name: &str, kind: Kind, description: &str, source: Value) ->
 }
 
 /// The rows of the index. Where there are splits, the column of them refers to their records.
-pub(super) fn index(splits: Option<&Splits>) -> Value {
+pub(super) fn index_records(splits: Option<&Splits>) -> Value {
     let from =
         |column: &str| json!({ "fileObject": { "@id": index::NAME }, "extract": { "column": column } });
     let mut fields: Vec<Value> =
-        COLUMNS.iter().map(|c| field("index", c.name, c.kind, c.description, from(c.name))).collect();
+        COLUMNS.iter().map(|c| record_field("index", c.name, c.kind, c.description, from(c.name))).collect();
     let split = fields.iter_mut().find(|field| field["name"] == "split");
     if let (Some(field), Some(_)) = (split, splits) {
         field["references"] = json!({ "field": { "@id": format!("{SPLITS}/name") } });
     }
-    set("index", "a row a trajectory, and a row a sensor where several saw it", "id", &fields)
+    record_set("index", "a row a trajectory, and a row a sensor where several saw it", "id", &fields)
 }
 
 /// Id of the record set of splits.
 pub(in crate::release) const SPLITS: &str = "splits";
 
 /// The splits, a record each, written out.
-pub(super) fn splits(splits: &Splits) -> Value {
+pub(super) fn split_records(splits: &Splits) -> Value {
     let name = format!("{SPLITS}/name");
     let field = json!({
         "@type": "cr:Field", "@id": name, "name": "name", "description": "name of the split",
         "dataType": "sc:Text",
     });
-    let mut records = set(SPLITS, "the splits; scenes are dealt by what they show", "name", &[field]);
+    let mut records = record_set(SPLITS, "the splits; scenes are dealt by what they show", "name", &[field]);
     records["dataType"] = "cr:Split".into();
     records["data"] = splits.shares.keys().map(|split| json!({ name.as_str(): split })).collect();
     records
 }
 
 /// The scene files, which are the file set `files`.
-pub(super) fn scenes(files: &str) -> Value {
+pub(super) fn scene_records(files: &str) -> Value {
     let from = |path: &str| json!({ "fileSet": { "@id": files }, "extract": { "jsonPath": path } });
-    let fields = SCENE.iter().map(|(name, kind, path, what)| field("scenes", name, *kind, what, from(path)));
-    set("scenes", "a record a scene, from its scene.json", "id", &fields.collect::<Vec<_>>())
+    let fields =
+        SCENE.iter().map(|(name, kind, path, what)| record_field("scenes", name, *kind, what, from(path)));
+    record_set("scenes", "a record a scene, from its scene.json", "id", &fields.collect::<Vec<_>>())
 }

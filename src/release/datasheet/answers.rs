@@ -3,7 +3,7 @@
 use super::{Asked, UNKNOWN, UNSTATED};
 use crate::licence::Obligation;
 use crate::recipe::{By, ReleaseInfo};
-use crate::release::facts::{Counts, Facts, plain};
+use crate::release::facts::{Counts, Facts, plain_text};
 use crate::release::published::PublishedScene;
 use crate::release::{TOOL, card, croissant};
 use std::collections::BTreeMap;
@@ -17,12 +17,12 @@ pub(super) struct Answers<'a> {
 }
 
 /// What the publisher says, or that it says nothing.
-fn stated(text: Option<&String>) -> String {
-    text.map_or_else(|| UNSTATED.to_owned(), |text| format!("The publisher: \"{}\"", plain(text)))
+fn stated_or_silent(text: Option<&String>) -> String {
+    text.map_or_else(|| UNSTATED.to_owned(), |text| format!("The publisher: \"{}\"", plain_text(text)))
 }
 
 /// `1 a, 2 b`.
-fn counted<K: AsRef<str>>(counts: &BTreeMap<K, usize>) -> String {
+fn counted_list<K: AsRef<str>>(counts: &BTreeMap<K, usize>) -> String {
     let each: Vec<String> = counts.iter().map(|(name, count)| format!("{count} {}", name.as_ref())).collect();
     each.join(", ")
 }
@@ -31,17 +31,17 @@ impl Answers<'_> {
     /// What `release.yaml` says where it has a default, which nobody said.
     fn said(&self, of: fn(&ReleaseInfo) -> &String) -> String {
         let given = of(self.info);
-        stated(Some(given).filter(|text| *text != of(&ReleaseInfo::default())))
+        stated_or_silent(Some(given).filter(|text| *text != of(&ReleaseInfo::default())))
     }
 
     pub(super) fn motivation(&self) -> Vec<Asked> {
         vec![
-            ("For what purpose was the dataset created?", stated(self.info.purpose.as_ref())),
+            ("For what purpose was the dataset created?", stated_or_silent(self.info.purpose.as_ref())),
             (
                 "Who created it, and on behalf of whom?",
-                format!("The publisher: \"{}\"", plain(&self.info.creator)),
+                format!("The publisher: \"{}\"", plain_text(&self.info.creator)),
             ),
-            ("Who funded its creation?", stated(self.info.funding.as_ref())),
+            ("Who funded its creation?", stated_or_silent(self.info.funding.as_ref())),
             ("Any other comments?", self.said(|info| &info.description)),
         ]
     }
@@ -77,7 +77,7 @@ impl Answers<'_> {
         let mut text = format!(
             "{scenes} scenes ({}) with {trajectories} trajectories of {poses} poses together; in the release are {streams} \
              event streams with {events} events, and {pictures}.",
-            counted(&self.facts.sources())
+            counted_list(&self.facts.sources())
         );
         if withheld > 0 {
             let _ = write!(
@@ -147,7 +147,7 @@ impl Answers<'_> {
             "Yes, by whole {by}, never by trajectory: {} scenes. A group lies where SHA-256 of salt, a NUL and its key puts \
              it, so a scene that is added moves no other; rule and salt are in `manifest.json`. No photo and no Gaussians \
              are in two splits.",
-            counted(&self.facts.splits())
+            counted_list(&self.facts.splits())
         )
     }
 
@@ -157,7 +157,7 @@ impl Answers<'_> {
              noise is that of the stated models. Copies are not known.",
             self.facts.verdicts().values().sum::<usize>(),
             self.facts.passed(),
-            counted(&self.facts.verdicts())
+            counted_list(&self.facts.verdicts())
         )
     }
 
@@ -181,7 +181,7 @@ impl Answers<'_> {
     }
 
     fn persons(&self) -> String {
-        croissant::personal(self.facts.made_up()).to_owned()
+        croissant::personal_words(self.facts.made_up()).to_owned()
     }
 
     pub(super) fn collection(&self) -> Vec<Asked> {
@@ -241,7 +241,7 @@ impl Answers<'_> {
 
     fn removal(&self) -> String {
         let whom = match &self.info.contact {
-            Some(contact) => format!("Ask for the removal of a scene at {}.", plain(contact)),
+            Some(contact) => format!("Ask for the removal of a scene at {}.", plain_text(contact)),
             None => format!("{} No contact for the removal of scenes is named.", UNSTATED),
         };
         format!("{whom} {}", self.taken_down()).trim_end().to_owned()
@@ -327,15 +327,15 @@ impl Answers<'_> {
 
     pub(super) fn maintenance(&self) -> Vec<Asked> {
         vec![
-            ("Who supports, hosts and maintains it?", stated(self.info.maintenance.as_ref())),
-            ("How can the publisher be contacted?", stated(self.info.contact.as_ref())),
+            ("Who supports, hosts and maintains it?", stated_or_silent(self.info.maintenance.as_ref())),
+            ("How can the publisher be contacted?", stated_or_silent(self.info.contact.as_ref())),
             ("Is there an erratum?", UNSTATED.to_owned()),
             (
                 "Will it be updated?",
                 format!(
                     "{} This is version {}; `gs2e diff` tells two versions apart.",
-                    stated(self.info.maintenance.as_ref()),
-                    plain(&self.info.version)
+                    stated_or_silent(self.info.maintenance.as_ref()),
+                    plain_text(&self.info.version)
                 ),
             ),
             ("Are there limits on how long data on persons are kept?", self.removal()),

@@ -19,18 +19,18 @@ pub struct Change {
 ///
 /// Elements of a list are held against each other by their `name` where all have one, else by index where the lists
 /// are of one length; lists that are neither differ as a whole.
-pub(super) fn changes(old: &Value, new: &Value) -> Vec<Change> {
+pub(super) fn value_changes(old: &Value, new: &Value) -> Vec<Change> {
     let mut found = Vec::new();
-    walk(&mut found, "", Some(old), Some(new));
+    walk_values(&mut found, "", Some(old), Some(new));
     found
 }
 
-fn walk(found: &mut Vec<Change>, path: &str, old: Option<&Value>, new: Option<&Value>) {
+fn walk_values(found: &mut Vec<Change>, path: &str, old: Option<&Value>, new: Option<&Value>) {
     if old == new {
         return;
     }
     let pairs = match (old, new) {
-        (Some(old), Some(new)) => pairs(old, new),
+        (Some(old), Some(new)) => value_pairs(old, new),
         _ => None,
     };
     let Some(pairs) = pairs else {
@@ -39,14 +39,14 @@ fn walk(found: &mut Vec<Change>, path: &str, old: Option<&Value>, new: Option<&V
     };
     for (name, old, new) in pairs {
         let below = if path.is_empty() { name } else { format!("{path}.{name}") };
-        walk(found, &below, old, new);
+        walk_values(found, &below, old, new);
     }
 }
 
 type Pair<'a> = (String, Option<&'a Value>, Option<&'a Value>);
 
 /// The parts of two values that belong together; `None` where the values can only be told as a whole.
-fn pairs<'a>(old: &'a Value, new: &'a Value) -> Option<Vec<Pair<'a>>> {
+fn value_pairs<'a>(old: &'a Value, new: &'a Value) -> Option<Vec<Pair<'a>>> {
     match (old, new) {
         (Value::Object(a), Value::Object(b)) => {
             let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
@@ -85,7 +85,7 @@ mod tests {
     fn leaves_that_differ_are_told_by_their_place() {
         let t = |old: Value, new: Value, wanted: &[&str]| {
             let show = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
-            let told = changes(&old, &new).into_iter();
+            let told = value_changes(&old, &new).into_iter();
             let told: Vec<_> =
                 told.map(|c| format!("{}: {} -> {}", c.path, show(&c.old), show(&c.new))).collect();
             assert_eq!(told, wanted, "{old} | {new}");

@@ -107,11 +107,19 @@ pub(in crate::release) struct Table {
 }
 
 /// The file that holds these rows; each has a cell for each column, of its kind or null.
-pub(in crate::release) fn write(columns: &[(&str, Kind)], rows: &[Vec<Value>], writer: &str) -> Vec<u8> {
-    encode(columns, rows, writer).expect("a Vec takes any bytes, and cells are of their columns' kinds")
+pub(in crate::release) fn write_table(
+    columns: &[(&str, Kind)],
+    rows: &[Vec<Value>],
+    writer: &str,
+) -> Vec<u8> {
+    encode_table(columns, rows, writer).expect("a Vec takes any bytes, and cells are of their columns' kinds")
 }
 
-fn encode(columns: &[(&str, Kind)], rows: &[Vec<Value>], writer: &str) -> Result<Vec<u8>, ParquetError> {
+fn encode_table(
+    columns: &[(&str, Kind)],
+    rows: &[Vec<Value>],
+    writer: &str,
+) -> Result<Vec<u8>, ParquetError> {
     let field = |(name, kind): &(&str, Kind)| match kind {
         Kind::Text => format!("optional binary {name} (STRING);"),
         Kind::Whole => format!("optional int64 {name};"),
@@ -175,14 +183,14 @@ fn write_column(column: &mut ColumnWriter<'_>, cells: &[&Value]) -> Result<(), P
 ///
 /// # Errors
 /// When it cannot be read, or is no Parquet.
-pub(in crate::release) fn read(path: &Path) -> Result<Table, ParquetError> {
+pub(in crate::release) fn read_table(path: &Path) -> Result<Table, ParquetError> {
     // The library panics on some damaged files where an error is due; no state outlives the call.
-    let read = AssertUnwindSafe(|| decode(files::open_with(path, Links::Refuse)?));
+    let read = AssertUnwindSafe(|| decode_table(files::open_with(path, Links::Refuse)?));
     let damaged = |_| Err(ParquetError::General("it is damaged, in a way that stops its reader".into()));
     catch_unwind(read).unwrap_or_else(damaged)
 }
 
-fn decode(file: File) -> Result<Table, ParquetError> {
+fn decode_table(file: File) -> Result<Table, ParquetError> {
     let mut budget = Budget::of_file(file.metadata()?.len());
     let reader = SerializedFileReader::new(file)?;
     let schema = reader.metadata().file_metadata().schema_descr();
@@ -200,7 +208,7 @@ fn decode(file: File) -> Result<Table, ParquetError> {
     let mut rows = Vec::new();
     let mut text = 0;
     for row in reader.get_row_iter(None)? {
-        let cells: Vec<Value> = row?.into_columns().into_iter().map(cell).collect();
+        let cells: Vec<Value> = row?.into_columns().into_iter().map(column_cell).collect();
         // A dictionary of one long text can stand for many.
         text += cells.iter().map(text_bytes).sum::<usize>();
         budget.check(text, 1).map_err(over)?;
@@ -232,7 +240,7 @@ fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut Budget) -> Res
     Ok(())
 }
 
-fn cell((_, field): (String, Field)) -> Value {
+fn column_cell((_, field): (String, Field)) -> Value {
     match field {
         Field::Null => Value::Null,
         Field::Str(text) => Value::Text(text),
@@ -257,25 +265,25 @@ mod tests {
             vec![Value::Null, Value::Null, Value::Null, Value::Null],
             vec!["".into(), Value::Whole(-1), Value::Number(f64::MIN_POSITIVE), Value::Flag(false)],
         ];
-        let bytes = write(&columns, &rows, "a test");
-        assert_eq!(bytes, write(&columns, &rows, "a test"));
+        let bytes = write_table(&columns, &rows, "a test");
+        assert_eq!(bytes, write_table(&columns, &rows, "a test"));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.parquet");
         std::fs::write(&path, &bytes).unwrap();
-        let table = read(&path).unwrap();
+        let table = read_table(&path).unwrap();
         assert_eq!(table.rows, rows);
         let wanted: Vec<(String, Option<Kind>)> =
             columns.iter().map(|(name, kind)| ((*name).to_owned(), Some(*kind))).collect();
         assert_eq!(table.columns, wanted);
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-        read(&path).unwrap_err();
+        read_table(&path).unwrap_err();
     }
 
     #[test]
     fn a_damaged_file_stops_nobody() {
         let columns = [("name", Kind::Text), ("count", Kind::Whole)];
         let rows = [vec![Value::Null, Value::Whole(3)], vec!["b".into(), Value::Null]];
-        let bytes = write(&columns, &rows, "a test");
+        let bytes = write_table(&columns, &rows, "a test");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.parquet");
         let mut refused = 0;
@@ -283,7 +291,7 @@ mod tests {
             let mut damaged = bytes.clone();
             damaged[at] ^= 1 << (at % 8);
             std::fs::write(&path, damaged).unwrap();
-            refused += usize::from(read(&path).is_err());
+            refused += usize::from(read_table(&path).is_err());
         }
         assert!(refused > 0);
     }

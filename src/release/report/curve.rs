@@ -51,12 +51,12 @@ impl Curve {
             let y = if highest > 0.0 { value / highest } else { 0.0 };
             [t * f64::from(SIZE[0]), (1.0 - y) * f64::from(SIZE[1] - 4) + 2.0]
         };
-        stroke(self.points.iter().map(|point| place(*point)))
+        stroke_path(self.points.iter().map(|point| place(*point)))
     }
 }
 
 /// Points as the data of a path: in whole px, each relative to the one before it. Points that are not finite are left out.
-pub(super) fn stroke(points: impl IntoIterator<Item = [f64; 2]>) -> String {
+pub(super) fn stroke_path(points: impl IntoIterator<Item = [f64; 2]>) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "places in a picture; what is not in i64 is none")]
     let whole = |point: [f64; 2]| point.map(|v| v.round() as i64);
     let finite = points.into_iter().filter(|point| point.iter().all(|v| v.is_finite()));
@@ -78,7 +78,7 @@ pub(super) fn stroke(points: impl IntoIterator<Item = [f64; 2]>) -> String {
 }
 
 /// Curves on one scale from 0 to the highest of them, each with the class that colours it. The caption says what they are.
-pub(super) fn draw(html: &mut Html, curves: &[(&'static str, &Curve)]) {
+pub(super) fn draw_curves(html: &mut Html, curves: &[(&'static str, &Curve)]) {
     let highest = curves.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max);
     let [width, height] = SIZE;
     let view = format!("0 0 {width} {height}");
@@ -107,7 +107,7 @@ mod tests {
     fn strokes_end_where_they_should_whatever_is_rounded() {
         let points = [[0.4, 0.4], [1.4, 0.6], [2.4, -3.4], [f64::NAN, 1.0], [-1.6, 5.0], [-1.6, 5.2]];
         // to 0 0, 1 1, 2 -3, -2 5, -2 5
-        assert_eq!(stroke(points), "M0 0l1 1 1-4-4 8 0 0");
+        assert_eq!(stroke_path(points), "M0 0l1 1 1-4-4 8 0 0");
     }
 
     #[test]

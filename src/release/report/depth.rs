@@ -69,7 +69,7 @@ const DEPTHS: [Depth; 3] = [
 
 impl Depth {
     /// Of a release of this many trajectories.
-    pub(super) fn of(trajectories: usize) -> Self {
+    pub(super) fn for_trajectories(trajectories: usize) -> Self {
         let [whole, part, brief] = DEPTHS;
         [whole, part].into_iter().find(|depth| trajectories <= depth.most).unwrap_or(brief)
     }
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_more_there_is_the_less_is_shown_of_each() {
-        let depths = [1, 60, 61, 600, 601, 6000].map(Depth::of);
+        let depths = [1, 60, 61, 600, 601, 6000].map(Depth::for_trajectories);
         assert_eq!(depths[0], depths[1]);
         assert_eq!(depths[2], depths[3]);
         assert_eq!(depths[4], depths[5]);

@@ -21,7 +21,7 @@ pub(super) struct Picture {
 
 impl Picture {
     /// The picture, at most `width` columns wide; `None` where it has no pixels.
-    pub(super) fn of(image: &Image<[u8; 3]>, width: u32) -> Option<Self> {
+    pub(super) fn from_image(image: &Image<[u8; 3]>, width: u32) -> Option<Self> {
         let small = shrink::to_width(image, width);
         let bytes = jpeg::encode(&small, QUALITY)?;
         Some(Self::new("image/jpeg", &bytes, &small))
@@ -29,21 +29,21 @@ impl Picture {
 
     /// The picture of a PNG file; `None` where it cannot be read.
     pub(super) fn of_png(bytes: &[u8], width: u32) -> Option<Self> {
-        let image = png::read(Cursor::new(bytes)).ok()?;
+        let image = png::read_rgb(Cursor::new(bytes)).ok()?;
         if image.size().width <= width && bytes.len() <= SMALL_PNG {
             return Some(Self::new("image/png", bytes, &image));
         }
-        Self::of(&image, width)
+        Self::from_image(&image, width)
     }
 
     fn new(media: &str, bytes: &[u8], image: &Image<[u8; 3]>) -> Self {
-        let address = format!("data:{media};base64,{}", base64(bytes));
+        let address = format!("data:{media};base64,{}", encode_base64(bytes));
         Self { address, width: image.size().width, height: image.size().height }
     }
 }
 
 /// Base 64 with padding (RFC 4648, section 4).
-pub(super) fn base64(bytes: &[u8]) -> String {
+pub(super) fn encode_base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for group in bytes.chunks(3) {
@@ -74,9 +74,9 @@ mod tests {
             ("fooba", "Zm9vYmE="),
             ("foobar", "Zm9vYmFy"),
         ] {
-            assert_eq!(base64(bytes.as_bytes()), wanted);
+            assert_eq!(encode_base64(bytes.as_bytes()), wanted);
         }
-        assert_eq!(base64(&[0xfb, 0xff, 0xfe]), "+//+");
+        assert_eq!(encode_base64(&[0xfb, 0xff, 0xfe]), "+//+");
     }
 
     #[test]
@@ -87,12 +87,12 @@ mod tests {
             Image::from_vec(size, (0..30_000).map(|i| [shade(i), shade(i + 1), shade(i + 2)]).collect());
         let written = |image: &Image<[u8; 3]>| {
             let mut bytes = Vec::new();
-            png::write(image, &mut bytes).unwrap();
+            png::write_image(image, &mut bytes).unwrap();
             bytes
         };
         let drawing = written(&Image::filled(size, [255; 3]));
         let picture = Picture::of_png(&drawing, 320).unwrap();
-        assert_eq!(picture.address, format!("data:image/png;base64,{}", base64(&drawing)));
+        assert_eq!(picture.address, format!("data:image/png;base64,{}", encode_base64(&drawing)));
         let picture = Picture::of_png(&written(&noise), 320).unwrap();
         assert!(picture.address.starts_with("data:image/jpeg;base64,/9j/"));
         assert_eq!((picture.width, picture.height), (300, 100));

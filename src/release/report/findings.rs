@@ -2,14 +2,14 @@
 
 use super::html::Html;
 use crate::check::{Finding, Verdict};
-use crate::trajectory::picture::short;
+use crate::trajectory::picture::short_number;
 
 /// The verdicts, the worst first.
 pub(super) const WORST_FIRST: [Verdict; 5] =
     [Verdict::Fail, Verdict::Warn, Verdict::Waived, Verdict::NotRun, Verdict::Pass];
 
 /// Where a verdict stands among them.
-pub(super) fn rank(verdict: Verdict) -> usize {
+pub(super) fn verdict_rank(verdict: Verdict) -> usize {
     WORST_FIRST.iter().position(|other| *other == verdict).unwrap_or(WORST_FIRST.len())
 }
 
@@ -19,8 +19,8 @@ pub(super) fn is_fault(verdict: Verdict) -> bool {
 }
 
 /// The worst verdict.
-pub(super) fn worst<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Option<Verdict> {
-    findings.into_iter().map(|finding| finding.verdict).min_by_key(|verdict| rank(*verdict))
+pub(super) fn worst_verdict<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Option<Verdict> {
+    findings.into_iter().map(|finding| finding.verdict).min_by_key(|verdict| verdict_rank(*verdict))
 }
 
 /// How many statements have each verdict, the worst first.
@@ -28,14 +28,14 @@ pub(super) fn worst<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Opti
 pub(super) struct Count([usize; 5]);
 
 impl Count {
-    pub(super) fn of<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Self {
+    pub(super) fn from_findings<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Self {
         let mut count = Self::default();
-        findings.into_iter().for_each(|finding| count.0[rank(finding.verdict)] += 1);
+        findings.into_iter().for_each(|finding| count.0[verdict_rank(finding.verdict)] += 1);
         count
     }
 
     pub(super) fn get(self, verdict: Verdict) -> usize {
-        self.0[rank(verdict)]
+        self.0[verdict_rank(verdict)]
     }
 
     fn total(self) -> usize {
@@ -67,7 +67,7 @@ impl Count {
                 let [x, width] = [left.min(992), width].map(|n: usize| n.to_string());
                 html.empty(
                     "rect",
-                    &[("class", class(verdict)), ("x", &x), ("width", &width), ("height", "10")],
+                    &[("class", verdict_class(verdict)), ("x", &x), ("width", &width), ("height", "10")],
                 );
                 left += 1000 * count / total;
             }
@@ -77,13 +77,13 @@ impl Count {
     /// Each verdict with its count.
     pub(super) fn badges(self, html: &mut Html) {
         for (verdict, count) in self.present() {
-            badge(html, verdict, &format!("{count} {}", verdict.name()));
+            write_badge(html, verdict, &format!("{count} {}", verdict.name()));
         }
     }
 }
 
 /// The class that colours a verdict.
-pub(super) fn class(verdict: Verdict) -> &'static str {
+pub(super) fn verdict_class(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Pass => "pass",
         Verdict::Warn => "warn",
@@ -93,22 +93,22 @@ pub(super) fn class(verdict: Verdict) -> &'static str {
     }
 }
 
-pub(super) fn badge(html: &mut Html, verdict: Verdict, words: &str) {
-    html.leaf("span", &[("class", &format!("badge {}", class(verdict)))], words);
+pub(super) fn write_badge(html: &mut Html, verdict: Verdict, words: &str) {
+    html.leaf("span", &[("class", &format!("badge {}", verdict_class(verdict)))], words);
 }
 
 /// A table of statements, faults first, in the order of reports else. Subjects are told without `prefix`.
-pub(super) fn table<'a>(
+pub(super) fn write_table<'a>(
     html: &mut Html,
     caption: &str,
     prefix: &str,
     findings: impl IntoIterator<Item = &'a Finding>,
 ) {
     let mut findings: Vec<&Finding> = findings.into_iter().collect();
-    findings.sort_by_key(|finding| rank(finding.verdict));
+    findings.sort_by_key(|finding| verdict_rank(finding.verdict));
     html.within("table", &[("class", "findings")], |html| {
         html.leaf("caption", &[], caption);
-        heads(
+        write_heads(
             html,
             &[
                 ("check", ""),
@@ -120,20 +120,24 @@ pub(super) fn table<'a>(
                 ("because", ""),
             ],
         );
-        html.within("tbody", &[], |html| findings.iter().for_each(|finding| row(html, finding, prefix)));
+        html.within("tbody", &[], |html| {
+            findings.iter().for_each(|finding| write_row(html, finding, prefix))
+        });
     });
 }
 
 /// The same in a line each: what a browser shows sooner where there are thousands.
-pub(super) fn list<'a>(html: &mut Html, prefix: &str, findings: impl IntoIterator<Item = &'a Finding>) {
+pub(super) fn write_list<'a>(html: &mut Html, prefix: &str, findings: impl IntoIterator<Item = &'a Finding>) {
     let mut findings: Vec<&Finding> = findings.into_iter().collect();
-    findings.sort_by_key(|finding| rank(finding.verdict));
+    findings.sort_by_key(|finding| verdict_rank(finding.verdict));
     html.within("ul", &[("class", "listed")], |html| {
         for finding in findings {
             let number = |name: &str, value: Option<f64>| {
-                value.map_or_else(String::new, |v| format!(", {name} {} {}", short(v), unit(finding)))
+                value.map_or_else(String::new, |v| {
+                    format!(", {name} {} {}", short_number(v), unit_text(finding))
+                })
             };
-            let of = match statement(&finding.subject, prefix) {
+            let of = match subject_statement(&finding.subject, prefix) {
                 "" => String::new(),
                 of => format!(" {of}"),
             };
@@ -145,18 +149,18 @@ pub(super) fn list<'a>(html: &mut Html, prefix: &str, findings: impl IntoIterato
                 number("limit", finding.limit).trim_end(),
                 finding.because
             );
-            html.leaf("li", &[("class", class(finding.verdict))], &words);
+            html.leaf("li", &[("class", verdict_class(finding.verdict))], &words);
         }
     });
 }
 
 /// The unit; of pure numbers none.
-fn unit(finding: &Finding) -> &str {
+fn unit_text(finding: &Finding) -> &str {
     if finding.unit == "1" { "" } else { &finding.unit }
 }
 
 /// The head of a table: each column's name and class.
-pub(super) fn heads(html: &mut Html, columns: &[(&str, &str)]) {
+pub(super) fn write_heads(html: &mut Html, columns: &[(&str, &str)]) {
     html.within("thead", &[], |html| {
         html.within("tr", &[], |html| {
             for (name, class) in columns {
@@ -166,21 +170,21 @@ pub(super) fn heads(html: &mut Html, columns: &[(&str, &str)]) {
     });
 }
 
-fn row(html: &mut Html, finding: &Finding, prefix: &str) {
-    let number = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), short);
+fn write_row(html: &mut Html, finding: &Finding, prefix: &str) {
+    let number = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), short_number);
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], &finding.check);
-        html.leaf("td", &[], statement(&finding.subject, prefix));
-        html.within("td", &[], |html| badge(html, finding.verdict, finding.verdict.name()));
+        html.leaf("td", &[], subject_statement(&finding.subject, prefix));
+        html.within("td", &[], |html| write_badge(html, finding.verdict, finding.verdict.name()));
         html.leaf("td", &[("class", "n")], &number(finding.measured));
         html.leaf("td", &[("class", "n")], &number(finding.limit));
-        html.leaf("td", &[], unit(finding));
+        html.leaf("td", &[], unit_text(finding));
         html.leaf("td", &[], &finding.because);
     });
 }
 
 /// What a subject says beyond whose it is: the sensor, and the statement of a check that makes several.
-pub(super) fn statement<'a>(subject: &'a str, prefix: &str) -> &'a str {
+pub(super) fn subject_statement<'a>(subject: &'a str, prefix: &str) -> &'a str {
     let below = subject.strip_prefix(prefix).unwrap_or(subject);
     below.strip_prefix(['/', '#']).unwrap_or(below)
 }
@@ -211,18 +215,18 @@ pub(super) mod tests {
             finding("polarity", "s/t/fine", Verdict::Waived),
         ];
         let mut html = Html::default();
-        table(&mut html, "all", "s/t", &findings);
-        let page = Html::page(|page| page.append(&html));
+        write_table(&mut html, "all", "s/t", &findings);
+        let page = Html::whole_page(|page| page.append(&html));
         let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words} in {page}"));
         let order = ["<td>arc", "<td>chord", "<td>fine", "<td>order", ">schema<"].map(place);
         assert!(order.is_sorted(), "{page}");
         let mut html = Html::default();
-        list(&mut html, "s/t", &findings[2..]);
-        let page = Html::page(|page| page.append(&html));
+        write_list(&mut html, "s/t", &findings[2..]);
+        let page = Html::whole_page(|page| page.append(&html));
         let [first, last] = ["warn: speed arc, measured 0.25: a reason<", "waived: polarity fine,"];
         assert!(page.find(first) < page.find(last) && page.contains(first), "{page}");
-        assert_eq!(worst(&findings), Some(Verdict::Warn));
-        assert_eq!(Count::of(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
+        assert_eq!(worst_verdict(&findings), Some(Verdict::Warn));
+        assert_eq!(Count::from_findings(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
         assert_eq!(Count::default().words(), "no statement");
     }
 
@@ -231,8 +235,8 @@ pub(super) mod tests {
         let mut findings = vec![finding("speed", "", Verdict::Warn)];
         findings.resize(5000, finding("schema", "", Verdict::Pass));
         let mut html = Html::default();
-        Count::of(&findings).bar(&mut html);
-        let page = Html::page(|page| page.append(&html));
+        Count::from_findings(&findings).bar(&mut html);
+        let page = Html::whole_page(|page| page.append(&html));
         assert!(page.contains("class=\"warn\" x=\"0\" width=\"8\""), "{page}");
     }
 }

@@ -13,7 +13,7 @@ pub(super) struct Html(String);
 
 impl Html {
     /// A whole page.
-    pub(super) fn page(inside: impl FnOnce(&mut Self)) -> String {
+    pub(super) fn whole_page(inside: impl FnOnce(&mut Self)) -> String {
         let mut page = Self("<!DOCTYPE html>\n".to_owned());
         page.within("html", &[("lang", "en")], inside);
         page.0.push('\n');
@@ -49,7 +49,7 @@ impl Html {
 
     /// Text.
     pub(super) fn text(&mut self, words: &str) {
-        escape(words, &mut self.0);
+        escape_text(words, &mut self.0);
     }
 
     /// The style sheet, which is written in this program and holds nothing that would need an escape.
@@ -71,7 +71,7 @@ impl Html {
             self.0.push(' ');
             self.0.push_str(name);
             self.0.push_str("=\"");
-            escape(value, &mut self.0);
+            escape_text(value, &mut self.0);
             self.0.push('"');
         }
         self.0.push_str(end);
@@ -84,7 +84,7 @@ const BLOCKS: [&str; 12] =
 
 /// Writes text so that it can end no text and no quoted value. Characters that no page may hold become U+FFFD; those that
 /// would reorder the text around them, or be unseen in it, are shown by number.
-fn escape(words: &str, out: &mut String) {
+fn escape_text(words: &str, out: &mut String) {
     let mut plain = 0;
     for (at, character) in words.char_indices() {
         let instead = match character {
@@ -110,7 +110,7 @@ fn escape(words: &str, out: &mut String) {
 }
 
 /// A path below the page's folder as an address: every byte that could mean anything there is percent-encoded.
-pub(super) fn address(path: &str) -> String {
+pub(super) fn link_address(path: &str) -> String {
     path.bytes().fold(String::with_capacity(path.len()), |mut out, byte| {
         match byte {
             b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
@@ -139,7 +139,7 @@ mod tests {
 
     /// What a strict reader makes of a text and of a value.
     fn read_back(words: &str) -> [String; 2] {
-        let page = Html::page(|html| html.leaf("p", &[("title", words)], words));
+        let page = Html::whole_page(|html| html.leaf("p", &[("title", words)], words));
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
         let document = roxmltree::Document::parse_with_options(&page, options).unwrap();
         let elements: Vec<_> = document.descendants().filter(|n| n.is_element()).collect();
@@ -173,7 +173,7 @@ mod tests {
             ("a b/100%?x#y", "a%20b/100%25%3Fx%23y"),
             ("räume", "r%C3%A4ume"),
         ] {
-            assert_eq!(address(path), wanted);
+            assert_eq!(link_address(path), wanted);
         }
     }
 }

@@ -1,9 +1,11 @@
 //! The release as a whole: what there is, the table of scenes, what checks said, what was not run, and what was left out.
 
 use super::Page;
-use super::findings::{self, Count, badge, heads};
+use super::findings::{self, Count, write_badge, write_heads};
 use super::html::Html;
-use super::section::{self, Part, counted, file_link, link, on_share, span, whole};
+use super::section::{
+    self, Part, counted_noun, file_link, number_span, on_share, section_link, thousands_number,
+};
 use crate::check::{self, Finding, Verdict};
 use crate::release::TOOL;
 use crate::release::left_out::Row;
@@ -15,7 +17,7 @@ const MOST_FAULTS: usize = 200;
 const MOST_REASONS: usize = 6;
 
 /// The head of the page: whose release it is, under which terms, and how much there is.
-pub(super) fn head(html: &mut Html, page: &Page<'_>) {
+pub(super) fn write_head(html: &mut Html, page: &Page<'_>) {
     let info = page.info;
     html.within("header", &[], |html| {
         html.within("h1", &[], |html| {
@@ -30,7 +32,7 @@ pub(super) fn head(html: &mut Html, page: &Page<'_>) {
             html.leaf("code", &[], &page.licence.expression);
             html.text(&format!(". Creator: {}. Written by {TOOL}.", info.creator));
         });
-        figures(html, page);
+        write_figures(html, page);
         html.within("nav", &[("aria-label", "Sections")], |html| {
             for (anchor, name) in SECTIONS {
                 html.leaf("a", &[("href", anchor)], name);
@@ -50,28 +52,31 @@ const SECTIONS: [(&str, &str); 6] = [
 ];
 
 /// How much there is, in large figures.
-fn figures(html: &mut Html, page: &Page<'_>) {
+fn write_figures(html: &mut Html, page: &Page<'_>) {
     let parts = || page.entries.iter().flat_map(|entry| &entry.scene.file.trajectories);
     let streams = || page.entries.iter().flat_map(section::Entry::counted);
-    let sum = |values: &mut dyn Iterator<Item = u64>| whole(values.sum());
+    let sum = |values: &mut dyn Iterator<Item = u64>| thousands_number(values.sum());
     let frames = |kind: &str| {
         let paths = page.entries.iter().flat_map(|entry| entry.below(""));
         paths.filter(|path| section::is_frame(path, kind)).count() as u64
     };
     let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
     let told = [
-        (whole(page.entries.len() as u64), if page.entries.len() == 1 { "scene" } else { "scenes" }),
         (
-            whole(page.trajectories() as u64),
+            thousands_number(page.entries.len() as u64),
+            if page.entries.len() == 1 { "scene" } else { "scenes" },
+        ),
+        (
+            thousands_number(page.trajectories() as u64),
             if page.trajectories() == 1 { "trajectory" } else { "trajectories" },
         ),
         (sum(&mut parts().map(|part| part.poses as u64)), "poses"),
-        (whole(frames("sharp")), "sharp frames"),
-        (whole(frames("blur")), "blurred frames"),
+        (thousands_number(frames("sharp")), "sharp frames"),
+        (thousands_number(frames("blur")), "blurred frames"),
         (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
-        (crate::trajectory::picture::short(seconds), "s of motion"),
-        (span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
-        (span(streams().filter_map(on_share)), "share of ON events"),
+        (crate::trajectory::picture::short_number(seconds), "s of motion"),
+        (number_span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
+        (number_span(streams().filter_map(on_share)), "share of ON events"),
     ];
     html.within("ul", &[("class", "figures-row")], |html| {
         for (figure, what) in
@@ -83,7 +88,7 @@ fn figures(html: &mut Html, page: &Page<'_>) {
             });
         }
     });
-    let count = Count::of(page.findings());
+    let count = Count::from_findings(page.findings());
     html.within("div", &[("class", "verdict-line")], |html| {
         count.bar(html);
         html.within("p", &[], |html| {
@@ -94,20 +99,20 @@ fn figures(html: &mut Html, page: &Page<'_>) {
 }
 
 /// The table of scenes.
-pub(super) fn scenes(html: &mut Html, page: &Page<'_>, parts: &[Part]) {
+pub(super) fn write_scenes(html: &mut Html, page: &Page<'_>, parts: &[Part]) {
     html.within("section", &[("id", "scenes")], |html| {
         html.leaf("h2", &[], "Scenes");
         if let Some(words) = page.depth.left_out(page.trajectories()) {
             html.leaf("p", &[("class", "note")], &words);
         }
-        filters(html, page);
+        write_filters(html, page);
         html.within("table", &[("class", "scenes")], |html| {
             html.leaf(
                 "caption",
                 &[],
                 "A row a scene; rates and shares are over its trajectories and sensors.",
             );
-            heads(html, &COLUMNS);
+            write_heads(html, &COLUMNS);
             html.within("tbody", &[], |html| parts.iter().for_each(|part| html.append(&part.row)));
         });
     });
@@ -129,7 +134,7 @@ const COLUMNS: [(&str, &str); 11] = [
 
 /// Which rows are shown, by the style sheet alone: the table stands behind these and beside them, so that one sibling decides
 /// about the other. (`:has()` would do as well, and have a browser look again with each of thousands of rows.)
-fn filters(html: &mut Html, page: &Page<'_>) {
+fn write_filters(html: &mut Html, page: &Page<'_>) {
     let with = |verdict| page.entries.iter().filter(|entry| entry.count().get(verdict) > 0).count();
     let kinds = [
         ("warn", "with a warning", with(Verdict::Warn)),
@@ -153,20 +158,20 @@ fn filters(html: &mut Html, page: &Page<'_>) {
 }
 
 /// What the checks said of the whole release, by check; and every fault.
-pub(super) fn checks(html: &mut Html, page: &Page<'_>) {
+pub(super) fn write_checks(html: &mut Html, page: &Page<'_>) {
     html.within("section", &[("id", "checks")], |html| {
         html.leaf("h2", &[], "Checks");
         html.leaf("p", &[], VERDICTS);
         html.within("table", &[("class", "by-check")], |html| {
             html.leaf("caption", &[], "Statements by check");
-            heads(html, &[("check", ""), ("verdicts", ""), ("statements", "")]);
-            let count = |name| Count::of(page.findings().filter(|finding| finding.check == name));
+            write_heads(html, &[("check", ""), ("verdicts", ""), ("statements", "")]);
+            let count = |name| Count::from_findings(page.findings().filter(|finding| finding.check == name));
             html.within("tbody", &[], |html| {
                 let counts = check::NAMES.into_iter().map(|name| (name, count(name)));
                 counts.filter(|(_, count)| *count != Count::default()).for_each(|of| by_check(html, of));
             });
         });
-        faults(html, page);
+        write_faults(html, page);
     });
 }
 
@@ -182,32 +187,32 @@ fn by_check(html: &mut Html, (name, count): (&str, Count)) {
     });
 }
 
-fn faults(html: &mut Html, page: &Page<'_>) {
+fn write_faults(html: &mut Html, page: &Page<'_>) {
     let mut faults: Vec<(&str, &Finding)> = page
         .entries
         .iter()
         .flat_map(|entry| entry.scene.all_findings().map(|finding| (entry.id(), finding)))
         .filter(|(_, finding)| findings::is_fault(finding.verdict))
         .collect();
-    faults.sort_by_key(|(_, finding)| findings::rank(finding.verdict));
+    faults.sort_by_key(|(_, finding)| findings::verdict_rank(finding.verdict));
     if faults.is_empty() {
         html.leaf("p", &[], "No statement is outside its limits.");
         return;
     }
     let words = match faults.len() {
         n if n > MOST_FAULTS => format!("Outside limits: the first {MOST_FAULTS} of {n} statements"),
-        n => format!("Outside limits: {}", counted(n, "statement", "statements")),
+        n => format!("Outside limits: {}", counted_noun(n, "statement", "statements")),
     };
     html.within("table", &[("class", "faults")], |html| {
         html.leaf("caption", &[], &words);
-        heads(html, &[("scene", ""), ("of", ""), ("check", ""), ("verdict", ""), ("because", "")]);
+        write_heads(html, &[("scene", ""), ("of", ""), ("check", ""), ("verdict", ""), ("because", "")]);
         html.within("tbody", &[], |html| {
             for (id, finding) in faults.into_iter().take(MOST_FAULTS) {
                 html.within("tr", &[], |html| {
-                    html.within("td", &[], |html| link(html, id, id));
-                    html.leaf("td", &[], findings::statement(&finding.subject, id));
+                    html.within("td", &[], |html| section_link(html, id, id));
+                    html.leaf("td", &[], findings::subject_statement(&finding.subject, id));
                     html.leaf("td", &[], &finding.check);
-                    html.within("td", &[], |html| badge(html, finding.verdict, finding.verdict.name()));
+                    html.within("td", &[], |html| write_badge(html, finding.verdict, finding.verdict.name()));
                     html.leaf("td", &[], &finding.because);
                 });
             }
@@ -217,7 +222,7 @@ fn faults(html: &mut Html, page: &Page<'_>) {
 
 /// What could not be judged, by check and reason.
 pub(super) fn not_run(html: &mut Html, page: &Page<'_>) {
-    let reasons = reasons(page.findings());
+    let reasons = not_run_reasons(page.findings());
     let silent: BTreeSet<&str> = page.findings().map(|finding| finding.check.as_str()).collect();
     let silent: Vec<&str> = check::NAMES.into_iter().filter(|name| !silent.contains(name)).collect();
     html.within("section", &[("id", "not-run")], |html| {
@@ -227,7 +232,7 @@ pub(super) fn not_run(html: &mut Html, page: &Page<'_>) {
         } else {
             html.within("table", &[("class", "reasons")], |html| {
                 html.leaf("caption", &[], "Statements that were not judged");
-                heads(html, &[("check", ""), ("statements", "n"), ("reason", ""), ("first", "")]);
+                write_heads(html, &[("check", ""), ("statements", "n"), ("reason", ""), ("first", "")]);
                 html.within("tbody", &[], |html| reasons.iter().for_each(|reason| reason_row(html, reason)));
             });
         }
@@ -251,7 +256,7 @@ struct Reason<'a> {
 }
 
 /// The reasons of each check in the order of names, the commonest first; those past the first few are put together.
-fn reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reason<'a>> {
+fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reason<'a>> {
     let mut counted: BTreeMap<(&str, &str), (usize, &str)> = BTreeMap::new();
     for finding in findings.filter(|finding| finding.verdict == Verdict::NotRun) {
         let own = counted.entry((&finding.check, &finding.because)).or_insert((0, &finding.subject));
@@ -284,7 +289,7 @@ fn reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reason<'a>> {
 fn reason_row(html: &mut Html, reason: &Reason<'_>) {
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], reason.check);
-        html.leaf("td", &[("class", "n")], &whole(reason.statements as u64));
+        html.leaf("td", &[("class", "n")], &thousands_number(reason.statements as u64));
         html.leaf("td", &[], &reason.because);
         html.leaf("td", &[], reason.first);
     });
@@ -295,12 +300,12 @@ pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
     html.within("section", &[("id", "left-out")], |html| {
         html.leaf("h2", &[], "Left out");
         html.within("ul", &[], |html| {
-            for words in absences(page) {
+            for words in absence_sentences(page) {
                 html.leaf("li", &[], &words);
             }
         });
         let rows = page.entries.iter().flat_map(|entry| &entry.scene.trajectories).flat_map(|t| &t.left_out);
-        let sums = sums(rows);
+        let sums = omission_sums(rows);
         if sums.is_empty() {
             return;
         }
@@ -316,7 +321,7 @@ pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
                 ("unit", ""),
                 ("without it", ""),
             ];
-            heads(html, &columns);
+            write_heads(html, &columns);
             html.within("tbody", &[], |html| sums.iter().for_each(|sum| sum_row(html, sum)));
         });
     });
@@ -327,7 +332,7 @@ const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of wh
 
 /// What is not in the release, a sentence each: scenes that are withheld, photos, events that nobody asked for. Whatever else
 /// keeps something out of a release is told here too.
-fn absences(page: &Page<'_>) -> Vec<String> {
+fn absence_sentences(page: &Page<'_>) -> Vec<String> {
     let withheld: Vec<&str> =
         page.entries.iter().filter(|entry| entry.is_withheld()).map(section::Entry::id).collect();
     let images = page.entries.iter().flat_map(|entry| &entry.scene.file.images);
@@ -338,34 +343,34 @@ fn absences(page: &Page<'_>) -> Vec<String> {
         n => format!(
             "Of {} pictures and events are withheld, as upstream forbids passing them on; recipe, poses and \
              reports are here.",
-            counted(n, "scene", "scenes")
+            counted_noun(n, "scene", "scenes")
         ),
     }];
     if page.taken_down > 0 {
         told.push(format!(
             "{} on the takedown list {} not here.",
-            counted(page.taken_down, "scene", "scenes"),
+            counted_noun(page.taken_down, "scene", "scenes"),
             if page.taken_down == 1 { "is" } else { "are" }
         ));
     }
     if photos > 0 {
         told.push(format!(
             "No photo is in the release; {} of {} were not used.",
-            whole(unused),
-            whole(photos)
+            thousands_number(unused),
+            thousands_number(photos)
         ));
     }
     if silent > 0 {
         told.push(format!(
             "Without events, as no recipe asks for them: {}.",
-            counted(silent, "scene", "scenes")
+            counted_noun(silent, "scene", "scenes")
         ));
     }
     told
 }
 
 /// The same rows of all trajectories, summed. How much there was is not known where one does not say.
-fn sums<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Row> {
+fn omission_sums<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Row> {
     let mut sums: BTreeMap<(&str, &str, &str, &str), Row> = BTreeMap::new();
     for row in rows {
         let own = sums.entry((&row.step, &row.what, &row.unit, &row.proof));
@@ -384,8 +389,8 @@ fn sum_row(html: &mut Html, row: &Row) {
     html.within("tr", &[], |html| {
         html.leaf("td", &[], &row.step);
         html.leaf("td", &[], &row.what);
-        html.leaf("td", &[("class", "n")], &whole(row.how_much));
-        html.leaf("td", &[("class", "n")], &row.of.map_or_else(none, whole));
+        html.leaf("td", &[("class", "n")], &thousands_number(row.how_much));
+        html.leaf("td", &[("class", "n")], &row.of.map_or_else(none, thousands_number));
         html.leaf("td", &[("class", "n")], &share.map_or_else(none, |share| format!("{share:.1} %")));
         html.leaf("td", &[], &row.unit);
         html.leaf("td", &[], &row.proof);
@@ -393,7 +398,7 @@ fn sum_row(html: &mut Html, row: &Row) {
 }
 
 /// The files at the top of the tree, and the terms.
-pub(super) fn files(html: &mut Html, page: &Page<'_>) {
+pub(super) fn write_files(html: &mut Html, page: &Page<'_>) {
     html.within("section", &[("id", "files")], |html| {
         html.leaf("h2", &[], "Files and terms");
         html.within("p", &[("class", "files")], |html| {
@@ -406,7 +411,7 @@ pub(super) fn files(html: &mut Html, page: &Page<'_>) {
         html.leaf("p", &[], READING);
         let gated = page.entries.iter().filter(|entry| entry.scene.file.licence.gated).count();
         if gated > 0 {
-            let of = counted(gated, "scene", "scenes");
+            let of = counted_noun(gated, "scene", "scenes");
             let words = format!("Gated: who receives them must accept the upstream terms of {of} first.");
             html.leaf("p", &[], &words);
         }
@@ -445,7 +450,7 @@ mod tests {
         findings.push(Finding { because: "reason 7".into(), ..finding("speed", "s9/t", Verdict::NotRun) });
         findings.push(finding("batching", "s/t", Verdict::NotRun));
         findings.push(finding("batching", "s/t", Verdict::Pass));
-        let reasons = reasons(findings.iter());
+        let reasons = not_run_reasons(findings.iter());
         assert_eq!(reasons.len(), 1 + MOST_REASONS + 1);
         assert_eq!((reasons[0].check, reasons[0].statements), ("batching", 1));
         let second = &reasons[1];
@@ -465,6 +470,6 @@ mod tests {
             proof: "identical bytes".into(),
         };
         let rows = [row("a", 1, Some(4)), row("b", 2, None), row("a", 2, Some(6)), row("b", 3, Some(9))];
-        assert_eq!(sums(rows.iter()), [row("a", 3, Some(10)), row("b", 5, None)]);
+        assert_eq!(omission_sums(rows.iter()), [row("a", 3, Some(10)), row("b", 5, None)]);
     }
 }

@@ -3,12 +3,12 @@
 use super::Page;
 use super::embed::Picture;
 use super::findings::{self, Count, WORST_FIRST};
-use super::html::{Html, address};
+use super::html::{Html, link_address};
 use super::trajectory;
 use crate::check::{Finding, Verdict};
 use crate::release::published::{PublishedScene, PublishedTrajectory};
 use crate::release::scene::{SceneFile, SensorPart, Statistics, TrajectoryPart};
-use crate::trajectory::picture::short;
+use crate::trajectory::picture::short_number;
 
 /// A scene of the page.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ impl<'a> Entry<'a> {
     }
 
     pub(super) fn count(&self) -> Count {
-        Count::of(self.scene.all_findings())
+        Count::from_findings(self.scene.all_findings())
     }
 
     /// Paths of its files below its folder.
@@ -72,33 +72,33 @@ impl<'a> Entry<'a> {
 
     /// The counts of its streams.
     pub(super) fn counted(&self) -> impl Iterator<Item = &'a Statistics> + use<'a> {
-        self.scene.file.trajectories.iter().flat_map(statistics)
+        self.scene.file.trajectories.iter().flat_map(stream_statistics)
     }
 }
 
 /// The counts of a trajectory's streams.
-fn statistics(part: &TrajectoryPart) -> impl Iterator<Item = &Statistics> {
+fn stream_statistics(part: &TrajectoryPart) -> impl Iterator<Item = &Statistics> {
     let named = part.sensors.values().map(|SensorPart { statistics, .. }| statistics);
     std::iter::once(&part.statistics).chain(named).filter(|counted| counted.events.is_some())
 }
 
 /// The id of a scene's section in the page.
-fn anchor(id: &str) -> String {
+fn section_id(id: &str) -> String {
     format!("scene/{id}")
 }
 
 /// A link to a scene's section.
-pub(super) fn link(html: &mut Html, id: &str, words: &str) {
-    html.leaf("a", &[("href", &format!("#{}", address(&anchor(id))))], words);
+pub(super) fn section_link(html: &mut Html, id: &str, words: &str) {
+    html.leaf("a", &[("href", &format!("#{}", link_address(&section_id(id))))], words);
 }
 
 /// A link to a file of the tree.
 pub(super) fn file_link(html: &mut Html, path: &str, words: &str) {
-    html.leaf("a", &[("href", &address(path))], words);
+    html.leaf("a", &[("href", &link_address(path))], words);
 }
 
 /// An embedded picture.
-pub(super) fn image(html: &mut Html, picture: &Picture, class: &str, alt: &str) {
+pub(super) fn write_image(html: &mut Html, picture: &Picture, class: &str, alt: &str) {
     let [width, height] = [picture.width, picture.height].map(|side| side.to_string());
     html.empty(
         "img",
@@ -114,7 +114,7 @@ pub(super) fn image(html: &mut Html, picture: &Picture, class: &str, alt: &str) 
 }
 
 /// A number with a comma between thousands.
-pub(super) fn whole(n: u64) -> String {
+pub(super) fn thousands_number(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (at, digit) in digits.chars().enumerate() {
@@ -127,17 +127,17 @@ pub(super) fn whole(n: u64) -> String {
 }
 
 /// How many of what, `one` and `more` being its names.
-pub(super) fn counted(n: usize, one: &str, more: &str) -> String {
-    format!("{} {}", whole(n as u64), if n == 1 { one } else { more })
+pub(super) fn counted_noun(n: usize, one: &str, more: &str) -> String {
+    format!("{} {}", thousands_number(n as u64), if n == 1 { one } else { more })
 }
 
 /// From the lowest to the highest; one number where they are the same to the eye.
-pub(super) fn span(values: impl Iterator<Item = f64>) -> String {
+pub(super) fn number_span(values: impl Iterator<Item = f64>) -> String {
     let bounds = values.fold(None, |bounds: Option<[f64; 2]>, v| {
         Some(bounds.map_or([v, v], |[low, high]| [low.min(v), high.max(v)]))
     });
     let Some(bounds) = bounds else { return "\u{2013}".to_owned() };
-    let [low, high] = bounds.map(short);
+    let [low, high] = bounds.map(short_number);
     if low == high { low } else { format!("{low}\u{2013}{high}") }
 }
 
@@ -148,38 +148,39 @@ pub(super) fn on_share(counted: &Statistics) -> Option<f64> {
 }
 
 /// Composes the scene's part.
-pub(super) fn compose(page: &Page<'_>, entry: &Entry<'_>) -> Part {
+pub(super) fn compose_section(page: &Page<'_>, entry: &Entry<'_>) -> Part {
     let (mut row, mut section) = (Html::default(), Html::default());
     table_row(&mut row, page, entry);
-    details(&mut section, page, entry);
+    write_details(&mut section, page, entry);
     Part { row, section }
 }
 
 fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let count = entry.count();
-    let kinds = WORST_FIRST.into_iter().filter(|verdict| count.get(*verdict) > 0).map(findings::class);
+    let kinds =
+        WORST_FIRST.into_iter().filter(|verdict| count.get(*verdict) > 0).map(findings::verdict_class);
     let withheld = entry.is_withheld().then_some("withheld");
     let class = kinds.chain(withheld).map(|kind| format!("has-{kind}")).collect::<Vec<_>>().join(" ");
     let file = &entry.scene.file;
     html.within("tr", &[("class", &class)], |html| {
-        html.within("td", &[], |html| thumbnail(html, page, entry));
-        html.within("th", &[("scope", "row")], |html| link(html, entry.id(), entry.id()));
+        html.within("td", &[], |html| write_thumbnail(html, page, entry));
+        html.within("th", &[("scope", "row")], |html| section_link(html, entry.id(), entry.id()));
         html.leaf("td", &[], &file.source.kind);
         html.within("td", &[], |html| {
             html.text(&file.licence.expression);
-            marks(html, entry);
+            write_marks(html, entry);
         });
         let number = |html: &mut Html, words: &str| html.leaf("td", &[("class", "n")], words);
         let poses: u64 = file.trajectories.iter().map(|t| t.poses as u64).sum();
         let sharp = entry.below("").filter(|path| is_frame(path, "sharp")).count();
         number(html, &file.trajectories.len().to_string());
-        number(html, &whole(poses));
-        number(html, &whole(sharp as u64));
+        number(html, &thousands_number(poses));
+        number(html, &thousands_number(sharp as u64));
         let events: Option<u64> =
             entry.counted().filter_map(|counted| counted.events).reduce(|sum, events| sum + events);
-        number(html, &events.map_or_else(|| "\u{2013}".to_owned(), whole));
-        number(html, &span(entry.counted().filter_map(|counted| counted.rate_ev_px_s)));
-        number(html, &span(entry.counted().filter_map(on_share)));
+        number(html, &events.map_or_else(|| "\u{2013}".to_owned(), thousands_number));
+        number(html, &number_span(entry.counted().filter_map(|counted| counted.rate_ev_px_s)));
+        number(html, &number_span(entry.counted().filter_map(on_share)));
         html.within("td", &[("class", "verdicts")], |html| {
             if page.depth.every {
                 count.bar(html);
@@ -194,19 +195,21 @@ pub(super) fn is_frame(path: &str, kind: &str) -> bool {
     path.ends_with(".png") && path.rsplit('/').nth(1) == Some(kind)
 }
 
-fn thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn write_thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
-    let sharp = |track: Track<'_>| super::seen::sharp(track, page.places, page.depth.thumbnail);
+    let sharp = |track: Track<'_>| super::seen::sharp_picture(track, page.places, page.depth.thumbnail);
     match entry.tracks().find_map(sharp) {
-        Some(shown) => image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words)),
+        Some(shown) => {
+            write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))
+        }
         None => html.leaf("span", &[("class", "none")], "no frame"),
     }
 }
 
 /// What binds who has the scene, beside the licence's name.
-fn marks(html: &mut Html, entry: &Entry<'_>) {
+fn write_marks(html: &mut Html, entry: &Entry<'_>) {
     if entry.scene.file.licence.gated {
         html.leaf("span", &[("class", "mark")], "gated");
     }
@@ -215,26 +218,26 @@ fn marks(html: &mut Html, entry: &Entry<'_>) {
     }
 }
 
-fn details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn write_details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let open = [("class", "scene"), ("open", "")];
     html.within("details", if page.is_short() { &open } else { &open[..1] }, |html| {
         html.within("summary", &[], |html| {
             html.leaf("h3", &[], entry.id());
             html.text(" ");
             entry.count().badges(html);
-            marks(html, entry);
+            write_marks(html, entry);
         });
-        html.within("div", &[("class", "inside"), ("id", &anchor(entry.id()))], |html| {
-            facts(html, page, entry);
-            files(html, entry);
+        html.within("div", &[("class", "inside"), ("id", &section_id(entry.id()))], |html| {
+            write_facts(html, page, entry);
+            write_files(html, entry);
             own_findings(html, page, entry);
-            entry.tracks().for_each(|track| trajectory::compose(html, page, track));
+            entry.tracks().for_each(|track| trajectory::write_trajectory(html, page, track));
         });
     });
 }
 
 /// Files of the scene itself.
-fn files(html: &mut Html, entry: &Entry<'_>) {
+fn write_files(html: &mut Html, entry: &Entry<'_>) {
     let own = entry.below("").filter_map(|path| path.strip_prefix(entry.id())?.strip_prefix('/'));
     let own: Vec<&str> = own.filter(|name| !name.contains('/')).collect();
     html.within("p", &[("class", "files")], |html| {
@@ -246,16 +249,16 @@ fn files(html: &mut Html, entry: &Entry<'_>) {
     });
 }
 
-fn facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn write_facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let file = &entry.scene.file;
     let camera = &file.camera;
-    let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short);
+    let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short_number);
     let mut facts = vec![
-        ("Source", source(file)),
+        ("Source", source_words(file)),
         ("Camera", format!("{} x {} px, f {fx}, {fy}, centre {cx}, {cy}", camera.width, camera.height)),
         ("Seed", file.seed.to_string()),
-        ("Scene", reconstruction(file)),
-        ("Licence", licence(file)),
+        ("Scene", reconstruction_words(file)),
+        ("Licence", licence_words(file)),
     ];
     let photos = file.images.len();
     if photos > 0 {
@@ -274,16 +277,20 @@ fn facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     });
 }
 
-fn source(file: &SceneFile) -> String {
+fn source_words(file: &SceneFile) -> String {
     let source = &file.source;
     let told = [&source.upstream_id, &source.upstream_url].into_iter().flatten().map(String::as_str);
     std::iter::once(source.kind.as_str()).chain(told).collect::<Vec<_>>().join(", ")
 }
 
-fn reconstruction(file: &SceneFile) -> String {
+fn reconstruction_words(file: &SceneFile) -> String {
     let Some(of) = &file.reconstruction else { return "nothing is rendered".to_owned() };
-    let mut words =
-        format!("{}, {} Gaussians, harmonics of degree {}", of.kind, whole(of.gaussians), of.sh_degree);
+    let mut words = format!(
+        "{}, {} Gaussians, harmonics of degree {}",
+        of.kind,
+        thousands_number(of.gaussians),
+        of.sh_degree
+    );
     if let Some(psnr) = &of.psnr {
         words += &format!(", PSNR {:.2} dB (least {:.2}) over {} views", psnr.mean, psnr.min, psnr.views);
         if let Some(held_out) = psnr.held_out {
@@ -298,7 +305,7 @@ fn reconstruction(file: &SceneFile) -> String {
     words
 }
 
-fn licence(file: &SceneFile) -> String {
+fn licence_words(file: &SceneFile) -> String {
     let licence = &file.licence;
     let mut words = licence.expression.clone();
     if !licence.attribution.is_empty() {
@@ -321,22 +328,28 @@ fn licence(file: &SceneFile) -> String {
 /// The findings on the scene itself, by its photos and its capture.
 fn own_findings(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let Some(findings) = &entry.scene.findings else { return };
-    listed(html, page, "Checks of the scene", entry.id(), findings);
+    write_findings(html, page, "Checks of the scene", entry.id(), findings);
 }
 
 /// Findings as deep as the page goes.
-pub(super) fn listed(html: &mut Html, page: &Page<'_>, caption: &str, prefix: &str, findings: &[Finding]) {
-    let count = Count::of(findings);
+pub(super) fn write_findings(
+    html: &mut Html,
+    page: &Page<'_>,
+    caption: &str,
+    prefix: &str,
+    findings: &[Finding],
+) {
+    let count = Count::from_findings(findings);
     let shown = |f: &&Finding| page.depth.passes || f.verdict != Verdict::Pass;
     let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
     let caption = format!("{caption}: {}", count.words());
     if shown.is_empty() {
         html.leaf("p", &[("class", "caption")], &caption);
     } else if page.depth.every {
-        findings::table(html, &caption, prefix, shown);
+        findings::write_table(html, &caption, prefix, shown);
     } else {
         html.leaf("p", &[("class", "caption")], &caption);
-        findings::list(html, prefix, shown);
+        findings::write_list(html, prefix, shown);
     }
 }
 
@@ -347,10 +360,10 @@ mod tests {
     #[test]
     fn numbers_are_for_people() {
         for (n, wanted) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
-            assert_eq!(whole(n), wanted);
+            assert_eq!(thousands_number(n), wanted);
         }
-        assert_eq!(span([2.0, 1.0, 3.5].into_iter()), "1\u{2013}3.5");
-        assert_eq!(span([0.5, 0.500_001].into_iter()), "0.5");
-        assert_eq!(span(std::iter::empty()), "\u{2013}");
+        assert_eq!(number_span([2.0, 1.0, 3.5].into_iter()), "1\u{2013}3.5");
+        assert_eq!(number_span([0.5, 0.500_001].into_iter()), "0.5");
+        assert_eq!(number_span(std::iter::empty()), "\u{2013}");
     }
 }

@@ -25,7 +25,7 @@ pub(super) struct Shown {
 }
 
 /// The sharp frame nearest to the middle of the trajectory: its number and path.
-fn middle<'a>(track: &Track<'a>) -> Option<(usize, &'a str)> {
+fn middle_frame<'a>(track: &Track<'a>) -> Option<(usize, &'a str)> {
     let middle = track.part.poses / 2;
     track.frames("sharp").min_by_key(|(number, _)| (number.abs_diff(middle), *number))
 }
@@ -33,7 +33,7 @@ fn middle<'a>(track: &Track<'a>) -> Option<(usize, &'a str)> {
 /// When it is, us.
 fn moment_us(track: &Track<'_>) -> i64 {
     let stamps = &track.published.motion.trajectory.stamps_us;
-    let number = middle(track).map_or(stamps.len() / 2, |(number, _)| number);
+    let number = middle_frame(track).map_or(stamps.len() / 2, |(number, _)| number);
     stamps.get(number).copied().unwrap_or(0)
 }
 
@@ -44,14 +44,14 @@ fn picture(path: &str, places: Places<'_>, width: u32) -> Option<Picture> {
 }
 
 /// The sharp frame of the middle.
-pub(super) fn sharp(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
-    let (number, path) = middle(&track)?;
+pub(super) fn sharp_picture(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
+    let (number, path) = middle_frame(&track)?;
     let words = format!("sharp frame {number} at {:.1} ms", moment_us(&track) as f64 * 1e-3);
     Some(Shown { picture: picture(path, places, width)?, words })
 }
 
 /// The blurred frame nearest to that.
-pub(super) fn blurred(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
+pub(super) fn blurred_picture(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
     let exposures = published::exposures(track.part, &track.published.motion);
     let moment = moment_us(&track);
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
@@ -65,16 +65,16 @@ pub(super) fn blurred(track: Track<'_>, places: Places<'_>, width: u32) -> Optio
 }
 
 /// The rate of a stream over time, by its file: events per second, over a trajectory of this length.
-pub(super) fn rate(file: &Path, duration_us: i64, points: usize) -> Option<Curve> {
+pub(super) fn stream_rate(file: &Path, duration_us: i64, points: usize) -> Option<Curve> {
     let index = h5::Reader::open(file).ok()?.index().ok()?;
     let counts: Vec<f64> = index.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
-    let (hz, ms) = rates(&counts, duration_us as f64 * 1e-3);
+    let (hz, ms) = millisecond_rates(&counts, duration_us as f64 * 1e-3);
     Some(Curve::new(&hz, &ms, points))
 }
 
 /// Events per second from the counts of milliseconds, and how long each holds, ms. The last millisecond is there in part: less
 /// than half of one is put to the one before it, since a rate over so little says nothing.
-fn rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
+fn millisecond_rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
     let length = |k: usize| (whole_ms - k as f64).clamp(0.0, 1.0);
     let mut held: Vec<[f64; 2]> = counts.iter().enumerate().map(|(k, count)| [*count, length(k)]).collect();
     while let [.., before, last] = held.as_mut_slice()
@@ -87,12 +87,13 @@ fn rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// The events of a stream around the middle of its trajectory.
-pub(super) fn events(track: Track<'_>, file: &Path, width: u32) -> Option<Shown> {
+pub(super) fn events_picture(track: Track<'_>, file: &Path, width: u32) -> Option<Shown> {
     let camera = &track.entry.scene.file.camera;
     let size = Size { width: camera.width, height: camera.height };
     let mut reader = h5::Reader::open(file).ok()?;
     let index = reader.index().ok()?;
-    let ms = window(&index, usize::try_from(moment_us(&track) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
+    let ms =
+        busy_window(&index, usize::try_from(moment_us(&track) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
     let us = |ms: usize| i64::try_from(ms).ok()?.checked_mul(1000);
     let window_us = us(ms.start)?..us(ms.end)?;
     let mut balance = Balance::new(size, window_us.clone()).ok()?;
@@ -104,7 +105,7 @@ pub(super) fn events(track: Track<'_>, file: &Path, width: u32) -> Option<Shown>
             break;
         }
     }
-    let picture = Picture::of(&balance.image(), width)?;
+    let picture = Picture::from_image(&balance.image(), width)?;
     let words = format!("events of {} to {} ms: brighter in red, darker in blue", ms.start, ms.end);
     Some(Shown { picture, words })
 }
@@ -115,7 +116,7 @@ const DENSITY: u64 = 6;
 const LONGEST_MS: usize = 40;
 
 /// The milliseconds around `middle` that hold about `wanted` events; `None` in an empty index.
-fn window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
+fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
     let last = index.len().checked_sub(2)?;
     let mut range = middle.min(last)..middle.min(last) + 1;
     let held = |range: &Range<usize>| index[range.end].saturating_sub(index[range.start]);
@@ -142,16 +143,17 @@ impl OfCheck<'_> {
 /// The pictures of checks that the page shows, faults first.
 pub(super) fn of_checks(track: Track<'_>, depth: Depth) -> Vec<OfCheck<'_>> {
     let paths = track.entry.below(&format!("{}/checks/", track.part.name));
-    let mut pictures: Vec<OfCheck<'_>> = paths.filter_map(named).collect();
+    let mut pictures: Vec<OfCheck<'_>> = paths.filter_map(output_number).collect();
     let findings = &track.published.findings;
-    let worst = |of: &OfCheck<'_>| super::findings::worst(findings.iter().filter(|f| f.check == of.check));
+    let worst =
+        |of: &OfCheck<'_>| super::findings::worst_verdict(findings.iter().filter(|f| f.check == of.check));
     pictures.retain(|of| depth.passed_pictures || worst(of).is_some_and(super::findings::is_fault));
-    pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::rank));
+    pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::verdict_rank));
     pictures.truncate(depth.check_pictures);
     pictures
 }
 
-fn named(path: &str) -> Option<OfCheck<'_>> {
+fn output_number(path: &str) -> Option<OfCheck<'_>> {
     let stem = path.rsplit('/').next()?.strip_suffix(".png")?;
     let (sensor, check) = match stem.rsplit_once('.') {
         Some((sensor, check)) => (Some(sensor), check),
@@ -161,9 +163,9 @@ fn named(path: &str) -> Option<OfCheck<'_>> {
 }
 
 /// The event files of a trajectory, with the names of their sensors.
-pub(super) fn streams<'a>(track: Track<'a>, places: Places<'_>) -> Vec<(Option<&'a str>, PathBuf)> {
+pub(super) fn stream_outputs<'a>(track: Track<'a>, places: Places<'_>) -> Vec<(Option<&'a str>, PathBuf)> {
     let names = published::stream_names(track.part).into_iter();
-    names.filter_map(|name| Some((name, places(&track.path_of(&Stream::released(name)))?))).collect()
+    names.filter_map(|name| Some((name, places(&track.path_of(&Stream::released_name(name)))?))).collect()
 }
 
 #[cfg(test)]
@@ -174,19 +176,19 @@ mod tests {
     fn a_window_grows_until_it_holds_enough() {
         // 10 events a millisecond, 100 ms and the entry past the last.
         let index: Vec<u64> = (0..=100).map(|k| 10 * k).collect();
-        assert_eq!(window(&index, 50, 5), Some(50..51));
-        assert_eq!(window(&index, 50, 45), Some(48..53));
-        assert_eq!(window(&index, 0, 25), Some(0..3));
-        assert_eq!(window(&index, 200, 15), Some(98..100));
-        assert_eq!(window(&index, 50, u64::MAX), Some(30..71));
-        assert_eq!(window(&[0, 0], 3, 7), Some(0..1));
-        assert_eq!((window(&[0], 3, 7), window(&[], 3, 7)), (None, None));
+        assert_eq!(busy_window(&index, 50, 5), Some(50..51));
+        assert_eq!(busy_window(&index, 50, 45), Some(48..53));
+        assert_eq!(busy_window(&index, 0, 25), Some(0..3));
+        assert_eq!(busy_window(&index, 200, 15), Some(98..100));
+        assert_eq!(busy_window(&index, 50, u64::MAX), Some(30..71));
+        assert_eq!(busy_window(&[0, 0], 3, 7), Some(0..1));
+        assert_eq!((busy_window(&[0], 3, 7), busy_window(&[], 3, 7)), (None, None));
     }
 
     #[test]
     fn the_last_rate_is_over_what_is_left_of_its_millisecond() {
         let check = |counts: &[f64], whole_ms, wanted: &[[f64; 2]]| {
-            let (hz, ms) = rates(counts, whole_ms);
+            let (hz, ms) = millisecond_rates(counts, whole_ms);
             let found: Vec<[f64; 2]> = hz.into_iter().zip(ms).map(|(hz, ms)| [hz, ms]).collect();
             assert_eq!(found, wanted, "{counts:?}");
         };
@@ -205,7 +207,7 @@ mod tests {
             ("s/t/checks/a.b.motion.png", Some((Some("a.b"), "motion"))),
             ("s/t/checks/verdicts.json", None),
         ] {
-            assert_eq!(named(name).map(|of| (of.sensor, of.check)), wanted);
+            assert_eq!(output_number(name).map(|of| (of.sensor, of.check)), wanted);
         }
     }
 }

@@ -1,71 +1,76 @@
 //! One trajectory in the section of its scene: what was counted, what it looks like, curves, files and checks.
 
 use super::Page;
-use super::curve::{self, Curve, stroke};
+use super::curve::{self, Curve, stroke_path};
 use super::findings::is_fault;
 use super::html::Html;
-use super::section::{self, Track, file_link, image, on_share, whole};
+use super::section::{self, Track, file_link, on_share, thousands_number, write_image};
 use super::seen::{self, Shown};
 use crate::release::published::PublishedTrajectory;
 use crate::release::scene::{Range, Statistics, TrajectoryPart};
-use crate::trajectory::picture::{Sketch, short, sketch};
-use crate::units::amount;
+use crate::trajectory::picture::{Sketch, short_number, sketch};
+use crate::units::format_amount;
 use std::fmt::Write as _;
 
 /// Size of a view of the path, px.
 const VIEW: [f64; 2] = [240.0, 160.0];
 
 /// Writes it.
-pub(super) fn compose(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+pub(super) fn write_trajectory(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     let Track { entry, part, published } = track;
     html.within("article", &[], |html| {
         html.within("h4", &[], |html| {
             html.text(&part.name);
             html.leaf("span", &[("class", "kind")], &format!(" {}", part.kind));
         });
-        html.leaf("p", &[("class", "counted")], &counted(part));
+        html.leaf("p", &[("class", "counted")], &count_words(part));
         html.within("div", &[("class", "figures")], |html| {
             if !entry.is_withheld() {
-                pictures(html, page, track);
+                write_pictures(html, page, track);
             }
-            path(html, page, published);
-            curves(html, page, track);
+            write_path(html, page, published);
+            write_curves(html, page, track);
             if !entry.is_withheld() {
                 pictures_of_checks(html, page, track);
             }
         });
-        files(html, page, track);
+        write_files(html, page, track);
         let prefix = format!("{}/{}", entry.id(), part.name);
-        section::listed(html, page, "Checks", &prefix, &published.findings);
+        section::write_findings(html, page, "Checks", &prefix, &published.findings);
     });
 }
 
 /// What was counted, in words.
-fn counted(part: &TrajectoryPart) -> String {
-    let mut words = format!("{} poses, {:.1} ms", whole(part.poses as u64), part.duration_us as f64 * 1e-3);
+fn count_words(part: &TrajectoryPart) -> String {
+    let mut words =
+        format!("{} poses, {:.1} ms", thousands_number(part.poses as u64), part.duration_us as f64 * 1e-3);
     let stream = |words: &mut String, name: Option<&str>, counted: &Statistics| {
         let Some(events) = counted.events else { return };
-        let _ =
-            write!(words, "; {}{} events", name.map_or(String::new(), |n| format!("{n}: ")), whole(events));
+        let _ = write!(
+            words,
+            "; {}{} events",
+            name.map_or(String::new(), |n| format!("{n}: ")),
+            thousands_number(events)
+        );
         if let Some(rate) = counted.rate_ev_px_s {
-            let _ = write!(words, ", {} ev/px/s", short(rate));
+            let _ = write!(words, ", {} ev/px/s", short_number(rate));
         }
         if let Some(share) = on_share(counted) {
             let _ = write!(words, ", ON share {share:.3}");
         }
         if let Some(peak) = counted.peak_ev_per_ms {
-            let _ = write!(words, ", peak {} ev/ms", whole(peak));
+            let _ = write!(words, ", peak {} ev/ms", thousands_number(peak));
         }
     };
     stream(&mut words, None, &part.statistics);
     part.sensors.iter().for_each(|(name, sensor)| stream(&mut words, Some(name), &sensor.statistics));
     if let Some(step) = part.statistics.max_step_px {
-        let _ = write!(words, "; largest step {} px", short(f64::from(step)));
+        let _ = write!(words, "; largest step {} px", short_number(f64::from(step)));
     }
     words
 }
 
-fn figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut Html)) {
+fn write_figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut Html)) {
     html.within("figure", &[("class", class)], |html| {
         inside(html);
         html.leaf("figcaption", &[], caption);
@@ -73,7 +78,7 @@ fn figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut 
 }
 
 /// The sharp frame of the middle, and the events around it.
-fn pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+fn write_pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     let (depth, places) = (page.depth, page.places);
     let trajectories = &track.entry.scene.file.trajectories;
     let first = trajectories.first().is_some_and(|first| first.name == track.part.name);
@@ -82,16 +87,16 @@ fn pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     }
     let mut show = |shown: Option<Shown>| {
         if let Some(Shown { picture, words }) = shown {
-            figure(html, "", &words, |html| image(html, &picture, "", &words));
+            write_figure(html, "", &words, |html| write_image(html, &picture, "", &words));
         }
     };
     if depth.sharp {
-        show(seen::sharp(track, places, depth.picture));
-        show(seen::blurred(track, places, depth.picture));
+        show(seen::sharp_picture(track, places, depth.picture));
+        show(seen::blurred_picture(track, places, depth.picture));
     }
     let most = if depth.every { MOST_STREAMS } else { 1 };
-    for (name, file) in seen::streams(track, places).into_iter().take(most) {
-        let shown = seen::events(track, &file, depth.picture);
+    for (name, file) in seen::stream_outputs(track, places).into_iter().take(most) {
+        let shown = seen::events_picture(track, &file, depth.picture);
         let named = |shown: Shown| match name {
             Some(name) => Shown { words: format!("{name}: {}", shown.words), ..shown },
             None => shown,
@@ -104,18 +109,23 @@ fn pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
 const MOST_STREAMS: usize = 4;
 
 /// The path from above and from the side.
-fn path(html: &mut Html, page: &Page<'_>, published: &PublishedTrajectory) {
+fn write_path(html: &mut Html, page: &Page<'_>, published: &PublishedTrajectory) {
     let motion = &published.motion;
     let counts = [page.depth.points, page.depth.cameras];
     let views = sketch(&motion.trajectory.world_from_camera, &motion.report.linear_unit_s, VIEW, counts);
     let Some(views) = views else { return };
-    let speeds = Range::of(&motion.report.linear_unit_s);
+    let speeds = Range::from_values(&motion.report.linear_unit_s);
     let [from_above, from_the_side] = [0, 1].map(|i: usize| views[i].name);
     let mut caption = format!("path {from_above}, and {from_the_side}");
     if let Some(Range { min, max, .. }) = speeds {
-        let _ = write!(caption, "; cameras from {} units/s (dark) to {} (yellow)", short(min), short(max));
+        let _ = write!(
+            caption,
+            "; cameras from {} units/s (dark) to {} (yellow)",
+            short_number(min),
+            short_number(max)
+        );
     }
-    figure(html, "wide", &caption, |html| {
+    write_figure(html, "wide", &caption, |html| {
         let [width, height] = VIEW;
         let view = format!("0 0 {} {height}", 2.0 * width);
         let attributes = [("class", "path"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
@@ -127,7 +137,7 @@ fn path(html: &mut Html, page: &Page<'_>, published: &PublishedTrajectory) {
 fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
     let [width, height] = VIEW;
     let both = |of: &dyn Fn(&Sketch) -> Vec<[f64; 2]>| -> String {
-        let at = |(view, left): (&Sketch, f64)| stroke(of(view).iter().map(|[x, y]| [x + left, *y]));
+        let at = |(view, left): (&Sketch, f64)| stroke_path(of(view).iter().map(|[x, y]| [x + left, *y]));
         views.iter().zip([0.0, width]).map(at).collect()
     };
     let bar = |view: &Sketch| vec![[8.0, height - 8.0], [8.0 + view.bar, height - 8.0]];
@@ -149,23 +159,23 @@ fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
 }
 
 /// Event rates and speeds over time.
-fn curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+fn write_curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     let Track { part, published, .. } = track;
     let points = page.depth.points;
     // A scene that is withheld has no event files here.
-    for (name, file) in seen::streams(track, page.places).into_iter().take(MOST_STREAMS) {
-        let Some(rate) = seen::rate(&file, part.duration_us, points) else { continue };
+    for (name, file) in seen::stream_outputs(track, page.places).into_iter().take(MOST_STREAMS) {
+        let Some(rate) = seen::stream_rate(&file, part.duration_us, points) else { continue };
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count times 1000")]
-        let highest = amount(rate.highest() as u64, "ev/s");
+        let highest = format_amount(rate.highest() as u64, "ev/s");
         let words = format!("{of}event rate over time, from 0 to {highest}");
-        figure(html, "", &words, |html| curve::draw(html, &[("a", &rate)]));
+        write_figure(html, "", &words, |html| curve::draw_curves(html, &[("a", &rate)]));
     }
     let report = &published.motion.report;
     let durations: Vec<f64> = report.durations().collect();
     let curve = |values: &[f64]| Curve::new(values, &durations, points).over_mean();
     let (linear, angular) = (curve(&report.linear_unit_s), curve(&report.angular_rad_s));
-    let words = format!("speed over time, from 0, each over its mean: {}", speeds(&part.statistics));
+    let words = format!("speed over time, from 0, each over its mean: {}", speed_words(&part.statistics));
     let drawn: Vec<(&'static str, &Curve)> =
         [("a", &linear, report.linear_ratio.is_some()), ("b", &angular, report.angular_ratio.is_some())]
             .into_iter()
@@ -173,13 +183,15 @@ fn curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
             .map(|(class, curve, _)| (class, curve))
             .collect();
     if !drawn.is_empty() {
-        figure(html, "", &words, |html| curve::draw(html, &drawn));
+        write_figure(html, "", &words, |html| curve::draw_curves(html, &drawn));
     }
 }
 
-fn speeds(counted: &Statistics) -> String {
+fn speed_words(counted: &Statistics) -> String {
     let of = |range: Option<Range>, name: &str, unit: &str| {
-        range.map(|Range { min, max, .. }| format!("{name} {} to {} {unit}", short(min), short(max)))
+        range.map(|Range { min, max, .. }| {
+            format!("{name} {} to {} {unit}", short_number(min), short_number(max))
+        })
     };
     let linear = of(counted.linear_unit_s, "linear (blue)", "units/s");
     let angular = of(counted.angular_rad_s, "angular (red)", "rad/s");
@@ -191,7 +203,7 @@ fn pictures_of_checks(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     for of in seen::of_checks(track, page.depth) {
         let Some(picture) = of.read(page.places, page.depth.picture) else { continue };
         let own = track.published.findings.iter().filter(|finding| finding.check == of.check);
-        let fault = super::findings::worst(own).filter(|verdict| is_fault(*verdict));
+        let fault = super::findings::worst_verdict(own).filter(|verdict| is_fault(*verdict));
         let mut words = format!("check {}", of.check);
         if let Some(sensor) = of.sensor {
             let _ = write!(words, ", {sensor}");
@@ -199,12 +211,12 @@ fn pictures_of_checks(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
         if let Some(verdict) = fault {
             let _ = write!(words, ": {}", verdict.name());
         }
-        figure(html, "", &words, |html| image(html, &picture, "", &words));
+        write_figure(html, "", &words, |html| write_image(html, &picture, "", &words));
     }
 }
 
 /// The trajectory's files in the tree; of a folder of many, the first. A brief page links to the most wanted.
-fn files(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+fn write_files(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     let folder = format!("{}/", track.part.name);
     let prefix = track.path_of("");
     let paths: Vec<&str> = track.entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();

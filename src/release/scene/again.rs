@@ -1,9 +1,11 @@
 //! `scene.json` composed once more from a tree: from the recipe in it, and from what other files of the scene say.
 
-use super::trajectory::{blur, kind_name, parameters, rate_ev_px_s, sampling, sensor, twin_of};
+use super::trajectory::{
+    blur_value, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value, twin_of,
+};
 use super::{
-    CameraPart, Range, ReconstructionPart, SceneFile, SensorPart, Statistics, TrajectoryPart, attributes,
-    command, kind_of_gaussians, licence, seeds, sensor_seed, source,
+    CameraPart, Range, ReconstructionPart, SceneFile, SensorPart, Statistics, TrajectoryPart, draw_seeds,
+    kind_of_gaussians, licence, scene_attributes, sensor_seed, source_part, training_command,
 };
 use crate::artifact::Motion;
 use crate::camera;
@@ -26,25 +28,25 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneFile {
         schema: 1,
         id: recipe.scene.clone(),
         gs2e_version: env!("CARGO_PKG_VERSION").into(),
-        source: source(recipe),
+        source: source_part(recipe),
         images: photos.cloned().collect(),
         camera: camera(recipe, &found.camera),
-        conventions: super::Conventions::of(&recipe.merged),
+        conventions: super::Conventions::for_brightness(&recipe.merged),
         reconstruction: found.reconstruction.as_ref().map(|found| reconstruction(recipe, found)),
-        licence: licence::part(recipe, &scene.licence),
+        licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
-        seeds: seeds(recipe),
+        seeds: draw_seeds(recipe),
         recipe: recipe.merged.clone(),
-        recipe_sha256: checksum::sha256(&compact),
+        recipe_sha256: checksum::sha256_hex(&compact),
         split: found.split.clone(),
         trajectories: scene.paths().map(|(part, of)| trajectory(scene, part, &of.motion)).collect(),
-        attributes: attributes(recipe, &scene.licence, reports),
+        attributes: scene_attributes(recipe, &scene.licence, reports),
     }
 }
 
 fn camera(recipe: &Recipe, found: &CameraPart) -> CameraPart {
     // A recipe that says less than a whole camera takes the rest from the capture.
-    camera::choose(recipe.camera, None).map_or_else(
+    camera::choose_camera(recipe.camera, None).map_or_else(
         || found.clone(),
         |camera| CameraPart {
             width: camera.size.width,
@@ -59,7 +61,7 @@ fn camera(recipe: &Recipe, found: &CameraPart) -> CameraPart {
 }
 
 fn reconstruction(recipe: &Recipe, found: &ReconstructionPart) -> ReconstructionPart {
-    let command = command(recipe);
+    let command = training_command(recipe);
     ReconstructionPart {
         kind: kind_of_gaussians(recipe).into(),
         iterations: command.and_then(|command| command.iterations),
@@ -85,7 +87,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -
         let found = found.sensors.get(&name);
         let stated = found.map(|part| part.sensor.clone()).filter(|_| chosen);
         let part = SensorPart {
-            sensor: stated.unwrap_or_else(|| sensor(seed, own)),
+            sensor: stated.unwrap_or_else(|| sensor_value(seed, own)),
             twin_of: twin_of(own, recipe.sensors.iter()).map(str::to_owned),
             statistics: found.map(|part| counted(&part.statistics, size, last_us)).unwrap_or_default(),
         };
@@ -94,23 +96,23 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -
     TrajectoryPart {
         name: found.name.clone(),
         kind: kind_name(motion.report.kind).into(),
-        parameters: asked.map(|asked| parameters(recipe, asked)).unwrap_or_default(),
+        parameters: asked.map(|asked| parameter_values(recipe, asked)).unwrap_or_default(),
         keyframes: motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
         duration_us: last_us,
         rate: recipe.rate.0.to_string(),
-        sampling: if chosen { found.sampling.clone() } else { sampling(recipe, None) },
+        sampling: if chosen { found.sampling.clone() } else { sampling_value(recipe, None) },
         render_rules: rules(recipe, simulated, &found.render_rules),
-        sensor: one
-            .map(|(_, own)| found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor(seed, own))),
+        sensor: one.map(|(_, own)| {
+            found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor_value(seed, own))
+        }),
         sensors: several.collect(),
-        blur: recipe
-            .outputs
-            .contains(&Output::Blur)
-            .then(|| blur(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))),
+        blur: recipe.outputs.contains(&Output::Blur).then(|| {
+            blur_value(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))
+        }),
         statistics: Statistics {
-            linear_unit_s: Range::of(&motion.report.linear_unit_s),
-            angular_rad_s: Range::of(&motion.report.angular_rad_s),
+            linear_unit_s: Range::from_values(&motion.report.linear_unit_s),
+            angular_rad_s: Range::from_values(&motion.report.angular_rad_s),
             ..counted(&found.statistics, size, last_us)
         },
     }

@@ -55,7 +55,7 @@ pub struct LicensedPart {
 }
 
 impl LicensedPart {
-    fn of(part: &Part) -> Self {
+    fn from_terms(part: &Part) -> Self {
         let evidence = part.asset.iter().flat_map(|asset| asset.evidence);
         Self {
             path: "**".into(),
@@ -83,17 +83,17 @@ pub struct LicensedTool {
 }
 
 /// The terms of a scene.
-pub(super) fn part(recipe: &Recipe, licence: &Composed) -> LicencePart {
+pub(super) fn licence_part(recipe: &Recipe, licence: &Composed) -> LicencePart {
     let tool = |name: &str, version: &str, licence: &str| LicensedTool {
         name: name.into(),
         version: version.into(),
         licence: licence.into(),
     };
-    let trainer = super::command(recipe);
+    let trainer = super::training_command(recipe);
     let trainer = trainer.map(|own| tool(&own.name(), &own.version, &own.licence));
     LicencePart {
         expression: licence.expression.clone(),
-        parts: licence.parts.iter().map(LicensedPart::of).collect(),
+        parts: licence.parts.iter().map(LicensedPart::from_terms).collect(),
         tools: [tool("gs2e", env!("CARGO_PKG_VERSION"), "MIT OR Apache-2.0")]
             .into_iter()
             .chain(trainer)
@@ -101,12 +101,12 @@ pub(super) fn part(recipe: &Recipe, licence: &Composed) -> LicencePart {
         gated: licence.gated,
         redistribution: licence.passing.because().map(str::to_owned),
         withheld: licence.passing == Passing::Withheld,
-        attribution: attribution(licence),
+        attribution: attribution_names(licence),
     }
 }
 
 /// Everybody who is to be named.
-fn attribution(licence: &Composed) -> String {
+fn attribution_names(licence: &Composed) -> String {
     let named = licence.parts.iter().map(|part| part.attribution.as_str());
     named.filter(|name| !name.is_empty()).collect::<Vec<_>>().join("; ")
 }

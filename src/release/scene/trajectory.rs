@@ -15,23 +15,23 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// The part of a trajectory.
-pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
+pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
     let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
     let stamps = &built.motion.trajectory.stamps_us;
     TrajectoryPart {
         name: built.name.clone(),
         kind: kind_name(built.motion.report.kind).into(),
-        parameters: asked.map(|asked| parameters(recipe, asked)).unwrap_or_default(),
+        parameters: asked.map(|asked| parameter_values(recipe, asked)).unwrap_or_default(),
         keyframes: built.motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
         duration_us: stamps.last().copied().unwrap_or(0),
         rate: recipe.rate.0.to_string(),
-        sampling: sampling(recipe, built.simulation()),
+        sampling: sampling_value(recipe, built.simulation()),
         render_rules: render_rules(recipe.render, built.simulation()),
-        sensor: the_one(built).map(|(simulation, stream)| sensor(simulation.seed, &stream.sensor)),
-        sensors: sensors(built),
-        blur: built.blur.as_ref().map(|blurred| blur(recipe, &json!(most_subframes(blurred)))),
-        statistics: statistics(built),
+        sensor: the_one(built).map(|(simulation, stream)| sensor_value(simulation.seed, &stream.sensor)),
+        sensors: sensor_statistics(built),
+        blur: built.blur.as_ref().map(|blurred| blur_value(recipe, &json!(most_subframes(blurred)))),
+        statistics: trajectory_statistics(built),
     }
 }
 
@@ -46,7 +46,7 @@ pub(super) fn kind_name(kind: Kind) -> &'static str {
 }
 
 /// Dense frames of an exposure and from one to the next, and how many pictures stand for one at most.
-pub(super) fn blur(recipe: &Recipe, most: &Value) -> Value {
+pub(super) fn blur_value(recipe: &Recipe, most: &Value) -> Value {
     json!({ "frames": recipe.shutter.frames, "stride": recipe.shutter.frames, "subframes": most })
 }
 
@@ -56,7 +56,7 @@ fn most_subframes(blurred: &Blurred) -> Option<u32> {
 
 /// Frames a second, and how brightness was taken between frames, as the recipe says in full; for a tolerance what was chosen,
 /// and the error that was foreseen and found.
-pub(super) fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
+pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
     let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
@@ -68,7 +68,7 @@ pub(super) fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Valu
 
 /// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would
 /// round such numbers.
-pub(super) fn parameters(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
+pub(super) fn parameter_values(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
     let mut parameters = json!(asked.path);
     if let Some(novel) = parameters.get_mut("novel").and_then(Value::as_object_mut) {
         novel.retain(|key, _| !key.ends_with("_seed"));
@@ -97,7 +97,7 @@ fn the_one(built: &BuiltTrajectory) -> Option<(&Simulation, &Stream)> {
     built.simulation().zip(stream)
 }
 
-pub(super) fn sensor(seed: Seed, sensor: &Sensor) -> Value {
+pub(super) fn sensor_value(seed: Seed, sensor: &Sensor) -> Value {
     let model = sensor.as_model();
     let (c_on, c_off) = model.contrast();
     let mut out = json!({
@@ -105,7 +105,7 @@ pub(super) fn sensor(seed: Seed, sensor: &Sensor) -> Value {
         "seed": seed.0.to_string(),
     });
     let parameters = match sensor {
-        Sensor::Voltmeter(v) => voltmeter(v),
+        Sensor::Voltmeter(v) => voltmeter_value(v),
         Sensor::Esim(sensor) => json!(sensor),
         Sensor::V2e(sensor) => json!(sensor),
     };
@@ -115,7 +115,7 @@ pub(super) fn sensor(seed: Seed, sensor: &Sensor) -> Value {
     out
 }
 
-fn voltmeter(v: &Voltmeter) -> Value {
+fn voltmeter_value(v: &Voltmeter) -> Value {
     let mut out = json!({
         "law": v.law, "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
         "theta_on": v.threshold_on, "theta_off": v.threshold_off,
@@ -136,14 +136,21 @@ fn voltmeter(v: &Voltmeter) -> Value {
 }
 
 /// Each of several sensors with what was counted of its stream.
-fn sensors(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
+fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     let Some(simulation) = built.simulation() else { return BTreeMap::new() };
     let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
     let part = |(i, stream, name): (usize, &Stream, String)| {
-        let counted = counted(built, simulation, i);
+        let counted = stream_statistics(built, simulation, i);
         let others = simulation.streams.iter().map(|other| (other.name.as_deref(), &other.sensor));
         let twin_of = twin_of(&stream.sensor, others).map(str::to_owned);
-        (name, SensorPart { sensor: sensor(simulation.seed, &stream.sensor), twin_of, statistics: counted })
+        (
+            name,
+            SensorPart {
+                sensor: sensor_value(simulation.seed, &stream.sensor),
+                twin_of,
+                statistics: counted,
+            },
+        )
     };
     named.map(part).collect()
 }
@@ -162,7 +169,7 @@ pub(super) fn twin_of<'s>(
 }
 
 /// What was counted of stream `i`.
-fn counted(built: &BuiltTrajectory, simulation: &Simulation, i: usize) -> Statistics {
+fn stream_statistics(built: &BuiltTrajectory, simulation: &Simulation, i: usize) -> Statistics {
     let account = &simulation.streams[i].account;
     let last_us = built.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
     Statistics {
@@ -182,15 +189,15 @@ pub(super) fn rate_ev_px_s(events: u64, size: Size, last_us: i64) -> Option<f64>
     (pixel_seconds > 0.0).then(|| events as f64 / pixel_seconds)
 }
 
-fn statistics(built: &BuiltTrajectory) -> Statistics {
+fn trajectory_statistics(built: &BuiltTrajectory) -> Statistics {
     let report = &built.motion.report;
     let simulation = built.simulation();
     let depth = simulation.and_then(|s| s.depth_unit);
     Statistics {
-        linear_unit_s: Range::of(&report.linear_unit_s),
-        angular_rad_s: Range::of(&report.angular_rad_s),
+        linear_unit_s: Range::from_values(&report.linear_unit_s),
+        angular_rad_s: Range::from_values(&report.angular_rad_s),
         max_step_px: simulation.and_then(|s| s.flow_px).map(|Quantiles { max, .. }| max),
         depth_unit: depth.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
-        ..the_one(built).map(|(simulation, _)| counted(built, simulation, 0)).unwrap_or_default()
+        ..the_one(built).map(|(simulation, _)| stream_statistics(built, simulation, 0)).unwrap_or_default()
     }
 }

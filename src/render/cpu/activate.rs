@@ -28,7 +28,7 @@ pub(super) struct Block {
     pub(super) axes: [[Lane; 3]; 3],
     /// Opacity at the mean, 0..1.
     pub(super) opacity: Lane,
-    /// [`extent::reach`] of the opacity.
+    /// [`extent::opacity_reach`] of the opacity.
     pub(super) reach: Lane,
 }
 
@@ -40,16 +40,16 @@ pub(in crate::render) struct Activated {
 }
 
 /// Applies the activations to one Gaussian in f64, and rounds the result.
-pub(in crate::render) fn one(scene: &Gaussians, i: usize) -> Activated {
-    Activated { axes: axes(scene, i), opacity: opacity(scene.opacity_logits[i]) }
+pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> Activated {
+    Activated { axes: scaled_axes(scene, i), opacity: logistic_opacity(scene.opacity_logits[i]) }
 }
 
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
 const LEAST_NORM: f64 = 1e-12;
 
 /// Applies the activations to the Gaussians with these indices.
-pub(super) fn activate(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
-    numbers.par_chunks(LANES).map(|numbers| block(scene, rules, numbers)).collect()
+pub(super) fn activate_all(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
+    numbers.par_chunks(LANES).map(|numbers| activate_block(scene, rules, numbers)).collect()
 }
 
 /// The highest degree with a harmonic that is not zero somewhere in the scene. Leaving out higher
@@ -58,14 +58,14 @@ pub(super) fn activate(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<
 /// drawn.)
 pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
     let is_used = |degree: u8| {
-        let band = sh::len(degree - 1)..sh::len(degree);
+        let band = sh::function_count(degree - 1)..sh::function_count(degree);
         let all = (0..scene.len()).into_par_iter().map(|i| scene.sh_of(i)[band.clone()].as_flattened());
         all.any(|band: &[f32]| band.iter().any(|c| c.abs() > 0.0))
     };
     (1..=scene.sh_degree).rev().find(|&degree| is_used(degree)).unwrap_or(0)
 }
 
-fn block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
+fn activate_block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
     let zero = [0.0; LANES];
     let mut block = Block {
         len: numbers.len(),
@@ -77,10 +77,10 @@ fn block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
     };
     for (lane, &number) in numbers.iter().enumerate() {
         let i = number as usize;
-        let Activated { axes, opacity } = one(scene, i);
+        let Activated { axes, opacity } = activate_one(scene, i);
         block.numbers[lane] = number;
         block.opacity[lane] = opacity;
-        block.reach[lane] = extent::reach(rules, opacity);
+        block.reach[lane] = extent::opacity_reach(rules, opacity);
         for (to, from) in block.positions.iter_mut().zip(scene.positions[i]) {
             to[lane] = from;
         }
@@ -91,11 +91,11 @@ fn block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
     block
 }
 
-fn axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
+fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
     if !is_finite(scene, i) {
         return [[f32::NAN; 3]; 3];
     }
-    let rotation = rotation(scene.rotations[i]);
+    let rotation = stored_rotation(scene.rotations[i]);
     [0, 1, 2].map(|k| {
         let deviation = libm::exp(f64::from(scene.log_scales[i][k]));
         (rotation.col(k) * deviation).as_vec3().to_array()
@@ -113,7 +113,7 @@ fn is_finite(scene: &Gaussians, i: usize) -> bool {
 
 /// The rotation of a stored quaternion `w, x, y, z` of any length. A zero quaternion gives the
 /// identity, and one far below [`LEAST_NORM`] nearly does.
-fn rotation(stored: [f32; 4]) -> DMat3 {
+fn stored_rotation(stored: [f32; 4]) -> DMat3 {
     let [w, x, y, z] = stored.map(f64::from);
     let norm = (w * w + x * x + y * y + z * z).sqrt().max(LEAST_NORM);
     DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm))
@@ -121,7 +121,7 @@ fn rotation(stored: [f32; 4]) -> DMat3 {
 
 /// The logistic function.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to 32 bits once, after the arithmetic")]
-pub(super) fn opacity(logit: f32) -> f32 {
+pub(super) fn logistic_opacity(logit: f32) -> f32 {
     (1.0 / (1.0 + libm::exp(-f64::from(logit)))) as f32
 }
 
@@ -134,18 +134,18 @@ mod tests {
     fn quaternions_of_any_length_turn_alike_and_zero_does_not_turn() {
         // Half of sqrt 2 in w and z: a quarter turn about z, which takes x to y.
         for length in [1e-6_f32, 1.0, 1e6] {
-            let turned = rotation([length, 0.0, 0.0, length]) * DVec3::X;
+            let turned = stored_rotation([length, 0.0, 0.0, length]) * DVec3::X;
             assert!((turned - DVec3::Y).length() < 1e-15, "{length}: {turned}");
         }
-        assert_eq!(rotation([0.0; 4]), DMat3::IDENTITY);
-        let nearly = rotation([1e-20, 1e-20, 0.0, 0.0]) * DVec3::ONE;
+        assert_eq!(stored_rotation([0.0; 4]), DMat3::IDENTITY);
+        let nearly = stored_rotation([1e-20, 1e-20, 0.0, 0.0]) * DVec3::ONE;
         assert!((nearly - DVec3::ONE).length() < 1e-7, "{nearly}");
     }
 
     #[test]
     fn opacity_keeps_its_full_range() {
-        assert_eq!([0.0, 40.0].map(|x| opacity(x).to_bits()), [0.5_f32, 1.0].map(f32::to_bits));
+        assert_eq!([0.0, 40.0].map(|x| logistic_opacity(x).to_bits()), [0.5_f32, 1.0].map(f32::to_bits));
         // Far below zero, the logistic function is the exponential function.
-        assert!((f64::from(opacity(-80.0)) / libm::exp(-80.0) - 1.0).abs() < 1e-7);
+        assert!((f64::from(logistic_opacity(-80.0)) / libm::exp(-80.0) - 1.0).abs() < 1e-7);
     }
 }

@@ -141,7 +141,7 @@ impl Lists {
         let most = (self.budget / frame.order.len().div_ceil(CHUNK)).max(1);
         let mut bands: Vec<Range<usize>> = Vec::new();
         let mut listed = usize::MAX;
-        for (tile, count) in lengths(frame).into_iter().enumerate() {
+        for (tile, count) in list_lengths(frame).into_iter().enumerate() {
             listed = listed.saturating_add(count as usize);
             match bands.last_mut() {
                 Some(band) if listed <= self.budget && band.len() < most => band.end += 1,
@@ -156,12 +156,12 @@ impl Lists {
 }
 
 /// Length of each tile's list.
-fn lengths(frame: Ordered<'_>) -> Vec<u32> {
+fn list_lengths(frame: Ordered<'_>) -> Vec<u32> {
     let none = || vec![0_u32; frame.grid.len() + 1];
     // A difference array: plus one where a run of tiles begins, minus one where it ends. Arithmetic
     // is modulo 2^32; no tile has more splats than that.
     let steps = frame.order.par_iter().with_min_len(CHUNK).fold(none, |mut steps, &key| {
-        each_run(&frame.splats[sort::place(key) as usize], frame.grid, &(0..frame.grid.len()), |run| {
+        each_run(&frame.splats[sort::key_place(key) as usize], frame.grid, &(0..frame.grid.len()), |run| {
             steps[run.start] = steps[run.start].wrapping_add(1);
             steps[run.end] = steps[run.end].wrapping_sub(1);
         });
@@ -205,10 +205,10 @@ impl Chunk {
         for keys in frame.order.chunks(NEAR) {
             // Copied first: most of these reads miss the cache, and a plain copy lets them overlap.
             for (near, &key) in near.iter_mut().zip(keys) {
-                *near = frame.splats[sort::place(key) as usize];
+                *near = frame.splats[sort::key_place(key) as usize];
             }
             for (splat, &key) in near.iter().zip(keys) {
-                let place = sort::place(key);
+                let place = sort::key_place(key);
                 each_run(splat, frame.grid, band, |run| {
                     for tile in run {
                         let tile = tile - band.start;

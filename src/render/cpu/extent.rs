@@ -1,13 +1,13 @@
 //! The pixels that a projected Gaussian may touch, under each of the rules.
 
-use super::splat::{edge_margin, pixels_within, within};
+use super::splat::{clamp_pixel, edge_margin, pixels_within};
 use crate::render::Rules;
 use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
 
 /// The exponent `q` at which `opacity * 2^-q` falls to the smallest opacity that is blended, which
 /// is `log2(255 opacity)` except under `soft`, plus a margin: the exponential has a relative error
 /// of 2e-7, and `q` itself of some units of 2^-24.
-pub(super) fn reach(rules: Rules, opacity: f32) -> f32 {
+pub(super) fn opacity_reach(rules: Rules, opacity: f32) -> f32 {
     libm::log2f(opacity / least_alpha(rules)).max(0.0) * (1.0 + 1e-5) + 1e-5
 }
 
@@ -19,7 +19,7 @@ pub(super) fn reach(rules: Rules, opacity: f32) -> f32 {
 /// ellipse's bounding box. Pixels of a tile outside the box are skipped there because of their
 /// opacity, so omitting them changes nothing.
 #[inline(always)]
-pub(super) fn pixels(
+pub(super) fn touched_pixels(
     rules: Rules,
     mean: [f32; 2],
     [a, b, c]: [f32; 3],
@@ -55,11 +55,11 @@ impl Side {
                 // 2 ln(255 opacity) is 2 ln 2 times the reach.
                 let sigmas = (2.0 * std::f32::consts::LN_2 * self.reach).sqrt().min(GSPLAT_SIGMAS);
                 let radius = (sigmas * self.variance.sqrt()).ceil();
-                common(within, gsplat(self.mean, radius, self.size))
+                common(within, gsplat_extent(self.mean, radius, self.size))
             }
             Rules::Official => {
                 let radius = (EXTENT_SIGMAS * self.longest.sqrt()).ceil();
-                common(within, official(self.mean - 0.5, radius, self.size))
+                common(within, official_extent(self.mean - 0.5, radius, self.size))
             }
         }
     }
@@ -81,15 +81,15 @@ fn longest([a, b, c]: [f32; 3]) -> f32 {
 /// The published square, rounded outwards to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c +
 /// r + 15) / 16)`.
 #[inline(always)]
-fn official(centre: f32, radius: f32, size: f32) -> [u16; 2] {
+fn official_extent(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     let last = centre + radius + (TILE_PX - 1.0);
-    tiles([((centre - radius) / TILE_PX).trunc(), (last / TILE_PX).trunc()], size)
+    tile_pixels([((centre - radius) / TILE_PX).trunc(), (last / TILE_PX).trunc()], size)
 }
 
 /// The published extent along one axis, rounded outwards to tiles, in pixels.
 #[inline(always)]
-fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
-    tiles([((centre - radius) / TILE_PX).floor(), ((centre + radius) / TILE_PX).ceil()], size)
+fn gsplat_extent(centre: f32, radius: f32, size: f32) -> [u16; 2] {
+    tile_pixels([((centre - radius) / TILE_PX).floor(), ((centre + radius) / TILE_PX).ceil()], size)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a tile's edge is small")]
@@ -102,8 +102,8 @@ const TILE_PX: f32 = TILE as f32;
     reason = "the values are whole, and clamped to the image first"
 )]
 #[inline(always)]
-fn tiles([first, end]: [f32; 2], size: f32) -> [u16; 2] {
-    [within(first * TILE_PX, size) as u16, within(end * TILE_PX, size) as u16]
+fn tile_pixels([first, end]: [f32; 2], size: f32) -> [u16; 2] {
+    [clamp_pixel(first * TILE_PX, size) as u16, clamp_pixel(end * TILE_PX, size) as u16]
 }
 
 #[cfg(test)]
@@ -113,7 +113,9 @@ mod tests {
     #[test]
     fn official_squares_are_rounded_out_to_tiles() {
         // Variance 4 px^2: r = ceil(3 sqrt(4 + sqrt(.1))) = 7, from the pixel index of the mean.
-        let t = |centre: f32, wanted: [u16; 2]| assert_eq!(official(centre, 7.0, 100.0), wanted, "{centre}");
+        let t = |centre: f32, wanted: [u16; 2]| {
+            assert_eq!(official_extent(centre, 7.0, 100.0), wanted, "{centre}")
+        };
         t(24.0, [16, 32]); // 17..31
         t(23.0, [16, 32]); // 16..30
         t(22.9, [0, 32]); // reaches pixel 15
@@ -128,11 +130,11 @@ mod tests {
     #[test]
     fn exact_extents_hold_every_pixel_that_counts_and_few_others() {
         for (variance, opacity) in [(0.3, 1.0), (4.0, 0.5), (900.0, 0.99), (4.0, 0.004)] {
-            let [columns, rows] = pixels(
+            let [columns, rows] = touched_pixels(
                 Rules::Exact,
                 [500.25, 300.375],
                 [variance, 0.0, variance],
-                reach(Rules::Exact, opacity),
+                opacity_reach(Rules::Exact, opacity),
                 [1000.0, 600.0],
             );
             // alpha = opacity exp(-d^2 / 2 variance) >= 1/255.

@@ -5,7 +5,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
 use crate::camera::Camera;
-use crate::render::dual::{Real, cross, dot};
+use crate::render::dual::{Real, cross_product, dot_product};
 use crate::render::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
 use crate::render::{Rules, Velocity, View};
 use glam::{DMat3, DVec3};
@@ -23,7 +23,7 @@ pub(super) struct Eye {
     origin: DVec3,
     focal: [f64; 2],
     centre: [f64; 2],
-    /// [`slack`] of the camera.
+    /// [`slope_bounds`] of the camera.
     slack: [[f64; 2]; 2],
     /// Size of the image, px.
     pub(super) size: [f32; 2],
@@ -36,7 +36,7 @@ pub(super) struct Eye {
 }
 
 /// Bounds of `x / z`, then of `y / z`, at which the derivative of the projection is taken.
-pub(in crate::render) fn slack(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
+pub(in crate::render) fn slope_bounds(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
     let along = |focal: f64, centre: f64, edge: u32| match rules {
         Rules::Official | Rules::Exact | Rules::Soft => {
             let most = FRUSTUM_SLACK * f64::from(edge) / (2.0 * focal);
@@ -64,7 +64,7 @@ impl Eye {
             origin: origin - view.world_from_camera.translation,
             focal,
             centre,
-            slack: slack(&camera, rules),
+            slack: slope_bounds(&camera, rules),
             size: size.map(|v| v as f32),
             velocity: view.velocity,
             turning: view.velocity.angular.as_vec3().to_array(),
@@ -160,15 +160,23 @@ impl Eye {
         // product that gives the determinant does not cancel, which matters for needles.
         let scale = |k: usize| S::with_rate(self.focal[k] as f32, 0.0) / depth;
         let (s0, s1) = (scale(0), scale(1));
-        let a0 = [row(s0, slopes[0], m0, 0), row(s0, slopes[0], m1, 0), row(s0, slopes[0], m2, 0)];
-        let a1 = [row(s1, slopes[1], m0, 1), row(s1, slopes[1], m1, 1), row(s1, slopes[1], m2, 1)];
-        let n = cross(a0, a1);
-        let (aa, cc, det0) = (dot(a0, a0), dot(a1, a1), dot(n, n));
+        let a0 = [
+            derivative_entry(s0, slopes[0], m0, 0),
+            derivative_entry(s0, slopes[0], m1, 0),
+            derivative_entry(s0, slopes[0], m2, 0),
+        ];
+        let a1 = [
+            derivative_entry(s1, slopes[1], m0, 1),
+            derivative_entry(s1, slopes[1], m1, 1),
+            derivative_entry(s1, slopes[1], m2, 1),
+        ];
+        let n = cross_product(a0, a1);
+        let (aa, cc, det0) = (dot_product(a0, a0), dot_product(a1, a1), dot_product(n, n));
         let d = S::with_rate(DILATION, 0.0);
-        let depth_deviation = dot(along, along).value().sqrt();
+        let depth_deviation = dot_product(along, along).value().sqrt();
         Footprint {
             a: aa + d,
-            b: dot(a0, a1),
+            b: dot_product(a0, a1),
             c: cc + d,
             det: det0 + d * (aa + cc) + d * d,
             det0,
@@ -179,8 +187,12 @@ impl Eye {
     /// A world direction in camera axes. It turns against the camera.
     #[inline(always)]
     fn turned<S: Real<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
-        let seen = [dot(self.rows[0], axis), dot(self.rows[1], axis), dot(self.rows[2], axis)];
-        let rate = cross(seen, self.turning);
+        let seen = [
+            dot_product(self.rows[0], axis),
+            dot_product(self.rows[1], axis),
+            dot_product(self.rows[2], axis),
+        ];
+        let rate = cross_product(seen, self.turning);
         [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
     }
 
@@ -202,6 +214,6 @@ impl Eye {
 
 /// An entry of a row of the projection's derivative times one axis.
 #[inline(always)]
-fn row<S: Real<Plain = f32>>(scale: S, slope: S, axis: [S; 3], k: usize) -> S {
+fn derivative_entry<S: Real<Plain = f32>>(scale: S, slope: S, axis: [S; 3], k: usize) -> S {
     scale * (axis[k] - slope * axis[2])
 }

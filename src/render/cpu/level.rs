@@ -18,13 +18,13 @@ impl Instructions {
     /// # Panics
     /// Never: every machine has one.
     #[must_use]
-    pub fn best() -> Self {
-        *Self::all().last().expect("every machine has a set of instructions")
+    pub fn widest_set() -> Self {
+        *Self::available_sets().last().expect("every machine has a set of instructions")
     }
 
     /// All instruction sets of this machine, the widest last.
     #[must_use]
-    pub fn all() -> Vec<Self> {
+    pub fn available_sets() -> Vec<Self> {
         let best = Level::new();
         let mut all = Vec::new();
         let mut add = |name, level: Option<Level>| all.extend(level.map(|level| Self { level, name }));

@@ -191,7 +191,7 @@ impl Projection<'_> {
             let mut colour = [S::nearest(0.0); 3];
             if coloured {
                 let coefficients = self.scene.sh_of(block.numbers[i] as usize).as_flattened();
-                colour = seen.colour(k, &coefficients[..3 * sh::len(self.sh_degree)]);
+                colour = seen.colour(k, &coefficients[..3 * sh::function_count(self.sh_degree)]);
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
             splats[done.drawn] = seen.splat(i, self.features(value, seen, i));
@@ -307,7 +307,7 @@ impl<S: Each> Seen<S> {
     fn reach_anew(&mut self, rules: Rules) {
         for i in 0..LANES {
             if self.fate[i] == DRAWN {
-                self.reach[i] = extent::reach(rules, S::at(&self.opacity, i).value());
+                self.reach[i] = extent::opacity_reach(rules, S::at(&self.opacity, i).value());
             }
         }
     }
@@ -318,7 +318,8 @@ impl<S: Each> Seen<S> {
         let [a, b, c] = &self.covariance;
         for i in 0..LANES {
             let mean = [S::at(&self.mean[0], i).value(), S::at(&self.mean[1], i).value()];
-            let [columns, rows] = extent::pixels(rules, mean, [a[i], b[i], c[i]], self.reach[i], size);
+            let [columns, rows] =
+                extent::touched_pixels(rules, mean, [a[i], b[i], c[i]], self.reach[i], size);
             let empty = (columns[0] >= columns[1]) | (rows[0] >= rows[1]);
             self.fate[i] = if empty & (self.fate[i] == DRAWN) { OUTSIDE } else { self.fate[i] };
             for k in 0..2 {
@@ -377,14 +378,14 @@ impl<S: Each> Seen<S> {
         // which nothing reads.
         for k in 0..count.next_multiple_of(16) {
             let [x, y, z] = &self.positions;
-            let basis = sh::basis(degree, eye.direction::<S>([x[k], y[k], z[k]]));
-            for (value, to) in basis[..sh::len(degree)].iter().zip(&mut self.basis) {
+            let basis = sh::basis_values(degree, eye.direction::<S>([x[k], y[k], z[k]]));
+            for (value, to) in basis[..sh::function_count(degree)].iter().zip(&mut self.basis) {
                 value.put(to, k);
             }
         }
     }
 
-    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::colour`] for three
+    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::sum_colour`] for three
     /// channels at once.
     #[inline(always)]
     fn colour(&self, k: usize, coefficients: &[f32]) -> [S; 3] {

@@ -71,18 +71,18 @@ pub(super) struct Frame<'a> {
 
 /// Number of planes of a tile: one per feature, the transmittance, and two rates if they are
 /// wanted.
-pub(super) fn planes(features: usize, rate: bool) -> usize {
+pub(super) fn plane_count(features: usize, rate: bool) -> usize {
     features + 1 + 2 * usize::from(rate)
 }
 
 /// Blends every tile with `N` features per splat. `SOFT` fades layers in, `RATE` computes the rate
-/// of the luminance. A tile's part of `out` is [`planes`] of [`PIXELS`] values: the sums of weight
+/// of the luminance. A tile's part of `out` is [`plane_count`] of [`PIXELS`] values: the sums of weight
 /// times feature, the transmittance, then the rates of luminance and transmittance.
-pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
+pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
     frame: Frame<'_>,
     out: &mut Vec<f32>,
 ) -> Work {
-    let stride = planes(N, RATE) * PIXELS;
+    let stride = plane_count(N, RATE) * PIXELS;
     out.resize(frame.grid.len() * stride, 0.0);
     let band = frame.lists.band();
     out.par_chunks_mut(stride)
@@ -91,13 +91,13 @@ pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
         .take(band.len())
         .map(|(index, out)| match (frame.order, RATE) {
             (Layering::Depth, _) => {
-                dispatch!(frame.level, simd => blend::<_, N, SOFT, RATE>(simd, frame, index, out))
+                dispatch!(frame.level, simd => blend_tile::<_, N, SOFT, RATE>(simd, frame, index, out))
             }
             (Layering::Blended, false) => {
-                dispatch!(frame.level, simd => blended::one::<_, f32, N>(simd, frame, index, out))
+                dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, f32, N>(simd, frame, index, out))
             }
             (Layering::Blended, true) => {
-                dispatch!(frame.level, simd => blended::one::<_, Dual<f32>, N>(simd, frame, index, out))
+                dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, Dual<f32>, N>(simd, frame, index, out))
             }
         })
         .reduce(Work::default, |mut a, b| {
@@ -133,7 +133,7 @@ impl Batch {
 /// Blends one tile. This function and all that it calls are inlined into one copy per instruction
 /// set.
 #[inline(always)]
-fn blend<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
+fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
     simd: S,
     frame: Frame<'_>,
     index: usize,

@@ -19,7 +19,7 @@ pub(super) struct Blended<'a> {
 }
 
 /// Writes the requested images.
-pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], out: &mut Rendered) {
+pub(super) fn resolve_tiles(blended: Blended<'_>, want: Channels, background: [f32; 3], out: &mut Rendered) {
     let mut first = 0;
     let mut next = |n: usize| {
         first += n;
@@ -29,19 +29,21 @@ pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], ou
     let grey = want.luminance.then(|| next(1));
     let depth = want.depth.then(|| next(1));
     let doubtful = want.doubtful.then(|| next(1));
-    fill(&mut out.rgb, [0.0; 3], rgb, blended, |pixel, f| {
+    fill_image(&mut out.rgb, [0.0; 3], rgb, blended, |pixel, f| {
         std::array::from_fn(|c| pixel.sum(f + c) + pixel.rest() * background[c])
     });
     let behind = luminance(background);
-    fill(&mut out.luminance, 0.0, grey, blended, |pixel, f| pixel.sum(f) + pixel.rest() * behind);
-    fill(&mut out.alpha, 0.0, want.alpha.then_some(0), blended, |pixel, _| 1.0 - pixel.rest());
-    fill(&mut out.depth, 0.0, depth, blended, |pixel, f| {
+    fill_image(&mut out.luminance, 0.0, grey, blended, |pixel, f| pixel.sum(f) + pixel.rest() * behind);
+    fill_image(&mut out.alpha, 0.0, want.alpha.then_some(0), blended, |pixel, _| 1.0 - pixel.rest());
+    fill_image(&mut out.depth, 0.0, depth, blended, |pixel, f| {
         let alpha = 1.0 - pixel.rest();
         if alpha < DEPTH_MIN_ALPHA { f32::NAN } else { pixel.sum(f) / alpha }
     });
-    fill(&mut out.doubtful, 0.0, doubtful, blended, |pixel, f| pixel.sum(f));
+    fill_image(&mut out.doubtful, 0.0, doubtful, blended, |pixel, f| pixel.sum(f));
     let rate = want.luminance_rate.then_some(blended.features + 1);
-    fill(&mut out.luminance_rate, 0.0, rate, blended, |pixel, f| pixel.sum(f) + pixel.sum(f + 1) * behind);
+    fill_image(&mut out.luminance_rate, 0.0, rate, blended, |pixel, f| {
+        pixel.sum(f) + pixel.sum(f + 1) * behind
+    });
 }
 
 /// The values of one pixel in the planes of its tile.
@@ -62,7 +64,7 @@ impl Pixel<'_> {
 }
 
 /// Fills one image from its first feature, or removes it if it is not requested.
-fn fill<T: Copy + Send>(
+fn fill_image<T: Copy + Send>(
     image: &mut Option<Image<T>>,
     blank: T,
     feature: Option<usize>,

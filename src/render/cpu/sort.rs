@@ -77,7 +77,7 @@ impl Sorter {
 }
 
 /// The splat's place, from the low half of a key.
-pub(super) fn place(key: u64) -> u32 {
+pub(super) fn key_place(key: u64) -> u32 {
     key as u32
 }
 
@@ -99,7 +99,7 @@ mod tests {
         // Twice, because buffers are reused.
         for _ in 0..2 {
             let order = sorter.run(&splats, &chunks);
-            let order: Vec<usize> = order.iter().map(|&key| place(key) as usize).collect();
+            let order: Vec<usize> = order.iter().map(|&key| key_place(key) as usize).collect();
             assert!(order == wanted, "not as std's stable sort has it");
         }
     }

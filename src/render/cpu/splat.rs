@@ -67,13 +67,13 @@ pub(super) const MARGIN: [f32; 2] = [0.02, 1e-6];
 #[inline(always)]
 pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
     // floor(low + 1/2). After the clamp, truncation equals floor.
-    [within(low + 0.5, end) as u16, within(high + 0.5, end) as u16]
+    [clamp_pixel(low + 0.5, end) as u16, clamp_pixel(high + 0.5, end) as u16]
 }
 
 /// The value clamped to `0..=end`; NaN becomes 0. Two selections, where `f32::clamp` also checks
 /// its bounds.
 #[inline(always)]
-pub(super) fn within(value: f32, end: f32) -> f32 {
+pub(super) fn clamp_pixel(value: f32, end: f32) -> f32 {
     let value = if value > 0.0 { value } else { 0.0 };
     if value < end { value } else { end }
 }
@@ -165,9 +165,10 @@ pub(super) mod tests {
             det0,
             depth_deviation: 0.0,
         };
-        let reach = extent::reach(Rules::Exact, opacity);
+        let reach = extent::opacity_reach(Rules::Exact, opacity);
         let size = [f32::from(EDGE); 2];
-        let [columns, rows] = extent::pixels(Rules::Exact, mean, [shape.a, shape.b, shape.c], reach, size);
+        let [columns, rows] =
+            extent::touched_pixels(Rules::Exact, mean, [shape.a, shape.b, shape.c], reach, size);
         if columns[0] >= columns[1] || rows[0] >= rows[1] {
             return None;
         }

@@ -38,7 +38,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "a scene has fewer than 2^32 Gaussians")]
 
-use super::eye::slack;
+use super::eye::slope_bounds;
 use super::{activate, extent};
 use crate::camera::Camera;
 use crate::render::Rules;
@@ -65,18 +65,18 @@ const LARGEST_PX: f64 = 1e6;
 const LARGEST_DEVIATION: f64 = 1e9;
 
 /// The indices of all Gaussians.
-pub(super) fn all(scene: &Gaussians) -> Vec<u32> {
+pub(super) fn all_indices(scene: &Gaussians) -> Vec<u32> {
     (0..scene.len()).map(|i| i as u32).collect()
 }
 
 /// The indices of the Gaussians that some pose may see, in order; all of them if there is no pose.
-pub(super) fn seen(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se3]) -> Vec<u32> {
+pub(super) fn seen_indices(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se3]) -> Vec<u32> {
     let px = [camera.fx, camera.fy, camera.cx, camera.cy];
     if poses.is_empty() || !px.iter().all(|v| v.abs() <= LARGEST_PX) {
-        return all(scene);
+        return all_indices(scene);
     }
     let hull = Hull::new(scene.origin, rules, camera, poses);
-    all(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
+    all_indices(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
 }
 
 /// A plane in camera axes. Visible points lie in front of it.
@@ -90,9 +90,9 @@ struct Plane {
 }
 
 /// The near plane and the edges of the image.
-fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
+fn frustum_planes(rules: Rules, camera: &Camera) -> [Plane; 5] {
     let near = if rules == Rules::Gsplat { GSPLAT_NEAR } else { NEAR };
-    let widest = sigmas(extent::reach(rules, 1.0));
+    let widest = extent_sigmas(extent::opacity_reach(rules, 1.0));
     let margin = widest * f64::from(DILATION).sqrt() + GRACE_PX;
     let edge = |k: usize, sign: f64| {
         let (focal, centre, size) =
@@ -100,7 +100,7 @@ fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
         let room = if sign > 0.0 { centre } else { f64::from(size) - centre };
         let mut normal = DVec3::new(0.0, 0.0, (room + margin) / focal);
         normal[k] = sign;
-        let [low, high] = slack(camera, rules)[k];
+        let [low, high] = slope_bounds(camera, rules)[k];
         let steepest = low.abs().max(high.abs());
         let spread = SPREAD * (steepest * steepest + 1.0).sqrt() / normal.length();
         Plane { normal: normal.normalize(), least: 0.0, spread }
@@ -110,7 +110,7 @@ fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
 }
 
 /// Width of an extent of this reach, in standard deviations.
-fn sigmas(reach: f32) -> f64 {
+fn extent_sigmas(reach: f32) -> f64 {
     (2.0 * LN_2 * f64::from(reach)).sqrt()
 }
 
@@ -141,7 +141,7 @@ struct Face {
 
 impl Hull {
     fn new(origin: DVec3, rules: Rules, camera: &Camera, poses: &[Se3]) -> Self {
-        let mut hull = Self { planes: frustum(rules, camera), rules, runs: Vec::new() };
+        let mut hull = Self { planes: frustum_planes(rules, camera), rules, runs: Vec::new() };
         hull.cut(origin, poses, poses.len().div_ceil(RUNS));
         hull
     }
@@ -162,7 +162,7 @@ impl Hull {
 
     /// Whether no pose sees the Gaussian.
     fn excludes(&self, scene: &Gaussians, i: usize) -> bool {
-        let opacity = activate::opacity(scene.opacity_logits[i]);
+        let opacity = activate::logistic_opacity(scene.opacity_logits[i]);
         // Slightly below the exact bound, because the antialiased rule may round a factor of 1 up.
         if opacity < 0.999 * least_alpha(self.rules) {
             return true;
@@ -172,7 +172,7 @@ impl Hull {
         if !(deviation <= LARGEST_DEVIATION && scene.log_scales[i].iter().all(|v| v.is_finite())) {
             return false;
         }
-        let wide = deviation * sigmas(extent::reach(self.rules, opacity));
+        let wide = deviation * extent_sigmas(extent::opacity_reach(self.rules, opacity));
         let position = DVec3::from_array(scene.positions[i].map(f64::from));
         let mut place = 0;
         while let Some(run) = self.runs.get(place) {
@@ -196,9 +196,9 @@ impl Run {
         let face = |plane: &Plane| {
             let normals = || poses.iter().map(|pose| pose.rotation_matrix() * plane.normal);
             let normal = normals().map(|n| n * share).sum::<DVec3>();
-            let turn = normals().map(|n| (n - normal).length()).fold(0.0, larger);
+            let turn = normals().map(|n| (n - normal).length()).fold(0.0, larger_or_nan);
             let shifts = normals().zip(poses).map(|(n, pose)| n.dot(centre - pose.translation));
-            let shift = shifts.fold(f64::NEG_INFINITY, larger);
+            let shift = shifts.fold(f64::NEG_INFINITY, larger_or_nan);
             Face { normal, turn: turn + ROUNDING, shift: shift + ROUNDING * farthest }
         };
         let [a, b, c, d, e] = planes;
@@ -218,6 +218,6 @@ impl Run {
 }
 
 /// The larger of the two; NaN if one is NaN, so that a pose that is not finite excludes nothing.
-fn larger(a: f64, b: f64) -> f64 {
+fn larger_or_nan(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }

@@ -135,7 +135,7 @@ impl Buffers {
             let images = buffer(4 * room.floats, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
             let outer = [&frame, &totals, &groups, &lists, &images];
             let bound = inner.bind(gpu, layouts, parts, outer);
-            device.queue.write_buffer(&inner.digits, 0, &digits());
+            device.queue.write_buffer(&inner.digits, 0, &digit_entries());
             Self { room, frame, totals, groups, lists, images, bound }
         })
     }
@@ -175,7 +175,7 @@ impl Sizes {
 }
 
 /// The uniform entries of all digits, first of splats and then of pairs.
-fn digits() -> Vec<u8> {
+fn digit_entries() -> Vec<u8> {
     let entries = (0..2 * DIGITS).map(|k| [k % DIGITS * DIGIT_BITS, u32::from(k >= DIGITS)]);
     let mut bytes = Vec::new();
     for (entry, end) in entries.zip((ALIGNED as usize..).step_by(ALIGNED as usize)) {
@@ -196,7 +196,7 @@ impl Inner {
         let group = |layout: &BindGroupLayout, buffers: &[&Buffer]| {
             let whole: Vec<BufferBinding<'_>> =
                 buffers.iter().map(|b| b.as_entire_buffer_binding()).collect();
-            bind(gpu, layout, &whole)
+            bind_buffers(gpu, layout, &whole)
         };
         let Self { drawn, sums, counts, splats, order: [a, b], touched, pairs: [c, d], digits, no_part } =
             self;
@@ -208,7 +208,7 @@ impl Inner {
         let digit = BufferBinding { buffer: digits, offset: 0, size: BufferSize::new(8) };
         let sort = |from: &Buffer, to: &Buffer| {
             let whole = [from, to, counts, totals].map(|b| b.as_entire_buffer_binding());
-            bind(gpu, &layouts.sort, &[std::slice::from_ref(&digit), &whole[..]].concat())
+            bind_buffers(gpu, &layouts.sort, &[std::slice::from_ref(&digit), &whole[..]].concat())
         };
         let bin = |pairs| group(&layouts.bin, &[splats, a, touched, sums, totals, pairs, lists]);
         let raster = |pairs| group(&layouts.raster, &[splats, pairs, lists, images, totals]);
@@ -227,7 +227,7 @@ impl Inner {
     }
 }
 
-fn bind(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBinding<'_>]) -> BindGroup {
+fn bind_buffers(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBinding<'_>]) -> BindGroup {
     let entries: Vec<BindGroupEntry<'_>> = (0..)
         .zip(bound)
         .map(|(binding, bound)| BindGroupEntry { binding, resource: BindingResource::Buffer(bound.clone()) })

@@ -109,8 +109,8 @@ impl Device {
         if *choice == Choice::Hardware && !may_have_hardware() {
             return Err(GpuError::None("this system shows no device of one".to_owned()));
         }
-        let mut adapters = adapters()?;
-        let found = adapters.iter().map(|a| called(&a.get_info())).collect::<Vec<_>>().join(", ");
+        let mut adapters = list_adapters()?;
+        let found = adapters.iter().map(|a| adapter_name(&a.get_info())).collect::<Vec<_>>().join(", ");
         let fits = |a: &Adapter, i: usize| match choice {
             Choice::Any => true,
             Choice::Hardware => a.get_info().device_type != DeviceType::Cpu,
@@ -125,12 +125,12 @@ impl Device {
             };
             return Err(GpuError::Other { wanted, found });
         };
-        Self::of(&adapters.swap_remove(at))
+        Self::from_adapter(&adapters.swap_remove(at))
     }
 
-    fn of(adapter: &Adapter) -> Result<Self, GpuError> {
+    fn from_adapter(adapter: &Adapter) -> Result<Self, GpuError> {
         let info = adapter.get_info();
-        let name = called(&info);
+        let name = adapter_name(&info);
         let theirs = adapter.limits();
         let required_limits = Limits {
             max_storage_buffer_binding_size: theirs.max_storage_buffer_binding_size,
@@ -140,7 +140,7 @@ impl Device {
         let limit = theirs.max_storage_buffer_binding_size.min(theirs.max_buffer_size);
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let wanted = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
-        let (device, queue) = wait(adapter.request_device(&wanted))
+        let (device, queue) = wait_for(adapter.request_device(&wanted))
             .map_err(|e| GpuError::Refused { adapter: name.clone(), because: e.to_string() })?;
         let trouble = Arc::new(Mutex::new(None));
         let note = |trouble: &Arc<Mutex<Option<String>>>, because: String| {
@@ -217,7 +217,7 @@ impl Device {
         }
         let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let made = make(&self.device);
-        match wait(scope.pop()) {
+        match wait_for(scope.pop()) {
             None => self.check().map(|()| made),
             Some(error) => Err(full(error.to_string())),
         }
@@ -242,12 +242,12 @@ fn may_have_hardware() -> bool {
 
 /// All GPUs, the most capable kind first. A GPU that several interfaces offer comes first with the
 /// fastest of them.
-fn adapters() -> Result<Vec<Adapter>, GpuError> {
+fn list_adapters() -> Result<Vec<Adapter>, GpuError> {
     let mut wanted = wgpu::InstanceDescriptor::new_without_display_handle();
     wanted.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
     wanted.flags = wgpu::InstanceFlags::empty();
     let instance = wgpu::Instance::new(wanted);
-    let mut all = wait(instance.enumerate_adapters(Backends::all()));
+    let mut all = wait_for(instance.enumerate_adapters(Backends::all()));
     all.sort_by_key(|a| match a.get_info().device_type {
         DeviceType::DiscreteGpu => 0,
         DeviceType::IntegratedGpu => 1,
@@ -257,25 +257,27 @@ fn adapters() -> Result<Vec<Adapter>, GpuError> {
     });
     if all.is_empty() {
         let asked = instance.request_adapter(&wgpu::RequestAdapterOptions::default());
-        return Err(GpuError::None(wait(asked).err().map_or_else(String::new, |e| missing(&e.to_string()))));
+        return Err(GpuError::None(
+            wait_for(asked).err().map_or_else(String::new, |e| missing_reasons(&e.to_string())),
+        ));
     }
     Ok(all)
 }
 
 /// The reasons for missing GPUs, without interfaces that this system does not have.
-fn missing(told: &str) -> String {
+fn missing_reasons(told: &str) -> String {
     let parts = told.split([';', ',']).map(str::trim).skip(1);
     let ours: Vec<&str> =
         parts.filter(|part| !part.ends_with("not requested") && !part.ends_with("not compiled in")).collect();
     if ours.is_empty() { told.to_owned() } else { ours.join(", ") }
 }
 
-fn called(info: &AdapterInfo) -> String {
+fn adapter_name(info: &AdapterInfo) -> String {
     format!("{} ({})", info.name, info.backend)
 }
 
 /// The value of a future. Futures of native devices are ready at once, or after a poll.
-pub(super) fn wait<F: Future>(future: F) -> F::Output {
+pub(super) fn wait_for<F: Future>(future: F) -> F::Output {
     let mut future = pin!(future);
     loop {
         if let Poll::Ready(value) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
@@ -299,7 +301,7 @@ mod tests {
     fn what_is_missing_is_told_of_this_system_alone() {
         let told = "No suitable graphics adapter found; noop not requested, vulkan drivers/libraries could not be \
                     loaded, metal support not compiled in, dx12 support not compiled in, gl not requested";
-        assert_eq!(missing(told), "vulkan drivers/libraries could not be loaded");
-        assert_eq!(missing("anything else"), "anything else");
+        assert_eq!(missing_reasons(told), "vulkan drivers/libraries could not be loaded");
+        assert_eq!(missing_reasons("anything else"), "anything else");
     }
 }

@@ -4,7 +4,7 @@
 
 use super::Region;
 use crate::image::luminance;
-use crate::render::cpu::eye::slack;
+use crate::render::cpu::eye::slope_bounds;
 use crate::render::{Style, View};
 use glam::DVec3;
 
@@ -13,16 +13,22 @@ pub(super) const BYTES: u64 = 18 * 16;
 
 /// The bytes of `Frame` for a view of a scene with positions relative to `origin`, for the tiles of
 /// a region, with these capacities for splats and pairs.
-pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, room: [u32; 2]) -> Vec<u8> {
+pub(super) fn frame_bytes(
+    view: &View,
+    origin: DVec3,
+    style: &Style,
+    region: Region,
+    room: [u32; 2],
+) -> Vec<u8> {
     let camera = view.camera;
     let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
-    let rows = [0, 1, 2].map(|k| two(camera_from_world.row(k)));
-    let [high, low] = two(origin - view.world_from_camera.translation);
+    let rows = [0, 1, 2].map(|k| split_vector(camera_from_world.row(k)));
+    let [high, low] = split_vector(origin - view.world_from_camera.translation);
     let pair = |[x, y]: [f64; 2]| {
-        let [high, low] = two(DVec3::new(x, y, 0.0));
+        let [high, low] = split_vector(DVec3::new(x, y, 0.0));
         [high[0], high[1], low[0], low[1]]
     };
-    let [x, y] = slack(&view.camera, style.rules).map(|bounds| bounds.map(|slope| slope as f32));
+    let [x, y] = slope_bounds(&view.camera, style.rules).map(|bounds| bounds.map(|slope| slope as f32));
     let row = |v: DVec3| {
         let [x, y, z] = v.as_vec3().to_array();
         [x, y, z, 0.0]
@@ -55,7 +61,7 @@ pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, r
 }
 
 /// A vector as the sum of two vectors of f32.
-fn two(v: DVec3) -> [[f32; 4]; 2] {
+fn split_vector(v: DVec3) -> [[f32; 4]; 2] {
     let high = v.as_vec3();
     let low = (v - high.as_dvec3()).as_vec3();
     [high, low].map(|part| [part.x, part.y, part.z, 0.0])

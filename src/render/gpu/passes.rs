@@ -37,7 +37,7 @@ enum Use {
 impl Layouts {
     pub(super) fn new(device: &Device) -> Self {
         use Use::{Entry, Read, Uniform, Write};
-        let layout = |uses: &[Use]| layout(&device.device, uses);
+        let layout = |uses: &[Use]| bind_layout(&device.device, uses);
         Self {
             frame: layout(&[Uniform]),
             project: layout(&[Uniform, Read, Read, Read, Write, Write, Write, Write, Write]),
@@ -59,7 +59,7 @@ impl Layouts {
     }
 }
 
-fn layout(gpu: &wgpu::Device, uses: &[Use]) -> BindGroupLayout {
+fn bind_layout(gpu: &wgpu::Device, uses: &[Use]) -> BindGroupLayout {
     let entry = |(binding, of): (u32, &Use)| BindGroupLayoutEntry {
         binding,
         visibility: ShaderStages::COMPUTE,
@@ -208,7 +208,7 @@ impl Passes<'_> {
             pass.set_pipeline(&pipelines.measure);
             pass.set_bind_group(1, &bound.project[k], &[]);
             pass.dispatch_workgroups(part.groups, 1, 1);
-            direct(pass, &pipelines.scan_splats, &bound.scan_parts[k]);
+            record_scan(pass, &pipelines.scan_splats, &bound.scan_parts[k]);
             pass.set_pipeline(&pipelines.place);
             pass.set_bind_group(1, &bound.project[k], &[]);
             pass.dispatch_workgroups(part.groups, 1, 1);
@@ -219,7 +219,7 @@ impl Passes<'_> {
     fn list(&self, pass: &mut ComputePass<'_>) {
         let (pipelines, bound) = (self.pipelines, &self.buffers.bound);
         self.indirect(pass, &pipelines.tally, &bound.bin[0], Dispatch::Splats);
-        direct(pass, &pipelines.scan_pairs, &bound.scan_tally);
+        record_scan(pass, &pipelines.scan_pairs, &bound.scan_tally);
         self.indirect(pass, &pipelines.emit, &bound.bin[0], Dispatch::ListedSplats);
     }
 
@@ -238,7 +238,7 @@ impl Passes<'_> {
             pass.set_pipeline(&self.pipelines.count);
             pass.set_bind_group(1, way, &entry);
             pass.dispatch_workgroups_indirect(sizes, by.offset());
-            direct(pass, scan, &self.buffers.bound.scan_digits);
+            record_scan(pass, scan, &self.buffers.bound.scan_digits);
             pass.set_pipeline(&self.pipelines.scatter);
             pass.set_bind_group(1, way, &entry);
             pass.dispatch_workgroups_indirect(sizes, by.offset());
@@ -265,7 +265,7 @@ impl Passes<'_> {
 }
 
 /// Records a scan, which is one workgroup.
-fn direct(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, group: &BindGroup) {
+fn record_scan(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, group: &BindGroup) {
     pass.set_pipeline(pipeline);
     pass.set_bind_group(1, group, &[]);
     pass.dispatch_workgroups(1, 1, 1);

@@ -30,7 +30,7 @@ const COUNTS: usize = 4 * TOTALS;
 const HEAD: usize = COUNTS + clock::BYTES;
 
 /// Size of a transfer with this many floats of images, bytes.
-pub(super) fn bytes(floats: u64) -> u64 {
+pub(super) fn transfer_bytes(floats: u64) -> u64 {
     HEAD as u64 + 4 * floats
 }
 
@@ -43,7 +43,7 @@ impl Ring {
         (from, floats): (&Buffers, u64),
         clock: Option<&Clock>,
     ) -> Result<Copy, GpuError> {
-        let size = bytes(floats);
+        let size = transfer_bytes(floats);
         let at = self.idle.iter().position(|b| b.size() >= size);
         let buffer = match at {
             Some(at) => self.idle.swap_remove(at),
@@ -87,11 +87,11 @@ impl Ring {
         device.check()?;
         let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
         mapped.map_err(|e| device.lost(&e.to_string()))?;
-        let view = copy.buffer.slice(..bytes(floats)).get_mapped_range();
+        let view = copy.buffer.slice(..transfer_bytes(floats)).get_mapped_range();
         let view: BufferView = view.map_err(|e| device.lost(&e.to_string()))?;
         let (head, images) = view.split_at(HEAD);
         let (counts, stamps) = head.split_at(COUNTS);
-        let done = read(&Totals::of(counts), stamps, images);
+        let done = read(&Totals::from_bytes(counts), stamps, images);
         drop(view);
         copy.buffer.unmap();
         self.idle.push(copy.buffer);
@@ -104,7 +104,7 @@ impl Ring {
 pub(super) struct Totals([u32; TOTALS]);
 
 impl Totals {
-    fn of(bytes: &[u8]) -> Self {
+    fn from_bytes(bytes: &[u8]) -> Self {
         let mut words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word));
         Self(std::array::from_fn(|_| words.next().unwrap_or(0)))
     }
@@ -132,7 +132,7 @@ impl Totals {
 }
 
 /// Copies a region's images into those of the whole image.
-pub(super) fn place(
+pub(super) fn place_region(
     images: &[u8],
     region: Region,
     size: Size,
@@ -154,16 +154,16 @@ pub(super) fn place(
         [float(&channels[0]), float(&channels[1]), float(&channels[2])]
     };
     let at = (region, size);
-    fill(&mut out.rgb, want.rgb, from(layout.rgb, 3), at, colour);
-    fill(&mut out.luminance, want.luminance, from(layout.grey, 1), at, float);
-    fill(&mut out.alpha, want.alpha, from(layout.alpha, 1), at, float);
-    fill(&mut out.depth, want.depth || want.flow, from(layout.depth, 1), at, depth);
-    fill(&mut out.doubtful, want.doubtful, from(layout.doubtful, 1), at, float);
-    fill(&mut out.luminance_rate, want.luminance_rate, from(layout.rate, 1), at, float);
+    fill_region(&mut out.rgb, want.rgb, from(layout.rgb, 3), at, colour);
+    fill_region(&mut out.luminance, want.luminance, from(layout.grey, 1), at, float);
+    fill_region(&mut out.alpha, want.alpha, from(layout.alpha, 1), at, float);
+    fill_region(&mut out.depth, want.depth || want.flow, from(layout.depth, 1), at, depth);
+    fill_region(&mut out.doubtful, want.doubtful, from(layout.doubtful, 1), at, float);
+    fill_region(&mut out.luminance_rate, want.luminance_rate, from(layout.rate, 1), at, float);
 }
 
 /// Fills a region of an image, or removes the image if it is not requested.
-fn fill<T: std::marker::Copy + Default, const N: usize>(
+fn fill_region<T: std::marker::Copy + Default, const N: usize>(
     image: &mut Option<Image<T>>,
     wanted: bool,
     bytes: &[u8],

@@ -30,9 +30,9 @@ const AXES: u64 = 36;
 const HARMONIC: u64 = 12;
 
 /// Uploads a scene. Activations are applied here, once, with the code of the CPU renderer.
-pub(super) fn upload(scene: &Gaussians, device: &Device) -> Result<Vec<Part>, GpuError> {
+pub(super) fn upload_scene(scene: &Gaussians, device: &Device) -> Result<Vec<Part>, GpuError> {
     let activated: Vec<Activated> =
-        (0..scene.len()).into_par_iter().map(|i| activate::one(scene, i)).collect();
+        (0..scene.len()).into_par_iter().map(|i| activate::activate_one(scene, i)).collect();
     let each = (HARMONIC * scene.sh_len() as u64).max(AXES).max(MEAN);
     let most = (device.limit / each).min(u64::from(MOST_GROUPS * GROUP)).max(1) as usize;
     (0..scene.len())
@@ -71,16 +71,16 @@ impl Part {
         })?;
         let words: Vec<u8> = [count as u32, groups, 0, 0].into_iter().flat_map(u32::to_le_bytes).collect();
         device.queue.write_buffer(&part.counts, 0, &words);
-        write(device, &part.means, range.clone().map(|i| mean(scene.positions[i], &activated[i])));
-        write(device, &part.axes, range.clone().map(|i| axes_of(&activated[i])));
-        write(device, &part.harmonics, scene.sh[range.start * n..range.end * n].iter().copied());
+        write_rows(device, &part.means, range.clone().map(|i| mean_row(scene.positions[i], &activated[i])));
+        write_rows(device, &part.axes, range.clone().map(|i| axes_of(&activated[i])));
+        write_rows(device, &part.harmonics, scene.sh[range.start * n..range.end * n].iter().copied());
         Ok(part)
     }
 }
 
 /// Position and opacity. NaN is not portable in WGSL, so special opacities mark values that are not
 /// finite.
-fn mean(position: [f32; 3], activated: &Activated) -> [f32; 4] {
+fn mean_row(position: [f32; 3], activated: &Activated) -> [f32; 4] {
     let [x, y, z] = position;
     match (position.iter().all(|v| v.is_finite()), activated.axes[0][0].is_nan()) {
         (false, _) => [0.0, 0.0, 0.0, LOST],
@@ -95,7 +95,7 @@ fn axes_of(activated: &Activated) -> [f32; 9] {
 }
 
 /// Uploads rows in chunks of some MiB.
-fn write<const N: usize>(device: &Device, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
+fn write_rows<const N: usize>(device: &Device, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
     const ENOUGH: usize = 4 << 20;
     let (mut bytes, mut at) = (Vec::with_capacity(ENOUGH + 4 * N), 0);
     for row in rows {

@@ -155,32 +155,32 @@ impl Shader {
             Self::Sort => &[FRAME, include_str!("sort.wgsl")],
             Self::Raster => &[FRAME, include_str!("raster.wgsl")],
         };
-        prelude(variant) + &parts.join("\n")
+        shader_prelude(variant) + &parts.join("\n")
     }
 }
 
 /// Constants for all shaders.
-fn prelude(variant: &Variant) -> String {
+fn shader_prelude(variant: &Variant) -> String {
     let mut text = String::new();
     let rules = variant.style.rules;
     let rate = variant.layout.rate.is_some();
-    let mut bools = |name: &str, value: bool| line(&mut text, name, "bool", value);
+    let mut bools = |name: &str, value: bool| write_constant(&mut text, name, "bool", value);
     bools("ANTIALIASED", variant.style.antialiased);
     bools("RATE", rate);
-    for (name, value) in words(variant) {
-        line(&mut text, name, "u32", format_args!("{value}u"));
+    for (name, value) in count_words(variant) {
+        write_constant(&mut text, name, "u32", format_args!("{value}u"));
     }
     let stop = if rules == Rules::Gsplat { STOP.next_up() } else { STOP };
     for (name, value) in FLOATS.iter().chain(&[("LEAST_ALPHA", least_alpha(rules)), ("STOP", stop)]) {
-        line(&mut text, name, "f32", float(f64::from(*value)));
+        write_constant(&mut text, name, "f32", float_literal(f64::from(*value)));
     }
     let doubles = [("TO_BINARY", (LOG2_E / 2.0).sqrt()), ("LN_2", std::f64::consts::LN_2)];
     for (name, value) in doubles.into_iter().chain([("SH_0", sh::C0), ("SH_1", sh::C1)]) {
-        line(&mut text, name, "f32", float(value));
+        write_constant(&mut text, name, "f32", float_literal(value));
     }
     for (name, values) in [("SH_2", &sh::C2[..]), ("SH_3", &sh::C3[..])] {
-        let values: Vec<String> = values.iter().map(|v| float(*v)).collect();
-        line(
+        let values: Vec<String> = values.iter().map(|v| float_literal(*v)).collect();
+        write_constant(
             &mut text,
             name,
             &format!("array<f32, {}>", values.len()),
@@ -212,7 +212,7 @@ const FLOATS: [(&str, f32); 18] = [
 ];
 
 #[expect(clippy::cast_possible_truncation, reason = "an edge of a tile is small")]
-fn words(variant: &Variant) -> Vec<(&'static str, u32)> {
+fn count_words(variant: &Variant) -> Vec<(&'static str, u32)> {
     let layout = variant.layout;
     let at = |offset: Option<u32>| offset.unwrap_or(u32::MAX);
     vec![
@@ -252,13 +252,13 @@ fn words(variant: &Variant) -> Vec<(&'static str, u32)> {
     ]
 }
 
-fn line(text: &mut String, name: &str, kind: &str, value: impl Display) {
+fn write_constant(text: &mut String, name: &str, kind: &str, value: impl Display) {
     let _ = writeln!(text, "const {name}: {kind} = {value};");
 }
 
 /// A literal that WGSL parses to the same 32 bits: the shortest decimal does.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]
-fn float(value: f64) -> String {
+fn float_literal(value: f64) -> String {
     format!("{:e}f", value as f32)
 }
 

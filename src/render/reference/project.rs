@@ -1,7 +1,7 @@
 //! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
-use crate::render::dual::{Real, cross, dot};
+use crate::render::dual::{Real, cross_product, dot_product};
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
     FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
@@ -122,10 +122,10 @@ impl<'a> Eye<'a> {
             axes.map(|axis| D::constant(focal) / z * (axis[k] - clamped * axis[2]))
         };
         let (a0, a1) = (row(camera.fx, uc, 0), row(camera.fy, vc, 1));
-        let n = cross(a0, a1);
-        let (aa, cc, det0) = (dot(a0, a0), dot(a1, a1), dot(n, n));
+        let n = cross_product(a0, a1);
+        let (aa, cc, det0) = (dot_product(a0, a0), dot_product(a1, a1), dot_product(n, n));
         let d = D::constant(f64::from(DILATION));
-        let (a, b, c) = (aa + d, dot(a0, a1), cc + d);
+        let (a, b, c) = (aa + d, dot_product(a0, a1), cc + d);
         Shape { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
     }
 
@@ -167,9 +167,9 @@ impl<'a> Eye<'a> {
     fn colour(&self, scene: &Gaussians, i: usize, from_camera: DVec3) -> [D; 3] {
         let rate = -(self.view.world_from_camera.rotation * self.view.velocity.linear);
         let ray = [0, 1, 2].map(|k| D { value: from_camera[k], rate: rate[k] });
-        let length = dot(ray, ray).sqrt();
-        let basis = sh::basis(scene.sh_degree, ray.map(|r| r / length));
-        sh::colour(scene.sh_of(i), &basis)
+        let length = dot_product(ray, ray).sqrt();
+        let basis = sh::basis_values(scene.sh_degree, ray.map(|r| r / length));
+        sh::sum_colour(scene.sh_of(i), &basis)
     }
 
     /// Columns and rows that a Gaussian may touch under the rules, without those where it is below
@@ -198,7 +198,7 @@ impl<'a> Eye<'a> {
                 }
                 Rules::Exact | Rules::Soft => [low, high],
             };
-            pixels(first.max(low), end.min(high), size[k])
+            touched_range(first.max(low), end.min(high), size[k])
         };
         [side(0, a), side(1, c)]
     }
@@ -233,7 +233,7 @@ pub(super) fn least_alpha(rules: Rules) -> f64 {
     clippy::cast_sign_loss,
     reason = "clamped to the image, whose edges fit"
 )]
-fn pixels(first: f64, end: f64, edge: f64) -> Range<usize> {
+fn touched_range(first: f64, end: f64, edge: f64) -> Range<usize> {
     first.clamp(0.0, edge) as usize..end.clamp(0.0, edge) as usize
 }
 

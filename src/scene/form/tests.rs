@@ -11,7 +11,7 @@ fn scenes(extent: f64) -> impl Strategy<Value = Gaussians> {
     fields.prop_flat_map(move |(degree, n, antialiased)| {
         let numbers = |low: f32, high: f32, len: usize| prop::collection::vec(low..high, n * len);
         let rotation = prop_oneof![numbers(-1.0, 1.0, 4), Just(vec![0.5; 4 * n]), Just(vec![0.0; 4 * n])];
-        let rest = sh::len(degree) - 1;
+        let rest = sh::function_count(degree) - 1;
         let drawn = (
             prop::collection::vec(-1.0..1.0_f64, 3 * n),
             numbers(-10.0, 5.9, 3),

@@ -23,7 +23,7 @@ enum Real {
 impl Column {
     /// The column of `property`: `None` if there is no such property, and an error if it is not
     /// float or double.
-    pub(super) fn find(
+    pub(super) fn find_column(
         element: &Element,
         property: &str,
         encoding: Encoding,
@@ -58,15 +58,15 @@ impl Column {
     #[inline]
     pub(super) fn get(self, row: &[u8]) -> f64 {
         match self.number {
-            Real::LittleF32 => f64::from(f32::from_le_bytes(bytes(row, self.offset))),
-            Real::BigF32 => f64::from(f32::from_be_bytes(bytes(row, self.offset))),
-            Real::LittleF64 => f64::from_le_bytes(bytes(row, self.offset)),
-            Real::BigF64 => f64::from_be_bytes(bytes(row, self.offset)),
+            Real::LittleF32 => f64::from(f32::from_le_bytes(field_bytes(row, self.offset))),
+            Real::BigF32 => f64::from(f32::from_be_bytes(field_bytes(row, self.offset))),
+            Real::LittleF64 => f64::from_le_bytes(field_bytes(row, self.offset)),
+            Real::BigF64 => f64::from_be_bytes(field_bytes(row, self.offset)),
         }
     }
 }
 
-pub(super) fn bytes<const N: usize>(row: &[u8], offset: usize) -> [u8; N] {
+pub(super) fn field_bytes<const N: usize>(row: &[u8], offset: usize) -> [u8; N] {
     let mut array = [0; N];
     array.copy_from_slice(&row[offset..offset + N]);
     array
@@ -82,7 +82,7 @@ pub(super) struct Rows<'a> {
 
 /// The rows of the elements with these names, empty if absent. Every element of the file is
 /// visited, so that a file that ends too early or too late is reported.
-pub(super) fn rows<'a, const N: usize>(
+pub(super) fn element_rows<'a, const N: usize>(
     header: &Header,
     wanted: [&str; N],
     cursor: &mut Cursor<'a>,
@@ -90,7 +90,7 @@ pub(super) fn rows<'a, const N: usize>(
     let mut rows = [Rows { bytes: &[], offset: cursor.offset() }; N];
     for element in &header.elements {
         let before = cursor.clone();
-        skip(element, header.encoding, cursor)?;
+        skip_element(element, header.encoding, cursor)?;
         if let Some(k) = wanted.iter().position(|name| element.name == *name) {
             let len = cursor.offset() - before.offset();
             rows[k] = Rows { bytes: &before.rest()[..len], offset: before.offset() };
@@ -100,7 +100,7 @@ pub(super) fn rows<'a, const N: usize>(
     Ok(rows)
 }
 
-fn skip(element: &Element, encoding: Encoding, cursor: &mut Cursor) -> Result<(), SceneError> {
+fn skip_element(element: &Element, encoding: Encoding, cursor: &mut Cursor) -> Result<(), SceneError> {
     let what = format!("element `{}`", element.name);
     if let Some(stride) = element.stride() {
         let len = stride.saturating_mul(element.count);
@@ -138,7 +138,7 @@ fn read_length(number: Number, encoding: Encoding, cursor: &mut Cursor) -> Resul
 }
 
 /// The body at `cursor` in binary: unchanged, or in `buffer` the conversion of an ascii body.
-pub(super) fn binary<'a>(
+pub(super) fn binary_body<'a>(
     header: &Header,
     mut cursor: Cursor<'a>,
     buffer: &'a mut Vec<u8>,
@@ -169,7 +169,7 @@ fn binary_from_ascii(
         for _ in 0..element.count {
             for property in &element.properties {
                 match property.kind {
-                    Kind::One(number) => transcode(text, number, put)?,
+                    Kind::One(number) => transcode_word(text, number, put)?,
                     Kind::List { .. } => {
                         return Err(text.unsupported("a list in an ascii file", "convert it to binary"));
                     }
@@ -188,7 +188,7 @@ fn skip_spaces(text: &mut Cursor) -> Result<(), SceneError> {
 
 /// Puts the number of the next word. A word counts only when something ends it, so that a file cut
 /// inside its last number is told.
-fn transcode(text: &mut Cursor, number: Number, put: &mut dyn FnMut(&[u8])) -> Result<(), SceneError> {
+fn transcode_word(text: &mut Cursor, number: Number, put: &mut dyn FnMut(&[u8])) -> Result<(), SceneError> {
     skip_spaces(text)?;
     let at = text.clone();
     let word = text.until(u8::is_ascii_whitespace, "a number and the space after it")?;

@@ -25,7 +25,7 @@ impl Notes {
     pub(super) const MARK: &str = "gs2e";
 
     /// The notes of `scene`.
-    pub(super) fn of(scene: &Gaussians) -> Self {
+    pub(super) fn for_scene(scene: &Gaussians) -> Self {
         Self {
             antialiased: scene.antialiased,
             screening: Some(scene.screening),

@@ -5,7 +5,7 @@
 //! words, and the optional element `sh` has `f_rest_*` channel by channel. Axes are those of plain
 //! files.
 
-use super::body::{self, Rows, bytes};
+use super::body::{self, Rows, field_bytes};
 use super::degree_of;
 use super::header::{Element, Encoding, Header, Kind, Number};
 use crate::scene::collector::{Collector, Gaussian};
@@ -24,7 +24,7 @@ pub(super) fn is_packed(vertices: &Element) -> bool {
 }
 
 /// Whether the vertices' property with this name is read.
-pub(super) fn knows(name: &str) -> bool {
+pub(super) fn knows_property(name: &str) -> bool {
     WORDS.contains(&name)
 }
 
@@ -32,13 +32,13 @@ pub(super) fn knows(name: &str) -> bool {
 const WORDS: [&str; 4] = ["packed_position", "packed_scale", "packed_rotation", "packed_color"];
 
 /// Reads the body of a compressed file.
-pub(super) fn read(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneError> {
-    let layout = Layout::find(header, &cursor)?;
+pub(super) fn read_packed(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneError> {
+    let layout = Layout::find_layout(header, &cursor)?;
     let mut buffer = Vec::new();
-    let mut cursor = body::binary(header, cursor, &mut buffer)?;
-    let [chunks, vertices, harmonics] = body::rows(header, ["chunk", "vertex", "sh"], &mut cursor)?;
+    let mut cursor = body::binary_body(header, cursor, &mut buffer)?;
+    let [chunks, vertices, harmonics] = body::element_rows(header, ["chunk", "vertex", "sh"], &mut cursor)?;
     let chunks = layout.chunks(chunks, &cursor)?;
-    let rest_len = sh::len(layout.sh_degree) - 1;
+    let rest_len = sh::function_count(layout.sh_degree) - 1;
     let mut collector = Collector::new(layout.sh_degree, layout.vertices.count)?;
     let mut coefficients = vec![[0.0; 3]; rest_len + 1];
     for i in 0..layout.vertices.count {
@@ -49,13 +49,13 @@ pub(super) fn read(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneEr
         for (k, coefficient) in coefficients[1..].iter_mut().enumerate() {
             *coefficient = [0, 1, 2].map(|channel| {
                 let column = layout.rest[channel * rest_len + k];
-                harmonic(harmonics.bytes[i * layout.harmonics.stride + column])
+                byte_harmonic(harmonics.bytes[i * layout.harmonics.stride + column])
             });
         }
         collector.push(&Gaussian {
-            position: chunk.position.at(thirds(word(0))),
-            log_scale: chunk.log_scale.at(thirds(word(1))),
-            rotation: rotation(word(2)),
+            position: chunk.position.at(packed_thirds(word(0))),
+            log_scale: chunk.log_scale.at(packed_thirds(word(1))),
+            rotation: packed_rotation(word(2)),
             opacity_logit: logit_of_byte(colour[3]),
             sh: &coefficients,
         });
@@ -78,7 +78,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn find(header: &Header, at: &Cursor) -> Result<Self, SceneError> {
+    fn find_layout(header: &Header, at: &Cursor) -> Result<Self, SceneError> {
         let [chunk, vertex] = [header.element("chunk", at)?, header.element("vertex", at)?];
         let harmonics = header.elements.iter().find(|e| e.name == "sh");
         let count = vertex.count;
@@ -86,16 +86,17 @@ impl Layout {
         harmonics.map_or(Ok(()), |sh| check_rows(sh, count, at))?;
         let rest_len =
             harmonics.map_or(0, |sh| sh.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count());
-        let word = |name: &str| offset(vertex, name, Number::U32, at);
+        let word = |name: &str| property_offset(vertex, name, Number::U32, at);
         let rest = harmonics.map_or(Ok(Vec::new()), |sh| {
-            (0..rest_len).map(|k| offset(sh, &format!("f_rest_{k}"), Number::U8, at)).collect()
+            (0..rest_len).map(|k| property_offset(sh, &format!("f_rest_{k}"), Number::U8, at)).collect()
         })?;
         Ok(Self {
-            chunks: Table::of(chunk, header.encoding, at)?,
-            bounds: bounds(chunk, at)?,
-            vertices: Table::of(vertex, header.encoding, at)?,
+            chunks: Table::for_element(chunk, header.encoding, at)?,
+            bounds: bound_columns(chunk, at)?,
+            vertices: Table::for_element(vertex, header.encoding, at)?,
             words: [word(WORDS[0])?, word(WORDS[1])?, word(WORDS[2])?, word(WORDS[3])?],
-            harmonics: harmonics.map_or(Ok(Table::default()), |sh| Table::of(sh, header.encoding, at))?,
+            harmonics: harmonics
+                .map_or(Ok(Table::default()), |sh| Table::for_element(sh, header.encoding, at))?,
             rest,
             sh_degree: degree_of(rest_len, at)?,
         })
@@ -112,14 +113,14 @@ impl Layout {
                         return Err(at.at(place).malformed(format!("the bound {bound}"), "a finite number"));
                     }
                 }
-                Ok(Chunk::of(bounds, self.bounds.len() == bounds.len()))
+                Ok(Chunk::from_bounds(bounds, self.bounds.len() == bounds.len()))
             })
             .collect()
     }
 }
 
 /// The columns of a chunk's bounds. Those of colours are present together or not at all.
-fn bounds(chunk: &Element, at: &Cursor) -> Result<Vec<usize>, SceneError> {
+fn bound_columns(chunk: &Element, at: &Cursor) -> Result<Vec<usize>, SceneError> {
     const NAMES: [&str; 18] = [
         "min_x",
         "min_y",
@@ -142,7 +143,7 @@ fn bounds(chunk: &Element, at: &Cursor) -> Result<Vec<usize>, SceneError> {
     ];
     let coloured = NAMES[12..].iter().any(|name| chunk.has(name));
     let names = if coloured { &NAMES[..] } else { &NAMES[..12] };
-    names.iter().map(|name| offset(chunk, name, Number::F32, at)).collect()
+    names.iter().map(|name| property_offset(chunk, name, Number::F32, at)).collect()
 }
 
 fn check_rows(element: &Element, wanted: usize, at: &Cursor) -> Result<(), SceneError> {
@@ -154,7 +155,12 @@ fn check_rows(element: &Element, wanted: usize, at: &Cursor) -> Result<(), Scene
 }
 
 /// Offset of `property` in a row, bytes.
-fn offset(element: &Element, property: &str, number: Number, at: &Cursor) -> Result<usize, SceneError> {
+fn property_offset(
+    element: &Element,
+    property: &str,
+    number: Number,
+    at: &Cursor,
+) -> Result<usize, SceneError> {
     let Some(i) = element.properties.iter().position(|p| p.name == property) else {
         let name = &element.name;
         return Err(
@@ -178,13 +184,13 @@ struct Table {
 }
 
 impl Table {
-    fn of(element: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
+    fn for_element(element: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
         let stride = element.flat_stride(at)?;
         Ok(Self { count: element.count, stride, is_big_endian: encoding == Encoding::BigEndian })
     }
 
     fn u32(self, rows: Rows, row: usize, column: usize) -> u32 {
-        let word = bytes(rows.bytes, row * self.stride + column);
+        let word = field_bytes(rows.bytes, row * self.stride + column);
         if self.is_big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
     }
 
@@ -201,7 +207,7 @@ struct Chunk {
 }
 
 impl Chunk {
-    fn of(bounds: [f32; 18], coloured: bool) -> Self {
+    fn from_bounds(bounds: [f32; 18], coloured: bool) -> Self {
         let three = |k: usize| [bounds[k], bounds[k + 1], bounds[k + 2]];
         let range = |k: usize| Range { min: three(k), max: three(k + 3) };
         let colour = if coloured { range(12) } else { Range { min: [0.0; 3], max: [1.0; 3] } };
@@ -237,7 +243,7 @@ impl Range {
 }
 
 /// Three fractions of 11, 10 and 11 bits, the first in the highest bits.
-fn thirds(word: u32) -> [f64; 3] {
+fn packed_thirds(word: u32) -> [f64; 3] {
     [(word >> 21, 2047), (word >> 11, 1023), (word, 2047)]
         .map(|(bits, mask)| f64::from(bits & mask) / f64::from(mask))
 }
@@ -245,7 +251,7 @@ fn thirds(word: u32) -> [f64; 3] {
 /// The quaternion `w x y z`: the highest two bits are the index of the largest component, and ten
 /// bits each are the others in this order.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
-fn rotation(word: u32) -> [f32; 4] {
+fn packed_rotation(word: u32) -> [f32; 4] {
     let largest = (word >> 30) as usize;
     let mut components = [0.0; 4];
     let others = (0..4).filter(|&k| k != largest);
@@ -259,7 +265,7 @@ fn rotation(word: u32) -> [f32; 4] {
 
 /// A coefficient between -4 and 4. The extreme bytes are the ends; the others are the middles of
 /// their steps.
-fn harmonic(byte: u8) -> f32 {
+fn byte_harmonic(byte: u8) -> f32 {
     let share = match byte {
         0 => 0.0,
         255 => 1.0,

@@ -1,6 +1,6 @@
 //! The canonical `.ply` form of a scene.
 
-use super::position::absolute;
+use super::position::to_absolute;
 use super::{notes::Notes, property_names};
 use crate::scene::Gaussians;
 use glam::DVec3;
@@ -16,7 +16,7 @@ use std::io::{self, BufWriter, Write};
 /// `out` fails.
 pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
     let mut out = BufWriter::new(out);
-    out.write_all(header(scene).as_bytes())?;
+    out.write_all(header_text(scene).as_bytes())?;
     let mut row = Vec::new();
     for i in 0..scene.len() {
         row.clear();
@@ -26,9 +26,9 @@ pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
     out.flush()
 }
 
-fn header(scene: &Gaussians) -> String {
+fn header_text(scene: &Gaussians) -> String {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
-    let notes = Notes::of(scene);
+    let notes = Notes::for_scene(scene);
     let (count, position) = (scene.len(), if notes.origin.is_some() { "double" } else { "float" });
     let _ = writeln!(text, "{notes}element vertex {count}");
     for (i, name) in property_names(scene.sh_degree).iter().enumerate() {
@@ -57,6 +57,6 @@ fn push_position(position: [f32; 3], origin: DVec3, row: &mut Vec<u8>) {
         return position.iter().for_each(|p| row.extend(p.to_le_bytes()));
     }
     for (p, o) in position.into_iter().zip(origin.to_array()) {
-        row.extend(absolute(p, o).to_le_bytes());
+        row.extend(to_absolute(p, o).to_le_bytes());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::StillLife;
 use super::draw::Draws;
-use super::object::{at, turn};
+use super::object::{table_point, turn_sine};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::Se3;
@@ -23,13 +23,13 @@ const TREMBLE: f64 = 0.05 / 360.0;
 /// Streams of the draws for the arc and for the hand.
 const STREAM: u64 = 2 << 32;
 
-pub(super) fn capture(life: &StillLife) -> Capture {
+pub(super) fn arc_capture(life: &StillLife) -> Capture {
     let mut draws = Draws::new(life.seed, STREAM);
-    let turns = unevenly(life.views, life.arc / 360.0, &mut draws);
+    let turns = uneven_angles(life.views, life.arc / 360.0, &mut draws);
     let digits = life.views.to_string().len().max(3);
     let views = turns.into_iter().enumerate().map(|(k, turns)| View {
         name: format!("{:0digits$}.jpg", k + 1),
-        world_from_camera: pose(turns, &mut draws),
+        world_from_camera: arc_pose(turns, &mut draws),
         camera: Camera {
             size: SIZE,
             fx: FOCAL,
@@ -44,7 +44,7 @@ pub(super) fn capture(life: &StillLife) -> Capture {
 }
 
 /// `count` angles from `-arc / 2` to `arc / 2`, in turns, with steps that differ by up to a factor of two.
-fn unevenly(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
+fn uneven_angles(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
     let mut sums = vec![0.0];
     for k in 1..count {
         sums.push(sums[k as usize - 1] + draws.uniform(0.67, 1.33));
@@ -55,21 +55,21 @@ fn unevenly(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
 
 /// The camera at this angle around the target. Its height varies slightly along the arc, and it
 /// trembles.
-fn pose(turns: f64, draws: &mut Draws) -> Se3 {
-    let (sin, cos) = turn(turns);
-    let (up, out) = turn(RISE + 0.004 * turn(4.0 * turns).0);
+fn arc_pose(turns: f64, draws: &mut Draws) -> Se3 {
+    let (sin, cos) = turn_sine(turns);
+    let (up, out) = turn_sine(RISE + 0.004 * turn_sine(4.0 * turns).0);
     let shake = |draws: &mut Draws| DVec3::new(draws.bell(SHAKE), draws.bell(SHAKE), draws.bell(SHAKE));
-    let centre = TARGET + DISTANCE * at(out * sin, up, -out * cos) + shake(draws);
+    let centre = TARGET + DISTANCE * table_point(out * sin, up, -out * cos) + shake(draws);
     let aim = TARGET + shake(draws);
     let forward = (aim - centre).normalize();
     let right = DVec3::Y.cross(forward).normalize();
     let steady = DMat3::from_cols(right, forward.cross(right), forward);
-    let rotation = DQuat::from_mat3(&steady) * roll(draws.bell(TREMBLE));
+    let rotation = DQuat::from_mat3(&steady) * roll_turn(draws.bell(TREMBLE));
     Se3 { rotation: rotation.normalize(), translation: centre }
 }
 
 /// A rotation about the optical axis.
-fn roll(turns: f64) -> DQuat {
-    let (sin, cos) = turn(turns / 2.0);
+fn roll_turn(turns: f64) -> DQuat {
+    let (sin, cos) = turn_sine(turns / 2.0);
     DQuat::from_xyzw(0.0, 0.0, sin, cos)
 }

@@ -18,7 +18,7 @@ impl Draws {
 
     /// Uniform over `low..high`.
     pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * unit(self.0.next_u64())
+        low + (high - low) * unit_interval(self.0.next_u64())
     }
 
     /// A sum of four uniform draws: bell-shaped, with standard deviation `deviation`, and never
@@ -31,6 +31,6 @@ impl Draws {
 }
 
 /// The high 53 bits as a number from 0 to 1, without 1.
-pub(super) fn unit(bits: u64) -> f64 {
+pub(super) fn unit_interval(bits: u64) -> f64 {
     (bits >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }

@@ -1,6 +1,6 @@
 //! Light on the still life: a lamp, a sky, shadows of spheres, and gloss as harmonics.
 
-use super::texture::step;
+use super::texture::smooth_step;
 use crate::image::srgb;
 use crate::scene::sh;
 use glam::DVec3;
@@ -39,20 +39,20 @@ fn to_lamp(point: DVec3) -> (DVec3, f64) {
 }
 
 /// Linear light that leaves a matt surface of this albedo.
-pub(super) fn shade(lit: Lit, albedo: DVec3, occluders: &[Occluder]) -> DVec3 {
+pub(super) fn shade_point(lit: Lit, albedo: DVec3, occluders: &[Occluder]) -> DVec3 {
     let (direction, distance) = to_lamp(lit.position);
     let facing = lit.normal.dot(direction).max(0.0);
     let falloff = 30.0 / (distance * distance);
     let strangers = || occluders.iter().filter(|o| o.object != lit.object);
-    let shadow: f64 = strangers().map(|o| transmission(lit.position, direction, o)).product();
-    let open: f64 = strangers().map(|o| openness(lit, o)).product();
+    let shadow: f64 = strangers().map(|o| lamp_share(lit.position, direction, o)).product();
+    let open: f64 = strangers().map(|o| sky_share(lit, o)).product();
     let up = 0.5 - 0.5 * lit.normal.y;
     albedo * (LAMP * (facing * falloff * shadow) + (BOUNCE + (SKY - BOUNCE) * up) * open)
 }
 
 /// Visible share of the lamp past a sphere: from 1 down to 0 as the ray to its centre approaches
 /// the sphere's centre.
-fn transmission(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
+fn lamp_share(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
     let to = o.centre - point;
     let along = to.dot(direction);
     if along <= 0.0 {
@@ -60,12 +60,12 @@ fn transmission(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
     }
     let miss = (to - direction * along).length();
     let penumbra = (LAMP_SIZE * along).max(0.02);
-    step(o.radius - penumbra, o.radius + penumbra, miss)
+    smooth_step(o.radius - penumbra, o.radius + penumbra, miss)
 }
 
 /// Share of the sky that a sphere leaves visible: one minus its solid angle, weighted by the cosine
 /// at its centre (Quilez, "Sphere ambient occlusion").
-fn openness(lit: Lit, o: &Occluder) -> f64 {
+fn sky_share(lit: Lit, o: &Occluder) -> f64 {
     let to = o.centre - lit.position;
     let squared = to.length_squared().max(o.radius * o.radius);
     let cosine = lit.normal.dot(to) / squared.sqrt();
@@ -74,7 +74,7 @@ fn openness(lit: Lit, o: &Occluder) -> f64 {
 
 /// The display value of linear light: a shoulder that keeps highlights below white, then the sRGB
 /// curve.
-pub(super) fn display(light: DVec3) -> DVec3 {
+pub(super) fn display_light(light: DVec3) -> DVec3 {
     DVec3::from_array(light.to_array().map(|v| srgb::encode(1.0 - libm::exp(-v.max(0.0)))))
 }
 
@@ -96,17 +96,17 @@ pub(super) fn add_gloss(lit: Lit, strength: f64, occluders: &[Occluder], coeffic
         return;
     }
     let strangers = occluders.iter().filter(|o| o.object != lit.object);
-    let seen: f64 = strangers.map(|o| transmission(lit.position, direction, o)).product();
+    let seen: f64 = strangers.map(|o| lamp_share(lit.position, direction, o)).product();
     let mirrored = lit.normal * (2.0 * facing) - direction;
-    let strength = strength * seen * step(0.0, 0.15, facing);
-    for (c, y) in coefficients.iter_mut().zip(lobe((-mirrored).to_array())) {
+    let strength = strength * seen * smooth_step(0.0, 0.15, facing);
+    for (c, y) in coefficients.iter_mut().zip(lobe_coefficients((-mirrored).to_array())) {
         *c += DVec3::splat(strength * y);
     }
 }
 
 /// Coefficients of the lobe about `axis`.
-fn lobe(axis: [f64; 3]) -> [f64; sh::MAX_LEN] {
-    let mut functions = sh::basis(DEGREE, axis);
+fn lobe_coefficients(axis: [f64; 3]) -> [f64; sh::MAX_LEN] {
+    let mut functions = sh::basis_values(DEGREE, axis);
     let mut k = 4.0 * std::f64::consts::PI / (SHARPNESS + 1.0);
     for l in 0..=DEGREE {
         if l > 0 {
@@ -114,7 +114,7 @@ fn lobe(axis: [f64; 3]) -> [f64; sh::MAX_LEN] {
             k *= (SHARPNESS + 1.0 - l) / (SHARPNESS + 1.0 + l);
         }
         let from = usize::from(l).pow(2);
-        functions[from..sh::len(l)].iter_mut().for_each(|y| *y *= k);
+        functions[from..sh::function_count(l)].iter_mut().for_each(|y| *y *= k);
     }
     functions
 }
@@ -126,12 +126,12 @@ mod tests {
     /// The closed form against Simpson's rule: `integral over the sphere of f Y_l0`, axis along z.
     #[test]
     fn the_lobe_is_projected_exactly() {
-        let got = lobe([0.0, 0.0, 1.0]);
+        let got = lobe_coefficients([0.0, 0.0, 1.0]);
         let steps = 2000;
         for (l, index) in [(0_u8, 0), (1, 2), (2, 6)] {
             let f = |t: f64| {
                 let r = (1.0 - t * t).max(0.0).sqrt();
-                ((1.0 + t) / 2.0).powf(SHARPNESS) * sh::basis(DEGREE, [r, 0.0, t])[index]
+                ((1.0 + t) / 2.0).powf(SHARPNESS) * sh::basis_values(DEGREE, [r, 0.0, t])[index]
             };
             let h = 2.0 / f64::from(steps);
             let sum: f64 = (0..=steps)

@@ -86,44 +86,44 @@ impl Arrangement {
 
 /// The point `x` to the right, `height` above the table and `z` behind its middle. World axes are x right, y down,
 /// z forward.
-pub(super) fn at(x: f64, height: f64, z: f64) -> DVec3 {
+pub(super) fn table_point(x: f64, height: f64, z: f64) -> DVec3 {
     DVec3::new(x, -height, z)
 }
 
 /// Linear light of the display colour `0xRRGGBB`.
-pub(super) fn rgb(hex: u32) -> DVec3 {
+pub(super) fn display_colour(hex: u32) -> DVec3 {
     let [_, r, g, b] = hex.to_be_bytes();
     DVec3::from_array([r, g, b].map(|byte| srgb::decode(f64::from(byte) / 255.0)))
 }
 
 /// Sine and cosine of `turns` full turns.
-pub(super) fn turn(turns: f64) -> (f64, f64) {
+pub(super) fn turn_sine(turns: f64) -> (f64, f64) {
     let angle = turns * std::f64::consts::TAU;
     (libm::sin(angle), libm::cos(angle))
 }
 
 /// The surface of revolution of a profile about the vertical through `foot`: radius and height at
 /// `v` from 0 to 1.
-pub(super) fn revolved(foot: DVec3, profile: impl Fn(f64) -> (f64, f64) + 'static) -> Sheet {
+pub(super) fn revolved_sheet(foot: DVec3, profile: impl Fn(f64) -> (f64, f64) + 'static) -> Sheet {
     Box::new(move |u, v| {
-        let (sin, cos) = turn(u);
+        let (sin, cos) = turn_sine(u);
         let (radius, height) = profile(v);
-        foot + at(radius * cos, height, radius * sin)
+        foot + table_point(radius * cos, height, radius * sin)
     })
 }
 
 /// A ball whose radius is multiplied by `swell(u, v)`; `v` runs from the bottom to the top.
-pub(super) fn ball(centre: DVec3, radius: f64, swell: impl Fn(f64, f64) -> f64 + 'static) -> Sheet {
+pub(super) fn ball_sheet(centre: DVec3, radius: f64, swell: impl Fn(f64, f64) -> f64 + 'static) -> Sheet {
     Box::new(move |u, v| {
-        let (sin, cos) = turn(u);
-        let (up, out) = turn((v - 0.5) / 2.0);
-        centre + radius * swell(u, v) * at(out * cos, up, out * sin)
+        let (sin, cos) = turn_sine(u);
+        let (up, out) = turn_sine((v - 0.5) / 2.0);
+        centre + radius * swell(u, v) * table_point(out * cos, up, out * sin)
     })
 }
 
 /// A smooth curve through points that are equally far apart in the parameter (Catmull-Rom).
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the points' indices")]
-pub(super) fn through(points: Vec<DVec3>) -> Path {
+pub(super) fn smooth_path(points: Vec<DVec3>) -> Path {
     Box::new(move |t| {
         let last = points.len() - 1;
         let x = t.clamp(0.0, 1.0) * last as f64;

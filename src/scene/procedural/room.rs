@@ -1,8 +1,10 @@
 //! The room: a tiled wall, a table of planks, and a chequered cloth.
 
-use super::object::{Arrangement, Finish, Part, at, rgb, turn};
+use super::object::{Arrangement, Finish, Part, display_colour, table_point, turn_sine};
 use super::shape::{Cover, Spot};
-use super::texture::{blend, clouds, lattice, mix, noise, step, stripes};
+use super::texture::{
+    blend_colours, cloud_noise, lattice_value, mix_values, smooth_step, stripe_share, value_noise,
+};
 use glam::{DVec2, DVec3};
 
 /// Side of a wall tile.
@@ -16,10 +18,10 @@ const PLANK: f64 = 0.45;
 /// Height of the wall.
 const TOP: f64 = 2.4;
 
-pub(super) fn add(seed: u64, into: &mut Arrangement) {
-    wall(seed, into);
-    table(seed.wrapping_add(100), into);
-    cloth(into);
+pub(super) fn add_room(seed: u64, into: &mut Arrangement) {
+    add_wall(seed, into);
+    add_table(seed.wrapping_add(100), into);
+    add_cloth(into);
 }
 
 /// Half the width visible from the default arc, and from wide arcs. The wings begin behind the edge
@@ -33,11 +35,11 @@ const FAR: f64 = 9.0;
 ///
 /// Surfels are blended in the order of their centres. The backing must be deep enough that none of
 /// its wide surfels comes before the sharp ones.
-fn wall(seed: u64, into: &mut Arrangement) {
+fn add_wall(seed: u64, into: &mut Arrangement) {
     let face = |left: f64, right: f64, z: f64| {
-        Box::new(move |u: f64, v: f64| at(mix(left, right, u), mix(-0.06, TOP, v), z))
+        Box::new(move |u: f64, v: f64| table_point(mix_values(left, right, u), mix_values(-0.06, TOP, v), z))
     };
-    let look = move || Box::new(move |s: &Spot| tile(seed, s));
+    let look = move || Box::new(move |s: &Spot| tile_finish(seed, s));
     into.parts.push(Part::covered("wall", face(-NEAR, NEAR, WALL_Z), Cover::CRISP, look()).detail(0.8));
     into.parts.push(Part::sheet("wall", face(-NEAR, NEAR, WALL_Z + 0.1), look()).detail(0.08));
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
@@ -45,67 +47,73 @@ fn wall(seed: u64, into: &mut Arrangement) {
     }
     for i in -6..=6 {
         for j in 0..=4 {
-            ring(at(f64::from(i) * TILE, f64::from(j) * TILE, WALL_Z - 0.005), into);
+            add_ring(table_point(f64::from(i) * TILE, f64::from(j) * TILE, WALL_Z - 0.005), into);
         }
     }
     for k in -6..=6 {
         let x = f64::from(k) * TILE;
-        grout(at(x, -0.05, WALL_Z - 0.01), at(x, TOP, WALL_Z - 0.01), into);
+        add_grout(table_point(x, -0.05, WALL_Z - 0.01), table_point(x, TOP, WALL_Z - 0.01), into);
     }
     for k in 0..5 {
         let height = f64::from(k) * TILE;
-        grout(at(-NEAR, height, WALL_Z - 0.01), at(NEAR, height, WALL_Z - 0.01), into);
+        add_grout(table_point(-NEAR, height, WALL_Z - 0.01), table_point(NEAR, height, WALL_Z - 0.01), into);
     }
 }
 
 /// The blue ring around a corner of tiles.
-fn ring(centre: DVec3, into: &mut Arrangement) {
+fn add_ring(centre: DVec3, into: &mut Arrangement) {
     let circle = Box::new(move |t: f64| {
-        let (sin, cos) = turn(t);
-        centre + RING * TILE * at(cos, sin, 0.0)
+        let (sin, cos) = turn_sine(t);
+        centre + RING * TILE * table_point(cos, sin, 0.0)
     });
-    let blue = |_: &Spot| Finish::glossy(rgb(0x25_5684), 0.10);
+    let blue = |_: &Spot| Finish::glossy(display_colour(0x25_5684), 0.10);
     into.parts.push(Part::strand("wall", circle, 0.055 * TILE, Box::new(blue)).detail(1.2));
 }
 
-fn grout(from: DVec3, to: DVec3, into: &mut Arrangement) {
+fn add_grout(from: DVec3, to: DVec3, into: &mut Arrangement) {
     let line = Box::new(move |t: f64| from.lerp(to, t));
-    let grey = |_: &Spot| Finish::matt(rgb(0x5a_554c));
+    let grey = |_: &Spot| Finish::matt(display_colour(0x5a_554c));
     into.parts.push(Part::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
 }
 
 /// Glazed tiles in the style of azulejos: a blue ring around each corner, and a diamond in each
 /// centre.
 #[expect(clippy::cast_possible_truncation, reason = "a wall of a few dozen tiles")]
-fn tile(seed: u64, s: &Spot) -> Finish {
+fn tile_finish(seed: u64, s: &Spot) -> Finish {
     let (a, b) = (s.position.x / TILE, -s.position.y / TILE);
     let (i, j) = (a.floor(), b.floor());
     let (x, y) = (a - i, b - j);
     let blur = s.spacing[0] / TILE;
     let corner = DVec2::new(x - x.round(), y - y.round()).length();
-    let ring = band(corner, RING - 0.07, RING + 0.07, blur);
-    let dot = 1.0 - step(0.13 - blur / 2.0, 0.13 + blur / 2.0, corner);
-    let diamond = 1.0 - step(0.20 - blur / 2.0, 0.20 + blur / 2.0, (x - 0.5).abs() + (y - 0.5).abs());
-    let tone = lattice(seed, i as i64, j as i64);
-    let glaze = blend(rgb(0xe2_d6bc), rgb(0xc8_baa0), 0.6 * tone + 0.4 * clouds(seed, 3.0 * a, 3.0 * b));
-    let blue = blend(rgb(0x1f_4a7c), rgb(0x2f_6a92), tone);
-    let painted = blend(glaze, blue, ring);
-    let painted = blend(painted, rgb(0xc7_7b2c), dot);
-    Finish::glossy(blend(painted, rgb(0xa8_3c28), diamond), 0.10)
+    let ring = smooth_band(corner, RING - 0.07, RING + 0.07, blur);
+    let dot = 1.0 - smooth_step(0.13 - blur / 2.0, 0.13 + blur / 2.0, corner);
+    let diamond = 1.0 - smooth_step(0.20 - blur / 2.0, 0.20 + blur / 2.0, (x - 0.5).abs() + (y - 0.5).abs());
+    let tone = lattice_value(seed, i as i64, j as i64);
+    let glaze = blend_colours(
+        display_colour(0xe2_d6bc),
+        display_colour(0xc8_baa0),
+        0.6 * tone + 0.4 * cloud_noise(seed, 3.0 * a, 3.0 * b),
+    );
+    let blue = blend_colours(display_colour(0x1f_4a7c), display_colour(0x2f_6a92), tone);
+    let painted = blend_colours(glaze, blue, ring);
+    let painted = blend_colours(painted, display_colour(0xc7_7b2c), dot);
+    Finish::glossy(blend_colours(painted, display_colour(0xa8_3c28), diamond), 0.10)
 }
 
 /// 1 between `low` and `high`, 0 outside, with edges of width `blur`.
-fn band(x: f64, low: f64, high: f64, blur: f64) -> f64 {
+fn smooth_band(x: f64, low: f64, high: f64, blur: f64) -> f64 {
     let h = blur / 2.0;
-    step(low - h, low + h, x) * (1.0 - step(high - h, high + h, x))
+    smooth_step(low - h, low + h, x) * (1.0 - smooth_step(high - h, high + h, x))
 }
 
 /// Sharp boards where the default arc looks, a backing, and coarse wings beyond; seams are strands.
-fn table(seed: u64, into: &mut Arrangement) {
+fn add_table(seed: u64, into: &mut Arrangement) {
     let top = |left: f64, right: f64, height: f64| {
-        Box::new(move |u: f64, v: f64| at(mix(left, right, u), height, mix(-1.8, WALL_Z, v)))
+        Box::new(move |u: f64, v: f64| {
+            table_point(mix_values(left, right, u), height, mix_values(-1.8, WALL_Z, v))
+        })
     };
-    let look = move || Box::new(move |s: &Spot| plank(seed, s));
+    let look = move || Box::new(move |s: &Spot| plank_finish(seed, s));
     let grain = Cover { aspect: 5.0, ..Cover::CRISP };
     into.parts.push(Part::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
     into.parts.push(Part::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
@@ -114,46 +122,48 @@ fn table(seed: u64, into: &mut Arrangement) {
     }
     for k in -4..=3 {
         let z = f64::from(k) * PLANK;
-        let seam = Box::new(move |t: f64| at(mix(-NEAR, NEAR, t), 0.004, z));
-        let dark = |_: &Spot| Finish::matt(rgb(0x2c_180c));
+        let seam = Box::new(move |t: f64| table_point(mix_values(-NEAR, NEAR, t), 0.004, z));
+        let dark = |_: &Spot| Finish::matt(display_colour(0x2c_180c));
         into.parts.push(Part::strand("table", seam, 0.012, Box::new(dark)).detail(0.6));
     }
 }
 
 /// Planks along x, each with its own tone and grain.
 #[expect(clippy::cast_possible_truncation, reason = "a table of a dozen planks")]
-fn plank(seed: u64, s: &Spot) -> Finish {
+fn plank_finish(seed: u64, s: &Spot) -> Finish {
     let (x, z) = (s.position.x, s.position.z / PLANK);
     let board = z.floor();
     let own = seed.wrapping_add(1000).wrapping_add((board as i64).cast_unsigned());
-    let tone = lattice(own, 0, 0);
-    let warp = 2.2 * noise(own, 0.8 * x, 1.5 * z);
-    let grain = clouds(own, 0.9 * x + 7.0 * tone, 7.0 * z + 2.0 * warp);
+    let tone = lattice_value(own, 0, 0);
+    let warp = 2.2 * value_noise(own, 0.8 * x, 1.5 * z);
+    let grain = cloud_noise(own, 0.9 * x + 7.0 * tone, 7.0 * z + 2.0 * warp);
     let rings = 0.5 + 0.5 * libm::sin(17.0 * (z + 0.25 * warp) + 9.0 * tone);
-    let dark = step(0.2, 0.9, 0.45 * grain + 0.45 * rings + 0.25 * tone);
-    Finish::glossy(blend(rgb(0xb0_7442), rgb(0x55_2d14), dark), 0.06)
+    let dark = smooth_step(0.2, 0.9, 0.45 * grain + 0.45 * rings + 0.25 * tone);
+    Finish::glossy(blend_colours(display_colour(0xb0_7442), display_colour(0x55_2d14), dark), 0.06)
 }
 
 /// A chequered cloth under the bowl, rotated on the table, with ripples and a hem.
-fn cloth(into: &mut Arrangement) {
+fn add_cloth(into: &mut Arrangement) {
     let look = Box::new(|s: &Spot| {
         let (a, b) = (1.96 * s.u, 1.42 * s.v);
-        let (p, q) = (stripes(a, 0.36, 0.18, s.spacing[0]), stripes(b, 0.36, 0.18, s.spacing[1]));
-        Finish::matt(blend(rgb(0xe2_dbcc), rgb(0xa0_1c1e), 0.5 * (p + q)))
+        let (p, q) = (stripe_share(a, 0.36, 0.18, s.spacing[0]), stripe_share(b, 0.36, 0.18, s.spacing[1]));
+        Finish::matt(blend_colours(display_colour(0xe2_dbcc), display_colour(0xa0_1c1e), 0.5 * (p + q)))
     });
-    into.parts.push(Part::sheet("cloth", Box::new(linen), look).detail(2.4).thin());
+    into.parts.push(Part::sheet("cloth", Box::new(linen_colour), look).detail(2.4).thin());
     let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
     for (from, to) in corners.iter().zip(&corners[1..]).map(|(&a, &b)| (a, b)) {
-        let edge =
-            Box::new(move |t: f64| linen(mix(from.0, to.0, t), mix(from.1, to.1, t)) - at(0.0, 0.01, 0.0));
-        let red = |_: &Spot| Finish::matt(rgb(0x8c_1a1c));
+        let edge = Box::new(move |t: f64| {
+            linen_colour(mix_values(from.0, to.0, t), mix_values(from.1, to.1, t))
+                - table_point(0.0, 0.01, 0.0)
+        });
+        let red = |_: &Spot| Finish::matt(display_colour(0x8c_1a1c));
         into.parts.push(Part::strand("cloth", edge, 0.012, Box::new(red)).detail(1.0));
     }
 }
 
-fn linen(u: f64, v: f64) -> DVec3 {
-    let (sin, cos) = turn(-0.035);
-    let (a, b) = (mix(-0.98, 0.98, u), mix(-0.80, 0.62, v));
+fn linen_colour(u: f64, v: f64) -> DVec3 {
+    let (sin, cos) = turn_sine(-0.035);
+    let (a, b) = (mix_values(-0.98, 0.98, u), mix_values(-0.80, 0.62, v));
     let ripple = 0.011 * libm::sin(5.0 * a + 3.5 * b) + 0.009 * libm::sin(11.0 * b - 4.0 * a);
-    at(0.33 + cos * a - sin * b, 0.03 + ripple, -0.30 + sin * a + cos * b)
+    table_point(0.33 + cos * a - sin * b, 0.03 + ripple, -0.30 + sin * a + cos * b)
 }

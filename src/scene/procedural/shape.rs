@@ -78,8 +78,8 @@ impl Shape {
     /// Area of the surface. For a strand, its visible area plus [`BENDS`] per unit of length.
     pub(super) fn area(&self) -> f64 {
         match self {
-            Self::Sheet(sheet, _) => Rows::measure(sheet).area(),
-            Self::Strand(path, radius) => lengths(path).iter().sum::<f64>() * (2.0 * radius + BENDS),
+            Self::Sheet(sheet, _) => Rows::measure_sheet(sheet).area(),
+            Self::Strand(path, radius) => piece_lengths(path).iter().sum::<f64>() * (2.0 * radius + BENDS),
             Self::Blobs { share, .. } => *share,
         }
     }
@@ -87,11 +87,11 @@ impl Shape {
     /// Exactly `count` spots.
     pub(super) fn spots(&self, count: usize, draws: &mut Draws, mut found: impl FnMut(&Spot)) {
         match self {
-            Self::Sheet(sheet, how) => cover(sheet, *how, count, draws, &mut found),
-            Self::Strand(path, radius) => follow(path, *radius, count, &mut found),
+            Self::Sheet(sheet, how) => cover_sheet(sheet, *how, count, draws, &mut found),
+            Self::Strand(path, radius) => follow_path(path, *radius, count, &mut found),
             Self::Blobs { low, high, .. } => {
                 for _ in 0..count {
-                    found(&blob(*low, *high, draws));
+                    found(&random_blob(*low, *high, draws));
                 }
             }
         }
@@ -99,7 +99,7 @@ impl Shape {
 }
 
 /// Lengths of the pieces of a curve between equidistant parameters.
-fn lengths(curve: impl Fn(f64) -> DVec3) -> Vec<f64> {
+fn piece_lengths(curve: impl Fn(f64) -> DVec3) -> Vec<f64> {
     let at = |k: u32| curve(f64::from(k) / f64::from(MEASURED));
     (0..MEASURED).map(|k| at(k).distance(at(k + 1))).collect()
 }
@@ -112,11 +112,11 @@ struct Rows {
 }
 
 impl Rows {
-    fn measure(sheet: &Sheet) -> Self {
+    fn measure_sheet(sheet: &Sheet) -> Self {
         let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(MEASURED);
-        let widths = (0..MEASURED).map(|k| lengths(|u| sheet(u, middle(k))).iter().sum()).collect();
+        let widths = (0..MEASURED).map(|k| piece_lengths(|u| sheet(u, middle(k))).iter().sum()).collect();
         let columns: Vec<Vec<f64>> =
-            (0..8).map(|c| lengths(|v| sheet((f64::from(c) + 0.5) / 8.0, v))).collect();
+            (0..8).map(|c| piece_lengths(|v| sheet((f64::from(c) + 0.5) / 8.0, v))).collect();
         let heights =
             (0..MEASURED as usize).map(|k| columns.iter().map(|c| c[k]).sum::<f64>() / 8.0).collect();
         Self { widths, heights }
@@ -146,21 +146,21 @@ impl Rows {
 }
 
 /// Covers a surface with rows of surfels; the number in each row depends on its length.
-fn cover(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
-    let rows = Rows::measure(sheet);
+fn cover_sheet(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
+    let rows = Rows::measure_sheet(sheet);
     let spacing = (rows.area() / (count.max(1) as f64 * how.aspect)).sqrt();
     let height: f64 = rows.heights.iter().sum();
     let row_count = ((height / spacing).round() as usize).clamp(1, count.max(1));
     let edge = |r: f64| rows.v_at(r / row_count as f64);
     let widths: Vec<f64> = (0..row_count).map(|r| rows.width_at(edge(r as f64 + 0.5))).collect();
-    for (r, in_row) in shares(count, &widths).into_iter().enumerate() {
+    for (r, in_row) in split_count(count, &widths).into_iter().enumerate() {
         let phase = if r % 2 == 0 { 0.3 } else { 0.8 };
         let r = r as f64;
         let cell = [1.0 / in_row.max(1) as f64, edge(r + 1.0) - edge(r)];
         for i in 0..in_row {
             let along = (i as f64 + phase + draws.uniform(-UNREST, UNREST)) / in_row as f64;
             let v = edge(r + 0.5 + draws.uniform(-UNREST, UNREST));
-            let mut spot = surfel(sheet, along - along.floor(), v, cell);
+            let mut spot = sheet_surfel(sheet, along - along.floor(), v, cell);
             spot.deviations *= how.overlap;
             found(&spot);
         }
@@ -168,7 +168,7 @@ fn cover(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut
 }
 
 /// `count` divided by weights: exact in total, and each part within one of its share.
-pub(super) fn shares(count: usize, weights: &[f64]) -> Vec<usize> {
+pub(super) fn split_count(count: usize, weights: &[f64]) -> Vec<usize> {
     let total: f64 = weights.iter().sum();
     let mut so_far = 0.0;
     let mut given = 0;
@@ -186,7 +186,7 @@ pub(super) fn shares(count: usize, weights: &[f64]) -> Vec<usize> {
 
 /// The surfel at `(u, v)` in a cell of this size in the unit square. Its standard deviations follow
 /// the spacing.
-fn surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
+fn sheet_surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
     let d = 1e-4;
     let along = |du: f64, dv: f64| {
         let (a, b) = ((u - du).max(0.0), (u + du).min(1.0));
@@ -204,17 +204,17 @@ fn surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
         normal,
         spacing,
         deviations: DVec3::new(spacing[0], spacing[1], 0.2 * spacing[0].min(spacing[1])),
-        rotation: frame(tangent, normal),
+        rotation: tangent_frame(tangent, normal),
     }
 }
 
 /// The rotation that takes x to `tangent` and z to `normal`.
-fn frame(tangent: DVec3, normal: DVec3) -> DQuat {
+fn tangent_frame(tangent: DVec3, normal: DVec3) -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(tangent, normal.cross(tangent), normal))
 }
 
 /// Long Gaussians along the chords of a curve. Their normals lean towards the lamp and the viewer.
-fn follow(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot)) {
+fn follow_path(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot)) {
     let end = |i: usize| path(i as f64 / count as f64);
     for i in 0..count {
         let (from, to) = (end(i), end(i + 1));
@@ -230,13 +230,13 @@ fn follow(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot))
             normal,
             spacing: [spacing, 2.0 * radius],
             deviations: DVec3::new((Cover::CLOSED.overlap * spacing).max(0.2 * thick), thick, thick),
-            rotation: frame(tangent, normal),
+            rotation: tangent_frame(tangent, normal),
         });
     }
 }
 
 /// A round blob at a random place in a box.
-fn blob(low: DVec3, high: DVec3, draws: &mut Draws) -> Spot {
+fn random_blob(low: DVec3, high: DVec3, draws: &mut Draws) -> Spot {
     let position = DVec3::from_array([0, 1, 2].map(|k| draws.uniform(low[k], high[k])));
     let radius = draws.uniform(0.02, 0.07);
     let stretch = draws.uniform(0.6, 1.6);
@@ -248,6 +248,6 @@ fn blob(low: DVec3, high: DVec3, draws: &mut Draws) -> Spot {
         normal,
         spacing: [radius; 2],
         deviations: DVec3::new(radius * stretch, radius, radius / stretch),
-        rotation: frame(normal.any_orthonormal_vector(), normal),
+        rotation: tangent_frame(normal.any_orthonormal_vector(), normal),
     }
 }

@@ -43,7 +43,7 @@ pub(super) struct Means {
     pub(super) mins: [f64; 3],
     pub(super) maxs: [f64; 3],
     /// Low bytes, then high bytes.
-    #[serde(deserialize_with = "names")]
+    #[serde(deserialize_with = "parse_names")]
     pub(super) files: [String; 2],
 }
 
@@ -51,13 +51,13 @@ pub(super) struct Means {
 #[derive(Debug, Deserialize)]
 pub(super) struct Coded {
     pub(super) codebook: Codebook,
-    #[serde(deserialize_with = "names")]
+    #[serde(deserialize_with = "parse_names")]
     pub(super) files: [String; 1],
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Quats {
-    #[serde(deserialize_with = "names")]
+    #[serde(deserialize_with = "parse_names")]
     pub(super) files: [String; 1],
 }
 
@@ -65,11 +65,11 @@ pub(super) struct Quats {
 #[derive(Debug, Deserialize)]
 pub(super) struct Palette {
     pub(super) count: usize,
-    #[serde(deserialize_with = "bands")]
+    #[serde(deserialize_with = "parse_bands")]
     pub(super) bands: u8,
     pub(super) codebook: Codebook,
     /// Sets, then labels.
-    #[serde(deserialize_with = "names")]
+    #[serde(deserialize_with = "parse_names")]
     pub(super) files: [String; 2],
 }
 
@@ -96,7 +96,7 @@ impl<'de> Deserialize<'de> for Codebook {
 }
 
 /// Reads names of files in the folder of `meta.json`; other folders are refused.
-fn names<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[String; N], D::Error> {
+fn parse_names<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[String; N], D::Error> {
     let found = Vec::<String>::deserialize(from)?;
     let foreign =
         |name: &&String| name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']);
@@ -107,7 +107,7 @@ fn names<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[String; 
         .map_err(|found| D::Error::custom(format!("{} files, wanted {N}", found.len())))
 }
 
-fn bands<'de, D: Deserializer<'de>>(from: D) -> Result<u8, D::Error> {
+fn parse_bands<'de, D: Deserializer<'de>>(from: D) -> Result<u8, D::Error> {
     let bands = u8::deserialize(from)?;
     if (1..=sh::MAX_DEGREE).contains(&bands) {
         return Ok(bands);
@@ -117,10 +117,10 @@ fn bands<'de, D: Deserializer<'de>>(from: D) -> Result<u8, D::Error> {
 
 impl Meta {
     /// Parses the content of the file.
-    pub(super) fn parse(json: &[u8]) -> Result<Self, SceneError> {
+    pub(super) fn parse_meta(json: &[u8]) -> Result<Self, SceneError> {
         let start = Cursor::new(PART, json);
         check_json(json).map_err(|e| start.malformed(e.to_string(), "`meta.json` of version 2"))?;
-        let value: Value = serde_json::from_slice(json).map_err(|e| fault(json, &e))?;
+        let value: Value = serde_json::from_slice(json).map_err(|e| meta_error(json, &e))?;
         match value.get("version") {
             Some(version) if *version == 2 => {}
             None => {
@@ -129,7 +129,7 @@ impl Meta {
             }
             Some(version) => return Err(start.malformed(format!("version {version}"), "version 2")),
         }
-        let meta: Self = serde_json::from_slice(json).map_err(|e| fault(json, &e))?;
+        let meta: Self = serde_json::from_slice(json).map_err(|e| meta_error(json, &e))?;
         if meta.model == Some(Model::Surfels) {
             return Err(start.unsupported("the model `2dgs`", "only Gaussians of three axes are drawn"));
         }
@@ -149,7 +149,7 @@ impl Meta {
 }
 
 /// Creates the error with its offset in bytes.
-fn fault(json: &[u8], because: &serde_json::Error) -> SceneError {
+fn meta_error(json: &[u8], because: &serde_json::Error) -> SceneError {
     let before = json.split_inclusive(|&b| b == b'\n').take(because.line().saturating_sub(1));
     let offset = before.map(<[u8]>::len).sum::<usize>() + because.column().saturating_sub(1);
     let text = because.to_string();

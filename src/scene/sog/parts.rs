@@ -25,7 +25,7 @@ pub(super) struct Archive<'a> {
 
 impl<'a> Archive<'a> {
     pub(super) fn open(bytes: &'a [u8]) -> Result<Self, SceneError> {
-        let zip = ZipArchive::new(io::Cursor::new(bytes)).map_err(|e| broken(bytes, &e))?;
+        let zip = ZipArchive::new(io::Cursor::new(bytes)).map_err(|e| broken_archive(bytes, &e))?;
         Ok(Self { bytes, zip })
     }
 
@@ -35,7 +35,7 @@ impl<'a> Archive<'a> {
     }
 }
 
-fn broken(bytes: &[u8], because: &ZipError) -> SceneError {
+fn broken_archive(bytes: &[u8], because: &ZipError) -> SceneError {
     let at = Cursor::new(ARCHIVE, bytes);
     at.malformed(format!("a broken archive ({because})"), "a zip archive, stored or deflated")
 }
@@ -49,7 +49,7 @@ impl Parts for Archive<'_> {
                 let at = Cursor::new(ARCHIVE, self.bytes);
                 return Err(at.malformed("an archive without it", format!("`{name}`, the {part}")));
             }
-            Err(e) => return Err(broken(self.bytes, &e)),
+            Err(e) => return Err(broken_archive(self.bytes, &e)),
         };
         let mut content = Vec::new();
         let read = file.by_ref().take(limit as u64 + 1).read_to_end(&mut content);

@@ -27,7 +27,7 @@ impl Room {
 
     /// The sets of a palette: writers round the stated count up.
     pub(super) fn of_palette(palette: &Palette) -> Self {
-        Self::up_to(palette.count.saturating_mul(sh::len(palette.bands)))
+        Self::up_to(palette.count.saturating_mul(sh::function_count(palette.bands)))
     }
 
     fn up_to(pixels: usize) -> Self {
@@ -47,7 +47,7 @@ pub(super) struct Pixels {
 
 impl Pixels {
     /// Decodes a lossless WebP image, whose memory comes out of `budget`.
-    pub(super) fn decode(
+    pub(super) fn decode_webp(
         file: &[u8],
         part: &'static str,
         room: Room,

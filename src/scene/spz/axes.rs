@@ -11,7 +11,7 @@ const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Flip(pub(super) [bool; 3]);
 
-/// For each function of [`sh::basis`], the axes in which it is odd.
+/// For each function of [`sh::basis_values`], the axes in which it is odd.
 const ODD: [[bool; 3]; sh::MAX_LEN] = {
     const F: bool = false;
     const T: bool = true;
@@ -41,19 +41,19 @@ impl Flip {
 
     /// Returns the factors of a position's components.
     pub(super) fn of_position(self) -> [f32; 3] {
-        self.0.map(sign)
+        self.0.map(axis_sign)
     }
 
     /// Returns the factors of the components `x, y, z` of a quaternion. The axis of a rotation is a
     /// pseudovector, so each component gets the signs of the other two axes.
     pub(super) fn of_rotation(self) -> [f32; 3] {
         let [x, y, z] = self.0;
-        [sign(y ^ z), sign(x ^ z), sign(x ^ y)]
+        [axis_sign(y ^ z), axis_sign(x ^ z), axis_sign(x ^ y)]
     }
 
     /// Returns the factor of each harmonic.
     pub(super) fn of_harmonics(self) -> [f32; sh::MAX_LEN] {
-        ODD.map(|odd| sign(odd.iter().zip(self.0).fold(false, |s, (&odd, flip)| s ^ (odd && flip))))
+        ODD.map(|odd| axis_sign(odd.iter().zip(self.0).fold(false, |s, (&odd, flip)| s ^ (odd && flip))))
     }
 
     /// Returns the flip of the coordinate-system record; records of other types are skipped.
@@ -91,7 +91,7 @@ impl Flip {
     }
 }
 
-fn sign(flip: bool) -> f32 {
+fn axis_sign(flip: bool) -> f32 {
     if flip { -1.0 } else { 1.0 }
 }
 
@@ -119,9 +119,9 @@ mod tests {
         for bits in 0..8 {
             let flip = Flip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
             let dir = [0.48_f32, -0.6, 0.64];
-            let seen = sh::basis(3, dir);
+            let seen = sh::basis_values(3, dir);
             let s = flip.of_position();
-            let flipped = sh::basis(3, [dir[0] * s[0], dir[1] * s[1], dir[2] * s[2]]);
+            let flipped = sh::basis_values(3, [dir[0] * s[0], dir[1] * s[1], dir[2] * s[2]]);
             for (i, factor) in flip.of_harmonics().into_iter().enumerate() {
                 assert!((seen[i] - factor * flipped[i]).abs() < 1e-6, "flip {bits}, function {i}");
             }

@@ -109,12 +109,12 @@ fn read_streams(
     cursor.end()?;
     if is_beyond_budget(header, file_len) {
         for (i, compressed, at) in &streams {
-            decompress(compressed, lens[*i], NAMES[*i], at, Stream::skip)?;
+            decompress_stream(compressed, lens[*i], NAMES[*i], at, Stream::skip)?;
         }
     }
     let mut planes = Planes(Default::default());
     for (i, compressed, at) in &streams {
-        planes.0[*i] = decompress(compressed, lens[*i], NAMES[*i], at, Stream::take)?;
+        planes.0[*i] = decompress_stream(compressed, lens[*i], NAMES[*i], at, Stream::take)?;
     }
     Ok(planes)
 }
@@ -128,7 +128,7 @@ fn is_beyond_budget(header: &Header, file_len: usize) -> bool {
 /// A stream of a plane, whose bytes `read` keeps or passes over.
 type Zstd<'a> = Stream<zstd::stream::read::Decoder<'a, &'a [u8]>>;
 
-fn decompress<'a, T>(
+fn decompress_stream<'a, T>(
     compressed: &'a [u8],
     len: usize,
     name: &'static str,

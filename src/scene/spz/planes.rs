@@ -20,22 +20,25 @@ impl Planes {
     /// Adds every Gaussian to `collector`.
     pub(super) fn collect(&self, header: &Header, flip: Flip, collector: &mut Collector) {
         let [positions, opacities, colours, scales, rotations, harmonics] = &self.0;
-        let signs = Signs::of(flip);
+        let signs = Signs::for_flip(flip);
         let unit = 1.0 / (1_u32 << header.fractional_bits) as f32;
         let rotation_len = rotations.len() / header.count.max(1);
-        let rest_len = sh::len(header.sh_degree) - 1;
+        let rest_len = sh::function_count(header.sh_degree) - 1;
         let mut coefficients = vec![[0.0; 3]; rest_len + 1];
         for (i, &opacity) in opacities.iter().enumerate() {
-            coefficients[0] = three(colours, i).map(|b| (f32::from(b) / 255.0 - 0.5) / COLOUR_SCALE);
+            coefficients[0] = three_bytes(colours, i).map(|b| (f32::from(b) / 255.0 - 0.5) / COLOUR_SCALE);
             for k in 0..rest_len {
                 let sign = signs.harmonics[k + 1];
                 coefficients[k + 1] =
-                    three(harmonics, i * rest_len + k).map(|b| sign * ((f32::from(b) - 128.0) / 128.0));
+                    three_bytes(harmonics, i * rest_len + k).map(|b| sign * ((f32::from(b) - 128.0) / 128.0));
             }
             collector.push(&Gaussian {
-                position: position(&positions[9 * i..9 * i + 9], unit, signs.position),
-                log_scale: three(scales, i).map(|b| f32::from(b) / 16.0 - 10.0),
-                rotation: rotation(&rotations[rotation_len * i..rotation_len * (i + 1)], signs.rotation),
+                position: decode_position(&positions[9 * i..9 * i + 9], unit, signs.position),
+                log_scale: three_bytes(scales, i).map(|b| f32::from(b) / 16.0 - 10.0),
+                rotation: decode_rotation(
+                    &rotations[rotation_len * i..rotation_len * (i + 1)],
+                    signs.rotation,
+                ),
                 opacity_logit: logit_of_byte(opacity),
                 sh: &coefficients,
             });
@@ -54,26 +57,26 @@ struct Signs {
 }
 
 impl Signs {
-    fn of(flip: Flip) -> Self {
+    fn for_flip(flip: Flip) -> Self {
         Self { position: flip.of_position(), rotation: flip.of_rotation(), harmonics: flip.of_harmonics() }
     }
 }
 
-fn three(plane: &[u8], i: usize) -> [u8; 3] {
+fn three_bytes(plane: &[u8], i: usize) -> [u8; 3] {
     [plane[3 * i], plane[3 * i + 1], plane[3 * i + 2]]
 }
 
 /// Decodes three 24-bit numbers in units of `unit`, a power of two. The result is exact in 32 bits.
-fn position(bytes: &[u8], unit: f32, signs: [f32; 3]) -> [f32; 3] {
+fn decode_position(bytes: &[u8], unit: f32, signs: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| {
-        let [low, mid, high] = three(bytes, k);
+        let [low, mid, high] = three_bytes(bytes, k);
         let fixed = i32::from_le_bytes([0, low, mid, high]) >> 8;
         signs[k] * (fixed as f32 * unit)
     })
 }
 
 /// Decodes the quaternion `w x y z` from three bytes (version 2) or four (from version 3 on).
-fn rotation(bytes: &[u8], signs: [f32; 3]) -> [f32; 4] {
+fn decode_rotation(bytes: &[u8], signs: [f32; 3]) -> [f32; 4] {
     let [x, y, z, w] = match *bytes {
         [x, y, z] => first_three([x, y, z]),
         [a, b, c, d] => smallest_three(u32::from_le_bytes([a, b, c, d])),

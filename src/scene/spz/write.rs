@@ -4,7 +4,7 @@
 use super::planes::{COLOUR_SCALE, smallest_three};
 use super::{Flip, MAGIC, MAX_FRACTIONAL_BITS};
 use crate::scene::opacity::byte_of_logit;
-use crate::scene::rotation::unit;
+use crate::scene::rotation::unit_quaternion;
 use crate::scene::{Gaussians, WriteError, nearest_byte};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Write;
@@ -27,7 +27,7 @@ pub fn write_spz(scene: &Gaussians, out: impl Write) -> Result<(), WriteError> {
     out.write_all(&3_u32.to_le_bytes())?;
     out.write_all(&count.to_le_bytes())?;
     out.write_all(&[scene.sh_degree, bits, u8::from(scene.antialiased == Some(true)), 0])?;
-    for plane in planes(scene, bits) {
+    for plane in encode_planes(scene, bits) {
         out.write_all(&plane)?;
     }
     out.finish()?.flush()?;
@@ -38,31 +38,31 @@ pub fn write_spz(scene: &Gaussians, out: impl Write) -> Result<(), WriteError> {
 pub(in crate::scene) fn fractional_bits(scene: &Gaussians) -> Result<u8, WriteError> {
     let farthest =
         (0..scene.len()).flat_map(|i| scene.position(i).to_array()).fold(0.0, |f, x| x.abs().max(f));
-    let fits = |bits: &u8| (farthest * scale(*bits)).round() <= MAX_STEPS;
+    let fits = |bits: &u8| (farthest * scale_value(*bits)).round() <= MAX_STEPS;
     (0..=MAX_FRACTIONAL_BITS).rev().find(fits).ok_or(WriteError::TooFar { farthest })
 }
 
-fn scale(bits: u8) -> f64 {
+fn scale_value(bits: u8) -> f64 {
     f64::from(1_u32 << bits)
 }
 
-fn planes(scene: &Gaussians, bits: u8) -> [Vec<u8>; 6] {
+fn encode_planes(scene: &Gaussians, bits: u8) -> [Vec<u8>; 6] {
     let flip = Flip::RIGHT_UP_BACK;
     let (signs, turns, parities) = (flip.of_position(), flip.of_rotation(), flip.of_harmonics());
     let mut planes: [Vec<u8>; 6] = Default::default();
     let [positions, opacities, colours, scales, rotations, harmonics] = &mut planes;
     for i in 0..scene.len() {
         for (x, sign) in scene.position(i).to_array().into_iter().zip(signs) {
-            positions.extend(&fixed(f64::from(sign) * x * scale(bits)).to_le_bytes()[..3]);
+            positions.extend(&fixed_point(f64::from(sign) * x * scale_value(bits)).to_le_bytes()[..3]);
         }
         opacities.push(byte_of_logit(scene.opacity_logits[i]));
         let (colour, rest) = scene.sh_of(i).split_at(1);
         let colour_scale = f64::from(COLOUR_SCALE);
         colours.extend(colour[0].map(|c| nearest_byte((f64::from(c) * colour_scale + 0.5) * 255.0)));
         scales.extend(scene.log_scales[i].map(|s| nearest_byte((f64::from(s) + 10.0) * 16.0)));
-        let [w, x, y, z] = unit(scene.rotations[i]);
+        let [w, x, y, z] = unit_quaternion(scene.rotations[i]);
         let turned = [x * f64::from(turns[0]), y * f64::from(turns[1]), z * f64::from(turns[2]), w];
-        rotations.extend(packed(turned).to_le_bytes());
+        rotations.extend(packed_rotation(turned).to_le_bytes());
         for (c, parity) in rest.iter().zip(&parities[1..]) {
             harmonics.extend(c.map(|c| nearest_byte(f64::from(parity * c) * 128.0 + 128.0)));
         }
@@ -72,13 +72,13 @@ fn planes(scene: &Gaussians, bits: u8) -> [Vec<u8>; 6] {
 
 /// Rounds to the nearest whole number. The caller guarantees that it fits in 24 bits.
 #[expect(clippy::cast_possible_truncation, reason = "it has 24 bits")]
-fn fixed(x: f64) -> i32 {
+fn fixed_point(x: f64) -> i32 {
     x.round() as i32
 }
 
 /// Encodes the rotation nearest to the unit quaternion `x y z w`. If two components are about
 /// equally large, either may be omitted, and possibly only one choice is exact.
-fn packed(rotation: [f64; 4]) -> u32 {
+fn packed_rotation(rotation: [f64; 4]) -> u32 {
     let largest = rotation.iter().fold(0.0, |l: f64, c| c.abs().max(l));
     let candidates = (0..4).filter(|&k| rotation[k].abs() > largest - STEP);
     let words = candidates.map(|k| packed_without(rotation, k));

@@ -61,12 +61,12 @@ impl Threshold {
 
     /// The thresholds of the pixel at `site`. `frame` is 0 if they are drawn once.
     pub(in crate::sensor) fn at(&self, site: Site, frame: u64) -> [f64; 2] {
-        thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
+        draw_thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
     }
 }
 
 /// The thresholds of ON and OFF of the pixel at `site`. `frame` is 0 if they are drawn once.
-pub(in crate::sensor) fn thresholds(
+pub(in crate::sensor) fn draw_thresholds(
     nominal: [f64; 2],
     spread: f64,
     floors: [f64; 2],
@@ -88,7 +88,7 @@ mod tests {
 
     fn sample(spread: f64, frame: u64) -> Vec<[f64; 2]> {
         let site = |i: u16| Site { seed: Seed(5), x: i % 200, y: i / 200 };
-        (0..20_000).map(|i| thresholds([0.2, 0.3], spread, [0.01; 2], site(i), frame)).collect()
+        (0..20_000).map(|i| draw_thresholds([0.2, 0.3], spread, [0.01; 2], site(i), frame)).collect()
     }
 
     #[test]

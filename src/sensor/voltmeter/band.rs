@@ -20,7 +20,7 @@ use super::noiseless::{self, Straight};
 use super::tree::{ROOT_DEVIATION, Walk, Walker, Walkers};
 use super::window::{Leg, Window};
 use super::writer::{Tally, Writer};
-use crate::elementary::{bits, ln_ratio, load, places, store};
+use crate::elementary::{ln_ratio, load_eight, mask_bits, set_lanes, store_eight};
 use crate::seed::Space;
 use crate::seed::eight::{self, Cells};
 use crate::sensor::SensorError;
@@ -114,7 +114,7 @@ impl Window<'_> {
                     self.draw(simd, &slice.seats[start..end], &mut noise);
                     self.fill(simd, slice.first + start, end - start, &mut band.block);
                     for i in (start..end).step_by(8) {
-                        let increment = load(simd, &noise, i - start);
+                        let increment = load_eight(simd, &noise, i - start);
                         let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
                         self.pass::<C, S>(crossing, i, i - start, &mut slice, band);
                     }
@@ -148,11 +148,11 @@ impl Window<'_> {
         let cells = Cells { seed: self.law.seed, space: Space::Tree, level: 0, index: self.root() };
         for (i, seats) in (0..).step_by(8).zip(seats.chunks_exact(8)) {
             let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), 0);
-            store(eight::uniform(draw), noise, i);
+            store_eight(eight::uniform_eight(draw), noise, i);
         }
-        eight::normals(simd, &mut noise[..seats.len()]);
+        eight::normal_deviates(simd, &mut noise[..seats.len()]);
         for i in (0..seats.len()).step_by(8) {
-            store(load(simd, noise, i) * ROOT_DEVIATION, noise, i);
+            store_eight(load_eight(simd, noise, i) * ROOT_DEVIATION, noise, i);
         }
     }
 
@@ -166,10 +166,10 @@ impl Window<'_> {
             let luminance = &frame.luminance[first..first + count];
             for (i, luminance) in (0..).step_by(8).zip(luminance.chunks_exact(8)) {
                 let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
-                store(here, level, i);
+                store_eight(here, level, i);
                 if self.law.between == Between::Hermite {
                     let rate = f64x8::from_fn(simd, |lane| frame.rate[first + i + lane].into());
-                    store(rate * SECONDS / here, slope, i);
+                    store_eight(rate * SECONDS / here, slope, i);
                 }
             }
         }
@@ -180,7 +180,7 @@ impl Window<'_> {
                 unreachable!("they are two")
             };
             for i in (0..count).step_by(8) {
-                store(ln_ratio([load(simd, before, i), load(simd, after, i)]), step, i);
+                store_eight(ln_ratio([load_eight(simd, before, i), load_eight(simd, after, i)]), step, i);
             }
         }
         if self.law.between == Between::Catmull {
@@ -207,8 +207,8 @@ impl Window<'_> {
                 (false, false) => [0.0, 0.0],
             };
             for i in (0..count).step_by(8) {
-                let [in_step, out_step] = [before, at].map(|knot| load(simd, &knots[knot][1], i));
-                store(in_step * left + out_step * right, &mut knots[at][2], i);
+                let [in_step, out_step] = [before, at].map(|knot| load_eight(simd, &knots[knot][1], i));
+                store_eight(in_step * left + out_step * right, &mut knots[at][2], i);
             }
         }
     }
@@ -221,9 +221,9 @@ impl Window<'_> {
         let next = if inverse == 0.0 { at } else { at + 1 };
         let ends = [at, next].map(|knot| &block.knots[knot]);
         let ends = Ends {
-            levels: ends.map(|[level, ..]| load(simd, level, i)),
-            step: load(simd, &ends[0][1], i),
-            slopes: ends.map(|[.., slope]| load(simd, slope, i)),
+            levels: ends.map(|[level, ..]| load_eight(simd, level, i)),
+            step: load_eight(simd, &ends[0][1], i),
+            slopes: ends.map(|[.., slope]| load_eight(simd, slope, i)),
             inverse,
         };
         if inverse == 0.0 {
@@ -274,25 +274,25 @@ impl Window<'_> {
     ) {
         let Crossing { increment, drift, sigma, curvature, straying } = crossing;
         let simd = drift.simd;
-        let x = load(simd, slice.voltage, pixel);
+        let x = load_eight(simd, slice.voltage, pixel);
         let y = x + drift + sigma * increment;
         let square = sigma * sigma;
         // Stored for all eight before the test: a walker's voltage is overwritten when its descent
         // ends.
-        store(y, slice.voltage, pixel);
-        store(load(simd, slice.drift, pixel) + drift, slice.drift, pixel);
+        store_eight(y, slice.voltage, pixel);
+        store_eight(load_eight(simd, slice.drift, pixel) + drift, slice.drift, pixel);
         if !self.law.process.is_noiseless() {
             let observed = self.length.min(self.last);
-            store(load(simd, slice.variance, pixel) + square * observed, slice.variance, pixel);
+            store_eight(load_eight(simd, slice.variance, pixel) + square * observed, slice.variance, pixel);
         }
         let barriers = self.law.thresholds.eight(simd, slice.first + pixel);
-        let live = bits(barriers.reached([x, y], square * self.length, straying));
+        let live = mask_bits(barriers.reached([x, y], square * self.length, straying));
         if live == 0 {
             return;
         }
         // Padding lanes have no tally and must make no events.
         let pixels = slice.tally.len();
-        let live = places(live).take_while(|lane| pixel + lane < pixels);
+        let live = set_lanes(live).take_while(|lane| pixel + lane < pixels);
         if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
             let straight = Straight::new(barriers, [x, drift], self.length);
             return self.run_straight(live, pixel, &straight, slice, band);
@@ -368,7 +368,7 @@ impl Window<'_> {
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
             // A break means that the step has failed; the failure is in `capped`.
             if let ControlFlow::Continue(y) =
-                noiseless::cross::<C>(self, barriers, x[lane], curves, &mut emit)
+                noiseless::cross_window::<C>(self, barriers, x[lane], curves, &mut emit)
             {
                 voltage[pixel + lane] = y;
             }

@@ -15,7 +15,7 @@ pub(super) struct Cubic;
 
 /// `V - V0` as coefficients of `s`, `s^2` and `s^3`.
 #[inline(always)]
-fn log<S: Simd>(ends: &Ends<S>) -> [f64x8<S>; 3] {
+fn log_cubic<S: Simd>(ends: &Ends<S>) -> [f64x8<S>; 3] {
     let Ends { step, slopes, inverse, .. } = *ends;
     let [a, b] = slopes.map(|slope| slope * (1.0 / inverse));
     [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
@@ -32,7 +32,7 @@ impl Curve for Cubic {
         let Process { k1, k2, k4, k5, .. } = *process;
         let inverse = ends.inverse;
         let length = 1.0 / inverse;
-        let signal = log(ends).map(|c| c * k1);
+        let signal = log_cubic(ends).map(|c| c * k1);
         let mut leak = [f64x8::splat(signal[0].simd, 0.0); 3];
         if k5 != 0.0 {
             let middle = Self::level(process, ends, 0.5 * length) - k2;
@@ -54,7 +54,7 @@ impl Curve for Cubic {
         if ends.inverse == 0.0 {
             return start;
         }
-        start * elementary::exp(horner(log(ends), t * ends.inverse))
+        start * elementary::exp_eight(horner(log_cubic(ends), t * ends.inverse))
     }
 
     #[inline(always)]
@@ -109,7 +109,7 @@ impl Curve for Cubic {
 
 #[cfg(test)]
 mod tests {
-    use super::super::curve::{of_one, wide};
+    use super::super::curve::{of_one, wide_arithmetic};
     use super::super::{Preset, Voltmeter};
     use super::*;
 
@@ -146,7 +146,7 @@ mod tests {
                 let found = Cubic::rise_of_one(&curve, t);
                 // V is at most about 20 and k1 is 5: a few ulp of 100.
                 assert!((found - wanted).abs() < 5e-14, "{cut:?} {s}: {found} {wanted}");
-                assert_eq!(wide::<Cubic>(&process, &curve, t)[0].to_bits(), found.to_bits());
+                assert_eq!(wide_arithmetic::<Cubic>(&process, &curve, t)[0].to_bits(), found.to_bits());
             }
         }
     }
@@ -197,7 +197,7 @@ mod tests {
             let h = 1.0;
             (Cubic::rate_of_one(&curve, t + h) - Cubic::rate_of_one(&curve, t - h)).abs() / (2.0 * h)
         });
-        let curvature = wide::<Cubic>(&process, &curve, 3.0 * LENGTH)[1];
+        let curvature = wide_arithmetic::<Cubic>(&process, &curve, 3.0 * LENGTH)[1];
         assert!(curvature * (1.0 + 1e-5) >= largest.fold(0.0, f64::max));
         let turns = Cubic::turns_of_one(&curve, [0.0, 3.0 * LENGTH]).map(Option::unwrap);
         // The signal itself turns at s = 0.213 and 1.370, and the leak is weak.

@@ -72,7 +72,7 @@ pub(super) fn of_one<C: Curve>(process: &Process, knots: [[f64; 2]; 2], length: 
 /// The eight-lane arithmetic of a family applied to one curve, for tests: the rise to `t` and the
 /// curvature over `[0, t]`.
 #[cfg(test)]
-pub(super) fn wide<C: Curve>(process: &Process, curve: &One, t: f64) -> [f64; 2] {
+pub(super) fn wide_arithmetic<C: Curve>(process: &Process, curve: &One, t: f64) -> [f64; 2] {
     use fearless_simd::{Level, SimdBase as _, dispatch};
     dispatch!(Level::new(), simd => {
         let curve = curve.map(|c| f64x8::splat(simd, c));

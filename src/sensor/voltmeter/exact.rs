@@ -196,12 +196,13 @@ impl Exact {
 
     /// Checks and converts a frame.
     fn store(&mut self, frame: &Frame) -> Result<(), SensorError> {
-        input::follows(self.frames.back().map(|before| before.t), frame, self.law.size)?;
+        input::check_order(self.frames.back().map(|before| before.t), frame, self.law.size)?;
         let luminance = frame.luminance.pixels();
         let mut stored = self.spare.pop().unwrap_or_default();
         (stored.index, stored.t) = (frame.index, frame.t.0);
         stored.luminance.resize(self.state.voltage.len(), 0.0);
-        let (negative, finite) = dispatch!(self.level, simd => clamp(simd, luminance, &mut stored.luminance));
+        let (negative, finite) =
+            dispatch!(self.level, simd => clamp_luminance(simd, luminance, &mut stored.luminance));
         if !finite {
             return Err(input::not_finite(frame));
         }
@@ -320,7 +321,7 @@ fn usable_rate(frame: &Frame) -> Result<&[f32], String> {
 /// Copies luminance and replaces negative values by 0. Returns the number of negative values, and
 /// whether all are finite.
 #[inline(always)]
-fn clamp<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
+fn clamp_luminance<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
     /// The counts of a chunk fit into 32 bits, the width of the values, so the compiler can use
     /// vectors of one width.
     const CHUNK: usize = 4096;

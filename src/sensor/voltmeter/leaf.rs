@@ -83,7 +83,7 @@ impl Leaf {
             };
             // Rounding could place the touch after the span's end, and later events before it.
             self.time = (self.time + share * length).min(span.until);
-            emit.event(self.time, polarity(side))?;
+            emit.event(self.time, side_polarity(side))?;
             // The reset subtracts a threshold from all that follows, so the known ends move with
             // it.
             x = 0.0;
@@ -108,7 +108,7 @@ impl Leaf {
     }
 }
 
-fn polarity(side: Side) -> Polarity {
+fn side_polarity(side: Side) -> Polarity {
     match side {
         Side::Up => Polarity::On,
         Side::Down => Polarity::Off,

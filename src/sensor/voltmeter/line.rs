@@ -39,7 +39,7 @@ impl Curve for Line {
     fn level<S: Simd>(process: &Process, ends: &Ends<S>, t: f64) -> f64x8<S> {
         let Ends { levels: [from, to], step, inverse, .. } = *ends;
         match process.gain {
-            Gain::Log => from * exp(step * inverse * t),
+            Gain::Log => from * exp_small(step * inverse * t),
             Gain::Midpoint => (from + to) * 0.5,
         }
     }
@@ -98,20 +98,20 @@ const SERIES: [f64; 8] =
 /// `E(x)`. Where the closed form is used, its error is below `2^-53/SMALL`, 4e-15.
 #[inline(always)]
 fn mean_growth<S: Simd>(x: f64x8<S>) -> f64x8<S> {
-    let series = series(x);
+    let series = series_small(x);
     let large = x.abs().simd_ge(SMALL);
-    if large.any_true() { large.select((elementary::exp(x) - 1.0) / x, series) } else { series }
+    if large.any_true() { large.select((elementary::exp_eight(x) - 1.0) / x, series) } else { series }
 }
 
 #[inline(always)]
-fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
-    let series = x * series(x) + 1.0;
+fn exp_small<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+    let series = x * series_small(x) + 1.0;
     let large = x.abs().simd_ge(SMALL);
-    if large.any_true() { large.select(elementary::exp(x), series) } else { series }
+    if large.any_true() { large.select(elementary::exp_eight(x), series) } else { series }
 }
 
 #[inline(always)]
-fn series<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+fn series_small<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let c = SERIES;
     let square = x * x;
     let low = (x * c[1] + c[0]) + (x * c[3] + c[2]) * square;
@@ -137,7 +137,7 @@ fn series_of_one(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::curve::{of_one, wide};
+    use super::super::curve::{of_one, wide_arithmetic};
     use super::super::{Preset, Voltmeter};
     use super::*;
 
@@ -179,7 +179,7 @@ mod tests {
                 // Simpson's rule on 2000 panels of a smooth function of log range 2.5 has an error
                 // of 1e-13 of the leak, which is 13.
                 assert!((found - wanted).abs() < 2e-12, "{greys:?} {t}: {found} {wanted}");
-                assert_eq!(wide::<Line>(&process, &piece, t)[0].to_bits(), found.to_bits());
+                assert_eq!(wide_arithmetic::<Line>(&process, &piece, t)[0].to_bits(), found.to_bits());
             }
         }
     }
@@ -212,7 +212,7 @@ mod tests {
         let process = process(|sensor| sensor.k[4] = 1e-3);
         for greys in [[10.0, 200.0], [200.0, 190.0], [190.0, 0.0], [0.0, 255.0]] {
             let piece = between(&process, greys, 2e5);
-            let [end, curvature] = wide::<Line>(&process, &piece, 2e5);
+            let [end, curvature] = wide_arithmetic::<Line>(&process, &piece, 2e5);
             let bound = Line::bulge_of_one(&piece, [0.0, 2e5]);
             assert!(curvature * 2e5 * 2e5 / 8.0 >= bound);
             let stray = |i: i32| {

@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 /// Moves a pixel of voltage `x` across the window along its curve of each leg, and returns the
 /// voltage at the end.
 #[inline(always)]
-pub(super) fn cross<C: Curve>(
+pub(super) fn cross_window<C: Curve>(
     window: &Window<'_>,
     barriers: Barriers,
     mut x: f64,
@@ -115,7 +115,7 @@ impl<C: Curve> Run<'_, C> {
                 return ControlFlow::Continue(x + rise - crossed * step);
             }
             let guess = start + target * pace;
-            from = solve::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
+            from = solve_monotonic::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
             emit.event(self.stamp + from, polarity)?;
             crossed += 1.0;
         }
@@ -124,7 +124,12 @@ impl<C: Curve> Run<'_, C> {
 
 /// The time in `[low, high]` at which a monotonic drift reaches `level`: Newton's method from `t`,
 /// kept inside a bracket, to the last bit.
-fn solve<C: Curve>(curve: &One, level: f64, t: f64, ([mut low, mut high], rising): ([f64; 2], bool)) -> f64 {
+fn solve_monotonic<C: Curve>(
+    curve: &One,
+    level: f64,
+    t: f64,
+    ([mut low, mut high], rising): ([f64; 2], bool),
+) -> f64 {
     let mut t = t.clamp(low, high);
     if C::is_straight(curve) {
         return t;

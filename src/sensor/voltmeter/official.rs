@@ -83,7 +83,7 @@ impl Official {
             let exit = Renewal { drift, variance: sigma * sigma, up: up - x, down: down + x };
             let on = draws.uniform() <= exit.on_share();
             let (distance, speed) = if on { (exit.up, drift) } else { (exit.down, -drift) };
-            let tau = passage(distance, speed, sigma, &mut draws);
+            let tau = passage_time(distance, speed, sigma, &mut draws);
             if t + tau >= pair.length {
                 let way = distance * ((pair.length - t) / tau);
                 pixel.voltage += if on { way } else { -way };
@@ -105,7 +105,7 @@ impl Official {
         let rise = k1 * (log - pixel.log);
         pixel.log = log;
         let [up, down] = pixel.thresholds;
-        if on { label::of(rise, up) } else { label::of(-rise, down) }
+        if on { label::label_of(rise, up) } else { label::label_of(-rise, down) }
     }
 
     /// The events of a hot pixel's own process.
@@ -125,7 +125,7 @@ impl Law for Official {
     type Pixel = Pixel;
 
     fn begin(&self, site: Site, luminance: f64) -> Pixel {
-        let thresholds = thresholds::drawn(self.thresholds, self.spread, site);
+        let thresholds = thresholds::drawn_pair(self.thresholds, self.spread, site);
         let log = if self.labels { libm::log(luminance + self.process.k2) } else { 0.0 };
         Pixel { voltage: 0.0, thresholds, log, own: self.hot.train(site) }
     }
@@ -146,7 +146,7 @@ impl Law for Official {
 }
 
 /// The published time to a barrier at `distance`, by a drift of `speed` towards it.
-fn passage(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
+fn passage_time(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
     if distance <= 0.0 {
         return 0.0;
     }
@@ -166,7 +166,7 @@ fn passage(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
         let (z, u) = (draws.normal(), draws.uniform());
         inverse_gaussian(shape, phi, z, u)
     } else {
-        against(shape, phi, draws.uniform())
+        counter_drift_time(shape, phi, draws.uniform())
     }
 }
 
@@ -184,9 +184,9 @@ fn inverse_gaussian(shape: f64, phi: f64, z: f64, u: f64) -> f64 {
 
 /// The same transform for a negative mean and a normal draw below `-2 sqrt(phi)`, with `u` as its
 /// share. The acceptance step then always takes the smaller root.
-fn against(shape: f64, phi: f64, u: f64) -> f64 {
+fn counter_drift_time(shape: f64, phi: f64, u: f64) -> f64 {
     let edge = 0.5 * libm::erfc(2.0 * phi.sqrt() / std::f64::consts::SQRT_2);
-    let z = normal::quantile((edge * u).max(f64::MIN_POSITIVE));
+    let z = normal::normal_quantile((edge * u).max(f64::MIN_POSITIVE));
     let y = (z * z).max(4.0 * phi);
     2.0 * shape / ((y - 2.0 * phi) + (y * (y - 4.0 * phi)).sqrt())
 }
@@ -322,7 +322,7 @@ mod tests {
         // The published times have a median of 4.395 where the Lévy distribution of shape 1 has
         // 2.198.
         let mut draws = draws(0);
-        let mut times: Vec<f64> = (0..100_001).map(|_| passage(1.0, 0.0, 1.0, &mut draws)).collect();
+        let mut times: Vec<f64> = (0..100_001).map(|_| passage_time(1.0, 0.0, 1.0, &mut draws)).collect();
         times.sort_unstable_by(f64::total_cmp);
         // The density at the median is 0.05: a deviation of the sample's median of 0.03.
         assert!((times[50_000] - 4.395).abs() < 0.12, "{}", times[50_000]);
@@ -336,7 +336,8 @@ mod tests {
             [[1.0, 1.0, 1.0], [0.4, 3.0, 0.7], [1.0, 0.1, 1.0], [2.0, 5.0, 0.5]].into_iter().enumerate()
         {
             let mut draws = draws(100 + index as u64);
-            let ours: Vec<f64> = (0..rival::N).map(|_| passage(distance, speed, sigma, &mut draws)).collect();
+            let ours: Vec<f64> =
+                (0..rival::N).map(|_| passage_time(distance, speed, sigma, &mut draws)).collect();
             let shape = (distance / sigma).powi(2);
             let law = rand_distr::InverseGaussian::new(distance / speed, shape).unwrap();
             let name = format!("official {distance} {speed} {sigma}");
@@ -348,7 +349,7 @@ mod tests {
     fn distance(phi: f64) -> f64 {
         const N: usize = 20_000;
         let mut draws = draws(1);
-        let times: Vec<f64> = (0..N).map(|_| passage(1.0, -phi, 1.0, &mut draws)).collect();
+        let times: Vec<f64> = (0..N).map(|_| passage_time(1.0, -phi, 1.0, &mut draws)).collect();
         let upper = |x: f64| 0.5 * libm::erfc(x / SQRT_2);
         // Of mean 1/phi and shape 1.
         let law = |t: f64| {
@@ -377,7 +378,7 @@ mod tests {
         for distance in magnitudes {
             for sigma in magnitudes {
                 for speed in magnitudes.into_iter().flat_map(|s| [s, -s]).chain([0.0]) {
-                    let t = passage(distance, speed, sigma, &mut draws);
+                    let t = passage_time(distance, speed, sigma, &mut draws);
                     assert!(t >= 0.0, "{distance:e} {speed:e} {sigma:e}: {t:e}");
                 }
             }

@@ -27,8 +27,8 @@ impl Window<'_> {
         let rise = self.law.process.k1 * (*log - before);
         let barriers = self.law.thresholds.of(pixel);
         match polarity {
-            Polarity::On => label::of(rise, barriers.up),
-            Polarity::Off => label::of(-rise, barriers.down),
+            Polarity::On => label::label_of(rise, barriers.up),
+            Polarity::Off => label::label_of(-rise, barriers.down),
         }
     }
 

@@ -3,7 +3,7 @@
 
 use super::Voltmeter;
 use super::bridge::{Barriers, Wide};
-use crate::elementary::load;
+use crate::elementary::load_eight;
 use crate::image::Size;
 use crate::seed::Seed;
 use crate::sensor::noise::{Site, mismatch};
@@ -21,8 +21,8 @@ pub(super) enum Thresholds {
 const FLOOR: f64 = 0.01;
 
 /// The thresholds of ON and OFF of the pixel at `site`, drawn once for a sensor.
-pub(super) fn drawn(nominal: [f64; 2], spread: f64, site: Site) -> [f64; 2] {
-    mismatch::thresholds(nominal, spread, nominal.map(|threshold| FLOOR * threshold), site, 0)
+pub(super) fn drawn_pair(nominal: [f64; 2], spread: f64, site: Site) -> [f64; 2] {
+    mismatch::draw_thresholds(nominal, spread, nominal.map(|threshold| FLOOR * threshold), site, 0)
 }
 
 impl Thresholds {
@@ -37,7 +37,7 @@ impl Thresholds {
         let width = size.width as usize;
         for pixel in 0..size.pixels() {
             let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
-            let own = drawn([up, down], sensor.threshold_spread, Site { seed, x: left + x, y: top + y });
+            let own = drawn_pair([up, down], sensor.threshold_spread, Site { seed, x: left + x, y: top + y });
             both.iter_mut().zip(own).for_each(|(all, own)| all[pixel] = own);
         }
         Self::Unequal(both)
@@ -57,7 +57,9 @@ impl Thresholds {
     pub(super) fn eight<S: Simd>(&self, simd: S, first: usize) -> Wide<S> {
         match self {
             Self::Equal(barriers) => Wide::splat(simd, *barriers),
-            Self::Unequal([up, down]) => Wide { up: load(simd, up, first), down: load(simd, down, first) },
+            Self::Unequal([up, down]) => {
+                Wide { up: load_eight(simd, up, first), down: load_eight(simd, down, first) }
+            }
         }
     }
 }

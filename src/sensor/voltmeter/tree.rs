@@ -33,7 +33,7 @@ use super::leaf::{Leaf, Span};
 use super::thresholds::Thresholds;
 use super::window::Window;
 use super::writer::Writer;
-use crate::elementary::{bits, load, places, store};
+use crate::elementary::{load_eight, mask_bits, set_lanes, store_eight};
 use crate::seed::Space;
 use crate::seed::eight::{self, Cells};
 use fearless_simd::{Simd, SimdBase as _, SimdMask as _, f64x8, mask64x8, u64x8};
@@ -128,9 +128,9 @@ impl List {
         let simd = members.simd;
         let mask = mask64x8::from_bitmask(simd, which);
         simd.compress_u64x8(members, mask).store_slice(&mut self.members[self.len..self.len + 8]);
-        store(simd.compress_f64x8(increment, mask), &mut self.increment, self.len);
-        store(simd.compress_f64x8(from, mask), &mut self.from, self.len);
-        store(simd.compress_f64x8(to, mask), &mut self.to, self.len);
+        store_eight(simd.compress_f64x8(increment, mask), &mut self.increment, self.len);
+        store_eight(simd.compress_f64x8(from, mask), &mut self.from, self.len);
+        store_eight(simd.compress_f64x8(to, mask), &mut self.to, self.len);
         self.len += which.count_ones() as usize;
     }
 
@@ -341,9 +341,9 @@ impl Walk<'_> {
             let members = places_of(&list.members, i);
             let seats = u64x8::from_fn(simd, |lane| walkers.seats[members[lane]]);
             let [_, draw] = cells.pair(seats, 0);
-            store(eight::uniform(draw), &mut list.half, i);
+            store_eight(eight::uniform_eight(draw), &mut list.half, i);
         }
-        eight::normals(simd, &mut list.half[..end]);
+        eight::normal_deviates(simd, &mut list.half[..end]);
         // Two passes over the list: the transcendental `normals` runs faster over one long array
         // than eight at a time.
         let deviation = 0.5 * f64::from(node.length()).sqrt();
@@ -353,10 +353,11 @@ impl Walk<'_> {
         for i in (0..end).step_by(8) {
             let members = places_of(&list.members, i);
             let [start, curve @ ..] = walkers.pieces(simd, &members, [at, window.legs.len()]);
-            store(start + C::rise(&law.process, &curve, since), &mut list.middle, i);
-            let half = load(simd, &list.increment, i) * 0.5 + load(simd, &list.half, i) * deviation;
-            store(half, &mut list.half, i);
-            store(load(simd, &list.increment, i) - half, &mut list.increment, i);
+            store_eight(start + C::rise(&law.process, &curve, since), &mut list.middle, i);
+            let half =
+                load_eight(simd, &list.increment, i) * 0.5 + load_eight(simd, &list.half, i) * deviation;
+            store_eight(half, &mut list.half, i);
+            store_eight(load_eight(simd, &list.increment, i) - half, &mut list.increment, i);
         }
     }
 
@@ -373,7 +374,7 @@ impl Walk<'_> {
         for i in (0..crowd.len).step_by(8) {
             let members = places_of(crowd.members, i);
             let [increment, from, to] =
-                [crowd.increment, crowd.from, crowd.to].map(|values| load(simd, values, i));
+                [crowd.increment, crowd.from, crowd.to].map(|values| load_eight(simd, values, i));
             let gather = |values: &[f64]| f64x8::from_fn(simd, |lane| values[members[lane]]);
             let [x, sigma] = [&self.walkers.voltage, &self.walkers.sigma].map(|values| gather(values));
             let mut straying = gather(&self.walkers.curvature) * (length * length * 0.125);
@@ -382,9 +383,9 @@ impl Walk<'_> {
             }
             let y = x + (to - from) + sigma * increment;
             let barriers = self.barriers(simd, &members);
-            let live = bits(barriers.reached([x, y], sigma * sigma * length, straying));
+            let live = mask_bits(barriers.reached([x, y], sigma * sigma * length, straying));
             let known = u64::MAX >> (64 - 8.min(crowd.len - i));
-            for lane in places(!live & known) {
+            for lane in set_lanes(!live & known) {
                 self.walkers.voltage[members[lane]] = y[lane];
             }
             let mut leaf = 0;
@@ -392,7 +393,7 @@ impl Walk<'_> {
                 // A parabola with this curvature strays by `straying`, and no curve here strays by
                 // more than 2.03 times that. So this bound decides most lanes without the exact
                 // distance, which costs an exponential each.
-                let sure = if knots.is_empty() { bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
+                let sure = if knots.is_empty() { mask_bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
                 leaf = live & known & sure;
                 leaf |= self.leaves::<C>(node, &members, live & known & !sure);
             }
@@ -458,7 +459,7 @@ impl Walk<'_> {
             return live;
         }
         let mut leaf = 0;
-        for lane in places(live) {
+        for lane in set_lanes(live) {
             leaf |= u64::from(self.straying::<C>(node, members[lane]) <= STRAIGHT) << lane;
         }
         leaf

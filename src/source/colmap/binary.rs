@@ -2,7 +2,7 @@
 //! allocation.
 
 use super::lenses::CameraModel;
-use super::{Image, ModelCamera, Observation, Point, pose};
+use super::{Image, ModelCamera, Observation, Point, image_pose};
 use crate::files;
 use crate::image::Size;
 use crate::source::{Place, SourceError};
@@ -22,13 +22,13 @@ const POINT_BYTES: usize = 8 + 24 + 3 + 8 + 8;
 /// Size in bytes of an element of a track.
 const TRACK_BYTES: usize = 8;
 
-pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
-    let data = load(path)?;
+pub(super) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
+    let data = load_bytes(path)?;
     let mut bytes = Bytes::new(path, &data);
     let mut cameras = BTreeMap::new();
     bytes.records("camera", CAMERA_BYTES, |bytes| {
         let start = bytes.at;
-        let (id, camera) = camera(bytes)?;
+        let (id, camera) = read_camera(bytes)?;
         match cameras.insert(id, camera) {
             None => Ok(()),
             Some(_) => Err(bytes.fault(start, format!("camera {id} was already listed"))),
@@ -37,34 +37,34 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceE
     Ok(cameras)
 }
 
-fn camera(bytes: &mut Bytes<'_>) -> Result<(u32, ModelCamera), SourceError> {
+fn read_camera(bytes: &mut Bytes<'_>) -> Result<(u32, ModelCamera), SourceError> {
     let start = bytes.at;
     let id = bytes.u32()?;
-    let model = CameraModel::numbered(bytes.u32()?.cast_signed()).map_err(|e| bytes.fault(start, e))?;
+    let model = CameraModel::from_number(bytes.u32()?.cast_signed()).map_err(|e| bytes.fault(start, e))?;
     let (width, height) = (bytes.u64()?, bytes.u64()?);
     let parameters = (0..model.parameters).map(|_| bytes.f64()).collect::<Result<Vec<f64>, _>>()?;
-    let size = Size { width: clamped(width), height: clamped(height) };
+    let size = Size { width: clamp_size(width), height: clamp_size(height) };
     let camera = model.camera(size, &parameters).map_err(|e| bytes.fault(start, e))?;
     Ok((id, camera))
 }
 
 /// Converts to u32. A value that does not fit is far above the accepted sizes and stays so.
-fn clamped(side: u64) -> u32 {
+fn clamp_size(side: u64) -> u32 {
     u32::try_from(side).unwrap_or(u32::MAX)
 }
 
-pub(super) fn images(path: &Path) -> Result<Vec<Image>, SourceError> {
-    let data = load(path)?;
+pub(super) fn read_images(path: &Path) -> Result<Vec<Image>, SourceError> {
+    let data = load_bytes(path)?;
     let mut bytes = Bytes::new(path, &data);
     let mut images = Vec::new();
     bytes.records("image", IMAGE_BYTES, |bytes| {
-        images.push(image(bytes)?);
+        images.push(read_image(bytes)?);
         Ok(())
     })?;
     Ok(images)
 }
 
-fn image(bytes: &mut Bytes<'_>) -> Result<Image, SourceError> {
+fn read_image(bytes: &mut Bytes<'_>) -> Result<Image, SourceError> {
     let start = bytes.at;
     let place = bytes.place(start);
     bytes.u32()?;
@@ -74,20 +74,21 @@ fn image(bytes: &mut Bytes<'_>) -> Result<Image, SourceError> {
     }
     let camera_id = bytes.u32()?;
     let name = bytes.name()?;
-    let (rotation, translation) = pose(numbers).map_err(|e| bytes.fault(start, format!("`{name}`: {e}")))?;
+    let (rotation, translation) =
+        image_pose(numbers).map_err(|e| bytes.fault(start, format!("`{name}`: {e}")))?;
     let count = bytes.count(OBSERVATION_BYTES)?;
-    let observations = (0..count).map(|_| observation(bytes)).collect::<Result<_, _>>()?;
+    let observations = (0..count).map(|_| read_observation(bytes)).collect::<Result<_, _>>()?;
     Ok(Image { name, camera_id, rotation, translation, observations, place })
 }
 
-fn observation(bytes: &mut Bytes<'_>) -> Result<Observation, SourceError> {
+fn read_observation(bytes: &mut Bytes<'_>) -> Result<Observation, SourceError> {
     let xy = [bytes.f64()?, bytes.f64()?];
     let point = Some(bytes.u64()?).filter(|&id| id != u64::MAX);
     Ok(Observation { xy, point })
 }
 
-pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
-    let data = load(path)?;
+pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
+    let data = load_bytes(path)?;
     let mut bytes = Bytes::new(path, &data);
     let mut points = BTreeMap::new();
     bytes.records("point", POINT_BYTES, |bytes| {
@@ -104,15 +105,15 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
 }
 
 /// Reads the number of records that a file states.
-pub(super) fn count(path: &Path) -> Result<u64, SourceError> {
+pub(super) fn count_records(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();
-    let file = files::open(path).map_err(SourceError::io(path))?;
-    file.take(8).read_to_end(&mut head).map_err(SourceError::io(path))?;
+    let file = files::open(path).map_err(SourceError::io_error(path))?;
+    file.take(8).read_to_end(&mut head).map_err(SourceError::io_error(path))?;
     Bytes::new(path, &head).u64()
 }
 
-fn load(path: &Path) -> Result<Vec<u8>, SourceError> {
-    files::read(path, files::MAX_MODEL).map_err(SourceError::io(path))
+fn load_bytes(path: &Path) -> Result<Vec<u8>, SourceError> {
+    files::read(path, files::MAX_MODEL).map_err(SourceError::io_error(path))
 }
 
 /// The bytes of a file with the current position.

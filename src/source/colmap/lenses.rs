@@ -16,22 +16,22 @@ pub(super) struct CameraModel {
 /// Number of the undistorted model with two focal lengths.
 pub(super) const PINHOLE: i32 = 1;
 
-const fn model(id: i32, name: &'static str, parameters: usize) -> CameraModel {
+const fn camera_model(id: i32, name: &'static str, parameters: usize) -> CameraModel {
     CameraModel { id, name, parameters }
 }
 
 const MODELS: [CameraModel; 11] = [
-    model(0, "SIMPLE_PINHOLE", 3),
-    model(PINHOLE, "PINHOLE", 4),
-    model(2, "SIMPLE_RADIAL", 4),
-    model(3, "RADIAL", 5),
-    model(4, "OPENCV", 8),
-    model(5, "OPENCV_FISHEYE", 8),
-    model(6, "FULL_OPENCV", 12),
-    model(7, "FOV", 5),
-    model(8, "SIMPLE_RADIAL_FISHEYE", 4),
-    model(9, "RADIAL_FISHEYE", 5),
-    model(10, "THIN_PRISM_FISHEYE", 12),
+    camera_model(0, "SIMPLE_PINHOLE", 3),
+    camera_model(PINHOLE, "PINHOLE", 4),
+    camera_model(2, "SIMPLE_RADIAL", 4),
+    camera_model(3, "RADIAL", 5),
+    camera_model(4, "OPENCV", 8),
+    camera_model(5, "OPENCV_FISHEYE", 8),
+    camera_model(6, "FULL_OPENCV", 12),
+    camera_model(7, "FOV", 5),
+    camera_model(8, "SIMPLE_RADIAL_FISHEYE", 4),
+    camera_model(9, "RADIAL_FISHEYE", 5),
+    camera_model(10, "THIN_PRISM_FISHEYE", 12),
 ];
 
 const HINT: &str =
@@ -39,13 +39,13 @@ const HINT: &str =
 
 impl CameraModel {
     /// Returns the model with this number in binary files.
-    pub(super) fn numbered(id: i32) -> Result<&'static Self, String> {
+    pub(super) fn from_number(id: i32) -> Result<&'static Self, String> {
         let known = MODELS.iter().find(|m| m.id == id);
         known.ok_or_else(|| format!("camera model {id} is unknown, wanted 0 to 10; {HINT}"))
     }
 
     /// Returns the model with this name in text files.
-    pub(super) fn named(name: &str) -> Result<&'static Self, String> {
+    pub(super) fn from_name(name: &str) -> Result<&'static Self, String> {
         let known = MODELS.iter().find(|m| m.name == name);
         known.ok_or_else(|| format!("camera model {name} is unknown; {HINT}"))
     }

@@ -55,7 +55,7 @@ impl Model {
             for seen in &image.observations {
                 let Some(id) = seen.point else { continue };
                 let point = points.get(&id).ok_or_else(|| fault(format!("point {id} is not there")))?;
-                match projected(&image, camera, point) {
+                match project_point(&image, camera, point) {
                     Some([u, v]) => {
                         let (x, y) = (u - seen.xy[0], v - seen.xy[1]);
                         let distances = of_points.entry(id).or_default();
@@ -66,12 +66,12 @@ impl Model {
                 }
             }
         }
-        Ok(Reprojection::of(&of_points, behind))
+        Ok(Reprojection::from_distances(&of_points, behind))
     }
 }
 
 /// Projects a point into the photo, px; `None` if it is not in front of the camera.
-fn projected(image: &Image, taken: &ModelCamera, point: &Point) -> Option<[f64; 2]> {
+fn project_point(image: &Image, taken: &ModelCamera, point: &Point) -> Option<[f64; 2]> {
     let at = image.rotation.rotation * point.xyz + image.translation;
     let [x, y] = taken.lens.distort([at.x / at.z, at.y / at.z]);
     let camera = taken.camera;
@@ -80,7 +80,7 @@ fn projected(image: &Image, taken: &ModelCamera, point: &Point) -> Option<[f64; 
 
 impl Reprojection {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of ones")]
-    fn of(of_points: &BTreeMap<u64, Distances>, behind: usize) -> Option<Self> {
+    fn from_distances(of_points: &BTreeMap<u64, Distances>, behind: usize) -> Option<Self> {
         let all = of_points.values();
         let count: f64 = all.clone().map(|d| d.count).sum();
         let means: f64 = all.clone().map(|d| d.sum_px / d.count).sum();

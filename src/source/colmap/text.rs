@@ -1,7 +1,7 @@
 //! The text form: one line per record, and two lines per image. The second may be empty.
 
 use super::lenses::CameraModel;
-use super::{Image, ModelCamera, Observation, Point, pose};
+use super::{Image, ModelCamera, Observation, Point, image_pose};
 use crate::budget::Budget;
 use crate::files;
 use crate::image::Size;
@@ -11,14 +11,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
-pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
-    let text = load(path)?;
+pub(super) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
+    let text = load_text(path)?;
     let mut cameras = BTreeMap::new();
-    for (number, line) in records(&text) {
+    for (number, line) in record_lines(&text) {
         let line = Line { path, number, text: line };
         let mut words = line.text.split_whitespace();
         let id: u32 = line.number(words.next(), "a camera id")?;
-        let model = CameraModel::named(words.next().unwrap_or_default()).map_err(|e| line.fault(e))?;
+        let model = CameraModel::from_name(words.next().unwrap_or_default()).map_err(|e| line.fault(e))?;
         let size = Size {
             width: line.number(words.next(), "a width")?,
             height: line.number(words.next(), "a height")?,
@@ -37,22 +37,22 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceE
     Ok(cameras)
 }
 
-pub(super) fn images(path: &Path) -> Result<Vec<Image>, SourceError> {
-    let text = load(path)?;
+pub(super) fn read_images(path: &Path) -> Result<Vec<Image>, SourceError> {
+    let text = load_text(path)?;
     let mut images = Vec::new();
     let mut budget = Budget::of(text.len());
     let mut lines = (1..).zip(text.lines());
     while let Some((number, head)) = lines.find(|(_, line)| is_record(line)) {
-        let mut image = image(&Line { path, number, text: head })?;
+        let mut image = read_image(&Line { path, number, text: head })?;
         if let Some((number, text)) = lines.next() {
-            image.observations = observations(&Line { path, number, text }, &mut budget)?;
+            image.observations = read_observations(&Line { path, number, text }, &mut budget)?;
         }
         images.push(image);
     }
     Ok(images)
 }
 
-fn image(line: &Line<'_>) -> Result<Image, SourceError> {
+fn read_image(line: &Line<'_>) -> Result<Image, SourceError> {
     // A name may contain spaces. It is the rest of the line after the ninth number.
     let mut rest = line.text.trim_start();
     let mut word = || {
@@ -70,7 +70,7 @@ fn image(line: &Line<'_>) -> Result<Image, SourceError> {
     if name.is_empty() {
         return Err(line.fault("an image without a name".to_owned()));
     }
-    let (rotation, translation) = pose(numbers).map_err(|e| line.fault(format!("`{name}`: {e}")))?;
+    let (rotation, translation) = image_pose(numbers).map_err(|e| line.fault(format!("`{name}`: {e}")))?;
     Ok(Image {
         name,
         camera_id,
@@ -81,7 +81,7 @@ fn image(line: &Line<'_>) -> Result<Image, SourceError> {
     })
 }
 
-fn observations(line: &Line<'_>, budget: &mut Budget) -> Result<Vec<Observation>, SourceError> {
+fn read_observations(line: &Line<'_>, budget: &mut Budget) -> Result<Vec<Observation>, SourceError> {
     let count = line.text.split_whitespace().count();
     if !count.is_multiple_of(3) {
         return Err(line.fault(format!("{count} numbers, wanted x, y and point id for each key point")));
@@ -99,10 +99,10 @@ fn observations(line: &Line<'_>, budget: &mut Budget) -> Result<Vec<Observation>
     Ok(observations)
 }
 
-pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
-    let text = load(path)?;
+pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
+    let text = load_text(path)?;
     let mut points = BTreeMap::new();
-    for (number, line) in records(&text) {
+    for (number, line) in record_lines(&text) {
         let line = Line { path, number, text: line };
         let mut words = line.text.split_whitespace();
         let id = line.number(words.next(), "a point id")?;
@@ -117,8 +117,8 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
 }
 
 /// Counts the records of a file.
-pub(super) fn count(path: &Path, lines_a_record: usize) -> Result<u64, SourceError> {
-    let text = load(path)?;
+pub(super) fn count_records(path: &Path, lines_a_record: usize) -> Result<u64, SourceError> {
+    let text = load_text(path)?;
     let mut lines = text.lines();
     let mut count = 0;
     while lines.any(is_record) {
@@ -133,12 +133,12 @@ fn is_record(line: &str) -> bool {
     !line.trim().is_empty() && !line.starts_with('#')
 }
 
-fn records(text: &str) -> impl Iterator<Item = (usize, &str)> {
+fn record_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     (1..).zip(text.lines()).filter(|(_, line)| is_record(line))
 }
 
-fn load(path: &Path) -> Result<String, SourceError> {
-    files::read_text(path, files::MAX_MODEL).map_err(SourceError::io(path))
+fn load_text(path: &Path) -> Result<String, SourceError> {
+    files::read_text(path, files::MAX_MODEL).map_err(SourceError::io_error(path))
 }
 
 /// A line and its number, from 1.

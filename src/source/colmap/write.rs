@@ -24,7 +24,7 @@ pub struct Taken {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write(dir: &Path, images: &[Taken], points: &[Point]) -> io::Result<()> {
+pub fn write_model(dir: &Path, images: &[Taken], points: &[Point]) -> io::Result<()> {
     let mut cameras: Vec<Camera> = Vec::new();
     let mut camera_ids = Vec::with_capacity(images.len());
     for image in images {
@@ -46,50 +46,50 @@ fn write_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Resul
 }
 
 fn write_cameras(out: &mut impl Write, cameras: &[Camera]) -> io::Result<()> {
-    count(out, cameras.len())?;
+    write_count(out, cameras.len())?;
     for (id, camera) in (1u32..).zip(cameras) {
         out.write_all(&id.to_le_bytes())?;
         out.write_all(&lenses::PINHOLE.to_le_bytes())?;
         for side in [camera.size.width, camera.size.height] {
             out.write_all(&u64::from(side).to_le_bytes())?;
         }
-        numbers(out, &[camera.fx, camera.fy, camera.cx, camera.cy])?;
+        write_numbers(out, &[camera.fx, camera.fy, camera.cx, camera.cy])?;
     }
     Ok(())
 }
 
 fn write_images(out: &mut impl Write, images: &[Taken], camera_ids: &[usize]) -> io::Result<()> {
-    count(out, images.len())?;
+    write_count(out, images.len())?;
     for ((id, image), camera_id) in (1u32..).zip(images).zip(camera_ids) {
         let Se3 { rotation, translation } = image.world_from_camera.inverse();
         out.write_all(&id.to_le_bytes())?;
-        numbers(out, &[rotation.w, rotation.x, rotation.y, rotation.z])?;
-        numbers(out, &translation.to_array())?;
+        write_numbers(out, &[rotation.w, rotation.x, rotation.y, rotation.z])?;
+        write_numbers(out, &translation.to_array())?;
         out.write_all(&u32::try_from(*camera_id).map_err(io::Error::other)?.to_le_bytes())?;
         out.write_all(image.name.as_bytes())?;
         out.write_all(&[0])?;
-        count(out, 0)?;
+        write_count(out, 0)?;
     }
     Ok(())
 }
 
 fn write_points(out: &mut impl Write, points: &[Point]) -> io::Result<()> {
-    count(out, points.len())?;
+    write_count(out, points.len())?;
     for (id, point) in (1u64..).zip(points) {
         out.write_all(&id.to_le_bytes())?;
-        numbers(out, &point.xyz.to_array())?;
+        write_numbers(out, &point.xyz.to_array())?;
         out.write_all(&point.rgb)?;
-        numbers(out, &[point.error])?;
-        count(out, 0)?;
+        write_numbers(out, &[point.error])?;
+        write_count(out, 0)?;
     }
     Ok(())
 }
 
-fn count(out: &mut impl Write, count: usize) -> io::Result<()> {
+fn write_count(out: &mut impl Write, count: usize) -> io::Result<()> {
     out.write_all(&(count as u64).to_le_bytes())
 }
 
-fn numbers(out: &mut impl Write, numbers: &[f64]) -> io::Result<()> {
+fn write_numbers(out: &mut impl Write, numbers: &[f64]) -> io::Result<()> {
     numbers.iter().try_for_each(|number| out.write_all(&number.to_le_bytes()))
 }
 
@@ -122,8 +122,8 @@ mod tests {
             Point { xyz: DVec3::new(0.1, -1e-9, 7e5), rgb: [0, 128, 255], error: 0.75 },
             Point { xyz: DVec3::ZERO, rgb: [1, 2, 3], error: 0.0 },
         ];
-        write(dir.path(), &images, &points).unwrap();
-        let model = Model::find(dir.path()).unwrap();
+        write_model(dir.path(), &images, &points).unwrap();
+        let model = Model::find_model(dir.path()).unwrap();
         let cameras = model.cameras().unwrap();
         assert_eq!(cameras.keys().copied().collect::<Vec<_>>(), [1, 2], "equal cameras are one");
         let read = model.images().unwrap();
@@ -141,7 +141,7 @@ mod tests {
                 assert!((back - own).length() < 4e-15, "{}: {own} came back as {back}", taken.name);
             }
         }
-        let read = binary::points(&dir.path().join("points3D.bin")).unwrap();
+        let read = binary::read_points(&dir.path().join("points3D.bin")).unwrap();
         assert_eq!(read.into_values().collect::<Vec<_>>(), points);
     }
 
@@ -155,7 +155,7 @@ mod tests {
             camera: camera(500.0),
         };
         let point = Point { xyz: DVec3::new(1.0, 2.0, 3.0), rgb: [9, 8, 7], error: 0.5 };
-        write(dir.path(), &[image], &[point]).unwrap();
+        write_model(dir.path(), &[image], &[point]).unwrap();
         let read = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
         let f = |x: f64| x.to_le_bytes().to_vec();
         let u = |x: u64| x.to_le_bytes().to_vec();

@@ -23,12 +23,12 @@ const LARGEST_ANGLE: f64 = 1e9;
 const ANGLE_MARGIN: f64 = 1e-14;
 
 impl Interval {
-    pub(super) fn point(value: f64) -> Self {
+    pub(super) fn single_value(value: f64) -> Self {
         Self { low: value, high: value }
     }
 
     /// The hull of `values`, widened by `ulps` on both sides; `None` if a bound is infinite or NaN.
-    fn hull(values: &[f64], ulps: u32) -> Option<Self> {
+    fn hull_of(values: &[f64], ulps: u32) -> Option<Self> {
         if !values.iter().all(|v| v.is_finite()) {
             return None;
         }
@@ -46,18 +46,18 @@ impl Interval {
     }
 
     /// Bounds of `op`; `None` if the result may be undefined or has no finite bounds.
-    pub(super) fn binary(op: Binary, a: Self, b: Self) -> Option<Self> {
+    pub(super) fn binary_bounds(op: Binary, a: Self, b: Self) -> Option<Self> {
         let corners =
             |f: fn(f64, f64) -> f64| [f(a.low, b.low), f(a.low, b.high), f(a.high, b.low), f(a.high, b.high)];
         match op {
-            Binary::Add => Self::hull(&[a.low + b.low, a.high + b.high], 1),
-            Binary::Subtract => Self::hull(&[a.low - b.high, a.high - b.low], 1),
-            Binary::Multiply => Self::hull(&corners(|x, y| x * y), 1),
+            Binary::Add => Self::hull_of(&[a.low + b.low, a.high + b.high], 1),
+            Binary::Subtract => Self::hull_of(&[a.low - b.high, a.high - b.low], 1),
+            Binary::Multiply => Self::hull_of(&corners(|x, y| x * y), 1),
             Binary::Divide if b.low <= 0.0 && b.high >= 0.0 => None,
-            Binary::Divide => Self::hull(&corners(|x, y| x / y), 1),
+            Binary::Divide => Self::hull_of(&corners(|x, y| x / y), 1),
             // On a positive base, the power is monotonic in base and exponent, rising or falling.
             Binary::Power if a.low > 0.0 || (a.low >= 0.0 && b.low > 0.0) => {
-                Self::hull(&corners(libm::pow), LIBM_ULPS)
+                Self::hull_of(&corners(libm::pow), LIBM_ULPS)
             }
             Binary::Power => None,
             Binary::Min => Some(Self { low: a.low.min(b.low), high: a.high.min(b.high) }),
@@ -73,7 +73,7 @@ impl Interval {
             return None;
         }
         let even = exponent % 2.0 == 0.0;
-        match Self::hull(&ends, LIBM_ULPS)? {
+        match Self::hull_of(&ends, LIBM_ULPS)? {
             hull if even && holds_zero && exponent > 0.0 => Some(Self { low: 0.0, ..hull }),
             hull if even => Some(Self { low: hull.low.max(0.0), ..hull }),
             hull => Some(hull),
@@ -81,8 +81,8 @@ impl Interval {
     }
 
     /// Bounds of a function; `None` if it may be undefined or has no finite bounds.
-    pub(super) fn call(f: Function, a: Self) -> Option<Self> {
-        let ends = |f: fn(f64) -> f64, ulps| Self::hull(&[f(a.low), f(a.high)], ulps);
+    pub(super) fn call_bounds(f: Function, a: Self) -> Option<Self> {
+        let ends = |f: fn(f64) -> f64, ulps| Self::hull_of(&[f(a.low), f(a.high)], ulps);
         match f {
             Function::Sin => a.wave(libm::sin, FRAC_PI_2),
             Function::Cos => a.wave(libm::cos, 0.0),
@@ -102,7 +102,7 @@ impl Interval {
 
     /// Bounds of a sine or cosine with maxima at `crest` plus whole turns.
     fn wave(self, f: fn(f64) -> f64, crest: f64) -> Option<Self> {
-        let mut bounds = Self::hull(&[f(self.low), f(self.high)], LIBM_ULPS)?;
+        let mut bounds = Self::hull_of(&[f(self.low), f(self.high)], LIBM_ULPS)?;
         if self.holds(crest, TAU) {
             bounds.high = 1.0;
         }
@@ -169,10 +169,10 @@ mod tests {
             let inside = |i: Interval, share: f64| (i.low + (i.high - i.low) * share).clamp(i.low, i.high);
             let (p, q) = (inside(a, x), inside(b, y));
             for f in FUNCTIONS {
-                check(Interval::call(f, a), f.value(p))?;
+                check(Interval::call_bounds(f, a), f.value(p))?;
             }
             for op in BINARY {
-                check(Interval::binary(op, a, b), op.value(p, q))?;
+                check(Interval::binary_bounds(op, a, b), op.value(p, q))?;
             }
             for exponent in [-3.0, -2.0, 0.0, 1.0, 2.0, 3.0, 4.0] {
                 check(a.whole_power(exponent), libm::pow(p, exponent))?;
@@ -183,7 +183,7 @@ mod tests {
     #[test]
     fn waves_reach_their_extrema_inside_an_interval() {
         let t = |f, low: f64, high: f64, want: [f64; 2]| {
-            let got = Interval::call(f, Interval { low, high }).unwrap();
+            let got = Interval::call_bounds(f, Interval { low, high }).unwrap();
             assert!(
                 (got.low - want[0]).abs() < 1e-12 && (got.high - want[1]).abs() < 1e-12,
                 "{low} {high} {got:?}"

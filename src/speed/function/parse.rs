@@ -11,7 +11,7 @@ const DEEPEST: usize = 100;
 const TALLEST: usize = 250;
 
 /// Parses `text` into a tree.
-pub(super) fn parse(text: &str) -> Result<Node, ExpressionError> {
+pub(super) fn parse_expression(text: &str) -> Result<Node, ExpressionError> {
     if text.len() > LONGEST {
         return Err(ExpressionError::TooLong { bytes: text.len(), limit: LONGEST });
     }

@@ -23,7 +23,7 @@ pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
             continue;
         }
         if depth == DEPTH || bounds.is_some_and(|b| b.high <= 0.0) {
-            return Err(explain(node, from, to, bounds));
+            return Err(explain_failure(node, from, to, bounds));
         }
         // Bounds are dyadic, so halving is exact.
         let middle = f64::midpoint(from, to);
@@ -35,7 +35,7 @@ pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
 
 /// The error for `[from, to]`, where the proof failed: a `t` at which the law fails, there or
 /// anywhere on a grid, or the lack of a proof.
-fn explain(node: &Node, from: f64, to: f64, bounds: Option<Interval>) -> ExpressionError {
+fn explain_failure(node: &Node, from: f64, to: f64, bounds: Option<Interval>) -> ExpressionError {
     let here = [from, f64::midpoint(from, to), to].map(|t| (t, from, to));
     let grid = (0..=GRID).map(|k| {
         let cell = |k: u32| f64::from(k.min(GRID)) / f64::from(GRID);
@@ -62,19 +62,19 @@ impl Node {
     fn bounds(&self, t: Interval) -> Option<Interval> {
         match self {
             Self::T => Some(t),
-            Self::Pi | Self::E | Self::Number(_) => Some(Interval::point(self.value(0.0))),
+            Self::Pi | Self::E | Self::Number(_) => Some(Interval::single_value(self.value(0.0))),
             Self::Negated(a) => a.bounds(t).map(Interval::negated),
             Self::Binary(Binary::Power, operands) => {
                 let base = operands[0].bounds(t)?;
                 match operands[1].whole_number() {
                     Some(exponent) => base.whole_power(exponent),
-                    None => Interval::binary(Binary::Power, base, operands[1].bounds(t)?),
+                    None => Interval::binary_bounds(Binary::Power, base, operands[1].bounds(t)?),
                 }
             }
             Self::Binary(op, operands) => {
-                Interval::binary(*op, operands[0].bounds(t)?, operands[1].bounds(t)?)
+                Interval::binary_bounds(*op, operands[0].bounds(t)?, operands[1].bounds(t)?)
             }
-            Self::Call(f, a) => Interval::call(*f, a.bounds(t)?),
+            Self::Call(f, a) => Interval::call_bounds(*f, a.bounds(t)?),
         }
     }
 

@@ -47,13 +47,13 @@ impl Simulating {
             return Ok(vec![None; sensors.len()]);
         }
         let from = (stamps_us.len() - 1 - intervals) / 2;
-        let (trajectory, velocities) = path.sampled(&doubled(&stamps_us[from..=from + intervals]));
+        let (trajectory, velocities) = path.sampled(&doubled_stamps(&stamps_us[from..=from + intervals]));
         let mut rendered = RenderedFrames::new(renderer, camera, trajectory);
         if sensors.iter().any(|sensor| sensor.between() == Between::Hermite) {
             rendered = rendered.with_rates(velocities);
         }
         let mut frames = Vec::new();
-        while let Some(frame) = rendered.next().map_err(StageError::work("render"))? {
+        while let Some(frame) = rendered.next().map_err(StageError::work_failed("render"))? {
             cx.go_on()?;
             frames.push(frame);
         }
@@ -61,11 +61,11 @@ impl Simulating {
         let of = |sensor: &&Sensor| {
             let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
-                .then(|| Ok(Resampled { tolerance, ..Resampled::of(intervals, both(2)?, both(1)?) }))
+                .then(|| Ok(Resampled { tolerance, ..Resampled::pair_events(intervals, both(2)?, both(1)?) }))
                 .transpose()
         };
         let tried: Result<_, SensorError> = sensors.iter().map(of).collect();
-        tried.map_err(StageError::work("simulate events"))
+        tried.map_err(StageError::work_failed("simulate events"))
     }
 
     fn events_of<'a>(
@@ -95,11 +95,11 @@ impl Simulating {
 
 /// Whether a sensor's noise does not depend on the frames, and it sees luminance only.
 fn is_comparable(sensor: &Sensor) -> bool {
-    DriftLaw::of(sensor).is_ok() && !sensor.as_model().front_end().needs_colour()
+    DriftLaw::for_sensor(sensor).is_ok() && !sensor.as_model().front_end().needs_colour()
 }
 
 /// The stamps, and those halfway between them.
-fn doubled(stamps_us: &[i64]) -> Vec<i64> {
+fn doubled_stamps(stamps_us: &[i64]) -> Vec<i64> {
     let between = stamps_us.windows(2).flat_map(|w| [w[0], i64::midpoint(w[0], w[1])]);
     let mut all: Vec<i64> = between.chain(stamps_us.last().copied()).collect();
     all.dedup();
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn stamps_are_halved() {
-        assert_eq!(doubled(&[100, 517, 933]), [100, 308, 517, 725, 933]);
-        assert_eq!(doubled(&[5, 6]), [5, 6]);
+        assert_eq!(doubled_stamps(&[100, 517, 933]), [100, 308, 517, 725, 933]);
+        assert_eq!(doubled_stamps(&[5, 6]), [5, 6]);
     }
 }

@@ -16,7 +16,7 @@ use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use crate::stage::{Context, StageError};
 use crate::trajectory::Trajectory;
-use crate::units::amount;
+use crate::units::format_amount;
 
 /// Times of the frames, and their renderer.
 pub(super) struct Sampled {
@@ -55,16 +55,17 @@ impl Simulating {
         cx: &Context<'_>,
     ) -> Result<Sampled, StageError> {
         let poses = &motion.trajectory.world_from_camera;
-        let path = Path::through(poses, motion.seconds()).map_err(StageError::work("follow the path"))?;
+        let path = Path::through_poses(poses, motion.seconds())
+            .map_err(StageError::work_failed("follow the path"))?;
         let end_us = motion.trajectory.stamps_us[poses.len() - 1];
-        let flow = Flow::measure(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
-            .map_err(StageError::work("measure the optical flow"))?;
+        let flow = Flow::measure_path(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
+            .map_err(StageError::work_failed("measure the optical flow"))?;
         let front_ends = self.front_ends();
         let scales: Vec<Scale> = self
             .voltmeters()
             .map(|sensor| {
                 let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end);
-                Scale::of(sensor, behind.expect("it is one of theirs"))
+                Scale::for_sensor(sensor, behind.expect("it is one of theirs"))
             })
             .collect();
         let all = [Between::Linear, Between::Catmull, Between::Hermite];
@@ -84,7 +85,7 @@ impl Simulating {
         let mut scout = Scout::new(renderer, camera, &path, &front_ends, &go_on);
         let (chosen, moments) = question.answer(&mut scout).map_err(|error| match error {
             ChooseError::View(ScoutError::Interrupted) => StageError::Cancelled,
-            error => StageError::work("choose frames for sampling.tolerance")(error),
+            error => StageError::work_failed("choose frames for sampling.tolerance")(error),
         })?;
         let (trajectory, velocities) = path.sampled(&moments);
         Ok(Sampled { trajectory, velocities, chosen: Some(chosen), renderer: scout.into_renderer() })
@@ -113,7 +114,7 @@ impl Simulating {
         (streams, anchors): (&[Stream], &[Anchors]),
         cx: &mut Context<'_>,
     ) {
-        let events = amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
+        let events = format_amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
         let Some(chosen) = chosen else {
             cx.remark = Some(events);
             return;

@@ -8,7 +8,7 @@ use crate::render::fidelity::held_out;
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use crate::stage::capture::Capturing;
-use crate::stage::fidelity::{measure, taken};
+use crate::stage::fidelity::{measure_fidelity, views_taken};
 use crate::stage::{Context, SourceFile, Stage, StageError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -66,15 +66,15 @@ impl Training {
             return Err(StageError::Refused { programs: self.programs() });
         }
         let folder = cx.out.join("training");
-        std::fs::create_dir(&folder).map_err(StageError::io(&folder))?;
+        std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
         let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
         let files = self.given()?.into_iter().map(|file| (file.name, file.path)).collect::<Vec<_>>();
         let desk =
             Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
         let trained = self.command.train(capture, &files, desk);
-        let Trained { gaussians, without_photo } = trained.map_err(failure)?;
+        let Trained { gaussians, without_photo } = trained.map_err(stage_failure)?;
         // Nothing in this folder is part of the product.
-        std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
+        std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
         let gaussians = Arc::new(gaussians);
         self.hold(capture, &gaussians, cx)?;
         if without_photo > 0 {
@@ -93,11 +93,11 @@ impl Training {
         cx: &Context<'_>,
     ) -> Result<(), StageError> {
         let photos = self.source.photos()?;
-        let mut taken = taken(capture, &photos);
+        let mut taken = views_taken(capture, &photos);
         taken.retain(|(i, ..)| held_out(*i));
-        let fidelity = measure(gaussians, (self.render, &Backend::Cpu), &taken, cx)?;
+        let fidelity = measure_fidelity(gaussians, (self.render, &Backend::Cpu), &taken, cx)?;
         let held = fidelity.hold(self.command.min_psnr);
-        held.map_err(StageError::work("hold the trained scene against its photos"))
+        held.map_err(StageError::work_failed("hold the trained scene against its photos"))
     }
 }
 
@@ -108,11 +108,11 @@ fn holds_poses(file: &Path) -> bool {
     is_json || ["cameras.bin", "cameras.txt", "images.bin", "images.txt"].into_iter().any(is)
 }
 
-fn failure(error: TrainError) -> StageError {
+fn stage_failure(error: TrainError) -> StageError {
     match error {
         TrainError::Stopped | TrainError::Layout(LayoutError::Stopped) => StageError::Cancelled,
         TrainError::Failed(failed) => StageError::Program(failed),
         TrainError::Io { path, cause } => StageError::Io { path, source: cause },
-        TrainError::Layout(error) => StageError::work("give the program the capture")(error),
+        TrainError::Layout(error) => StageError::work_failed("give the program the capture")(error),
     }
 }

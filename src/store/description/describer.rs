@@ -21,7 +21,7 @@ type Described = Result<Option<Value>, Undescribable>;
 
 pub(super) struct Describer;
 
-fn real(v: f64) -> Described {
+fn real_value(v: f64) -> Described {
     if !v.is_finite() {
         return Err(Undescribable(format!("{v} has no place in a key")));
     }
@@ -68,10 +68,10 @@ impl ser::Serializer for Describer {
         Ok(Some(Value::Unsigned(v)))
     }
     fn serialize_f32(self, v: f32) -> Described {
-        real(v.into())
+        real_value(v.into())
     }
     fn serialize_f64(self, v: f64) -> Described {
-        real(v)
+        real_value(v)
     }
     fn serialize_char(self, v: char) -> Described {
         Ok(Some(Value::Text(v.to_string())))
@@ -89,13 +89,13 @@ impl ser::Serializer for Describer {
         v.serialize(self)
     }
     fn serialize_unit(self) -> Described {
-        Ok(Some(Value::empty()))
+        Ok(Some(Value::empty_record()))
     }
     fn serialize_unit_struct(self, _: &'static str) -> Described {
         self.serialize_unit()
     }
     fn serialize_unit_variant(self, _: &'static str, _: u32, variant: &'static str) -> Described {
-        Ok(Some(Value::Variant(variant.to_owned(), Box::new(Value::empty()))))
+        Ok(Some(Value::Variant(variant.to_owned(), Box::new(Value::empty_record()))))
     }
     fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, v: &T) -> Described {
         v.serialize(self)
@@ -107,7 +107,7 @@ impl ser::Serializer for Describer {
         variant: &'static str,
         v: &T,
     ) -> Described {
-        let content = v.serialize(self)?.unwrap_or_else(Value::empty);
+        let content = v.serialize(self)?.unwrap_or_else(Value::empty_record);
         Ok(Some(Value::Variant(variant.to_owned(), Box::new(content))))
     }
     fn serialize_seq(self, _: Option<usize>) -> Result<Elements, Undescribable> {

@@ -153,9 +153,9 @@ mod tests {
             ("third", Value::Real(1.0 / 3.0)),
             ("text", Value::Text("#signed".into())),
             ("bytes", Value::Bytes(vec![0, 255])),
-            ("list", Value::List(vec![Value::Unsigned(1), Value::Real(1.0), Value::empty()])),
+            ("list", Value::List(vec![Value::Unsigned(1), Value::Real(1.0), Value::empty_record()])),
             ("choice", Value::Variant("plain".into(), Box::new(record(vec![("a", Value::Signed(1))])))),
-            ("input", Value::Digest(Digest::of(b"input"))),
+            ("input", Value::Digest(Digest::of_bytes(b"input"))),
             ("implied", Value::Implied(Box::new(Value::Bool(false)))),
         ]);
         let json = serde_json::to_string(&value).unwrap();

@@ -17,7 +17,7 @@ pub struct Answer {
 /// # Panics
 /// There are none: the table is part of the program.
 #[must_use]
-pub fn answers(name: &str) -> Vec<Answer> {
+pub fn find_answers(name: &str) -> Vec<Answer> {
     let numbers = |text: &str| -> Vec<f64> {
         text.split_whitespace().map(|number| number.parse().expect("the table holds numbers")).collect()
     };

@@ -6,7 +6,7 @@ use crate::event::{Event, Polarity};
 use crate::frames::array::{ArrayFrames, FullScale, Samples};
 use crate::image::Size;
 use crate::seed::Seed;
-use crate::sensor::{Account, Model, simulate};
+use crate::sensor::{Account, Model, simulate_one};
 use std::ops::ControlFlow;
 
 /// Frames with this luminance, 0..255, as a function of column, row and time in us.
@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 /// Stamps do not increase.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "frames hold 32 bits")]
-pub fn clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
+pub fn make_clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
     let mut samples = Vec::with_capacity(size.pixels() * stamps_us.len());
     for &t in stamps_us {
         for y in 0..size.height {
@@ -31,10 +31,10 @@ pub fn clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> 
 /// # Panics
 /// The sensor refuses the clip. Clips and sensors of cases are valid.
 #[must_use]
-pub fn run(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
+pub fn run_sensor(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
     let (mut events, mut frames) = (Vec::new(), frames.clone());
     let mut go_on = |_: &_| ControlFlow::Continue(());
-    let account = simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on);
+    let account = simulate_one(&mut frames, sensor, Seed(seed), &mut events, &mut go_on);
     (events, account.unwrap_or_else(|e| panic!("the sensor of a case: {e}")))
 }
 

@@ -3,9 +3,9 @@
 
 mod sameness;
 
-use super::clips::{Train, by_pixel, clip, run};
+use super::clips::{Train, by_pixel, make_clip, run_sensor};
 use super::{Area, Case, Found, Point, Worst};
-use crate::event::file::shifted;
+use crate::event::file::shift_event;
 use crate::event::{Event, Label, Polarity};
 use crate::image::Size;
 use crate::sensor::voltmeter::Voltmeter;
@@ -13,28 +13,28 @@ use crate::units::Timestamp;
 
 /// All cases of time.
 #[must_use]
-pub fn cases<'a>() -> Vec<Case<'a>> {
+pub fn clock_cases<'a>() -> Vec<Case<'a>> {
     let case = |words, run: fn() -> Found| Case::new(Area::Clock, words, run);
     let mut all = vec![
         case(
             ["first-stamp", "16.8 s, 2^31 us, 1e15 us, negative: the events of 0", "events"],
-            sameness::origins,
+            sameness::origins_case,
         ),
         case(["absolute-stamps", "the same in files: integers, to the microsecond", "events"], || {
-            absolute(|first_us, ns| {
+            absolute_stamps(|first_us, ns| {
                 let event =
                     Event { t: Timestamp(ns), x: 0, y: 0, polarity: Polarity::On, label: Label::Signal };
-                shifted(event, first_us).map(|event| event.t.floor_micros())
+                shift_event(event, first_us).map(|event| event.t.floor_micros())
             })
         }),
         case(
             ["frames-1-us-apart", "a ramp of 15 octaves in 15 us, with and without noise", "ns"],
-            microseconds,
+            doubling_frames,
         ),
-        case(["gap-of-an-hour", "frames 1 ms apart, an hour between two of them", "ns"], gap),
-        case(["events-in-1-us", "2e6 events of a pixel in a microsecond: count, order", "events"], crowded),
+        case(["gap-of-an-hour", "frames 1 ms apart, an hour between two of them", "ns"], slow_leak),
+        case(["events-in-1-us", "2e6 events of a pixel in a microsecond: count, order", "events"], fast_leak),
     ];
-    all.extend(sameness::cases());
+    all.extend(sameness::sameness_cases());
     all
 }
 
@@ -43,7 +43,7 @@ const FIRST: [i64; 6] = [0, 16_800_000, 1 << 31, 1_000_000_000_000_000, -5, -3_0
 
 /// The stamp in a file, us, of an event at this time after the first stamp, ns.
 #[must_use]
-pub fn absolute(clock: impl Fn(i64, i64) -> Option<i64>) -> Found {
+pub fn absolute_stamps(clock: impl Fn(i64, i64) -> Option<i64>) -> Found {
     let mut worst = Worst::default();
     for first_us in FIRST {
         let times: Vec<i64> = (0..2000).map(|i| i * 1_333 + i * i).collect();
@@ -61,7 +61,7 @@ const LIMIT_NS: f64 = 1.0;
 
 /// A sensor with this gain over `ln(L + 16)` and this leak per us, without noise or with almost
 /// none: the two use different code.
-fn sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
+fn plain_sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
     [("no noise", 0.0), ("faint noise", 1e-150)].map(|(name, sigma)| {
         let k = [gain, 16.0, 0.0, leak, 0.0, sigma];
         (name, Voltmeter { max_events_per_pixel_frame: u32::MAX, ..Voltmeter::new(k) })
@@ -69,61 +69,61 @@ fn sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
 }
 
 /// Compares the events of one pixel in a clip of this length with even times, `every_ns` apart.
-fn hold(worst: &mut Worst, events: &[Event], [length_ns, every_ns]: [f64; 2], what: &str) {
+fn hold_even(worst: &mut Worst, events: &[Event], [length_ns, every_ns]: [f64; 2], what: &str) {
     let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
-    worst.see(Point::count(unsorted as u64, 0), || format!("{what}: out of order"));
-    let number = Point::absolute(events.len() as f64, (length_ns / every_ns).floor(), 0.0);
+    worst.see(Point::exact_count(unsorted as u64, 0), || format!("{what}: out of order"));
+    let number = Point::absolute_error(events.len() as f64, (length_ns / every_ns).floor(), 0.0);
     worst.see(number, || format!("{what}: number"));
     let train: Train = by_pixel(PIXEL, events).swap_remove(0);
     for (i, (t, _)) in train.iter().enumerate() {
-        let point = Point::absolute(*t as f64 + 0.5, (i + 1) as f64 * every_ns, LIMIT_NS);
+        let point = Point::absolute_error(*t as f64 + 0.5, (i + 1) as f64 * every_ns, LIMIT_NS);
         worst.see(point, || format!("{what}: event {i}"));
     }
 }
 
 /// Each frame doubles `L + 16`, which 32 bits represent exactly.
-fn microseconds() -> Found {
+fn doubling_frames() -> Found {
     const OCTAVES: i64 = 15;
     const GAIN: f64 = 100.0;
     let stamps: Vec<i64> = (0..=OCTAVES).collect();
-    let clip = clip(PIXEL, &stamps, |_, _, t| 16.0 * (1_i64 << t) as f64 - 16.0);
+    let clip = make_clip(PIXEL, &stamps, |_, _, t| 16.0 * (1_i64 << t) as f64 - 16.0);
     let rise = GAIN * OCTAVES as f64 * std::f64::consts::LN_2;
     let mut worst = Worst::default();
-    for (name, sensor) in sensors(GAIN, 0.0) {
-        let (events, _) = run(&sensor, &clip, 1);
+    for (name, sensor) in plain_sensors(GAIN, 0.0) {
+        let (events, _) = run_sensor(&sensor, &clip, 1);
         let length = OCTAVES as f64 * 1e3;
-        hold(&mut worst, &events, [length, length / rise], name);
+        hold_even(&mut worst, &events, [length, length / rise], name);
     }
     worst.found()
 }
 
 /// A leak of an event in 1.001 s.
-fn gap() -> Found {
+fn slow_leak() -> Found {
     const HOUR: i64 = 3_600_000_000;
     const EVERY_US: f64 = 1_001_000.0;
     let stamps = [0, 1000, 2000, 2000 + HOUR, 3000 + HOUR];
-    let clip = clip(PIXEL, &stamps, |_, _, _| 77.0);
+    let clip = make_clip(PIXEL, &stamps, |_, _, _| 77.0);
     let mut worst = Worst::default();
-    for (name, sensor) in sensors(1.0, 1.0 / EVERY_US) {
-        let (events, _) = run(&sensor, &clip, 1);
-        hold(&mut worst, &events, [(3000 + HOUR) as f64 * 1e3, EVERY_US * 1e3], name);
+    for (name, sensor) in plain_sensors(1.0, 1.0 / EVERY_US) {
+        let (events, _) = run_sensor(&sensor, &clip, 1);
+        hold_even(&mut worst, &events, [(3000 + HOUR) as f64 * 1e3, EVERY_US * 1e3], name);
     }
     worst.found()
 }
 
 /// A leak of two million events a us, between frames of which one is a us long.
-fn crowded() -> Found {
+fn fast_leak() -> Found {
     const EVENTS: u64 = 2_000_000;
     let mut worst = Worst::default();
-    let clip = clip(PIXEL, &[0, 1], |_, _, _| 77.0);
-    for (name, sensor) in sensors(1.0, EVENTS as f64 + 0.5) {
-        let (events, account) = run(&sensor, &clip, 1);
+    let clip = make_clip(PIXEL, &[0, 1], |_, _, _| 77.0);
+    for (name, sensor) in plain_sensors(1.0, EVENTS as f64 + 0.5) {
+        let (events, account) = run_sensor(&sensor, &clip, 1);
         let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
-        worst.see(Point::count(unsorted as u64, 0), || format!("{name}: out of order"));
+        worst.see(Point::exact_count(unsorted as u64, 0), || format!("{name}: out of order"));
         let outside = events.iter().filter(|e| !(0..=1000).contains(&e.t.0)).count();
-        worst.see(Point::count(outside as u64, 0), || format!("{name}: outside of the microsecond"));
-        worst.see(Point::count(events.len() as u64, EVENTS), || format!("{name}: number"));
-        worst.see(Point::count(account.on, EVENTS), || format!("{name}: ON by the account"));
+        worst.see(Point::exact_count(outside as u64, 0), || format!("{name}: outside of the microsecond"));
+        worst.see(Point::exact_count(events.len() as u64, EVENTS), || format!("{name}: number"));
+        worst.see(Point::exact_count(account.on, EVENTS), || format!("{name}: ON by the account"));
     }
     worst.found()
 }

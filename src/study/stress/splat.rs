@@ -8,7 +8,7 @@ mod pictures;
 mod sameness;
 pub mod scenes;
 
-pub use needles::needles;
+pub use needles::judge_needles;
 
 use super::{Area, Case, NotRun, Outcome};
 use crate::render::backend::Backend;
@@ -76,19 +76,19 @@ fn not_run(error: RenderError) -> NotRun {
 }
 
 /// Luminance and rate of every pixel, by the reference in 64 bits.
-fn exact(scene: &Arc<Gaussians>, style: Style, view: &View) -> Vec<[f64; 2]> {
+fn exact_luminance(scene: &Arc<Gaussians>, style: Style, view: &View) -> Vec<[f64; 2]> {
     let reference = Reference::new(scene.clone(), style).and_then(|reference| reference.luminance(view));
     reference.unwrap_or_else(|e| panic!("a case is rendered: {e}"))
 }
 
 /// Opacity of every pixel.
-fn alphas(image: &Rendered) -> Vec<f64> {
+fn pixel_opacities(image: &Rendered) -> Vec<f64> {
     let plane = image.alpha.iter().flat_map(|plane| plane.pixels());
     plane.map(|&alpha| f64::from(alpha)).collect()
 }
 
 /// Every value of every image as bits, so that NaN equals itself.
-fn bits(image: &Rendered) -> Vec<u32> {
+fn image_bits(image: &Rendered) -> Vec<u32> {
     let planes = [&image.luminance, &image.alpha, &image.depth, &image.doubtful];
     let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
     let colour = image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened());
@@ -99,17 +99,18 @@ type Run = fn(&Stage, Player<'_>) -> Outcome;
 
 /// All cases of each back end.
 #[must_use]
-pub fn cases(stage: &Stage) -> Vec<Case<'_>> {
+pub fn splat_cases(stage: &Stage) -> Vec<Case<'_>> {
     let of = |(name, backend): &'_ (&'static str, Result<Backend, NotRun>)| {
         let precision = backend.as_ref().map_or(Precision::Single, |backend| Player(backend).precision());
-        let table = table(precision, stage.scene.is_some());
-        let cases = table.into_iter().map(|(words, run)| case(stage, (*name, backend.clone()), words, run));
+        let table = case_table(precision, stage.scene.is_some());
+        let cases =
+            table.into_iter().map(|(words, run)| make_case(stage, (*name, backend.clone()), words, run));
         cases.collect::<Vec<_>>()
     };
     stage.backends.iter().flat_map(of).collect()
 }
 
-fn case<'a>(
+fn make_case<'a>(
     stage: &'a Stage,
     (name, backend): (&'static str, Result<Backend, NotRun>),
     words: [&'static str; 3],
@@ -121,39 +122,43 @@ fn case<'a>(
 }
 
 /// The cases of a back end with this precision.
-fn table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)> {
+fn case_table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)> {
     let mut table: Vec<([&'static str; 3], Run)> = vec![
         (["needles", "aspect 10 .. 1e6, long axis 10 .. 30,000 px; near the mean", "power"], |_, by| {
-            needles::near(by)
+            needles::near_case(by)
         }),
         (["needles-from-afar", "long axis 300, 1000, 3000 px, half of it away; 99 %", "alpha"], |_, by| {
-            needles::far(by)
+            needles::far_case(by)
         }),
         (["needles-undilated", "the determinants' ratio with and without d = .3", "rel"], |_, by| {
-            needles::undilated(by)
+            needles::undilated_case(by)
         }),
-        (["world-offset", "0, 1e2, 1e4, 1e6, where sums are exact", "values"], |_, by| sameness::offset(by)),
+        (["world-offset", "0, 1e2, 1e4, 1e6, where sums are exact", "values"], |_, by| {
+            sameness::offset_case(by)
+        }),
         (["world-offset-px", "1e2, 1e4, 1e6, where they are not: the place of a blob", "px"], |_, by| {
             sameness::offset_px(by)
         }),
         (["opaque-stack", "1,000 layers of alpha .004 .. .99999; layers, stops", "1"], |_, by| {
-            counting::stack(by)
+            counting::stack_case(by)
         }),
         (["ties", "equal depths, 1 .. 7 threads, in the order of the file", "values"], |_, by| {
-            sameness::ties(by)
+            sameness::ties_case(by)
         }),
         (["no-numbers", "NaN, infinite, overflowing: as without that Gaussian", "values"], |_, by| {
-            sameness::unsound(by)
+            sameness::unsound_case(by)
         }),
-        (["quaternions", "scaled by 2^-20 .. 2^20, and zero", "values"], |_, by| sameness::quaternions(by)),
+        (["quaternions", "scaled by 2^-20 .. 2^20, and zero", "values"], |_, by| {
+            sameness::quaternion_case(by)
+        }),
         (["counted", "giant, behind, faint, sigma_z/z .09 .. .5", "Gaussians"], |_, by| {
-            counting::counted(by)
+            counting::counted_case(by)
         }),
         (["near-plane", "z = .2 (gsplat .01) +- 1 ulp, 0, -1", "Gaussians"], |_, by| {
             counting::near_plane(by)
         }),
     ];
-    table.extend(pictures(precision));
+    table.extend(picture_cases(precision));
     if own_scene {
         table.extend(own_pictures(precision));
     }
@@ -161,20 +166,20 @@ fn table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)>
 }
 
 /// The cases on the embedded scene.
-fn pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
+fn picture_cases(precision: Precision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["luminance-path", "one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =
-        vec![(grey, |_, by| pictures::luminance(&pictures::embedded(), by))];
+        vec![(grey, |_, by| pictures::luminance_case(&pictures::embedded_setup(), by))];
     if precision == Precision::Single {
         let value = ["picture", "still life, 32 bits against 64: 99 % of values, and the rest", "1"];
         let rate = ["luminance-rate", "dL/dt in 32 bits against 64, 99 % of pixels", "of largest"];
-        table.push((value, |_, by| pictures::value(&pictures::embedded(), by)));
-        table.push((rate, |_, by| pictures::rate(&pictures::embedded(), by)));
+        table.push((value, |_, by| pictures::value_case(&pictures::embedded_setup(), by)));
+        table.push((rate, |_, by| pictures::rate_case(&pictures::embedded_setup(), by)));
     } else {
         let rate = ["luminance-rate", "dL/dt against differences, where nothing jumps", "of largest"];
         let jumps = ["luminance-jumps", "pixels in which something jumps within 0.2 us", "of all"];
-        table.push((rate, |_, _| Ok(pictures::rate_by_differences(&pictures::embedded()))));
-        table.push((jumps, |_, _| Ok(pictures::jumps(&pictures::embedded()))));
+        table.push((rate, |_, _| Ok(pictures::rate_by_differences(&pictures::embedded_setup()))));
+        table.push((jumps, |_, _| Ok(pictures::jump_case(&pictures::embedded_setup()))));
     }
     table
 }
@@ -183,17 +188,17 @@ fn pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
 fn own_pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["own-luminance-path", "the scene given: one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =
-        vec![(grey, |stage, by| pictures::luminance(&pictures::own(stage), by))];
+        vec![(grey, |stage, by| pictures::luminance_case(&pictures::user_setup(stage), by))];
     if precision == Precision::Single {
         let value = ["own-picture", "the scene given, 32 bits against 64: 99 %, and the rest", "1"];
         let rate = ["own-luminance-rate", "dL/dt in 32 bits against 64, 99 % of pixels", "of largest"];
-        table.push((value, |stage, by| pictures::value(&pictures::own(stage), by)));
-        table.push((rate, |stage, by| pictures::rate(&pictures::own(stage), by)));
+        table.push((value, |stage, by| pictures::value_case(&pictures::user_setup(stage), by)));
+        table.push((rate, |stage, by| pictures::rate_case(&pictures::user_setup(stage), by)));
     } else {
         let rate = ["own-luminance-rate", "dL/dt against differences, where nothing jumps", "of largest"];
         let jumps = ["own-luminance-jumps", "pixels in which something jumps within 0.2 us", "of all"];
-        table.push((rate, |stage, _| Ok(pictures::rate_by_differences(&pictures::own(stage)))));
-        table.push((jumps, |stage, _| Ok(pictures::jumps(&pictures::own(stage)))));
+        table.push((rate, |stage, _| Ok(pictures::rate_by_differences(&pictures::user_setup(stage)))));
+        table.push((jumps, |stage, _| Ok(pictures::jump_case(&pictures::user_setup(stage)))));
     }
     table
 }

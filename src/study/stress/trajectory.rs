@@ -4,17 +4,17 @@
 mod lengths;
 mod smoothness;
 
-pub use lengths::length;
-pub use smoothness::{joints, rates};
+pub use lengths::length_case;
+pub use smoothness::{joints_case, rates_case};
 
-use super::answers::{Answer, answers};
+use super::answers::{Answer, find_answers};
 use super::{Area, Case, Found, Point, Worst};
-use crate::se3::rotation::{exp, log};
+use crate::se3::rotation::{exp_vector, log_vector};
 use crate::se3::{Se3, look_at};
 use crate::speed::function::Expression;
 use crate::speed::list::List;
 use crate::speed::{Law, Meaning, Speed};
-use crate::trajectory::refine::{Refine, refine};
+use crate::trajectory::refine::{Refine, refine_views};
 use crate::trajectory::sample::Summation;
 use crate::trajectory::{Made, NamedPose, Timing};
 use crate::units::{Hertz, Ratio};
@@ -23,24 +23,24 @@ use std::f64::consts::PI;
 
 /// All cases of paths.
 #[must_use]
-pub fn cases<'a>() -> Vec<Case<'a>> {
+pub fn trajectory_cases<'a>() -> Vec<Case<'a>> {
     let case = |words, run: fn() -> Found| Case::new(Area::Trajectory, words, run);
     vec![
         case(["arc-length", "near-cusps to 1e-9 of their way, a cusp, a speed ratio of 50", "of S"], || {
-            length(lengths::measured)
+            length_case(lengths::measured_length)
         }),
-        case(["inversion", "the same curves, 200 lengths each", "of S"], lengths::inversion),
+        case(["inversion", "the same curves, 200 lengths each", "of S"], lengths::inversion_case),
         case(["log-exp", "0, 1e-10, 1e-6, 1e-3, .3, 1, 3, pi - 1e-9, pi up to its sign", "rel"], || {
-            turns(log)
+            turns_case(log_vector)
         }),
-        case(["exp", "the same", "1"], exponentials),
-        case(["published-speed-law", "the integral of 0.25 sin t + 1.1", "1"], law),
-        case(["blend-integral", "the integral of levels 1, 0.5, 2, blended over 0.1", "1"], blend),
+        case(["exp", "the same", "1"], exponentials_case),
+        case(["published-speed-law", "the integral of 0.25 sin t + 1.1", "1"], law_case),
+        case(["blend-integral", "the integral of levels 1, 0.5, 2, blended over 0.1", "1"], blend_case),
         case(["body-rate", "cubic and cumulative curves, against differences of 4th order", "rad"], || {
-            rates(&smoothness::curves())
+            rates_case(&smoothness::smooth_curves())
         }),
         case(["c2-at-knots", "one-sided differences of both rates, step 1e-4", "rad, units"], || {
-            joints(&smoothness::curves())
+            joints_case(&smoothness::smooth_curves())
         }),
         case(["far-from-origin", "a capture 1e6 away and its twin at 0", "of S"], far_away),
     ]
@@ -49,11 +49,11 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
 /// The rotation vector of an exponential is the vector from which it was made; `log` is the
 /// inverse.
 #[must_use]
-pub fn turns(log: impl Fn(DQuat) -> DVec3) -> Found {
+pub fn turns_case(log: impl Fn(DQuat) -> DVec3) -> Found {
     let mut worst = Worst::default();
-    for Answer { given, .. } in answers("turn") {
+    for Answer { given, .. } in find_answers("turn") {
         let r = DVec3::new(given[0], given[1], given[2]);
-        let (angle, found) = (r.length(), log(exp(r)));
+        let (angle, found) = (r.length(), log(exp_vector(r)));
         // At a half turn, both directions are the same turn.
         let ends = if angle > PI - 1e-12 { [r, -r] } else { [r, r] };
         let error = (found - ends[0]).length().min((found - ends[1]).length());
@@ -64,33 +64,33 @@ pub fn turns(log: impl Fn(DQuat) -> DVec3) -> Found {
     worst.found()
 }
 
-fn exponentials() -> Found {
+fn exponentials_case() -> Found {
     let mut worst = Worst::default();
-    for Answer { given, wanted } in answers("turn") {
-        let found = exp(DVec3::new(given[0], given[1], given[2])).to_array();
+    for Answer { given, wanted } in find_answers("turn") {
+        let found = exp_vector(DVec3::new(given[0], given[1], given[2])).to_array();
         for (i, (found, wanted)) in found.into_iter().zip(wanted).enumerate() {
-            worst.see(Point::absolute(found, wanted, 1e-15), || format!("component {i} of {given:?}"));
+            worst.see(Point::absolute_error(found, wanted, 1e-15), || format!("component {i} of {given:?}"));
         }
     }
     worst.found()
 }
 
-fn law() -> Found {
+fn law_case() -> Found {
     let mut worst = Worst::default();
     let law = Expression::parse("0.25*sin(t) + 1.1").expect("the published law");
-    let answers = answers("law");
+    let answers = find_answers("law");
     let found = law.distances(answers.len() - 1);
     for (found, Answer { given, wanted }) in found.into_iter().zip(answers) {
-        worst.see(Point::absolute(found, wanted[0], 1e-14), || format!("t = {}", given[0]));
+        worst.see(Point::absolute_error(found, wanted[0], 1e-14), || format!("t = {}", given[0]));
     }
     worst.found()
 }
 
-fn blend() -> Found {
+fn blend_case() -> Found {
     let mut worst = Worst::default();
     let list = List::new(vec![1.0, 0.5, 2.0], 0.1, Meaning::Speed).expect("positive levels");
-    for Answer { given, wanted } in answers("blend") {
-        let point = Point::absolute(list.distance(given[0]), wanted[0], 1e-14);
+    for Answer { given, wanted } in find_answers("blend") {
+        let point = Point::absolute_error(list.distance(given[0]), wanted[0], 1e-14);
         worst.see(point, || format!("t = {}", given[0]));
     }
     worst.found()
@@ -109,29 +109,29 @@ fn half_circle(offset: DVec3) -> Vec<(String, Se3)> {
     (0..30).map(pose).collect()
 }
 
-fn made(offset: DVec3) -> Made {
+fn make_trajectory(offset: DVec3) -> Made {
     let views = half_circle(offset);
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
     let speed = Speed::Function(Expression::parse("0.25*sin(t) + 1.1").expect("the published law"));
     let rate = Hertz(Ratio::new(2400, 1).expect("positive"));
     let timing = Timing { speed: &speed, rate, law: Summation::Sum };
-    refine(&views, &Refine::default(), timing).expect("a sound capture")
+    refine_views(&views, &Refine::default(), timing).expect("a sound capture")
 }
 
 fn far_away() -> Found {
     let mut worst = Worst::default();
-    let here = made(DVec3::ZERO).trajectory.world_from_camera;
+    let here = make_trajectory(DVec3::ZERO).trajectory.world_from_camera;
     let length: f64 = here.windows(2).map(|w| (w[1].translation - w[0].translation).length()).sum();
     for offset in [DVec3::splat(1e6), DVec3::new(1.0, -2.0, 0.5) * f64::from(1 << 20)] {
-        let there = made(offset).trajectory.world_from_camera;
+        let there = make_trajectory(offset).trajectory.world_from_camera;
         for (i, (a, b)) in here.iter().zip(&there).enumerate() {
             let way = (b.translation - offset - a.translation).length();
-            worst.see(Point { error: way / length, ..Point::absolute(way, 0.0, 1e-9) }, || {
+            worst.see(Point { error: way / length, ..Point::absolute_error(way, 0.0, 1e-9) }, || {
                 format!("pose {i}")
             });
-            let turn = log(a.rotation.conjugate() * b.rotation).length();
-            worst.see(Point::absolute(turn, 0.0, 1e-9), || format!("turn of pose {i}"));
+            let turn = log_vector(a.rotation.conjugate() * b.rotation).length();
+            worst.see(Point::absolute_error(turn, 0.0, 1e-9), || format!("turn of pose {i}"));
         }
     }
     worst.found()

@@ -2,7 +2,7 @@
 //! Markdown.
 
 use super::pick::{Measure, Place};
-use super::report::{at_most, short};
+use super::report::{at_most, short_number};
 use super::{Row, Study};
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ const SHOWN: [Measure; 4] = [Measure::Rms, Measure::Count, Measure::Miscount, Me
 const LOWEST: [Measure; 2] = [Measure::Rms, Measure::Median];
 
 /// The cheapest method of each rule set at the errors of the reference setting.
-pub(super) fn cheapest(out: &mut String, study: &Study, base: &Row) {
+pub(super) fn write_cheapest(out: &mut String, study: &Study, base: &Row) {
     let _ = writeln!(
         out,
         "## The cheapest at the errors of `{}`, {} frames a second\n\nEach rule set is held against its own limit.\n\n\
@@ -24,15 +24,15 @@ pub(super) fn cheapest(out: &mut String, study: &Study, base: &Row) {
         study.machine(),
         base.method(),
         base.frames,
-        short(base.core_s())
+        short_number(base.core_s())
     );
     for pick in study.picks().iter().filter(|pick| SHOWN.contains(&pick.measure)) {
-        let (mut title, mut error) = (pick.measure.title(), short(pick.error));
+        let (mut title, mut error) = (pick.measure.title(), short_number(pick.error));
         for of in &study.rules {
             let Some(offer) = pick.offers.iter().find(|offer| offer.rules == of.rules) else { continue };
             let _ = write!(out, "| {title} | {error} | ");
             let _ = match offer.place {
-                Some(place) => writeln!(out, "{}", taken(&offer.method, place, pick.base_core_s)),
+                Some(place) => writeln!(out, "{}", taken_words(&offer.method, place, pick.base_core_s)),
                 None => writeln!(out, "`{}` does not reach it | | | |", of.rules),
             };
             (title, error) = ("", String::new());
@@ -41,13 +41,13 @@ pub(super) fn cheapest(out: &mut String, study: &Study, base: &Row) {
     out.push('\n');
 }
 
-fn taken(method: &str, place: Place, base_core_s: f64) -> String {
-    let (frames, core_s) = (place.frames.round(), short(place.core_s));
+fn taken_words(method: &str, place: Place, base_core_s: f64) -> String {
+    let (frames, core_s) = (place.frames.round(), short_number(place.core_s));
     format!("`{method}` | {}{frames} | {core_s} | {:.2} |", at_most(&place), base_core_s / place.core_s)
 }
 
 /// The lowest errors of each rule set at these rates, and their cost.
-pub(super) fn lowest(out: &mut String, study: &Study) {
+pub(super) fn write_lowest(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
         "## The lowest errors\n\nAt these rates, each rule set against its own limit.\n\n| {}: error | lowest | setting | \
@@ -61,11 +61,11 @@ pub(super) fn lowest(out: &mut String, study: &Study) {
             let _ = writeln!(
                 out,
                 "| {title} | {} | `{}`, {} frames a second | {} | {} |",
-                short(error),
+                short_number(error),
                 row.method(),
                 row.rate,
                 row.frames,
-                short(row.core_s())
+                short_number(row.core_s())
             );
             title = "";
         }

@@ -27,7 +27,7 @@ struct Axis {
 }
 
 impl Axis {
-    fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
+    fn around_values(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
         (low > 0.0 && low.is_finite()).then(|| Self { low: low / ROOM, high: high * ROOM })
     }
@@ -50,20 +50,20 @@ impl Axis {
 
 /// The chart of one measure as SVG; `None` if no setting has an error in it.
 #[must_use]
-pub fn svg(study: &Study, measure: Measure) -> Option<String> {
+pub fn chart_svg(study: &Study, measure: Measure) -> Option<String> {
     let shown: Vec<(&Row, f64)> =
         study.rows.iter().filter_map(|row| Some((row, measure.of(row).filter(|e| *e > 0.0)?))).collect();
-    let lines = lines(study, measure);
-    let cost = Axis::around(shown.iter().map(|(row, _)| row.core_s()))?;
+    let lines = error_lines(study, measure);
+    let cost = Axis::around_values(shown.iter().map(|(row, _)| row.core_s()))?;
     let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
     // Lines far below everything would only compress the curves.
     let within = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
-    let error = Axis::around(shown.iter().map(|(_, error)| *error).chain(within))?;
+    let error = Axis::around_values(shown.iter().map(|(_, error)| *error).chain(within))?;
     let mut out = Svg::new(SIZE);
     let title = format!("{}: {}", study.scene, measure.title());
     out.text([INNER.left, 28.0], "start", GREY, &title);
-    axes(&mut out, cost, error, &study.machine());
-    let at = |row: &Row, value: f64| point(cost.share(row.core_s()), error.share(value));
+    draw_axes(&mut out, cost, error, &study.machine());
+    let at = |row: &Row, value: f64| chart_point(cost.share(row.core_s()), error.share(value));
     let mut entries: Vec<(String, Look)> = Vec::new();
     for (row, _) in &shown {
         let method = row.method();
@@ -72,14 +72,14 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
         }
         let mut curve: Vec<&(&Row, f64)> = shown.iter().filter(|(row, _)| row.method() == method).collect();
         curve.sort_by_key(|(row, _)| row.rate);
-        let look = Look::of(study, row);
+        let look = Look::for_row(study, row);
         look.curve(&mut out, &curve.iter().map(|(row, value)| at(row, *value)).collect::<Vec<_>>());
         entries.push((method, look));
     }
     let mut named: Vec<f64> = Vec::new();
     for line in lines.iter().filter(|line| (error.low..=error.high).contains(&line.error)) {
-        let ends = [0.0, 1.0].map(|x| point(x, error.share(line.error)));
-        dashed(&mut out, &ends, line.colour, "2 4");
+        let ends = [0.0, 1.0].map(|x| chart_point(x, error.share(line.error)));
+        draw_dashed(&mut out, &ends, line.colour, "2 4");
         // Lines may overlap, their labels may not.
         let mut y = ends[1][1] + 4.0;
         while named.iter().any(|other| (other - y).abs() < LINE) {
@@ -88,33 +88,33 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
         out.text([ends[1][0] + 4.0, y], "start", line.colour, &line.words);
         named.push(y);
     }
-    legend(&mut out, &entries, error, &lines);
+    draw_legend(&mut out, &entries, error, &lines);
     Some(out.finish())
 }
 
-fn point(x: f64, y: f64) -> [f64; 2] {
+fn chart_point(x: f64, y: f64) -> [f64; 2] {
     [INNER.left + INNER.width * x, INNER.top + INNER.height * (1.0 - y)]
 }
 
-fn axes(out: &mut Svg, cost: Axis, error: Axis, machine: &str) {
+fn draw_axes(out: &mut Svg, cost: Axis, error: Axis, machine: &str) {
     out.frame(INNER);
     let bottom = INNER.top + INNER.height;
     for mark in cost.marks() {
-        let [x, _] = point(cost.share(mark), 0.0);
+        let [x, _] = chart_point(cost.share(mark), 0.0);
         out.polyline([[x, INNER.top], [x, bottom]], "#eeeeee", 1.0);
-        out.text([x, bottom + 18.0], "middle", GREY, &plain(mark));
+        out.text([x, bottom + 18.0], "middle", GREY, &plain_number(mark));
     }
     for mark in error.marks() {
-        let [_, y] = point(0.0, error.share(mark));
+        let [_, y] = chart_point(0.0, error.share(mark));
         out.polyline([[INNER.left, y], [INNER.left + INNER.width, y]], "#eeeeee", 1.0);
-        out.text([INNER.left - 8.0, y + 4.0], "end", GREY, &plain(mark));
+        out.text([INNER.left - 8.0, y + 4.0], "end", GREY, &plain_number(mark));
     }
     let below = [INNER.left + INNER.width / 2.0, bottom + 42.0];
     out.text(below, "middle", GREY, &format!("core-seconds ({machine})"));
 }
 
 /// A tick label: one digit and zeros.
-fn plain(mark: f64) -> String {
+fn plain_number(mark: f64) -> String {
     if (1e-4..1e5).contains(&mark) { format!("{}", (mark * 1e6).round() / 1e6) } else { format!("{mark:e}") }
 }
 
@@ -127,7 +127,7 @@ struct Look {
 }
 
 impl Look {
-    fn of(study: &Study, row: &Row) -> Self {
+    fn for_row(study: &Study, row: &Row) -> Self {
         let rules = study.rules.iter().position(|of| of.rules == row.rules).unwrap_or(0);
         let dashes = match row.between {
             Between::Hermite => "none",
@@ -138,7 +138,7 @@ impl Look {
     }
 
     fn curve(self, out: &mut Svg, points: &[[f64; 2]]) {
-        dashed(out, points, self.colour, self.dashes);
+        draw_dashed(out, points, self.colour, self.dashes);
         let fill = if self.filled { self.colour } else { "#ffffff" };
         for [x, y] in points {
             out.line(&format!(
@@ -149,7 +149,7 @@ impl Look {
     }
 }
 
-fn dashed(out: &mut Svg, points: &[[f64; 2]], colour: &str, dashes: &str) {
+fn draw_dashed(out: &mut Svg, points: &[[f64; 2]], colour: &str, dashes: &str) {
     out.line(&format!("<g stroke-dasharray=\"{dashes}\">"));
     out.polyline(points.iter().copied(), colour, 1.4);
     out.line("</g>");
@@ -163,7 +163,7 @@ struct Line {
 }
 
 /// The error from jumps for each rule set, and the sensor's jitter, if the measure has them.
-fn lines(study: &Study, measure: Measure) -> Vec<Line> {
+fn error_lines(study: &Study, measure: Measure) -> Vec<Line> {
     let mut lines = Vec::new();
     for (of, colour) in study.rules.iter().zip(COLOURS) {
         let jumps = of.left_by_jumps().filter(|error| measure == Measure::Rms && *error > 0.0);
@@ -180,10 +180,10 @@ fn lines(study: &Study, measure: Measure) -> Vec<Line> {
     lines
 }
 
-fn legend(out: &mut Svg, entries: &[(String, Look)], error: Axis, lines: &[Line]) {
+fn draw_legend(out: &mut Svg, entries: &[(String, Look)], error: Axis, lines: &[Line]) {
     let [x, mut y] = LEGEND;
     // Labels of the lines stand at their right ends; the legend avoids them.
-    let taken: Vec<f64> = lines.iter().map(|line| point(1.0, error.share(line.error))[1]).collect();
+    let taken: Vec<f64> = lines.iter().map(|line| chart_point(1.0, error.share(line.error))[1]).collect();
     for (method, look) in entries {
         while taken.iter().any(|at| (at - y).abs() < LINE) {
             y += LINE;
@@ -208,9 +208,9 @@ mod tests {
         t(0.7, 6.0, &[1.0, 2.0, 5.0]);
         t(0.03, 0.2, &[0.05, 0.1, 0.2]);
         t(1e-4, 2.0, &[1e-4, 1e-3, 1e-2, 0.1, 1.0]);
-        assert_eq!(plain(0.05), "0.05");
-        assert_eq!(plain(2e-5), "2e-5");
-        let axis = Axis::around([1.0, 100.0].into_iter()).unwrap();
+        assert_eq!(plain_number(0.05), "0.05");
+        assert_eq!(plain_number(2e-5), "2e-5");
+        let axis = Axis::around_values([1.0, 100.0].into_iter()).unwrap();
         assert!((axis.share(10.0) - 0.5).abs() < 1e-12);
     }
 }

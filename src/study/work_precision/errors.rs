@@ -86,15 +86,15 @@ pub struct Errors {
 impl Errors {
     /// Compares two sorted streams ([`Packed::sorted`]).
     #[must_use]
-    pub fn of(found: &[u64], reference: &[u64]) -> Self {
+    pub fn compare_streams(found: &[u64], reference: &[u64]) -> Self {
         let mut miscount = 0;
         let mut matched = [0; 3];
         let mut apart = Vec::with_capacity(found.len().min(reference.len()));
-        for (a, b) in pairs(found, reference) {
+        for (a, b) in pixel_pairs(found, reference) {
             miscount += a.len().abs_diff(b.len());
             for (sum, within) in matched.iter_mut().zip(WITHIN_US) {
                 let widest = within == WITHIN_US[2];
-                *sum += matches(a, b, within * 1000, |ns| {
+                *sum += match_events(a, b, within * 1000, |ns| {
                     if widest {
                         apart.push(ns)
                     }
@@ -109,20 +109,20 @@ impl Errors {
             count: found.len().abs_diff(reference.len()) as f64 / of_all,
             miscount: miscount as f64 / of_all,
             f1: matched.map(|n: usize| if both > 0.0 { 2.0 * n as f64 / both } else { 1.0 }),
-            median_us: rank(&mut apart, 50),
-            p99_us: rank(&mut apart, 99),
+            median_us: nearest_rank(&mut apart, 50),
+            p99_us: nearest_rank(&mut apart, 99),
         }
     }
 }
 
 /// The nearest rank at a percentage, us.
-fn rank(ns: &mut [i64], percent: usize) -> Option<f64> {
+fn nearest_rank(ns: &mut [i64], percent: usize) -> Option<f64> {
     let at = (ns.len() * percent).div_ceil(100).checked_sub(1)?;
     Some(*ns.select_nth_unstable(at).1 as f64 * 1e-3)
 }
 
 /// The events of each pixel and polarity in both streams.
-fn pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64], &'a [u64])> {
+fn pixel_pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64], &'a [u64])> {
     let group = |event: &u64| event >> TIME_BITS;
     let (mut a, mut b) = (a, b);
     std::iter::from_fn(move || {
@@ -138,7 +138,7 @@ fn pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64], &'a
 
 /// Number of matches of one pixel's events of one polarity, and the time of each, ns.
 #[expect(clippy::cast_possible_wrap, reason = "times have 37 bits")]
-fn matches(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usize {
+fn match_events(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usize {
     let apart = |i: usize, j: usize| match (a.get(i), b.get(j)) {
         (Some(a), Some(b)) => (*a as i64 - *b as i64).abs(),
         _ => i64::MAX,
@@ -204,7 +204,7 @@ mod tests {
             (7, 9_999, ON),
             (11, 3, OFF),
         ]);
-        let errors = Errors::of(&found, &reference);
+        let errors = Errors::compare_streams(&found, &reference);
         assert_eq!((errors.events, errors.reference), (7, 6));
         // One OFF less and one ON more at 5; 6 lacks one; 7 and 11 have one more each.
         assert!((errors.miscount - 5.0 / 6.0).abs() < 1e-12 && (errors.count - 1.0 / 6.0).abs() < 1e-12);
@@ -213,7 +213,7 @@ mod tests {
         // 0, 8, 80 and 800 us.
         assert_eq!((errors.median_us, errors.p99_us), (Some(8.0), Some(800.0)));
         assert_eq!(active_pixels(&found), 4);
-        let same = Errors::of(&reference, &reference);
+        let same = Errors::compare_streams(&reference, &reference);
         assert_eq!((same.miscount, same.f1, same.p99_us), (0.0, [1.0; 3], Some(0.0)));
     }
 
@@ -223,15 +223,15 @@ mod tests {
         let train = |skip: i64, late: i64| -> Vec<(u16, i64, Polarity)> {
             (0..20).filter(|k| *k != skip).map(|k| (3, 1000 + 300 * k + late, ON)).collect()
         };
-        let errors = Errors::of(&packed(&train(2, 20)), &packed(&train(-1, 0)));
+        let errors = Errors::compare_streams(&packed(&train(2, 20)), &packed(&train(-1, 0)));
         assert_eq!((errors.median_us, errors.p99_us), (Some(20.0), Some(20.0)), "{errors:?}");
-        let other = Errors::of(&packed(&train(-1, 0)), &packed(&train(2, 20)));
+        let other = Errors::compare_streams(&packed(&train(-1, 0)), &packed(&train(2, 20)));
         assert_eq!(other.p99_us, Some(20.0), "{other:?}");
     }
 
     #[test]
     fn nothing_is_without_error() {
-        let errors = Errors::of(&[], &[]);
+        let errors = Errors::compare_streams(&[], &[]);
         assert_eq!((errors.count, errors.f1, errors.median_us), (0.0, [1.0; 3], None));
     }
 }

@@ -32,7 +32,7 @@ impl Grid {
     /// # Panics
     /// `rate` does not divide `finest` into an even number, or `intervals` is odd.
     #[must_use]
-    pub fn uniform(rate: u32, finest: u32, intervals: usize) -> Self {
+    pub fn uniform_steps(rate: u32, finest: u32, intervals: usize) -> Self {
         assert!(finest.is_multiple_of(2 * rate) && intervals.is_multiple_of(2), "intervals have a middle");
         let every = (finest / rate) as usize;
         let places = (0..intervals).step_by(every).chain([intervals]).collect();
@@ -42,20 +42,24 @@ impl Grid {
     /// The grid with the shortest flow steps that has no more frames than a uniform one. `flows` is
     /// the image motion in each fine interval, px.
     #[must_use]
-    pub fn flow(flows: &[f64], uniform: &Self) -> Self {
+    pub fn flow_steps(flows: &[f64], uniform: &Self) -> Self {
         let most = flows.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * flows.len() as f64;
         let (mut low, mut high) = (0.0, most);
         for _ in 0..60 {
             let middle = f64::midpoint(low, high);
-            if places(flows, middle).len() <= uniform.places.len() { high = middle } else { low = middle }
+            if step_places(flows, middle).len() <= uniform.places.len() {
+                high = middle
+            } else {
+                low = middle
+            }
         }
-        Self { steps: Steps::Flow, rate: uniform.rate, places: places(flows, high) }
+        Self { steps: Steps::Flow, rate: uniform.rate, places: step_places(flows, high) }
     }
 }
 
 /// The longest even steps for which the highest flow in them, over their whole length, moves the
 /// image by at most `px`.
-fn places(flows: &[f64], px: f64) -> Vec<usize> {
+fn step_places(flows: &[f64], px: f64) -> Vec<usize> {
     let mut places = vec![0];
     let mut at = 0;
     while at < flows.len() {
@@ -81,18 +85,18 @@ mod tests {
 
     #[test]
     fn uniform_grids_hold_both_ends() {
-        assert_eq!(Grid::uniform(600, 2400, 12).places, [0, 4, 8, 12]);
-        assert_eq!(Grid::uniform(600, 2400, 10).places, [0, 4, 8, 10]);
+        assert_eq!(Grid::uniform_steps(600, 2400, 12).places, [0, 4, 8, 12]);
+        assert_eq!(Grid::uniform_steps(600, 2400, 10).places, [0, 4, 8, 10]);
     }
 
     #[test]
     fn flow_steps_go_by_the_highest_flow_ahead() {
         // Slow, then eight times as fast.
         let flows: Vec<f64> = (0..32).map(|j| if j < 16 { 1.0 } else { 8.0 }).collect();
-        assert_eq!(places(&flows, 16.0), [0, 16, 18, 20, 22, 24, 26, 28, 30, 32]);
+        assert_eq!(step_places(&flows, 16.0), [0, 16, 18, 20, 22, 24, 26, 28, 30, 32]);
         // A step does not extend into the fast part, where it would be too long.
-        assert_eq!(places(&flows, 12.0)[..4], [0, 12, 16, 18]);
-        let even = Grid::flow(&[1.0; 32], &Grid::uniform(100, 800, 32));
+        assert_eq!(step_places(&flows, 12.0)[..4], [0, 12, 16, 18]);
+        let even = Grid::flow_steps(&[1.0; 32], &Grid::uniform_steps(100, 800, 32));
         assert_eq!(even.places, [0, 8, 16, 24, 32]);
     }
 
@@ -100,13 +104,13 @@ mod tests {
     fn flow_steps_have_no_more_frames_than_asked() {
         let flows: Vec<f64> = (0..960).map(|j| 1.0 + 0.9 * libm::sin(f64::from(j) * 0.02)).collect();
         for rate in [150, 300, 600, 1200, 2400] {
-            let uniform = Grid::uniform(rate, 9600, 960);
-            let flow = Grid::flow(&flows, &uniform);
+            let uniform = Grid::uniform_steps(rate, 9600, 960);
+            let flow = Grid::flow_steps(&flows, &uniform);
             let (found, wanted) = (flow.places.len(), uniform.places.len());
             assert!(found <= wanted && found * 10 >= wanted * 7, "{rate}: {found} of {wanted}");
             assert!(flow.places.windows(2).all(|w| (w[1] - w[0]).is_multiple_of(2) && w[0] < w[1]));
         }
-        let still = Grid::flow(&[0.0; 96], &Grid::uniform(150, 9600, 96));
+        let still = Grid::flow_steps(&[0.0; 96], &Grid::uniform_steps(150, 9600, 96));
         assert_eq!(still.places, [0, 96]);
     }
 }

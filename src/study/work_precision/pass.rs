@@ -57,7 +57,7 @@ impl Passed {
     #[must_use]
     pub fn jitter(&self, sensor: &Voltmeter, seconds: f64) -> Option<Jitter> {
         let counts = [self.reference.len(), active_pixels(&self.reference)].map(|n| n as u64);
-        Jitter::of(sensor, self.grey, counts, seconds)
+        Jitter::for_sensor(sensor, self.grey, counts, seconds)
     }
 }
 
@@ -66,15 +66,15 @@ impl Passed {
 ///
 /// # Errors
 /// A frame cannot be rendered, a sensor fails, or `tap` stops.
-pub fn pass(
+pub fn feed_settings(
     setup: &Setup<'_>,
     frames: &mut dyn Frames,
     clock: &dyn Fn() -> Spent,
     tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Passed, SimulateError> {
     let size = frames.size();
-    let mut reference = Sensing::start(setup, Between::Hermite, size)?;
-    let mut gridded = setup.grids.iter().map(|grid| Gridded::start(setup, grid, size));
+    let mut reference = Sensing::start_sensor(setup, Between::Hermite, size)?;
+    let mut gridded = setup.grids.iter().map(|grid| Gridded::start_grid(setup, grid, size));
     let mut gridded = gridded.by_ref().collect::<Result<Vec<_>, _>>()?;
     let mut grey = 0.0;
     while let Some(frame) = frames.next()? {
@@ -107,7 +107,7 @@ struct Sensing {
 }
 
 impl Sensing {
-    fn start(setup: &Setup<'_>, between: Between, size: Size) -> Result<Self, SensorError> {
+    fn start_sensor(setup: &Setup<'_>, between: Between, size: Size) -> Result<Self, SensorError> {
         let sensor = Voltmeter { between, ..setup.sensor.clone() };
         let pixels = sensor.start(size, [0, 0], setup.seed)?;
         Ok(Self { pixels, events: Packed::new(size.width), spent: Spent::default() })
@@ -138,8 +138,8 @@ struct Gridded<'a> {
 }
 
 impl<'a> Gridded<'a> {
-    fn start(setup: &Setup<'_>, grid: &'a Grid, size: Size) -> Result<Self, SensorError> {
-        let sensing = setup.between.iter().map(|between| Sensing::start(setup, *between, size));
+    fn start_grid(setup: &Setup<'_>, grid: &'a Grid, size: Size) -> Result<Self, SensorError> {
+        let sensing = setup.between.iter().map(|between| Sensing::start_sensor(setup, *between, size));
         Ok(Self {
             grid,
             next: 0,
@@ -238,11 +238,11 @@ mod tests {
     fn passed() -> Passed {
         let [k1, k2, ..] = Preset::Dvs346.k();
         let sensor = Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
-        let grids = [300, 600].map(|rate| Grid::uniform(rate, FINEST, INTERVALS));
+        let grids = [300, 600].map(|rate| Grid::uniform_steps(rate, FINEST, INTERVALS));
         let between = [Between::Linear, Between::Catmull, Between::Hermite];
         let setup = Setup { sensor: &sensor, seed: Seed(1), grids: &grids, between: &between };
         let mut go_on = |_| ControlFlow::Continue(());
-        pass(&setup, &mut Waves(0), &Spent::default, &mut go_on).unwrap()
+        feed_settings(&setup, &mut Waves(0), &Spent::default, &mut go_on).unwrap()
     }
 
     /// Over whole periods, the curvature of a sine of amplitude A is `A w^2/sqrt(2)` rms, so lines
@@ -275,7 +275,7 @@ mod tests {
         let each = passed.reference.len() as f64 / SIZE.pixels() as f64;
         assert!((60.0..72.0).contains(&each), "{each}");
         let errors: Vec<Errors> =
-            passed.fed.iter().map(|fed| Errors::of(&fed.events, &passed.reference)).collect();
+            passed.fed.iter().map(|fed| Errors::compare_streams(&fed.events, &passed.reference)).collect();
         let median = |at: usize| errors[at].median_us.unwrap();
         // Linear at 300 and 600 Hz: times fall with the square of the step.
         assert!((3.0..5.0).contains(&(median(0) / median(3))), "{} {}", median(0), median(3));

@@ -122,7 +122,7 @@ pub struct Pick {
 impl Pick {
     /// Compares `rows` at the error of `base`; `None` if it has none.
     #[must_use]
-    pub fn at(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
+    pub fn at_error(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
         let error = measure.of(base).filter(|error| *error > 0.0)?;
         let mut names: Vec<[String; 2]> = Vec::new();
         for row in rows.iter().map(|row| [row.rules.clone(), row.method()]) {
@@ -133,8 +133,8 @@ impl Pick {
         let mut offers: Vec<Offer> = Vec::new();
         for name in names {
             let of_method = rows.iter().filter(|row| row.method() == name[1]);
-            let curve = of_method.filter_map(|row| Some(Point::of(row, measure.of(row)?))).collect();
-            offers.extend(offer(name, curve, error));
+            let curve = of_method.filter_map(|row| Some(Point::from_row(row, measure.of(row)?))).collect();
+            offers.extend(best_offer(name, curve, error));
         }
         let cost = |offer: &Offer| offer.place.map_or(f64::INFINITY, |place| place.core_s);
         offers.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
@@ -159,22 +159,22 @@ struct Point {
 }
 
 impl Point {
-    fn of(row: &Row, error: f64) -> Self {
+    fn from_row(row: &Row, error: f64) -> Self {
         Self { core_s: row.core_s(), frames: row.frames as f64, error: error.max(LEAST) }
     }
 }
 
-fn offer([rules, method]: [String; 2], mut curve: Vec<Point>, error: f64) -> Option<Offer> {
+fn best_offer([rules, method]: [String; 2], mut curve: Vec<Point>, error: f64) -> Option<Offer> {
     curve.sort_by(|a, b| a.frames.total_cmp(&b.frames));
     let lowest = curve.iter().min_by(|a, b| a.error.total_cmp(&b.error))?;
     let (lowest, lowest_core_s) = (lowest.error, lowest.core_s);
-    Some(Offer { rules, method, place: reaches(&curve, error), lowest, lowest_core_s })
+    Some(Offer { rules, method, place: reaching_place(&curve, error), lowest, lowest_core_s })
 }
 
 /// The point from which on a curve has at most this error, linear in logarithms between its points.
 /// A good point before worse ones is chance.
 /// good before worse ones is luck.
-fn reaches(curve: &[Point], error: f64) -> Option<Place> {
+fn reaching_place(curve: &[Point], error: f64) -> Option<Place> {
     let at = curve.iter().rposition(|point| point.error > error).map_or(0, |worse| worse + 1);
     if at == curve.len() {
         return None;
@@ -207,21 +207,21 @@ mod tests {
     #[test]
     fn planted_curves_are_met_between_their_points() {
         // 1e4/n^2 is 0.04 at 500 frames, which lies on the straight line in logarithms.
-        let place = reaches(&curve(0.5, 1e4, 2.0, 0.0), 0.04).unwrap();
+        let place = reaching_place(&curve(0.5, 1e4, 2.0, 0.0), 0.04).unwrap();
         assert!((place.frames - 500.0).abs() < 1e-9 && (place.core_s - 250.0).abs() < 1e-9, "{place:?}");
         assert!(!place.at_most);
-        let at_once = reaches(&curve(0.5, 1e4, 2.0, 0.0), 2.0).unwrap();
+        let at_once = reaching_place(&curve(0.5, 1e4, 2.0, 0.0), 2.0).unwrap();
         assert!(at_once.at_most && (at_once.frames - 100.0).abs() < 1e-12);
-        assert_eq!(reaches(&curve(0.5, 1e4, 2.0, 0.1), 0.1), None, "it stalls above");
+        assert_eq!(reaching_place(&curve(0.5, 1e4, 2.0, 0.1), 0.1), None, "it stalls above");
         let mut lucky = curve(0.5, 1e4, 2.0, 0.0);
         lucky[0].error = 1e-3;
-        assert_eq!(reaches(&lucky, 0.04), Some(place), "what is worse again later does not count");
+        assert_eq!(reaching_place(&lucky, 0.04), Some(place), "what is worse again later does not count");
     }
 
     #[test]
     fn an_offer_says_how_low_its_curve_goes() {
-        let offer =
-            offer(["soft", "soft hermite"].map(str::to_owned), curve(2.0, 1e4, 2.0, 0.01), 1e-3).unwrap();
+        let offer = best_offer(["soft", "soft hermite"].map(str::to_owned), curve(2.0, 1e4, 2.0, 0.01), 1e-3)
+            .unwrap();
         assert_eq!(offer.place, None);
         assert!((offer.lowest - (1e4 / 1600.0 / 1600.0 + 0.01)).abs() < 1e-15);
         assert!((offer.lowest_core_s - 3200.0).abs() < 1e-9);

@@ -12,7 +12,7 @@ use std::io::{self, Write};
 ///
 /// # Errors
 /// Writing fails.
-pub fn csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
+pub fn write_csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "rules,between,steps,rate_hz,frames,rms_th,events,reference_events,count_error,miscount,f1_10us,f1_100us,\
@@ -35,7 +35,7 @@ pub fn csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
 
 /// The study in words: the cheapest setting at each error. Markdown.
 #[must_use]
-pub fn words(study: &Study) -> String {
+pub fn study_words(study: &Study) -> String {
     let mut out = String::new();
     let Size { width, height } = study.size;
     let noise = if study.noise { "the sensor's noise, the same in all" } else { "no noise" };
@@ -48,28 +48,28 @@ pub fn words(study: &Study) -> String {
         study.machine()
     );
     let Some(base) = study.base() else { return out };
-    let _ = writeln!(out, "{}\n", paragraph(study));
-    brief::cheapest(&mut out, study, base);
-    brief::lowest(&mut out, study);
-    rules(&mut out, study);
-    picks(&mut out, study, base);
-    pictures(&mut out, study);
-    settings(&mut out, study);
+    let _ = writeln!(out, "{}\n", conclusion_words(study));
+    brief::write_cheapest(&mut out, study, base);
+    brief::write_lowest(&mut out, study);
+    write_rules(&mut out, study);
+    write_picks(&mut out, study, base);
+    write_pictures(&mut out, study);
+    write_settings(&mut out, study);
     out
 }
 
 /// Conclusions for the user.
 #[must_use]
-pub fn paragraph(study: &Study) -> String {
+pub fn conclusion_words(study: &Study) -> String {
     let Some(base) = study.base() else { return String::new() };
     let mut said = format!(
         "`{}` at {} frames a second costs {} core-seconds.",
         base.method(),
         base.rate,
-        short(base.core_s())
+        short_number(base.core_s())
     );
     for pick in study.picks() {
-        let what = pick.measure.says(&short(pick.error));
+        let what = pick.measure.says(&short_number(pick.error));
         let Some((offer, place)) = pick.cheapest() else { continue };
         let _ = write!(
             said,
@@ -77,7 +77,7 @@ pub fn paragraph(study: &Study) -> String {
             offer.method,
             at_most(&place),
             place.frames.round(),
-            short(place.core_s),
+            short_number(place.core_s),
             pick.base_core_s / place.core_s
         );
     }
@@ -88,16 +88,16 @@ pub fn paragraph(study: &Study) -> String {
                 said,
                 " `{first}` gets no nearer to its own limit than an RMS of {} thresholds; below it is `{}` at {} frames \
                  a second: {} for {} core-seconds.",
-                short(lowest),
+                short_number(lowest),
                 row.method(),
                 row.rate,
-                short(row.rms_th),
-                short(row.core_s())
+                short_number(row.rms_th),
+                short_number(row.core_s())
             ),
             None => write!(
                 said,
                 " The lowest RMS, {} thresholds, is of `{first}`: no other rule set gets below it at these rates.",
-                short(lowest)
+                short_number(lowest)
             ),
         };
     }
@@ -109,7 +109,7 @@ pub(super) fn at_most(place: &Place) -> &'static str {
 }
 
 /// The cost of each method at the errors of the reference setting.
-fn picks(out: &mut String, study: &Study, base: &Row) {
+fn write_picks(out: &mut String, study: &Study, base: &Row) {
     let picks = study.picks();
     let _ = write!(
         out,
@@ -119,7 +119,7 @@ fn picks(out: &mut String, study: &Study, base: &Row) {
         base.rate
     );
     for pick in &picks {
-        let _ = write!(out, " {}: {} |", pick.measure.title(), short(pick.error));
+        let _ = write!(out, " {}: {} |", pick.measure.title(), short_number(pick.error));
     }
     let _ = writeln!(out, "\n|---|{}", "---|".repeat(picks.len()));
     let mut methods: Vec<&str> =
@@ -130,20 +130,20 @@ fn picks(out: &mut String, study: &Study, base: &Row) {
         let _ = write!(out, "| {method} |");
         for pick in &picks {
             let offer = pick.offers.iter().find(|offer| offer.method == method);
-            let _ = write!(out, " {} |", offer.map_or_else(String::new, |offer| cell(pick, offer)));
+            let _ = write!(out, " {} |", offer.map_or_else(String::new, |offer| offer_cell(pick, offer)));
         }
         out.push('\n');
     }
     out.push('\n');
 }
 
-fn cell(pick: &Pick, offer: &Offer) -> String {
-    let Some(place) = offer.place else { return format!("- ({})", short(offer.lowest)) };
+fn offer_cell(pick: &Pick, offer: &Offer) -> String {
+    let Some(place) = offer.place else { return format!("- ({})", short_number(offer.lowest)) };
     let times = pick.base_core_s / place.core_s;
-    format!("{}{} ({:.0}, {times:.2}x)", at_most(&place), short(place.core_s), place.frames)
+    format!("{}{} ({:.0}, {times:.2}x)", at_most(&place), short_number(place.core_s), place.frames)
 }
 
-fn rules(out: &mut String, study: &Study) {
+fn write_rules(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
         "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms; J is \
@@ -158,14 +158,14 @@ fn rules(out: &mut String, study: &Study) {
                 format!(
                     "{:.2} | {} | {}",
                     law.p,
-                    short(law.c * libm::pow(1e-3, law.p)),
-                    short(1e-3 * law.jumps)
+                    short_number(law.c * libm::pow(1e-3, law.p)),
+                    short_number(1e-3 * law.jumps)
                 )
             },
         );
         let jitter = of.jitter.map_or_else(
             || " | ".to_owned(),
-            |jitter| format!("{} | {}", short(jitter.rms_th), short(jitter.us)),
+            |jitter| format!("{} | {}", short_number(jitter.rms_th), short_number(jitter.us)),
         );
         let _ = writeln!(
             out,
@@ -173,16 +173,16 @@ fn rules(out: &mut String, study: &Study) {
             of.rules,
             of.class,
             of.reference,
-            of.left_by_jumps().map_or_else(String::new, short),
-            short(1e3 * of.costs.value.frame.core_s),
+            of.left_by_jumps().map_or_else(String::new, short_number),
+            short_number(1e3 * of.costs.value.frame.core_s),
             of.costs.rated.frame.core_s / of.costs.value.frame.core_s,
-            short(of.costs.value.pairs / study.size.pixels() as f64),
+            short_number(of.costs.value.pairs / study.size.pixels() as f64),
         );
     }
     out.push('\n');
 }
 
-fn pictures(out: &mut String, study: &Study) {
+fn write_pictures(out: &mut String, study: &Study) {
     if study.pictures.is_empty() {
         return;
     }
@@ -197,17 +197,17 @@ fn pictures(out: &mut String, study: &Study) {
             "| {} | {} | {} | {} | {} | {} | {} |",
             picture.rules,
             picture.what,
-            short(1e3 * picture.cost.frame.core_s),
-            short(picture.cost.pairs / study.size.pixels() as f64),
-            picture.cost.peak_mb.map_or_else(String::new, short),
+            short_number(1e3 * picture.cost.frame.core_s),
+            short_number(picture.cost.pairs / study.size.pixels() as f64),
+            picture.cost.peak_mb.map_or_else(String::new, short_number),
             picture.psnr_db.map_or_else(|| "equal".to_owned(), |db| format!("{db:.1}")),
-            short(picture.worst_grey),
+            short_number(picture.worst_grey),
         );
     }
     out.push('\n');
 }
 
-fn settings(out: &mut String, study: &Study) {
+fn write_settings(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
         "## Settings\n\n| method | rate | frames | core s (render, sensor) | RMS, thresholds | miscounted | count | F1 at \
@@ -215,19 +215,19 @@ fn settings(out: &mut String, study: &Study) {
     );
     for row in &study.rows {
         let e = &row.errors;
-        let us = |measure: Measure| measure.of(row).map_or_else(|| "0".to_owned(), short);
+        let us = |measure: Measure| measure.of(row).map_or_else(|| "0".to_owned(), short_number);
         let _ = writeln!(
             out,
             "| {} | {} | {} | {} ({}, {}) | {} | {} | {} | {:.4}, {:.4}, {:.4} | {} | {} |",
             row.method(),
             row.rate,
             row.frames,
-            short(row.core_s()),
-            short(row.render.core_s),
-            short(row.sensor.core_s),
-            short(row.rms_th),
-            short(e.miscount),
-            short(e.count),
+            short_number(row.core_s()),
+            short_number(row.render.core_s),
+            short_number(row.sensor.core_s),
+            short_number(row.rms_th),
+            short_number(e.miscount),
+            short_number(e.count),
             e.f1[0],
             e.f1[1],
             e.f1[2],
@@ -238,7 +238,7 @@ fn settings(out: &mut String, study: &Study) {
 }
 
 /// Three significant digits.
-pub(super) fn short(value: f64) -> String {
+pub(super) fn short_number(value: f64) -> String {
     match value.abs() {
         size if size < f64::MIN_POSITIVE => "0".to_owned(),
         size if size >= 100.0 => format!("{value:.0}"),

@@ -1,7 +1,7 @@
 //! Interpolation error of brightness between frames: the error of the signal, before any event.
 
 use crate::frames::Frame;
-use crate::sampling::between::{Knot, value};
+use crate::sampling::between::{Knot, interpolated_value};
 use crate::sensor::voltmeter::Between;
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -78,7 +78,8 @@ impl Voltages {
                 .into_par_iter()
                 .map(|i| {
                     let outer = [before, after].map(|seen| seen.as_ref().map(|seen| seen.knot(i)));
-                    value(*between, outer, [from.knot(i), to.knot(i)], middle.seconds) - middle.v[i]
+                    interpolated_value(*between, outer, [from.knot(i), to.knot(i)], middle.seconds)
+                        - middle.v[i]
                 })
                 .map(|error| error * error)
                 .collect();

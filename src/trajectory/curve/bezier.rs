@@ -9,8 +9,8 @@ mod least_squares;
 mod pinned;
 
 use super::PoseCurve;
-use crate::se3::rotation::{exp, log, settled_mean};
-use crate::se3::rotation_spline::{RotationSpline, Unsettled, quadratic, rate_from_slope_times};
+use crate::se3::rotation::{exp_vector, log_vector, settled_mean};
+use crate::se3::rotation_spline::{RotationSpline, Unsettled, quadratic_part, rate_from_slope_times};
 use crate::se3::spline::Place;
 use crate::se3::{Se3, Twist};
 use crate::trajectory::Warning;
@@ -58,13 +58,13 @@ impl Bezier {
     ///
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
-    pub fn fit(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, Unsettled> {
+    pub fn fit_knots(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, Unsettled> {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
         let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MOST_DEGREE);
         let degree = degree.clamp(1, determined);
         let before = running_sums(steps.iter().copied());
         let x: Vec<f64> = before.iter().map(|s| s / before[steps.len()]).collect();
-        let fit = |points: &[DVec3]| Pinned::fit(degree as usize, &x, points);
+        let fit = |points: &[DVec3]| Pinned::fit_points(degree as usize, &x, points);
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
         Ok(Self {
             degree,
@@ -96,7 +96,7 @@ fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
         return None;
     }
     let mean = settled_mean(rotations, rotations[rotations.len() / 2]).ok()?;
-    let vectors: Vec<DVec3> = rotations.iter().map(|r| log(mean.conjugate() * *r)).collect();
+    let vectors: Vec<DVec3> = rotations.iter().map(|r| log_vector(mean.conjugate() * *r)).collect();
     let near = vectors.iter().all(|r| r.length() <= WIDEST);
     let no_leap = vectors.windows(2).all(|w| (w[1] - w[0]).length() <= PI);
     (near && no_leap).then_some((mean, vectors))
@@ -110,7 +110,7 @@ impl PoseCurve for Bezier {
     fn pose(&self, at: Place) -> Se3 {
         let x = self.share(at);
         let rotation = match &self.rotations {
-            Rotations::Around(mean, vectors) => (*mean * exp(vectors.value(x))).normalize(),
+            Rotations::Around(mean, vectors) => (*mean * exp_vector(vectors.value(x))).normalize(),
             Rotations::Spline(spline) => spline.rotation(at),
         };
         Se3 { rotation, translation: self.centres.value(x) }
@@ -132,7 +132,7 @@ impl PoseCurve for Bezier {
         let angular = match &self.rotations {
             Rotations::Around(_, vectors) => {
                 let (r, slope) = (vectors.value(x), vectors.slope(x) / whole);
-                rate_from_slope_times(r, vectors.bend(x) / whole / whole) + quadratic(r, slope)
+                rate_from_slope_times(r, vectors.bend(x) / whole / whole) + quadratic_part(r, slope)
             }
             Rotations::Spline(spline) => spline.acceleration(at),
         };

@@ -4,7 +4,7 @@
 //! constant.
 
 use super::PoseCurve;
-use crate::se3::rotation::exp;
+use crate::se3::rotation::exp_vector;
 use crate::se3::spline::Place;
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
@@ -28,7 +28,7 @@ impl Circle {
 
     /// The vector from the axis point to the camera at a place.
     fn arm(&self, at: Place) -> DVec3 {
-        exp(self.turn * at.x) * (self.start.translation - self.centre)
+        exp_vector(self.turn * at.x) * (self.start.translation - self.centre)
     }
 }
 
@@ -38,7 +38,7 @@ impl PoseCurve for Circle {
     }
 
     fn pose(&self, at: Place) -> Se3 {
-        let rotation = (exp(self.turn * at.x) * self.start.rotation).normalize();
+        let rotation = (exp_vector(self.turn * at.x) * self.start.rotation).normalize();
         Se3 { rotation, translation: self.centre + self.arm(at) }
     }
 

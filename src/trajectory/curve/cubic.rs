@@ -26,7 +26,7 @@ impl Cubic {
     ///
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
-    pub fn through(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, Unsettled> {
+    pub fn through_knots(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, Unsettled> {
         let centres: Vec<DVec3> = knots.iter().map(|k| k.translation).collect();
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
         Ok(Self {

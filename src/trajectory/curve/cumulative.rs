@@ -7,8 +7,8 @@
 //! its parameter, which is the index of the knot.
 
 use super::PoseCurve;
-use crate::se3::rotation::exp;
-use crate::se3::rotation_spline::turn;
+use crate::se3::rotation::exp_vector;
+use crate::se3::rotation_spline::turn_between;
 use crate::se3::spline::Place;
 use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
@@ -31,19 +31,19 @@ struct Weights([f64; 3]);
 
 impl Weights {
     /// The cumulative basis at `u` in [0, 1].
-    fn value(u: f64) -> Self {
+    fn basis_value(u: f64) -> Self {
         let (u2, u3) = (u * u, u * u * u);
         Self([(5.0 + 3.0 * u - 3.0 * u2 + u3) / 6.0, (1.0 + 3.0 * u + 3.0 * u2 - 2.0 * u3) / 6.0, u3 / 6.0])
     }
 
     /// Its derivative.
-    fn slope(u: f64) -> Self {
+    fn basis_slope(u: f64) -> Self {
         let rest = 1.0 - u;
         Self([rest * rest / 2.0, 0.5 + u - u * u, u * u / 2.0])
     }
 
     /// Its second derivative.
-    fn bend(u: f64) -> Self {
+    fn basis_bend(u: f64) -> Self {
         Self([u - 1.0, 1.0 - 2.0 * u, u])
     }
 }
@@ -54,7 +54,7 @@ impl Cumulative {
     /// # Panics
     /// There are fewer than two knots.
     #[must_use]
-    pub fn near(knots: &[Se3]) -> Self {
+    pub fn near_knots(knots: &[Se3]) -> Self {
         let [first, .., last] = knots else { panic!("a curve needs two knots") };
         let more = MULTIPLICITY - 1;
         let mut control = vec![*first; more];
@@ -62,7 +62,7 @@ impl Cumulative {
         control.extend(std::iter::repeat_n(*last, more));
         let step = |w: &[Se3]| Twist {
             linear: w[1].translation - w[0].translation,
-            angular: turn(w[0].rotation, w[1].rotation).0,
+            angular: turn_between(w[0].rotation, w[1].rotation).0,
         };
         let moves: Vec<Twist> = control.windows(2).map(step).collect();
         Self { steps: vec![1.0; moves.len() - more], control, moves }
@@ -78,9 +78,10 @@ impl Cumulative {
 
     /// Rotations of the three moves, and their weighted rates `b' W`.
     fn turns(&self, at: Place) -> ([DQuat; 3], [DVec3; 3]) {
-        let (moves, value, slope) = (self.moves(at), Weights::value(at.x).0, Weights::slope(at.x).0);
+        let (moves, value, slope) =
+            (self.moves(at), Weights::basis_value(at.x).0, Weights::basis_slope(at.x).0);
         let each = |k: usize| moves[k].angular;
-        ([0, 1, 2].map(|k| exp(each(k) * value[k])), [0, 1, 2].map(|k| each(k) * slope[k]))
+        ([0, 1, 2].map(|k| exp_vector(each(k) * value[k])), [0, 1, 2].map(|k| each(k) * slope[k]))
     }
 }
 
@@ -93,18 +94,18 @@ impl PoseCurve for Cumulative {
         let start = &self.control[at.segment];
         let ([a, b, c], _) = self.turns(at);
         let rotation = (start.rotation * a * b * c).normalize();
-        Se3 { rotation, translation: start.translation + self.linear(at, &Weights::value(at.x)) }
+        Se3 { rotation, translation: start.translation + self.linear(at, &Weights::basis_value(at.x)) }
     }
 
     fn twist(&self, at: Place) -> Twist {
         let ([_, b, c], [ra, rb, rc]) = self.turns(at);
         let angular = c.conjugate() * (b.conjugate() * ra + rb) + rc;
-        Twist { linear: self.linear(at, &Weights::slope(at.x)), angular }
+        Twist { linear: self.linear(at, &Weights::basis_slope(at.x)), angular }
     }
 
     fn acceleration(&self, at: Place) -> Twist {
         let ([_, b, c], [ra, rb, rc]) = self.turns(at);
-        let bends = Weights::bend(at.x);
+        let bends = Weights::basis_bend(at.x);
         let [ba, bb, bc] = [0, 1, 2].map(|k| self.moves(at)[k].angular * bends.0[k]);
         // A vector in a body that turns at rate w: d/du (exp(-B) v) = exp(-B) v' + (exp(-B) v) x w.
         let carried = b.conjugate() * ra;

@@ -3,8 +3,8 @@
 //! the knots.
 
 use super::PoseCurve;
-use crate::se3::rotation::exp;
-use crate::se3::rotation_spline::turn;
+use crate::se3::rotation::exp_vector;
+use crate::se3::rotation_spline::turn_between;
 use crate::se3::spline::Place;
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
@@ -25,11 +25,11 @@ impl SlerpLerp {
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
     #[must_use]
-    pub fn through(steps: Vec<f64>, knots: &[Se3]) -> Self {
+    pub fn through_knots(steps: Vec<f64>, knots: &[Se3]) -> Self {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
         let rates = |(w, h): (&[Se3], &f64)| Twist {
             linear: (w[1].translation - w[0].translation) / *h,
-            angular: turn(w[0].rotation, w[1].rotation).0 / *h,
+            angular: turn_between(w[0].rotation, w[1].rotation).0 / *h,
         };
         let twists = knots.windows(2).zip(&steps).map(rates).collect();
         Self { starts: knots[..steps.len()].to_vec(), steps, twists }
@@ -43,7 +43,7 @@ impl PoseCurve for SlerpLerp {
 
     fn pose(&self, at: Place) -> Se3 {
         let (start, rates) = (&self.starts[at.segment], &self.twists[at.segment]);
-        let rotation = (start.rotation * exp(rates.angular * at.x)).normalize();
+        let rotation = (start.rotation * exp_vector(rates.angular * at.x)).normalize();
         Se3 { rotation, translation: start.translation + rates.linear * at.x }
     }
 

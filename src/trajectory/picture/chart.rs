@@ -1,7 +1,7 @@
 //! Asked and achieved speed over time, each relative to its mean. If the curves coincide, the path
 //! follows its law.
 
-use super::{Panel, Svg, round_down, short, spread};
+use super::{Panel, Svg, round_down, short_number, spread_indices};
 use crate::trajectory::report::Report;
 
 /// Maximum number of steps drawn.
@@ -20,9 +20,9 @@ struct Curve {
 }
 
 /// Draws the chart of a trajectory with a duration of `seconds`.
-pub(super) fn draw(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
+pub(super) fn draw_chart(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
     out.frame(panel);
-    let curves = curves(report);
+    let curves = speed_curves(report);
     let inner = Panel {
         left: panel.left + LEFT,
         top: panel.top + TOP,
@@ -34,19 +34,19 @@ pub(super) fn draw(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
     let top = inner.top + inner.height;
     let point =
         |share: f64, value: f64| [inner.left + inner.width * share, top - inner.height * value / highest];
-    grid(out, inner, highest, seconds);
-    let middles = middles(report);
+    draw_grid(out, inner, highest, seconds);
+    let middles = step_middles(report);
     for curve in &curves {
         out.polyline(
-            spread(curve.values.len(), STEPS).map(|j| point(middles[j], curve.values[j])),
+            spread_indices(curve.values.len(), STEPS).map(|j| point(middles[j], curve.values[j])),
             curve.colour,
             curve.width,
         );
     }
-    legend(out, panel, &curves);
+    draw_legend(out, panel, &curves);
 }
 
-fn curves(report: &Report) -> Vec<Curve> {
+fn speed_curves(report: &Report) -> Vec<Curve> {
     let mixed: Vec<f64> = report
         .angular_rad_s
         .iter()
@@ -55,7 +55,7 @@ fn curves(report: &Report) -> Vec<Curve> {
         .collect();
     let asked: Vec<f64> =
         report.asked_shares().zip(report.durations()).map(|(share, time)| share / time).collect();
-    let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative(&asked) };
+    let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative_to_mean(&asked) };
     let achieved = [
         ("linear", "#2a7fb8", 1.2, &report.linear_unit_s, report.linear_ratio.is_some()),
         ("angular", "#d1495b", 1.2, &report.angular_rad_s, report.angular_ratio.is_some()),
@@ -67,13 +67,13 @@ fn curves(report: &Report) -> Vec<Curve> {
             name,
             colour,
             width,
-            values: relative(values),
+            values: relative_to_mean(values),
         }))
         .collect()
 }
 
 /// The middle of every step, as a share of the duration.
-fn middles(report: &Report) -> Vec<f64> {
+fn step_middles(report: &Report) -> Vec<f64> {
     let mut end = 0.0;
     let middle = |duration: f64| {
         end += duration;
@@ -84,30 +84,30 @@ fn middles(report: &Report) -> Vec<f64> {
     middles
 }
 
-fn relative(values: &[f64]) -> Vec<f64> {
+fn relative_to_mean(values: &[f64]) -> Vec<f64> {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter().map(|v| v / mean).collect()
 }
 
-fn grid(out: &mut Svg, inner: Panel, highest: f64, seconds: f64) {
+fn draw_grid(out: &mut Svg, inner: Panel, highest: f64, seconds: f64) {
     let bottom = inner.top + inner.height;
     let step = round_down(highest / 3.0);
     for k in 0..=(0..).take_while(|k| f64::from(*k) * step <= highest).last().unwrap_or(0) {
         let value = f64::from(k) * step;
         let y = bottom - inner.height * value / highest;
         out.polyline([[inner.left, y], [inner.left + inner.width, y]], "#e6e6e6", 1.0);
-        out.text([inner.left - 8.0, y + 4.0], "end", "#333333", &short(value));
+        out.text([inner.left - 8.0, y + 4.0], "end", "#333333", &short_number(value));
     }
     let (scale, unit) = if seconds < 1.0 { (1e3, "ms") } else { (1.0, "s") };
     for k in 0..=4 {
         let share = f64::from(k) / 4.0;
         let x = inner.left + inner.width * share;
-        let words = format!("{} {unit}", short(seconds * scale * share));
+        let words = format!("{} {unit}", short_number(seconds * scale * share));
         out.text([x, bottom + 18.0], if k == 4 { "end" } else { "middle" }, "#333333", &words);
     }
 }
 
-fn legend(out: &mut Svg, panel: Panel, curves: &[Curve]) {
+fn draw_legend(out: &mut Svg, panel: Panel, curves: &[Curve]) {
     out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", "speed over its mean");
     let mut x = panel.left + panel.width - 16.0;
     for curve in curves.iter().rev() {

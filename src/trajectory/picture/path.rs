@@ -3,7 +3,7 @@
 //! A capture does not define up. The picture uses the mean of the cameras' up directions, and the
 //! line from the first camera to the one farthest from it as its horizontal.
 
-use super::{Panel, Svg, round_down, short, spread};
+use super::{Panel, Svg, round_down, short_number, spread_indices};
 use crate::se3::Se3;
 use glam::DVec3;
 
@@ -17,8 +17,8 @@ const FRUSTUM: f64 = 0.07;
 const INSET: f64 = 48.0;
 
 /// Draws both views and the colour scale. `speeds` are those of the steps, units per second.
-pub(super) fn draw(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], speeds: &[f64]) {
-    let axes = axes(poses);
+pub(super) fn draw_path(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], speeds: &[f64]) {
+    let axes = picture_axes(poses);
     draw_view(out, above, "from above", (poses, speeds), [axes[0], axes[1]]);
     draw_view(out, side, "from the side", (poses, speeds), [axes[0], -axes[2]]);
     if !speeds.is_empty() {
@@ -27,7 +27,7 @@ pub(super) fn draw(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], spee
 }
 
 /// Orthonormal axes: along the path, across it, and up.
-pub(super) fn axes(poses: &[Se3]) -> [DVec3; 3] {
+pub(super) fn picture_axes(poses: &[Se3]) -> [DVec3; 3] {
     let up =
         poses.iter().map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize().unwrap_or(DVec3::Z);
     let from_first = poses.iter().map(|p| p.translation - poses[0].translation);
@@ -40,13 +40,17 @@ pub(super) fn axes(poses: &[Se3]) -> [DVec3; 3] {
 fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], &[f64]), plane: [DVec3; 2]) {
     out.frame(panel);
     out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", name);
-    let Some(map) = Map::fit(panel, INSET, poses, plane) else { return };
-    out.polyline(spread(poses.len(), POINTS).map(|j| map.point(poses[j].translation)), "#999999", 1.0);
-    let range = range(speeds);
-    for j in spread(poses.len(), FRUSTA) {
+    let Some(map) = Map::fit_panel(panel, INSET, poses, plane) else { return };
+    out.polyline(
+        spread_indices(poses.len(), POINTS).map(|j| map.point(poses[j].translation)),
+        "#999999",
+        1.0,
+    );
+    let range = speed_range(speeds);
+    for j in spread_indices(poses.len(), FRUSTA) {
         // The last pose has no step after it.
         let speed = speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
-        draw_frustum(out, &map, &poses[j], &colour(share(speed, range)));
+        draw_frustum(out, &map, &poses[j], &scale_colour(range_share(speed, range)));
     }
     let [x, y] = map.point(poses[0].translation);
     out.line(&format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"3.5\" fill=\"#000000\"/>"));
@@ -57,16 +61,16 @@ fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], 
         [left, y - 6.0],
         "start",
         "#333333",
-        &format!("{} {}", short(unit), if unit > 1.0 { "units" } else { "unit" }),
+        &format!("{} {}", short_number(unit), if unit > 1.0 { "units" } else { "unit" }),
     );
 }
 
 fn draw_frustum(out: &mut Svg, map: &Map, pose: &Se3, colour: &str) {
-    out.polyline(frustum(map, pose), colour, 1.2);
+    out.polyline(frustum_stroke(map, pose), colour, 1.2);
 }
 
 /// The pyramid of a camera with a field of view of 53 degrees and aspect 4:3, as one stroke.
-pub(super) fn frustum(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
+pub(super) fn frustum_stroke(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
     let size = map.frustum;
     let corner =
         |x: f64, y: f64| map.point(pose.translation + pose.rotation * (DVec3::new(x, y, 1.0) * size));
@@ -89,7 +93,7 @@ pub(super) struct Map {
 
 impl Map {
     /// The map that shows every pose with a margin of `inset` px; `None` without poses.
-    pub(super) fn fit(panel: Panel, inset: f64, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
+    pub(super) fn fit_panel(panel: Panel, inset: f64, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
         let origin = poses.first()?.translation;
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for pose in poses {
@@ -115,12 +119,12 @@ impl Map {
     }
 }
 
-pub(super) fn range(speeds: &[f64]) -> [f64; 2] {
+pub(super) fn speed_range(speeds: &[f64]) -> [f64; 2] {
     [speeds.iter().copied().fold(f64::INFINITY, f64::min), speeds.iter().copied().fold(0.0, f64::max)]
 }
 
 /// The position of a speed in its range, 0 to 1; 0 in a range that is empty except for rounding.
-pub(super) fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
+pub(super) fn range_share(speed: f64, [low, high]: [f64; 2]) -> f64 {
     const ROUNDING: f64 = 1e-6;
     let share = (speed - low) / (high - low);
     if share.is_finite() && high - low > ROUNDING * high { share.clamp(0.0, 1.0) } else { 0.0 }
@@ -130,7 +134,7 @@ pub(super) fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
 const COLOURS: [[f64; 3]; 5] =
     [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 189.0, 80.0], [226.0, 190.0, 20.0]];
 
-pub(super) fn colour(share: f64) -> String {
+pub(super) fn scale_colour(share: f64) -> String {
     let at = share * 4.0;
     let below = [3.0, 2.0, 1.0, 0.0].into_iter().find(|k| at >= *k).unwrap_or(0.0);
     let k = [0.0, 1.0, 2.0, 3.0].iter().position(|b| *b >= below).unwrap_or(0);
@@ -139,14 +143,14 @@ pub(super) fn colour(share: f64) -> String {
 }
 
 fn colour_scale(out: &mut Svg, panel: Panel, speeds: &[f64]) {
-    let [low, high] = range(speeds);
+    let [low, high] = speed_range(speeds);
     let (width, y) = (120.0, panel.top + panel.height - 18.0);
     let left = panel.left + panel.width - width - 14.0;
     for k in 0..24 {
         let x = left + width * f64::from(k) / 24.0;
-        let fill = colour((f64::from(k) + 0.5) / 24.0);
+        let fill = scale_colour((f64::from(k) + 0.5) / 24.0);
         out.line(&format!("<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"5.1\" height=\"7\" fill=\"{fill}\"/>"));
     }
-    let words = format!("{} to {} units/s", short(low), short(high));
+    let words = format!("{} to {} units/s", short_number(low), short_number(high));
     out.text([left + width, y - 6.0], "end", "#333333", &words);
 }

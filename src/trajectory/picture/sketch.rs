@@ -1,7 +1,7 @@
 //! The path from above and from the side as a simple sketch, for pages with many trajectories.
 
-use super::path::{Map, axes, colour, frustum, range, share};
-use super::{Panel, round_down, short, spread};
+use super::path::{Map, frustum_stroke, picture_axes, range_share, scale_colour, speed_range};
+use super::{Panel, round_down, short_number, spread_indices};
 use crate::se3::Se3;
 use glam::DVec3;
 
@@ -37,20 +37,20 @@ pub(crate) fn sketch(
     if poses.is_empty() {
         return None;
     }
-    let [along, across, up] = axes(poses);
+    let [along, across, up] = picture_axes(poses);
     let view = |name: &'static str, plane: [DVec3; 2]| {
-        let map = Map::fit(Panel { left: 0.0, top: 0.0, width, height }, INSET, poses, plane)?;
-        let range = range(speeds);
+        let map = Map::fit_panel(Panel { left: 0.0, top: 0.0, width, height }, INSET, poses, plane)?;
+        let range = speed_range(speeds);
         // The last pose has no step after it.
         let speed = |j: usize| speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
-        let camera = |j: usize| (frustum(&map, &poses[j]), colour(share(speed(j), range)));
+        let camera = |j: usize| (frustum_stroke(&map, &poses[j]), scale_colour(range_share(speed(j), range)));
         let unit = round_down(width * BAR / map.scale);
         Some(Sketch {
             name,
-            path: spread(poses.len(), points).map(|j| map.point(poses[j].translation)).collect(),
-            frusta: spread(poses.len(), frusta).map(camera).collect(),
+            path: spread_indices(poses.len(), points).map(|j| map.point(poses[j].translation)).collect(),
+            frusta: spread_indices(poses.len(), frusta).map(camera).collect(),
             bar: unit * map.scale,
-            bar_words: format!("{} {}", short(unit), if unit > 1.0 { "units" } else { "unit" }),
+            bar_words: format!("{} {}", short_number(unit), if unit > 1.0 { "units" } else { "unit" }),
         })
     };
     Some([view("from above", [along, across])?, view("from the side", [along, -up])?])

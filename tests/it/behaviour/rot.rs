@@ -2,7 +2,7 @@
 
 use super::{NONE, Workspace, built, made, recipe, stands_as_if_clean, steps};
 use gs2e::plan::Plan;
-use gs2e::plan::assess::{Action, assess};
+use gs2e::plan::assess::{Action, assess_plan};
 use gs2e::recipe::read_all;
 use gs2e::render::backend::Backend;
 use gs2e::store::fs::{Fs, Real};
@@ -39,7 +39,7 @@ fn stale(place: &Workspace, fs: &Arc<Frozen>, verify: bool) -> Vec<String> {
         read_all(&[place.path("recipes")]).unwrap_or_else(|faults| panic!("{faults:?}")),
         &Backend::Cpu,
     );
-    let assessed = assess(&plan, &store).unwrap();
+    let assessed = assess_plan(&plan, &store).unwrap();
     let steps = plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == Action::Run);
     steps.map(|(step, _)| format!("{}/{}", plan.scene_of(step), step.name)).collect()
 }

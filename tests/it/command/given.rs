@@ -7,7 +7,7 @@ use crate::support::workspace::Workspace;
 use glam::DVec3;
 use gs2e::image::{Image, Size, png};
 use gs2e::source::colmap::{self, Model, Point};
-use gs2e::source::undistort::undistorted;
+use gs2e::source::undistort::undistort_photo;
 use gs2e::source::{Capture, Lens};
 use std::fs;
 
@@ -19,8 +19,8 @@ fn keeping() -> String {
 fn seen(place: &Workspace) -> (Capture, Vec<Point>) {
     place.ok("build -q --allow-commands recipe.yaml");
     let seen = place.path("seen");
-    let points = Model::find(&seen).unwrap().points().unwrap().into_values().collect();
-    (colmap::read(&seen).unwrap().0, points)
+    let points = Model::find_model(&seen).unwrap().points().unwrap().into_values().collect();
+    (colmap::read_capture(&seen).unwrap().0, points)
 }
 
 fn names(capture: &Capture) -> Vec<&str> {
@@ -75,7 +75,7 @@ fn views_without_a_photo_are_left_out_and_told() {
         "{}",
         ended.stderr
     );
-    let (capture, _) = colmap::read(&place.path("seen")).unwrap();
+    let (capture, _) = colmap::read_capture(&place.path("seen")).unwrap();
     assert_eq!(names(&capture), ["000000.png", "000001.png", "000003.png", "000004.png", "000005.png"]);
     fs::remove_dir_all(place.path("capture/images")).unwrap();
     let ended = place.gs2e("build --allow-commands recipe.yaml");
@@ -104,7 +104,7 @@ fn a_nerfstudio_capture_is_given_without_points() {
     assert!((ahead * 4.0 + view.translation).length() < 1e-12, "it looks at the origin");
 }
 
-/// The photos of a bent lens come straight, pixel by pixel what [`undistorted`] makes of them.
+/// The photos of a bent lens come straight, pixel by pixel what [`undistort_photo`] makes of them.
 #[test]
 fn bent_photos_are_given_straight() {
     let place = trained_by(&keeping());
@@ -117,18 +117,18 @@ fn bent_photos_are_given_straight() {
     let row = |j: u8| (0..64).map(move |i: u8| [(i / 5 + j / 4) % 2 * 200, i, 7]);
     let taken = Image::from_vec(Size { width: 64, height: 48 }, (0..48).flat_map(row).collect());
     let mut bytes = Vec::new();
-    png::write(&taken, &mut bytes).unwrap();
+    png::write_image(&taken, &mut bytes).unwrap();
     place.write("capture/images/photo 8.png", bytes);
     let (capture, found) = seen(&place);
     assert_eq!((capture.views.len(), found), (6, vec![points()[0]]));
-    let (bent, _) = colmap::read(&place.path("capture")).unwrap();
+    let (bent, _) = colmap::read_capture(&place.path("capture")).unwrap();
     assert_eq!(bent.views[0].lens, Lens::SimpleRadial { k1: -0.25 });
     for (view, own) in capture.views.iter().zip(&bent.views) {
         assert_eq!((view.camera, &view.lens), (own.camera, &Lens::Pinhole));
     }
     let given = fs::File::open(place.path("seen/images/000000.png")).unwrap();
-    let given = png::read(std::io::BufReader::new(given)).unwrap();
-    let straight = undistorted(&taken, &bent.views[0].camera, &bent.views[0].lens);
+    let given = png::read_rgb(std::io::BufReader::new(given)).unwrap();
+    let straight = undistort_photo(&taken, &bent.views[0].camera, &bent.views[0].lens);
     assert_eq!(&given, &*straight);
     assert_ne!(given, taken, "the lens does something");
 }
@@ -143,7 +143,7 @@ fn a_real_capture_is_given_whole() {
     assert_eq!((capture.views.len(), points.len()), (11, 3822));
     for view in &capture.views {
         let file = fs::File::open(place.path("seen/images").join(&view.name)).unwrap();
-        assert_eq!(png::read(std::io::BufReader::new(file)).unwrap().size(), view.camera.size);
+        assert_eq!(png::read_rgb(std::io::BufReader::new(file)).unwrap().size(), view.camera.size);
         assert_eq!(view.lens, Lens::Pinhole);
     }
 }

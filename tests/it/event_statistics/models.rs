@@ -345,7 +345,7 @@ fn the_cap_fails_by_name_or_keeps_the_first() {
     let esim = Esim { threshold: threshold(0.01, 0.01), max_events_per_pixel_frame: 100, ..Esim::default() };
     let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
     let seed = gs2e::seed::Seed(1);
-    let failed = gs2e::sensor::simulate(&mut clip.clone(), &esim, seed, &mut Vec::new(), &mut go_on);
+    let failed = gs2e::sensor::simulate_one(&mut clip.clone(), &esim, seed, &mut Vec::new(), &mut go_on);
     let wanted = "pixel (0, 0) fires more than 100 events between frames 0 and 1 (luminance 0 to 255 of 255)";
     assert_eq!(failed.unwrap_err().to_string(), wanted);
     let (kept, account) = run(&Esim { allow_cap: true, ..esim.clone() }, &clip, 1);

@@ -59,11 +59,11 @@ pub(super) fn plain() -> Options {
 
 /// Rewrites a picture.
 pub(super) fn picture(path: &Path, change: impl FnOnce(&mut Vec<[u8; 3]>)) {
-    let image = png::read(Cursor::new(fs::read(path).unwrap())).unwrap();
+    let image = png::read_rgb(Cursor::new(fs::read(path).unwrap())).unwrap();
     let (size, mut pixels) = (image.size(), image.pixels().to_vec());
     change(&mut pixels);
     let mut bytes = Vec::new();
-    png::write(&Image::from_vec(size, pixels), &mut bytes).unwrap();
+    png::write_image(&Image::from_vec(size, pixels), &mut bytes).unwrap();
     fs::write(path, bytes).unwrap();
 }
 

@@ -158,7 +158,7 @@ fn paths_start_at_the_file_that_names_them() {
     write("sub/a.yaml", "version: 1\nscene: a\nsource: { colmap: { path: ../capture } }\n");
     write("sub/b.yaml", "version: 1\nscene: b\nsource: { nerfstudio: { path: /abs/transforms.json } }\n");
     let recipes = gs2e::recipe::read_all(&[root.path().to_owned()]).unwrap();
-    let whole = |kind, path| Source::Captured(Captured::whole(kind, path), Upstream::default());
+    let whole = |kind, path| Source::Captured(Captured::all_views(kind, path), Upstream::default());
     assert_eq!(recipes[0].source, whole(Kind::Colmap, root.path().join("sub/../capture")));
     assert_eq!(recipes[1].source, whole(Kind::Nerfstudio, "/abs/transforms.json".into()));
     assert_eq!(recipes[0].reconstruct, Some(Reconstruct::Given(root.path().join("scenes/a.ply"))));
@@ -198,7 +198,7 @@ fn check_sensor(yaml: &str, wanted: Sensor) {
 fn front_ends_are_read() {
     let t = check_sensor;
     let seen = FrontEnd {
-        luminance: Luminance::of([0.2, 0.7, 0.1]).unwrap(),
+        luminance: Luminance::from_weights([0.2, 0.7, 0.1]).unwrap(),
         decode: Decode::Srgb,
         exposure: 2.5,
         range: Range { min: 1.0, max: Some(200.0) },

@@ -3,7 +3,7 @@
 use super::{recipe, said};
 use glam::{DQuat, DVec3};
 use gs2e::camera::CameraChoice;
-use gs2e::recipe::{Recipe, Source, TrajectoryRecipe, edits};
+use gs2e::recipe::{Recipe, Source, TrajectoryRecipe, find_edits};
 use gs2e::seed::{Purpose, Seed};
 use gs2e::speed::function::Expression;
 use gs2e::speed::list::List;
@@ -119,8 +119,8 @@ fn each_group_is_a_trajectory_and_all_share_the_draws() {
             count: Count::Frames(150),
             curve: NovelCurve::Any,
             literal: false,
-            keyframes_seed: Seed::derive(7, "a", "mini", Purpose::Keyframes),
-            curve_seed: Seed::derive(7, "a", "mini", Purpose::Curve),
+            keyframes_seed: Seed::for_stream(7, "a", "mini", Purpose::Keyframes),
+            curve_seed: Seed::for_stream(7, "a", "mini", Purpose::Curve),
         };
         assert_eq!(trajectory.path, Path::Novel(wanted));
         assert_eq!((&trajectory.written[..], &trajectory.speed), ("mini", &Speed::Function(law("1"))));
@@ -154,7 +154,7 @@ fn edits_are_told_by_the_name_as_it_is_written() {
              {{ name: mini, novel: {{ groups: {groups} }} }}"
         ))
     };
-    let found = edits(&path(3, 0.0).merged, &path(4, 0.5).merged);
+    let found = find_edits(&path(3, 0.0).merged, &path(4, 0.5).merged);
     let paths: Vec<&str> = found.iter().map(|edit| edit.path.as_str()).collect();
     assert_eq!(paths, ["trajectories.base.keyframes.poses[0].position[0]", "trajectories.mini.novel.groups"]);
 }

@@ -2,7 +2,7 @@
 
 use gs2e::release::{Manifest, ManifestFile, ManifestScene, SceneFile};
 use gs2e::store::Digest;
-use gs2e::store::record::{Output, content};
+use gs2e::store::record::{Output, content_digest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -86,7 +86,7 @@ fn reseal_index(folder: &Path, manifest: &Manifest) {
         return;
     };
     let stated = manifest.files.iter().find(|file| file.path == "index.parquet");
-    if stated.is_none_or(|file| file.blake3 == Digest::of(&index)) {
+    if stated.is_none_or(|file| file.blake3 == Digest::of_bytes(&index)) {
         return;
     }
     let Ok(mut value) = serde_json::from_slice::<Value>(&text) else { return };
@@ -109,13 +109,13 @@ fn reseal_manifest(folder: &Path, manifest: &mut Manifest) {
 }
 
 fn listed(path: &str, bytes: &[u8]) -> ManifestFile {
-    ManifestFile { path: path.to_owned(), size: bytes.len() as u64, blake3: Digest::of(bytes) }
+    ManifestFile { path: path.to_owned(), size: bytes.len() as u64, blake3: Digest::of_bytes(bytes) }
 }
 
 /// Outputs with the digests of the released files, inputs with those of the outputs, and the keys that follow.
 fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
     let contents = |scene: &ManifestScene| -> Vec<Digest> {
-        scene.steps.iter().map(|step| content(&step.outputs)).collect()
+        scene.steps.iter().map(|step| content_digest(&step.outputs)).collect()
     };
     let before = contents(scene);
     for step in &mut scene.steps {
@@ -162,7 +162,7 @@ fn released(folder: &str, kind: &str, files: &BTreeMap<String, Vec<u8>>) -> Vec<
     };
     let output = |(name, bytes): (String, &Vec<u8>)| Output {
         name,
-        digest: Digest::of(bytes),
+        digest: Digest::of_bytes(bytes),
         size: bytes.len() as u64,
     };
     match kind {

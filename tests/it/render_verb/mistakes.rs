@@ -1,7 +1,7 @@
 //! Every mistake ends with its exit code, says what it is, and leaves all files as they were.
 
 use super::{RIGHT, camera, ply_bytes, transforms, workspace};
-use crate::support::gaussians::scene;
+use crate::support::gaussians::blob_scene;
 use crate::support::workspace::{Ended, Workspace, tree};
 use serde_json::{Value, json};
 
@@ -16,7 +16,7 @@ fn wrong() -> Workspace {
     };
     place.write("new.npy", "as it was");
     place.write("cut.ply", &whole[..whole.len() - 3]);
-    place.write("none.ply", ply_bytes(&scene(&[])));
+    place.write("none.ply", ply_bytes(&blob_scene(&[])));
     place.write("text.ply", "no scene");
     place.write("empty/a.txt", "");
     place.write("both/transforms.json", "{}");

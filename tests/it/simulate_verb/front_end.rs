@@ -7,7 +7,7 @@ use gs2e::frames::Frame;
 use gs2e::frames::array::{ArrayFrames, Samples};
 use gs2e::image::{Image, png};
 use gs2e::seed::Seed;
-use gs2e::sensor::simulate;
+use gs2e::sensor::simulate_one;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
 use serde_json::Value;
 use std::fs::{self, File};
@@ -53,7 +53,7 @@ fn colours(place: &Workspace) {
     fs::create_dir(place.path("rgb")).unwrap();
     for (i, red) in greys().chunks(SIZE.pixels()).enumerate() {
         let image = Image::from_vec(SIZE, red.iter().map(|r| [*r, 100, 50]).collect());
-        png::write(&image, File::create(place.path(&format!("rgb/{i:02}.png"))).unwrap()).unwrap();
+        png::write_image(&image, File::create(place.path(&format!("rgb/{i:02}.png"))).unwrap()).unwrap();
     }
 }
 
@@ -63,7 +63,7 @@ fn of_greys(greys: Vec<u8>) -> Vec<Event> {
     let mut events = Vec::new();
     let mut go_on = |_: &Frame| ControlFlow::Continue(());
     let sensor = Voltmeter::new(Preset::Dvs346.k());
-    simulate(&mut frames, &sensor, Seed(7), &mut events, &mut go_on).unwrap();
+    simulate_one(&mut frames, &sensor, Seed(7), &mut events, &mut go_on).unwrap();
     events
 }
 

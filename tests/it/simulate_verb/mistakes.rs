@@ -48,7 +48,7 @@ fn wrong() -> Workspace {
             let size = Size { width: 4 + i, height: 3 };
             fs::create_dir_all(place.path(folder)).unwrap();
             let file = File::create(place.path(folder).join(name)).unwrap();
-            png::write(&Image::filled(size, 9u8), file).unwrap();
+            png::write_image(&Image::filled(size, 9u8), file).unwrap();
         }
     }
     place

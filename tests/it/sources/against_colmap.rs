@@ -46,7 +46,7 @@ fn poses_are_those_of_colmaps_own_export() {
         if run(&arguments).is_none() {
             return;
         }
-        let (capture, _) = colmap::read(&dir).unwrap();
+        let (capture, _) = colmap::read_capture(&dir).unwrap();
         let exported = exported(out.path());
         assert_eq!(exported.len(), capture.views.len());
         for (image, [w, x, y, z, t @ ..]) in exported {

@@ -1,7 +1,7 @@
 //! Half a pixel, which conventions lose: the same camera as COLMAP states it and as nerfstudio does, seen in pictures.
 
 use super::planted::{Camera, Image, Planted};
-use crate::support::gaussians::{Blob, OFFICIAL, crowd, render, scene};
+use crate::support::gaussians::{Blob, OFFICIAL, blob_crowd, blob_scene, render};
 use gs2e::render::{Rendered, View};
 use gs2e::scene::Gaussians;
 use gs2e::source::{Capture, colmap, nerfstudio};
@@ -25,7 +25,7 @@ fn of_colmap() -> Capture {
     };
     let dir = tempfile::tempdir().unwrap();
     Planted { cameras: vec![camera], images: vec![image], points: Vec::new() }.write_text(dir.path());
-    colmap::read(dir.path()).unwrap().0
+    colmap::read_capture(dir.path()).unwrap().0
 }
 
 /// As nerfstudio exports it, by hand: camera to world, y up and z back, pixels counted from the corner of the first.
@@ -43,12 +43,12 @@ fn of_nerfstudio(change: impl Fn(&mut Value)) -> Capture {
     change(&mut document);
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("transforms.json"), document.to_string()).unwrap();
-    nerfstudio::read(dir.path()).unwrap().0
+    nerfstudio::read_capture(dir.path()).unwrap().0
 }
 
 fn picture(of: Gaussians, capture: &Capture) -> Rendered {
     let view = &capture.views[0];
-    render(of, OFFICIAL, &View::still(view.camera, view.world_from_camera)).0
+    render(of, OFFICIAL, &View::at_rest(view.camera, view.world_from_camera)).0
 }
 
 #[test]
@@ -62,10 +62,10 @@ fn colmaps_camera_and_its_export_see_the_same_picture() {
             document["cy"] = json!(K[3] - 0.5);
         }),
     ];
-    let wanted = picture(scene(&crowd(300, 1)), &of_colmap()).rgb.unwrap();
+    let wanted = picture(blob_scene(&blob_crowd(300, 1)), &of_colmap()).rgb.unwrap();
     assert!(wanted.pixels().iter().flatten().any(|v| *v > 0.5), "something is seen");
     let apart = |capture: &Capture| {
-        let found = picture(scene(&crowd(300, 1)), capture).rgb.unwrap();
+        let found = picture(blob_scene(&blob_crowd(300, 1)), capture).rgb.unwrap();
         let pairs = found.pixels().as_flattened().iter().zip(wanted.pixels().as_flattened());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     };
@@ -81,7 +81,7 @@ fn colmaps_camera_and_its_export_see_the_same_picture() {
 fn a_point_is_seen_where_the_camera_equation_puts_it() {
     let blob = Blob { position: [0.2, 0.1, 0.3], deviations: [0.01; 3], ..Blob::default() };
     let capture = of_colmap();
-    let alpha = picture(scene(&[blob]), &capture).alpha.unwrap();
+    let alpha = picture(blob_scene(&[blob]), &capture).alpha.unwrap();
     let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
     for (i, a) in alpha.pixels().iter().enumerate() {
         let (column, row) = (i % SIZE[0] as usize, i / SIZE[0] as usize);

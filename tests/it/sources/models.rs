@@ -10,8 +10,8 @@ use std::path::Path;
 /// Mean distance in pixels between the key points of a model and its points seen through the capture: over points (of
 /// each point's mean) and over observations; and the number of points.
 pub(super) fn reprojection(dir: &Path) -> (f64, f64, usize) {
-    let model = colmap::Model::find(dir).unwrap();
-    let (capture, _) = colmap::read(dir).unwrap();
+    let model = colmap::Model::find_model(dir).unwrap();
+    let (capture, _) = colmap::read_capture(dir).unwrap();
     let points = model.points().unwrap();
     let mut of_point = std::collections::BTreeMap::<u64, Vec<f64>>::new();
     for image in model.images().unwrap() {
@@ -34,7 +34,7 @@ pub(super) fn reprojection(dir: &Path) -> (f64, f64, usize) {
 fn colmaps_points_fall_on_its_key_points() {
     for (name, views, wanted_points, wanted_px) in [("fox", 50, 6_836, 1.09), ("castle", 11, 3_822, 0.75)] {
         let Some(dir) = shared(&format!("captures/{name}")) else { return };
-        let (capture, warnings) = colmap::read(&dir).unwrap();
+        let (capture, warnings) = colmap::read_capture(&dir).unwrap();
         assert_eq!((capture.views.len(), warnings), (views, vec![]));
         let (px, over_observations, points) = reprojection(&dir);
         // COLMAP's own figures are printed to two digits.
@@ -58,8 +58,9 @@ fn the_text_form_says_what_the_binary_form_says() {
     let (binary, text) = (dir.path().join("binary"), dir.path().join("text"));
     model().write_binary(&binary);
     model().write_text(&text);
-    assert_eq!(colmap::read(&binary).unwrap(), colmap::read(&text).unwrap());
-    let (binary, text) = (colmap::Model::find(&binary).unwrap(), colmap::Model::find(&text).unwrap());
+    assert_eq!(colmap::read_capture(&binary).unwrap(), colmap::read_capture(&text).unwrap());
+    let (binary, text) =
+        (colmap::Model::find_model(&binary).unwrap(), colmap::Model::find_model(&text).unwrap());
     assert_eq!(binary.points().unwrap(), text.points().unwrap());
     let seen = |model: &colmap::Model| -> Vec<Vec<colmap::Observation>> {
         model.images().unwrap().into_iter().map(|image| image.observations).collect()
@@ -78,7 +79,7 @@ fn real_models_cut_short_are_refused() {
     let images = std::fs::read(whole.join("images.bin")).unwrap();
     for part in 0..60 {
         std::fs::write(dir.path().join("images.bin"), &images[..images.len() * part / 60]).unwrap();
-        assert!(colmap::read(dir.path()).is_err(), "{part} of 60 parts");
+        assert!(colmap::read_capture(dir.path()).is_err(), "{part} of 60 parts");
     }
 }
 
@@ -86,7 +87,7 @@ fn real_models_cut_short_are_refused() {
 fn a_planted_model_is_read_as_planted() {
     let dir = tempfile::tempdir().unwrap();
     model().write_binary(dir.path());
-    let (capture, warnings) = colmap::read(dir.path()).unwrap();
+    let (capture, warnings) = colmap::read_capture(dir.path()).unwrap();
     assert_eq!(warnings, vec![]);
     let names: Vec<&str> = capture.views.iter().map(|v| v.name.as_str()).collect();
     assert_eq!(names, ["1.jpg", "9.jpg", "10.jpg", "left side/a b.jpg"]);
@@ -106,8 +107,9 @@ fn a_planted_model_is_read_as_planted() {
 #[test]
 fn models_are_found_where_people_keep_them() {
     let dir = tempfile::tempdir().unwrap();
-    let find =
-        |root: &Path| colmap::read(root).map(|(capture, _)| capture.views.len()).map_err(|e| e.to_string());
+    let find = |root: &Path| {
+        colmap::read_capture(root).map(|(capture, _)| capture.views.len()).map_err(|e| e.to_string())
+    };
     for place in ["", "sparse/0", "sparse", "colmap/sparse/0", "a/b/c/sparse/0"] {
         let root = dir.path().join("root");
         model().write_text(&root.join(place));
@@ -134,12 +136,12 @@ fn photos_are_hashed_and_listed_where_they_are() {
     std::fs::write(dir.path().join("images/left side/a b.jpg"), "abc").unwrap();
     std::fs::write(dir.path().join("images/9.jpg"), "").unwrap();
     std::fs::write(dir.path().join("images/9_bg_removed.png"), "no view is named so").unwrap();
-    let (capture, _) = colmap::read(dir.path()).unwrap();
+    let (capture, _) = colmap::read_capture(dir.path()).unwrap();
     let hashes: Vec<Option<&str>> =
         capture.views.iter().map(|v| v.sha256.as_deref().map(|h| &h[..8])).collect();
     // SHA-256 of nothing, and FIPS 180-2's of "abc".
     assert_eq!(hashes, [None, Some("e3b0c442"), None, Some("ba7816bf")]);
-    let files = colmap::files(dir.path()).unwrap();
+    let files = colmap::source_files(dir.path()).unwrap();
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,
@@ -164,7 +166,7 @@ fn both_forms_together_are_compared() {
     let mut other = model();
     other.images.pop();
     other.write_text(dir.path());
-    let (capture, warnings) = colmap::read(dir.path()).unwrap();
+    let (capture, warnings) = colmap::read_capture(dir.path()).unwrap();
     assert_eq!((capture.views.len(), warnings.len()), (4, 1));
     let told = warnings[0].to_string();
     assert!(told.contains("images.bin holds 4 records") && told.contains("images.txt 3"), "{told}");
@@ -174,7 +176,7 @@ fn both_forms_together_are_compared() {
 fn models_cut_short_are_refused_with_their_place() {
     let dir = tempfile::tempdir().unwrap();
     model().write_binary(dir.path());
-    let find = || colmap::Model::find(dir.path()).unwrap();
+    let find = || colmap::Model::find_model(dir.path()).unwrap();
     for (stem, whole) in ["cameras", "images", "points3D"].iter().zip(model().binary()) {
         let file = dir.path().join(stem).with_extension("bin");
         for cut in (0..whole.len()).step_by(7).chain([whole.len() - 1]) {
@@ -201,7 +203,7 @@ fn refused(change: impl Fn(&mut Planted), words: &str, binary_place: &str, text_
     for (write, place) in forms {
         let dir = tempfile::tempdir().unwrap();
         write(&changed, dir.path());
-        let error = colmap::read(dir.path()).map(|_| ()).unwrap_err().to_string();
+        let error = colmap::read_capture(dir.path()).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words) && error.contains(place), "`{words}` and `{place}`: {error}");
     }
 }
@@ -255,7 +257,7 @@ fn a_rotation_nearly_one_is_taken_and_told() {
     let mut rounded = model();
     rounded.images[1].q = rounded.images[1].q.map(|v| v * 0.99999);
     rounded.write_text(dir.path());
-    let (capture, warnings) = colmap::read(dir.path()).unwrap();
+    let (capture, warnings) = colmap::read_capture(dir.path()).unwrap();
     assert!(
         warnings.len() == 1 && warnings[0].to_string().contains("`9.jpg` is off by 2.0e-5"),
         "{warnings:?}"
@@ -270,6 +272,6 @@ fn impossible_counts_take_no_memory() {
     let mut images = model().binary()[1].clone();
     images[..8].copy_from_slice(&u64::MAX.to_le_bytes());
     std::fs::write(dir.path().join("images.bin"), images).unwrap();
-    let error = colmap::read(dir.path()).unwrap_err().to_string();
+    let error = colmap::read_capture(dir.path()).unwrap_err().to_string();
     assert!(error.contains("the head at byte 0: a count of 18446744073709551615, but the rest"), "{error}");
 }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 #[test]
 fn transforms_are_read() {
     let Some(file) = shared("scenes/playbot.transforms.json") else { return };
-    let (capture, warnings) = nerfstudio::read(&file).unwrap();
+    let (capture, warnings) = nerfstudio::read_capture(&file).unwrap();
     assert_eq!((capture.views.len(), warnings), (30, vec![]));
     assert!(capture.views.iter().all(|v| v.lens == Lens::Pinhole && v.sha256.is_none()));
     let (camera, warning) = Capture::camera(&capture).unwrap();
@@ -33,7 +33,7 @@ fn exported(capture: &Capture) -> Value {
 fn read_transforms(document: &Value) -> Result<(Capture, Vec<String>), SourceError> {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("transforms.json"), document.to_string()).unwrap();
-    let (capture, warnings) = nerfstudio::read(dir.path())?;
+    let (capture, warnings) = nerfstudio::read_capture(dir.path())?;
     Ok((capture, warnings.iter().map(ToString::to_string).collect()))
 }
 
@@ -41,7 +41,7 @@ fn read_transforms(document: &Value) -> Result<(Capture, Vec<String>), SourceErr
 fn a_model_and_its_export_are_the_same_capture() {
     let dir = tempfile::tempdir().unwrap();
     model().write_binary(dir.path());
-    let (original, _) = colmap::read(dir.path()).unwrap();
+    let (original, _) = colmap::read_capture(dir.path()).unwrap();
     let (read, warnings) = read_transforms(&exported(&original)).unwrap();
     assert!(warnings.is_empty() && read.views.len() == original.views.len());
     for (a, b) in original.views.iter().zip(&read.views) {
@@ -126,7 +126,7 @@ fn a_camera_is_scaled_to_the_photo_it_stands_for() {
         std::fs::write(dir.path().join("transforms.json"), document.to_string()).unwrap();
         // A photo named jpg that is a PNG: what counts is the content.
         std::fs::write(dir.path().join("images/1.jpg"), png_head(width, height)).unwrap();
-        nerfstudio::read(dir.path()).map_err(|e| e.to_string())
+        nerfstudio::read_capture(dir.path()).map_err(|e| e.to_string())
     };
     let (capture, warnings) = read(&one_frame(), 400, 300).unwrap();
     let halved = Camera { size: size(400, 300), fx: 250.0, fy: 250.5, cx: 200.0, cy: 150.0 };
@@ -138,7 +138,7 @@ fn a_camera_is_scaled_to_the_photo_it_stands_for() {
     assert!(error.contains("`frames[0]`: the photo is 400x290, the camera says 800x600"), "{error}");
     let (capture, _) = read(&one_frame_with(&json!({ "w": null, "h": null })), 640, 480).unwrap();
     assert_eq!(capture.views[0].camera.size, size(640, 480));
-    let files = nerfstudio::files(&dir.path().join("transforms.json")).unwrap();
+    let files = nerfstudio::source_files(&dir.path().join("transforms.json")).unwrap();
     assert_eq!(files.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(), ["transforms.json", "images/1.jpg"]);
 }
 
@@ -190,15 +190,20 @@ fn what_is_wrong_in_a_transforms_file_is_named_with_its_place() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("transforms.json");
     std::fs::write(&file, "{\n \"w\": NaN }").unwrap();
-    let error = nerfstudio::read(&file).unwrap_err().to_string();
+    let error = nerfstudio::read_capture(&file).unwrap_err().to_string();
     assert!(error.contains("transforms.json: line 2: "), "{error}");
-    assert!(nerfstudio::read(&dir.path().join("gone.json")).unwrap_err().to_string().contains("gone.json"));
+    assert!(
+        nerfstudio::read_capture(&dir.path().join("gone.json"))
+            .unwrap_err()
+            .to_string()
+            .contains("gone.json")
+    );
 }
 
 #[test]
 fn the_photos_of_a_foreign_file_may_be_fewer_than_its_frames() {
     let Some(file) = shared("captures/fox/transforms.json") else { return };
-    let (capture, _) = nerfstudio::read(&file).unwrap();
+    let (capture, _) = nerfstudio::read_capture(&file).unwrap();
     let photographed = capture.views.iter().filter(|v| v.sha256.is_some()).count();
     assert_eq!((capture.views.len(), photographed), (67, 50));
     assert!(capture.views.iter().all(|v| matches!(v.lens, Lens::OpenCv { .. })));

@@ -7,7 +7,7 @@
 use super::shared;
 use crate::support::absent::absent;
 use gs2e::image::{Image, jpeg, png};
-use gs2e::source::undistort::undistorted;
+use gs2e::source::undistort::undistort_photo;
 use gs2e::source::{View, colmap};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write as _};
@@ -49,7 +49,7 @@ fn photo(capture: &Path, view: &View) -> Image<[u8; 3]> {
 /// OpenCV's picture of a photo without its lens.
 fn by_opencv(place: &Path, photo: &Image<[u8; 3]>, view: &View) -> Image<[u8; 3]> {
     let (taken, straight) = (place.join("taken.png"), place.join("straight.png"));
-    png::write(photo, BufWriter::new(File::create(&taken).unwrap())).unwrap();
+    png::write_image(photo, BufWriter::new(File::create(&taken).unwrap())).unwrap();
     let camera = view.camera;
     let centre = [camera.cx - 0.5, camera.cy - 0.5];
     let [k1, k2, p1, p2, rest @ ..] = view.lens.coefficients();
@@ -60,7 +60,7 @@ fn by_opencv(place: &Path, photo: &Image<[u8; 3]>, view: &View) -> Image<[u8; 3]
         ["-c", OPENCV].into_iter().chain(files).chain(numbers.iter().map(String::as_str)).collect();
     let output = python(&arguments).unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    png::read(BufReader::new(File::open(&straight).unwrap())).unwrap()
+    png::read_rgb(BufReader::new(File::open(&straight).unwrap())).unwrap()
 }
 
 /// The share of pixels none of whose channels differ by more than one grey level.
@@ -78,11 +78,11 @@ fn photos_without_their_lens_are_opencvs() {
             return;
         }
         let place = tempfile::tempdir().unwrap();
-        let (capture, _) = colmap::read(&dir).unwrap();
+        let (capture, _) = colmap::read_capture(&dir).unwrap();
         for &index in views {
             let view = &capture.views[index];
             let taken = photo(&dir, view);
-            let straight = undistorted(&taken, &view.camera, &view.lens);
+            let straight = undistort_photo(&taken, &view.camera, &view.lens);
             let share = share_within_one(&straight, &by_opencv(place.path(), &taken, view));
             drop(writeln!(std::io::stderr(), "{name} {}: {share:.5} within one grey level", view.name));
             assert!(share >= 0.99, "{name} {}: {share}", view.name);

@@ -3,10 +3,10 @@
 use glam::{DQuat, DVec3};
 use gs2e::event::Polarity;
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp;
+use gs2e::se3::rotation::exp_vector;
 use gs2e::seed::Draws;
 use gs2e::study::stress::splat::scenes::{self, Needle};
-use gs2e::study::stress::splat::{Precision, needles};
+use gs2e::study::stress::splat::{Precision, judge_needles};
 use gs2e::study::stress::{Found, clock, sensor, splat, trajectory};
 use gs2e::trajectory::curve::Curve;
 
@@ -22,7 +22,7 @@ fn the_published_polarity() {
         let share = ((drift * down).exp() - 1.0) / ((drift * down).exp() - (-drift * up).exp());
         if share.is_nan() { 1.0 } else { share }
     };
-    let found = sensor::polarity(published);
+    let found = sensor::polarity_case(published);
     misses(&found, "polarity as published");
     assert!(found.worst.error > 0.1, "at no drift it is ON");
 }
@@ -37,7 +37,7 @@ fn the_published_root_of_the_inverse_gaussian() {
         let ratio = if u <= mean / (mean + smaller) { smaller } else { mean * mean / smaller };
         ratio / (1.0 + ratio)
     };
-    misses(&sensor::root(published), "root as published");
+    misses(&sensor::root_case(published), "root as published");
 }
 
 /// Only the barrier nearer to the path's end counts.
@@ -60,7 +60,7 @@ fn the_nearer_barrier_alone() {
 #[expect(clippy::cast_possible_truncation, reason = "that is the defect")]
 fn a_clock_of_32_bits() {
     let clock = |first_us: i64, ns: i64| Some((first_us as f32 + ns as f32 * 1e-3) as i64);
-    misses(&clock::absolute(clock), "a clock of 32 bits");
+    misses(&clock::absolute_stamps(clock), "a clock of 32 bits");
 }
 
 /// `a c - b^2` in 32 bits.
@@ -82,14 +82,17 @@ fn the_textbook_determinant() {
         let [width, height] = [camera.size.width, camera.size.height];
         Ok((0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect())
     };
-    misses(&needles(scenes::needles(), shape, Precision::Single).unwrap(), "the textbook determinant");
+    misses(
+        &judge_needles(scenes::all_needles(), shape, Precision::Single).unwrap(),
+        "the textbook determinant",
+    );
 }
 
 /// By the arc cosine, which loses half of the digits near no turn at all.
 #[test]
 fn a_logarithm_by_the_arc_cosine() {
     let log = |q: DQuat| DVec3::new(q.x, q.y, q.z).normalize_or_zero() * (2.0 * q.w.min(1.0).acos());
-    misses(&trajectory::turns(log), "log by acos");
+    misses(&trajectory::turns_case(log), "log by acos");
 }
 
 /// Lengths by sixteen chords' worth of the midpoint rule.
@@ -97,7 +100,7 @@ fn a_logarithm_by_the_arc_cosine() {
 fn a_length_by_a_fixed_rule() {
     let midpoint =
         |speed: &dyn Fn(f64) -> f64| (0..16).map(|k| speed((f64::from(k) + 0.5) / 16.0) / 16.0).sum();
-    misses(&trajectory::length(midpoint), "length by the midpoint rule");
+    misses(&trajectory::length_case(midpoint), "length by the midpoint rule");
 }
 
 /// Rates jump at the knots of slerps.
@@ -105,10 +108,10 @@ fn a_length_by_a_fixed_rule() {
 fn slerps() {
     let knots: Vec<Se3> = (0..4)
         .map(|i| f64::from(i * i))
-        .map(|i| Se3 { rotation: exp(DVec3::new(0.1 * i, 0.2, -0.05 * i)), translation: DVec3::X * i })
+        .map(|i| Se3 { rotation: exp_vector(DVec3::new(0.1 * i, 0.2, -0.05 * i)), translation: DVec3::X * i })
         .collect();
     let slerps = Curve::SlerpLerp.through(vec![1.0; 3], &knots).unwrap();
-    misses(&trajectory::joints(&[slerps]), "slerps");
+    misses(&trajectory::joints_case(&[slerps]), "slerps");
 }
 
 /// What is judged is the program's own: the same rows hold for what it uses.
@@ -116,7 +119,7 @@ fn slerps() {
 fn every_row_that_bites_is_one_of_the_table() {
     let stage =
         splat::Stage { backends: vec![("cpu", Ok(gs2e::render::backend::Backend::Cpu))], scene: None };
-    let all = gs2e::study::stress::Area::ALL.map(|area| gs2e::study::stress::cases(area, &stage));
+    let all = gs2e::study::stress::Area::ALL.map(|area| gs2e::study::stress::area_cases(area, &stage));
     let names: Vec<&str> = all.iter().flatten().map(|case| case.name).collect();
     for name in [
         "polarity",

@@ -1,6 +1,8 @@
 //! Small scenes in plain terms, and views of them: those of `gs2e stress`.
 
-pub(crate) use gs2e::study::stress::splat::blobs::{ALL, Blob, Draws, OFFICIAL, ahead, crowd, scene};
+pub(crate) use gs2e::study::stress::splat::blobs::{
+    ALL, Blob, Draws, OFFICIAL, blob_crowd, blob_scene, view_ahead,
+};
 
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Rendered, Renderer, Style, View, Work};

@@ -64,7 +64,7 @@ pub(crate) fn products(place: &Workspace, recipes: &str) -> BTreeMap<(String, St
     for (name, step) in steps(place, recipes) {
         assert_eq!(step.action, "keep", "{name}");
         for (role, path) in step.outputs {
-            let digest = Digest::of(&std::fs::read(&path).expect("a product can be read"));
+            let digest = Digest::of_bytes(&std::fs::read(&path).expect("a product can be read"));
             let is_named = path.ends_with(digest.to_string());
             assert!(is_named, "{name}, {role}: the bytes are not those of the name");
             products.insert((name.clone(), role), digest);

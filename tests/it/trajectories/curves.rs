@@ -3,7 +3,7 @@
 use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, named, orbit, refined, still, try_refined};
 use glam::DVec3;
-use gs2e::se3::rotation::{angle, exp, log, slerp};
+use gs2e::se3::rotation::{angle_between, exp_vector, log_vector, slerp};
 use gs2e::se3::spline::Place;
 use gs2e::se3::{Se3, Twist};
 use gs2e::trajectory::curve::{Circle, Curve, MOST_DEGREE, PoseCurve};
@@ -27,12 +27,12 @@ const CURVES: [Curve; 8] = [
 /// A bent walk with turns of 0.2 to 0.5 rad, and uneven steps.
 fn walk(count: usize) -> (Vec<f64>, Vec<Se3>) {
     let wave = |i: usize, period: f64, phase: f64| (i as f64 * period + phase).sin();
-    let mut pose = still(exp(DVec3::new(0.4, -1.0, 2.0)), DVec3::new(1.0, -2.0, 0.5));
+    let mut pose = still(exp_vector(DVec3::new(0.4, -1.0, 2.0)), DVec3::new(1.0, -2.0, 0.5));
     let knots = (0..count).map(|i| {
         let here = pose;
         pose.translation += DVec3::new(0.8, wave(i, 1.3, 0.2), wave(i, 0.7, 2.0));
         let turn = DVec3::new(wave(i, 0.9, 0.5), 1.0, wave(i, 1.7, 1.0));
-        pose.rotation *= exp(turn * (0.25 + 0.1 * wave(i, 2.1, 0.0)));
+        pose.rotation *= exp_vector(turn * (0.25 + 0.1 * wave(i, 2.1, 0.0)));
         here
     });
     let knots: Vec<Se3> = knots.collect();
@@ -46,7 +46,7 @@ fn fitted(curve: Curve, count: usize) -> (Box<dyn PoseCurve>, Vec<Se3>) {
 
 /// A quarter turn and more about a tilted axis, the camera looking elsewhere.
 fn circle() -> Circle {
-    let start = still(exp(DVec3::new(0.3, 2.0, -0.4)), DVec3::new(3.0, 1.0, 2.0));
+    let start = still(exp_vector(DVec3::new(0.3, 2.0, -0.4)), DVec3::new(3.0, 1.0, 2.0));
     Circle::new(DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.6, -0.3, 1.9), start)
 }
 
@@ -69,7 +69,7 @@ fn check_derivatives(curve: &dyn PoseCurve, name: &str) {
             let near = |h: f64| Place { segment, x: share * step + h };
             let (pose, twist, bend) =
                 (curve.pose(near(0.0)), curve.twist(near(0.0)), curve.acceleration(near(0.0)));
-            let turned = |h: f64| log(pose.rotation.conjugate() * curve.pose(near(h)).rotation);
+            let turned = |h: f64| log_vector(pose.rotation.conjugate() * curve.pose(near(h)).rotation);
             close(twist.linear, derivative(|h| curve.pose(near(h)).translation, STEP), "linear");
             close(twist.angular, derivative(turned, STEP), "angular");
             close(bend.linear, derivative(|h| curve.twist(near(h)).linear, STEP), "linear acceleration");
@@ -91,7 +91,7 @@ fn rates_and_accelerations_are_derivatives() {
 
 /// How far apart two poses are: of order 1 between neighbouring knots of the walk.
 fn apart(a: &Se3, b: &Se3) -> f64 {
-    (a.translation - b.translation).length() + angle(a.rotation, b.rotation)
+    (a.translation - b.translation).length() + angle_between(a.rotation, b.rotation)
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn a_circle_keeps_its_distance_and_its_speed() {
         let seen = |p: &Se3| p.inverse().rotation * (centre - p.translation);
         assert!((seen(&pose) - seen(&start)).length() < 1e-14);
         assert!((twist.angular.length() - axis.length()).abs() < 1e-14);
-        assert!((angle(start.rotation, pose.rotation) - axis.length() * share).abs() < 1e-14);
+        assert!((angle_between(start.rotation, pose.rotation) - axis.length() * share).abs() < 1e-14);
     }
 }
 
@@ -175,7 +175,9 @@ fn joints_are_as_smooth_as_the_curve_states() {
 
 #[test]
 fn two_knots_make_a_line_and_a_slerp() {
-    let half_turn = |axis: DVec3| [still(exp(axis), DVec3::ZERO), still(exp(axis * (1.0 + PI)), DVec3::ONE)];
+    let half_turn = |axis: DVec3| {
+        [still(exp_vector(axis), DVec3::ZERO), still(exp_vector(axis * (1.0 + PI)), DVec3::ONE)]
+    };
     let (_, two) = walk(2);
     for knots in [[two[0], two[1]], half_turn(DVec3::Y), half_turn(DVec3::new(0.6, 0.0, -0.8))] {
         for curve in CURVES.into_iter().filter(|c| *c != Curve::Cumulative) {
@@ -188,9 +190,9 @@ fn two_knots_make_a_line_and_a_slerp() {
                 // Of a half turn both ways are slerps.
                 let there = knots[1].rotation.conjugate() * knots[0].rotation;
                 let back = slerp(knots[0].rotation, knots[0].rotation * there, share);
-                let off = angle(pose.rotation, turned);
-                let is_half = angle(knots[0].rotation, knots[1].rotation) > PI - 1e-6;
-                let off = if is_half { off.min(angle(pose.rotation, back)) } else { off };
+                let off = angle_between(pose.rotation, turned);
+                let is_half = angle_between(knots[0].rotation, knots[1].rotation) > PI - 1e-6;
+                let off = if is_half { off.min(angle_between(pose.rotation, back)) } else { off };
                 assert!(
                     (pose.translation - line).length() < 1e-14 && off < 1e-14,
                     "{curve:?}, {share}: {off:e}"
@@ -213,7 +215,7 @@ fn bezier_curves_find_planted_polynomials_of_their_degree() {
     let t = |steps: &[f64], degree: u32, tolerance: f64| {
         let whole: f64 = steps.iter().sum();
         let before: Vec<f64> = (0..=steps.len()).map(|k| steps[..k].iter().sum()).collect();
-        let turned = |s: f64| exp(DVec3::X * (2.0 * s / whole));
+        let turned = |s: f64| exp_vector(DVec3::X * (2.0 * s / whole));
         let knots: Vec<Se3> = before.iter().map(|s| still(turned(*s), cubic(s / whole))).collect();
         let fitted = Curve::Bezier { degree }.through(steps.to_vec(), &knots).unwrap();
         for (segment, step) in steps.iter().enumerate() {
@@ -221,7 +223,7 @@ fn bezier_curves_find_planted_polynomials_of_their_degree() {
             let off = (pose.translation - cubic(s / whole)).length();
             assert!((off < tolerance) == (degree >= 3), "{degree}, {segment}: {off:e}");
             // Turns about one axis at a constant rate are a line of rotation vectors.
-            assert!(angle(pose.rotation, turned(s)) < tolerance, "{degree}, {segment}");
+            assert!(angle_between(pose.rotation, turned(s)) < tolerance, "{degree}, {segment}");
         }
     };
     let few = [0.3, 1.2, 0.7, 0.2, 1.1, 0.5];
@@ -237,7 +239,7 @@ fn rotations_that_spread_too_far_for_a_bezier_curve_follow_the_spline() {
         angles
             .iter()
             .enumerate()
-            .map(|(i, a)| still(exp(DVec3::Y * a.to_radians()), DVec3::X * i as f64))
+            .map(|(i, a)| still(exp_vector(DVec3::Y * a.to_radians()), DVec3::X * i as f64))
             .collect()
     };
     let t = |angles: &[f64], spread: bool| {

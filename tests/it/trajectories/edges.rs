@@ -3,8 +3,8 @@
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing, try_refined};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{angle, exp, slerp};
-use gs2e::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale, refine};
+use gs2e::se3::rotation::{angle_between, exp_vector, slerp};
+use gs2e::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale, refine_views};
 use gs2e::trajectory::travel::Count;
 use gs2e::trajectory::{MOST_POSES, NamedPose, Timing, Trajectory, TrajectoryError, Warning};
 use proptest::prelude::*;
@@ -19,7 +19,7 @@ fn unsmoothed(count: u64) -> Refine {
 }
 
 fn at(x: f64) -> Se3 {
-    still(exp(DVec3::new(0.0, 0.1 * x, 0.0)), DVec3::new(x, 0.0, 0.0))
+    still(exp_vector(DVec3::new(0.0, 0.1 * x, 0.0)), DVec3::new(x, 0.0, 0.0))
 }
 
 #[test]
@@ -44,12 +44,15 @@ fn captures_without_usable_poses_are_refused_by_name() {
 
 #[test]
 fn one_pose_or_equal_poses_stand_still() {
-    let pose = still(exp(DVec3::new(0.1, 2.0, 0.3)), DVec3::new(1.0, 2.0, 3.0));
+    let pose = still(exp_vector(DVec3::new(0.1, 2.0, 0.3)), DVec3::new(1.0, 2.0, 3.0));
     for views in [named([pose]), named([pose; 2]), named([pose; 7])] {
         let got = refined(&views, &frames(40), LAW);
         let poses = &got.trajectory.world_from_camera;
         assert!(poses.iter().all(|p| p == &poses[0]) && poses.len() == 40);
-        assert!(angle(poses[0].rotation, pose.rotation) < 1e-15 && poses[0].translation == pose.translation);
+        assert!(
+            angle_between(poses[0].rotation, pose.rotation) < 1e-15
+                && poses[0].translation == pose.translation
+        );
         assert_eq!(got.warnings, [Warning::Still { views: views.len() }]);
         assert_eq!((got.report.length, got.report.length_ratio, got.report.mixed_ratio), (0.0, None, None));
         assert_eq!(got.report.merged.len(), usize::from(views.len() > 1));
@@ -59,12 +62,12 @@ fn one_pose_or_equal_poses_stand_still() {
 
 #[test]
 fn two_views_make_a_line_and_a_slerp() {
-    let ends = [at(0.0), still(exp(DVec3::new(0.0, 1.0, 0.2)), DVec3::new(1.0, 1.0, 0.0))];
+    let ends = [at(0.0), still(exp_vector(DVec3::new(0.0, 1.0, 0.2)), DVec3::new(1.0, 1.0, 0.0))];
     let got = refined(&named(ends), &unsmoothed(11), "1");
     for (j, pose) in got.trajectory.world_from_camera.iter().enumerate() {
         let share = f64::from(u32::try_from(j).unwrap()) / 10.0;
         assert!((pose.translation - ends[0].translation.lerp(ends[1].translation, share)).length() < 1e-13);
-        assert!(angle(pose.rotation, slerp(ends[0].rotation, ends[1].rotation, share)) < 1e-13);
+        assert!(angle_between(pose.rotation, slerp(ends[0].rotation, ends[1].rotation, share)) < 1e-13);
     }
 }
 
@@ -89,7 +92,7 @@ fn few_poses_start_at_the_start_and_end_at_the_end() {
         got.trajectory.world_from_camera
     };
     let near = |a: &Se3, b: &Se3| {
-        (a.translation - b.translation).length() < 1e-13 && angle(a.rotation, b.rotation) < 1e-13
+        (a.translation - b.translation).length() < 1e-13 && angle_between(a.rotation, b.rotation) < 1e-13
     };
     let one = ends(1);
     assert!(one.len() == 1 && near(&one[0], &first), "{one:?} {first:?}");
@@ -127,7 +130,8 @@ fn counts_outside_their_range_are_refused() {
     for rate in ["1000001", "1/1001"] {
         let poses: Vec<NamedPose<'_>> =
             views.iter().map(|(name, p)| NamedPose { name, world_from_camera: *p }).collect();
-        let refused = refine(&poses, &Refine::default(), Timing { rate: hertz(rate), ..timing(&law(LAW)) });
+        let refused =
+            refine_views(&poses, &Refine::default(), Timing { rate: hertz(rate), ..timing(&law(LAW)) });
         assert!(matches!(refused, Err(TrajectoryError::Parameter { field: "sampling.rate", .. })), "{rate}");
     }
     for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -168,21 +172,23 @@ fn gaps_are_bridged_with_a_finding_or_refused() {
 fn a_half_turn_takes_the_axis_with_a_positive_leading_component() {
     for axis in [DVec3::Y, -DVec3::Y, DVec3::new(-0.6, 0.8, 0.0)] {
         for short in [0.0, 1e-8, 9e-7] {
-            let poses = [still(DQuat::IDENTITY, DVec3::ZERO), still(exp(axis * (PI - short)), DVec3::X)];
+            let poses =
+                [still(DQuat::IDENTITY, DVec3::ZERO), still(exp_vector(axis * (PI - short)), DVec3::X)];
             let got = refined(&named(poses), &unsmoothed(3), "1");
             assert!(matches!(&got.warnings[..], [Warning::HalfTurn { after, .. }] if after == "0.jpg"));
             let leading = if axis.x + axis.y > 0.0 && axis.x >= 0.0 { axis } else { -axis };
             let halfway = got.trajectory.world_from_camera[1].rotation;
-            assert!(angle(halfway, exp(leading * (PI / 2.0))) < 1e-6, "{axis} {short}");
+            assert!(angle_between(halfway, exp_vector(leading * (PI / 2.0))) < 1e-6, "{axis} {short}");
             let end = got.trajectory.world_from_camera[2].rotation;
-            assert!(angle(end, poses[1].rotation) < 1e-13, "{axis} {short}");
+            assert!(angle_between(end, poses[1].rotation) < 1e-13, "{axis} {short}");
         }
     }
 }
 
 #[test]
 fn windows_wider_than_a_quarter_turn_are_refused_by_name() {
-    let poses = (0..6u32).map(|i| still(exp(DVec3::Y * (1.2 * f64::from(i))), DVec3::X * f64::from(i)));
+    let poses =
+        (0..6u32).map(|i| still(exp_vector(DVec3::Y * (1.2 * f64::from(i))), DVec3::X * f64::from(i)));
     let refused = try_refined(&named(poses), &Refine::default(), LAW).unwrap_err();
     assert!(refused.to_string().starts_with("views `0.jpg`, `1.jpg`, `2.jpg`"), "{refused}");
 }
@@ -193,8 +199,8 @@ fn the_literal_rotation_mean_is_the_middle_of_the_window() {
     let params = Refine { rotation: RotationMean::SlerpMidpoint, ..frames(2) };
     let ends = refined(&views, &params, LAW).trajectory.world_from_camera;
     // w = 2: R_1 at the left end, and its mirror image at the right.
-    assert!(angle(ends[0].rotation, views[1].1.rotation) < 1e-15);
-    assert!(angle(ends[1].rotation, views[7].1.rotation) < 1e-15);
+    assert!(angle_between(ends[0].rotation, views[1].1.rotation) < 1e-15);
+    assert!(angle_between(ends[1].rotation, views[7].1.rotation) < 1e-15);
 }
 
 #[test]
@@ -239,8 +245,9 @@ pub(super) fn sound(trajectory: &Trajectory) -> bool {
 pub(super) fn wild_pose() -> impl Strategy<Value = Se3> {
     let size = prop_oneof![3 => Just(1.0), 1 => Just(0.0), 1 => Just(1e-9), 1 => Just(1e-200), 1 => Just(1e6), 1 => Just(1e90)];
     let turn = prop_oneof![3 => Just(0.2), 1 => Just(0.0), 1 => Just(1e-9), 1 => Just(PI), 1 => Just(20.0)];
-    (prop::array::uniform3(-1.0..1.0f64), prop::array::uniform3(-1.0..1.0f64), size, turn)
-        .prop_map(|(c, r, size, turn)| still(exp(DVec3::from_array(r) * turn), DVec3::from_array(c) * size))
+    (prop::array::uniform3(-1.0..1.0f64), prop::array::uniform3(-1.0..1.0f64), size, turn).prop_map(
+        |(c, r, size, turn)| still(exp_vector(DVec3::from_array(r) * turn), DVec3::from_array(c) * size),
+    )
 }
 
 fn parameters() -> impl Strategy<Value = Refine> {

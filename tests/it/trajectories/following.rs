@@ -3,23 +3,23 @@
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{angle, exp};
+use gs2e::se3::rotation::{angle_between, exp_vector};
 use gs2e::se3::spline::Place;
 use gs2e::trajectory::curve::{Cubic, PoseCurve};
-use gs2e::trajectory::refine::{Ends, Refine, RotationMean, refine};
+use gs2e::trajectory::refine::{Ends, Refine, RotationMean, refine_views};
 use gs2e::trajectory::report::Follow;
 use gs2e::trajectory::travel::Count;
 use gs2e::trajectory::{NamedPose, Timing};
 
 fn mixed(a: &Se3, b: &Se3, scale: f64) -> f64 {
-    angle(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
+    angle_between(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
 }
 
 /// The curve through poses as they are, with its parameter the mixed length of the chords.
 fn curve_through(views: &Views, scale: f64) -> Cubic {
     let knots: Vec<Se3> = views.iter().map(|(_, pose)| *pose).collect();
     let steps = knots.windows(2).map(|w| mixed(&w[0], &w[1], scale)).collect();
-    Cubic::through(steps, &knots).unwrap()
+    Cubic::through_knots(steps, &knots).unwrap()
 }
 
 /// Fine chords along a curve, and the mixed length before each of their ends.
@@ -151,8 +151,9 @@ fn a_straight_path_shows_the_law_itself() {
 
 #[test]
 fn a_turn_in_place_follows_by_angle() {
-    let views =
-        named((0..9).map(|k| still(exp(DVec3::new(0.1, 0.9, -0.2) * (f64::from(k) * 0.3)), DVec3::ONE)));
+    let views = named(
+        (0..9).map(|k| still(exp_vector(DVec3::new(0.1, 0.9, -0.2) * (f64::from(k) * 0.3)), DVec3::ONE)),
+    );
     let report = refined(&views, &Refine { ends: Ends::Pinned, ..Refine::default() }, "1 + t").report;
     let rates = &report.angular_rad_s;
     let last = rates.len() - 1;
@@ -189,7 +190,7 @@ fn stamps_follow_the_exact_rate() {
         views.iter().map(|(name, p)| NamedPose { name, world_from_camera: *p }).collect();
     let params = Refine { count: Count::Frames(5), ..Refine::default() };
     let t = |rate: &str, want: [i64; 5]| {
-        let got = refine(&named, &params, Timing { rate: hertz(rate), ..timing(&law(LAW)) }).unwrap();
+        let got = refine_views(&named, &params, Timing { rate: hertz(rate), ..timing(&law(LAW)) }).unwrap();
         assert_eq!(got.trajectory.stamps_us, want, "{rate}");
     };
     t("2400", [0, 417, 833, 1250, 1667]);

@@ -4,7 +4,7 @@ use super::{LAW, named, refined};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::arc_length::ArcLength;
-use gs2e::se3::rotation::angle;
+use gs2e::se3::rotation::angle_between;
 use gs2e::se3::rotation_spline::RotationSpline;
 use gs2e::se3::spline::{Cubic, CubicSpline, Place};
 use gs2e::trajectory::curve::{Curve, PoseCurve};
@@ -56,7 +56,7 @@ fn both_splines_are_those_of_scipy() {
             let cubic = centres.segment(at.segment);
             close(cubic.value(at.x), case.value[i], 1e-9, &what("value"));
             close(cubic.slope(at.x), case.slope[i], 1e-9, &what("slope"));
-            let off = angle(rotations.rotation(at), DQuat::from_array(case.rotation_xyzw[i]));
+            let off = angle_between(rotations.rotation(at), DQuat::from_array(case.rotation_xyzw[i]));
             assert!(off <= 1e-9, "{}: {off:e}", what("rotation"));
             close(rotations.rate(at), case.rate[i], 1e-9, &what("rate"));
             // SciPy's closed forms cancel below 0.1 rad: README.md of the goldens.
@@ -72,7 +72,7 @@ fn curves_are_twice_differentiable_at_their_knots() {
         let spline = RotationSpline::new(&case.steps, &quaternions).unwrap();
         for (i, h) in case.steps[..case.steps.len() - 1].iter().enumerate() {
             let (left, right) = (Place { segment: i, x: *h }, Place { segment: i + 1, x: 0.0 });
-            assert!(angle(spline.rotation(left), spline.rotation(right)) < 1e-14);
+            assert!(angle_between(spline.rotation(left), spline.rotation(right)) < 1e-14);
             let jump = |a: DVec3, b: DVec3| (a - b).length() / a.length().max(1.0);
             let rate = jump(spline.rate(left), spline.rate(right));
             let acceleration = jump(spline.acceleration(left), spline.acceleration(right));
@@ -92,7 +92,7 @@ fn body_rates_are_differences_of_rotations() {
         let at = |x: f64| Place { segment, x };
         let x = 0.37 * h;
         let turn = spline.rotation(at(x - step)).conjugate() * spline.rotation(at(x + step));
-        let rate = gs2e::se3::rotation::log(turn) / (2.0 * step);
+        let rate = gs2e::se3::rotation::log_vector(turn) / (2.0 * step);
         // The central difference is off by a sixth of the squared step times a third derivative of order 100, and by
         // roundings of 1e-16 over the step.
         assert!((rate - spline.rate(at(x))).length() < 1e-8 * rate.length().max(1.0), "{segment}");
@@ -146,7 +146,7 @@ fn curves_are_those_of_scipy() {
             let what = |name: &str| format!("case {k}, {} {:?}, {at:?}, {name}", case.curve, case.degree);
             let (pose, twist, bend) = (curve.pose(at), curve.twist(at), curve.acceleration(at));
             close(pose.translation, case.centre[i], 1e-9, &what("centre"));
-            let off = angle(pose.rotation, DQuat::from_array(case.rotation_xyzw[i]));
+            let off = angle_between(pose.rotation, DQuat::from_array(case.rotation_xyzw[i]));
             assert!(off <= 1e-9, "{}: {off:e}", what("rotation"));
             close(twist.linear, case.linear[i], 1e-9, &what("linear"));
             close(twist.angular, case.angular[i], 1e-9, &what("angular"));
@@ -173,9 +173,12 @@ struct Segment {
 fn lengths_are_those_of_quadrature_and_of_closed_forms() {
     let mut errors: Vec<(f64, String)> = Vec::new();
     for segment in golden::<Lengths>("lengths.json").segments {
-        let cubic =
-            Cubic::hermite(1.0, segment.ends.map(DVec3::from_array), segment.slopes.map(DVec3::from_array));
-        let arc = ArcLength::measure(&[1.0], |at: Place| cubic.slope(at.x).length());
+        let cubic = Cubic::from_hermite(
+            1.0,
+            segment.ends.map(DVec3::from_array),
+            segment.slopes.map(DVec3::from_array),
+        );
+        let arc = ArcLength::measure_curve(&[1.0], |at: Place| cubic.slope(at.x).length());
         let error = (arc.total() - segment.length).abs() / segment.length;
         errors.push((error, segment.kind.clone()));
         for k in 0..=100 {
@@ -223,7 +226,8 @@ fn a_refined_orbit_is_that_of_another_program() {
         for (j, (a, b)) in
             got.trajectory.world_from_camera.iter().zip(poses.iter().copied().map(pose)).enumerate()
         {
-            let (centre, turn) = ((a.translation - b.translation).length(), angle(a.rotation, b.rotation));
+            let (centre, turn) =
+                ((a.translation - b.translation).length(), angle_between(a.rotation, b.rotation));
             assert!(
                 centre < 1e-9 * want.length && turn < 1e-9,
                 "literal {literal}, {j}: {centre:e}, {turn:e}"

@@ -3,7 +3,7 @@
 use super::{LAW, Views, named, orbit, refined, still, try_refined};
 use glam::DVec3;
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::angle;
+use gs2e::se3::rotation::angle_between;
 use gs2e::trajectory::TrajectoryError;
 use gs2e::trajectory::refine::{Order, Refine, Scale};
 
@@ -54,7 +54,7 @@ fn an_offset_of_a_million_keeps_a_billionth_of_the_path() {
     for (p, q) in a.trajectory.world_from_camera.iter().zip(&b.trajectory.world_from_camera) {
         // One rounding of a coordinate of 2e6 is 2.3e-10; the path is 5.7 long, in units of 2 scene units.
         assert!((p.translation + offset - q.translation).length() < 5e-10);
-        assert!(angle(p.rotation, q.rotation) < 1e-14);
+        assert!(angle_between(p.rotation, q.rotation) < 1e-14);
     }
 }
 
@@ -83,7 +83,7 @@ fn the_scene_distance_is_that_of_the_point_looked_at() {
     assert!((distance(&views, &Refine::default()) - 4.0).abs() < 1e-12);
     // Axes that meet behind the cameras: the same.
     let outward = changed(&orbit(30, 0.0, 0.0, 9), |_, p| {
-        still(p.rotation * gs2e::se3::rotation::exp(DVec3::Y * std::f64::consts::PI), p.translation)
+        still(p.rotation * gs2e::se3::rotation::exp_vector(DVec3::Y * std::f64::consts::PI), p.translation)
     });
     assert!((distance(&outward, &Refine::default()) - 4.0).abs() < 1e-12);
     let fixed = Refine { scale: Scale::Fixed(2.5), ..Refine::default() };

@@ -8,7 +8,7 @@ use gs2e::speed::list::List;
 use gs2e::speed::{Flow, Meaning, Speed};
 use gs2e::trajectory::flow::FlowMeter;
 use gs2e::trajectory::path::{Ground, Path};
-use gs2e::trajectory::refine::{Refine, refine};
+use gs2e::trajectory::refine::{Refine, refine_views};
 use gs2e::trajectory::report::Report;
 use gs2e::trajectory::sample::{Schedule, Summation};
 use gs2e::trajectory::travel::Count;
@@ -32,7 +32,7 @@ fn travelled(params: &Refine, timing: Timing<'_>) -> Result<Made, TrajectoryErro
     let views = line();
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    refine(&views, params, timing)
+    refine_views(&views, params, timing)
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, law, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{angle, exp};
+use gs2e::se3::rotation::{angle_between, exp_vector};
 use gs2e::seed::Seed;
 use gs2e::trajectory::curve::Curve;
 use gs2e::trajectory::novel::{Base, Novel, NovelCurve};
@@ -40,7 +40,7 @@ fn dense() -> Made {
 }
 
 fn near(a: &Se3, b: &Se3) -> bool {
-    (a.translation - b.translation).length() < 1e-13 && angle(a.rotation, b.rotation) < 1e-13
+    (a.translation - b.translation).length() < 1e-13 && angle_between(a.rotation, b.rotation) < 1e-13
 }
 
 #[test]
@@ -148,13 +148,13 @@ fn two_key_poses_make_a_line_and_a_slerp_whatever_the_curve() {
         let line = poses[0].translation.lerp(poses[149].translation, share);
         assert!((poses[49].translation - line).length() < 1e-12);
         let turned = gs2e::se3::rotation::slerp(poses[0].rotation, poses[149].rotation, share);
-        assert!(angle(poses[49].rotation, turned) < 1e-12);
+        assert!(angle_between(poses[49].rotation, turned) < 1e-12);
     }
 }
 
 #[test]
 fn equal_key_poses_stand_still() {
-    let pose = still(exp(DVec3::new(0.3, -0.2, 1.0)), DVec3::new(5.0, 6.0, 7.0));
+    let pose = still(exp_vector(DVec3::new(0.3, -0.2, 1.0)), DVec3::new(5.0, 6.0, 7.0));
     let got = try_made(&NOVEL, &[pose; 20], 2.0).unwrap();
     assert_eq!(got.warnings, [Warning::Still { views: 5 }]);
     assert!(got.trajectory.world_from_camera.iter().all(|p| near(p, &pose)));

@@ -3,12 +3,12 @@
 use super::{LAW, named, orbit, refined, still};
 use glam::{DQuat, DVec3};
 use gs2e::trajectory::Made;
-use gs2e::trajectory::picture::svg;
+use gs2e::trajectory::picture::trajectory_svg;
 use gs2e::trajectory::refine::Refine;
 use gs2e::trajectory::travel::Count;
 
 fn picture(refined: &Made) -> String {
-    svg(&refined.trajectory, &refined.report)
+    trajectory_svg(&refined.trajectory, &refined.report)
 }
 
 #[test]
@@ -28,8 +28,9 @@ fn a_picture_shows_frusta_path_and_speeds() {
 #[test]
 fn every_path_has_a_picture_without_nan() {
     let line = |size: f64| named((0..5).map(|k| still(DQuat::IDENTITY, DVec3::X * (size * f64::from(k)))));
-    let turn =
-        named((0..5).map(|k| still(gs2e::se3::rotation::exp(DVec3::Y * (0.1 * f64::from(k))), DVec3::ZERO)));
+    let turn = named(
+        (0..5).map(|k| still(gs2e::se3::rotation::exp_vector(DVec3::Y * (0.1 * f64::from(k))), DVec3::ZERO)),
+    );
     for views in [line(0.0), orbit(9, 0.0, 0.0, 1), line(1e90), line(1e-9), turn] {
         for count in [1, 2, 5000] {
             let params = Refine { count: Count::Frames(count), ..Refine::default() };

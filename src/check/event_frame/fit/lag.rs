@@ -47,7 +47,7 @@ impl Lag {
     /// The lag over all spans, us, and its standard deviation; `None` without pixels. Each span has
     /// its own mean residual, which covers voltages that start anywhere.
     #[must_use]
-    pub fn pooled(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
+    pub fn pooled_lag(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
         let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
         for Self { pixels: n, rates, squares: s, left, left_squares: l, products: p } in spans {
             if n > 1 {
@@ -84,7 +84,7 @@ mod tests {
             let s = (dv - rate * late).trunc();
             lag.add(dv - s + start, [rate * span / 2.0; 2], span, [1.0, 1.0]);
         }
-        Lag::pooled(std::iter::once(lag)).unwrap()
+        Lag::pooled_lag(std::iter::once(lag)).unwrap()
     }
 
     #[test]
@@ -105,6 +105,6 @@ mod tests {
             lag.add(0.3, ways, 100.0, [1.0, 1.0]);
         }
         assert_eq!(lag.pixels, 0);
-        assert_eq!(Lag::pooled([lag].into_iter()), None);
+        assert_eq!(Lag::pooled_lag([lag].into_iter()), None);
     }
 }

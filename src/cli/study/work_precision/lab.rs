@@ -5,9 +5,9 @@ use crate::camera::Camera;
 use crate::cli::console::Console;
 use crate::cli::machine;
 use crate::cli::problem::Problem;
-use crate::cli::study::cost::{Measured, Sampling, kept_at, measure, spent};
+use crate::cli::study::cost::{Measured, Sampling, kept_at, measure_views, process_time};
 use crate::cli::study::subject::Subject;
-use crate::cli::study::{ended, interrupted, not_rendered, unless};
+use crate::cli::study::{end_problem, go_unless, interrupted_problem, not_rendered};
 use crate::frames::rendered::RenderedFrames;
 use crate::render::backend::Backend;
 use crate::render::flow::Meter;
@@ -17,8 +17,10 @@ use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use crate::study::work_precision::grid::Grid;
-use crate::study::work_precision::pass::{Setup, pass};
-use crate::study::work_precision::{Costs, OfRules, Picture, Row, Study, differences, judge, law as law_of};
+use crate::study::work_precision::pass::{Setup, feed_settings};
+use crate::study::work_precision::{
+    Costs, OfRules, Picture, Row, Study, finest_law as law_of, image_differences, judge_pass,
+};
 use crate::trajectory::Trajectory;
 use crate::units::{Hertz, Ratio};
 use std::sync::Arc;
@@ -60,7 +62,7 @@ impl Window {
     fn view(&self, camera: Camera, frame: usize) -> View {
         let at = self.start + self.stamp_us(frame) as f64 * 1e-6;
         let (pose, velocity) = self.path.at(at.min(self.path.seconds()));
-        View { velocity, ..View::still(camera, pose) }
+        View { velocity, ..View::at_rest(camera, pose) }
     }
 
     /// Some, evenly spread.
@@ -91,8 +93,8 @@ impl Lab<'_> {
         let mut study = Study {
             scene,
             size: self.subject.camera.size,
-            cores: machine::cores(),
-            processor: machine::processor(),
+            cores: machine::available_cores(),
+            processor: machine::processor_name(),
             seconds: self.window.seconds(),
             finest: self.window.finest,
             noise: asked.noise,
@@ -132,12 +134,12 @@ impl Lab<'_> {
     fn grids(&self, asked: &WorkPrecision) -> Result<Vec<Grid>, Problem> {
         let Window { intervals, finest, .. } = *self.window;
         let uniform: Vec<Grid> =
-            asked.rates.iter().map(|rate| Grid::uniform(*rate, finest, intervals)).collect();
+            asked.rates.iter().map(|rate| Grid::uniform_steps(*rate, finest, intervals)).collect();
         let mut grids = Vec::new();
         if asked.steps.contains(&Stepping::Flow) {
             self.console.say("measuring how fast the picture moves");
             let flows = self.flows(asked.rules[0])?;
-            grids.extend(uniform.iter().map(|uniform| Grid::flow(&flows, uniform)));
+            grids.extend(uniform.iter().map(|uniform| Grid::flow_steps(&flows, uniform)));
         }
         if asked.steps.contains(&Stepping::Uniform) {
             grids.splice(0..0, uniform);
@@ -165,7 +167,7 @@ impl Lab<'_> {
     }
 
     fn go_on(&self) -> Result<(), Problem> {
-        if unless(&self.cancelled).is_break() { Err(interrupted()) } else { Ok(()) }
+        if go_unless(&self.cancelled).is_break() { Err(interrupted_problem()) } else { Ok(()) }
     }
 
     /// Costs of these kinds of frames.
@@ -185,7 +187,7 @@ impl Lab<'_> {
         let mut renderer = backend.renderer(scene.clone(), style).map_err(|e| not_rendered(&e))?;
         let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
         renderer.keep_to(&self.subject.camera, &poses);
-        measure(&mut *renderer, views, sampling, &|| unless(&self.cancelled))
+        measure_views(&mut *renderer, views, sampling, &|| go_unless(&self.cancelled))
     }
 
     /// How ways of rendering, these kinds among them, differ from f64.
@@ -211,7 +213,7 @@ impl Lab<'_> {
         let reference = exactly[0].1.clone();
         rendered.extend(exactly.into_iter().map(|found| ("luminance in f64".to_owned(), found)));
         let picture = |(what, (cost, images)): (String, Measured)| {
-            let (psnr_db, worst_grey) = differences(&images, &reference);
+            let (psnr_db, worst_grey) = image_differences(&images, &reference);
             Picture { rules: rules.name().to_owned(), what, cost, psnr_db, worst_grey }
         };
         Ok(rendered.into_iter().map(picture).collect())
@@ -238,8 +240,9 @@ impl Lab<'_> {
         let renderer = backend.renderer(subject.gaussians.clone(), style).map_err(|e| not_rendered(&e))?;
         let mut fine = RenderedFrames::new(renderer, subject.camera, trajectory).with_rates(velocities);
         let setup = Setup { sensor: &self.sensor, seed: self.seed, grids, between };
-        let passed = pass(&setup, &mut fine, &spent, &mut |_| unless(&self.cancelled)).map_err(ended)?;
-        let rows = judge(&passed, grids, rules.name(), &costs);
+        let passed = feed_settings(&setup, &mut fine, &process_time, &mut |_| go_unless(&self.cancelled))
+            .map_err(end_problem)?;
+        let rows = judge_pass(&passed, grids, rules.name(), &costs);
         let (law, finest_s) = law_of(&rows);
         let of = OfRules {
             rules: rules.name().to_owned(),

@@ -1,7 +1,7 @@
 //! A program that trains a scene.
 
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::resolve::number::{Range, Whole};
 use crate::recipe::schema;
@@ -75,7 +75,7 @@ impl Resolver<'_> {
     fn program(&self, text: &str, place: Place, known: &Known<'_>) -> Option<Argument> {
         let program = self.argument(&self.filled(text, place)?, place, known)?;
         if text.contains(std::path::MAIN_SEPARATOR) {
-            let problem = Problem::of_field(format!("is {}, a path", quoted(text)));
+            let problem = Problem::of_field(format!("is {}, a path", quote_text(text)));
             return self.refuse(problem.help(PROGRAM).at(place));
         }
         Some(program)
@@ -99,7 +99,7 @@ impl Resolver<'_> {
             }
             Ok(argument) => Some(argument),
             Err(ArgumentError::Unknown(name)) => {
-                self.refuse(Problem::unknown("place", &name, &names).at(place))
+                self.refuse(Problem::unknown_name("place", &name, &names).at(place))
             }
             Err(ArgumentError::Alone) => {
                 let help = format!("places here: {}; a brace itself is written twice", names.join(", "));
@@ -158,7 +158,7 @@ impl Resolver<'_> {
         let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
         let text = self.filled(text, place)?;
         if !Path::new(&text).components().all(|part| matches!(part, Component::Normal(_))) {
-            let problem = Problem::of_field(format!("is {}, wanted a file below {{out}}", quoted(&text)));
+            let problem = Problem::of_field(format!("is {}, wanted a file below {{out}}", quote_text(&text)));
             return self.refuse(problem.help(SCENE).at(place));
         }
         Some(Some(text))

@@ -43,7 +43,7 @@ impl Resolver<'_> {
     fn weights(&self, fields: &[Field<f64>; 3], place: Place) -> Option<Luminance> {
         let [r, g, b] = [0, 1, 2].map(|i| self.real(&fields[i], 0.0, WEIGHT));
         let [r, g, b] = [r?, g?, b?];
-        Luminance::of([r, g, b]).ok().or_else(|| {
+        Luminance::from_weights([r, g, b]).ok().or_else(|| {
             let sum = front_end::told_sum(&[r, g, b]);
             let found = format!("sums to {sum}, wanted 1 within 1e-6");
             self.refuse(Problem::of_field(found).help(SUM).at(place))

@@ -84,7 +84,7 @@ impl Resolver<'_> {
     fn v2e_preset(&self, field: &Field<String>) -> Option<Preset> {
         let Some((name, place)) = field.given() else { return field.is_absent().then_some(Preset::Clean) };
         let names = Preset::ALL.map(Preset::name);
-        Preset::by_name(name).or_else(|| self.refuse(Problem::unknown("preset", name, &names).at(place)))
+        Preset::by_name(name).or_else(|| self.refuse(Problem::unknown_name("preset", name, &names).at(place)))
     }
 
     fn threshold_of(&self, field: &Field<schema::Threshold>, usual: Threshold) -> Option<Threshold> {

@@ -40,8 +40,8 @@ impl Resolver<'_> {
 
     /// Refuses any number of poses, because a flow determines it.
     fn flow_count(&self, raw: Spread<'_>) -> Option<Count> {
-        let factor = raw.factor.and_then(given);
-        let given = [factor, given(raw.frames), given(raw.duration)];
+        let factor = raw.factor.and_then(given_place);
+        let given = [factor, given_place(raw.frames), given_place(raw.duration)];
         for place in given.iter().flatten().flatten() {
             let problem = Problem::of_key("does not go with a speed in px/s");
             self.report(
@@ -96,6 +96,6 @@ impl Resolver<'_> {
 }
 
 /// Returns the place of a field; the outer `None` means absent, the inner one faulty.
-fn given<T>(field: &Field<T>) -> Option<Option<Place>> {
+fn given_place<T>(field: &Field<T>) -> Option<Option<Place>> {
     (!field.is_absent()).then(|| field.place())
 }

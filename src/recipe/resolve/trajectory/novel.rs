@@ -4,7 +4,7 @@
 use super::count::Spread;
 use super::{Around, List};
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::problem::{Problem, quote_text};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::resolve::number::Whole;
 use crate::recipe::text::Place;
@@ -44,7 +44,7 @@ impl Groups {
     /// Returns the path of each group. All groups share the draws; the seeds derive from the
     /// written name.
     pub(super) fn drawn(&self, seed: u64, scene: &str, written: &str) -> impl Iterator<Item = Novel> {
-        let seed = |purpose| Seed::derive(seed, scene, written, purpose);
+        let seed = |purpose| Seed::for_stream(seed, scene, written, purpose);
         let (keyframes_seed, curve_seed) = (seed(Purpose::Keyframes), seed(Purpose::Curve));
         let Self { groups, keyframes, count, curve, literal, .. } = *self;
         (0..groups).map(move |group| Novel {
@@ -61,17 +61,17 @@ impl Groups {
 }
 
 /// Returns the name of a group.
-pub(super) fn folder(written: &str, group: u32) -> String {
+pub(super) fn group_folder(written: &str, group: u32) -> String {
     format!("{written}-{group}")
 }
 
 /// Returns the folders of the trajectory with this name, as far as they are known while fields may
 /// be faulty.
-pub(super) fn folders(name: &str, raw: &schema::Trajectory) -> Vec<String> {
+pub(super) fn group_folders(name: &str, raw: &schema::Trajectory) -> Vec<String> {
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
     let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
     let groups = usize::try_from(groups.min(MOST_GROUPS)).expect("groups are few");
-    (0..).take(groups).map(|group| folder(name, group)).collect()
+    (0..).take(groups).map(|group| group_folder(name, group)).collect()
 }
 
 impl Resolver<'_> {
@@ -111,11 +111,11 @@ impl Resolver<'_> {
             return Some(wanted.clone());
         }
         if raws().filter_map(name).any(|name| name == *wanted) {
-            let message = format!("is {}, which is novel itself", quoted(wanted));
+            let message = format!("is {}, which is novel itself", quote_text(wanted));
             return self.refuse(Problem::of_field(message).help(BASES).at(place));
         }
         let known: Vec<&str> = bases.iter().map(String::as_str).collect();
-        self.refuse(Problem::unknown("base", wanted, &known).at(place))
+        self.refuse(Problem::unknown_name("base", wanted, &known).at(place))
     }
 
     fn novel_curve(&self, field: &Field<schema::NovelCurve>) -> Option<NovelCurve> {
@@ -137,7 +137,7 @@ impl Resolver<'_> {
             let Some(first) = all.iter().find(|t| t.written == *name) else { continue };
             let base = all.iter().find(|t| Some(&t.name) == first.base.as_ref());
             let (Path::Novel(novel), Some(Count::Frames(poses))) =
-                (&first.path, base.and_then(|base| count(&base.path)))
+                (&first.path, base.and_then(|base| group_count(&base.path)))
             else {
                 continue;
             };
@@ -151,7 +151,7 @@ impl Resolver<'_> {
     }
 }
 
-fn count(path: &Path) -> Option<Count> {
+fn group_count(path: &Path) -> Option<Count> {
     match path {
         Path::Refine(refine) => Some(refine.count),
         Path::Orbit(orbit) => Some(orbit.count),

@@ -3,7 +3,7 @@
 use super::Around;
 use super::count::Spread;
 use crate::recipe::field::{Field, Literal};
-use crate::recipe::problem::{Problem, bare};
+use crate::recipe::problem::{Problem, bare_text};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::resolve::number::{Range, Whole};
 use crate::recipe::schema;
@@ -28,7 +28,7 @@ impl Resolver<'_> {
                 Some(place) => {
                     Problem::of_key("needs a capture, and the source is none").help(instead).at(place)
                 }
-                None => Problem::missing("orbit").help(instead).at(within),
+                None => Problem::missing_field("orbit").help(instead).at(within),
             };
             return self.refuse(problem);
         }
@@ -88,7 +88,7 @@ impl Resolver<'_> {
             number => match number.parse::<f64>() {
                 Ok(number) if units.holds(number) => Some(Scale::Fixed(number)),
                 _ => {
-                    let message = format!("is {}, wanted scene, none, or {units}", bare(number));
+                    let message = format!("is {}, wanted scene, none, or {units}", bare_text(number));
                     self.refuse(Problem::of_field(message).at(place))
                 }
             },

@@ -27,7 +27,7 @@ impl Resolver<'_> {
         match field {
             Field::Absent => {
                 let text = if usually_constant { CONSTANT_SPEED } else { PAPERS_SPEED };
-                Some(Speed::Function(usual(text)))
+                Some(Speed::Function(default_speed(text)))
             }
             Field::Bad => None,
             Field::Given(schema::Speed::Function(text), _) => {
@@ -99,7 +99,7 @@ impl Resolver<'_> {
         self.required(&raw.px_s, "px_s", place, help);
         let px_s = self.real(&raw.px_s, 1.0, Range::above(0.0, 1e9));
         let shape = match &raw.function {
-            Field::Absent => Some(usual(CONSTANT_SPEED)),
+            Field::Absent => Some(default_speed(CONSTANT_SPEED)),
             Field::Bad => None,
             Field::Given(text, place) => self.law(text, *place),
         };
@@ -120,7 +120,7 @@ impl Resolver<'_> {
     }
 }
 
-fn usual(text: &str) -> Expression {
+fn default_speed(text: &str) -> Expression {
     Expression::parse(text).expect("the usual laws are positive")
 }
 

@@ -5,9 +5,9 @@ use crate::event::{Event, EventFileError, EventSource, Polarity, h5};
 use crate::release::scene::Statistics;
 
 /// Audits one stream; `stated` is what `scene.json` counts of it.
-pub(super) fn audit(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec<Fault> {
+pub(super) fn audit_stream(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec<Fault> {
     let mut faults = Vec::new();
-    match count(folder, name) {
+    match count_stream(folder, name) {
         Ok(counted) => {
             let Counted { events, on, peak, active, .. } = counted;
             faults.extend(counted.faults.map(|message| folder.fault(Code::Unreadable, name, message)));
@@ -45,7 +45,7 @@ struct Counted {
     active: u64,
 }
 
-fn count(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
+fn count_stream(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
     let mut reader = h5::Reader::open(&folder.on_disk(name))?;
     reader.verify_index()?;
     let size = folder.camera.size;
@@ -61,7 +61,7 @@ fn count(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
         for event in &chunk {
             if counted.faults.is_none() {
                 let number = counted.events;
-                counted.faults = misplaced(folder, previous.as_ref(), event)
+                counted.faults = misplaced_event(folder, previous.as_ref(), event)
                     .map(|because| format!("event {number} {because}"));
             }
             counted.events += 1;
@@ -82,7 +82,7 @@ fn count(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
     Ok(counted)
 }
 
-fn misplaced(folder: &Folder<'_>, previous: Option<&Event>, event: &Event) -> Option<String> {
+fn misplaced_event(folder: &Folder<'_>, previous: Option<&Event>, event: &Event) -> Option<String> {
     let (size, end_us, t_us) = (folder.camera.size, folder.part.duration_us, event.t.floor_micros());
     if u32::from(event.x) >= size.width || u32::from(event.y) >= size.height {
         Some(format!("is at ({}, {}), outside {size}", event.x, event.y))

@@ -18,13 +18,13 @@ use std::io::BufReader;
 
 const SPEED: &str = "speed.json";
 
-pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
+pub(super) fn audit_motion(folder: &Folder<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let stamps = read(folder, "timestamps_us.txt", read_stamps, &mut faults);
-    if let Some(trajectory) = read(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
-        let report: Option<Report> = claims::parse(folder.tree, &folder.path_of(SPEED), &mut faults);
-        faults.extend(agree(folder, &trajectory, stamps.as_deref()));
-        faults.extend(paced(folder, &trajectory, report.as_ref()));
+    let stamps = read_text(folder, "timestamps_us.txt", read_stamps, &mut faults);
+    if let Some(trajectory) = read_text(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
+        let report: Option<Report> = claims::parse_claims(folder.tree, &folder.path_of(SPEED), &mut faults);
+        faults.extend(poses_agree(folder, &trajectory, stamps.as_deref()));
+        faults.extend(pace_fault(folder, &trajectory, report.as_ref()));
         faults.extend(transforms_agree(folder, &trajectory));
         faults.extend(report.and_then(|report| speeds_agree(folder, &trajectory, &report)));
     }
@@ -32,7 +32,7 @@ pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
 }
 
 /// Reads a text file, if it is intact.
-fn read<T>(
+fn read_text<T>(
     folder: &Folder<'_>,
     name: &str,
     parse: impl FnOnce(BufReader<File>) -> Result<T, TextError>,
@@ -49,7 +49,7 @@ fn read<T>(
 }
 
 /// Poses against stamps, the stated rate, and the stated counts.
-fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -> Vec<Fault> {
+fn poses_agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let mut disagree =
         |name: &str, message: String| faults.push(folder.fault(Code::ClaimsDisagree, name, message));
@@ -73,7 +73,7 @@ fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -
 }
 
 /// Stamps against the stated rate, or against the frame rates of a law that asks for those.
-fn paced(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
+fn pace_fault(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
     let (rate, found) = (&folder.part.rate, &trajectory.stamps_us);
     let disagree = |message: String| Some(folder.fault(Code::ClaimsDisagree, "poses.txt", message));
     let Ok(hertz) = rate.parse().map(Hertz) else {
@@ -92,7 +92,7 @@ fn paced(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) 
 fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
     const NAME: &str = "transforms.json";
     let mut faults = Vec::new();
-    let Some(found) = claims::parse::<Value>(folder.tree, &folder.path_of(NAME), &mut faults) else {
+    let Some(found) = claims::parse_claims::<Value>(folder.tree, &folder.path_of(NAME), &mut faults) else {
         return faults;
     };
     let camera = &folder.camera;
@@ -107,7 +107,7 @@ fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> 
     }
     let frames = found["frames"].as_array().map_or(&[][..], Vec::as_slice);
     let stamped = trajectory.world_from_camera.iter().zip(&trajectory.stamps_us);
-    let mut poses = stamped.map(|(pose, t_us)| (opengl(pose), *t_us));
+    let mut poses = stamped.map(|(pose, t_us)| (opengl_rows(pose), *t_us));
     let same = |(frame, (matrix, t_us)): (&Value, ([[f64; 4]; 3], i64))| {
         frame["t_us"].as_i64() == Some(t_us) && is_near(&frame["transform_matrix"], &matrix)
     };
@@ -132,7 +132,7 @@ fn exposures_agree(folder: &Folder<'_>, listed: &[Value], stamps: &[i64]) -> Opt
     let found: Vec<Option<usize>> = blurred.clone().map(number).collect();
     let stated = folder.part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
     let frames = stated.and_then(|frames| u32::try_from(frames).ok()).filter(|frames| *frames > 0);
-    let wanted = frames.map_or(Vec::new(), |frames| exposure::centres(stamps.len(), frames));
+    let wanted = frames.map_or(Vec::new(), |frames| exposure::exposure_centres(stamps.len(), frames));
     if found != wanted.iter().copied().map(Some).collect::<Vec<_>>() {
         return Some(format!(
             "it names {} blurred pictures, scene.json has room for {}",
@@ -142,7 +142,7 @@ fn exposures_agree(folder: &Folder<'_>, listed: &[Value], stamps: &[i64]) -> Opt
     }
     let seconds: Vec<f64> = stamps.iter().map(|t_us| *t_us as f64 * 1e-6).collect();
     blurred.zip(wanted).find_map(|(frame, pose)| {
-        let open = exposure::open(&seconds, pose, frames?);
+        let open = exposure::shutter_times(&seconds, pose, frames?);
         // Stamps are rounded to a microsecond, and so is what is held against them.
         let near =
             |key: &str, at: f64| frame[key].as_f64().is_some_and(|us| (us - at * 1e6).abs() <= 1.0 + 1e-6);
@@ -169,7 +169,7 @@ fn is_near(found: &Value, wanted: &[[f64; 4]; 3]) -> bool {
 
 /// The top three rows of camera to world with OpenGL camera axes: a point on a camera axis goes where the pose takes
 /// it, and y and z point the other way.
-fn opengl(world_from_camera: &Se3) -> [[f64; 4]; 3] {
+fn opengl_rows(world_from_camera: &Se3) -> [[f64; 4]; 3] {
     let axes =
         [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| world_from_camera.rotation * (axis * OPENCV_FROM_OPENGL));
     let centre = world_from_camera.translation;

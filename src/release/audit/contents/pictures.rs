@@ -11,17 +11,17 @@ use serde_json::Value;
 use std::io::Cursor;
 
 /// Names of the pictures that a trajectory of so many poses has by its recipe.
-pub(super) fn wanted(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool) -> Vec<String> {
+pub(super) fn wanted_names(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool) -> Vec<String> {
     let number = |place: &str, default: u32| {
         let number = recipe.pointer(place).and_then(Value::as_u64);
         number.map_or(default, |n| u32::try_from(n).unwrap_or(u32::MAX)).max(1)
     };
     let exposed = asked("blur").then(|| number("/blur/frames", exposure::FRAMES));
     let numbers = |kind: &str| match kind {
-        "blur" => exposed.map_or(Vec::new(), |frames| exposure::centres(poses, frames)),
+        "blur" => exposed.map_or(Vec::new(), |frames| exposure::exposure_centres(poses, frames)),
         _ => {
             let beside = exposed.filter(|_| kind == "sharp");
-            exposure::kept(poses, number(&format!("/{kind}/every"), 1), beside)
+            exposure::kept_poses(poses, number(&format!("/{kind}/every"), 1), beside)
         }
     };
     let asked = PICTURES.into_iter().filter(|(kind, _)| asked(kind));
@@ -30,25 +30,27 @@ pub(super) fn wanted(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool)
         .collect()
 }
 
-pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
+pub(super) fn audit_pictures(folder: &Folder<'_>) -> Vec<Fault> {
     let mut found = Vec::new();
     for (kind, end) in PICTURES.into_iter().chain([("checks", ".png")]) {
         let prefix = folder.path_of(&format!("{kind}/"));
         let paths = folder.tree.below(&prefix).filter(|path| path.ends_with(end));
         found.extend(paths.map(|path| (kind, path[folder.path.len() + 1..].to_owned())));
     }
-    found.into_par_iter().filter_map(|(kind, name)| picture(folder, kind, &name)).collect()
+    found.into_par_iter().filter_map(|(kind, name)| picture_fault(folder, kind, &name)).collect()
 }
 
-fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
+fn picture_fault(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
     let bytes = match files::read_with(&folder.on_disk(name), Links::Refuse, files::MAX_DOCUMENT) {
         Ok(bytes) => bytes,
         Err(e) => return Some(folder.fault(Code::Unreadable, name, e.to_string())),
     };
     let size = folder.camera.size;
     let again = match kind {
-        "depth" | "flow" => numbers(kind, size, &bytes),
-        "checks" => png::read(Cursor::new(&bytes)).map(|image| written(&image)).map_err(|e| e.to_string()),
+        "depth" | "flow" => check_numbers(kind, size, &bytes),
+        "checks" => {
+            png::read_rgb(Cursor::new(&bytes)).map(|image| written(&image)).map_err(|e| e.to_string())
+        }
         _ => {
             png::read_sized(Cursor::new(&bytes), size).map(|image| written(&image)).map_err(|e| e.to_string())
         }
@@ -67,12 +69,12 @@ fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
 /// The PNG file of an image.
 fn written(image: &Image<[u8; 3]>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    png::write(image, &mut bytes).expect("a Vec takes any bytes");
+    png::write_image(image, &mut bytes).expect("a Vec takes any bytes");
     bytes
 }
 
 /// The file of the array in some bytes: depth lies in front of the camera, and flow is finite, where there is any.
-fn numbers(kind: &str, size: Size, mut bytes: &[u8]) -> Result<Vec<u8>, String> {
+fn check_numbers(kind: &str, size: Size, mut bytes: &[u8]) -> Result<Vec<u8>, String> {
     let mut shape = vec![u64::from(size.height), u64::from(size.width)];
     if kind == "flow" {
         shape.push(2);

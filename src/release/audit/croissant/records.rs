@@ -1,24 +1,27 @@
 //! Record sets of `croissant.json`: each field is taken from a column, or from a place in every `scene.json`, that is there
 //! and holds what the field says.
 
-use super::{Subject, fault, id, list};
+use super::{Subject, croissant_fault, node_id, node_list};
 use crate::release::audit::{Code, Fault};
 use crate::release::croissant::{SPLITS, data_type};
 use crate::release::index;
 use serde_json::Value;
 
-pub(super) fn audit(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+pub(super) fn audit_records(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
     let scenes: Vec<Value> = subject.scenes.iter().map(|scene| serde_json::json!(scene)).collect();
     let mut faults = Vec::new();
-    for set in list(&file["recordSet"]) {
-        let fields = list(&set["field"]);
+    for set in node_list(&file["recordSet"]) {
+        let fields = node_list(&set["field"]);
         if fields.is_empty() {
-            faults.push(fault(Code::CroissantField, format!("the records {} have no field", id(set))));
+            faults.push(croissant_fault(
+                Code::CroissantField,
+                format!("the records {} have no field", node_id(set)),
+            ));
         }
-        for key in list(&set["key"]).iter().map(id) {
-            if !fields.iter().any(|field| id(field) == key) {
-                let message = format!("the key of {} is {key:?}, which is none of its fields", id(set));
-                faults.push(fault(Code::CroissantReference, message));
+        for key in node_list(&set["key"]).iter().map(node_id) {
+            if !fields.iter().any(|field| node_id(field) == key) {
+                let message = format!("the key of {} is {key:?}, which is none of its fields", node_id(set));
+                faults.push(croissant_fault(Code::CroissantReference, message));
             }
         }
         if set["data"].is_array() {
@@ -28,43 +31,45 @@ pub(super) fn audit(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
         }
         faults.extend(fields.iter().filter_map(|field| audit_reference(field, file)));
     }
-    faults.extend(splits(file, subject));
+    faults.extend(split_fault(file, subject));
     faults
 }
 
 /// A field of records that are written out: each has it, as a text.
 fn audit_written(field: &Value, set: &Value) -> Option<Fault> {
-    let lacking = list(&set["data"]).iter().find(|record| !record[id(field)].is_string());
-    lacking.map(|record| fault(Code::CroissantColumn, format!("{} is in no form in {record}", id(field))))
+    let lacking = node_list(&set["data"]).iter().find(|record| !record[node_id(field)].is_string());
+    lacking.map(|record| {
+        croissant_fault(Code::CroissantColumn, format!("{} is in no form in {record}", node_id(field)))
+    })
 }
 
 /// A field that refers to another one, which must be there.
 fn audit_reference(field: &Value, file: &Value) -> Option<Fault> {
     let wanted = field["references"]["field"]["@id"].as_str()?;
-    let mut fields = list(&file["recordSet"]).iter().flat_map(|set| list(&set["field"]));
-    let found = fields.any(|field| id(field) == wanted);
-    let message = || format!("{} refers to {wanted:?}, which is nothing here", id(field));
-    (!found).then(|| fault(Code::CroissantReference, message()))
+    let mut fields = node_list(&file["recordSet"]).iter().flat_map(|set| node_list(&set["field"]));
+    let found = fields.any(|field| node_id(field) == wanted);
+    let message = || format!("{} refers to {wanted:?}, which is nothing here", node_id(field));
+    (!found).then(|| croissant_fault(Code::CroissantReference, message()))
 }
 
 /// The splits are those of the manifest.
-fn splits(file: &Value, subject: &Subject<'_>) -> Option<Fault> {
-    let set = list(&file["recordSet"]).iter().find(|set| id(set) == SPLITS);
+fn split_fault(file: &Value, subject: &Subject<'_>) -> Option<Fault> {
+    let set = node_list(&file["recordSet"]).iter().find(|set| node_id(set) == SPLITS);
     let field = format!("{SPLITS}/name");
-    let found = set.iter().flat_map(|set| list(&set["data"]));
+    let found = set.iter().flat_map(|set| node_list(&set["data"]));
     let found: Vec<&str> = found.map(|record| record[&field].as_str().unwrap_or_default()).collect();
     let wanted = subject.manifest.splits.iter().flat_map(|splits| splits.shares.keys());
     let wanted: Vec<&str> = wanted.map(String::as_str).collect();
     let message = || format!("its splits are {found:?}, manifest.json has {wanted:?}");
-    (found != wanted).then(|| fault(Code::ClaimsDisagree, message()))
+    (found != wanted).then(|| croissant_fault(Code::ClaimsDisagree, message()))
 }
 
 fn audit_field(field: &Value, file: &Value, subject: &Subject<'_>, scenes: &[Value]) -> Option<Fault> {
     let source = &field["source"];
-    let origin = [&source["fileObject"], &source["fileSet"]].map(id).concat();
-    if origin.is_empty() || !list(&file["distribution"]).iter().any(|node| id(node) == origin) {
-        let message = format!("{} is taken from {origin:?}, which is nothing here", id(field));
-        return Some(fault(Code::CroissantReference, message));
+    let origin = [&source["fileObject"], &source["fileSet"]].map(node_id).concat();
+    if origin.is_empty() || !node_list(&file["distribution"]).iter().any(|node| node_id(node) == origin) {
+        let message = format!("{} is taken from {origin:?}, which is nothing here", node_id(field));
+        return Some(croissant_fault(Code::CroissantReference, message));
     }
     let stated = field["dataType"].as_str().unwrap_or_default();
     let extract = &source["extract"];
@@ -73,7 +78,7 @@ fn audit_field(field: &Value, file: &Value, subject: &Subject<'_>, scenes: &[Val
         (None, Some(path)) => scenes.iter().find_map(|scene| of_path(path, stated, scene)),
         _ => Some("is taken from nowhere that is known".to_owned()),
     };
-    problem.map(|problem| fault(Code::CroissantColumn, format!("{} {problem}", id(field))))
+    problem.map(|problem| croissant_fault(Code::CroissantColumn, format!("{} {problem}", node_id(field))))
 }
 
 /// What is wrong with a column of the index that a field of this type is taken from; nothing where there is no index,

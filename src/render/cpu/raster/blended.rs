@@ -27,9 +27,9 @@ use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;
 
-/// Blends one tile with `N` features per splat into its part of the planes (see [`super::run`]).
+/// Blends one tile with `N` features per splat into its part of the planes (see [`super::raster_tiles`]).
 #[inline(always)]
-pub(super) fn one<V: Simd, S: Real<Plain = f32>, const N: usize>(
+pub(super) fn blend_tile_smoothly<V: Simd, S: Real<Plain = f32>, const N: usize>(
     simd: V,
     frame: Frame<'_>,
     index: usize,
@@ -110,7 +110,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         }
         self.blended += hits as u64;
         let depth = S::with_rate(splat.depth, rates.depth);
-        while self.queue.get(self.laid).is_some_and(|next| cover(depth, next.depth).value() <= 0.0) {
+        while self.queue.get(self.laid).is_some_and(|next| depth_cover(depth, next.depth).value() <= 0.0) {
             self.lay();
         }
         let mut features = [0.0; N];
@@ -130,7 +130,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
             let e1 = w1 * (S::with_rate(self.first[0] + x as f32, 0.0) - mx) + w2 * dy;
             e1 * e1 + e2 * e2
         });
-        let powers = powers(simd, q.map(S::value));
+        let powers = opacity_powers(simd, q.map(S::value));
         std::array::from_fn(|x| {
             let free = splat.opacity * powers[x];
             if !self.open[x] || free < SOFT_MIN_ALPHA {
@@ -139,7 +139,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
             let clamped = free >= MAX_ALPHA;
             let rate = free * (rates.opacity - LN_2 * q[x].rate());
             let alpha = if clamped { S::with_rate(MAX_ALPHA, 0.0) } else { S::with_rate(free, rate) };
-            let alpha = alpha * smoothstep(S::constant(255.0) * alpha - S::constant(0.5));
+            let alpha = alpha * smooth_step(S::constant(255.0) * alpha - S::constant(0.5));
             let after = self.rest[x] * (S::constant(1.0) - alpha);
             self.open[x] = after.value() >= STOP;
             if !self.open[x] {
@@ -155,7 +155,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         let depth = self.queue[self.laid].depth;
         // A layer that covers this one fully covers all later ones fully: its factor moves into
         // `before` for good.
-        while self.laid > 0 && cover(self.queue[0].depth, depth).value() >= 1.0 {
+        while self.laid > 0 && depth_cover(self.queue[0].depth, depth).value() >= 1.0 {
             let gone = self.queue.pop_front().expect("those laid down are in the queue");
             for (light, alpha) in self.before.iter_mut().zip(gone.alpha) {
                 *light = *light * (S::constant(1.0) - alpha);
@@ -164,7 +164,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         }
         let mut light = self.before;
         for (_, other) in self.queue.iter().enumerate().filter(|(j, _)| *j != self.laid) {
-            let cover = cover(other.depth, depth);
+            let cover = depth_cover(other.depth, depth);
             for (light, alpha) in light.iter_mut().zip(other.alpha) {
                 *light = *light * (S::constant(1.0) - cover * alpha);
             }
@@ -203,19 +203,19 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
 
 /// `2^-q` for each value.
 #[inline(always)]
-fn powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
+fn opacity_powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
     exp2_neg(simd, f32x16::from_slice(simd, &q)).store_slice(&mut q);
     q
 }
 
 /// The share of its opacity with which a layer at depth `of` dims a layer at depth `at`: 1 far in
 /// front, 0 far behind.
-fn cover<S: Real>(of: S, at: S) -> S {
-    smoothstep((at - of) / (S::constant(2.0 * BLENDED_DEPTHS) * at) + S::constant(0.5))
+fn depth_cover<S: Real>(of: S, at: S) -> S {
+    smooth_step((at - of) / (S::constant(2.0 * BLENDED_DEPTHS) * at) + S::constant(0.5))
 }
 
 /// `3u^2 - 2u^3` with `u` clamped to 0..1: rises from 0 to 1 with slope 0 at both ends.
-fn smoothstep<S: Real>(x: S) -> S {
+fn smooth_step<S: Real>(x: S) -> S {
     let (low, high) = (S::constant(0.0), S::constant(1.0));
     let u = if x > low { x } else { low };
     let u = if u < high { u } else { high };

@@ -51,7 +51,7 @@ pub(super) struct Pixels<const N: usize> {
 
 /// Column and row within the tile of the `i`-th value of a plane.
 #[inline(always)]
-fn place(i: usize) -> [usize; 2] {
+fn pixel_place(i: usize) -> [usize; 2] {
     let across = TILE / SIDE;
     let (block, lane) = (i / LANES, i % LANES);
     [block % across * SIDE + lane % SIDE, block / across * SIDE + lane / SIDE]
@@ -80,7 +80,7 @@ impl<const N: usize> Pixels<N> {
             blended: 0,
         };
         for i in 0..PIXELS {
-            let [x, y] = place(i);
+            let [x, y] = pixel_place(i);
             let [x, y] = [corner[0] + x, corner[1] + y];
             [pixels.x[i], pixels.y[i]] = [x as f32 + 0.5, y as f32 + 0.5];
             if x < size.width as usize && y < size.height as usize {
@@ -164,7 +164,7 @@ impl<const N: usize> Pixels<N> {
                 Some(_) => &self.light_rate,
             };
             for (k, row) in plane.chunks_exact(SIDE).enumerate() {
-                let [x, y] = place(k * SIDE);
+                let [x, y] = pixel_place(k * SIDE);
                 out[y * TILE + x..][..SIDE].copy_from_slice(row);
             }
         }
@@ -222,7 +222,7 @@ impl<S: Simd, const N: usize> State<S, N> {
             rate = moves.select(alpha * (f32x16::splat(simd, rates.opacity) - power_rate), zero);
         }
         if SOFT {
-            let (ramp, slope) = ramp(simd, alpha);
+            let (ramp, slope) = soft_ramp(simd, alpha);
             rate *= ramp + alpha * slope;
             alpha *= ramp;
         }
@@ -250,7 +250,7 @@ impl<S: Simd, const N: usize> State<S, N> {
 /// and a half. A layer then fades in where the other rules cut it off, so brightness does not jump
 /// as the camera moves.
 #[inline(always)]
-fn ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
+fn soft_ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);
     (u * u * (f32x16::splat(simd, 3.0) - u * 2.0), u * (6.0 * 255.0) * (f32x16::splat(simd, 1.0) - u))
 }

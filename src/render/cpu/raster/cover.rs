@@ -102,7 +102,7 @@ mod tests {
 
     /// The bits of the blocks by every instruction set.
     fn by_each(shapes: &Shapes, corner: [usize; 2]) -> Vec<[u64; BLOCKS]> {
-        let sets = Instructions::all();
+        let sets = Instructions::available_sets();
         sets.iter().map(|set| dispatch!(set.level, simd => shapes.cover(simd, corner))).collect()
     }
 

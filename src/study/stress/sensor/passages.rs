@@ -5,8 +5,8 @@ use crate::event::Polarity;
 use crate::image::Size;
 use crate::seed::{Cell, Draws, Seed, Space};
 use crate::sensor::voltmeter::{Barriers, Emit, Leaf, Span, Voltmeter};
-use crate::study::stress::answers::{Answer, answers};
-use crate::study::stress::clips::{Train, by_pixel, clip, ks, run};
+use crate::study::stress::answers::{Answer, find_answers};
+use crate::study::stress::clips::{Train, by_pixel, ks, make_clip, run_sensor};
 use crate::study::stress::{Area, Case, Found, Point, Worst};
 use std::ops::ControlFlow;
 
@@ -18,9 +18,9 @@ const PATHS: u64 = 40_000;
 const KS_LIMIT: f64 = 2.23;
 
 /// Error of a count in standard errors.
-fn share(count: u64, n: u64, wanted: f64) -> Point {
+fn share_point(count: u64, n: u64, wanted: f64) -> Point {
     let (found, n) = (count as f64 / n as f64, n as f64);
-    Point::scaled(found, wanted, (wanted * (1.0 - wanted) / n).sqrt(), ERRORS)
+    Point::scaled_error(found, wanted, (wanted * (1.0 - wanted) / n).sqrt(), ERRORS)
 }
 
 /// The first event of a path from `x` to `y` with this variance, between barriers at 1 and -1.
@@ -41,7 +41,7 @@ pub(super) fn first_of_leaf([x, y]: [f64; 2], variance: f64, draws: Draws) -> Op
     first.0
 }
 
-fn draws(index: u64) -> Draws {
+fn path_draws(index: u64) -> Draws {
     Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
 }
 
@@ -53,7 +53,7 @@ fn count_off(
     end: impl Fn(&mut Draws) -> f64,
 ) -> u64 {
     let is_off = |i: &u64| {
-        let mut draws = draws(*i);
+        let mut draws = path_draws(*i);
         let y = end(&mut draws);
         first([x, y], variance, draws) == Some(Polarity::Off)
     };
@@ -65,11 +65,11 @@ fn count_off(
 #[must_use]
 pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
     let mut worst = Worst::default();
-    for Answer { given, wanted } in answers("first-off") {
+    for Answer { given, wanted } in find_answers("first-off") {
         let [x, drift, variance] = [given[0], given[1], given[2]];
         let end = |draws: &mut Draws| x + drift + variance.sqrt() * draws.normal();
         let count = count_off(&first, (x, variance), end);
-        worst.see(share(count, PATHS, wanted[0]), || format!("x = {x}, mu T = {drift}"));
+        worst.see(share_point(count, PATHS, wanted[0]), || format!("x = {x}, mu T = {drift}"));
     }
     worst.found()
 }
@@ -78,10 +78,10 @@ pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Fo
 #[must_use]
 pub fn bridge_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
     let mut worst = Worst::default();
-    for Answer { given, wanted } in answers("bridge-off") {
+    for Answer { given, wanted } in find_answers("bridge-off") {
         let [x, y, variance] = [given[0], given[1], given[2]];
         let count = count_off(&first, (x, variance), |_| y);
-        worst.see(share(count, PATHS, wanted[0]), || format!("from {x} to {y}, variance {variance}"));
+        worst.see(share_point(count, PATHS, wanted[0]), || format!("from {x} to {y}, variance {variance}"));
     }
     worst.found()
 }
@@ -91,7 +91,7 @@ pub(super) fn first_off_of_sensor() -> Found {
     const SIZE: Size = Size { width: 250, height: 160 };
     const END: i64 = 1000;
     let mut worst = Worst::default();
-    for Answer { given, wanted } in answers("first-off") {
+    for Answer { given, wanted } in find_answers("first-off") {
         let [x, drift, variance] = [given[0], given[1], given[2]];
         let end = END as f64;
         let k = [1.0, 1.0, 0.0, drift / end, 0.0, (variance / end).sqrt()];
@@ -101,11 +101,11 @@ pub(super) fn first_off_of_sensor() -> Found {
             max_events_per_pixel_frame: u32::MAX,
             ..Voltmeter::new(k)
         };
-        let (events, _) = run(&sensor, &clip(SIZE, &[0, END], |_, _, _| 77.0), 3);
+        let (events, _) = run_sensor(&sensor, &make_clip(SIZE, &[0, END], |_, _, _| 77.0), 3);
         let pixels = by_pixel(SIZE, &events);
         let off = |train: &&Train| train.first().is_some_and(|event| event.1 == Polarity::Off);
         let count = pixels.iter().filter(off).count() as u64;
-        worst.see(share(count, pixels.len() as u64, wanted[0]), || format!("x = {x}, mu T = {drift}"));
+        worst.see(share_point(count, pixels.len() as u64, wanted[0]), || format!("x = {x}, mu T = {drift}"));
     }
     worst.found()
 }
@@ -133,7 +133,7 @@ fn intervals_of(process: Exit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f
     let watched = mean_us * (TAKEN as f64 + 4.0 + 5.5 * (1.5 * TAKEN as f64 * spread).sqrt());
     #[expect(clippy::cast_possible_truncation, reason = "below the clock's end")]
     let end = watched.ceil() as i64;
-    let (events, _) = run(&sensor, &clip(WATCHED, &[0, end], |_, _, _| 77.0), seed);
+    let (events, _) = run_sensor(&sensor, &make_clip(WATCHED, &[0, end], |_, _, _| 77.0), seed);
     let mut intervals = Vec::new();
     for train in by_pixel(WATCHED, &events) {
         let mut before = 0;
@@ -160,9 +160,9 @@ fn interval_case(nu: f64, variances: &[f64]) -> Found {
         let found = intervals_of(process, [mean_interval(nu, variance), spread], seed);
         let all = WATCHED.pixels() * TAKEN;
         let at = || format!("s^2 T = {per_cell:e}, {all} intervals");
-        worst.see(Point::count(found.len() as u64, all as u64), at);
+        worst.see(Point::exact_count(found.len() as u64, all as u64), at);
         let distance = ks(found.iter().map(|(t, _)| *t).collect(), |t| process.by(t));
-        worst.see(Point::absolute(distance, 0.0, KS_LIMIT), at);
+        worst.see(Point::absolute_error(distance, 0.0, KS_LIMIT), at);
     }
     worst.found()
 }
@@ -170,7 +170,7 @@ fn interval_case(nu: f64, variances: &[f64]) -> Found {
 /// One case per ratio of drift to noise. The rarest events are thousands of cells apart; the most
 /// frequent are at least a thousand nanoseconds apart, so that whole nanoseconds do not affect the
 /// distance.
-pub(super) fn intervals<'a>() -> Vec<Case<'a>> {
+pub(super) fn interval_cases<'a>() -> Vec<Case<'a>> {
     let case = |words, nu, variances: &'static [f64]| {
         Case::new(Area::Sensor, words, move || interval_case(nu, variances))
     };
@@ -191,9 +191,9 @@ pub(super) fn intervals<'a>() -> Vec<Case<'a>> {
 }
 
 /// Small, large and unequal thresholds: polarity and mean interval against their closed forms.
-pub(super) fn thresholds() -> Found {
+pub(super) fn threshold_cases() -> Found {
     let mut worst = Worst::default();
-    for Answer { given, wanted } in answers("renewal") {
+    for Answer { given, wanted } in find_answers("renewal") {
         let process = Exit { drift: given[0], variance: given[1], up: given[2], down: given[3] };
         let [on_share, mean] = [wanted[0], wanted[1]];
         // Unequal thresholds spread intervals slightly more.
@@ -202,10 +202,10 @@ pub(super) fn thresholds() -> Found {
         let on = found.iter().filter(|(_, polarity)| *polarity == Polarity::On).count();
         let [up, down] = [given[2], given[3]];
         let at = |what| move || format!("{what}, A = {up:e}, B = {down:e}");
-        worst.see(share(on as u64, found.len() as u64, on_share), at("polarity"));
+        worst.see(share_point(on as u64, found.len() as u64, on_share), at("polarity"));
         let average = found.iter().map(|(t, _)| t).sum::<f64>() / n;
         let variance = found.iter().map(|(t, _)| (t - average) * (t - average)).sum::<f64>() / (n - 1.0);
-        worst.see(Point::scaled(average, mean, (variance / n).sqrt(), ERRORS), at("interval"));
+        worst.see(Point::scaled_error(average, mean, (variance / n).sqrt(), ERRORS), at("interval"));
     }
     worst.found()
 }

@@ -52,7 +52,7 @@ impl Default for Blob {
 /// A scene of these blobs.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "scenes hold 32-bit values")]
-pub fn scene(blobs: &[Blob]) -> Gaussians {
+pub fn blob_scene(blobs: &[Blob]) -> Gaussians {
     let logit = |opacity: f64| libm::log(opacity / (1.0 - opacity)) as f32;
     Gaussians {
         origin: DVec3::ZERO,
@@ -69,10 +69,10 @@ pub fn scene(blobs: &[Blob]) -> Gaussians {
 
 /// A view along z from the origin, with the principal point in the middle.
 #[must_use]
-pub fn ahead(width: u32, height: u32, focal: f64) -> View {
+pub fn view_ahead(width: u32, height: u32, focal: f64) -> View {
     let [cx, cy] = [width, height].map(|edge| f64::from(edge) / 2.0);
     let camera = Camera { size: Size { width, height }, fx: focal, fy: focal, cx, cy };
-    View::still(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
+    View::at_rest(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
 }
 
 /// Pseudo-random numbers in 0..1 that place the blobs, equal in every run (Steele, Lea and Flood
@@ -85,7 +85,7 @@ impl Draws {
     #[expect(clippy::should_implement_trait, reason = "draws never end")]
     pub fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(procedural::STEP);
-        (procedural::finalise(self.0) >> 40) as f32 / (1 << 24) as f32
+        (procedural::finalise_bits(self.0) >> 40) as f32 / (1 << 24) as f32
     }
 
     /// The next number in a range.
@@ -97,7 +97,7 @@ impl Draws {
 /// Blobs of all shapes in front of the camera, to its sides and behind it, with colours below zero
 /// and above one.
 #[must_use]
-pub fn crowd(n: usize, seed: u64) -> Vec<Blob> {
+pub fn blob_crowd(n: usize, seed: u64) -> Vec<Blob> {
     let mut d = Draws(seed);
     let blob = |d: &mut Draws| Blob {
         position: [d.within(-3.0, 3.0), d.within(-2.0, 2.0), d.within(-1.0, 6.0)],

@@ -2,7 +2,7 @@
 
 use super::blobs::{ALL, OFFICIAL};
 use super::scenes::{self, ALL_RULES, Counts};
-use super::{Player, Precision, alphas};
+use super::{Player, Precision, pixel_opacities};
 use crate::image::Size;
 use crate::render::backend::Backend;
 use crate::render::{Rules, Style, Work};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Layers of equal opacity, clamped at 0.99, are a geometric series up to the layer that would
 /// leave less than 1e-4.
-pub(super) fn stack(by: Player<'_>) -> Outcome {
+pub(super) fn stack_case(by: Player<'_>) -> Outcome {
     const LAYERS: i32 = 1000;
     let mut worst = Worst::default();
     for opacity in [0.004, 0.009, 0.02, 0.5, 0.99, 0.99999_f64] {
@@ -27,21 +27,21 @@ pub(super) fn stack(by: Player<'_>) -> Outcome {
                 .sum()
         };
         let wanted = [sum(0), sum(1), 0.0];
-        let (scene, view) = scenes::stack(LAYERS.unsigned_abs() as usize, opacity);
+        let (scene, view) = scenes::layer_stack(LAYERS.unsigned_abs() as usize, opacity);
         let (image, work) = by.picture(&Arc::new(scene), OFFICIAL, &view, ALL)?;
         let rgb = image.rgb.map_or([f32::NAN; 3], |rgb| rgb.pixels()[0]);
         for (found, wanted) in rgb.into_iter().zip(wanted) {
-            let point = Point::absolute(f64::from(found), wanted, 1e-4);
+            let point = Point::absolute_error(f64::from(found), wanted, 1e-4);
             worst.see(point, || format!("{opacity}: colour"));
         }
-        worst.see(Point::count(work.blended, blended as u64), || format!("{opacity}: layers"));
+        worst.see(Point::exact_count(work.blended, blended as u64), || format!("{opacity}: layers"));
         let stops = u64::from(blended < LAYERS.unsigned_abs() as usize);
-        worst.see(Point::count(work.stopped, stops), || format!("{opacity}: stops"));
+        worst.see(Point::exact_count(work.stopped, stops), || format!("{opacity}: stops"));
     }
     Ok(worst.found())
 }
 
-fn counts(work: Work) -> Counts {
+fn gaussian_counts(work: Work) -> Counts {
     let Work { gaussians, behind, degenerate, outside, affine_doubtful, affine_invalid, .. } = work;
     Counts { gaussians, behind, degenerate, outside, doubtful: affine_doubtful, invalid: affine_invalid }
 }
@@ -54,19 +54,19 @@ fn miscounted(found: Counts, wanted: Counts) -> u64 {
 
 /// Compared with the known outcome of twelve Gaussians, and in 32 bits with the reference on a
 /// crowd.
-pub(super) fn counted(by: Player<'_>) -> Outcome {
+pub(super) fn counted_case(by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
-    let (scene, view, wanted) = scenes::counted();
+    let (scene, view, wanted) = scenes::counted_scene();
     let scene = Arc::new(scene);
     for rules in ALL_RULES {
         let (_, work) = by.picture(&scene, Style { rules, ..OFFICIAL }, &view, ALL)?;
-        let point = Point::count(miscounted(counts(work), wanted), 0);
-        worst.see(point, || format!("{rules:?}: {:?}", counts(work)));
+        let point = Point::exact_count(miscounted(gaussian_counts(work), wanted), 0);
+        worst.see(point, || format!("{rules:?}: {:?}", gaussian_counts(work)));
     }
     if by.precision() == Precision::Double {
         return Ok(worst.found());
     }
-    let (scene, mut view) = scenes::askew(6000);
+    let (scene, mut view) = scenes::askew_crowd(6000);
     view.world_from_camera.translation.z = 0.5;
     view.camera = view.camera.resized(Size { width: 64, height: 37 });
     let scene = Arc::new(scene);
@@ -78,10 +78,10 @@ pub(super) fn counted(by: Player<'_>) -> Outcome {
             let at = |what| move || format!("{what}, a crowd, {rules:?}, antialiased {antialiased}");
             // 32 bits widen an extent by 0.02 px against rounding, and few Gaussians are that close
             // to it.
-            let outside = Point::absolute(work.outside as f64, wanted.outside as f64, 6.0);
+            let outside = Point::absolute_error(work.outside as f64, wanted.outside as f64, 6.0);
             worst.see(outside, at("outside"));
-            let [work, wanted] = [work, wanted].map(|work| counts(Work { outside: 0, ..work }));
-            worst.see(Point::count(miscounted(work, wanted), 0), at("others"));
+            let [work, wanted] = [work, wanted].map(|work| gaussian_counts(Work { outside: 0, ..work }));
+            worst.see(Point::exact_count(miscounted(work, wanted), 0), at("others"));
         }
     }
     Ok(worst.found())
@@ -95,9 +95,9 @@ pub(super) fn near_plane(by: Player<'_>) -> Outcome {
         for (z, behind) in [(near.next_down(), 1), (near, at), (near.next_up(), 0), (-1.0, 1), (0.0, 1)] {
             let (scene, view) = scenes::at_depth(z);
             let (image, work) = by.picture(&Arc::new(scene), Style { rules, ..OFFICIAL }, &view, ALL)?;
-            worst.see(Point::count(work.behind, behind), || format!("{rules:?}, depth {z}: behind"));
-            let seen = u64::from(alphas(&image).iter().any(|alpha| *alpha > 0.0));
-            worst.see(Point::count(seen, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
+            worst.see(Point::exact_count(work.behind, behind), || format!("{rules:?}, depth {z}: behind"));
+            let seen = u64::from(pixel_opacities(&image).iter().any(|alpha| *alpha > 0.0));
+            worst.see(Point::exact_count(seen, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
         }
     }
     Ok(worst.found())

@@ -2,7 +2,7 @@
 
 use super::blobs::OFFICIAL;
 use super::scenes::{self, DILATION, Needle};
-use super::{Player, Precision, alphas, exact};
+use super::{Player, Precision, exact_luminance, pixel_opacities};
 use crate::render::{Channels, Rules, Style};
 use crate::study::stress::{Found, NotRun, Outcome, Point, Worst};
 use std::sync::Arc;
@@ -20,19 +20,19 @@ const ALPHA: Channels = Channels {
 
 /// A needle's value at every pixel relative to that at its mean. In 64 bits, its luminance, because
 /// images have 32 bits.
-fn shape(by: Player<'_>, needle: &Needle, style: Style) -> Result<Vec<f64>, NotRun> {
+fn needle_shape(by: Player<'_>, needle: &Needle, style: Style) -> Result<Vec<f64>, NotRun> {
     let (scene, view) = (Arc::new(needle.scene()), needle.view());
     if by.precision() == Precision::Double {
         let whole = needle.luminance();
-        return Ok(exact(&scene, style, &view).into_iter().map(|[grey, _]| grey / whole).collect());
+        return Ok(exact_luminance(&scene, style, &view).into_iter().map(|[grey, _]| grey / whole).collect());
     }
     let whole = needle.opacity();
     let (image, _) = by.picture(&scene, style, &view, ALPHA)?;
-    Ok(alphas(&image).into_iter().map(|alpha| alpha / whole).collect())
+    Ok(pixel_opacities(&image).into_iter().map(|alpha| alpha / whole).collect())
 }
 
-pub(super) fn near(by: Player<'_>) -> Outcome {
-    needles(by.some(scenes::needles()), |needle| shape(by, needle, EXACT), by.precision())
+pub(super) fn near_case(by: Player<'_>) -> Outcome {
+    judge_needles(by.some(scenes::all_needles()), |needle| needle_shape(by, needle, EXACT), by.precision())
 }
 
 /// Near a needle's mean, the power is the squared distance across it divided by the smaller
@@ -41,7 +41,7 @@ pub(super) fn near(by: Player<'_>) -> Outcome {
 ///
 /// # Errors
 /// `shape` fails.
-pub fn needles(
+pub fn judge_needles(
     needles: impl IntoIterator<Item = Needle>,
     shape: impl Fn(&Needle) -> Result<Vec<f64>, NotRun>,
     precision: Precision,
@@ -63,7 +63,7 @@ pub fn needles(
                 // 1e-13, and the same roundings 2^-29 times as large.
                 Precision::Double => 1e-13 * power + 6.0 * 1.2e-16 * reach + 2e-15,
             };
-            let point = Point::absolute(-libm::log(value), power, limit);
+            let point = Point::absolute_error(-libm::log(value), power, limit);
             worst.see(point, || format!("{needle:?}"));
         }
     }
@@ -73,26 +73,29 @@ pub fn needles(
 /// At half the needle's standard deviation from the mean, 99 % of the pixels must agree. In 64 bits
 /// the tolerance is 1e-13; at 1500 px, doubles are 2e-13 px apart, and the edge of a needle is 0.6
 /// px wide.
-pub(super) fn far(by: Player<'_>) -> Outcome {
+pub(super) fn far_case(by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for (long_px, single, double) in [(300.0, 8e-6, 1e-13), (1000.0, 4.7e-5, 1e-13), (3000.0, 7.5e-5, 3e-13)]
     {
         let mut errors = Vec::new();
-        for needle in by.some(oblique(long_px)) {
+        for needle in by.some(oblique_needles(long_px)) {
             let wanted = needle.powers().into_iter().map(|[_, power]| libm::exp(-power));
-            let pairs = shape(by, &needle, EXACT)?.into_iter().zip(wanted).filter(|(found, _)| *found > 0.0);
+            let pairs =
+                needle_shape(by, &needle, EXACT)?.into_iter().zip(wanted).filter(|(found, _)| *found > 0.0);
             errors.extend(pairs.map(|(found, wanted)| (found - wanted).abs()));
         }
         errors.sort_by(f64::total_cmp);
         let limit = if by.precision() == Precision::Single { single } else { double };
         let most = errors[errors.len() * 99 / 100];
-        worst.see(Point::absolute(most, 0.0, limit), || format!("{long_px} px, {} pixels", errors.len()));
+        worst.see(Point::absolute_error(most, 0.0, limit), || {
+            format!("{long_px} px, {} pixels", errors.len())
+        });
     }
     Ok(worst.found())
 }
 
 /// Needles that cross the picture diagonally, with means half a standard deviation away.
-fn oblique(long_px: f64) -> Vec<Needle> {
+fn oblique_needles(long_px: f64) -> Vec<Needle> {
     let shapes =
         [10.0, 100.0, 1e3, 1e4].into_iter().flat_map(|a| [0.1, 0.3, 0.7, 1.2, 1.5].map(|angle| (a, angle)));
     shapes.map(|(aspect, angle)| Needle { long_px, aspect, angle, offset: long_px / 2.0 }).collect()
@@ -100,16 +103,16 @@ fn oblique(long_px: f64) -> Vec<Needle> {
 
 /// The antialiased rule scales a needle by the root of its determinant without dilation divided by
 /// that with dilation.
-pub(super) fn undilated(by: Player<'_>) -> Outcome {
+pub(super) fn undilated_case(by: Player<'_>) -> Outcome {
     /// Ratio below which the rule is constant.
     const FLOOR: f64 = 2.5e-5;
     /// Ratio from which on a pixel shows it with six digits.
     const SEEN: f64 = 0.02;
     let mut worst = Worst::default();
-    for needle in by.some(scenes::needles()) {
+    for needle in by.some(scenes::all_needles()) {
         let [a, b] = needle.variances();
         let ratio = (a / (a + DILATION)) * (b / (b + DILATION));
-        let values = shape(by, &needle, Style { antialiased: true, ..EXACT })?;
+        let values = needle_shape(by, &needle, Style { antialiased: true, ..EXACT })?;
         let nearest = needle.powers().into_iter().zip(values).min_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
         let Some(([_, power], found)) = nearest else { continue };
         let wanted = ratio.sqrt() * libm::exp(-power);
@@ -121,7 +124,7 @@ pub(super) fn undilated(by: Player<'_>) -> Outcome {
             Precision::Single => 2e-6 + 2.6e-7 / wanted,
             Precision::Double => 1e-13,
         };
-        worst.see(Point::relative(found, wanted, limit), || format!("{needle:?}"));
+        worst.see(Point::relative_error(found, wanted, limit), || format!("{needle:?}"));
     }
     Ok(worst.found())
 }

@@ -1,9 +1,9 @@
 //! Invariance of pictures: under the world's origin, the number of threads, values that are not
 //! finite, and the length of quaternions.
 
-use super::blobs::{ALL, Blob, OFFICIAL, ahead, scene};
+use super::blobs::{ALL, Blob, OFFICIAL, blob_scene, view_ahead};
 use super::scenes::{self, ALL_RULES};
-use super::{Player, alphas, bits};
+use super::{Player, image_bits, pixel_opacities};
 use crate::image::Size;
 use crate::render::backend::Backend;
 use crate::render::{Rendered, Rules, Style, View, Work};
@@ -13,49 +13,55 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// Values that differ, in either picture.
-fn differing(a: &Rendered, b: &Rendered) -> [usize; 2] {
-    let (a, b) = (bits(a), bits(b));
+fn differing_values(a: &Rendered, b: &Rendered) -> [usize; 2] {
+    let (a, b) = (image_bits(a), image_bits(b));
     [a.iter().zip(&b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len()), b.len()]
 }
 
-fn same(worst: &mut Worst, found: &Rendered, wanted: &Rendered, at: impl FnOnce() -> String) {
-    let [differing, all] = differing(found, wanted);
+fn add_same(worst: &mut Worst, found: &Rendered, wanted: &Rendered, at: impl FnOnce() -> String) {
+    let [differing, all] = differing_values(found, wanted);
     worst.see_same(differing, all, at);
 }
 
-fn picture(by: Player<'_>, scene: Gaussians, rules: Rules, view: &View) -> Result<(Rendered, Work), NotRun> {
+fn render_picture(
+    by: Player<'_>,
+    scene: Gaussians,
+    rules: Rules,
+    view: &View,
+) -> Result<(Rendered, Work), NotRun> {
     by.picture(&Arc::new(scene), Style { rules, ..OFFICIAL }, view, ALL)
 }
 
 /// A shift that 64 bits represent exactly together with the camera's centre.
-pub(super) fn offset(by: Player<'_>) -> Outcome {
-    let (scene, mut view) = scenes::askew(2000);
+pub(super) fn offset_case(by: Player<'_>) -> Outcome {
+    let (scene, mut view) = scenes::askew_crowd(2000);
     view.camera = view.camera.resized(Size { width: 101, height: 59 });
     // Rounded to 2^-30, so that adding the shift loses nothing.
     let coarse = |v: f64| (v * f64::from(1 << 30)).round() / f64::from(1 << 30);
     view.world_from_camera.translation = view.world_from_camera.translation.map(coarse);
-    let (here, _) = picture(by, scene.clone(), Rules::Official, &view)?;
+    let (here, _) = render_picture(by, scene.clone(), Rules::Official, &view)?;
     let mut worst = Worst::default();
     for shift in [0.0, 1e2, 1e4, 1e6] {
         let origin = DVec3::new(shift, -shift, 0.5 * shift);
         let mut moved = view;
         moved.world_from_camera.translation += origin;
-        let (there, _) = picture(by, Gaussians { origin, ..scene.clone() }, Rules::Official, &moved)?;
-        same(&mut worst, &there, &here, || format!("offset {shift:e}"));
+        let (there, _) = render_picture(by, Gaussians { origin, ..scene.clone() }, Rules::Official, &moved)?;
+        add_same(&mut worst, &there, &here, || format!("offset {shift:e}"));
     }
     Ok(worst.found())
 }
 
 /// The centre of a blob's opacity, px.
-fn middle(by: Player<'_>, shift: DVec3) -> Result<[f64; 2], NotRun> {
+fn blob_middle(by: Player<'_>, shift: DVec3) -> Result<[f64; 2], NotRun> {
     const EDGE: u32 = 33;
     let blob = Blob { position: [0.013, -0.021, 4.0], deviations: [0.12; 3], ..Blob::default() };
-    let mut view = ahead(EDGE, EDGE, 100.0);
+    let mut view = view_ahead(EDGE, EDGE, 100.0);
     view.world_from_camera.translation = DVec3::new(0.007, 0.003, -0.011) + shift;
     // Rules under which no pixel appears or disappears at once.
-    let (image, _) = picture(by, Gaussians { origin: shift, ..scene(&[blob]) }, Rules::Soft, &view)?;
+    let (image, _) =
+        render_picture(by, Gaussians { origin: shift, ..blob_scene(&[blob]) }, Rules::Soft, &view)?;
     let (mut sum, mut moments) = (0.0, [0.0; 2]);
-    for (i, alpha) in (0_u32..).zip(alphas(&image)) {
+    for (i, alpha) in (0_u32..).zip(pixel_opacities(&image)) {
         sum += alpha;
         moments[0] += alpha * f64::from(i % EDGE);
         moments[1] += alpha * f64::from(i / EDGE);
@@ -65,69 +71,69 @@ fn middle(by: Player<'_>, shift: DVec3) -> Result<[f64; 2], NotRun> {
 
 /// Offsets that round what is added to them, by at most 1e-10.
 pub(super) fn offset_px(by: Player<'_>) -> Outcome {
-    let here = middle(by, DVec3::ZERO)?;
+    let here = blob_middle(by, DVec3::ZERO)?;
     let mut worst = Worst::default();
     for shift in [1e2, 1e4, 1e6] {
-        let there = middle(by, DVec3::new(shift + 0.1, -2.0 * shift + 0.7, 0.5 * shift + 0.3))?;
+        let there = blob_middle(by, DVec3::new(shift + 0.1, -2.0 * shift + 0.7, 0.5 * shift + 0.3))?;
         for (found, wanted) in there.into_iter().zip(here) {
-            worst.see(Point::absolute(found, wanted, 1e-4), || format!("offset {shift:e}"));
+            worst.see(Point::absolute_error(found, wanted, 1e-4), || format!("offset {shift:e}"));
         }
     }
     Ok(worst.found())
 }
 
 /// The colours reveal the order of ties: neighbours in the file differ by up to 1.9 in a channel.
-pub(super) fn ties(by: Player<'_>) -> Outcome {
-    let (scene, view) = scenes::ties(1000);
+pub(super) fn ties_case(by: Player<'_>) -> Outcome {
+    let (scene, view) = scenes::tied_crowd(1000);
     let mut worst = Worst::default();
     for rules in ALL_RULES {
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.expect("threads can be started");
-            pool.install(|| picture(by, scene.clone(), rules, &view)).map(|(image, _)| image)
+            pool.install(|| render_picture(by, scene.clone(), rules, &view)).map(|(image, _)| image)
         };
         let one = on(1)?;
         for threads in [2, 3, 7] {
-            same(&mut worst, &on(threads)?, &one, || format!("{rules:?}, {threads} threads"));
+            add_same(&mut worst, &on(threads)?, &one, || format!("{rules:?}, {threads} threads"));
         }
-        let (wanted, _) = picture(Player(&Backend::Reference), scene.clone(), rules, &view)?;
+        let (wanted, _) = render_picture(Player(&Backend::Reference), scene.clone(), rules, &view)?;
         let values = |image: &Rendered| -> Vec<f32> {
             image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened()).copied().collect()
         };
         let (found, wanted) = (values(&one), values(&wanted));
         let off = found.iter().zip(&wanted).filter(|(a, b)| (**a - **b).abs() > 1e-3).count();
         // Layers at a threshold, which 32 bits leave out and 64 bits do not.
-        let few = Point::absolute(off as f64, 0.0, found.len() as f64 / 3000.0);
+        let few = Point::absolute_error(off as f64, 0.0, found.len() as f64 / 3000.0);
         worst.see(few, || format!("{rules:?}, beside the reference"));
     }
     Ok(worst.found())
 }
 
-pub(super) fn unsound(by: Player<'_>) -> Outcome {
+pub(super) fn unsound_case(by: Player<'_>) -> Outcome {
     /// A visible Gaussian.
     const I: usize = 40;
-    let (scene, mut view) = scenes::askew(200);
+    let (scene, mut view) = scenes::askew_crowd(200);
     view.camera = view.camera.resized(Size { width: 101, height: 59 });
     let mut worst = Worst::default();
     for rules in ALL_RULES {
-        let (clean, alone) = picture(by, scenes::without(&scene, I), rules, &view)?;
-        let [seen, _] = differing(&picture(by, scene.clone(), rules, &view)?.0, &clean);
-        worst.see(Point::count(u64::from(seen > 0), 1), || format!("{rules:?}: Gaussian {I} is seen"));
+        let (clean, alone) = render_picture(by, scenes::without_gaussian(&scene, I), rules, &view)?;
+        let [seen, _] = differing_values(&render_picture(by, scene.clone(), rules, &view)?.0, &clean);
+        worst.see(Point::exact_count(u64::from(seen > 0), 1), || format!("{rules:?}: Gaussian {I} is seen"));
         for (what, spoil) in scenes::UNSOUND {
             let mut twin = scene.clone();
             spoil(&mut twin, I);
-            let (found, work) = picture(by, twin, rules, &view)?;
-            same(&mut worst, &found, &clean, || format!("{what}, {rules:?}"));
+            let (found, work) = render_picture(by, twin, rules, &view)?;
+            add_same(&mut worst, &found, &clean, || format!("{what}, {rules:?}"));
             let left_out = |work: Work| work.behind + work.degenerate;
-            let counted = Point::count(left_out(work), left_out(alone) + 1);
+            let counted = Point::exact_count(left_out(work), left_out(alone) + 1);
             worst.see(counted, || format!("{what}, {rules:?}: counted"));
         }
     }
     Ok(worst.found())
 }
 
-pub(super) fn quaternions(by: Player<'_>) -> Outcome {
-    let (mut scene, view) = scenes::askew(300);
+pub(super) fn quaternion_case(by: Player<'_>) -> Outcome {
+    let (mut scene, view) = scenes::askew_crowd(300);
     let unturned = [1.0, 0.0, 0.0, 0.0];
     let mut twin = scene.clone();
     for (power, rotation) in (-20..=20).cycle().zip(&mut twin.rotations) {
@@ -138,8 +144,8 @@ pub(super) fn quaternions(by: Player<'_>) -> Outcome {
         scene.rotations[i] = unturned;
         twin.rotations[i] = [0.0; 4];
     }
-    let [found, wanted] = [twin, scene].map(|scene| picture(by, scene, Rules::Official, &view));
+    let [found, wanted] = [twin, scene].map(|scene| render_picture(by, scene, Rules::Official, &view));
     let mut worst = Worst::default();
-    same(&mut worst, &found?.0, &wanted?.0, || "300 of them".to_owned());
+    add_same(&mut worst, &found?.0, &wanted?.0, || "300 of them".to_owned());
     Ok(worst.found())
 }

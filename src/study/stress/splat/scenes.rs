@@ -1,6 +1,6 @@
 //! Scenes at the edges of the arithmetic, with their known properties.
 
-use super::blobs::{Blob, ahead, crowd, scene};
+use super::blobs::{Blob, blob_crowd, blob_scene, view_ahead};
 use crate::render::{Rules, View};
 use crate::scene::{Gaussians, sh};
 use glam::{DQuat, DVec3};
@@ -39,7 +39,7 @@ impl Needle {
     pub fn scene(&self) -> Gaussians {
         let (sin, cos) = libm::sincos(self.angle / 2.0);
         let short = self.long_px / self.aspect;
-        scene(&[Blob {
+        blob_scene(&[Blob {
             position: [0.0, 0.0, DEPTH],
             deviations: [self.long_px, short, short].map(|px| (px / SCALE) as f32),
             rotation: [cos as f32, 0.0, 0.0, sin as f32],
@@ -63,7 +63,7 @@ impl Needle {
     /// A view of it.
     #[must_use]
     pub fn view(&self) -> View {
-        let mut view = ahead(EDGE, EDGE, SCALE * f64::from(DEPTH));
+        let mut view = view_ahead(EDGE, EDGE, SCALE * f64::from(DEPTH));
         let (sin, cos) = libm::sincos(self.angle);
         view.camera.cx = 16.7 - self.offset * cos;
         view.camera.cy = 16.4 - self.offset * sin;
@@ -100,7 +100,7 @@ impl Needle {
 
 /// Needles of each aspect and length, in five directions, with their means in the picture.
 #[must_use]
-pub fn needles() -> Vec<Needle> {
+pub fn all_needles() -> Vec<Needle> {
     let mut all = Vec::new();
     for aspect in [10.0, 100.0, 1e3, 1e4, 1e5, 1e6] {
         for long_px in [10.0, 100.0, 1e3, 3e3, 3e4] {
@@ -115,7 +115,7 @@ pub fn needles() -> Vec<Needle> {
 /// Equal layers behind one another that fill a picture of one pixel, with colours alternating
 /// between red and green.
 #[must_use]
-pub fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
+pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, View) {
     let layer = |i: usize| Blob {
         position: [0.0, 0.0, 1.0 + i as f32 / 64.0],
         deviations: [1e4; 3],
@@ -123,18 +123,18 @@ pub fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
         colour: if i.is_multiple_of(2) { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] },
         ..Blob::default()
     };
-    (scene(&(0..layers).map(layer).collect::<Vec<_>>()), ahead(1, 1, 100.0))
+    (blob_scene(&(0..layers).map(layer).collect::<Vec<_>>()), view_ahead(1, 1, 100.0))
 }
 
 /// A crowd with only eight distinct depths, in a file order that no sort by another quantity would
 /// give.
 #[must_use]
-pub fn ties(n: usize) -> (Gaussians, View) {
-    let mut blobs = crowd(n, 5);
+pub fn tied_crowd(n: usize) -> (Gaussians, View) {
+    let mut blobs = blob_crowd(n, 5);
     for (i, blob) in blobs.iter_mut().enumerate() {
         blob.position[2] = 2.0 + (i * 7 % 8) as f32 * 0.5;
     }
-    (scene(&blobs), ahead(101, 59, 75.0))
+    (blob_scene(&blobs), view_ahead(101, 59, 75.0))
 }
 
 /// A Gaussian of a crowd, made invalid, or valid in another way.
@@ -155,7 +155,7 @@ pub const UNSOUND: [(&str, Spoil); 9] = [
 
 /// The scene without Gaussian `i`.
 #[must_use]
-pub fn without(scene: &Gaussians, i: usize) -> Gaussians {
+pub fn without_gaussian(scene: &Gaussians, i: usize) -> Gaussians {
     let mut clean = scene.clone();
     clean.positions.remove(i);
     clean.log_scales.remove(i);
@@ -169,7 +169,7 @@ pub fn without(scene: &Gaussians, i: usize) -> Gaussians {
 /// overflows; and among the drawn ones some with a standard deviation of depth of 0.09, 0.11, 0.29,
 /// 0.31 and 0.5 of the depth, and a giant around the camera.
 #[must_use]
-pub fn counted() -> (Gaussians, View, Counts) {
+pub fn counted_scene() -> (Gaussians, View, Counts) {
     let here = Blob { position: [0.0, 0.0, 4.0], ..Blob::default() };
     let deep = |share: f32| Blob { deviations: [0.1, 0.1, 4.0 * share], ..here };
     let blobs = [
@@ -187,7 +187,7 @@ pub fn counted() -> (Gaussians, View, Counts) {
         Blob { position: [0.0, 0.0, 1.0], deviations: [1e4; 3], opacity: 0.1, ..here },
     ];
     let wanted = Counts { gaussians: 12, behind: 2, degenerate: 1, outside: 2, doubtful: 5, invalid: 3 };
-    (scene(&blobs), ahead(32, 32, 100.0), wanted)
+    (blob_scene(&blobs), view_ahead(32, 32, 100.0), wanted)
 }
 
 /// The counts of [`crate::render::Work`] that concern Gaussians.
@@ -211,23 +211,23 @@ pub struct Counts {
 #[must_use]
 pub fn at_depth(z: f32) -> (Gaussians, View) {
     (
-        scene(&[Blob { position: [0.0, 0.0, z], deviations: [1e-3; 3], ..Blob::default() }]),
-        ahead(17, 17, 100.0),
+        blob_scene(&[Blob { position: [0.0, 0.0, z], deviations: [1e-3; 3], ..Blob::default() }]),
+        view_ahead(17, 17, 100.0),
     )
 }
 
 /// A crowd seen diagonally, in a picture with edges that are not multiples of a tile.
 #[must_use]
-pub fn askew(n: usize) -> (Gaussians, View) {
-    let mut view = ahead(203, 117, 150.0);
+pub fn askew_crowd(n: usize) -> (Gaussians, View) {
+    let mut view = view_ahead(203, 117, 150.0);
     view.world_from_camera.rotation = DQuat::from_xyzw(0.02, -0.05, 0.01, 1.0).normalize();
     view.world_from_camera.translation = DVec3::new(0.3, -0.2, -1.5);
-    (scene(&crowd(n, 1)), view)
+    (blob_scene(&blob_crowd(n, 1)), view)
 }
 
 /// Giants that each cover the whole picture.
 #[must_use]
-pub fn giants(n: usize, edge: u32) -> (Gaussians, View) {
+pub fn giant_scene(n: usize, edge: u32) -> (Gaussians, View) {
     let giant = |i: usize| Blob {
         position: [0.0, 0.0, 2.0 + i as f32 / 64.0],
         deviations: [100.0; 3],
@@ -235,5 +235,5 @@ pub fn giants(n: usize, edge: u32) -> (Gaussians, View) {
         colour: [i as f64 / n as f64, 0.5, 1.0],
         ..Blob::default()
     };
-    (scene(&(0..n).map(giant).collect::<Vec<_>>()), ahead(edge, edge, f64::from(edge)))
+    (blob_scene(&(0..n).map(giant).collect::<Vec<_>>()), view_ahead(edge, edge, f64::from(edge)))
 }

@@ -48,7 +48,7 @@ impl Curve {
     }
 }
 
-fn curves() -> Vec<Curve> {
+fn length_curves() -> Vec<Curve> {
     let places = [0.1, 0.25, 0.3719, 0.5, 0.9999];
     let distances = [1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9];
     let near = places.iter().flat_map(|at| distances.map(|distance| Curve::NearCusp { at: *at, distance }));
@@ -56,31 +56,31 @@ fn curves() -> Vec<Curve> {
 }
 
 /// The length of a curve with that speed over [0, 1], as paths are measured.
-pub(super) fn measured(speed: &dyn Fn(f64) -> f64) -> f64 {
-    ArcLength::measure(&[1.0], |at: Place| speed(at.x)).total()
+pub(super) fn measured_length(speed: &dyn Fn(f64) -> f64) -> f64 {
+    ArcLength::measure_curve(&[1.0], |at: Place| speed(at.x)).total()
 }
 
 /// Lengths by `measure` from speeds over [0, 1].
 #[must_use]
-pub fn length(measure: impl Fn(&dyn Fn(f64) -> f64) -> f64) -> Found {
+pub fn length_case(measure: impl Fn(&dyn Fn(f64) -> f64) -> f64) -> Found {
     let mut worst = Worst::default();
-    for curve in curves() {
+    for curve in length_curves() {
         let found = measure(&|x| curve.speed(x));
-        worst.see(Point::relative(found, curve.length(1.0), 1e-7), || format!("{curve:?}"));
+        worst.see(Point::relative_error(found, curve.length(1.0), 1e-7), || format!("{curve:?}"));
     }
     worst.found()
 }
 
 /// The closed form at the place where a curve reaches a length must give that length.
-pub(super) fn inversion() -> Found {
+pub(super) fn inversion_case() -> Found {
     const LENGTHS: u32 = 200;
     let mut worst = Worst::default();
-    for curve in curves() {
-        let arc = ArcLength::measure(&[1.0], |at: Place| curve.speed(at.x));
+    for curve in length_curves() {
+        let arc = ArcLength::measure_curve(&[1.0], |at: Place| curve.speed(at.x));
         for k in 0..=LENGTHS {
             let wanted = curve.length(1.0) * f64::from(k) / f64::from(LENGTHS);
             let found = curve.length(arc.invert(wanted).x);
-            let point = Point::scaled(found, wanted, curve.length(1.0), 1e-12);
+            let point = Point::scaled_error(found, wanted, curve.length(1.0), 1e-12);
             worst.see(point, || format!("{curve:?}, {wanted:.3} of its length"));
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::se3::Se3;
 use crate::se3::Twist;
-use crate::se3::rotation::{exp, log};
+use crate::se3::rotation::{exp_vector, log_vector};
 use crate::se3::spline::Place;
 use crate::study::stress::{Found, Point, Worst};
 use crate::trajectory::curve::{Curve, PoseCurve};
@@ -10,13 +10,14 @@ use glam::DVec3;
 
 /// Poses with uneven turns of up to 1.5 rad between neighbours.
 #[must_use]
-fn knots() -> (Vec<f64>, Vec<Se3>) {
+fn uneven_knots() -> (Vec<f64>, Vec<Se3>) {
     let steps = vec![0.7, 1.3, 1.0, 0.4, 1.1, 0.9];
     let mut pose = Se3::IDENTITY;
     let mut poses = vec![pose];
     for i in 1..=steps.len() {
         let wave = |k: usize| libm::sin((k * i * i) as f64 + 0.5);
-        pose.rotation = (pose.rotation * exp(DVec3::new(wave(1), wave(2), wave(3)) * 0.85)).normalize();
+        pose.rotation =
+            (pose.rotation * exp_vector(DVec3::new(wave(1), wave(2), wave(3)) * 0.85)).normalize();
         pose.translation += DVec3::new(wave(4), 0.5 + wave(5), wave(6));
         poses.push(pose);
     }
@@ -24,23 +25,23 @@ fn knots() -> (Vec<f64>, Vec<Se3>) {
 }
 
 /// The curves that are twice differentiable.
-pub(super) fn curves() -> Vec<Box<dyn PoseCurve>> {
+pub(super) fn smooth_curves() -> Vec<Box<dyn PoseCurve>> {
     let through = |curve: Curve| {
-        let (steps, knots) = knots();
+        let (steps, knots) = uneven_knots();
         curve.through(steps, &knots).expect("turns of less than 90 degrees")
     };
     vec![through(Curve::Cubic), through(Curve::Cumulative)]
 }
 
 /// The pose relative to the pose at another place.
-fn seen(curve: &dyn PoseCurve, from: Place, x: f64) -> [DVec3; 2] {
+fn relative_pose(curve: &dyn PoseCurve, from: Place, x: f64) -> [DVec3; 2] {
     let (a, b) = (curve.pose(from), curve.pose(Place { x, ..from }));
-    [b.translation - a.translation, log(a.rotation.conjugate() * b.rotation)]
+    [b.translation - a.translation, log_vector(a.rotation.conjugate() * b.rotation)]
 }
 
 /// Both rates inside the segments against central differences of fourth order of the poses.
 #[must_use]
-pub fn rates(curves: &[Box<dyn PoseCurve>]) -> Found {
+pub fn rates_case(curves: &[Box<dyn PoseCurve>]) -> Found {
     /// Step of the difference. Its error is the fourth power over 30 times a fifth derivative, plus
     /// 1e-16 divided by the step.
     const STEP: f64 = 1e-3;
@@ -49,7 +50,7 @@ pub fn rates(curves: &[Box<dyn PoseCurve>]) -> Found {
         for (segment, step) in curve.steps().iter().enumerate() {
             for share in [0.1, 0.35, 0.5, 0.65, 0.9] {
                 let at = Place { segment, x: share * step };
-                let near = |k: f64| seen(&**curve, at, at.x + k * STEP);
+                let near = |k: f64| relative_pose(&**curve, at, at.x + k * STEP);
                 let Twist { linear, angular } = curve.twist(at);
                 for (what, k, found) in [("linear", 0, linear), ("angular", 1, angular)] {
                     let wide = near(2.0)[k] - near(-2.0)[k];
@@ -67,7 +68,7 @@ pub fn rates(curves: &[Box<dyn PoseCurve>]) -> Found {
 
 /// Continuity of both rates and their derivatives at each inner knot.
 #[must_use]
-pub fn joints(curves: &[Box<dyn PoseCurve>]) -> Found {
+pub fn joints_case(curves: &[Box<dyn PoseCurve>]) -> Found {
     const STEP: f64 = 1e-4;
     let mut worst = Worst::default();
     for curve in curves {
@@ -75,7 +76,7 @@ pub fn joints(curves: &[Box<dyn PoseCurve>]) -> Found {
             let before =
                 |k: f64| curve.twist(Place { segment: knot - 1, x: curve.steps()[knot - 1] - k * STEP });
             let after = |k: f64| curve.twist(Place { segment: knot, x: k * STEP });
-            for (what, part) in [("linear", linear as fn(Twist) -> DVec3), ("angular", angular)] {
+            for (what, part) in [("linear", linear_rate as fn(Twist) -> DVec3), ("angular", angular_rate)] {
                 let slope = |side: &dyn Fn(f64) -> Twist, sign: f64| {
                     let [here, near, far] = [0.0, 1.0, 2.0].map(|k| part(side(k)));
                     (near * 4.0 - far - here * 3.0) * (sign / (2.0 * STEP))
@@ -95,10 +96,10 @@ pub fn joints(curves: &[Box<dyn PoseCurve>]) -> Found {
     worst.found()
 }
 
-fn linear(twist: Twist) -> DVec3 {
+fn linear_rate(twist: Twist) -> DVec3 {
     twist.linear
 }
 
-fn angular(twist: Twist) -> DVec3 {
+fn angular_rate(twist: Twist) -> DVec3 {
     twist.angular
 }

@@ -10,11 +10,11 @@ const DEPENDENT: f64 = 1e-12;
 
 /// The `q` that minimises `sum_k |sum_i columns[i][k] q[i] - right[k]|^2`. Coefficients of
 /// dependent columns are zero.
-pub(super) fn solve(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -> Vec<DVec3> {
+pub(super) fn solve_columns(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -> Vec<DVec3> {
     let mut order: Vec<usize> = (0..columns.len()).collect();
     let mut pivots = Vec::with_capacity(columns.len());
     for k in 0..columns.len().min(right.len()) {
-        let Some((widest, norm)) = widest(&columns[k..], k) else { break };
+        let Some((widest, norm)) = widest_column(&columns[k..], k) else { break };
         let least = DEPENDENT * pivots.first().map_or(0.0, |first: &f64| first.abs());
         if norm <= least {
             break;
@@ -36,7 +36,7 @@ pub(super) fn solve(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -> Vec<DV
 }
 
 /// The column with the largest norm from row `k` on, and that norm.
-fn widest(columns: &[Vec<f64>], k: usize) -> Option<(usize, f64)> {
+fn widest_column(columns: &[Vec<f64>], k: usize) -> Option<(usize, f64)> {
     let norm = |column: &Vec<f64>| column[k..].iter().map(|a| a * a).sum::<f64>().sqrt();
     columns.iter().map(norm).enumerate().reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
@@ -90,7 +90,7 @@ mod tests {
             let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
             let planted: Vec<DVec3> = (0..count).map(|i| DVec3::new(1.0, -2.0, i as f64)).collect();
             let right = rows.iter().map(|r| r.iter().zip(&planted).map(|(a, q)| *q * *a).sum()).collect();
-            for (got, want) in solve(columns(&rows), right).iter().zip(&planted) {
+            for (got, want) in solve_columns(columns(&rows), right).iter().zip(&planted) {
                 // A condition of at most 1e3, and some roundings.
                 assert!((*got - *want).length() < 1e-12, "{count}: {got} {want}");
             }
@@ -101,7 +101,7 @@ mod tests {
     fn what_remains_is_orthogonal_to_every_column() {
         let rows: [&[f64]; 4] = [&[1.0, 2.0], &[0.5, -1.0], &[3.0, 0.25], &[-1.0, 1.0]];
         let right = [DVec3::X, DVec3::new(2.0, 1.0, 0.0), DVec3::Z, DVec3::ONE];
-        let q = solve(columns(&rows), right.to_vec());
+        let q = solve_columns(columns(&rows), right.to_vec());
         for i in 0..2 {
             let gradient: DVec3 =
                 rows.iter().zip(right).map(|(r, b)| (q[0] * r[0] + q[1] * r[1] - b) * r[i]).sum();
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn dependent_columns_get_nothing() {
         let t = |rows: &[&[f64]], right: &[f64], want: &[f64]| {
-            let q = solve(columns(rows), right.iter().map(|b| DVec3::X * *b).collect());
+            let q = solve_columns(columns(rows), right.iter().map(|b| DVec3::X * *b).collect());
             let off = q.iter().zip(want).map(|(q, w)| (q.x - w).abs()).fold(0.0, f64::max);
             assert!(off < 1e-14, "{q:?}");
         };

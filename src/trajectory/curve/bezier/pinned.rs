@@ -17,16 +17,17 @@ pub(super) struct Pinned {
 impl Pinned {
     /// The curve of `degree` from the first to the last of `points` that is nearest to the others
     /// at the parameters `x`, in least squares.
-    pub(super) fn fit(degree: usize, x: &[f64], points: &[DVec3]) -> Self {
+    pub(super) fn fit_points(degree: usize, x: &[f64], points: &[DVec3]) -> Self {
         let last = points.len() - 1;
         let (start, chord) = (points[0], points[last] - points[0]);
-        let column = |i: usize| x[1..last].iter().map(|x| basis(degree, i, *x)).collect();
+        let column = |i: usize| x[1..last].iter().map(|x| bernstein_basis(degree, i, *x)).collect();
         let right = (1..last).map(|k| points[k] - (start + chord * x[k])).collect();
         let mut control = vec![DVec3::ZERO; degree + 1];
-        control[1..degree].copy_from_slice(&least_squares::solve((1..degree).map(column).collect(), right));
-        let slope = differences(&control);
-        let bend = differences(&slope);
-        Self { start, chord, bulge: [control, slope, bend].map(|control| Bernstein::of(&control)) }
+        control[1..degree]
+            .copy_from_slice(&least_squares::solve_columns((1..degree).map(column).collect(), right));
+        let slope = control_differences(&control);
+        let bend = control_differences(&slope);
+        Self { start, chord, bulge: [control, slope, bend].map(|control| Bernstein::from_control(&control)) }
     }
 
     pub(super) fn value(&self, x: f64) -> DVec3 {
@@ -45,19 +46,19 @@ impl Pinned {
 }
 
 /// Control points of the derivative.
-fn differences(control: &[DVec3]) -> Vec<DVec3> {
+fn control_differences(control: &[DVec3]) -> Vec<DVec3> {
     let degree = control.len().saturating_sub(1) as f64;
     control.windows(2).map(|w| (w[1] - w[0]) * degree).collect()
 }
 
 /// The Bernstein polynomial `i` of this degree.
-fn basis(degree: usize, i: usize, x: f64) -> f64 {
+fn bernstein_basis(degree: usize, i: usize, x: f64) -> f64 {
     let power = |base: f64, exponent: usize| std::iter::repeat_n(base, exponent).product::<f64>();
-    binomial(degree, i) * power(x, i) * power(1.0 - x, degree - i)
+    binomial_coefficient(degree, i) * power(x, i) * power(1.0 - x, degree - i)
 }
 
 /// Exact for all degrees in use: every partial product is a binomial coefficient.
-fn binomial(n: usize, k: usize) -> f64 {
+fn binomial_coefficient(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |product, j| product * (n - j) as f64 / (j + 1) as f64)
 }
 
@@ -67,9 +68,9 @@ fn binomial(n: usize, k: usize) -> f64 {
 struct Bernstein(Vec<DVec3>);
 
 impl Bernstein {
-    fn of(control: &[DVec3]) -> Self {
+    fn from_control(control: &[DVec3]) -> Self {
         let degree = control.len().saturating_sub(1);
-        Self(control.iter().enumerate().map(|(i, point)| *point * binomial(degree, i)).collect())
+        Self(control.iter().enumerate().map(|(i, point)| *point * binomial_coefficient(degree, i)).collect())
     }
 
     /// Nested multiplication in `1 - x` with growing powers of `x`: no term cancels another, as in
