@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example picture -- TRAJECTORY_FOLDER FRAME WINDOW_US OUT.png`
 
-use gs2e::event::picture::{Picture, join_pictures};
+use gs2e::event::picture::{WindowCounts, join_pictures};
 use gs2e::event::{Event, EventSink, EventSource, h5};
 use gs2e::image::png;
 use std::error::Error;
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let stamps = std::fs::read_to_string(folder.join("timestamps_us.txt"))?;
     let stamp: i64 = stamps.lines().nth(frame).ok_or("there is no such frame")?.parse()?;
     let sharp = png::read_rgb(BufReader::new(File::open(folder.join(format!("sharp/{frame:06}.png")))?))?;
-    let mut events = Picture::new(sharp.size(), stamp - window_us / 2..stamp + window_us / 2)?;
+    let mut events = WindowCounts::new(sharp.size(), stamp - window_us / 2..stamp + window_us / 2)?;
     let mut reader = h5::Reader::open(&folder.join("events.h5"))?;
     let mut chunk: Vec<Event> = Vec::new();
     while reader.next_chunk(&mut chunk)? {

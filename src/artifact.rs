@@ -6,27 +6,27 @@
 
 use crate::camera::Camera;
 use crate::check::Finding;
-use crate::check::sampling::Resampled;
+use crate::check::sampling::ResampledIntervals;
 use crate::files;
-use crate::foreign::Foreign;
-use crate::frames::anchors::Anchors;
+use crate::foreign::ExternalReport;
+use crate::frames::anchors::AnchorFrames;
 use crate::image::{Image, npy};
-use crate::render::fidelity::Fidelity;
-use crate::render::flow::Quantiles;
-use crate::render::{Omit, Velocity, Work};
-use crate::sampling::Chosen;
-use crate::sampling::exposure::Exposure;
-use crate::scene::{Gaussians, Screening};
+use crate::render::fidelity::PhotoFidelity;
+use crate::render::flow::FlowQuantiles;
+use crate::render::{CameraVelocity, OmissionPolicy, RenderWork};
+use crate::sampling::SamplingChoice;
+use crate::sampling::exposure::ExposureRecord;
+use crate::scene::{Gaussians, SceneScreening};
 use crate::se3::{Se3, Twist};
 use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
-use crate::sensor::{Account, Sensor};
+use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::source::Capture;
-use crate::speed::Meaning;
+use crate::speed::SpeedMeaning;
 use crate::store::Store;
-use crate::store::record::Output;
+use crate::store::record::StoredOutput;
 use crate::trajectory::Trajectory;
-use crate::trajectory::report::Report;
+use crate::trajectory::report::SpeedReport;
 use crate::trajectory::twist::pose_twists;
 use crate::units::Ratio;
 use serde::{Deserialize, Serialize};
@@ -37,22 +37,22 @@ use std::path::{Path, PathBuf};
 
 /// The files of an artifact by name, with their paths in the store.
 #[derive(Debug, Clone, Default)]
-pub struct Files {
-    files: BTreeMap<String, Stored>,
+pub struct ArtifactFiles {
+    files: BTreeMap<String, StoredFile>,
 }
 
 /// A file in the store.
 #[derive(Debug, Clone)]
-struct Stored {
+struct StoredFile {
     path: PathBuf,
     size: u64,
 }
 
-impl Files {
+impl ArtifactFiles {
     /// The files of a step, with their paths in the store.
     #[must_use]
-    pub fn from_outputs(outputs: &[Output], store: &Store) -> Self {
-        let stored = |o: &Output| Stored { path: store.path_of(&o.digest), size: o.size };
+    pub fn from_outputs(outputs: &[StoredOutput], store: &Store) -> Self {
+        let stored = |o: &StoredOutput| StoredFile { path: store.path_of(&o.digest), size: o.size };
         Self { files: outputs.iter().map(|o| (o.name.clone(), stored(o))).collect() }
     }
 
@@ -129,13 +129,13 @@ pub trait Artifact: Sized {
     ///
     /// # Errors
     /// A file is absent or cannot be read.
-    fn open(files: &Files) -> Result<Self, ArtifactError>;
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError>;
 }
 
 impl Artifact for Capture {
     const KIND: &'static str = "capture";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         files.json("capture.json")
     }
 }
@@ -143,7 +143,7 @@ impl Artifact for Capture {
 impl Artifact for Gaussians {
     const KIND: &'static str = "gaussians";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         let path = files.path("scene.ply")?;
         crate::scene::read_file(path)
             .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
@@ -152,21 +152,21 @@ impl Artifact for Gaussians {
 
 /// A trajectory with its report.
 #[derive(Debug)]
-pub struct Motion {
+pub struct TrajectoryProduct {
     /// The poses.
     pub trajectory: Trajectory,
     /// Its `speed.json`.
-    pub report: Report,
+    pub report: SpeedReport,
 }
 
-impl Motion {
+impl TrajectoryProduct {
     /// Time of each pose, s: its index divided by the frame rate, exactly, or its stamp if the rate
     /// varies.
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
         let stamps = &self.trajectory.stamps_us;
         match self.report.rate.parse::<Ratio>() {
-            Ok(rate) if self.report.meaning != Meaning::FrameRate => {
+            Ok(rate) if self.report.meaning != SpeedMeaning::FrameRate => {
                 let [p, q] = [rate.numerator(), rate.denominator()].map(|n| n as f64);
                 (0..stamps.len()).map(|j| j as f64 * q / p).collect()
             }
@@ -176,9 +176,9 @@ impl Motion {
 
     /// Velocity of the camera at each pose, in its own axes.
     #[must_use]
-    pub fn velocities(&self) -> Vec<Velocity> {
+    pub fn velocities(&self) -> Vec<CameraVelocity> {
         let poses = &self.trajectory.world_from_camera;
-        let own = |(pose, twist): (&Se3, Twist)| Velocity {
+        let own = |(pose, twist): (&Se3, Twist)| CameraVelocity {
             linear: pose.rotation.conjugate() * twist.linear,
             angular: twist.angular,
         };
@@ -186,10 +186,10 @@ impl Motion {
     }
 }
 
-impl Artifact for Motion {
+impl Artifact for TrajectoryProduct {
     const KIND: &'static str = "trajectory";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         let trajectory = files.read("poses.txt", Trajectory::read_poses)?;
         Ok(Self { trajectory, report: files.json("speed.json")? })
     }
@@ -198,34 +198,34 @@ impl Artifact for Motion {
 /// The event streams of a trajectory, and the counts of their simulation.
 #[derive(Debug)]
 pub struct EventStreams {
-    /// The file of each stream of [`Simulation::streams`].
+    /// The file of each stream of [`SimulationRecord::streams`].
     pub files: Vec<PathBuf>,
-    /// Some frames as seen through each of [`Simulation::front_ends`]: `brightness.npy` and so on,
+    /// Some frames as seen through each of [`SimulationRecord::front_ends`]: `brightness.npy` and so on,
     /// float32 `[K, H, W]`.
-    anchors: Vec<Anchors>,
-    /// Depth at [`Simulation::depth_stamps_us`], units along the optical axis.
+    anchors: Vec<AnchorFrames>,
+    /// Depth at [`SimulationRecord::depth_stamps_us`], units along the optical axis.
     pub depths: Vec<Image<f32>>,
     /// The record of the simulation.
-    pub simulation: Simulation,
+    pub simulation: SimulationRecord,
 }
 
 /// One stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stream {
+pub struct EventStream {
     /// The sensor's name, if there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The sensor.
-    pub sensor: Sensor,
+    pub sensor: SensorChoice,
     /// Its counts.
-    pub account: Account,
+    pub account: SimulationAccount,
     /// Its events in some intervals with twice the frames; `None` if that was not simulated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub resampled: Option<Resampled>,
+    pub resampled: Option<ResampledIntervals>,
 }
 
-impl Stream {
+impl EventStream {
     /// File name of a stream in the store.
     #[must_use]
     pub fn stored_name(name: Option<&str>) -> String {
@@ -242,7 +242,7 @@ impl Stream {
 /// The record of a simulation: `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Simulation {
+pub struct SimulationRecord {
     /// The camera.
     pub camera: Camera,
     /// Number of Gaussians.
@@ -250,20 +250,20 @@ pub struct Simulation {
     /// Degree of their harmonics.
     pub sh_degree: u8,
     /// Counts of what the reader of the scene left out or repaired.
-    pub screening: Screening,
-    /// Whether the antialiased rule was used.
+    pub screening: SceneScreening,
+    /// True if the antialiased rule was used.
     pub antialiased: bool,
     /// One stream per sensor, in the order of names.
-    pub streams: Vec<Stream>,
+    pub streams: Vec<EventStream>,
     /// Seed of their noise.
     pub seed: Seed,
     /// Work that the renderer left out.
-    #[serde(default, skip_serializing_if = "Omit::is_needless")]
-    pub omit: Omit,
+    #[serde(default, skip_serializing_if = "OmissionPolicy::is_needless")]
+    pub omit: OmissionPolicy,
     /// Work of the renderer, summed over all frames.
-    pub work: Work,
+    pub work: RenderWork,
     /// Image motion between neighbouring poses, px; `None` if no pixel has a depth.
-    pub flow_px: Option<Quantiles>,
+    pub flow_px: Option<FlowQuantiles>,
     /// Share of the blended weight from Gaussians too deep for their distance, at the same poses;
     /// `None` if nothing is blended.
     pub doubtful_share: Option<f64>,
@@ -277,10 +277,10 @@ pub struct Simulation {
     pub depth_stamps_us: Vec<i64>,
     /// The choice of frames, if the recipe gives a tolerance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub chosen: Option<Chosen>,
+    pub chosen: Option<SamplingChoice>,
 }
 
-impl Simulation {
+impl SimulationRecord {
     /// The distinct front ends of the sensors.
     #[must_use]
     pub fn front_ends(&self) -> Vec<FrontEnd> {
@@ -300,7 +300,7 @@ impl EventStreams {
 
     /// Some frames as the sensor of a stream saw them.
     #[must_use]
-    pub fn seen_by(&self, stream: &Stream) -> &Anchors {
+    pub fn seen_by(&self, stream: &EventStream) -> &AnchorFrames {
         let front_end = stream.sensor.as_model().front_end();
         let at = self.simulation.front_ends().iter().position(|other| *other == front_end);
         &self.anchors[at.expect("it is one of the simulation's streams")]
@@ -310,15 +310,16 @@ impl EventStreams {
 impl Artifact for EventStreams {
     const KIND: &'static str = "events";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
-        let simulation: Simulation = files.json("simulation.json")?;
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        let simulation: SimulationRecord = files.json("simulation.json")?;
         let stamps = &simulation.brightness_stamps_us;
         let spans = &simulation.brightness_spans;
-        let read = |file| Anchors::read_images(stamps.clone(), spans.clone(), file);
+        let read = |file| AnchorFrames::read_images(stamps.clone(), spans.clone(), file);
         let anchors = |i| files.read(&Self::brightness_name(i), read);
         let anchors = (0..simulation.front_ends().len()).map(anchors).collect::<Result<_, _>>()?;
-        let file =
-            |stream: &Stream| files.path(&Stream::stored_name(stream.name.as_deref())).map(Path::to_owned);
+        let file = |stream: &EventStream| {
+            files.path(&EventStream::stored_name(stream.name.as_deref())).map(Path::to_owned)
+        };
         let stored = simulation.streams.iter().map(file).collect::<Result<_, _>>()?;
         let count = simulation.depth_stamps_us.len();
         let depths = files.read(Self::DEPTH, |file| npy::read_stack(count, file))?;
@@ -328,51 +329,51 @@ impl Artifact for EventStreams {
 
 /// Pictures by name: PNG files or arrays of numbers.
 #[derive(Debug)]
-pub struct Pictures {
+pub struct PictureSet {
     /// Name and path, sorted by name.
     pub files: Vec<(String, PathBuf)>,
 }
 
-impl Artifact for Pictures {
+impl Artifact for PictureSet {
     const KIND: &'static str = "pictures";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         Ok(Self { files: files.iter().map(|(name, path)| (name.to_owned(), path.to_owned())).collect() })
     }
 }
 
 /// Blurred frames: PNG files, and the record of each exposure.
 #[derive(Debug)]
-pub struct Blurred {
+pub struct BlurredFrames {
     /// Records in the order of poses.
-    pub exposures: Vec<Exposure>,
+    pub exposures: Vec<ExposureRecord>,
 }
 
-impl Blurred {
+impl BlurredFrames {
     /// Name of the file with the records.
     pub const EXPOSURES: &str = "exposures.json";
 }
 
-impl Artifact for Blurred {
+impl Artifact for BlurredFrames {
     const KIND: &'static str = "blurred";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         Ok(Self { exposures: files.json(Self::EXPOSURES)? })
     }
 }
 
-impl Artifact for Fidelity {
+impl Artifact for PhotoFidelity {
     const KIND: &'static str = "fidelity";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         files.json("fidelity.json")
     }
 }
 
-impl Artifact for Foreign {
+impl Artifact for ExternalReport {
     const KIND: &'static str = "foreign";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         files.json("foreign.json")
     }
 }
@@ -380,7 +381,7 @@ impl Artifact for Foreign {
 /// The findings on a trajectory or on a scene: `verdicts.json`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Verdicts {
+pub struct VerdictsRecord {
     /// One record per statement. Subjects contain only the name of a stream and the suffix of the
     /// statement.
     pub findings: Vec<Finding>,
@@ -388,7 +389,7 @@ pub struct Verdicts {
     pub peaks_ev_per_ms: Vec<u64>,
 }
 
-impl Verdicts {
+impl VerdictsRecord {
     /// The findings on a scene, with its id.
     #[must_use]
     pub fn findings_of_scene(mut self, scene: &str) -> Vec<Finding> {
@@ -408,10 +409,10 @@ impl Verdicts {
     }
 }
 
-impl Artifact for Verdicts {
+impl Artifact for VerdictsRecord {
     const KIND: &'static str = "checks";
 
-    fn open(files: &Files) -> Result<Self, ArtifactError> {
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         files.json("verdicts.json")
     }
 }

@@ -37,12 +37,12 @@ pub struct OverBudget {
 
 /// The memory that is left to an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Budget {
+pub struct ByteBudget {
     input: usize,
     taken: usize,
 }
 
-impl Budget {
+impl ByteBudget {
     /// The budget of an input of this many bytes.
     #[must_use]
     pub fn of(input: usize) -> Self {
@@ -76,7 +76,7 @@ impl Budget {
         Ok(())
     }
 
-    /// Whether [`take`](Self::take) would succeed.
+    /// Returns true if [`take`](Self::take) would succeed.
     ///
     /// # Errors
     /// As `take`.
@@ -119,7 +119,7 @@ pub fn check_json(text: &[u8]) -> Result<(), OverBudget> {
             *count += usize::from(marks.contains(byte));
         }
     }
-    let mut budget = Budget::of(text.len());
+    let mut budget = ByteBudget::of(text.len());
     JSON_BYTES.iter().zip(counts).try_for_each(|((_, bytes), count)| budget.take(count, *bytes))
 }
 
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn claims_add_up() {
-        let mut budget = Budget::of(1000);
+        let mut budget = ByteBudget::of(1000);
         let limit = 24 * 1024 * 1024 + 3000;
         budget.take(limit / 4, 4).unwrap();
         let error = budget.take(usize::MAX, 8).unwrap_err();

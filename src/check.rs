@@ -35,10 +35,10 @@ pub mod subject;
 pub mod tally;
 pub mod time_offset;
 
-pub use limits::{Limits, Waiver};
-pub use scene_subject::{Photos, SceneSubject};
-pub use subject::Subject;
-pub use tally::Tally;
+pub use limits::{CheckWaiver, Limits};
+pub use scene_subject::{CapturePhotos, SceneSubject};
+pub use subject::TrajectorySubject;
+pub use tally::StreamTally;
 
 use serde::{Deserialize, Serialize};
 
@@ -120,55 +120,58 @@ pub const NAMES: [&str; 23] = [
 ];
 
 /// A validation pass.
-pub trait Check: Sync {
+pub trait ValidationPass: Sync {
     /// The name, one of [`NAMES`].
     fn name(&self) -> &'static str;
 
     /// The findings on a trajectory, independent of sensors: one per statement.
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let _ = subject;
         Vec::new()
     }
 
     /// The findings on the stream of one sensor. Together, the two methods must return at least one
     /// finding.
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let _ = subject;
         Vec::new()
     }
 }
 
 /// The passes over trajectories, in the order of reports.
-pub const ALL: [&dyn Check; 21] = [
-    &schema::Schema,
-    &stamps::Stamps,
-    &duplicates::Duplicates,
+pub const ALL: [&dyn ValidationPass; 21] = [
+    &schema::SchemaPass,
+    &stamps::StampsPass,
+    &duplicates::DuplicatesPass,
     &event_rate::EventRate,
     &polarity::OnShare,
     &refractory::DeadTime,
-    &batching::Batching,
-    &hot_pixels::HotPixels,
-    &structure::Structure,
+    &batching::BatchingPass,
+    &hot_pixels::HotPixelsPass,
+    &structure::StructurePass,
     &event_frame::EventFrame,
     &motion::MotionCompensation,
     &time_offset::TimeOffset,
     &noise_floor::NoiseFloor,
-    &sampling::Sampling,
-    &affine::Affine,
+    &sampling::SamplingPass,
+    &affine::AffinePass,
     &drift_identity::DriftIdentity,
-    &readback::Readback,
+    &readback::ReadbackPass,
     &pose_continuity::PoseContinuity,
     &pose_colmap::PoseColmap,
     &pose_opencv::PoseOpencv,
-    &speed::Speed,
+    &speed::SpeedPass,
 ];
 
 /// Runs every pass over a trajectory and its streams. Faults that the recipe accepts become
 /// [`Verdict::Waived`]. Without a stream, the passes over streams get a subject without events.
 #[must_use]
-pub fn judge_trajectory(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> {
+pub fn judge_trajectory(
+    trajectory: &TrajectorySubject<'_>,
+    streams: &[TrajectorySubject<'_>],
+) -> Vec<Finding> {
     let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
-    let run = |check: &&dyn Check| {
+    let run = |check: &&dyn ValidationPass| {
         let mut findings = check.of_trajectory(trajectory);
         findings.extend(streams.iter().flat_map(|stream| check.of_stream(stream)));
         findings
@@ -193,7 +196,7 @@ pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
     findings
 }
 
-fn apply_waivers(finding: &mut Finding, waivers: &[Waiver]) {
+fn apply_waivers(finding: &mut Finding, waivers: &[CheckWaiver]) {
     let waiver = waivers.iter().find(|waiver| waiver.check == finding.check);
     if let (Verdict::Fail, Some(waiver)) = (finding.verdict, waiver) {
         finding.verdict = Verdict::Waived;

@@ -34,18 +34,18 @@ mod takedown;
 mod trajectory;
 mod why;
 
-use crate::programs::{Programs, SUPERVISE};
-use crate::render::Omit;
+use crate::programs::{ProgramFinder, SUPERVISE};
+use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::{self, Device, GpuError};
+use crate::render::gpu::{self, GpuDevice, GpuError};
 use crate::{escape, files};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
-pub use console::Streams;
-pub use problem::Exit;
-use problem::Problem;
-use renderers::{Auto, By, Chosen};
+pub use console::ConsoleStreams;
+pub use problem::ExitKind;
+use problem::VerbError;
+use renderers::{AutoRenderers, RendererChoice, RendererKind};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -58,53 +58,53 @@ use std::sync::atomic::AtomicBool;
 #[command(name = "gs2e", bin_name = "gs2e", version, about, max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
-    verb: Verb,
+    verb: VerbCommand,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Debug, Subcommand)]
-enum Verb {
+enum VerbCommand {
     /// Run the steps that are stale, and no others
-    Build(build::Build),
+    Build(build::BuildArgs),
     /// Show what `build` would run, may run and keep, each with its reason; runs nothing
-    Plan(plan::Show),
+    Plan(plan::PlanArgs),
     /// Show what goes into a step's key, and what changed since it was last made
-    Why(why::Why),
+    Why(why::WhyArgs),
     /// Show the verdicts of the validation passes
-    Check(check::Check),
+    Check(check::CheckArgs),
     /// Build what is stale, check it, and write the release
-    Release(release::Release),
+    Release(release::ReleaseArgs),
     /// Read every byte of a release, and report whether it is whole and consistent
-    Audit(audit::Audit),
+    Audit(audit::AuditArgs),
     /// Show what differs between two releases, and why
-    Diff(diff::Diff),
+    Diff(diff::DiffArgs),
     /// Convert a scene or an event file to another format, or draw events
-    Convert(convert::Convert),
+    Convert(convert::ConvertArgs),
     /// Write one recipe for each scene of a dataset on disk
-    Init(init::Init),
+    Init(init::InitArgs),
     /// Delete what no recipe and no release refers to
-    Gc(gc::Gc),
+    Gc(gc::GcArgs),
     /// Render one view of a scene file
-    Render(render::Render),
+    Render(render::RenderArgs),
     /// Simulate a sensor on your own frames, and write its events
-    Simulate(simulate::Simulate),
+    Simulate(simulate::SimulateArgs),
     /// Compare the arithmetic in stiff and extreme cases with independent answers
-    Stress(stress::Stress),
+    Stress(stress::StressArgs),
     /// Measure the error and the run time of sampling settings on a scene
-    Study(study::Study),
+    Study(study::StudyArgs),
     /// Compute the poses of one trajectory of a recipe on your own capture
-    Trajectory(trajectory::Trajectory),
+    Trajectory(trajectory::TrajectoryArgs),
 }
 
 /// Options of every verb.
 #[derive(Debug, Clone, Args)]
-struct Common {
+struct CommonArgs {
     /// Work in this folder
     #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
     directory: Option<PathBuf>,
     /// Folder of the store, which keeps what was built
-    #[arg(long, value_name = "DIR", default_value = Common::STORE, global = true)]
+    #[arg(long, value_name = "DIR", default_value = CommonArgs::STORE, global = true)]
     store: PathBuf,
     /// Cores to use [default: all]
     #[arg(short = 'j', long = "jobs", value_name = "N", global = true, value_parser = clap::value_parser!(u16).range(1..))]
@@ -113,11 +113,11 @@ struct Common {
     #[arg(short = 'k', long, global = true)]
     keep_going: bool,
     /// Renderer
-    #[arg(long, value_enum, default_value_t = Choice::Auto, global = true)]
-    backend: Choice,
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto, global = true)]
+    backend: BackendArg,
     /// GPU to render on: its number in the list of all, from 0, or a part of its name
     #[arg(long, value_name = "NAME or INDEX", global = true)]
-    gpu: Option<gpu::Choice>,
+    gpu: Option<gpu::DeviceChoice>,
     /// Render also what changes no bit, for comparison with a normal build
     #[arg(long, global = true)]
     no_omit: bool,
@@ -138,26 +138,28 @@ struct Common {
     command: String,
 }
 
-impl Common {
+impl CommonArgs {
     /// Where built things are kept unless the user says otherwise.
     const STORE: &'static str = ".gs2e";
 
     /// What renders the scenes of recipes, which the keys of their steps depend on.
-    fn renderers(&self) -> Result<Chosen, Problem> {
+    fn renderers(&self) -> Result<RendererChoice, VerbError> {
         let by = match self.backend {
             // One in software is slower than the CPU renderer: it is taken where it is named.
-            Choice::Auto => By::Auto(Auto::new(self.gpu.clone().unwrap_or(gpu::Choice::Hardware))),
-            _ => By::One(self.backend()?),
+            BackendArg::Auto => RendererKind::Auto(AutoRenderers::new(
+                self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware),
+            )),
+            _ => RendererKind::One(self.backend()?),
         };
-        Ok(Chosen::new(by, self.omit(), self.programs()))
+        Ok(RendererChoice::new(by, self.omit(), self.programs()))
     }
 
     /// The programs on the user's path. This program supervises them, even if its file was replaced meanwhile.
     #[expect(clippy::unused_self, reason = "the environment belongs to the command line")]
-    fn programs(&self) -> Programs {
+    fn programs(&self) -> ProgramFinder {
         let own = PathBuf::from("/proc/self/exe");
         let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
-        Programs::new(std::env::var_os("PATH").as_deref(), own)
+        ProgramFinder::new(std::env::var_os("PATH").as_deref(), own)
     }
 
     /// Cores to use.
@@ -176,26 +178,28 @@ impl Common {
     }
 
     /// What renderers leave out.
-    fn omit(&self) -> Omit {
-        if self.no_omit { Omit::Nothing } else { Omit::Needless }
+    fn omit(&self) -> OmissionPolicy {
+        if self.no_omit { OmissionPolicy::Nothing } else { OmissionPolicy::Needless }
     }
 
     /// The one back end of what is rendered beside recipes' scenes: the CPU unless another one is asked for.
-    fn backend(&self) -> Result<Backend, Problem> {
+    fn backend(&self) -> Result<Backend, VerbError> {
         match self.backend {
-            Choice::Gpu => self.device(&gpu::Choice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e)),
+            BackendArg::Gpu => {
+                self.device(&gpu::DeviceChoice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e))
+            }
             _ if self.gpu.is_some() => {
-                Err(Problem::usage("no-adapter", "--gpu chooses among GPUs, and none renders".to_owned())
+                Err(VerbError::usage("no-adapter", "--gpu chooses among GPUs, and none renders".to_owned())
                     .help("--backend gpu with it"))
             }
-            Choice::Auto | Choice::Cpu => Ok(Backend::Cpu),
-            Choice::Reference => Ok(Backend::Reference),
+            BackendArg::Auto | BackendArg::Cpu => Ok(Backend::Cpu),
+            BackendArg::Reference => Ok(Backend::Reference),
         }
     }
 
     /// The GPU that `--gpu` chooses, else one of these.
-    fn device(&self, otherwise: &gpu::Choice) -> Result<Device, GpuError> {
-        Device::open(self.gpu.as_ref().unwrap_or(otherwise))
+    fn device(&self, otherwise: &gpu::DeviceChoice) -> Result<GpuDevice, GpuError> {
+        GpuDevice::open(self.gpu.as_ref().unwrap_or(otherwise))
     }
 
     /// Keeps a single step to the cores that it may use.
@@ -208,7 +212,7 @@ impl Common {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Choice {
+enum BackendArg {
     Auto,
     Cpu,
     Gpu,
@@ -216,19 +220,19 @@ enum Choice {
 }
 
 /// What is told where the GPU that was asked for is not there or cannot be used.
-fn no_adapter(error: &GpuError) -> Problem {
-    Problem::usage("no-adapter", error.to_string()).help("--backend cpu, or leave it out")
+fn no_adapter(error: &GpuError) -> VerbError {
+    VerbError::usage("no-adapter", error.to_string()).help("--backend cpu, or leave it out")
 }
 
 /// The recipes or folders that a verb works on.
 #[derive(Debug, Args)]
-struct Targets {
+struct RecipeTargets {
     /// Recipes, or folders of recipes
     #[arg(value_name = "RECIPE or DIR", default_value = Self::DEFAULT)]
     recipes: Vec<PathBuf>,
 }
 
-impl Targets {
+impl RecipeTargets {
     /// Where recipes are looked for unless something is named.
     const DEFAULT: &'static str = "recipes";
 }
@@ -246,13 +250,13 @@ pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     if arguments.get(1).is_some_and(|verb| verb == SUPERVISE) {
         return supervise::run(arguments.into_iter().skip(2).collect());
     }
-    run_on(Streams::of_process(), arguments).into()
+    run_on(ConsoleStreams::of_process(), arguments).into()
 }
 
 /// Runs the program with these arguments, the first being its own name. Only the bars of a run on a terminal are
 /// written past `streams`, and results for which the user names `-` as the output.
 #[must_use]
-pub fn run_on(streams: Streams, arguments: impl IntoIterator<Item = OsString>) -> Exit {
+pub fn run_on(streams: ConsoleStreams, arguments: impl IntoIterator<Item = OsString>) -> ExitKind {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let (console, ended) = match parse(&arguments) {
         Ok(mut cli) => {
@@ -267,7 +271,7 @@ pub fn run_on(streams: Streams, arguments: impl IntoIterator<Item = OsString>) -
                 Err(misread(&arguments, error))
             } else {
                 console.help(&error);
-                Ok(Exit::Done)
+                Ok(ExitKind::Done)
             };
             (console, ended)
         }
@@ -295,13 +299,13 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command.mut_args(takes).mut_subcommands(with_negative_numbers)
 }
 
-/// Whether the command line asks for results for programs, although it cannot be read as a whole.
+/// Returns true if the command line asks for results for programs, although it cannot be read as a whole.
 fn wants_json(arguments: &[OsString]) -> bool {
     arguments.iter().skip(1).take_while(|word| *word != "--").any(|word| word == "--json")
 }
 
 /// What is said of a command line that cannot be read.
-fn misread(arguments: &[OsString], error: clap::Error) -> Problem {
+fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
     // The parser repeats words as they are; so it reads them again in their visible form.
     let shown = arguments.iter().map(|word| OsString::from(visible(word)));
     let again = with_negative_numbers(Cli::command()).try_get_matches_from(shown).err();
@@ -314,7 +318,7 @@ fn misread(arguments: &[OsString], error: clap::Error) -> Problem {
             first.strip_prefix("error: ").unwrap_or(first).to_owned()
         }
     };
-    Problem::misread(what, error.render().to_string().trim_end().lines().map(str::to_owned).collect())
+    VerbError::misread(what, error.render().to_string().trim_end().lines().map(str::to_owned).collect())
 }
 
 /// A word of the command line on one line.
@@ -331,35 +335,35 @@ fn typed_command(arguments: &[OsString]) -> String {
     words.join(" ")
 }
 
-fn run_verb(cli: Cli, console: &Console) -> Result<Exit, Problem> {
+fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
     if let Some(directory) = &cli.common.directory {
         std::env::set_current_dir(directory).map_err(|e| {
-            Problem::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
+            VerbError::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
         })?;
     }
     let common = &cli.common;
     match cli.verb {
-        Verb::Build(verb) => verb.run(common, console),
-        Verb::Plan(verb) => verb.run(common, console),
-        Verb::Why(verb) => verb.run(common, console),
-        Verb::Check(verb) => verb.run(common, console),
-        Verb::Release(verb) => verb.run(common, console),
-        Verb::Audit(verb) => verb.run(common, console),
-        Verb::Diff(verb) => verb.run(console),
-        Verb::Convert(verb) => verb.run(console),
-        Verb::Init(verb) => verb.run(common, console),
-        Verb::Gc(verb) => verb.run(common, console),
-        Verb::Render(verb) => verb.run(common, console),
-        Verb::Simulate(verb) => verb.run(common, console),
-        Verb::Stress(verb) => verb.run(common, console),
-        Verb::Study(verb) => verb.run(common, console),
-        Verb::Trajectory(verb) => verb.run(common, console),
+        VerbCommand::Build(verb) => verb.run(common, console),
+        VerbCommand::Plan(verb) => verb.run(common, console),
+        VerbCommand::Why(verb) => verb.run(common, console),
+        VerbCommand::Check(verb) => verb.run(common, console),
+        VerbCommand::Release(verb) => verb.run(common, console),
+        VerbCommand::Audit(verb) => verb.run(common, console),
+        VerbCommand::Diff(verb) => verb.run(console),
+        VerbCommand::Convert(verb) => verb.run(console),
+        VerbCommand::Init(verb) => verb.run(common, console),
+        VerbCommand::Gc(verb) => verb.run(common, console),
+        VerbCommand::Render(verb) => verb.run(common, console),
+        VerbCommand::Simulate(verb) => verb.run(common, console),
+        VerbCommand::Stress(verb) => verb.run(common, console),
+        VerbCommand::Study(verb) => verb.run(common, console),
+        VerbCommand::Trajectory(verb) => verb.run(common, console),
     }
 }
 
 /// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut.
 /// The end of a terminal is an interrupt, unless the program was started to outlive it, as by `nohup`.
-fn on_interrupt() -> Result<Arc<AtomicBool>, Problem> {
+fn on_interrupt() -> Result<Arc<AtomicBool>, VerbError> {
     let flag = Arc::new(AtomicBool::new(false));
     let mut signals = vec![SIGINT, SIGTERM, SIGQUIT];
     if !machine::ignores(SIGHUP) {
@@ -368,7 +372,7 @@ fn on_interrupt() -> Result<Arc<AtomicBool>, Problem> {
     for signal in signals {
         signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())
             .and_then(|_| signal_hook::flag::register(signal, flag.clone()))
-            .map_err(|e| Problem::failed("signals", format!("interrupts cannot be handled: {e}")))?;
+            .map_err(|e| VerbError::failed("signals", format!("interrupts cannot be handled: {e}")))?;
     }
     Ok(flag)
 }

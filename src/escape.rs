@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
 
-/// Whether a character acts on its reader instead of being seen: control characters (C0, DEL, C1), bidi controls, line
+/// Returns true if a character acts on its reader instead of being seen: control characters (C0, DEL, C1), bidi controls, line
 /// and paragraph separators, tags, and other characters without width, and noncharacters.
 ///
 /// The zero-width joiner and non-joiner (U+200C, U+200D) are no such characters: Persian, Hindi and emoji need them.
@@ -33,7 +33,7 @@ pub fn is_hidden(c: char) -> bool {
         || is_noncharacter(c)
 }
 
-/// Whether Unicode will never assign the character; many parsers refuse it.
+/// Returns true if Unicode will never assign the character; many parsers refuse it.
 #[must_use]
 pub fn is_noncharacter(c: char) -> bool {
     u32::from(c) & 0xfffe == 0xfffe

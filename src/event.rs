@@ -26,7 +26,7 @@ pub enum Polarity {
 /// The cause of an event, where events are labelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 #[repr(u8)]
-pub enum Label {
+pub enum EventLabel {
     /// Noise of the sensor; 0 in files.
     Noise = 0,
     /// A change of brightness; 1 in files. All events of a stream without labels have this label.
@@ -34,7 +34,7 @@ pub enum Label {
     Signal = 1,
 }
 
-impl Label {
+impl EventLabel {
     /// The label for a number in a file.
     #[must_use]
     pub fn from_number(stored: u8) -> Option<Self> {
@@ -57,8 +57,8 @@ pub struct Event {
     pub y: u16,
     /// Polarity.
     pub polarity: Polarity,
-    /// Signal or noise, if the stream has labels ([`Header::labelled`]).
-    pub label: Label,
+    /// Signal or noise, if the stream has labels ([`StreamHeader::labelled`]).
+    pub label: EventLabel,
 }
 
 impl Event {
@@ -102,12 +102,12 @@ pub trait EventSource {
 
 /// Properties of a stream that an event file states.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Header {
+pub struct StreamHeader {
     /// Columns and rows of the sensor.
     pub size: Size,
     /// The simulation of the stream; `None` if it was not simulated, or the file does not say.
     pub law: Option<LawStamp>,
-    /// Whether its events are labelled as signal or noise.
+    /// True if its events are labelled as signal or noise.
     pub labelled: bool,
 }
 

@@ -7,7 +7,7 @@
 
 mod walk;
 
-pub use walk::{MAX_DEPTH, MAX_ENTRIES, Walk, WalkError};
+pub use walk::{FolderWalk, MAX_DEPTH, MAX_ENTRIES, WalkError};
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -33,9 +33,9 @@ pub const MAX_MODEL: u64 = 16 << 30;
 /// Limit for a scene file, which is read whole: 69 million Gaussians of degree 3 as `.ply`. 16 GiB.
 pub const MAX_SCENE: u64 = 16 << 30;
 
-/// Whether links on the last part of a path are followed.
+/// True if links on the last part of a path are followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Links {
+pub enum LinkRule {
     /// Links are followed; what they lead to must be a regular file.
     Follow,
     /// A link is refused, as in a release tree.
@@ -48,21 +48,21 @@ pub enum Links {
 /// `NotFound` where nothing of that name exists; `InvalidInput` for a folder, device, FIFO or socket; any error of the
 /// file system.
 pub fn open(path: &Path) -> io::Result<File> {
-    open_with(path, Links::Follow)
+    open_with(path, LinkRule::Follow)
 }
 
 /// Opens a regular file for reading.
 ///
 /// # Errors
 /// As [`open`], and `InvalidInput` for a link where `links` refuses them.
-pub fn open_with(path: &Path, links: Links) -> io::Result<File> {
+pub fn open_with(path: &Path, links: LinkRule) -> io::Result<File> {
     match links {
-        Links::Follow => {
+        LinkRule::Follow => {
             // Opening a device can act on it, so the type is checked before as well as after.
             require_regular(file_type(&follow_stat(path)?))?;
             open_regular(CWD, path, OFlags::empty())
         }
-        Links::Refuse => open_no_link(CWD, path),
+        LinkRule::Refuse => open_no_link(CWD, path),
     }
 }
 
@@ -111,7 +111,7 @@ pub fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read`], and `InvalidInput` for a link where `links` refuses them.
-pub fn read_with(path: &Path, links: Links, limit: u64) -> io::Result<Vec<u8>> {
+pub fn read_with(path: &Path, links: LinkRule, limit: u64) -> io::Result<Vec<u8>> {
     read_open(open_with(path, links)?, limit)
 }
 
@@ -135,7 +135,7 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
 ///
 /// # Errors
 /// As [`read_text`], and `InvalidInput` for a link where `links` refuses them.
-pub fn read_text_with(path: &Path, links: Links, limit: u64) -> io::Result<String> {
+pub fn read_text_with(path: &Path, links: LinkRule, limit: u64) -> io::Result<String> {
     text(read_with(path, links, limit)?)
 }
 
@@ -310,9 +310,9 @@ mod tests {
     #[test]
     fn a_link_is_refused_where_the_rule_says_so() {
         let (_folder, at) = entries();
-        let refused = read_with(&at("link"), Links::Refuse, 7).unwrap_err().to_string();
+        let refused = read_with(&at("link"), LinkRule::Refuse, 7).unwrap_err().to_string();
         assert_eq!(refused, "a link, not a regular file");
-        assert_eq!(read_with(&at("file"), Links::Refuse, 7).unwrap(), b"seven b");
+        assert_eq!(read_with(&at("file"), LinkRule::Refuse, 7).unwrap(), b"seven b");
     }
 
     #[test]

@@ -32,21 +32,21 @@ pub type Told<T> = Result<T, String>;
 /// The answers of the programs that were asked: `foreign.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Foreign {
+pub struct ExternalReport {
     /// COLMAP's answer on the poses of pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub colmap: Option<Told<colmap::Registration>>,
+    pub colmap: Option<Told<colmap::ColmapRegistration>>,
     /// OpenCV's answer on poses and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub opencv: Option<Told<opencv::Geometry>>,
+    pub opencv: Option<Told<opencv::OpencvGeometry>>,
     /// Answer of Python's readers on events and pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub readback: Option<Told<readback::Readback>>,
+    pub readback: Option<Told<readback::ReadbackReport>>,
 }
 
 /// A picture of a trajectory.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
+pub struct TrajectoryPicture {
     /// Index of its pose.
     pub pose: usize,
     /// Path of the file.

@@ -12,7 +12,7 @@ use crate::units::Timestamp;
 
 /// One frame.
 #[derive(Debug, Clone)]
-pub struct Frame {
+pub struct DenseFrame {
     /// Index in the sequence, from 0.
     pub index: usize,
     /// Time in nanoseconds since the sequence's first stamp.
@@ -55,14 +55,14 @@ pub enum FrameError {
 }
 
 /// A sequence of frames with strictly increasing stamps, the first at 0.
-pub trait Frames {
+pub trait FrameSequence {
     /// Size of all frames.
     fn size(&self) -> Size;
 
     /// Number of frames in the whole sequence.
     fn len(&self) -> usize;
 
-    /// Whether the sequence has no frames.
+    /// Returns true if the sequence has no frames.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -71,7 +71,7 @@ pub trait Frames {
     ///
     /// # Errors
     /// The frame cannot be read or rendered, or has a value that is not finite.
-    fn next(&mut self) -> Result<Option<Frame>, FrameError>;
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError>;
 
     /// Requests, before the first frame, the colours of frames in addition to their luminance.
     fn want_colour(&mut self) {}

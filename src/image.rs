@@ -132,7 +132,7 @@ impl<T: Clone> Image<T> {
 
 /// What an image file shows, on the grey scale 0..255.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Shades {
+pub struct GreyImage {
     /// Luminance of what is encoded.
     pub luminance: Image<f32>,
     /// The colours that it is of, where the image is not grey.

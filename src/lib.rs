@@ -11,11 +11,11 @@
 //! photos. The [`release`] copies what passed, with its licences, into the tree that people download.
 //!
 //! Two ideas carry the rest. **The key and its explanation come from one walk**: a step describes itself into a
-//! [`store::description::Value`], whose encoding is hashed into the key and whose lines `gs2e why` prints, so the
+//! [`store::description::DescribedValue`], whose encoding is hashed into the key and whose lines `gs2e why` prints, so the
 //! explanation cannot disagree with the key. **A scene pays only for what it needs**: the plan has no step whose
 //! product nobody asked for, a stage's key holds only what the stage reads, the renderer is asked for one channel
 //! where one is enough, and a sensor without noise draws no random number; what was left out is counted, and
-//! [`render::Omit::Nothing`] computes it after all.
+//! [`render::OmissionPolicy::Nothing`] computes it after all.
 //!
 //! # The rooms
 //! A module knows those above it in this list, and none below (`tests/it/tidy.rs` holds the list against the code).

@@ -10,8 +10,8 @@ pub mod expression;
 pub mod ledger;
 mod text;
 
-pub use expression::Expression;
-pub use ledger::{Asset, Obligation};
+pub use expression::LicenceExpression;
+pub use ledger::{LedgerAsset, LicenceObligation};
 pub use text::{is_listed, licence_text};
 
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,7 @@ impl SourceKind {
 
 /// The terms of a scene, or of several together.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Composed {
+pub struct ComposedTerms {
     /// SPDX expression of all binding terms, in canonical form.
     pub expression: String,
     /// The ids in it, sorted. Their texts are shipped.
@@ -68,32 +68,32 @@ pub struct Composed {
     /// True if receivers must accept the upstream terms first.
     pub gated: bool,
     /// Permission to redistribute material made from the upstream material.
-    pub passing: Passing,
+    pub passing: Redistributability,
     /// The parts of the scene: the upstream's part, if there is one, then the owner's.
-    pub parts: Vec<Part>,
+    pub parts: Vec<HolderTerms>,
     /// Warnings for the releaser, one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// The terms of one holder.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Part {
+pub struct HolderTerms {
     /// The dataset; `None` for the owner's own part.
-    pub asset: Option<&'static Asset>,
+    pub asset: Option<&'static LedgerAsset>,
     /// SPDX expression.
     pub expression: String,
     /// Attribution text.
     pub attribution: String,
     /// Obligations of receivers.
-    pub obligations: Vec<Obligation>,
+    pub obligations: Vec<LicenceObligation>,
     /// The grant, if the terms differ from those of the ledger.
-    pub grant: Option<Grant>,
+    pub grant: Option<UpstreamGrant>,
 }
 
 /// Evidence for terms that an upstream granted in addition to its public terms.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Grant {
+pub struct UpstreamGrant {
     /// The terms, as an SPDX expression.
     pub expression: String,
     /// Grantor and content of the grant.
@@ -104,7 +104,7 @@ pub struct Grant {
     pub date: String,
 }
 
-impl Grant {
+impl UpstreamGrant {
     /// Returns the name of an empty statement, if there is one.
     #[must_use]
     pub fn lacks(&self) -> Option<&'static str> {
@@ -115,7 +115,7 @@ impl Grant {
 
 /// Statements of a recipe and of the files next to it about a scene's terms.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Stated<'a> {
+pub struct StatedTerms<'a> {
     /// Name of the kind of source.
     pub kind: &'a str,
     /// Address of the upstream dataset.
@@ -123,7 +123,7 @@ pub struct Stated<'a> {
     /// The owner's expression for the added part, and the holder of these rights.
     pub owner: Option<(&'a str, &'a str)>,
     /// Terms granted by the upstream instead of its usual terms.
-    pub grant: Option<&'a Grant>,
+    pub grant: Option<&'a UpstreamGrant>,
     /// The releaser's reason why material of this source may be redistributed although the upstream
     /// forbids it.
     pub redistribution: Option<&'a str>,
@@ -131,7 +131,7 @@ pub struct Stated<'a> {
 
 /// Permission to redistribute material made from upstream material.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Passing {
+pub enum Redistributability {
     /// The upstream does not restrict redistribution.
     Free,
     /// The upstream forbids it, and the releaser states a reason why this release may do it.
@@ -141,7 +141,7 @@ pub enum Passing {
     Withheld,
 }
 
-impl Passing {
+impl Redistributability {
     /// Returns the releaser's reason, if one is needed and given.
     #[must_use]
     pub fn because(&self) -> Option<&str> {
@@ -189,11 +189,11 @@ pub struct LicenceError {
 /// The kind is not a [`SourceKind`], or a text is not an expression. Recipes are validated for both
 /// when they are read.
 #[must_use]
-pub fn compose_terms(stated: &Stated<'_>) -> Composed {
+pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
     let kind = SourceKind::by_name(stated.kind).expect("recipes are read with known sources");
     let upstream = ledger::find_dataset(kind, stated.url);
     let mut warnings = Vec::new();
-    let parts: Vec<Part> = upstream
+    let parts: Vec<HolderTerms> = upstream
         .map(|asset| of_upstream(asset, stated.grant))
         .into_iter()
         .chain([of_owner(kind, stated)])
@@ -201,14 +201,15 @@ pub fn compose_terms(stated: &Stated<'_>) -> Composed {
     if parts.iter().any(|part| part.asset.is_none() && part.expression == text::UNSTATED) {
         warnings.push("no licence is stated, so the release says that all rights are reserved".into());
     }
-    let terms = parts.iter().map(|part| Expression::parse(&part.expression));
-    let expression =
-        Expression::conjunction_of(terms.map(|term| term.expect("recipes are read with valid expressions")));
+    let terms = parts.iter().map(|part| LicenceExpression::parse(&part.expression));
+    let expression = LicenceExpression::conjunction_of(
+        terms.map(|term| term.expect("recipes are read with valid expressions")),
+    );
     let ids = expression.ids().into_iter().collect();
     let restricted = upstream.filter(|asset| asset.restricted());
     let passing = match (restricted, stated.redistribution) {
-        (None, _) => Passing::Free,
-        (Some(_), Some(because)) => Passing::Allowed(because.to_owned()),
+        (None, _) => Redistributability::Free,
+        (Some(_), Some(because)) => Redistributability::Allowed(because.to_owned()),
         (Some(asset), None) => {
             let (kind, name) = (kind.name(), asset.name);
             let who =
@@ -217,16 +218,16 @@ pub fn compose_terms(stated: &Stated<'_>) -> Composed {
                 "{who} forbids passing on what is made from it: such scenes are released as recipe, poses and reports, \
                  unless sources.yaml says {kind}: {{ redistribute: allowed, because: … }}"
             ));
-            Passing::Withheld
+            Redistributability::Withheld
         }
     };
     let expression = expression.to_string();
-    Composed { expression, ids, gated: restricted.is_some(), passing, parts, warnings }
+    ComposedTerms { expression, ids, gated: restricted.is_some(), passing, parts, warnings }
 }
 
-fn of_upstream(asset: &'static Asset, grant: Option<&Grant>) -> Part {
+fn of_upstream(asset: &'static LedgerAsset, grant: Option<&UpstreamGrant>) -> HolderTerms {
     let expression = grant.map_or_else(|| asset.expression(), |grant| grant.expression.clone());
-    Part {
+    HolderTerms {
         asset: Some(asset),
         expression,
         attribution: asset.attribution.to_owned(),
@@ -235,20 +236,20 @@ fn of_upstream(asset: &'static Asset, grant: Option<&Grant>) -> Part {
     }
 }
 
-fn of_owner(kind: SourceKind, stated: &Stated<'_>) -> Part {
+fn of_owner(kind: SourceKind, stated: &StatedTerms<'_>) -> HolderTerms {
     let (expression, holder) = match stated.owner {
         Some(owner) => owner,
         None if kind == SourceKind::Procedural => ("CC0-1.0", ""),
         None => (text::UNSTATED, ""),
     };
-    let parsed = Expression::parse(expression).expect("recipes are read with valid expressions");
+    let parsed = LicenceExpression::parse(expression).expect("recipes are read with valid expressions");
     let ids = parsed.ids();
     let demanded: Vec<&str> = ids.iter().map(String::as_str).filter(|id| parsed.demands(id)).collect();
-    Part {
+    HolderTerms {
         asset: None,
         expression: parsed.to_string(),
         attribution: holder.to_owned(),
-        obligations: Obligation::of_ids(&demanded),
+        obligations: LicenceObligation::of_ids(&demanded),
         grant: None,
     }
 }
@@ -259,58 +260,62 @@ fn of_owner(kind: SourceKind, stated: &Stated<'_>) -> Part {
 /// # Panics
 /// There is no scene.
 #[must_use]
-pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
+pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a ComposedTerms>) -> ComposedTerms {
     let (mut parts, mut gated) = (Vec::new(), false);
     for scene in scenes {
-        parts.push(Expression::parse(&scene.expression).expect("a composed expression is one"));
+        parts.push(LicenceExpression::parse(&scene.expression).expect("a composed expression is one"));
         gated |= scene.gated;
     }
-    let expression = Expression::conjunction_of(parts);
+    let expression = LicenceExpression::conjunction_of(parts);
     let ids = expression.ids().into_iter().collect();
     // The permission is decided for each scene separately.
-    let passing = Passing::Free;
+    let passing = Redistributability::Free;
     let (parts, warnings) = (Vec::new(), Vec::new());
-    Composed { expression: expression.to_string(), ids, gated, passing, parts, warnings }
+    ComposedTerms { expression: expression.to_string(), ids, gated, passing, parts, warnings }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn compose_terms(kind: &str, owner: Option<&str>, redistribution: Option<&str>) -> Composed {
+    fn compose_terms(kind: &str, owner: Option<&str>, redistribution: Option<&str>) -> ComposedTerms {
         let owner = owner.map(|expression| (expression, "a test"));
-        super::compose_terms(&Stated { kind, owner, redistribution, ..Stated::default() })
+        super::compose_terms(&StatedTerms { kind, owner, redistribution, ..StatedTerms::default() })
     }
 
     #[test]
     fn an_address_binds_whatever_the_capture_is_read_as() {
         let url = Some("https://github.com/DL3DV-10K/Dataset");
-        let composed = super::compose_terms(&Stated {
+        let composed = super::compose_terms(&StatedTerms {
             kind: "colmap",
             url,
             owner: Some(("MIT", "")),
-            ..Stated::default()
+            ..StatedTerms::default()
         });
         assert_eq!(composed.expression, "CC-BY-NC-4.0 AND LicenseRef-DL3DV-10K-ToU AND MIT");
-        assert!(composed.gated && composed.passing == Passing::Withheld);
+        assert!(composed.gated && composed.passing == Redistributability::Withheld);
         assert!(composed.warnings[0].starts_with("colmap (DL3DV-10K) forbids"), "{:?}", composed.warnings);
     }
 
     #[test]
     fn a_grant_takes_the_place_of_the_upstreams_ids_and_of_nothing_else() {
-        let grant = Grant {
+        let grant = UpstreamGrant {
             expression: "CC-BY-4.0".into(),
             granted_by: "the project, for these scenes".into(),
             url: "https://example.org/letter".into(),
             date: "2025-06-01".into(),
         };
-        let stated =
-            Stated { kind: "dl3dv", owner: Some(("MIT", "")), grant: Some(&grant), ..Stated::default() };
+        let stated = StatedTerms {
+            kind: "dl3dv",
+            owner: Some(("MIT", "")),
+            grant: Some(&grant),
+            ..StatedTerms::default()
+        };
         let composed = super::compose_terms(&stated);
         assert_eq!(composed.expression, "CC-BY-4.0 AND MIT");
-        assert!(composed.gated && composed.passing == Passing::Withheld);
+        assert!(composed.gated && composed.passing == Redistributability::Withheld);
         assert_eq!(grant.lacks(), None);
-        assert_eq!(Grant { url: " ".into(), ..grant }.lacks(), Some("url"));
+        assert_eq!(UpstreamGrant { url: " ".into(), ..grant }.lacks(), Some("url"));
     }
 
     #[test]
@@ -352,11 +357,11 @@ mod tests {
         let t = |kind, because, wanted| {
             assert_eq!(compose_terms(kind, Some("MIT"), because).passing, wanted, "{kind}")
         };
-        t("mvimgnet", None, Passing::Withheld);
-        t("dl3dv", None, Passing::Withheld);
-        t("dl3dv", Some("a letter"), Passing::Allowed("a letter".into()));
-        t("colmap", None, Passing::Free);
-        t("colmap", Some("a letter"), Passing::Free);
+        t("mvimgnet", None, Redistributability::Withheld);
+        t("dl3dv", None, Redistributability::Withheld);
+        t("dl3dv", Some("a letter"), Redistributability::Allowed("a letter".into()));
+        t("colmap", None, Redistributability::Free);
+        t("colmap", Some("a letter"), Redistributability::Free);
         assert!(compose_terms("dl3dv", Some("MIT"), Some("a letter")).gated);
         assert!(is_metadata("a/b/base/poses.txt") && is_metadata("scene.json"));
         assert!(!is_metadata("base/events.h5") && !is_metadata("base/sharp/000000.png"));

@@ -6,30 +6,30 @@ pub mod past;
 pub mod survey;
 mod wire;
 
-use crate::foreign::versions::Asked;
+use crate::foreign::versions::VersionQuery;
 use crate::recipe::Recipe;
-use crate::render::Omit;
+use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
+use crate::stage::{AnyStep, Stage, StepId, StepTarget, WiredStage};
 
 /// Says what renders each scene, and how thoroughly, and which other programs are there.
-pub trait Renderers {
+pub trait RendererPolicy {
     /// The back end of a scene.
     fn of(&self, recipe: &Recipe) -> Backend;
 
     /// Work left out of every scene.
-    fn omit(&self) -> Omit {
-        Omit::default()
+    fn omit(&self) -> OmissionPolicy {
+        OmissionPolicy::default()
     }
 
     /// The version of a program that judges trajectories; `None` if it is not known and may not be asked.
-    fn version(&self, _: Asked) -> Option<String> {
+    fn version(&self, _: VersionQuery) -> Option<String> {
         None
     }
 }
 
 /// One back end for all scenes.
-impl Renderers for Backend {
+impl RendererPolicy for Backend {
     fn of(&self, _: &Recipe) -> Backend {
         self.clone()
     }
@@ -56,10 +56,10 @@ pub struct PlannedStep {
 impl Plan {
     /// Plans every scene. `recipes` are sorted by scene id, so the order of files does not matter.
     #[must_use]
-    pub fn new(recipes: Vec<Recipe>, renderers: &dyn Renderers) -> Self {
+    pub fn new(recipes: Vec<Recipe>, renderers: &dyn RendererPolicy) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            wire::wire_scene(recipe, renderers, &mut Wiring { plan: &mut plan, scene });
+            wire::wire_scene(recipe, renderers, &mut SceneWiring { plan: &mut plan, scene });
         }
         plan.scenes = recipes;
         plan
@@ -67,9 +67,9 @@ impl Plan {
 
     /// A plan of steps without a recipe, all of the first scene.
     #[cfg(test)]
-    pub(crate) fn of_steps(scenes: Vec<Recipe>, wire: impl FnOnce(&mut Wiring<'_>)) -> Self {
+    pub(crate) fn of_steps(scenes: Vec<Recipe>, wire: impl FnOnce(&mut SceneWiring<'_>)) -> Self {
         let mut plan = Self { scenes, steps: Vec::new() };
-        wire(&mut Wiring { plan: &mut plan, scene: 0 });
+        wire(&mut SceneWiring { plan: &mut plan, scene: 0 });
         plan
     }
 
@@ -106,21 +106,21 @@ impl Plan {
 
 /// Adds the steps of one scene.
 #[derive(Debug)]
-pub struct Wiring<'p> {
+pub struct SceneWiring<'p> {
     plan: &'p mut Plan,
     scene: usize,
 }
 
-impl Wiring<'_> {
+impl SceneWiring<'_> {
     /// Adds a step, and returns its product as a typed target.
-    pub fn add<S>(&mut self, name: String, stage: S, inputs: S::Inputs) -> Target<S::Output>
+    pub fn add<S>(&mut self, name: String, stage: S, inputs: S::Inputs) -> StepTarget<S::Output>
     where
         S: Stage + std::fmt::Debug + Send + Sync + 'static,
         S::Inputs: std::fmt::Debug + Send + Sync,
     {
         let id = StepId(self.plan.steps.len());
-        let step = Box::new(Wired { stage, inputs });
+        let step = Box::new(WiredStage { stage, inputs });
         self.plan.steps.push(PlannedStep { scene: self.scene, name, step });
-        Target::new(id)
+        StepTarget::new(id)
     }
 }

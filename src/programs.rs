@@ -15,9 +15,9 @@ mod process;
 mod quoted;
 mod report;
 
-pub use process::{Ended, Failed, How, Invocation, run, run_within};
+pub use process::{EndKind, ProgramCall, ProgramEnd, ProgramFailure, run, run_within};
 pub use quoted::quoted;
-pub use report::{NoReport, Report};
+pub use report::{NoReport, ProgramReport};
 
 pub use log::{last_lines, length, says};
 
@@ -35,13 +35,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// one follow.
 ///
 /// Stdin is the socket: a byte that arrives asks the program to end, its end kills the program, and a
-/// [`Report`] is written to it. What the program prints goes to stderr. Stdout is held open and not
+/// [`ProgramReport`] is written to it. What the program prints goes to stderr. Stdout is held open and not
 /// used.
 pub const SUPERVISE: &str = "supervise-program";
 
 /// The programs that can be run. The default finds none.
 #[derive(Debug, Clone, Default)]
-pub struct Programs {
+pub struct ProgramFinder {
     /// Absolute folders in which names are looked for.
     folders: Vec<PathBuf>,
     supervisor: PathBuf,
@@ -59,7 +59,7 @@ const MAX_ANSWER: u64 = 1 << 20;
 /// Seconds that an answer may take. OpenCV on a network file system takes a minute to be imported.
 const MAX_ANSWER_SECONDS: u32 = 300;
 
-impl Programs {
+impl ProgramFinder {
     /// Programs in the folders of `path`, the value of the variable `PATH`, without its relative and
     /// empty entries. `supervisor` is this program.
     #[must_use]
@@ -99,7 +99,7 @@ impl Programs {
             _ => format!("the program `{program}` cannot be started: {error}"),
         };
         let (reader, writer) = io::pipe().map_err(not_started)?;
-        let invocation = Invocation {
+        let invocation = ProgramCall {
             program: program.into(),
             arguments: arguments.iter().map(OsString::from).collect(),
             environment: BTreeMap::from([("QT_QPA_PLATFORM".to_owned(), "offscreen".to_owned())]),
@@ -113,8 +113,10 @@ impl Programs {
             });
             let printed = printed.join().unwrap_or_default();
             match ended {
-                Err(Ended::Failed(How::NotStarted(error))) => Err(not_started(error)),
-                Err(Ended::Failed(how @ How::TooLong(_))) => Err(format!("the program `{program}`: {how}")),
+                Err(ProgramEnd::Failed(EndKind::NotStarted(error))) => Err(not_started(error)),
+                Err(ProgramEnd::Failed(how @ EndKind::TooLong(_))) => {
+                    Err(format!("the program `{program}`: {how}"))
+                }
                 _ => Ok(printed),
             }
         })

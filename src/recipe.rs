@@ -22,29 +22,29 @@ mod text;
 mod tree;
 
 pub use beside::{
-    By, Redistribution, ReleaseInfo, SourceTerms, Splits, Takedown, TakenDown, read_release, read_sources,
-    read_takedown, takedown_of,
+    RedistributionStatement, ReleaseInfo, SourceTerms, SplitPlan, SplitUnit, TakedownList, TakenDown,
+    read_release, read_sources, read_takedown, takedown_of,
 };
-pub use edits::{Edit, find_edits};
-pub use fault::{Fault, Faults, LISTED};
+pub use edits::{RecipeEdit, find_edits};
+pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
-pub use fragment::{Fragment, read_fragment, read_sensor};
+pub use fragment::{TrajectoryFragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::licence::{Grant, ledger};
-use crate::reconstruct::Command;
+use crate::licence::{UpstreamGrant, ledger};
+use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
-use crate::sampling::Tolerance;
-use crate::sampling::exposure::Shutter;
+use crate::sampling::ErrorTolerance;
+use crate::sampling::exposure::ShutterSettings;
 use crate::scene::procedural::StillLife;
-use crate::sensor::Sensors;
-use crate::source::Captured;
-use crate::source::kind::Kind;
-use crate::speed::Speed;
-use crate::store::stat_cache::Sighting;
-use crate::trajectory::path::Path;
-use crate::trajectory::sample::Summation;
+use crate::sensor::SensorSet;
+use crate::source::DiskCapture;
+use crate::source::kind::CaptureKind;
+use crate::speed::SpeedChoice;
+use crate::store::stat_cache::StatSighting;
+use crate::trajectory::path::CameraPath;
+use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -56,7 +56,7 @@ pub struct Recipe {
     /// The recipe file and its defaults file.
     pub file: RecipeFile,
     /// Both files as they were before they were read.
-    pub seen: Vec<(PathBuf, Sighting)>,
+    pub seen: Vec<(PathBuf, StatSighting)>,
     /// Places where the recipe names things that may turn out to be missing.
     pub named_at: NamedAt,
     /// Scene id: the path of the scene in the release, `/`-separated.
@@ -64,13 +64,13 @@ pub struct Recipe {
     /// Seed that all streams derive from.
     pub seed: u64,
     /// The source of poses.
-    pub source: Source,
+    pub source: SceneSource,
     /// Name of the subject. Recipes with the same group show the same subject and must not be
     /// split.
     pub group: Option<String>,
     /// The source of the Gaussians. `None` for procedural sources, which bring their own, and for
     /// recipes that render nothing.
-    pub reconstruct: Option<Reconstruct>,
+    pub reconstruct: Option<ReconstructMethod>,
     /// The camera, if it differs from the camera of the source.
     pub camera: Option<CameraChoice>,
     /// The trajectories, in recipe order and with unique names. Each group of a novel trajectory is
@@ -79,20 +79,20 @@ pub struct Recipe {
     /// Frame rate.
     pub rate: Hertz,
     /// Summation of the speed laws.
-    pub law: Summation,
+    pub law: SummationRule,
     /// Error between frames that the events may have, if the recipe asks for one. The frame rate
     /// then applies to poses and pictures only.
-    pub tolerance: Option<Tolerance>,
+    pub tolerance: Option<ErrorTolerance>,
     /// Rendering.
     pub render: RenderChoice,
     /// The sensors.
-    pub sensors: Sensors,
+    pub sensors: SensorSet,
     /// Products of each trajectory.
-    pub outputs: BTreeSet<Output>,
+    pub outputs: BTreeSet<OutputKind>,
     /// Number of poses per picture.
-    pub every: Spacing,
+    pub every: PictureSpacing,
     /// Exposure of the blurred frames.
-    pub shutter: Shutter,
+    pub shutter: ShutterSettings,
     /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.
@@ -107,16 +107,16 @@ pub struct Recipe {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct NamedAt {
     /// The scene id.
-    pub scene: Option<Position>,
+    pub scene: Option<RecipePosition>,
     /// The source.
-    pub source: Option<Position>,
+    pub source: Option<RecipePosition>,
     /// The reconstruction.
-    pub reconstruct: Option<Position>,
+    pub reconstruct: Option<RecipePosition>,
 }
 
 /// A place in a recipe file; displayed as `file:line:column`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Position {
+pub struct RecipePosition {
     /// The file, as the user named it.
     pub file: String,
     /// Line, from 1.
@@ -125,7 +125,7 @@ pub struct Position {
     pub column: usize,
 }
 
-impl fmt::Display for Position {
+impl fmt::Display for RecipePosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}:{}", self.file, self.line, self.column)
     }
@@ -133,17 +133,17 @@ impl fmt::Display for Position {
 
 /// The source of poses. Paths are resolved against the recipe's folder.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Source {
+pub enum SceneSource {
     /// The built-in procedural scene.
     Procedural(StillLife),
     /// A capture on disk, with the recipe's statements about its origin.
-    Captured(Captured, Upstream),
+    Captured(DiskCapture, UpstreamOrigin),
     /// No source: the recipe itself contains the trajectories, and the Gaussians come from a scene
     /// file.
     None,
 }
 
-impl Source {
+impl SceneSource {
     /// Kind of the source, as recipes and releases name it.
     #[must_use]
     pub fn kind(&self) -> &'static str {
@@ -181,7 +181,7 @@ impl Source {
 
 /// Origin of a capture; unknown fields are `None`. It enters no key.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Upstream {
+pub struct UpstreamOrigin {
     /// Id of the capture in the dataset.
     pub id: Option<String>,
     /// Address of the dataset.
@@ -192,14 +192,14 @@ pub struct Upstream {
     pub terms_accepted: Option<bool>,
 }
 
-impl Upstream {
+impl UpstreamOrigin {
     /// Origin of a capture as far as the layout of its dataset reveals it.
     #[must_use]
-    pub fn from_capture(captured: &Captured) -> Self {
+    pub fn from_capture(captured: &DiskCapture) -> Self {
         let url = match captured.kind {
-            Kind::Mvimgnet => "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
-            Kind::Dl3dv => "https://github.com/DL3DV-10K/Dataset",
-            Kind::Colmap | Kind::Nerfstudio | Kind::Model => return Self::default(),
+            CaptureKind::Mvimgnet => "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
+            CaptureKind::Dl3dv => "https://github.com/DL3DV-10K/Dataset",
+            CaptureKind::Colmap | CaptureKind::Nerfstudio | CaptureKind::Model => return Self::default(),
         };
         Self { id: captured.upstream_id(), url: Some(url.to_owned()), ..Self::default() }
     }
@@ -207,13 +207,13 @@ impl Upstream {
 
 /// The source of the Gaussians.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Reconstruct {
+pub enum ReconstructMethod {
     /// A scene file.
     Given(PathBuf),
     /// The newest scene in the source's own 3DGS model folder.
     Newest(PathBuf),
     /// A program that trains the scene on the source's photos.
-    Command(Box<Command>),
+    Command(Box<TrainerCommand>),
 }
 
 /// One trajectory.
@@ -224,16 +224,16 @@ pub struct TrajectoryRecipe {
     /// Name of the trajectory in the recipe. All groups of a novel trajectory share it.
     pub written: String,
     /// The path of the camera.
-    pub path: Path,
+    pub path: CameraPath,
     /// The trajectory from which the key poses of a novel trajectory are drawn.
     pub base: Option<String>,
     /// Speed along the path.
-    pub speed: Speed,
+    pub speed: SpeedChoice,
 }
 
 /// A product of each trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Output {
+pub enum OutputKind {
     /// Event stream.
     Events,
     /// Sharp frames.
@@ -248,7 +248,7 @@ pub enum Output {
 
 /// Number of poses per picture, for each kind of picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Spacing {
+pub struct PictureSpacing {
     /// Poses per sharp frame. Frames in the middle of an exposure are kept in addition.
     pub sharp: u32,
     /// Poses per depth image.
@@ -288,5 +288,5 @@ pub struct LicenceChoice {
     /// Holder of the rights.
     pub holder: String,
     /// Terms granted by the upstream, with the evidence.
-    pub grant: Option<Grant>,
+    pub grant: Option<UpstreamGrant>,
 }

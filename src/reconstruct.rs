@@ -1,7 +1,7 @@
 //! Gaussians from photos, trained by an external program: its input, its execution, and the checks
 //! of its result.
 //!
-//! A [`Command`] names the program and its arguments. The input is the capture as a COLMAP model
+//! A [`TrainerCommand`] names the program and its arguments. The input is the capture as a COLMAP model
 //! with pinhole cameras and undistorted photos, in a separate folder. The program runs without a
 //! shell and without standard input, and its output is kept. Its result is read like any scene
 //! file, and rejected if it is not a scene.
@@ -11,7 +11,7 @@ mod command;
 mod layout;
 mod trained;
 
-pub use argument::{Argument, ArgumentError};
-pub use command::{Command, Desk, Places, TrainError, Trained};
+pub use argument::{ArgumentError, ArgumentTemplate};
+pub use command::{ArgumentPlaces, TrainError, TrainedScene, TrainerCommand, TrainingWorkspace};
 pub use layout::{LAYOUT, LayoutError, photo_memory};
-pub use trained::Count;
+pub use trained::GaussianCount;

@@ -32,37 +32,37 @@ mod tree;
 mod work;
 
 pub use built::GatherError;
-pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep, Publisher};
-pub use scene::SceneFile;
-pub use split::Leak;
+pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
+pub use scene::SceneRecord;
+pub use split::SplitLeak;
 pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 
-use crate::artifact::Motion;
+use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
-use crate::licence::{Composed, Passing, is_metadata};
+use crate::licence::{ComposedTerms, Redistributability, is_metadata};
 use crate::plan::Plan;
-use crate::recipe::{self, Faults, ReleaseInfo, SourceTerms, Takedown};
-use crate::run::Summary;
-use crate::store::record::Output;
+use crate::recipe::{self, RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
+use crate::run::RunSummary;
+use crate::store::record::StoredOutput;
 use crate::store::{Store, StoreError};
 use crate::trajectory::transforms;
 use built::{BuiltScene, BuiltTrajectory};
-use croissant::Described;
-use facts::Facts;
-use published::{Places, PublishedScene, PublishedTrajectory};
+use croissant::DescribedRelease;
+use facts::ReleaseFacts;
+use published::{PublishedScene, PublishedTrajectory, StoredPlaces};
 use scene::{SplitPart, TrajectoryPart};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use tree::{Content, Tree};
+use tree::{FileContent, ReleaseTree};
 
 /// The program, as files of a release name it.
 const TOOL: &str = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
 
 /// How the files of a release get the bytes of the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Link {
+pub enum LinkMode {
     /// They share blocks with the store until one of them is written to, where the file system can; else
     /// they are copies.
     #[default]
@@ -75,23 +75,23 @@ pub enum Link {
 
 /// What lies beside the recipes and concerns the release as a whole.
 #[derive(Debug, Clone, Default)]
-pub struct Beside {
+pub struct ReleaseContext {
     /// What it is called.
     pub info: ReleaseInfo,
     /// What may be passed on.
     pub terms: SourceTerms,
     /// What is passed on no longer.
-    pub takedown: Takedown,
+    pub takedown: TakedownList,
     /// Number of scenes that the plan lacks because of that.
     pub taken_down: usize,
 }
 
-impl Beside {
+impl ReleaseContext {
     /// Reads what lies beside the recipes of these paths; no scene counts as left out yet.
     ///
     /// # Errors
     /// Every fault of one of the files.
-    pub fn read(paths: &[PathBuf]) -> Result<Self, Faults> {
+    pub fn read(paths: &[PathBuf]) -> Result<Self, RecipeFaults> {
         Ok(Self {
             info: recipe::read_release(paths)?,
             terms: recipe::read_sources(paths)?,
@@ -103,14 +103,14 @@ impl Beside {
 
 /// What was written.
 #[derive(Debug)]
-pub struct Written {
+pub struct WrittenRelease {
     /// Scenes.
     pub scenes: usize,
     /// Files, the sums included.
     pub files: usize,
     /// Their bytes.
     pub bytes: u64,
-    /// Whether the release stood there already, so that nothing was written.
+    /// True if the release stood there already, so that nothing was written.
     pub stood: bool,
     /// What the licences make a careful reader wonder at.
     pub warnings: Vec<String>,
@@ -127,7 +127,7 @@ pub enum ReleaseError {
     Checks(Vec<Finding>),
     /// Splits have something in common.
     #[error("splits are not apart: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
-    Leaks(Vec<Leak>),
+    Leaks(Vec<SplitLeak>),
     /// There is no scene.
     #[error("no scene is left to be released")]
     Nothing,
@@ -158,7 +158,7 @@ pub enum ReleaseError {
     },
     /// The written tree does not pass the audit: a defect of this program.
     #[error("the written tree does not pass its audit: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
-    Audit(Vec<audit::Fault>),
+    Audit(Vec<audit::AuditFault>),
     /// The store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -175,11 +175,11 @@ pub struct BuiltPlan<'a> {
     /// The plan, which was run to its end.
     pub plan: &'a Plan,
     /// How it went.
-    pub summary: &'a Summary,
+    pub summary: &'a RunSummary,
     /// The store that holds its products.
     pub store: &'a Store,
     /// What lies next to its recipes.
-    pub beside: &'a Beside,
+    pub beside: &'a ReleaseContext,
 }
 
 /// Writes the release of what was built, unless it stands there already.
@@ -190,9 +190,9 @@ pub struct BuiltPlan<'a> {
 pub fn write_release(
     target: &mut ReleaseTarget,
     built: BuiltPlan<'_>,
-    link: Link,
+    link: LinkMode,
     cancel: &AtomicBool,
-) -> Result<Written, ReleaseError> {
+) -> Result<WrittenRelease, ReleaseError> {
     let BuiltPlan { plan, summary, store, beside } = built;
     let scenes =
         (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &beside.terms)));
@@ -206,22 +206,22 @@ pub fn write_release(
         return Err(ReleaseError::Nothing);
     }
     let (tree, scenes) = compose_tree(scenes, store, beside)?;
-    let tree::Outcome { files, bytes, stood } =
+    let tree::TreeOutcome { files, bytes, stood } =
         tree::write_tree(target, &tree, (store, &beside.takedown), link, cancel)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
     let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &beside.info)).collect();
-    Ok(Written { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
+    Ok(WrittenRelease { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
 }
 
 /// Lists the tree, but for the sums; with it the scenes as their files describe them.
 fn compose_tree(
     scenes: Vec<BuiltScene<'_>>,
     store: &Store,
-    beside: &Beside,
-) -> Result<(Tree, Vec<PublishedScene>), ReleaseError> {
+    beside: &ReleaseContext,
+) -> Result<(ReleaseTree, Vec<PublishedScene>), ReleaseError> {
     let info = &beside.info;
     let described = describe_all(&scenes, info)?;
-    let (mut tree, mut listed, mut published) = (Tree::default(), Vec::new(), Vec::new());
+    let (mut tree, mut listed, mut published) = (ReleaseTree::default(), Vec::new(), Vec::new());
     for (scene, file) in scenes.into_iter().zip(described) {
         let files = scene_files(&scene, &file, store);
         let described = manifest::manifest_scene(&scene, files.listing());
@@ -230,9 +230,9 @@ fn compose_tree(
         tree.extend(files);
     }
     let licence = terms_of(&published);
-    let facts = Facts { scenes: &published, info, taken_down: beside.taken_down, licence: &licence };
+    let facts = ReleaseFacts { scenes: &published, info, taken_down: beside.taken_down, licence: &licence };
     let top = compose_top(&facts, &|path| tree.place(path).map(Path::to_owned));
-    let manifest = Manifest {
+    let manifest = ReleaseManifest {
         format: standing::FORMAT,
         name: info.name.clone(),
         version: info.version.clone(),
@@ -245,38 +245,42 @@ fn compose_tree(
         files: top.listing(),
     };
     tree.extend(top);
-    tree.add(manifest::NAME.into(), Content::json(&manifest));
+    tree.add(manifest::NAME.into(), FileContent::json(&manifest));
     Ok((tree, published))
 }
 
 /// The terms of all scenes together.
-fn terms_of(scenes: &[PublishedScene]) -> Composed {
+fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
     crate::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
 }
 
 /// Composes the files at the top of the tree, but for the manifest and the sums.
-fn compose_top(facts: &Facts<'_>, places: Places<'_>) -> Tree {
-    let Facts { scenes, info, licence, .. } = *facts;
-    let mut top = Tree::default();
-    top.add(layout::CARD.into(), Content::Bytes(card::compose_card(facts).into_bytes()));
-    top.add(datasheet::NAME.into(), Content::Bytes(datasheet::compose_datasheet(facts).into_bytes()));
-    let files: Vec<&SceneFile> = scenes.iter().map(|scene| &scene.file).collect();
+fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTree {
+    let ReleaseFacts { scenes, info, licence, .. } = *facts;
+    let mut top = ReleaseTree::default();
+    top.add(layout::CARD.into(), FileContent::Bytes(card::compose_card(facts).into_bytes()));
+    top.add(datasheet::NAME.into(), FileContent::Bytes(datasheet::compose_datasheet(facts).into_bytes()));
+    let files: Vec<&SceneRecord> = scenes.iter().map(|scene| &scene.file).collect();
     let reuse = reuse::compose_reuse(&files, &licence.expression);
-    top.add(reuse::NAME.into(), Content::Bytes(reuse.into_bytes()));
+    top.add(reuse::NAME.into(), FileContent::Bytes(reuse.into_bytes()));
     for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
         let text = crate::licence::licence_text(&id, &sorted_holders(scenes));
-        top.add(layout::licence_text(&id), Content::Bytes(text.into_bytes()));
+        top.add(layout::licence_text(&id), FileContent::Bytes(text.into_bytes()));
     }
-    top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
+    top.add(loader::NAME.into(), FileContent::Bytes(loader::TEXT.into()));
     let index = index_of(scenes);
     let paths = scenes.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
-    let release = Described { info, licence: &licence.expression, scenes: &files, paths, index: &index };
-    top.add(croissant::NAME.into(), Content::json(&croissant::compose_croissant(&release)));
-    top.add(index::NAME.into(), Content::Bytes(index));
+    let release =
+        DescribedRelease { info, licence: &licence.expression, scenes: &files, paths, index: &index };
+    top.add(croissant::NAME.into(), FileContent::json(&croissant::compose_croissant(&release)));
+    top.add(index::NAME.into(), FileContent::Bytes(index));
     // Last, since it links to every other file.
     let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
     let linked = top.paths().map(str::to_owned).chain(others).collect();
-    top.add(report::NAME.into(), Content::Bytes(report::compose_page(facts, linked, places).into_bytes()));
+    top.add(
+        report::NAME.into(),
+        FileContent::Bytes(report::compose_page(facts, linked, places).into_bytes()),
+    );
     top
 }
 
@@ -288,8 +292,8 @@ fn sorted_holders(scenes: &[PublishedScene]) -> Vec<String> {
 }
 
 /// Describes the scenes, and deals them into splits where there are any.
-fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneFile>, ReleaseError> {
-    let mut described: Vec<SceneFile> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
+fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneRecord>, ReleaseError> {
+    let mut described: Vec<SceneRecord> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
     if let Some(splits) = &info.splits {
         for file in &mut described {
             file.split = Some(split::split_part(file, splits));
@@ -307,31 +311,31 @@ fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
     names.filter(|name| !has(name)).map(|name| format!("no scene is in the split {name}")).collect()
 }
 
-fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {
+fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneRecord, ReleaseError> {
     // The one file that is read for it is that of the Gaussians.
     let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
     scene::compose_scene(scene).map_err(|source| ReleaseError::Io { path: path(), source })
 }
 
 fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
-    let told = |t: &PublishedTrajectory| index::Told::from_files(&t.motion.report, &t.findings);
+    let told = |t: &PublishedTrajectory| index::IndexSources::from_files(&t.motion.report, &t.findings);
     let rows = scenes.iter().flat_map(|scene| {
-        let told: Vec<index::Told> = scene.trajectories.iter().map(told).collect();
+        let told: Vec<index::IndexSources> = scene.trajectories.iter().map(told).collect();
         index::scene_rows(&scene.file, &told)
     });
     index::compose_index(rows.collect())
 }
 
-fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree {
+fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> ReleaseTree {
     let id = &scene.recipe.scene;
-    let mut tree = Tree::default();
-    tree.add(format!("{id}/{}", layout::SCENE), Content::json(file));
+    let mut tree = ReleaseTree::default();
+    tree.add(format!("{id}/{}", layout::SCENE), FileContent::json(file));
     if let Some(photographed) = &scene.photographed {
-        tree.add(format!("{id}/{}", layout::CHECKS), Content::json(&photographed.findings));
+        tree.add(format!("{id}/{}", layout::CHECKS), FileContent::json(&photographed.findings));
     }
     for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
-        let shown = |name: &str| scene.licence.passing != Passing::Withheld || is_metadata(name);
+        let shown = |name: &str| scene.licence.passing != Redistributability::Withheld || is_metadata(name);
         for (name, content) in trajectory_files(scene, (trajectory, part), store) {
             if shown(&name) {
                 tree.add(at(&name), content);
@@ -347,18 +351,22 @@ fn trajectory_files(
     scene: &BuiltScene<'_>,
     (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),
     store: &Store,
-) -> BTreeMap<String, Content> {
-    let blob = |o: &Output| Content::Blob { path: store.path_of(&o.digest), digest: o.digest, size: o.size };
+) -> BTreeMap<String, FileContent> {
+    let blob = |o: &StoredOutput| FileContent::Blob {
+        path: store.path_of(&o.digest),
+        digest: o.digest,
+        size: o.size,
+    };
     let outputs = |step: &str| scene.outputs(&trajectory.name, step);
     let made = layout::made(outputs, &published::stream_names(part));
-    let mut files: BTreeMap<String, Content> =
+    let mut files: BTreeMap<String, FileContent> =
         made.into_iter().map(|(name, output)| (name, blob(output))).collect();
-    files.insert(layout::CHECKS.into(), Content::json(&trajectory.findings));
-    let path = path_picture::compose_picture(&trajectory.motion).map(Content::Bytes);
+    files.insert(layout::CHECKS.into(), FileContent::json(&trajectory.findings));
+    let path = path_picture::compose_picture(&trajectory.motion).map(FileContent::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
     let sharp: Vec<&str> = outputs("sharp").iter().map(|o| o.name.as_str()).collect();
     let transforms = transforms_of(&scene.camera(), part, &trajectory.motion, &sharp);
-    files.insert(layout::TRANSFORMS.into(), Content::json(&transforms));
+    files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
     files
 }
 
@@ -366,9 +374,9 @@ fn trajectory_files(
 fn transforms_of(
     camera: &Camera,
     part: &TrajectoryPart,
-    motion: &Motion,
+    motion: &TrajectoryProduct,
     sharp: &[&str],
 ) -> serde_json::Value {
     let blurred = &published::exposures(part, motion);
-    transforms::compose_transforms(camera, &motion.trajectory, &transforms::Pictures { sharp, blurred })
+    transforms::compose_transforms(camera, &motion.trajectory, &transforms::PictureLinks { sharp, blurred })
 }

@@ -22,7 +22,7 @@ use shared::MAX_EDGE;
 /// `render/shared.rs`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Rules {
+pub enum RenderRules {
     /// graphdeco-inria/diff-gaussian-rasterization: 3-sigma square extents rounded out to 16x16 tiles.
     Official,
     /// Every pixel at which alpha reaches 1/255.
@@ -38,7 +38,7 @@ pub enum Rules {
 /// The order of layers at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Layering {
+pub enum LayerOrder {
     /// By the depth of their means. Two layers that pass each other swap at once.
     #[default]
     Depth,
@@ -48,8 +48,8 @@ pub enum Layering {
     Blended,
 }
 
-impl Layering {
-    /// Whether this is the order of recipes that name none.
+impl LayerOrder {
+    /// Returns true if this is the order of recipes that name none.
     #[must_use]
     pub fn is_depth(&self) -> bool {
         *self == Self::Depth
@@ -58,27 +58,27 @@ impl Layering {
 
 /// Parameters that define the image, and so enter the key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Style {
+pub struct RenderStyle {
     /// Rendering rules.
-    pub rules: Rules,
+    pub rules: RenderRules,
     /// Order of layers.
-    pub order: Layering,
-    /// Whether opacity is compensated for the screen-space dilation.
+    pub order: LayerOrder,
+    /// True if opacity is compensated for the screen-space dilation.
     pub antialiased: bool,
     /// Colour behind the scene, 0..1.
     pub background: [f32; 3],
 }
 
-/// The rendering of a recipe: a [`Style`] in which antialiasing may depend on the scene file.
+/// The rendering of a recipe: a [`RenderStyle`] in which antialiasing may depend on the scene file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RenderChoice {
     /// Rendering rules.
-    pub rules: Rules,
+    pub rules: RenderRules,
     /// Order of layers.
-    #[serde(skip_serializing_if = "Layering::is_depth")]
-    pub order: Layering,
+    #[serde(skip_serializing_if = "LayerOrder::is_depth")]
+    pub order: LayerOrder,
     /// Antialiasing.
-    pub antialiased: Antialiased,
+    pub antialiased: AntialiasMode,
     /// Colour behind the scene, 0..1.
     pub background: [f64; 3],
 }
@@ -86,7 +86,7 @@ pub struct RenderChoice {
 /// The choice of the antialiased rule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Antialiased {
+pub enum AntialiasMode {
     /// As the scene file says; off if it does not say.
     Auto,
     /// On.
@@ -99,13 +99,13 @@ impl RenderChoice {
     /// The style for a scene that was, or was not, trained with antialiasing.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "colours are blended in 32 bits")]
-    pub fn resolve(&self, scene_antialiased: Option<bool>) -> Style {
+    pub fn resolve(&self, scene_antialiased: Option<bool>) -> RenderStyle {
         let antialiased = match self.antialiased {
-            Antialiased::Auto => scene_antialiased.unwrap_or(false),
-            Antialiased::On => true,
-            Antialiased::Off => false,
+            AntialiasMode::Auto => scene_antialiased.unwrap_or(false),
+            AntialiasMode::On => true,
+            AntialiasMode::Off => false,
         };
-        Style {
+        RenderStyle {
             rules: self.rules,
             order: self.order,
             antialiased,
@@ -117,7 +117,7 @@ impl RenderChoice {
 /// Work that a renderer may leave out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Omit {
+pub enum OmissionPolicy {
     /// Work that changes no bit of an image: Gaussians that no promised view can see, harmonics
     /// that are zero in the whole scene, layers behind finished pixels.
     #[default]
@@ -127,8 +127,8 @@ pub enum Omit {
     Nothing,
 }
 
-impl Omit {
-    /// Whether this is the default.
+impl OmissionPolicy {
+    /// Returns true if this is the default.
     #[must_use]
     pub fn is_needless(&self) -> bool {
         *self == Self::Needless
@@ -137,35 +137,35 @@ impl Omit {
 
 /// A camera, its pose and its velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct CameraView {
     /// Intrinsics and image size.
     pub camera: Camera,
     /// Pose, with OpenCV camera axes.
     pub world_from_camera: Se3,
     /// Velocity, for channels that are rates.
-    pub velocity: Velocity,
+    pub velocity: CameraVelocity,
 }
 
 /// Velocity of a camera, in its own axes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Velocity {
+pub struct CameraVelocity {
     /// Linear velocity, scene units per second.
     pub linear: DVec3,
     /// Angular velocity, radians per second.
     pub angular: DVec3,
 }
 
-impl View {
+impl CameraView {
     /// A view of a camera at rest.
     #[must_use]
     pub fn at_rest(camera: Camera, world_from_camera: Se3) -> Self {
-        Self { camera, world_from_camera, velocity: Velocity::default() }
+        Self { camera, world_from_camera, velocity: CameraVelocity::default() }
     }
 }
 
 /// Requested images. Only requested images cost time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Channels {
+pub struct ChannelSet {
     /// Colour.
     pub rgb: bool,
     /// Luminance: one blended channel, where colour needs three.
@@ -182,7 +182,7 @@ pub struct Channels {
     pub doubtful: bool,
 }
 
-impl Channels {
+impl ChannelSet {
     /// No image: [`Default`] as a constant.
     pub const NONE: Self = Self {
         rgb: false,
@@ -197,7 +197,7 @@ impl Channels {
 
 /// The requested images; the others are `None`.
 #[derive(Debug, Clone, Default)]
-pub struct Rendered {
+pub struct RenderedImages {
     /// Encoded colour, nominally 0..1, not clamped.
     pub rgb: Option<Image<[f32; 3]>>,
     /// Luminance of the unclamped colour, 0..1.
@@ -210,13 +210,13 @@ pub struct Rendered {
     pub flow: Option<Image<[f32; 2]>>,
     /// Time derivative of [`Self::luminance`], 1/s.
     pub luminance_rate: Option<Image<f32>>,
-    /// Blended weight, 0..1, of the Gaussians counted by [`Work::affine_doubtful`].
+    /// Blended weight, 0..1, of the Gaussians counted by [`RenderWork::affine_doubtful`].
     pub doubtful: Option<Image<f32>>,
 }
 
 /// Counts of one rendering: what was done, and what was left out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Work {
+pub struct RenderWork {
     /// Gaussians in the scene.
     pub gaussians: u64,
     /// Gaussians left out because no promised view can see them ([`Renderer::keep_to`]).
@@ -245,7 +245,7 @@ pub struct Work {
     pub affine_invalid: u64,
 }
 
-impl Work {
+impl RenderWork {
     /// Number of Gaussians that were drawn.
     #[must_use]
     pub fn drawn(&self) -> u64 {
@@ -253,7 +253,7 @@ impl Work {
     }
 }
 
-impl std::ops::AddAssign for Work {
+impl std::ops::AddAssign for RenderWork {
     fn add_assign(&mut self, o: Self) {
         self.gaussians += o.gaussians;
         self.unseen += o.unseen;
@@ -295,7 +295,7 @@ pub trait Renderer {
 
     /// Sets the work to leave out from now on. A back end without a choice ignores it: the
     /// reference leaves out nothing, and a GPU only pairs behind finished tiles.
-    fn omit(&mut self, omit: Omit) {
+    fn omit(&mut self, omit: OmissionPolicy) {
         let _ = omit;
     }
 
@@ -308,7 +308,7 @@ pub trait Renderer {
 
     /// Announces a view that will be rendered after those announced before. An asynchronous back
     /// end may start it now. Failures are reported by `render`.
-    fn expect(&mut self, view: &View, want: Channels) {
+    fn expect(&mut self, view: &CameraView, want: ChannelSet) {
         let _ = (view, want);
     }
 
@@ -316,15 +316,20 @@ pub trait Renderer {
     ///
     /// # Errors
     /// The view is not finite, or its camera has no pixels.
-    fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError>;
+    fn render(
+        &mut self,
+        view: &CameraView,
+        want: ChannelSet,
+        out: &mut RenderedImages,
+    ) -> Result<RenderWork, RenderError>;
 }
 
 /// Checks that the style can be rendered.
-fn check_style(style: &Style) -> Result<(), RenderError> {
+fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
     if !style.background.iter().all(|v| v.is_finite()) {
         return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
     }
-    if style.order == Layering::Blended && style.rules != Rules::Soft {
+    if style.order == LayerOrder::Blended && style.rules != RenderRules::Soft {
         let because = format!("a blended order is of the rules soft, found {:?}", style.rules);
         return Err(RenderError::Style(because.to_lowercase()));
     }
@@ -332,7 +337,7 @@ fn check_style(style: &Style) -> Result<(), RenderError> {
 }
 
 /// Checks that the view can be rendered.
-fn check_view(view: &View) -> Result<(), RenderError> {
+fn check_view(view: &CameraView) -> Result<(), RenderError> {
     let camera = view.camera;
     let fail = |because: String| Err(RenderError::View(because));
     let [w, h] = [camera.size.width, camera.size.height];

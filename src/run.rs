@@ -10,20 +10,20 @@ mod job;
 mod order;
 mod resources;
 
-pub use resources::Budget;
+pub use resources::ResourceBudget;
 
-use crate::frames::rendered::Saving;
-use crate::plan::assess::{PlanError, Product, Reason};
+use crate::frames::rendered::TimeSaved;
+use crate::plan::assess::{PlanError, StepProduct, StepReason};
 use crate::plan::past::past_costs;
 use crate::plan::{Plan, survey};
-use crate::programs::Programs;
+use crate::programs::ProgramFinder;
 use crate::render::RenderError;
 use crate::render::gpu::GpuError;
 use crate::stage::{StageError, StepId};
-use crate::store::record::Output;
-use crate::store::space::Space;
+use crate::store::record::StoredOutput;
+use crate::store::space::DiskSpace;
 use crate::store::{Digest, Key, Store, StoreError};
-use executor::Executor;
+use executor::RunExecutor;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
@@ -32,31 +32,31 @@ use std::time::{Duration, Instant};
 
 /// How a plan is run.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct RunOptions {
     /// Resources for all steps together.
-    pub budget: Budget,
-    /// Whether to continue with steps that do not depend on a failed one.
+    pub budget: ResourceBudget,
+    /// True if to continue with steps that do not depend on a failed one.
     pub keep_going: bool,
     /// Steps that are up to date and made again, to compare them with the record.
-    pub recheck: Option<Recheck>,
-    /// Whether programs named by recipes may run. Otherwise a step that needs one fails, and one
+    pub recheck: Option<RecheckPolicy>,
+    /// True if programs named by recipes may run. Otherwise a step that needs one fails, and one
     /// that is up to date is not made again.
     pub allow_commands: bool,
     /// The programs that can be run.
-    pub programs: Programs,
+    pub programs: ProgramFinder,
 }
 
 /// The steps that are made again although they are up to date.
 #[derive(Debug, Clone, Copy)]
-pub struct Recheck {
+pub struct RecheckPolicy {
     /// Share of these steps, 0 to 1.
     pub share: f64,
     /// Seed of the choice.
     pub seed: u64,
 }
 
-impl Recheck {
-    /// Whether this step is chosen.
+impl RecheckPolicy {
+    /// Returns true if this step is chosen.
     fn chooses(&self, key: &Key) -> bool {
         let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
         let drawn = Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
@@ -67,13 +67,13 @@ impl Recheck {
 
 /// An event for an observer.
 #[derive(Debug)]
-pub enum Event<'a> {
+pub enum RunEvent<'a> {
     /// A step starts.
     Started {
         /// Index of the step.
         step: StepId,
         /// Why.
-        reason: &'a Reason,
+        reason: &'a StepReason,
         /// Number of cores.
         cores: usize,
     },
@@ -93,7 +93,7 @@ pub enum Event<'a> {
         /// Its key.
         key: &'a Key,
         /// What it made.
-        outputs: &'a [Output],
+        outputs: &'a [StoredOutput],
         /// Duration.
         seconds: f64,
         /// Number of cores.
@@ -103,7 +103,7 @@ pub enum Event<'a> {
         /// A short remark on the size of its product.
         remark: Option<&'a str>,
         /// Time saved by leaving work out, if it was measured.
-        saving: Option<Saving>,
+        saving: Option<TimeSaved>,
     },
     /// A step is up to date.
     Kept {
@@ -112,24 +112,24 @@ pub enum Event<'a> {
         /// Its key.
         key: &'a Key,
         /// Resources used when it ran.
-        outputs: &'a [Output],
+        outputs: &'a [StoredOutput],
     },
     /// A step failed.
     Failed {
         /// Index of the step.
-        failure: &'a Failure,
+        failure: &'a StepFailure,
     },
 }
 
 /// Receives the events of a run in order.
-pub trait Observer {
+pub trait RunObserver {
     /// Takes one event.
-    fn tell(&self, event: &Event<'_>);
+    fn tell(&self, event: &RunEvent<'_>);
 }
 
 /// A step that failed.
 #[derive(Debug)]
-pub struct Failure {
+pub struct StepFailure {
     /// Index of the step.
     pub step: StepId,
     /// Cause.
@@ -157,7 +157,7 @@ pub enum StepError {
         /// Bytes that it had written.
         wrote: u64,
         /// The file system, if it is known.
-        space: Option<Space>,
+        space: Option<DiskSpace>,
         /// The error of the failed write.
         cause: String,
     },
@@ -165,7 +165,7 @@ pub enum StepError {
 
 /// The result of a run.
 #[derive(Debug, Default)]
-pub struct Summary {
+pub struct RunSummary {
     /// Number of steps made.
     pub made: usize,
     /// Number of steps up to date.
@@ -173,16 +173,16 @@ pub struct Summary {
     /// Number of steps up to date that were made again with the same result.
     pub rechecked: usize,
     /// Steps that failed.
-    pub failures: Vec<Failure>,
+    pub failures: Vec<StepFailure>,
     /// Number of steps not reached, because an earlier step failed or the run was stopped.
     pub unreached: usize,
-    /// Whether it was interrupted.
+    /// True if it was interrupted.
     pub interrupted: bool,
     /// The state of each step that was made or kept.
-    pub products: BTreeMap<StepId, Product>,
+    pub products: BTreeMap<StepId, StepProduct>,
 }
 
-impl Failure {
+impl StepFailure {
     /// The GPU error that caused this failure, if any.
     #[must_use]
     pub fn of_gpu(&self) -> Option<&GpuError> {
@@ -198,7 +198,7 @@ impl Failure {
     }
 }
 
-impl Summary {
+impl RunSummary {
     /// Adds a later run that started where this one ended.
     #[must_use]
     pub fn then(self, second: Self) -> Self {
@@ -211,7 +211,7 @@ impl Summary {
         }
     }
 
-    /// Whether a step ran out of disk space.
+    /// Returns true if a step ran out of disk space.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.failures.iter().any(|failure| matches!(failure.error, StepError::Full { .. }))
@@ -226,7 +226,7 @@ const BATCH: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 /// The store can no longer be written.
-pub fn settle_run(plan: &Plan, summary: &Summary, store: &Store, tag: &Digest) -> Result<(), StoreError> {
+pub fn settle_run(plan: &Plan, summary: &RunSummary, store: &Store, tag: &Digest) -> Result<(), StoreError> {
     survey::remember_settled(plan, &summary.products, store, tag);
     store.flush()
 }
@@ -238,20 +238,20 @@ pub fn settle_run(plan: &Plan, summary: &Summary, store: &Store, tag: &Digest) -
 pub fn run_plan(
     plan: &Plan,
     store: &Store,
-    options: Options,
+    options: RunOptions,
     cancel: &AtomicBool,
-    observer: &dyn Observer,
-) -> Result<Summary, StoreError> {
+    observer: &dyn RunObserver,
+) -> Result<RunSummary, StoreError> {
     // If this process is killed, the next waits for the end of its programs before it empties their folders.
     let programs = match store.share_lock()? {
         Some(lock) => options.programs.holding(lock),
         None => options.programs,
     };
-    let options = Options { programs, ..options };
+    let options = RunOptions { programs, ..options };
     let (sender, receiver) = mpsc::channel();
     let ranks = order::step_ranks(plan, &past_costs(plan, store)?);
     thread::scope(|scope| {
-        let mut executor = Executor::new(plan, store, options, cancel, observer, ranks);
+        let mut executor = RunExecutor::new(plan, store, options, cancel, observer, ranks);
         let mut flushed = Instant::now();
         loop {
             executor.start_ready(scope, &sender);

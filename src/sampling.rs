@@ -19,29 +19,29 @@ pub mod measure;
 pub mod path;
 pub mod scout;
 
-use crate::sensor::voltmeter::Between;
-use law::Law;
+use crate::sensor::voltmeter::BetweenFrames;
+use law::ErrorLaw;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A tolerance as requested by a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Tolerance {
+pub struct ErrorTolerance {
     /// Root mean square of the error, thresholds.
     pub rms: f64,
     /// Interpolation of brightness between frames, if the recipe fixes it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub between: Option<Between>,
+    pub between: Option<BetweenFrames>,
 }
 
 /// A method of interpolation, as measured by the pilot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Candidate {
+pub struct BetweenCandidate {
     /// The method.
-    pub between: Between,
+    pub between: BetweenFrames,
     /// Its error in thresholds, as a function of the image motion per step, px.
-    pub law: Law,
+    pub law: ErrorLaw,
     /// The finest step that was tried, px.
     pub finest_px: f64,
     /// The error at that step, by the fitted law.
@@ -55,10 +55,10 @@ pub struct Candidate {
     pub frames: Option<usize>,
 }
 
-impl Candidate {
+impl BetweenCandidate {
     /// The candidate for a picture that does not move.
-    fn without_motion(between: Between, step_px: f64, frames: usize) -> Self {
-        let law = Law { c: 0.0, p: 1.0, jumps: 0.0 };
+    fn without_motion(between: BetweenFrames, step_px: f64, frames: usize) -> Self {
+        let law = ErrorLaw { c: 0.0, p: 1.0, jumps: 0.0 };
         let (finest_px, step_px, frames) = (step_px, Some(step_px), Some(frames));
         Self { between, law, finest_px, finest: 0.0, jumps: 0.0, step_px, frames }
     }
@@ -67,11 +67,11 @@ impl Candidate {
 /// The choice for a tolerance, and its measured error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Chosen {
+pub struct SamplingChoice {
     /// The tolerance, thresholds.
     pub tolerance: f64,
     /// Interpolation of brightness between frames.
-    pub between: Between,
+    pub between: BetweenFrames,
     /// Maximum image motion between frames, px: 99 % of the pixels move no farther.
     pub step_px: f64,
     /// Number of frames.
@@ -89,10 +89,10 @@ pub struct Chosen {
     /// Number of frames rendered for the choice.
     pub pilot_frames: usize,
     /// The methods that were tried.
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<BetweenCandidate>,
 }
 
-impl fmt::Display for Chosen {
+impl fmt::Display for SamplingChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { frames, pilot_frames, between, achieved, tolerance, .. } = self;
         let between = between.name();

@@ -43,16 +43,16 @@ pub struct Gaussians {
     pub sh: Vec<[f32; 3]>,
     /// Degree of the harmonics, 0 to 3.
     pub sh_degree: u8,
-    /// Whether the scene was trained with the antialiased rule; `None` if the file format cannot
+    /// True if the scene was trained with the antialiased rule; `None` if the file format cannot
     /// say.
     pub antialiased: Option<bool>,
     /// Counts of what the reader dropped or repaired.
-    pub screening: Screening,
+    pub screening: SceneScreening,
 }
 
 /// Counts of what the reader of a scene file dropped or repaired.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Screening {
+pub struct SceneScreening {
     /// Gaussians in the file.
     pub read: u64,
     /// Gaussians dropped because a field was NaN or infinite.
@@ -68,7 +68,7 @@ impl Gaussians {
         self.positions.len()
     }
 
-    /// Whether there are no Gaussians.
+    /// Returns true if there are no Gaussians.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
@@ -286,7 +286,7 @@ mod tests {
             sh: (0u8..18).map(|i| [f32::from(i); 3]).collect(),
             sh_degree: 2,
             antialiased: None,
-            screening: Screening::default(),
+            screening: SceneScreening::default(),
         };
         let firsts = |degree: u8| -> Vec<f32> { scene.with_degree(degree).sh.iter().map(|c| c[0]).collect() };
         assert_eq!(firsts(0), [0.0, 9.0]);

@@ -17,7 +17,7 @@ pub mod spline;
 pub mod sum;
 
 use glam::{DMat3, DQuat, DVec3};
-pub use screen::{RotationError, Screened, rotation_from_matrix, rotation_from_quaternion};
+pub use screen::{RotationError, ScreenedRotation, rotation_from_matrix, rotation_from_quaternion};
 
 /// Diagonal of the matrix that turns OpenGL camera axes (x right, y up, z back) into OpenCV's and back.
 pub const OPENCV_FROM_OPENGL: DVec3 = DVec3::new(1.0, -1.0, -1.0);
@@ -49,7 +49,7 @@ impl Se3 {
         DMat3::from_quat(self.rotation)
     }
 
-    /// Whether every component is finite.
+    /// Returns true if every component is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.rotation.is_finite() && self.translation.is_finite()

@@ -16,7 +16,7 @@ pub struct Seed(pub u64);
 
 /// The purpose of a random stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose {
+pub enum StreamPurpose {
     /// Choice of key frames of a novel trajectory.
     Keyframes,
     /// Choice of curve of a novel trajectory.
@@ -25,7 +25,7 @@ pub enum Purpose {
     Sensor,
 }
 
-impl Purpose {
+impl StreamPurpose {
     /// The name that enters the derivation of the seed.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -42,7 +42,7 @@ impl Seed {
     /// the length-prefixed names. Adding a trajectory therefore changes no other trajectory's
     /// draws.
     #[must_use]
-    pub fn for_stream(recipe_seed: u64, scene: &str, trajectory: &str, purpose: Purpose) -> Self {
+    pub fn for_stream(recipe_seed: u64, scene: &str, trajectory: &str, purpose: StreamPurpose) -> Self {
         let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 stream seed v1");
         hasher.update(&recipe_seed.to_le_bytes());
         for name in [scene, trajectory, purpose.name()] {
@@ -57,7 +57,7 @@ impl Seed {
 
 /// The purpose of a sequence of draws. Sequences of different purpose never share a draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Space {
+pub enum DrawSpace {
     /// Increments of the Brownian tree.
     Tree,
     /// Draws inside a leaf of the clock.
@@ -84,7 +84,7 @@ pub enum Space {
 
 /// One sensor pixel in one cell of the dyadic clock: the address of a sequence of draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cell {
+pub struct SeedCell {
     /// Column on the sensor, not in a crop.
     pub x: u16,
     /// Row on the sensor.
@@ -98,8 +98,8 @@ pub struct Cell {
 impl Seed {
     /// The draws of one cell, from index 0.
     #[must_use]
-    pub fn draws(self, cell: Cell, space: Space) -> Draws {
-        Draws {
+    pub fn draws(self, cell: SeedCell, space: DrawSpace) -> CellDraws {
+        CellDraws {
             key: self.key(),
             counter: block_counter(cell, space),
             first: [0; 4],
@@ -111,7 +111,7 @@ impl Seed {
 
     /// Draw `number` of a cell as a standard normal deviate. Draws 0 and 1 cost one block each.
     #[must_use]
-    pub fn normal(self, cell: Cell, space: Space, number: u32) -> f64 {
+    pub fn normal(self, cell: SeedCell, space: DrawSpace, number: u32) -> f64 {
         let mut at = block_counter(cell, space);
         at[3] = number / 2;
         normal::normal_quantile(to_uniform(half_block(philox::philox_block(at, self.key()), number)))
@@ -126,24 +126,24 @@ impl Seed {
 /// Counter of a cell's first block. The fields do not overlap: x and y (16 bits each), index (56),
 /// level and space (8), and 32 bits that number the blocks.
 #[expect(clippy::cast_possible_truncation, reason = "the two halves of the index")]
-fn block_counter(cell: Cell, space: Space) -> [u32; 4] {
+fn block_counter(cell: SeedCell, space: DrawSpace) -> [u32; 4] {
     debug_assert!(cell.index < 1 << 56 && cell.level < 64, "{cell:?} fits its fields");
     let third = space_tag(cell.level, space) << 24 | (cell.index >> 32) as u32;
     [u32::from(cell.y) << 16 | u32::from(cell.x), cell.index as u32, third, 0]
 }
 
 /// Level and purpose.
-fn space_tag(level: u8, space: Space) -> u32 {
+fn space_tag(level: u8, space: DrawSpace) -> u32 {
     match space {
-        Space::Tree => u32::from(level) << 1,
-        Space::Leaf => u32::from(level) << 1 | 1,
-        Space::Initial => 0xff,
-        Space::Choice => 0xfe,
-        Space::Pair => 0xfd,
-        Space::Mismatch => 0xfc,
-        Space::Leak => 0xfb,
-        Space::Shot => 0xfa,
-        Space::Hot => 0xf9,
+        DrawSpace::Tree => u32::from(level) << 1,
+        DrawSpace::Leaf => u32::from(level) << 1 | 1,
+        DrawSpace::Initial => 0xff,
+        DrawSpace::Choice => 0xfe,
+        DrawSpace::Pair => 0xfd,
+        DrawSpace::Mismatch => 0xfc,
+        DrawSpace::Leak => 0xfb,
+        DrawSpace::Shot => 0xfa,
+        DrawSpace::Hot => 0xf9,
     }
 }
 
@@ -163,7 +163,7 @@ const STEP: f64 = 1.0 / (1u64 << 52) as f64;
 
 /// The draws of one cell in order.
 #[derive(Debug, Clone)]
-pub struct Draws {
+pub struct CellDraws {
     key: [u32; 2],
     counter: [u32; 4],
     /// The first draws, if they were computed in advance, and their number.
@@ -173,7 +173,7 @@ pub struct Draws {
     next: u32,
 }
 
-impl Draws {
+impl CellDraws {
     /// The next draw as a number strictly between 0 and 1.
     pub fn uniform(&mut self) -> f64 {
         to_uniform(self.bits())
@@ -224,17 +224,24 @@ impl Draws {
 mod tests {
     use super::*;
 
-    const CELL: Cell = Cell { x: 3, y: 5, level: 2, index: 7 };
-    const OFF_THE_CLOCK: [Space; 7] =
-        [Space::Initial, Space::Choice, Space::Pair, Space::Mismatch, Space::Leak, Space::Shot, Space::Hot];
+    const CELL: SeedCell = SeedCell { x: 3, y: 5, level: 2, index: 7 };
+    const OFF_THE_CLOCK: [DrawSpace; 7] = [
+        DrawSpace::Initial,
+        DrawSpace::Choice,
+        DrawSpace::Pair,
+        DrawSpace::Mismatch,
+        DrawSpace::Leak,
+        DrawSpace::Shot,
+        DrawSpace::Hot,
+    ];
 
     #[test]
     fn purposes_and_names_lead_to_different_streams() {
         let seeds = [
-            Seed::for_stream(1, "a", "b", Purpose::Sensor),
-            Seed::for_stream(2, "a", "b", Purpose::Sensor),
-            Seed::for_stream(1, "ab", "", Purpose::Sensor),
-            Seed::for_stream(1, "a", "b", Purpose::Curve),
+            Seed::for_stream(1, "a", "b", StreamPurpose::Sensor),
+            Seed::for_stream(2, "a", "b", StreamPurpose::Sensor),
+            Seed::for_stream(1, "ab", "", StreamPurpose::Sensor),
+            Seed::for_stream(1, "a", "b", StreamPurpose::Curve),
         ];
         for (i, a) in seeds.iter().enumerate() {
             assert!(seeds[..i].iter().all(|b| a != b));
@@ -243,7 +250,7 @@ mod tests {
 
     #[test]
     fn draws_by_number_are_draws_in_order() {
-        for space in [Space::Tree, Space::Leaf].into_iter().chain(OFF_THE_CLOCK) {
+        for space in [DrawSpace::Tree, DrawSpace::Leaf].into_iter().chain(OFF_THE_CLOCK) {
             let mut draws = Seed(9).draws(CELL, space);
             for number in 0..9 {
                 let in_order = draws.normal();
@@ -256,14 +263,14 @@ mod tests {
     fn every_field_of_a_cell_moves_the_counter() {
         let cells = [
             CELL,
-            Cell { x: 4, ..CELL },
-            Cell { y: 4, ..CELL },
-            Cell { level: 3, ..CELL },
-            Cell { index: 8, ..CELL },
-            Cell { index: 7 + (1 << 32), ..CELL },
+            SeedCell { x: 4, ..CELL },
+            SeedCell { y: 4, ..CELL },
+            SeedCell { level: 3, ..CELL },
+            SeedCell { index: 8, ..CELL },
+            SeedCell { index: 7 + (1 << 32), ..CELL },
         ];
         let in_clock =
-            cells.iter().flat_map(|&cell| [Space::Tree, Space::Leaf].map(|s| block_counter(cell, s)));
+            cells.iter().flat_map(|&cell| [DrawSpace::Tree, DrawSpace::Leaf].map(|s| block_counter(cell, s)));
         let counters: Vec<_> = in_clock.chain(OFF_THE_CLOCK.map(|s| block_counter(CELL, s))).collect();
         for (i, a) in counters.iter().enumerate() {
             assert!(counters[..i].iter().all(|b| a != b), "{i}");
@@ -273,11 +280,11 @@ mod tests {
     /// Draw 0 of neighbouring pixels, of neighbouring cells, and the draws of one cell.
     fn sequences() -> [Vec<f64>; 3] {
         let seed = Seed(20_250_521);
-        let first = |cell| seed.draws(cell, Space::Tree).uniform();
-        let mut leaf = seed.draws(CELL, Space::Leaf);
+        let first = |cell| seed.draws(cell, DrawSpace::Tree).uniform();
+        let mut leaf = seed.draws(CELL, DrawSpace::Leaf);
         [
-            (0..250).flat_map(|y| (0..200).map(move |x| first(Cell { x, y, ..CELL }))).collect(),
-            (0..50_000).map(|index| first(Cell { index, ..CELL })).collect(),
+            (0..250).flat_map(|y| (0..200).map(move |x| first(SeedCell { x, y, ..CELL }))).collect(),
+            (0..50_000).map(|index| first(SeedCell { index, ..CELL })).collect(),
             (0..50_000).map(|_| leaf.uniform()).collect(),
         ]
     }
@@ -302,7 +309,7 @@ mod tests {
         const N: usize = 60_000;
         // Limits of chi-square with 6 and 2 degrees of freedom at alpha 1e-4 over the three.
         let t = |count: usize, limit: f64, bins: usize, bin: fn(usize) -> usize| {
-            let mut draws = Seed(77).draws(CELL, Space::Choice);
+            let mut draws = Seed(77).draws(CELL, DrawSpace::Choice);
             let mut found = vec![0.0; bins];
             (0..N).for_each(|_| found[bin(draws.index(count))] += 1.0);
             let expected = N as f64 / bins as f64;
@@ -313,7 +320,7 @@ mod tests {
         t(7, 30.37, 7, |k| k);
         t(3 << 62, 20.61, 3, |k| k >> 62);
         t(3 << 62, 20.61, 3, |k| k % 3);
-        assert_eq!(Seed(1).draws(CELL, Space::Choice).index(1), 0);
+        assert_eq!(Seed(1).draws(CELL, DrawSpace::Choice).index(1), 0);
     }
 
     #[test]
@@ -336,8 +343,8 @@ mod tests {
     fn first_draws_are_frozen() {
         let first = |mut draw: Box<dyn FnMut() -> f64>| std::array::from_fn::<f64, 16, _>(|_| draw());
         let draws = |space| Seed(1).draws(CELL, space);
-        let [mut tree, mut normal] = [draws(Space::Tree), draws(Space::Tree)];
-        let [mut leaf, mut initial] = [draws(Space::Leaf), draws(Space::Initial)];
+        let [mut tree, mut normal] = [draws(DrawSpace::Tree), draws(DrawSpace::Tree)];
+        let [mut leaf, mut initial] = [draws(DrawSpace::Leaf), draws(DrawSpace::Initial)];
         let t = |found: [f64; 16], frozen: [f64; 16]| {
             assert!(found.iter().zip(frozen).all(|(a, b)| a.to_bits() == b.to_bits()), "{found:?}");
         };

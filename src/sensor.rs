@@ -21,18 +21,18 @@ pub mod v2e;
 pub mod voltmeter;
 mod window;
 
-pub use choice::{Sensor, Sensors};
-pub use simulate::{Channel, SimulateError, simulate_all, simulate_one};
+pub use choice::{SensorChoice, SensorSet};
+pub use simulate::{SensorChannel, SimulateError, simulate_all, simulate_one};
 
 use crate::event::EventSink;
-use crate::frames::Frame;
+use crate::frames::DenseFrame;
 use crate::image::Size;
 use crate::seed::Seed;
 use front_end::FrontEnd;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of a sensor.
-pub trait Model {
+pub trait SensorModel {
     /// Version of the law that draws the events. Raise it when the same parameters give other
     /// events.
     fn law_version(&self) -> u32;
@@ -43,7 +43,7 @@ pub trait Model {
     /// Brightness contrast of one ON and one OFF event, as a difference of natural logarithms.
     fn contrast(&self) -> (f64, f64);
 
-    /// Whether its events are labelled as signal or noise.
+    /// Returns true if its events are labelled as signal or noise.
     fn labels(&self) -> bool;
 
     /// Pixels at rest, before the first frame of a sequence. `origin` is the sensor position of the
@@ -52,7 +52,7 @@ pub trait Model {
     /// # Errors
     /// A parameter is outside its range, or a pixel is outside the 65536 x 65536 that events can
     /// name.
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError>;
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError>;
 }
 
 /// Checks that every pixel of a frame has coordinates that events can hold.
@@ -69,24 +69,24 @@ fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
 }
 
 /// State of a sensor's pixels.
-pub trait Pixels {
+pub trait SensorPixels {
     /// Takes the next frame, and passes on the events that are now final.
     ///
     /// # Errors
     /// A pixel exceeds its cap, or the sink fails.
-    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError>;
+    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError>;
 
     /// Passes on the remaining events, up to and including the stamp of the last frame, and returns
     /// the counts.
     ///
     /// # Errors
-    /// As [`Pixels::advance`].
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError>;
+    /// As [`SensorPixels::advance`].
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError>;
 }
 
 /// Counts of a simulation over all pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Account {
+pub struct SimulationAccount {
     /// Events passed on.
     pub events: u64,
     /// ON events among them.
@@ -115,7 +115,7 @@ pub struct Account {
     pub capped: u64,
 }
 
-/// Whether a value is the default of its type. Defaults are left out of records, because older
+/// Returns true if a value is the default of its type. Defaults are left out of records, because older
 /// records lack the field.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()

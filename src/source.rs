@@ -3,7 +3,7 @@
 //! A reader returns a [`Capture`] in the program's own conventions and lists the files that it
 //! read, so that a change in any of them is detected. It refuses data that it cannot read
 //! correctly, with file, record and byte or line. Data that it can read but not guarantee becomes a
-//! [`Warning`].
+//! [`SourceWarning`].
 
 mod captured;
 pub mod colmap;
@@ -20,7 +20,7 @@ mod photo;
 pub mod undistort;
 pub mod view;
 
-pub use captured::{Captured, PoseFile, Selection, check_pattern};
+pub use captured::{DiskCapture, PoseFile, ViewSelection, check_pattern};
 
 use crate::camera::Camera;
 use crate::files::{self, WalkError};
@@ -37,16 +37,16 @@ use std::path::{Path, PathBuf};
 #[serde(deny_unknown_fields)]
 pub struct Capture {
     /// The registered views in use.
-    pub views: Vec<View>,
+    pub views: Vec<CapturedView>,
     /// The unused photos, in natural order of their names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub unused: Vec<Unused>,
+    pub unused: Vec<UnusedPhoto>,
 }
 
 /// A photo that is not used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Unused {
+pub struct UnusedPhoto {
     /// Image file name as the source gives it.
     pub name: String,
     /// SHA-256 of the file (hexadecimal), if the photo exists.
@@ -54,13 +54,13 @@ pub struct Unused {
     /// Size in pixels, if known.
     pub size: Option<Size>,
     /// The reason.
-    pub why: Why,
+    pub why: UnusedReason,
 }
 
 /// The reason why a photo is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Why {
+pub enum UnusedReason {
     /// The source has no pose for it.
     NotRegistered,
     /// The recipe excludes its name.
@@ -69,7 +69,7 @@ pub enum Why {
     NotPicked,
 }
 
-impl Why {
+impl UnusedReason {
     /// Returns the reason in words, to follow "the photo".
     #[must_use]
     pub fn words(self) -> &'static str {
@@ -84,16 +84,16 @@ impl Why {
 /// One photo and its pose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct View {
+pub struct CapturedView {
     /// Image file name as the source gives it.
     pub name: String,
     /// Camera to world, OpenCV camera axes.
-    #[serde(with = "Pose")]
+    #[serde(with = "StoredPose")]
     pub world_from_camera: Se3,
     /// Pinhole part of the camera, in pixels of the photo.
     pub camera: Camera,
     /// The lens distortion that the source states.
-    pub lens: Lens,
+    pub lens: LensModel,
     /// SHA-256 of the photo's bytes (hexadecimal), if the photo exists.
     pub sha256: Option<String>,
 }
@@ -101,7 +101,7 @@ pub struct View {
 /// A pose as stored in files: quaternion x, y, z, w and the camera's centre.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Se3", deny_unknown_fields)]
-struct Pose {
+struct StoredPose {
     rotation: DQuat,
     translation: DVec3,
 }
@@ -109,7 +109,7 @@ struct Pose {
 /// Lens distortion by COLMAP's model names and parameters; `Pinhole` has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE", deny_unknown_fields)]
-pub enum Lens {
+pub enum LensModel {
     /// No distortion.
     Pinhole,
     /// One radial coefficient.
@@ -138,9 +138,9 @@ pub enum Lens {
     },
 }
 
-impl From<Vec<View>> for Capture {
+impl From<Vec<CapturedView>> for Capture {
     /// Returns a capture that uses all its photos.
-    fn from(views: Vec<View>) -> Self {
+    fn from(views: Vec<CapturedView>) -> Self {
         Self { views, unused: Vec::new() }
     }
 }
@@ -150,10 +150,10 @@ impl Capture {
     /// warning names a view whose size differs, or whose fx, fy, cx or cy differs by more than 1
     /// px. Returns `None` if there is no view.
     #[must_use]
-    pub fn camera(&self) -> Option<(Camera, Option<Warning>)> {
+    pub fn camera(&self) -> Option<(Camera, Option<SourceWarning>)> {
         let first = self.views.first()?;
-        let apart = |v: &&View| cameras_differ(&first.camera, &v.camera);
-        let other = self.views.iter().find(apart).map(|other| Warning::CamerasDiffer {
+        let apart = |v: &&CapturedView| cameras_differ(&first.camera, &v.camera);
+        let other = self.views.iter().find(apart).map(|other| SourceWarning::CamerasDiffer {
             taken: first.name.clone(),
             other: other.name.clone(),
             count: self.views.iter().filter(apart).count(),
@@ -165,8 +165,8 @@ impl Capture {
     /// distortion. A scene that was trained on the photos as taken contains the same distortion. A
     /// scene that was trained on undistorted photos is correct.
     #[must_use]
-    pub fn distortion(&self) -> Option<Warning> {
-        let bent = |view: &View| view.lens.max_displacement_px(&view.camera);
+    pub fn distortion(&self) -> Option<SourceWarning> {
+        let bent = |view: &CapturedView| view.lens.max_displacement_px(&view.camera);
         // Views mostly share one camera, and the measurement costs a grid of points per camera.
         let is_other = |i: usize| {
             let before = i.checked_sub(1).map(|i| &self.views[i]);
@@ -176,7 +176,7 @@ impl Capture {
         };
         let others = (0..self.views.len()).filter(|i| is_other(*i));
         let most_px = others.map(|i| bent(&self.views[i])).fold(0.0, f64::max);
-        (most_px > lens::NEGLIGIBLE_PX).then_some(Warning::DistortionIgnored { most_px })
+        (most_px > lens::NEGLIGIBLE_PX).then_some(SourceWarning::DistortionIgnored { most_px })
     }
 }
 
@@ -188,7 +188,7 @@ fn cameras_differ(a: &Camera, b: &Camera) -> bool {
 
 /// A property of a source that the user should know and that does not stop a build.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Warning {
+pub enum SourceWarning {
     /// Lens distortion that renderings do not have.
     #[error(
         "the photos are distorted by up to {most_px:.1} px, which renderings leave out: the scene must have been \
@@ -233,7 +233,7 @@ pub enum Warning {
     Projected {
         /// The view.
         image: String,
-        /// The deviation, see [`crate::se3::Screened`].
+        /// The deviation, see [`crate::se3::ScreenedRotation`].
         deviation: f64,
     },
     /// Some photos of registered views are missing.
@@ -295,7 +295,7 @@ pub enum SourceError {
         /// File.
         path: PathBuf,
         /// Place in the file.
-        place: Place,
+        place: SourcePlace,
         /// The found and the wanted content.
         because: String,
     },
@@ -318,7 +318,7 @@ fn is_folder(path: &Path) -> Result<bool, SourceError> {
 
 /// A place in a file of a source.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum SourcePlace {
     /// In a binary file.
     Byte {
         /// The record, in words.
@@ -332,7 +332,7 @@ pub enum Place {
     Field(String),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for SourcePlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Byte { record, offset } => write!(f, "{record} at byte {offset}"),
@@ -349,13 +349,13 @@ impl SourceError {
 }
 
 /// A view before it is collected, with its place in the source.
-struct Found {
-    view: View,
-    place: Place,
+struct FoundView {
+    view: CapturedView,
+    place: SourcePlace,
 }
 
 /// The capture of these views: sorted by name, each name once and without control characters, at least one.
-fn collect_views(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
+fn collect_views(path: &Path, mut found: Vec<FoundView>) -> Result<Capture, SourceError> {
     if let Some(odd) = found.iter().find(|found| found.view.name.contains(char::is_control)) {
         let because = format!("the image name {:?} holds a control character", odd.view.name);
         return Err(SourceError::Content { path: path.to_owned(), place: odd.place.clone(), because });
@@ -368,7 +368,7 @@ fn collect_views(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceEr
     if found.is_empty() {
         return Err(SourceError::Absent { dir: path.to_owned(), because: "it holds no view".to_owned() });
     }
-    Ok(found.into_iter().map(|f| f.view).collect::<Vec<View>>().into())
+    Ok(found.into_iter().map(|f| f.view).collect::<Vec<CapturedView>>().into())
 }
 
 /// Largest accepted side of a photo, px.
@@ -376,7 +376,7 @@ const MOST_PIXELS_A_SIDE: f64 = 100_000.0;
 
 /// Checks the plausibility of a camera: sides from 1 to 100,000 pixels, focal lengths finite and
 /// positive, all other numbers finite.
-fn screen_camera(camera: &Camera, lens: &Lens) -> Result<(), String> {
+fn screen_camera(camera: &Camera, lens: &LensModel) -> Result<(), String> {
     for side in [camera.size.width, camera.size.height] {
         if !(1.0..=MOST_PIXELS_A_SIDE).contains(&f64::from(side)) {
             return Err(format!(
@@ -404,24 +404,24 @@ fn screen_camera(camera: &Camera, lens: &Lens) -> Result<(), String> {
 mod tests {
     use super::*;
 
-    fn view(name: &str, fx: f64) -> View {
+    fn view(name: &str, fx: f64) -> CapturedView {
         let size = Size { width: 640, height: 360 };
         let camera = Camera { size, fx, fy: 500.0, cx: 320.0, cy: 180.0 };
         let world_from_camera = Se3 {
             rotation: DQuat::from_xyzw(0.1, -0.2, 0.3, 0.7).normalize(),
             translation: DVec3::new(1.0 / 3.0, -2e-17, 7e9),
         };
-        View {
+        CapturedView {
             name: name.to_owned(),
             world_from_camera,
             camera,
-            lens: Lens::OpenCv { k: [0.1; 4] },
+            lens: LensModel::OpenCv { k: [0.1; 4] },
             sha256: None,
         }
     }
 
-    fn found(name: &str, line: usize) -> Found {
-        Found { view: view(name, 500.0), place: Place::Line(line) }
+    fn found(name: &str, line: usize) -> FoundView {
+        FoundView { view: view(name, 500.0), place: SourcePlace::Line(line) }
     }
 
     #[test]
@@ -455,7 +455,7 @@ mod tests {
             Capture::from(vec![view("a b/1.jpg", 500.123_456_789_012_3), view("c", f64::MIN_POSITIVE)]);
         assert!(!serde_json::to_string(&capture).unwrap().contains("unused"));
         let size = Some(Size { width: 3, height: 2 });
-        let unused = Unused { name: "d".into(), sha256: None, size, why: Why::NotRegistered };
+        let unused = UnusedPhoto { name: "d".into(), sha256: None, size, why: UnusedReason::NotRegistered };
         capture.unused.push(unused);
         let text = serde_json::to_string(&capture).unwrap();
         assert_eq!(serde_json::from_str::<Capture>(&text).unwrap(), capture);

@@ -3,36 +3,36 @@
 pub mod function;
 pub mod list;
 
-use function::Expression;
-use list::List;
+use function::SpeedExpression;
+use list::SpeedLevels;
 use serde::{Deserialize, Serialize};
 
 /// The speed law of a recipe. Only its shape matters: trajectories divide by its sum.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Speed {
+pub enum SpeedChoice {
     /// An expression in `t`.
-    Function(Expression),
+    Function(SpeedExpression),
     /// Levels over equal parts of time, blended.
-    List(List),
+    List(SpeedLevels),
     /// Image speed.
-    Flow(Flow),
+    Flow(FlowSpeed),
 }
 
 /// Speed as image motion: the median optical flow over the pixels of a frame, as a function of
 /// time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Flow {
+pub struct FlowSpeed {
     /// Mean over the trajectory, px/s, positive and finite.
     pub px_s: f64,
     /// Shape over the trajectory.
-    pub shape: Expression,
+    pub shape: SpeedExpression,
 }
 
 /// The effect of large values of a speed law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Meaning {
+pub enum SpeedMeaning {
     /// Large steps, at a constant frame rate.
     Speed,
     /// Many frames: small steps in short times, at a constant speed.
@@ -40,7 +40,7 @@ pub enum Meaning {
 }
 
 /// A positive function on [0, 1].
-pub trait Law {
+pub trait SpeedLaw {
     /// `v(t)`, dimensionless, positive and finite.
     fn speed(&self, t: f64) -> f64;
 
@@ -51,10 +51,10 @@ pub trait Law {
     fn roughness(&self) -> Option<String>;
 }
 
-impl Speed {
+impl SpeedChoice {
     /// The law of the recipe's choice.
     #[must_use]
-    pub fn as_law(&self) -> &dyn Law {
+    pub fn as_law(&self) -> &dyn SpeedLaw {
         match self {
             Self::Function(f) => f,
             Self::List(l) => l,
@@ -64,10 +64,10 @@ impl Speed {
 
     /// The effect of its large values.
     #[must_use]
-    pub fn meaning(&self) -> Meaning {
+    pub fn meaning(&self) -> SpeedMeaning {
         match self {
             Self::List(list) => list.meaning(),
-            Self::Function(_) | Self::Flow(_) => Meaning::Speed,
+            Self::Function(_) | Self::Flow(_) => SpeedMeaning::Speed,
         }
     }
 }

@@ -18,15 +18,15 @@ pub mod sharp;
 pub mod shot;
 pub mod trajectory;
 
-use crate::artifact::{Artifact, ArtifactError, Files};
+use crate::artifact::{Artifact, ArtifactError, ArtifactFiles};
 use crate::camera::{self, Camera, CameraChoice};
-use crate::frames::rendered::Saving;
+use crate::frames::rendered::TimeSaved;
 use crate::image::Size;
-use crate::programs::{Failed, Programs};
+use crate::programs::{ProgramFailure, ProgramFinder};
 use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
-use crate::store::description::{Value, describe_value};
+use crate::store::description::{DescribedValue, describe_value};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -38,88 +38,88 @@ pub struct StepId(pub usize);
 
 /// A typed reference to the product of a step: wiring the wrong kind does not compile.
 #[derive(Debug)]
-pub struct Target<A> {
+pub struct StepTarget<A> {
     /// The step.
     pub step: StepId,
     kind: PhantomData<fn() -> A>,
 }
 
-impl<A> Target<A> {
-    /// The product of a step that makes `A`, as guaranteed by [`crate::plan::Wiring::add`].
+impl<A> StepTarget<A> {
+    /// The product of a step that makes `A`, as guaranteed by [`crate::plan::SceneWiring::add`].
     pub(crate) fn new(step: StepId) -> Self {
         Self { step, kind: PhantomData }
     }
 }
 
-impl<A> Clone for Target<A> {
+impl<A> Clone for StepTarget<A> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<A> Copy for Target<A> {}
+impl<A> Copy for StepTarget<A> {}
 
 /// The inputs of a stage: nothing, targets, or optional targets.
-pub trait Inputs {
+pub trait StageInputs {
     /// The opened artifacts.
     type Opened;
 
     /// Role and step of each present input.
     fn targets(&self) -> Vec<(&'static str, StepId)>;
 
-    /// Opens the inputs. `files` are those of [`Inputs::targets`], in order.
+    /// Opens the inputs. `files` are those of [`StageInputs::targets`], in order.
     ///
     /// # Errors
     /// An artifact cannot be opened.
-    fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError>;
+    fn open(&self, files: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<Self::Opened, ArtifactError>;
 }
 
-impl Inputs for () {
+impl StageInputs for () {
     type Opened = ();
 
     fn targets(&self) -> Vec<(&'static str, StepId)> {
         Vec::new()
     }
 
-    fn open(&self, _: &mut dyn Iterator<Item = &Files>) -> Result<(), ArtifactError> {
+    fn open(&self, _: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<(), ArtifactError> {
         Ok(())
     }
 }
 
-impl<A: Artifact> Inputs for Target<A> {
+impl<A: Artifact> StageInputs for StepTarget<A> {
     type Opened = A;
 
     fn targets(&self) -> Vec<(&'static str, StepId)> {
         vec![(A::KIND, self.step)]
     }
 
-    fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<A, ArtifactError> {
+    fn open(&self, files: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<A, ArtifactError> {
         A::open(files.next().expect("one set of files for each target"))
     }
 }
 
-impl<I: Inputs> Inputs for Option<I> {
+impl<I: StageInputs> StageInputs for Option<I> {
     type Opened = Option<I::Opened>;
 
     fn targets(&self) -> Vec<(&'static str, StepId)> {
         self.as_ref().map(I::targets).unwrap_or_default()
     }
 
-    fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError> {
+    fn open(&self, files: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<Self::Opened, ArtifactError> {
         self.as_ref().map(|inputs| inputs.open(files)).transpose()
     }
 }
 
 macro_rules! tuple_inputs {
     ($($name:ident $index:tt),+) => {
-        impl<$($name: Inputs),+> Inputs for ($($name,)+) {
+        impl<$($name: StageInputs),+> StageInputs for ($($name,)+) {
             type Opened = ($($name::Opened,)+);
 
             fn targets(&self) -> Vec<(&'static str, StepId)> {
                 [$(self.$index.targets()),+].concat()
             }
 
-            fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError> {
+            fn open(&self, files: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<Self::Opened, ArtifactError> {
                 Ok(($(self.$index.open(files)?,)+))
             }
         }
@@ -153,7 +153,7 @@ pub trait Stage: serde::Serialize {
     const ADDED: &'static [(&'static str, &'static str)] = &[];
 
     /// Inputs from other steps.
-    type Inputs: Inputs;
+    type Inputs: StageInputs;
 
     /// The product.
     type Output: Artifact;
@@ -178,8 +178,8 @@ pub trait Stage: serde::Serialize {
 
     /// Resources needed, by the sizes of the inputs. `files` are those of the present inputs, in
     /// order.
-    fn need(&self, files: &[Files]) -> Need {
-        Need::for_parts([small_stage_memory(files)])
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
+        StepNeed::for_parts([small_stage_memory(files)])
     }
 
     /// The programs that the stage would run, one command per line, as typed in a shell.
@@ -187,7 +187,7 @@ pub trait Stage: serde::Serialize {
         Vec::new()
     }
 
-    /// Whether the stage runs programs that need no permission, because no recipe names them. Their
+    /// Returns true if the stage runs programs that need no permission, because no recipe names them. Their
     /// output is kept too.
     fn runs_known_programs(&self) -> bool {
         false
@@ -202,19 +202,23 @@ pub trait Stage: serde::Serialize {
     ///
     /// # Errors
     /// The work fails, or was cancelled.
-    fn run(&self, inputs: <Self::Inputs as Inputs>::Opened, cx: &mut Context<'_>) -> Result<(), StageError>;
+    fn run(
+        &self,
+        inputs: <Self::Inputs as StageInputs>::Opened,
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError>;
 }
 
 /// Resources of a step other than cores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Need {
+pub struct StepNeed {
     /// Peak memory, bytes; an estimate.
     pub memory: u64,
-    /// Whether the step renders on a GPU.
+    /// True if the step renders on a GPU.
     pub gpu: bool,
 }
 
-impl Need {
+impl StepNeed {
     /// Memory for these parts plus the base of every step, bytes.
     #[must_use]
     pub fn for_parts(parts: impl IntoIterator<Item = u64>) -> Self {
@@ -225,28 +229,34 @@ impl Need {
 }
 
 /// Factor on the bytes of the inputs that a small stage holds.
-fn small_stage_memory(files: &[Files]) -> u64 {
+fn small_stage_memory(files: &[ArtifactFiles]) -> u64 {
     const COPIES: u64 = 4;
-    COPIES * files.iter().map(Files::bytes).sum::<u64>()
+    COPIES * files.iter().map(ArtifactFiles::bytes).sum::<u64>()
 }
 
 /// Resources of a stage that renders: the renderer, and `others` bytes per pixel of its own. The
 /// first input is the capture; if it cannot be read, the number of pixels is unknown, and the stage
 /// will not run. The second input is the scene.
-fn rendering_need(backend: &Backend, choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
+fn rendering_need(
+    backend: &Backend,
+    choice: Option<CameraChoice>,
+    files: &[ArtifactFiles],
+    others: u64,
+) -> StepNeed {
     let capture = files.first().and_then(|capture| Capture::open(capture).ok());
     let own = |capture: Capture| capture.camera().map(|(own, _)| own);
     let camera = capture.and_then(|capture| camera::choose_camera(choice, own(capture).as_ref()));
     let size = camera.map(|camera| camera.size);
-    let scene = files.get(1).map_or(0, Files::bytes);
+    let scene = files.get(1).map_or(0, ArtifactFiles::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
-    let need = Need::for_parts(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]));
-    Need { gpu: backend.takes_gpu(), ..need }
+    let need =
+        StepNeed::for_parts(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]));
+    StepNeed { gpu: backend.takes_gpu(), ..need }
 }
 
 /// Facilities for a running stage.
 #[derive(Debug)]
-pub struct Context<'a> {
+pub struct StageContext<'a> {
     /// Empty folder for its files.
     pub out: &'a Path,
     cancel: &'a AtomicBool,
@@ -257,26 +267,26 @@ pub struct Context<'a> {
     /// A clock in seconds, for reports on the work that enter no product.
     pub clock: Option<fn() -> f64>,
     /// Time saved by leaving work out, if it was measured.
-    pub saving: Option<Saving>,
-    /// Whether programs named by a recipe may be run.
+    pub saving: Option<TimeSaved>,
+    /// True if programs named by a recipe may be run.
     pub allows_commands: bool,
     /// Destination of the log of external programs. During the run it lies next to the product's
     /// files.
     pub log: Option<PathBuf>,
     /// The programs that can be run.
-    pub programs: Programs,
+    pub programs: ProgramFinder,
 }
 
-impl<'a> Context<'a> {
+impl<'a> StageContext<'a> {
     /// A context that writes to `out` and stops when `cancel` is set.
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
         let (warnings, remark, clock, saving) = (Vec::new(), None, None, None);
-        let programs = Programs::default();
+        let programs = ProgramFinder::default();
         Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None, programs }
     }
 
-    /// Whether the work has been cancelled.
+    /// Returns true if the work has been cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.load(Ordering::Relaxed)
@@ -293,7 +303,7 @@ impl<'a> Context<'a> {
 
 /// The camera of a trajectory: the recipe's choice, otherwise the source's own, with a warning if
 /// views disagree.
-fn choose_camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
+fn choose_camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut StageContext<'_>) -> Camera {
     let (own, warning) = capture.camera().unzip();
     cx.warnings.extend(warning.flatten().map(|w| w.to_string()));
     camera::choose_camera(choice, own.as_ref()).expect("recipes without views write a whole camera")
@@ -322,7 +332,7 @@ pub enum StageError {
     },
     /// A program failed.
     #[error(transparent)]
-    Program(Box<Failed>),
+    Program(Box<ProgramFailure>),
     /// The work failed.
     #[error("{doing}: {cause}")]
     Work {
@@ -361,7 +371,7 @@ impl StageError {
 
 /// A stage with its inputs.
 #[derive(Debug)]
-pub struct Wired<S: Stage> {
+pub struct WiredStage<S: Stage> {
     /// Parameters.
     pub stage: S,
     /// Sources of its inputs.
@@ -390,15 +400,15 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
 
     /// The content of the key: the stage, its revision and class, its parameters, and the digests
     /// of its inputs by role.
-    fn describe(&self, inputs: &[(String, Digest)]) -> Value;
+    fn describe(&self, inputs: &[(String, Digest)]) -> DescribedValue;
 
     /// Resources needed, by the sizes of the inputs.
-    fn need(&self, inputs: &[Files]) -> Need;
+    fn need(&self, inputs: &[ArtifactFiles]) -> StepNeed;
 
     /// The programs that the stage would run, one command per line.
     fn programs(&self) -> Vec<String>;
 
-    /// Whether the stage runs programs that need no permission.
+    /// Returns true if the stage runs programs that need no permission.
     fn runs_known_programs(&self) -> bool;
 
     /// A program that must be asked for its version before the key is known.
@@ -408,10 +418,10 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// An input cannot be opened, or the work fails.
-    fn run(&self, inputs: &[Files], cx: &mut Context<'_>) -> Result<(), StageError>;
+    fn run(&self, inputs: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError>;
 }
 
-impl<S> AnyStep for Wired<S>
+impl<S> AnyStep for WiredStage<S>
 where
     S: Stage + std::fmt::Debug + Send + Sync,
     S::Inputs: std::fmt::Debug + Send + Sync,
@@ -436,21 +446,22 @@ where
         self.stage.source_folders()
     }
 
-    fn describe(&self, inputs: &[(String, Digest)]) -> Value {
-        let inputs = inputs.iter().map(|(role, digest)| (role.clone(), Value::Digest(*digest))).collect();
+    fn describe(&self, inputs: &[(String, Digest)]) -> DescribedValue {
+        let inputs =
+            inputs.iter().map(|(role, digest)| (role.clone(), DescribedValue::Digest(*digest))).collect();
         let mut fields = BTreeMap::from([
-            ("stage".to_owned(), Value::Text(S::NAME.to_owned())),
-            ("revision".to_owned(), Value::Unsigned(S::REVISION.into())),
+            ("stage".to_owned(), DescribedValue::Text(S::NAME.to_owned())),
+            ("revision".to_owned(), DescribedValue::Unsigned(S::REVISION.into())),
             ("params".to_owned(), describe_value(&self.stage).with_implied(S::ADDED)),
-            ("inputs".to_owned(), Value::Record(inputs)),
+            ("inputs".to_owned(), DescribedValue::Record(inputs)),
         ]);
         if let Some(class) = self.stage.class() {
-            fields.insert("class".to_owned(), Value::Text(class));
+            fields.insert("class".to_owned(), DescribedValue::Text(class));
         }
-        Value::Record(fields)
+        DescribedValue::Record(fields)
     }
 
-    fn need(&self, inputs: &[Files]) -> Need {
+    fn need(&self, inputs: &[ArtifactFiles]) -> StepNeed {
         self.stage.need(inputs)
     }
 
@@ -466,7 +477,7 @@ where
         self.stage.unasked()
     }
 
-    fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {
+    fn run(&self, files: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let inputs = self.inputs.open(&mut files.iter())?;
         self.stage.run(inputs, cx)
     }

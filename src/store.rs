@@ -29,20 +29,20 @@ mod state;
 mod unlike;
 
 pub use digest::{Digest, Key};
-pub use root::Root;
+pub use root::ReleaseRoot;
 
 use crate::files::is_no_file;
-use blob::Blobs;
-pub use lock::{Claim, Lock};
-pub use publish::Workspace;
-pub use unlike::Unlike;
+use blob::BlobFolders;
+pub use lock::{LockClaim, StoreLock};
+pub use publish::StepWorkspace;
+pub use unlike::OutputMismatch;
 
-use disk::Disk;
+use disk::StoreDisk;
 use fs::Fs;
-use record::{Brief, Output, Record};
-use space::Space;
-use stat_cache::{Entry, Sighting};
-use state::{State, Table};
+use record::{RecordSummary, StepRecord, StoredOutput};
+use space::DiskSpace;
+use stat_cache::{StatEntry, StatSighting};
+use state::{StateDb, StateTable};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ pub enum StoreError {
     },
     /// A key produced other bytes than before.
     #[error("nondeterministic step: {0}")]
-    Nondeterministic(Box<Unlike>),
+    Nondeterministic(Box<OutputMismatch>),
 }
 
 /// Format of the folder. Raise it when an older program can no longer use it.
@@ -100,28 +100,28 @@ const FORMAT: u32 = 1;
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    disk: Disk,
-    blobs: Blobs,
-    state: Mutex<State>,
+    disk: StoreDisk,
+    blobs: BlobFolders,
+    state: Mutex<StateDb>,
     /// Files whose bytes this process has read, if it does not trust stat fields.
     verified: Option<Mutex<BTreeSet<PathBuf>>>,
-    counts: Counts,
+    counts: DigestCounts,
     /// The first failure of an operation whose result was not awaited.
     failed: Mutex<Option<StoreError>>,
     /// The kernel frees it with the store.
-    lock: Option<lock::Lock>,
+    lock: Option<lock::StoreLock>,
 }
 
 /// Sources of digests.
 #[derive(Debug, Default)]
-struct Counts {
+struct DigestCounts {
     trusted: AtomicUsize,
     hashed: AtomicUsize,
 }
 
 /// The purpose for which a store is opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Access {
+pub enum StoreAccess {
     /// Reading: takes no lock, creates nothing.
     Read,
     /// Building: takes the lock, and waits for it.
@@ -132,14 +132,14 @@ pub enum Access {
 
 /// How a store is opened.
 #[derive(Debug, Clone)]
-pub struct Opening {
+pub struct StoreOptions {
     /// Purpose.
-    pub access: Access,
+    pub access: StoreAccess,
     /// The writer, for others who wait.
-    pub claim: Claim,
-    /// Whether every file is read, whatever its stat fields say.
+    pub claim: LockClaim,
+    /// True if every file is read, whatever its stat fields say.
     pub verify: bool,
-    /// Whether each file is synced before the next is written, instead of a whole batch at once.
+    /// True if each file is synced before the next is written, instead of a whole batch at once.
     pub sync_each: bool,
     /// Folder of the database, if it must not lie in the store: for a store on a network file
     /// system.
@@ -148,15 +148,15 @@ pub struct Opening {
     pub fs: Arc<dyn Fs>,
 }
 
-impl From<Access> for Opening {
-    fn from(access: Access) -> Self {
+impl From<StoreAccess> for StoreOptions {
+    fn from(access: StoreAccess) -> Self {
         Self {
             access,
-            claim: Claim::default(),
+            claim: LockClaim::default(),
             verify: false,
             sync_each: false,
             index: None,
-            fs: Arc::new(fs::Real),
+            fs: Arc::new(fs::SystemFs),
         }
     }
 }
@@ -175,16 +175,16 @@ impl Store {
     /// does not wait.
     pub fn open(
         root: &Path,
-        opening: impl Into<Opening>,
+        opening: impl Into<StoreOptions>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let Opening { access, claim, verify, sync_each, index, fs } = opening.into();
-        let disk = Disk::new(fs, sync_each);
+        let StoreOptions { access, claim, verify, sync_each, index, fs } = opening.into();
+        let disk = StoreDisk::new(fs, sync_each);
         let lock = match access {
-            Access::Read => None,
-            Access::Write | Access::WriteNow => {
+            StoreAccess::Read => None,
+            StoreAccess::Write | StoreAccess::WriteNow => {
                 disk.create_dir(root)?;
-                Some(lock::Lock::take_lock(root, &claim, access == Access::Write, waiting)?)
+                Some(lock::StoreLock::take_lock(root, &claim, access == StoreAccess::Write, waiting)?)
             }
         };
         disk.check_format(root, FORMAT, lock.is_some())?;
@@ -196,13 +196,13 @@ impl Store {
             // a process that died.
             disk.empty_dir(&root.join("tmp"))?;
         }
-        let state = State::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
+        let state = StateDb::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
         Ok(Self {
             root: root.to_owned(),
-            blobs: Blobs::new(root, disk.clone()),
+            blobs: BlobFolders::new(root, disk.clone()),
             state: Mutex::new(state),
             verified: verify.then(Mutex::default),
-            counts: Counts::default(),
+            counts: DigestCounts::default(),
             failed: Mutex::new(None),
             disk,
             lock,
@@ -221,7 +221,7 @@ impl Store {
     /// # Errors
     /// When the system has no more file descriptors.
     pub fn share_lock(&self) -> Result<Option<File>, StoreError> {
-        let shared = self.lock.as_ref().map(lock::Lock::share).transpose();
+        let shared = self.lock.as_ref().map(lock::StoreLock::share).transpose();
         shared.map_err(disk::disk_error("sharing", &self.root.join("lock")))
     }
 
@@ -237,21 +237,21 @@ impl Store {
     ///
     /// # Errors
     /// The record exists but cannot be read.
-    pub fn record(&self, key: &Key) -> Result<Option<Brief>, StoreError> {
+    pub fn record(&self, key: &Key) -> Result<Option<RecordSummary>, StoreError> {
         let name = key.to_string();
-        let indexed = self.state().get(Table::Record, &name);
+        let indexed = self.state().get(StateTable::Record, &name);
         if let Some(brief) = indexed.and_then(|row| serde_json::from_slice(&row).ok()) {
             return Ok(Some(brief));
         }
         let brief = self.full_record(key)?.map(|record| record.brief());
-        brief.iter().for_each(|brief| self.state().put(Table::Record, &name, brief.row()));
+        brief.iter().for_each(|brief| self.state().put(StateTable::Record, &name, brief.row()));
         Ok(brief)
     }
 
     /// Every record of the index.
     #[must_use]
-    pub fn records(&self) -> Vec<Brief> {
-        let rows = self.state().all(Table::Record).into_values();
+    pub fn records(&self) -> Vec<RecordSummary> {
+        let rows = self.state().all(StateTable::Record).into_values();
         rows.filter_map(|row| serde_json::from_slice(&row).ok()).collect()
     }
 
@@ -259,38 +259,38 @@ impl Store {
     ///
     /// # Errors
     /// It exists but cannot be read.
-    pub fn full_record(&self, key: &Key) -> Result<Option<Record>, StoreError> {
-        Record::read(&self.root, &self.disk, key)
+    pub fn full_record(&self, key: &Key) -> Result<Option<StepRecord>, StoreError> {
+        StepRecord::read(&self.root, &self.disk, key)
     }
 
     /// The key with which a step of a scene was last made.
     #[must_use]
     pub fn last_key(&self, scene: &str, step: &str) -> Option<Key> {
-        let row = self.state().get(Table::Last, &last_name(scene, step))?;
+        let row = self.state().get(StateTable::Last, &last_name(scene, step))?;
         std::str::from_utf8(&row).ok()?.parse().ok().map(Key)
     }
 
     /// Stores the present key of a step of a scene, for explanations.
     pub fn note_last(&self, scene: &str, step: &str, key: Key) {
-        self.state().put_new(Table::Last, &last_name(scene, step), key.to_string().into_bytes());
+        self.state().put_new(StateTable::Last, &last_name(scene, step), key.to_string().into_bytes());
     }
 
     /// The recipe from which a scene was last made.
     #[must_use]
     pub fn last_recipe(&self, scene: &str) -> Option<String> {
-        String::from_utf8(self.state().get(Table::Recipe, scene)?).ok()
+        String::from_utf8(self.state().get(StateTable::Recipe, scene)?).ok()
     }
 
     /// Stores the recipe of a scene, for explanations.
     pub fn note_recipe(&self, scene: &str, recipe: &str) {
-        self.state().put_new(Table::Recipe, scene, recipe.as_bytes().to_vec());
+        self.state().put_new(StateTable::Recipe, scene, recipe.as_bytes().to_vec());
     }
 
     /// The state of a blob, from its stat fields if they are known, otherwise from its bytes.
     ///
     /// # Errors
     /// The file exists but cannot be read.
-    pub fn examine(&self, output: &Output) -> Result<BlobState, StoreError> {
+    pub fn examine(&self, output: &StoredOutput) -> Result<BlobState, StoreError> {
         let path = self.blobs.path(&output.digest);
         match self.look(&path) {
             Ok(entry) if entry.digest == output.digest => Ok(BlobState::Sound),
@@ -323,18 +323,18 @@ impl Store {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn look(&self, path: &Path) -> std::io::Result<Entry> {
+    pub fn look(&self, path: &Path) -> std::io::Result<StatEntry> {
         let stat = self.disk.stat(path)?;
         // A path that is not UTF-8 is hashed each time: correct, but slower.
         let name = path.to_str().filter(|_| self.trusts(path));
-        let known = name.and_then(|name| self.state().get(Table::Stat, name));
-        let known = known.and_then(|row| postcard::from_bytes::<Entry>(&row).ok());
+        let known = name.and_then(|name| self.state().get(StateTable::Stat, name));
+        let known = known.and_then(|row| postcard::from_bytes::<StatEntry>(&row).ok());
         if let Some(entry) = known.filter(|entry| entry.seen.holds_for(&stat)) {
             self.counts.trusted.fetch_add(1, Ordering::Relaxed);
             return Ok(entry);
         }
-        let seen = Sighting::seen_now(stat);
-        let entry = Entry { seen, digest: self.disk.digest(path)? };
+        let seen = StatSighting::seen_now(stat);
+        let entry = StatEntry { seen, digest: self.disk.digest(path)? };
         self.counts.hashed.fetch_add(1, Ordering::Relaxed);
         self.enter(path, entry);
         Ok(entry)
@@ -344,22 +344,22 @@ impl Store {
     ///
     /// # Errors
     /// It does not exist.
-    pub fn sight(&self, path: &Path) -> std::io::Result<Sighting> {
-        self.disk.stat(path).map(Sighting::seen_now)
+    pub fn sight(&self, path: &Path) -> std::io::Result<StatSighting> {
+        self.disk.stat(path).map(StatSighting::seen_now)
     }
 
-    /// Whether the recorded digest of a file can be trusted.
+    /// Returns true if the recorded digest of a file can be trusted.
     fn trusts(&self, path: &Path) -> bool {
         self.verified.as_ref().is_none_or(|read| read.lock().expect("no holder panics").contains(path))
     }
 
-    fn enter(&self, path: &Path, entry: Entry) {
+    fn enter(&self, path: &Path, entry: StatEntry) {
         if let Some(read) = &self.verified {
             read.lock().expect("no holder panics").insert(path.to_owned());
         }
         if let Some(name) = path.to_str() {
             let row = postcard::to_stdvec(&entry).expect("an entry is plain data");
-            self.state().put_new(Table::Stat, name, row);
+            self.state().put_new(StateTable::Stat, name, row);
         }
     }
 
@@ -375,8 +375,8 @@ impl Store {
     ///
     /// # Errors
     /// The system does not report it.
-    pub fn space(&self) -> std::io::Result<Space> {
-        Space::holding_path(&self.root)
+    pub fn space(&self) -> std::io::Result<DiskSpace> {
+        DiskSpace::holding_path(&self.root)
     }
 
     /// Updates the stat fields of a blob after this program linked or unlinked it, which changes
@@ -387,11 +387,11 @@ impl Store {
     pub fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.blobs.path(digest);
         let stat = self.disk.stat(&path).map_err(disk::disk_error("reading", &path))?;
-        self.enter(&path, Entry { seen: Sighting::settled_file(stat), digest: *digest });
+        self.enter(&path, StatEntry { seen: StatSighting::settled_file(stat), digest: *digest });
         Ok(())
     }
 
-    /// Whether enough is pending that it should be written, in case this process is killed.
+    /// Returns true if enough is pending that it should be written, in case this process is killed.
     #[must_use]
     pub fn is_due(&self) -> bool {
         /// Some hundred steps with their files.
@@ -417,7 +417,7 @@ impl Store {
         state.flush()
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, StateDb> {
         self.state.lock().expect("no holder of the state panics")
     }
 }

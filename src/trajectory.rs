@@ -31,9 +31,9 @@ pub mod travel;
 pub mod twist;
 pub mod walk;
 
-pub use course::Kind;
-pub use error::{TrajectoryError, Warning};
-pub use travel::{MOST_POSES, Made, Timing};
+pub use course::CourseKind;
+pub use error::{TrajectoryError, TrajectoryWarning};
+pub use travel::{MOST_POSES, MadeTrajectory, PoseTiming};
 
 use crate::se3::Se3;
 

@@ -7,17 +7,19 @@
 use glam::DQuat;
 use gs2e::camera::Camera;
 use gs2e::event::{Event, EventSink};
-use gs2e::frames::Frame;
+use gs2e::frames::DenseFrame;
 use gs2e::image::{Image, Size};
-use gs2e::render::cpu::{Cpu, Pass};
-use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::render::cpu::{CpuRenderer, PassKind};
+use gs2e::render::{
+    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
+};
 use gs2e::scene::Gaussians;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
 use gs2e::seed::Seed;
-use gs2e::sensor::Model as _;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
-use gs2e::study::growth::Growth;
+use gs2e::sensor::SensorModel as _;
+use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e::study::growth::GrowthLaws;
 use gs2e::units::{Hertz, Timestamp};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -156,13 +158,13 @@ fn spent() -> f64 {
 impl Work {
     /// As the step of a build makes events, but for the file.
     fn run(&self) -> Run {
-        const STYLE: Style = Style {
-            rules: Rules::Official,
-            order: Layering::Depth,
+        const STYLE: RenderStyle = RenderStyle {
+            rules: RenderRules::Official,
+            order: LayerOrder::Depth,
             antialiased: false,
             background: [0.0; 3],
         };
-        let want = Channels { luminance: true, ..Channels::default() };
+        let want = ChannelSet { luminance: true, ..ChannelSet::default() };
         let mut run = Run { core_s: [0.0; PARTS.len()], events: 0, blended: 0 };
         let mut last = spent();
         let core_s = &mut run.core_s;
@@ -171,16 +173,16 @@ impl Work {
             core_s[part] += now - last;
             last = now;
         };
-        let mut renderer = Cpu::new(self.scene.clone(), STYLE).expect("the scene can be rendered");
+        let mut renderer = CpuRenderer::new(self.scene.clone(), STYLE).expect("the scene can be rendered");
         renderer.keep_to(&self.camera, &self.poses);
-        let sensor = Voltmeter::new(Preset::Dvs346.k());
+        let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
         let mut pixels = sensor.start(self.camera.size, [0, 0], Seed(1)).expect("the preset is valid");
         let mut events = Counted(0);
         done(0);
-        let mut rendered = Rendered::default();
+        let mut rendered = RenderedImages::default();
         for (index, pose) in self.poses.iter().enumerate() {
-            let view = View::at_rest(self.camera, *pose);
-            let mut passed = |pass: Pass| done(1 + pass as usize);
+            let view = CameraView::at_rest(self.camera, *pose);
+            let mut passed = |pass: PassKind| done(1 + pass as usize);
             let work = renderer.render_in_passes(&view, want, &mut rendered, &mut passed);
             run.blended += work.expect("it can be rendered").blended;
             let frame = frame(index, rendered.luminance.take().expect("it was asked for"));
@@ -195,10 +197,10 @@ impl Work {
 }
 
 /// On the sensor's grey scale.
-fn frame(index: usize, mut luminance: Image<f32>) -> Frame {
+fn frame(index: usize, mut luminance: Image<f32>) -> DenseFrame {
     luminance.pixels_mut().iter_mut().for_each(|v| *v *= 255.0);
     let rate = Hertz("2400".parse().expect("it is a ratio"));
-    Frame { index, t: Timestamp::from_micros(rate.stamp_us(index as u64)), luminance, rate: None }
+    DenseFrame { index, t: Timestamp::from_micros(rate.stamp_us(index as u64)), luminance, rate: None }
 }
 
 /// Counts events and drops them.
@@ -229,9 +231,9 @@ impl Point {
 }
 
 impl Axis {
-    fn growth(&self, of: impl Fn(&Run) -> f64) -> Option<Growth> {
+    fn growth(&self, of: impl Fn(&Run) -> f64) -> Option<GrowthLaws> {
         let points: Vec<(f64, f64)> = self.points.iter().map(|p| (p.size, of(p.best()))).collect();
-        Growth::fit_points(&points)
+        GrowthLaws::fit_points(&points)
     }
 
     /// For people, as Markdown: a row a size, the exponents below.
@@ -251,7 +253,7 @@ impl Axis {
             ));
         }
         let exponent =
-            |growth: Option<Growth>| growth.map_or_else(String::new, |g| format!("{:.2}", g.exponent));
+            |growth: Option<GrowthLaws>| growth.map_or_else(String::new, |g| format!("{:.2}", g.exponent));
         let parts: Vec<String> =
             (0..PARTS.len()).map(|at| exponent(self.growth(|run| run.core_s[at]))).collect();
         if let Some(all) = self.growth(Run::total) {
@@ -263,7 +265,7 @@ impl Axis {
     }
 
     /// What is paid once, and what grows.
-    fn split(&self, growth: &Growth) -> String {
+    fn split(&self, growth: &GrowthLaws) -> String {
         // A line through noisy runs may begin below 0: nothing is then fixed.
         let [first, last] =
             [0, self.points.len() - 1].map(|at| 100.0 * growth.fixed_share(self.points[at].size).max(0.0));

@@ -4,8 +4,8 @@
 //! if it is deep for its distance: with a standard deviation of a tenth of the depth, the ellipse
 //! is approximately right; with half the depth, it is not.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -22,25 +22,25 @@ const MOST: f64 = 0.01;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Affine;
+pub struct AffinePass;
 
 const NAME: &str = "affine";
 
-impl Check for Affine {
+impl ValidationPass for AffinePass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(measured) = subject.doubtful_share else {
             return vec![subject.not_run(NAME, "", "no Gaussian was drawn that could be judged")];
         };
-        let limit = Bound::limit_or(subject.limits.affine.and_then(|l| l.max), Bound::warning(MOST));
+        let limit = LimitSide::limit_or(subject.limits.affine.and_then(|l| l.max), LimitSide::warning(MOST));
         let because = format!(
             "{:.2} % of the picture is made by Gaussians whose depth varies by more than a tenth of their distance",
             100.0 * measured
         );
-        let judged = Judged {
+        let judged = Judgement {
             verdict: limit.at_most(measured),
             measured: Some(measured),
             limit: Some(limit.value),

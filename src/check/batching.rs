@@ -4,8 +4,8 @@
 //! gate. `phase`: the counts over 16 phases of the frame interval vary by at most 0.35 of their
 //! mean: a warning. Both need a minimum number of events per frame.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, Tally, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -30,16 +30,16 @@ const LEAST_PER_FRAME: f64 = 8.0;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Batching;
+pub struct BatchingPass;
 
 const NAME: &str = "batching";
 
-impl Check for Batching {
+impl ValidationPass for BatchingPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -52,20 +52,20 @@ impl Check for Batching {
     }
 }
 
-fn judge_times(subject: &Subject<'_>, tally: &Tally, frames: f64) -> Finding {
+fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64) -> Finding {
     let limits = subject.limits.batching.unwrap_or_default();
-    let limit = Bound::limit_or(limits.unique_per_frame, Bound::gate(UNIQUE_PER_FRAME));
+    let limit = LimitSide::limit_or(limits.unique_per_frame, LimitSide::gate(UNIQUE_PER_FRAME));
     let measured = tally.distinct_us as f64 / frames;
     let because =
         format!("{} events have {} distinct times in {frames} frames", tally.events, tally.distinct_us);
     let verdict = limit.at_least(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
-    subject.finding(NAME, "times", Judged { verdict, measured, limit, unit: "1/frame", because })
+    subject.finding(NAME, "times", Judgement { verdict, measured, limit, unit: "1/frame", because })
 }
 
-fn judge_phase(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let limits = subject.limits.batching.unwrap_or_default();
-    let limit = Bound::limit_or(limits.phase_cv, Bound::warning(PHASE_CV));
+    let limit = LimitSide::limit_or(limits.phase_cv, LimitSide::warning(PHASE_CV));
     let bins = tally.phases.len() as f64;
     let mean = tally.events as f64 / bins;
     let variance = tally.phases.iter().map(|n| (*n as f64 - mean) * (*n as f64 - mean)).sum::<f64>() / bins;
@@ -73,5 +73,5 @@ fn judge_phase(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let because = format!("event counts vary by {measured:.3} of their mean over the frame interval");
     let verdict = limit.at_most(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
-    subject.finding(NAME, "phase", Judged { verdict, measured, limit, unit: "1", because })
+    subject.finding(NAME, "phase", Judgement { verdict, measured, limit, unit: "1", because })
 }

@@ -13,7 +13,7 @@
 //!   the median of such distances is about R.
 //! - `registered`: the share of photos with a pose, at least 0.9.
 
-use super::subject::{Bound, Judged};
+use super::subject::{Judgement, LimitSide};
 use super::{Finding, SceneSubject, limits};
 use crate::trajectory::knots::GAP;
 use serde::{Deserialize, Serialize};
@@ -64,7 +64,7 @@ fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Findin
         Ok(found) => found,
         Err(because) => return PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec(),
     };
-    let limit = Bound::limit_or(limits.reprojection, Bound::warning(REPROJECTION_PX));
+    let limit = LimitSide::limit_or(limits.reprojection, LimitSide::warning(REPROJECTION_PX));
     let behind = match found.behind {
         0 => String::new(),
         count => format!("; {count} more see a point that is not in front of the camera"),
@@ -75,7 +75,7 @@ fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Findin
         subject.finding(
             NAME,
             part,
-            Judged::from_value(limit.at_most(measured), measured, limit, "px", because),
+            Judgement::from_value(limit.at_most(measured), measured, limit, "px", because),
         )
     };
     let [points, observations] = [found.points, found.observations];
@@ -105,14 +105,14 @@ fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
         Ok(walk) => walk,
         Err(because) => return subject.not_run(NAME, PART, because),
     };
-    let limit = Bound::limit_or(limits.gap, Bound::warning(GAP));
+    let limit = LimitSide::limit_or(limits.gap, LimitSide::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
     let Some((measured, told)) = largest_beyond(steps.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there is one view");
     };
     let because =
         format!("the longest step between neighbouring views is {measured:.2} median steps: {told}");
-    subject.finding(NAME, PART, Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
 fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
@@ -121,7 +121,7 @@ fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
         Ok(walk) => walk,
         Err(because) => return subject.not_run(NAME, PART, because),
     };
-    let limit = Bound::limit_or(limits.outlier, Bound::warning(OUTLIER));
+    let limit = LimitSide::limit_or(limits.outlier, LimitSide::warning(OUTLIER));
     let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
     let Some((measured, told)) = largest_beyond(detours.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there are fewer than 3 views");
@@ -129,7 +129,7 @@ fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     let because = format!(
         "the view farthest off the way between its neighbours is so by {measured:.2} median steps: {told}"
     );
-    subject.finding(NAME, PART, Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
 fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
@@ -139,25 +139,29 @@ fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
         Ok(_) => return subject.not_run(NAME, PART, "no photo is there"),
         Err(because) => return subject.not_run(NAME, PART, because),
     };
-    let limit = Bound::limit_or(limits.registered, Bound::warning(REGISTERED));
+    let limit = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));
     let measured = photos.registered as f64 / photos.there as f64;
     let absent = match photos.views - photos.registered {
         0 => String::new(),
         count => format!("; {count} views have no photo"),
     };
     let because = format!("{} of {} photos have a pose{absent}", photos.registered, photos.there);
-    subject.finding(NAME, PART, Judged::from_value(limit.at_least(measured), measured, limit, "1", because))
+    subject.finding(
+        NAME,
+        PART,
+        Judgement::from_value(limit.at_least(measured), measured, limit, "1", because),
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::{Photos, Verdict, judge_scene};
-    use crate::render::fidelity::Fidelity;
+    use crate::check::{CapturePhotos, Verdict, judge_scene};
+    use crate::render::fidelity::PhotoFidelity;
     use crate::se3::Se3;
-    use crate::source::colmap::Reprojection;
+    use crate::source::colmap::ReprojectionStats;
     use crate::trajectory::NamedPose;
-    use crate::trajectory::walk::Walk;
+    use crate::trajectory::walk::CaptureEvenness;
     use glam::{DQuat, DVec3};
 
     /// Verdict, value and sentence of a statement about a walk of 30 evenly spaced views, after
@@ -173,16 +177,16 @@ mod tests {
         let limits = serde_json::from_str(limits).unwrap();
         let subject = SceneSubject {
             name: "s",
-            reprojection: Ok(Reprojection {
+            reprojection: Ok(ReprojectionStats {
                 points: 10,
                 observations: 40,
                 over_points_px: 1.5,
                 over_observations_px: 2.5,
                 behind: 0,
             }),
-            photos: Ok(Photos { there: 40, registered: 30, views: 31 }),
-            walk: Ok(Walk::measure_views(&views).unwrap().unwrap()),
-            fidelity: Some(&Fidelity::default()),
+            photos: Ok(CapturePhotos { there: 40, registered: 30, views: 31 }),
+            walk: Ok(CaptureEvenness::measure_views(&views).unwrap().unwrap()),
+            fidelity: Some(&PhotoFidelity::default()),
             limits: &limits,
         };
         let found = judge_scene(&subject).into_iter().find(|f| f.subject == format!("s#{part}")).unwrap();

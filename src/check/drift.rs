@@ -1,8 +1,8 @@
 //! The drift of a pixel's voltage between two frames, by the sensor's law.
 
-use crate::sensor::Sensor;
-use crate::sensor::esim::{Esim, Intensity};
-use crate::sensor::voltmeter::{Gain, Initial, Law, Voltmeter};
+use crate::sensor::SensorChoice;
+use crate::sensor::esim::{EsimModel, IntensityScale};
+use crate::sensor::voltmeter::{DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
 
 /// The deterministic part of a sensor's law: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
 /// microseconds and greys.
@@ -11,7 +11,7 @@ pub struct DriftLaw {
     k: [f64; 6],
     /// Thresholds of ON and OFF events.
     pub thresholds: [f64; 2],
-    /// Whether all voltages are 0 at the first frame. Otherwise they lie anywhere between the
+    /// True if all voltages are 0 at the first frame. Otherwise they lie anywhere between the
     /// thresholds.
     pub from_zero: bool,
 }
@@ -21,24 +21,24 @@ impl DriftLaw {
     ///
     /// # Errors
     /// The frames at two instants do not determine the drift between them; the text is the reason.
-    pub fn for_sensor(sensor: &Sensor) -> Result<Self, &'static str> {
-        let Voltmeter { k, threshold_on, threshold_off, gain, initial, law, .. } = match sensor {
-            Sensor::Voltmeter(voltmeter) => voltmeter,
-            Sensor::Esim(esim) => return of_esim(esim),
-            Sensor::V2e(_) => {
+    pub fn for_sensor(sensor: &SensorChoice) -> Result<Self, &'static str> {
+        let VoltmeterModel { k, threshold_on, threshold_off, gain, initial, law, .. } = match sensor {
+            SensorChoice::Voltmeter(voltmeter) => voltmeter,
+            SensorChoice::Esim(esim) => return of_esim(esim),
+            SensorChoice::V2e(_) => {
                 return Err("the brightness of v2e is no `ln(L + k2)`, and its filter goes by every frame");
             }
         };
-        let from_zero = *initial == Initial::Zero;
+        let from_zero = *initial == InitialVoltage::Zero;
         if !sensor.hot_pixels().is_absent() {
             return Err("hot pixels make events that no drift asked for");
         }
-        if *law == Law::Official {
+        if *law == SamplerKind::Official {
             return Err("under `law: official` the drift depends on every frame between two anchors");
         }
         match gain {
-            Gain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off], from_zero }),
-            Gain::Midpoint => {
+            DriftGain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off], from_zero }),
+            DriftGain::Midpoint => {
                 Err("under `gain: midpoint` the drift depends on every frame between two anchors")
             }
         }
@@ -104,9 +104,9 @@ impl DriftLaw {
 
 /// Without noise, the reference of a pixel moves like the voltage of a voltmeter with `k1 = 1` and
 /// `k2` equal to `eps` on the grey scale.
-fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
-    let Esim { threshold, intensity, eps, .. } = esim;
-    if *intensity == Intensity::Linear {
+fn of_esim(esim: &EsimModel) -> Result<DriftLaw, &'static str> {
+    let EsimModel { threshold, intensity, eps, .. } = esim;
+    if *intensity == IntensityScale::Linear {
         return Err("with `intensity: linear` there is no logarithm to hold events against");
     }
     if threshold.spread > 0.0 || !esim.keeps_balance() {
@@ -116,20 +116,20 @@ fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
     Ok(DriftLaw { k, thresholds: [threshold.on, threshold.off], from_zero: true })
 }
 
-/// Whether a sensor's events must balance the change of each pixel's brightness, as its account
+/// Returns true if a sensor's events must balance the change of each pixel's brightness, as its account
 /// states for every pixel.
 ///
 /// # Errors
 /// They need not; the text is the reason.
-pub fn require_balance(sensor: &Sensor) -> Result<(), &'static str> {
+pub fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
     match sensor {
-        Sensor::Voltmeter(Voltmeter { law: Law::Official, .. }) => {
+        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => {
             Err("the law official draws what a frame leaves over anew, so events and drift part")
         }
-        Sensor::Esim(sensor) if !sensor.keeps_balance() => Err(
+        SensorChoice::Esim(sensor) if !sensor.keeps_balance() => Err(
             "dead time, thresholds drawn per frame, hot pixels or an allowed cap part events and brightness",
         ),
-        Sensor::V2e(sensor) if !sensor.keeps_balance() => {
+        SensorChoice::V2e(sensor) if !sensor.keeps_balance() => {
             Err("leak, shot noise, dead time, hot pixels or an allowed cap part events and brightness")
         }
         _ => Ok(()),
@@ -162,30 +162,32 @@ mod tests {
 
     #[test]
     fn sensors_whose_noise_moves_the_level_balance_nothing() {
-        use crate::sensor::noise::Refractory;
-        use crate::sensor::v2e::{Preset, V2e};
-        let voltmeter = Voltmeter::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
-        let official = Voltmeter { law: Law::Official, ..voltmeter.clone() };
-        let dead =
-            Esim { refractory: Refractory { period_us: 1.0, ..Refractory::default() }, ..Esim::default() };
-        let t = |sensor: Sensor, balance: bool, drift: bool| {
+        use crate::sensor::noise::RefractoryPeriod;
+        use crate::sensor::v2e::{V2eModel, V2ePreset};
+        let voltmeter = VoltmeterModel::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
+        let official = VoltmeterModel { law: SamplerKind::Official, ..voltmeter.clone() };
+        let dead = EsimModel {
+            refractory: RefractoryPeriod { period_us: 1.0, ..RefractoryPeriod::default() },
+            ..EsimModel::default()
+        };
+        let t = |sensor: SensorChoice, balance: bool, drift: bool| {
             assert_eq!(
                 (require_balance(&sensor).is_ok(), DriftLaw::for_sensor(&sensor).is_ok()),
                 (balance, drift),
                 "{sensor:?}"
             );
         };
-        t(Sensor::Voltmeter(voltmeter), true, true);
-        t(Sensor::Voltmeter(official), false, false);
-        t(Sensor::Esim(Esim::default()), true, true);
-        t(Sensor::Esim(dead), false, false);
-        t(Sensor::V2e(V2e::from(Preset::Clean)), true, false);
-        t(Sensor::V2e(V2e::from(Preset::Noisy)), false, false);
+        t(SensorChoice::Voltmeter(voltmeter), true, true);
+        t(SensorChoice::Voltmeter(official), false, false);
+        t(SensorChoice::Esim(EsimModel::default()), true, true);
+        t(SensorChoice::Esim(dead), false, false);
+        t(SensorChoice::V2e(V2eModel::from(V2ePreset::Clean)), true, false);
+        t(SensorChoice::V2e(V2eModel::from(V2ePreset::Noisy)), false, false);
     }
 
     #[test]
     fn an_ideal_logarithm_drifts_by_its_own() {
-        let law = DriftLaw::for_sensor(&Sensor::Esim(Esim::default())).unwrap();
+        let law = DriftLaw::for_sensor(&SensorChoice::Esim(EsimModel::default())).unwrap();
         // ln(0.001 + 1) - ln(0.001), for any added constant.
         let logs = law.log_brightness(255.0) - law.log_brightness(0.0);
         assert!((law.drift(logs, 5.0, 1e3) - 6.908_754_779_3).abs() < 1e-9);

@@ -6,8 +6,8 @@
 //! noise that decouples events from frames make no such promise; the pass then reports that.
 
 use super::drift::require_balance;
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass};
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -15,12 +15,12 @@ pub struct DriftIdentity;
 
 const NAME: &str = "drift_identity";
 
-impl Check for DriftIdentity {
+impl ValidationPass for DriftIdentity {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(account) = subject.account else {
             return vec![subject.not_run(NAME, "", "there is no account of a simulation")];
         };
@@ -43,13 +43,18 @@ impl Check for DriftIdentity {
     }
 }
 
-fn judge_violations(subject: &Subject<'_>, pixels: u64, worst: f64) -> Finding {
+fn judge_violations(subject: &TrajectorySubject<'_>, pixels: u64, worst: f64) -> Finding {
     let because = format!("{pixels} pixels differ from their drift, by {worst:.3} of the bound at most");
     count_finding(subject, "pixels", pixels, because)
 }
 
-fn count_finding(subject: &Subject<'_>, part: &'static str, count: u64, because: String) -> Finding {
-    let verdict = Bound::gate(0.0).at_most(count as f64);
+fn count_finding(
+    subject: &TrajectorySubject<'_>,
+    part: &'static str,
+    count: u64,
+    because: String,
+) -> Finding {
+    let verdict = LimitSide::gate(0.0).at_most(count as f64);
     let (measured, limit) = (Some(count as f64), Some(0.0));
-    subject.finding(NAME, part, Judged { verdict, measured, limit, unit: part, because })
+    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: part, because })
 }

@@ -4,8 +4,8 @@
 //! counts its own pairs, and the stream must hold exactly as many, which also finds a chunk that was written twice into a
 //! stream with bursts. Three events of one microsecond are three pairs to both.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -22,16 +22,16 @@ const SHARE: f64 = 1e-4;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Duplicates;
+pub struct DuplicatesPass;
 
 const NAME: &str = "duplicates";
 
-impl Check for Duplicates {
+impl ValidationPass for DuplicatesPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -42,14 +42,14 @@ impl Check for Duplicates {
     }
 }
 
-fn judge_share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
-    let limit = Bound::limit_or(
+fn judge_share(subject: &TrajectorySubject<'_>, repeats: u64, events: u64) -> Finding {
+    let limit = LimitSide::limit_or(
         subject.limits.duplicates.and_then(|l| l.max),
-        Bound::gate(SHARE + by_chance(subject)),
+        LimitSide::gate(SHARE + by_chance(subject)),
     );
     let share = repeats as f64 / events.max(1) as f64;
     let because = format!("{repeats} of {events} events have the time and pixel of the one in front of them");
-    let judged = Judged {
+    let judged = Judgement {
         verdict: limit.at_most(share),
         measured: Some(share),
         limit: Some(limit.value),
@@ -60,15 +60,15 @@ fn judge_share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
 }
 
 /// Hot pixels fire at random: the expected repeats follow from their rate.
-fn by_chance(subject: &Subject<'_>) -> f64 {
+fn by_chance(subject: &TrajectorySubject<'_>) -> f64 {
     subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().rate * 1e-6)
 }
 
-fn judge_excess(subject: &Subject<'_>, pairs: u64, made: u64) -> Finding {
+fn judge_excess(subject: &TrajectorySubject<'_>, pairs: u64, made: u64) -> Finding {
     let because = format!("the stream has {pairs} such pairs, the simulation made {made}");
     let difference = pairs.abs_diff(made) as f64;
-    let judged = Judged {
-        verdict: Bound::gate(0.0).at_most(difference),
+    let judged = Judgement {
+        verdict: LimitSide::gate(0.0).at_most(difference),
         measured: Some(difference),
         limit: Some(0.0),
         unit: "events",

@@ -7,7 +7,7 @@
 //! | statement | formula | limit | catches |
 //! |---|---|---|---|
 //! | `gain` | `c = <s, dv> / <s, s>` over pixels with \|dv\| above a threshold; up and down apart | 1 +- (0.1 + allowance) | flipped polarity, wrong logarithm, lost halves |
-//! | `threshold-on`, `threshold-off` | where events happen, see [`fit::Edge`] | within 7 % of the stated | thresholds |
+//! | `threshold-on`, `threshold-off` | where events happen, see [`fit::EventEdge`] | within 7 % of the stated | thresholds |
 //! | `residual` | share of these pixels with a possible residual | at least 0.99 | lost resets, dropped chunks, offsets |
 //! | `sign` | share of pixels with \|dv\| above two thresholds whose `s` agrees in sign | at least 0.995 | polarity |
 //!
@@ -16,7 +16,7 @@
 //! `A + B`, and 3 to 5 % of the pixels of a sound stream lie beyond 1.5. Second, `c` does not
 //! estimate the threshold: in a scene that only grows brighter, all residuals have one sign, and
 //! sound streams give 1.1 to 1.7. Its limits are therefore widened by the possible effect of
-//! residuals, [`fit::Slope::allowance`]. The threshold is read from the edge of the residuals,
+//! residuals, [`fit::SlopeSums::allowance`]. The threshold is read from the edge of the residuals,
 //! which is sharp to 2 %. A residual is possible when `|dv - s| <= max(A, B)`, plus 2 %, six
 //! standard deviations of the noise and two of the leak. If voltages do not start at 0, the bound
 //! is `A + B`, and there is no edge. A gate.
@@ -24,9 +24,9 @@
 pub mod fit;
 
 use super::drift::DriftLaw;
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, Tally, Verdict, limits};
-use fit::{Fit, Slope};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
+use fit::{AnchorFit, SlopeSums};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -64,12 +64,12 @@ pub struct EventFrame;
 
 const NAME: &str = "event_frame";
 
-impl Check for EventFrame {
+impl ValidationPass for EventFrame {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -82,8 +82,8 @@ impl Check for EventFrame {
             let because = if single { "a single frame changes nothing" } else { super::subject::NOT_SEEN };
             return vec![subject.not_run(NAME, "", because)];
         }
-        let pass = Pass { subject, tally, law };
-        let all = |fit: &Fit| fit.slopes[0] + fit.slopes[1];
+        let pass = EventFramePass { subject, tally, law };
+        let all = |fit: &AnchorFit| fit.slopes[0] + fit.slopes[1];
         vec![
             pass.gain("gain", all),
             pass.gain("gain-on", |fit| fit.slopes[0]),
@@ -96,21 +96,21 @@ impl Check for EventFrame {
     }
 }
 
-struct Pass<'a> {
-    subject: &'a Subject<'a>,
-    tally: &'a Tally,
+struct EventFramePass<'a> {
+    subject: &'a TrajectorySubject<'a>,
+    tally: &'a StreamTally,
     law: DriftLaw,
 }
 
-impl Pass<'_> {
+impl EventFramePass<'_> {
     fn limits(&self) -> Limits {
         self.subject.limits.event_frame.unwrap_or_default()
     }
 
-    fn gain(&self, part: &str, of: impl Fn(&Fit) -> Slope) -> Finding {
+    fn gain(&self, part: &str, of: impl Fn(&AnchorFit) -> SlopeSums) -> Finding {
         let most = self.law.most_residual();
         let tolerance = self.limits().gain.unwrap_or(GAIN);
-        let excess = |s: &Slope| (s.factor() - 1.0).abs() - s.allowance(most);
+        let excess = |s: &SlopeSums| (s.factor() - 1.0).abs() - s.allowance(most);
         let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= LEAST_PIXELS && s.squares > 0.0);
         let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
             return self.too_few(part);
@@ -118,7 +118,7 @@ impl Pass<'_> {
         let factor = slope.factor();
         let width = tolerance + slope.allowance(most);
         let limit = if factor < 1.0 { 1.0 - width } else { 1.0 + width };
-        let verdict = Bound::gate(width).at_most((factor - 1.0).abs());
+        let verdict = LimitSide::gate(width).at_most((factor - 1.0).abs());
         let because = format!(
             "the counts of {} pixels times {factor:.3} are their drift; residuals allow 1 within {width:.3}",
             slope.pixels
@@ -147,7 +147,7 @@ impl Pass<'_> {
                 "too few pixels whose drift is known to a few percent were about to fire",
             );
         };
-        let verdict = Bound::gate(tolerance).at_most((edge.shown - 1.0).abs());
+        let verdict = LimitSide::gate(tolerance).at_most((edge.shown - 1.0).abs());
         let limit = if edge.shown < 1.0 { 1.0 - tolerance } else { 1.0 + tolerance };
         let because = format!(
             "{} pixels show a threshold of {:.3}, the recipe states {stated}",
@@ -179,7 +179,7 @@ impl Pass<'_> {
         };
         let because = format!("{} of {} pixels that the frames changed {what}", worst.0, worst.1);
         let measured = share(worst);
-        self.finding(part, Bound::gate(limit).at_least(measured), measured, limit, because)
+        self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
     }
 
     fn too_few(&self, part: &str) -> Finding {
@@ -188,7 +188,7 @@ impl Pass<'_> {
     }
 
     fn finding(&self, part: &str, verdict: Verdict, measured: f64, limit: f64, because: String) -> Finding {
-        let judged = Judged { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
+        let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
         self.subject.finding(NAME, part, judged)
     }
 }

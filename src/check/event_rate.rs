@@ -6,8 +6,8 @@
 //! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound. A stream
 //! without any event gets a warning whatever the sensor: it may be right, and nobody can use it.
 
-use super::subject::{Bound, Judged, between_bounds};
-use super::{Check, Finding, Subject, Tally, Verdict, limits};
+use super::subject::{Judgement, LimitSide, between_bounds};
+use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -37,12 +37,12 @@ pub struct EventRate;
 
 const NAME: &str = "event_rate";
 
-impl Check for EventRate {
+impl ValidationPass for EventRate {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -50,14 +50,14 @@ impl Check for EventRate {
     }
 }
 
-fn judge_rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let seconds = subject.seconds();
     if seconds <= 0.0 {
         return subject.not_run(NAME, "rate", "one frame has no duration");
     }
     let limits = subject.limits.event_rate.unwrap_or_default();
-    let least = Bound::limit_or(limits.min, Bound::warning(0.0));
-    let most = Bound::limit_or(limits.max, Bound::warning(f64::INFINITY));
+    let least = LimitSide::limit_or(limits.min, LimitSide::warning(0.0));
+    let most = LimitSide::limit_or(limits.max, LimitSide::warning(f64::INFINITY));
     let pixels = tally.size.pixels() as f64;
     let measured = tally.events as f64 / (pixels * seconds);
     let (verdict, limit) = between_bounds(measured, least, most);
@@ -75,7 +75,7 @@ fn judge_rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
     subject.finding(
         NAME,
         "rate",
-        Judged { verdict, measured: Some(measured), limit, unit: "ev/(px s)", because },
+        Judgement { verdict, measured: Some(measured), limit, unit: "ev/(px s)", because },
     )
 }
 
@@ -83,7 +83,7 @@ fn empty(seconds: f64) -> String {
     format!("no events: no pixel crossed its threshold in {seconds:.4} s")
 }
 
-fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if tally.events == 0 {
         return subject.not_run(NAME, "flow", empty(subject.seconds()));
     }
@@ -111,11 +111,11 @@ fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let least = if contrast > INSENSITIVE { 0.0 } else { PER_FLOW[0] * sensitivity };
     let most = PER_FLOW[1] * sensitivity + noise;
     let measured = tally.events as f64 / tally.size.pixels() as f64 / moved;
-    let (verdict, limit) = between_bounds(measured, Bound::warning(least), Bound::warning(most));
+    let (verdict, limit) = between_bounds(measured, LimitSide::warning(least), LimitSide::warning(most));
     let because = format!(
         "{measured:.4} events per pixel for each of {moved:.1} px of median flow; {least:.3} to {most:.3} are usual"
     );
     let (measured, limit) = (Some(measured), Some(limit));
     debug_assert_ne!(verdict, Verdict::Fail, "this statement only warns");
-    subject.finding(NAME, "flow", Judged { verdict, measured, limit, unit: "ev/px^2", because })
+    subject.finding(NAME, "flow", Judgement { verdict, measured, limit, unit: "ev/px^2", because })
 }

@@ -7,8 +7,8 @@
 //! frames changed by more than two thresholds; this needs a law in which frames determine the
 //! drift.
 
-use super::subject::{Bound, Judged, NOT_SEEN};
-use super::{Check, Finding, Subject, Tally, limits};
+use super::subject::{Judgement, LimitSide, NOT_SEEN};
+use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -30,16 +30,16 @@ const LEAST_PIXELS: u64 = 1000;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct HotPixels;
+pub struct HotPixelsPass;
 
 const NAME: &str = "hot_pixels";
 
-impl Check for HotPixels {
+impl ValidationPass for HotPixelsPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -47,12 +47,12 @@ impl Check for HotPixels {
     }
 }
 
-fn judge_hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let limits = subject.limits.hot_pixels.unwrap_or_default();
     let pixels = tally.size.pixels() as f64;
     let stated = subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().share);
     let most = SHARE + stated + 5.0 * (stated / pixels).sqrt();
-    let limit = Bound::limit_or(limits.hot, Bound::warning(most));
+    let limit = LimitSide::limit_or(limits.hot, LimitSide::warning(most));
     let busy = &tally.busy;
     let measured = busy.hot as f64 / pixels;
     let because = format!(
@@ -63,27 +63,36 @@ fn judge_hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
         busy.mean,
         if stated > 0.0 { format!(", and the recipe makes {stated} of them hot") } else { String::new() }
     );
-    subject.finding(NAME, "hot", Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(
+        NAME,
+        "hot",
+        Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
+    )
 }
 
-fn judge_dead(subject: &Subject<'_>, tally: &Tally) -> Finding {
+fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if let Err(because) = subject.drift_law() {
         return subject.not_run(NAME, "dead", because);
     }
     if tally.fits.is_empty() {
         return subject.not_run(NAME, "dead", NOT_SEEN);
     }
-    let share = |fit: &super::event_frame::fit::Fit| fit.silent as f64 / fit.doubled[0] as f64;
+    let share = |fit: &super::event_frame::fit::AnchorFit| fit.silent as f64 / fit.doubled[0] as f64;
     let enough = tally.fits.iter().filter(|fit| fit.doubled[0] >= LEAST_PIXELS);
     let Some(fit) = enough.max_by(|a, b| share(a).total_cmp(&share(b))) else {
         let because = format!("fewer than {LEAST_PIXELS} pixels changed by more than two thresholds");
         return subject.not_run(NAME, "dead", because);
     };
-    let limit = Bound::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), Bound::warning(SHARE));
+    let limit =
+        LimitSide::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), LimitSide::warning(SHARE));
     let because = format!(
         "{} of {} pixels that changed by more than two thresholds have no event",
         fit.silent, fit.doubled[0]
     );
     let measured = share(fit);
-    subject.finding(NAME, "dead", Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(
+        NAME,
+        "dead",
+        Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
+    )
 }

@@ -20,7 +20,7 @@ macro_rules! limits_of {
             $(#[serde(skip_serializing_if = "Option::is_none")] pub $pass: Option<$pass::Limits>,)+
             /// Accepted faults, each with its reason.
             #[serde(skip_serializing_if = "Vec::is_empty")]
-            pub waive: Vec<Waiver>,
+            pub waive: Vec<CheckWaiver>,
         }
 
         /// Keys of `checks:` that this version knows.
@@ -64,7 +64,7 @@ limits_of!(
 /// An accepted fault.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Waiver {
+pub struct CheckWaiver {
     /// Name of the pass, one of [`NAMES`].
     #[serde(deserialize_with = "pass_name")]
     pub check: String,
@@ -85,7 +85,7 @@ impl Limits {
         Self { recon_psnr: None, capture: None, waive, ..self.clone() }
     }
 
-    /// Whether other programs are asked.
+    /// Returns true if other programs are asked.
     #[must_use]
     pub fn asks_programs(&self) -> bool {
         self.pose_colmap.is_some() || self.pose_opencv.is_some() || self.readback.is_some()

@@ -13,10 +13,10 @@
 
 pub mod warp;
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, Verdict, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
 use serde::{Deserialize, Serialize};
-use warp::Sharpness;
+use warp::WarpSharpness;
 
 /// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -46,12 +46,12 @@ pub struct MotionCompensation;
 
 const NAME: &str = "motion";
 
-impl Check for MotionCompensation {
+impl ValidationPass for MotionCompensation {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -68,8 +68,8 @@ impl Check for MotionCompensation {
         if tally.sharpness.is_empty() {
             return vec![subject.not_run(NAME, "", "no depth of a picture that moves is at hand")];
         }
-        let telling = |s: &&Sharpness| s.moved_px >= LEAST_MOVED && s.events >= LEAST_EVENTS;
-        let windows: Vec<&Sharpness> = tally.sharpness.iter().filter(telling).collect();
+        let telling = |s: &&WarpSharpness| s.moved_px >= LEAST_MOVED && s.events >= LEAST_EVENTS;
+        let windows: Vec<&WarpSharpness> = tally.sharpness.iter().filter(telling).collect();
         if windows.is_empty() {
             let because = format!(
                 "in none of {} windows {LEAST_EVENTS} events move by {LEAST_MOVED} px",
@@ -81,13 +81,14 @@ impl Check for MotionCompensation {
     }
 }
 
-fn judge_median(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
+fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Finding {
     let mut ratios: Vec<f64> = windows.iter().map(|s| s.ratio()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
     let measured = ratios[(ratios.len() - 1) / 2];
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
-    let gate = Bound::gate(1.0 - CERTAIN * noise);
-    let wanted = Bound::limit_or(subject.limits.motion.and_then(|l| l.median), Bound::warning(MEDIAN));
+    let gate = LimitSide::gate(1.0 - CERTAIN * noise);
+    let wanted =
+        LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), LimitSide::warning(MEDIAN));
     let (verdict, limit) = match gate.at_least(measured) {
         Verdict::Pass => (wanted.at_least(measured), wanted.value),
         failed => (failed, gate.value),
@@ -98,18 +99,18 @@ fn judge_median(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
         ratios[0],
         ratios[ratios.len() - 1]
     );
-    let judged = Judged { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
+    let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
     subject.finding(NAME, "median", judged)
 }
 
-fn judge_share(subject: &Subject<'_>, windows: &[&Sharpness]) -> Finding {
+fn judge_share(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Finding {
     let sharper = windows.iter().filter(|s| s.ratio() > 1.0).count();
     let measured = sharper as f64 / windows.len() as f64;
-    let limit = Bound::warning(WINDOWS);
+    let limit = LimitSide::warning(WINDOWS);
     let because = format!("{sharper} of {} windows are sharper than their events in place", windows.len());
     subject.finding(
         NAME,
         "windows",
-        Judged::from_value(limit.at_least(measured), measured, limit, "1", because),
+        Judgement::from_value(limit.at_least(measured), measured, limit, "1", because),
     )
 }

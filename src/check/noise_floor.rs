@@ -9,10 +9,10 @@
 
 pub mod still;
 
-use super::subject::{Bound, Judged, NOT_SEEN};
-use super::{Check, Finding, Subject, limits};
+use super::subject::{Judgement, LimitSide, NOT_SEEN};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
-use still::Stillness;
+use still::StillPixelCounts;
 
 /// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -38,12 +38,12 @@ pub struct NoiseFloor;
 
 const NAME: &str = "noise_floor";
 
-impl Check for NoiseFloor {
+impl ValidationPass for NoiseFloor {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -59,8 +59,9 @@ impl Check for NoiseFloor {
     }
 }
 
-fn judge_rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
-    let factor = Bound::limit_or(subject.limits.noise_floor.and_then(|l| l.factor), Bound::warning(FACTOR));
+fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {
+    let factor =
+        LimitSide::limit_or(subject.limits.noise_floor.and_then(|l| l.factor), LimitSide::warning(FACTOR));
     let settled = !still.from_zero || still.intervals >= SETTLED;
     // Counts vary by at most five times the root of their expectation, plus one event.
     let slack = 5.0 * still.expected.max(1.0).sqrt();
@@ -75,20 +76,20 @@ fn judge_rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
         if settled { "" } else { " at most: voltages start at 0" }
     );
     let limit = if events < still.expected { least.max(0.0) } else { most };
-    let judged = Judged { verdict, measured: Some(events), limit: Some(limit), unit: "events", because };
+    let judged = Judgement { verdict, measured: Some(events), limit: Some(limit), unit: "events", because };
     subject.finding(NAME, "rate", judged)
 }
 
-fn judge_rhythm(subject: &Subject<'_>, still: &Stillness) -> Finding {
+fn judge_rhythm(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {
     if still.events < LEAST_EVENTS {
         let because = format!("{} events of still pixels have no rhythm to speak of", still.events);
         return subject.not_run(NAME, "rhythm", because);
     }
-    let limit = Bound::warning(RHYTHM);
+    let limit = LimitSide::warning(RHYTHM);
     let because = format!(
         "the common rate of {} still pixels repeats itself by {:.2} standard deviations at most",
         still.pixels, still.rhythm
     );
-    let judged = Judged::from_value(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);
+    let judged = Judgement::from_value(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);
     subject.finding(NAME, "rhythm", judged)
 }

@@ -8,43 +8,43 @@
 
 use super::drift::DriftLaw;
 use super::motion::warp::FlowAt;
-use super::sampling::Resampled;
-use super::tally::{Against, Observer};
-use super::{Finding, Limits, Subject, Verdict, judge_trajectory};
-use crate::event::{Event, Label, Polarity};
-use crate::foreign::{Foreign, colmap, opencv, readback};
-use crate::frames::Frame;
-use crate::frames::anchors::{Anchors, Choice};
+use super::sampling::ResampledIntervals;
+use super::tally::{StreamObserver, TallyReference};
+use super::{Finding, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use crate::event::{Event, EventLabel, Polarity};
+use crate::foreign::{ExternalReport, colmap, opencv, readback};
+use crate::frames::DenseFrame;
+use crate::frames::anchors::{AnchorChoice, AnchorFrames};
 use crate::image::{Image, Size};
-use crate::render::flow::Quantiles;
+use crate::render::flow::FlowQuantiles;
 use crate::se3::Se3;
-use crate::sensor::voltmeter::{Initial, Voltmeter};
-use crate::sensor::{Account, Sensor};
-use crate::speed::Meaning;
-use crate::trajectory::Kind;
+use crate::sensor::voltmeter::{InitialVoltage, VoltmeterModel};
+use crate::sensor::{SensorChoice, SimulationAccount};
+use crate::speed::SpeedMeaning;
+use crate::trajectory::CourseKind;
 use crate::trajectory::Trajectory;
-use crate::trajectory::curve::Curve;
-use crate::trajectory::report::{Follow, Report};
-use crate::trajectory::sample::Summation;
+use crate::trajectory::curve::CurveKind;
+use crate::trajectory::report::{FollowError, SpeedReport};
+use crate::trajectory::sample::SummationRule;
 use crate::units::{Hertz, Timestamp};
 use glam::{DQuat, DVec3};
 use std::sync::OnceLock;
 
 #[derive(Clone)]
-pub(super) struct World {
+pub(super) struct PlantedWorld {
     pub(super) trajectory: Trajectory,
-    pub(super) report: Report,
-    pub(super) sensor: Voltmeter,
-    pub(super) account: Account,
+    pub(super) report: SpeedReport,
+    pub(super) sensor: VoltmeterModel,
+    pub(super) account: SimulationAccount,
     pub(super) events: Vec<Event>,
-    pub(super) anchors: Anchors,
+    pub(super) anchors: AnchorFrames,
     pub(super) flows: Vec<FlowAt>,
     /// The sensor given to the passes, if it differs.
-    pub(super) stated: Option<Sensor>,
-    pub(super) resampled: Option<Resampled>,
-    pub(super) flow: Option<Quantiles>,
+    pub(super) stated: Option<SensorChoice>,
+    pub(super) resampled: Option<ResampledIntervals>,
+    pub(super) flow: Option<FlowQuantiles>,
     pub(super) doubtful_share: Option<f64>,
-    pub(super) foreign: Foreign,
+    pub(super) foreign: ExternalReport,
     pub(super) limits: Limits,
 }
 
@@ -57,7 +57,7 @@ pub(super) fn frame_rate() -> Hertz {
 
 /// Settings of a sound world.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Setting {
+pub(super) struct WorldSettings {
     /// Image motion, px per frame.
     pub(super) pace: f64,
     pub(super) thresholds: [f64; 2],
@@ -65,36 +65,36 @@ pub(super) struct Setting {
     pub(super) contrast: f64,
     /// Relative growth of all luminance over the clip.
     pub(super) dawn: f64,
-    pub(super) initial: Initial,
+    pub(super) initial: InitialVoltage,
     pub(super) frames: usize,
 }
 
-impl Default for Setting {
+impl Default for WorldSettings {
     fn default() -> Self {
         Self {
             pace: 0.3,
             thresholds: [1.0; 2],
             contrast: 0.6,
             dawn: 0.0,
-            initial: Initial::Zero,
+            initial: InitialVoltage::Zero,
             frames: FRAMES,
         }
     }
 }
 
-impl World {
-    pub(super) fn new(setting: Setting) -> Self {
+impl PlantedWorld {
+    pub(super) fn new(setting: WorldSettings) -> Self {
         let stamps_us: Vec<i64> = (0..setting.frames as u64).map(|j| frame_rate().stamp_us(j)).collect();
-        let mut sensor = Voltmeter::new([5.265, 20.0, 0.0, 1e-7, 0.0, 0.0]);
+        let mut sensor = VoltmeterModel::new([5.265, 20.0, 0.0, 1e-7, 0.0, 0.0]);
         [sensor.threshold_on, sensor.threshold_off] = setting.thresholds;
         sensor.initial = setting.initial;
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| wave_picture(setting, j)).collect();
         let events = simulate_events(&sensor, &images, &stamps_us);
         let apart = (1..50).find(|n| setting.pace * *n as f64 >= 1.0).unwrap_or(50);
-        let choice = Choice::from_stamps(&stamps_us, apart);
-        let mut anchors = Anchors::without_frames(&choice);
+        let choice = AnchorChoice::from_stamps(&stamps_us, apart);
+        let mut anchors = AnchorFrames::without_frames(&choice);
         for j in choice.frames {
-            let frame = Frame {
+            let frame = DenseFrame {
                 index: j,
                 t: Timestamp::from_micros(stamps_us[j]),
                 luminance: images[j].clone(),
@@ -110,7 +110,7 @@ impl World {
         Self {
             flows,
             stated: None,
-            resampled: Some(Resampled {
+            resampled: Some(ResampledIntervals {
                 intervals: 4,
                 events: 1000,
                 at_twice: 1004,
@@ -124,7 +124,7 @@ impl World {
             sensor,
             events,
             anchors,
-            flow: Some(Quantiles { median: pace, p95: pace, max: pace }),
+            flow: Some(FlowQuantiles { median: pace, p95: pace, max: pace }),
             doubtful_share: Some(0.001),
             foreign: agreeing_reports(),
             limits: Limits::default(),
@@ -133,24 +133,24 @@ impl World {
 
     /// The world of the default settings, made once.
     pub(super) fn default_world() -> Self {
-        static SOUND: OnceLock<World> = OnceLock::new();
-        SOUND.get_or_init(|| Self::new(Setting::default())).clone()
+        static SOUND: OnceLock<PlantedWorld> = OnceLock::new();
+        SOUND.get_or_init(|| Self::new(WorldSettings::default())).clone()
     }
 
     pub(super) fn findings(&self) -> Vec<Finding> {
-        let sensor = self.stated.clone().unwrap_or_else(|| Sensor::Voltmeter(self.sensor.clone()));
+        let sensor = self.stated.clone().unwrap_or_else(|| SensorChoice::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
-        let against = Against {
+        let against = TallyReference {
             seen: DriftLaw::for_sensor(&sensor).ok().map(|law| (law, &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
         };
-        let mut observer = Observer::new(SIZE, frame_rate(), end, against);
+        let mut observer = StreamObserver::new(SIZE, frame_rate(), end, against);
         for chunk in self.events.chunks(1000) {
             observer.append(chunk);
         }
         let tally = observer.finish();
-        let subject = Subject {
+        let subject = TrajectorySubject {
             name: "world/base",
             rate: frame_rate(),
             trajectory: &self.trajectory,
@@ -185,9 +185,9 @@ impl World {
 }
 
 /// Random numbers (splitmix64) for streams without structure.
-pub(super) struct Draws(pub(super) u64);
+pub(super) struct SplitMixDraws(pub(super) u64);
 
-impl Draws {
+impl SplitMixDraws {
     /// A number from 0 to below `n`, uniformly.
     pub(super) fn below(&mut self, n: u64) -> usize {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -204,7 +204,7 @@ impl Draws {
 }
 
 /// Waves of four directions and lengths that move along x.
-fn wave_picture(setting: Setting, frame: usize) -> Image<f32> {
+fn wave_picture(setting: WorldSettings, frame: usize) -> Image<f32> {
     let shift = setting.pace * frame as f64;
     let light = 100.0 * (1.0 + setting.dawn * frame as f64 / setting.frames as f64);
     let waves = [(0.31, 0.17, 0.0), (0.13, -0.23, 1.0), (0.55, 0.4, 2.0), (0.07, 0.11, 3.0)];
@@ -220,7 +220,7 @@ fn wave_picture(setting: Setting, frame: usize) -> Image<f32> {
     Image::from_vec(SIZE, (0..SIZE.height).flat_map(row).collect())
 }
 
-fn simulate_events(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
+fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
     let [k1, k2, _, k4, ..] = sensor.k;
     let mut events = Vec::new();
     for i in 0..SIZE.pixels() {
@@ -230,8 +230,8 @@ fn simulate_events(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64])
         let mut from = volts(0);
         // The golden ratio spreads the initial voltages evenly over (-B, A).
         let start = match sensor.initial {
-            Initial::Zero => 0.0,
-            Initial::Stationary => {
+            InitialVoltage::Zero => 0.0,
+            InitialVoltage::Stationary => {
                 let width = sensor.threshold_on + sensor.threshold_off;
                 (i as f64 * 0.618_033_988_749_895).fract() * width - sensor.threshold_off
             }
@@ -256,7 +256,7 @@ fn simulate_events(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64])
                     x: x as u16,
                     y: y as u16,
                     polarity,
-                    label: Label::Signal,
+                    label: EventLabel::Signal,
                 });
             }
             from = to;
@@ -266,38 +266,38 @@ fn simulate_events(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64])
     events
 }
 
-fn count_events(events: &[Event]) -> Account {
+fn count_events(events: &[Event]) -> SimulationAccount {
     let on = events.iter().filter(|e| e.polarity == Polarity::On).count() as u64;
     let place = |e: &Event| (e.t.floor_micros(), e.y, e.x);
     let together = events.chunk_by(|a, b| place(a) == place(b)).map(|group| group.len() as u64);
     let pairs = together.map(|n| n * (n - 1) / 2).sum();
-    Account {
+    SimulationAccount {
         events: events.len() as u64,
         on,
         off: events.len() as u64 - on,
         same_us_same_pixel: pairs,
-        ..Account::default()
+        ..SimulationAccount::default()
     }
 }
 
 /// Reports of other programs that agree with the world, as closely as they do with renderings.
-fn agreeing_reports() -> Foreign {
-    let pose = |k: usize| colmap::Registered { pose: 7 * k, rotation_deg: 0.05, translation: 0.001 };
-    let registration = colmap::Registration {
+fn agreeing_reports() -> ExternalReport {
+    let pose = |k: usize| colmap::PoseAgreement { pose: 7 * k, rotation_deg: 0.05, translation: 0.001 };
+    let registration = colmap::ColmapRegistration {
         program: "COLMAP 3.8".into(),
         given: 20,
         path: 0.8,
         poses: (0..20).map(pose).collect(),
     };
-    let projection = opencv::Projection { px: 1e-9, pose: Some(3), points: 15_000 };
-    let motion = |k: usize| opencv::Motion {
+    let projection = opencv::ProjectionAgreement { px: 1e-9, pose: Some(3), points: 15_000 };
+    let motion = |k: usize| opencv::RelativeMotion {
         from: 7 * k,
         to: 7 * k + 4,
         matches: 300,
         rotation_deg: 0.1,
         direction_deg: 1.0,
     };
-    let geometry = opencv::Geometry {
+    let geometry = opencv::OpencvGeometry {
         program: "OpenCV 5.0.0, numpy 2.4.6".into(),
         poses_txt: projection,
         transforms_json: projection,
@@ -305,12 +305,16 @@ fn agreeing_reports() -> Foreign {
         pairs: (0..19).map(motion).collect(),
     };
     let stream = readback::StreamRead { events: 1000, differing: Vec::new(), entries: 64, wrong_entries: 0 };
-    let readback = readback::Readback {
+    let readback = readback::ReadbackReport {
         program: "h5py 3.16.0, numpy 2.4.6, OpenCV 5.0.0".into(),
         streams: vec![stream],
         pictures: Ok(readback::PicturesRead { count: 150, differing: Vec::new() }),
     };
-    Foreign { colmap: Some(Ok(registration)), opencv: Some(Ok(geometry)), readback: Some(Ok(readback)) }
+    ExternalReport {
+        colmap: Some(Ok(registration)),
+        opencv: Some(Ok(geometry)),
+        readback: Some(Ok(readback)),
+    }
 }
 
 /// An arc at an even pace, looking at its centre.
@@ -323,20 +327,20 @@ fn arc_poses(frames: usize) -> Vec<Se3> {
     (0..frames).map(pose).collect()
 }
 
-fn speed_report(frames: usize) -> Report {
-    let even = Some(Follow { min: 1.0, max: 1.0, rms: 0.0, p95: 0.0 });
-    Report {
-        kind: Kind::Refine,
-        curve: Some(Curve::Cubic),
+fn speed_report(frames: usize) -> SpeedReport {
+    let even = Some(FollowError { min: 1.0, max: 1.0, rms: 0.0, p95: 0.0 });
+    SpeedReport {
+        kind: CourseKind::Refine,
+        curve: Some(CurveKind::Cubic),
         keyframes: Vec::new(),
         knot_distance: None,
         knot_jumps: None,
         flow: None,
         degree_drawn: None,
         degree_used: None,
-        law: Summation::Sum,
+        law: SummationRule::Sum,
         literal: false,
-        meaning: Meaning::Speed,
+        meaning: SpeedMeaning::Speed,
         alpha: 1.0,
         beta: 1.0,
         scale_distance: 2.0,

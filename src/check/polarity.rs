@@ -8,9 +8,9 @@
 //! and final voltage, so the width grows with the number of firing pixels divided by `N`. A sensor
 //! with more leak than noise starts anywhere between 0 and `A`, and its first events are ON.
 
-use super::event_frame::fit::Fit;
-use super::subject::{Bound, Judged, between_bounds};
-use super::{Check, Finding, Subject, Tally, limits};
+use super::event_frame::fit::AnchorFit;
+use super::subject::{Judgement, LimitSide, between_bounds};
+use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -37,12 +37,12 @@ pub struct OnShare;
 
 const NAME: &str = "polarity";
 
-impl Check for OnShare {
+impl ValidationPass for OnShare {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -54,13 +54,13 @@ impl Check for OnShare {
     }
 }
 
-fn judge_share(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
+fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64) -> Finding {
     let limits = subject.limits.polarity.unwrap_or_default();
     let predicted = predicted_share(subject, tally);
     let center = predicted.unwrap_or(0.5);
     let width = WIDTH + largest_shift(subject, tally);
-    let least = Bound::limit_or(limits.min, Bound::warning((center - width).max(0.0)));
-    let most = Bound::limit_or(limits.max, Bound::warning((center + width).min(1.0)));
+    let least = LimitSide::limit_or(limits.min, LimitSide::warning((center - width).max(0.0)));
+    let most = LimitSide::limit_or(limits.max, LimitSide::warning((center + width).min(1.0)));
     let (verdict, limit) = between_bounds(share, least, most);
     let because = match predicted {
         Some(p) => format!("{share:.4} of {} events are ON, the frames predict {p:.4}", tally.events),
@@ -69,19 +69,19 @@ fn judge_share(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
     subject.finding(
         NAME,
         "",
-        Judged { verdict, measured: Some(share), limit: Some(limit), unit: "1", because },
+        Judgement { verdict, measured: Some(share), limit: Some(limit), unit: "1", because },
     )
 }
 
 /// Largest shift of the share by voltages that start anywhere.
-fn largest_shift(subject: &Subject<'_>, tally: &Tally) -> f64 {
+fn largest_shift(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> f64 {
     let anywhere = subject.drift_law().is_ok_and(|law| !law.from_zero);
     if anywhere { tally.active_pixels as f64 / tally.events as f64 } else { 0.0 }
 }
 
 /// The share of ON events predicted from the frames and the number of events.
-fn predicted_share(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
+fn predicted_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Option<f64> {
     let [a, b] = subject.drift_law().ok()?.thresholds;
-    let Fit { expected, events, .. } = tally.fits.last()?;
+    let AnchorFit { expected, events, .. } = tally.fits.last()?;
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
 }

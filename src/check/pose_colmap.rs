@@ -16,9 +16,9 @@
 //! of more than half a turn can exceed the limit of `rotation` and be sound
 //! (`docs/other-programs.md`).
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
-use crate::foreign::colmap::{LEAST_PICTURES, Registered, Registration};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use crate::foreign::colmap::{ColmapRegistration, LEAST_PICTURES, PoseAgreement};
 use crate::foreign::upper_median;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -55,17 +55,17 @@ pub struct PoseColmap;
 
 const NAME: &str = "pose_colmap";
 
-impl Check for PoseColmap {
+impl ValidationPass for PoseColmap {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         match subject.foreign.and_then(|foreign| foreign.colmap.as_ref()) {
             None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
             Some(Ok(registration)) if registration.poses.len() < LEAST_PICTURES as usize => {
-                let Registration { program, given, poses, .. } = registration;
+                let ColmapRegistration { program, given, poses, .. } = registration;
                 let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
                 vec![subject.not_run(NAME, "", because)]
             }
@@ -74,35 +74,40 @@ impl Check for PoseColmap {
     }
 }
 
-fn registration_findings(subject: &Subject<'_>, registration: &Registration) -> Vec<Finding> {
+fn registration_findings(subject: &TrajectorySubject<'_>, registration: &ColmapRegistration) -> Vec<Finding> {
     let limits = subject.limits.pose_colmap.unwrap_or_default();
-    let Registration { program, given, poses, .. } = registration;
-    let of = |value: fn(&Registered) -> f64| {
+    let ColmapRegistration { program, given, poses, .. } = registration;
+    let of = |value: fn(&PoseAgreement) -> f64| {
         poses.iter().max_by(|a, b| value(a).total_cmp(&value(b))).expect("there are poses")
     };
-    let at_most = |part, measured: f64, limit: Bound, unit, because| {
+    let at_most = |part, measured: f64, limit: LimitSide, unit, because| {
         subject.finding(
             NAME,
             part,
-            Judged::from_value(limit.at_most(measured), measured, limit, unit, because),
+            Judgement::from_value(limit.at_most(measured), measured, limit, unit, because),
         )
     };
     let share = poses.len() as f64 / *given as f64;
-    let least = Bound::limit_or(limits.registered, Bound::warning(REGISTERED));
+    let least = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));
     let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
-    let registered = Judged::from_value(least.at_least(share), share, least, "1", because);
+    let registered = Judgement::from_value(least.at_least(share), share, least, "1", because);
     let middle = upper_median(poses.iter().map(|p| p.rotation_deg).collect());
     let because = format!("half of {} rotations are within {middle:.4} degrees of {program}'s", poses.len());
     let (turned, moved) = (of(|p| p.rotation_deg), of(|p| p.translation));
-    let rotation =
-        at_most("rotation", middle, Bound::limit_or(limits.max_deg, Bound::gate(MAX_DEG)), "deg", because);
+    let rotation = at_most(
+        "rotation",
+        middle,
+        LimitSide::limit_or(limits.max_deg, LimitSide::gate(MAX_DEG)),
+        "deg",
+        because,
+    );
     let because =
         format!("pose {} is turned by {:.4} degrees from {program}'s", turned.pose, turned.rotation_deg);
-    let bound = Bound::limit_or(limits.worst_deg, Bound::gate(WORST_DEG));
+    let bound = LimitSide::limit_or(limits.worst_deg, LimitSide::gate(WORST_DEG));
     let worst = at_most("rotation-worst", turned.rotation_deg, bound, "deg", because);
     let because =
         format!("pose {} is {:.5} of the path's length from {program}'s", moved.pose, moved.translation);
-    let bound = Bound::limit_or(limits.translation, Bound::gate(TRANSLATION));
+    let bound = LimitSide::limit_or(limits.translation, LimitSide::gate(TRANSLATION));
     let translation = at_most("translation", moved.translation, bound, "1", because);
     vec![subject.finding(NAME, "registered", registered), rotation, worst, translation]
 }
@@ -119,16 +124,16 @@ fn parse_enough<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32
 #[cfg(test)]
 mod tests {
     use super::super::Verdict;
-    use super::super::planted::World;
+    use super::super::planted::PlantedWorld;
     use super::*;
 
-    fn registration(world: &mut World) -> &mut Registration {
+    fn registration(world: &mut PlantedWorld) -> &mut ColmapRegistration {
         world.foreign.colmap.as_mut().unwrap().as_mut().unwrap()
     }
 
     #[test]
     fn one_pose_that_is_turned_by_a_degree_is_found() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         registration(&mut world).poses[7].rotation_deg = 1.0;
         assert_eq!(world.faults(), ["pose_colmap#rotation-worst"]);
         let finding = world.finding("pose_colmap#rotation-worst");
@@ -137,7 +142,7 @@ mod tests {
 
     #[test]
     fn poses_that_are_all_a_little_off_are_found() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         for pose in &mut registration(&mut world).poses {
             (pose.rotation_deg, pose.translation) = (0.11, 0.011);
         }
@@ -149,7 +154,7 @@ mod tests {
 
     #[test]
     fn pictures_without_a_place_are_told_and_too_few_say_nothing() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         registration(&mut world).poses.truncate(17);
         assert_eq!(world.finding("pose_colmap#registered").verdict, Verdict::Warn);
         registration(&mut world).poses.truncate(2);
@@ -160,7 +165,7 @@ mod tests {
 
     #[test]
     fn nobody_asked_or_nobody_there_is_told() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         world.foreign.colmap = Some(Err("there is no program `colmap`".into()));
         assert_eq!(world.finding("pose_colmap").because, "there is no program `colmap`");
         world.foreign.colmap = None;

@@ -7,8 +7,8 @@
 //! a jump. The default limit is 3. Translation and rotation are judged separately, each in the
 //! trajectory's mixed metric. A step below a quarter of the median mixed step is not a jump.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use crate::se3::rotation::angle_between;
 use serde::{Deserialize, Serialize};
 
@@ -35,13 +35,13 @@ pub struct PoseContinuity;
 
 const NAME: &str = "pose_continuity";
 
-impl Check for PoseContinuity {
+impl ValidationPass for PoseContinuity {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
-        let steps = Steps::of_subject(subject);
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+        let steps = RelativeSteps::of_subject(subject);
         if steps.linear.len() < LEAST_STEPS {
             return vec![subject.not_run(NAME, "", "there are fewer than 4 poses")];
         }
@@ -51,7 +51,7 @@ impl Check for PoseContinuity {
     }
 }
 
-fn judge_steps(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
+fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
     let ratio = |j: usize| {
         let among = median_of_neighbours(steps, j).max(floor);
         if steps[j] > 0.0 { steps[j] / among } else { 0.0 }
@@ -59,21 +59,21 @@ fn judge_steps(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> 
     let ratios = (0..steps.len()).map(|j| (j, ratio(j)));
     let (at, measured) = ratios.max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are steps");
     let limits = subject.limits.pose_continuity.unwrap_or_default();
-    let limit = Bound::limit_or(limits.max, Bound::gate(MOST));
+    let limit = LimitSide::limit_or(limits.max, LimitSide::gate(MOST));
     let because = format!("the step from pose {at} to {} is {measured:.3} times those around it", at + 1);
     let verdict = limit.at_most(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
-    subject.finding(NAME, part, Judged { verdict, measured, limit, unit: "1", because })
+    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: "1", because })
 }
 
 /// Steps divided by the asked speeds, in the mixed metric.
-struct Steps {
+struct RelativeSteps {
     linear: Vec<f64>,
     angular: Vec<f64>,
 }
 
-impl Steps {
-    fn of_subject(subject: &Subject<'_>) -> Self {
+impl RelativeSteps {
+    fn of_subject(subject: &TrajectorySubject<'_>) -> Self {
         let report = subject.speed;
         let (alpha, beta) = report.map_or((1.0, 1.0), |r| (r.alpha, r.beta / r.scale_distance));
         let shares: Vec<f64> = report.map_or_else(Vec::new, |r| r.asked_shares().collect());

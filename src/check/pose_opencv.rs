@@ -14,9 +14,9 @@
 //! pixel. The other two compare them with the content of pictures, but less precisely: two views
 //! determine a motion less well than twenty do (`pose_colmap`).
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
-use crate::foreign::opencv::{Geometry, Motion, Projection};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use crate::foreign::opencv::{OpencvGeometry, ProjectionAgreement, RelativeMotion};
 use crate::foreign::upper_median;
 use serde::{Deserialize, Serialize};
 
@@ -44,12 +44,12 @@ pub struct PoseOpencv;
 
 const NAME: &str = "pose_opencv";
 
-impl Check for PoseOpencv {
+impl ValidationPass for PoseOpencv {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         match subject.foreign.and_then(|foreign| foreign.opencv.as_ref()) {
             None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
@@ -62,25 +62,25 @@ impl Check for PoseOpencv {
     }
 }
 
-fn judge_projection(geometry: &Geometry) -> Judged {
+fn judge_projection(geometry: &OpencvGeometry) -> Judgement {
     let files = [("poses.txt", geometry.poses_txt), ("transforms.json", geometry.transforms_json)];
-    let (name, Projection { px, pose, points }) =
+    let (name, ProjectionAgreement { px, pose, points }) =
         if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
     let program = &geometry.program;
     if let Some((name, _)) = files.iter().find(|(_, seen)| seen.pose.is_none()) {
-        return Judged::not_run(format!("{name} has none of the poses that {program} was asked about"));
+        return Judgement::not_run(format!("{name} has none of the poses that {program} was asked about"));
     }
-    let limit = Bound::gate(PX);
+    let limit = LimitSide::gate(PX);
     let pose = pose.unwrap_or_default();
     let because =
         format!("{program} sees {points} points within {px:.2e} px of us by {name}, worst in pose {pose}");
-    Judged::from_value(limit.at_most(px), px, limit, "px", because)
+    Judgement::from_value(limit.at_most(px), px, limit, "px", because)
 }
 
-fn judge_relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
-    let Geometry { program, tried, pairs, .. } = geometry;
+fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) -> Vec<Finding> {
+    let OpencvGeometry { program, tried, pairs, .. } = geometry;
     let limits = subject.limits.pose_opencv.unwrap_or_default();
-    let judge = |part, value: fn(&Motion) -> f64, limit: Bound| {
+    let judge = |part, value: fn(&RelativeMotion) -> f64, limit: LimitSide| {
         if pairs.len() < LEAST_PAIRS {
             let because = format!(
                 "{program} finds a motion from {} of {tried} pictures to a later one: too few key points are shared \
@@ -97,11 +97,11 @@ fn judge_relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
         subject.finding(
             NAME,
             part,
-            Judged::from_value(limit.at_most(measured), measured, limit, "deg", because),
+            Judgement::from_value(limit.at_most(measured), measured, limit, "deg", because),
         )
     };
-    let rotation = Bound::limit_or(limits.rotation_deg, Bound::warning(ROTATION_DEG));
-    let direction = Bound::limit_or(limits.direction_deg, Bound::warning(DIRECTION_DEG));
+    let rotation = LimitSide::limit_or(limits.rotation_deg, LimitSide::warning(ROTATION_DEG));
+    let direction = LimitSide::limit_or(limits.direction_deg, LimitSide::warning(DIRECTION_DEG));
     vec![
         judge("relative-rotation", |m| m.rotation_deg, rotation),
         judge("relative-direction", |m| m.direction_deg, direction),
@@ -111,17 +111,17 @@ fn judge_relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::super::Verdict;
-    use super::super::planted::World;
+    use super::super::planted::PlantedWorld;
     use super::*;
 
-    fn geometry(world: &mut World) -> &mut Geometry {
+    fn geometry(world: &mut PlantedWorld) -> &mut OpencvGeometry {
         world.foreign.opencv.as_mut().unwrap().as_mut().unwrap()
     }
 
     #[test]
     fn a_point_that_is_elsewhere_by_either_file_is_found() {
-        let t = |plant: fn(&mut Geometry), file: &str| {
-            let mut world = World::default_world();
+        let t = |plant: fn(&mut OpencvGeometry), file: &str| {
+            let mut world = PlantedWorld::default_world();
             plant(geometry(&mut world));
             assert_eq!(world.faults(), ["pose_opencv#projection"]);
             let because = world.finding("pose_opencv#projection").because;
@@ -129,14 +129,14 @@ mod tests {
         };
         t(|g| g.poses_txt.px = 1.1e-3, "poses.txt");
         t(|g| g.transforms_json.px = 0.5, "transforms.json");
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         geometry(&mut world).transforms_json.pose = None;
         assert_eq!(world.finding("pose_opencv#projection").verdict, Verdict::NotRun);
     }
 
     #[test]
     fn motions_that_pictures_do_not_show_warn_and_fail_where_the_recipe_says_so() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         for pair in &mut geometry(&mut world).pairs {
             pair.rotation_deg = 0.6;
         }
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn too_few_motions_say_nothing_of_pictures_and_all_of_projection() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         geometry(&mut world).pairs.truncate(2);
         assert_eq!(world.finding("pose_opencv#relative-rotation").verdict, Verdict::NotRun);
         assert_eq!(world.finding("pose_opencv#projection").verdict, Verdict::Pass);

@@ -2,8 +2,8 @@
 //! by OpenCV. A gate: each must read exactly the same values. The pass runs if the recipe requests
 //! it.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use crate::foreign;
 use serde::{Deserialize, Serialize};
 
@@ -14,16 +14,16 @@ pub struct Limits {}
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Readback;
+pub struct ReadbackPass;
 
 const NAME: &str = "readback";
 
-impl Check for Readback {
+impl ValidationPass for ReadbackPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         match subject.foreign.and_then(|foreign| foreign.readback.as_ref()) {
             None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
@@ -41,15 +41,15 @@ impl Check for Readback {
 const NO_EVENTS: &str = "there are no events";
 
 /// No value may differ.
-fn judge_differences(differing: usize, because: String) -> Judged {
-    let limit = Bound::gate(0.0);
+fn judge_differences(differing: usize, because: String) -> Judgement {
+    let limit = LimitSide::gate(0.0);
     let measured = differing as f64;
-    Judged::from_value(limit.at_most(measured), measured, limit, "1", because)
+    Judgement::from_value(limit.at_most(measured), measured, limit, "1", because)
 }
 
-fn judge_events(read: &foreign::readback::Readback) -> Judged {
+fn judge_events(read: &foreign::readback::ReadbackReport) -> Judgement {
     if read.streams.is_empty() {
-        return Judged::not_run(NO_EVENTS);
+        return Judgement::not_run(NO_EVENTS);
     }
     let differing = read.streams.iter().map(|stream| stream.differing.len()).sum();
     let total: u64 = read.streams.iter().map(|stream| stream.events).sum();
@@ -66,9 +66,9 @@ fn judge_events(read: &foreign::readback::Readback) -> Judged {
     judge_differences(differing, because)
 }
 
-fn judge_index(read: &foreign::readback::Readback) -> Judged {
+fn judge_index(read: &foreign::readback::ReadbackReport) -> Judgement {
     if read.streams.is_empty() {
-        return Judged::not_run(NO_EVENTS);
+        return Judgement::not_run(NO_EVENTS);
     }
     let sum = |value: fn(&foreign::readback::StreamRead) -> u64| read.streams.iter().map(value).sum::<u64>();
     let (entries, wrong) = (sum(|s| s.entries), sum(|s| s.wrong_entries));
@@ -76,9 +76,9 @@ fn judge_index(read: &foreign::readback::Readback) -> Judged {
     judge_differences(usize::try_from(wrong).unwrap_or(usize::MAX), because)
 }
 
-fn judge_pictures(read: &foreign::readback::Readback) -> Judged {
+fn judge_pictures(read: &foreign::readback::ReadbackReport) -> Judgement {
     match &read.pictures {
-        Err(because) => Judged::not_run(because),
+        Err(because) => Judgement::not_run(because),
         Ok(pictures) => {
             let differing = &pictures.differing;
             let first =
@@ -97,13 +97,13 @@ fn judge_pictures(read: &foreign::readback::Readback) -> Judged {
 #[cfg(test)]
 mod tests {
     use super::super::Verdict;
-    use super::super::planted::World;
+    use super::super::planted::PlantedWorld;
     use super::*;
 
     #[test]
     fn what_others_read_otherwise_is_found() {
-        let t = |plant: fn(&mut foreign::readback::Readback), wanted: &str, says: &str| {
-            let mut world = World::default_world();
+        let t = |plant: fn(&mut foreign::readback::ReadbackReport), wanted: &str, says: &str| {
+            let mut world = PlantedWorld::default_world();
             plant(world.foreign.readback.as_mut().unwrap().as_mut().unwrap());
             assert_eq!(world.faults(), [wanted]);
             let because = world.finding(wanted).because;
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn what_is_not_there_is_not_read() {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         let read = world.foreign.readback.as_mut().unwrap().as_mut().unwrap();
         read.streams.clear();
         read.pictures = Err("there are no pictures".into());

@@ -5,9 +5,9 @@
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
 //! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 
-use super::subject::{Bound, Judged};
+use super::subject::{Judgement, LimitSide};
 use super::{Finding, SceneSubject, Verdict, limits};
-use crate::render::fidelity::{Fidelity, Psnr};
+use crate::render::fidelity::{PhotoFidelity, PsnrFigures};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -52,15 +52,24 @@ pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     ]
 }
 
-fn judge_drop(subject: &SceneSubject<'_>, psnr: &Psnr, worst: &str, limits: &Limits) -> Finding {
-    let limit = Bound::limit_or(limits.drop, Bound::gate(DROP_DB));
+fn judge_drop(subject: &SceneSubject<'_>, psnr: &PsnrFigures, worst: &str, limits: &Limits) -> Finding {
+    let limit = LimitSide::limit_or(limits.drop, LimitSide::gate(DROP_DB));
     let measured = psnr.mean - psnr.min;
     let because = format!("`{worst}` has {:.2} dB, {measured:.2} less than views have in the mean", psnr.min);
-    subject.finding(NAME, "drop", Judged::from_value(limit.at_most(measured), measured, limit, "dB", because))
+    subject.finding(
+        NAME,
+        "drop",
+        Judgement::from_value(limit.at_most(measured), measured, limit, "dB", because),
+    )
 }
 
-fn judge_mean(subject: &SceneSubject<'_>, fidelity: &Fidelity, psnr: &Psnr, limits: &Limits) -> Finding {
-    let limit = Bound::limit_or(limits.mean, Bound::warning(MEAN_DB));
+fn judge_mean(
+    subject: &SceneSubject<'_>,
+    fidelity: &PhotoFidelity,
+    psnr: &PsnrFigures,
+    limits: &Limits,
+) -> Finding {
+    let limit = LimitSide::limit_or(limits.mean, LimitSide::warning(MEAN_DB));
     let held_out = psnr.held_out.map_or_else(String::new, |held_out| {
         format!("; every eighth, which trainers by convention hold out, {held_out:.2}")
     });
@@ -76,14 +85,14 @@ fn judge_mean(subject: &SceneSubject<'_>, fidelity: &Fidelity, psnr: &Psnr, limi
     subject.finding(
         NAME,
         "mean",
-        Judged::from_value(limit.at_least(psnr.mean), psnr.mean, limit, "dB", because),
+        Judgement::from_value(limit.at_least(psnr.mean), psnr.mean, limit, "dB", because),
     )
 }
 
 fn judge_ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &Limits) -> Finding {
-    let verdict = limits.ssim.map_or(Verdict::Pass, |least| Bound::gate(least).at_least(measured));
+    let verdict = limits.ssim.map_or(Verdict::Pass, |least| LimitSide::gate(least).at_least(measured));
     let because = format!("{views} views have a SSIM of {measured:.4} in the mean");
-    let judged = Judged { verdict, measured: Some(measured), limit: limits.ssim, unit: "1", because };
+    let judged = Judgement { verdict, measured: Some(measured), limit: limits.ssim, unit: "1", because };
     subject.finding(NAME, "ssim", judged)
 }
 
@@ -91,18 +100,18 @@ fn judge_ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &
 mod tests {
     use super::*;
     use crate::check::judge_scene;
-    use crate::render::fidelity::{Compared, Fidelity, NotCompared};
+    use crate::render::fidelity::{ComparedView, NotCompared, PhotoFidelity};
 
     /// The finding of a statement on views with this PSNR.
     fn found(part: &str, limits: &str, psnr: &[f64]) -> Finding {
-        let view = |(i, psnr): (usize, &f64)| Compared {
+        let view = |(i, psnr): (usize, &f64)| ComparedView {
             name: format!("{i}.jpg"),
             psnr: *psnr,
             ssim: 0.8,
             held_out: i == 0,
         };
         let not_compared = vec![NotCompared { name: "9.jpg".into(), because: "neither JPEG nor PNG".into() }];
-        let fidelity = Fidelity { views: psnr.iter().enumerate().map(view).collect(), not_compared };
+        let fidelity = PhotoFidelity { views: psnr.iter().enumerate().map(view).collect(), not_compared };
         let why = || "not asked here".to_owned();
         let limits = serde_json::from_str(limits).unwrap();
         let subject = SceneSubject {

@@ -5,8 +5,8 @@
 //! the period by less than one microsecond. The pass counts events closer than the period in whole
 //! microseconds; a sound stream has none.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass};
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -14,12 +14,12 @@ pub struct DeadTime;
 
 const NAME: &str = "refractory";
 
-impl Check for DeadTime {
+impl ValidationPass for DeadTime {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let (Some(tally), Some(sensor)) = (subject.tally, subject.sensor) else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -35,11 +35,11 @@ impl Check for DeadTime {
             "{} of {} events come within {period_us} us of another one of their pixel",
             tally.too_soon, tally.events
         );
-        let (limit, measured) = (Bound::gate(0.0), tally.too_soon as f64);
+        let (limit, measured) = (LimitSide::gate(0.0), tally.too_soon as f64);
         vec![subject.finding(
             NAME,
             "",
-            Judged::from_value(limit.at_most(measured), measured, limit, "events", because),
+            Judgement::from_value(limit.at_most(measured), measured, limit, "events", because),
         )]
     }
 }

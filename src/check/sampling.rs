@@ -9,10 +9,10 @@
 
 mod resampled;
 
-pub use resampled::Resampled;
+pub use resampled::ResampledIntervals;
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, Verdict, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -40,26 +40,27 @@ const LEAST_EVENTS: u64 = 400;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Sampling;
+pub struct SamplingPass;
 
 const NAME: &str = "sampling";
 
-impl Check for Sampling {
+impl ValidationPass for SamplingPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(flow) = subject.flow else {
             return vec![subject.not_run(NAME, "", "no depth is at hand, so there is no optical flow")];
         };
-        let limit = Bound::limit_or(subject.limits.sampling.and_then(|l| l.max), Bound::warning(MOST));
+        let limit =
+            LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.max), LimitSide::warning(MOST));
         let measured = f64::from(flow.p95);
         let because = format!(
             "95 % of pixels move by at most {measured:.2} px between frames (half by {:.2}, the fastest by {:.2})",
             flow.median, flow.max
         );
-        let judged = Judged {
+        let judged = Judgement {
             verdict: limit.at_most(measured),
             measured: Some(measured),
             limit: Some(limit.value),
@@ -69,7 +70,7 @@ impl Check for Sampling {
         vec![subject.finding(NAME, "", judged)]
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tried) = subject.resampled else {
             let because = "twice the frames were not tried: a sensor whose noise goes by frames has none to compare, and a release none to try";
             return vec![subject.not_run(NAME, "twice", because)];
@@ -82,17 +83,21 @@ impl Check for Sampling {
     }
 }
 
-fn judge_count(subject: &Subject<'_>, tried: &Resampled) -> Finding {
-    let limit = Bound::limit_or(subject.limits.sampling.and_then(|l| l.count), Bound::warning(COUNT));
+fn judge_count(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Finding {
+    let limit = LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.count), LimitSide::warning(COUNT));
     let measured = (tried.at_twice as f64 / tried.events as f64 - 1.0).abs();
     let because = format!(
         "a fourth of the rows has {1} events in {0} intervals, and {2} at twice the frames",
         tried.intervals, tried.events, tried.at_twice
     );
-    subject.finding(NAME, "count", Judged::from_value(limit.at_most(measured), measured, limit, "1", because))
+    subject.finding(
+        NAME,
+        "count",
+        Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
+    )
 }
 
-fn judge_shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
+fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Finding {
     let Some(measured) = tried.shift_us else {
         return subject.not_run(NAME, "shift", "no event is in both");
     };
@@ -105,13 +110,13 @@ fn judge_shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
         return subject.finding(
             NAME,
             "shift",
-            Judged { verdict, measured, limit: None, unit: "us", because },
+            Judgement { verdict, measured, limit: None, unit: "us", because },
         );
     }
-    let limit = Bound::limit_or(asked, Bound::warning(SHIFT_US));
+    let limit = LimitSide::limit_or(asked, LimitSide::warning(SHIFT_US));
     subject.finding(
         NAME,
         "shift",
-        Judged::from_value(limit.at_most(measured), measured, limit, "us", because),
+        Judgement::from_value(limit.at_most(measured), measured, limit, "us", because),
     )
 }

@@ -1,10 +1,10 @@
 //! The subject of the passes over a scene: its capture, and its agreement with the photos.
 
-use super::subject::Judged;
+use super::subject::Judgement;
 use super::{Finding, Limits};
-use crate::render::fidelity::Fidelity;
-use crate::source::colmap::Reprojection;
-use crate::trajectory::walk::Walk;
+use crate::render::fidelity::PhotoFidelity;
+use crate::source::colmap::ReprojectionStats;
+use crate::trajectory::walk::CaptureEvenness;
 
 /// One scene. Values that could not be measured carry the reason.
 #[derive(Debug, Clone)]
@@ -12,20 +12,20 @@ pub struct SceneSubject<'a> {
     /// Scene id.
     pub name: &'a str,
     /// Reprojection errors of its points.
-    pub reprojection: Result<Reprojection, String>,
+    pub reprojection: Result<ReprojectionStats, String>,
     /// Numbers of its photos.
-    pub photos: Result<Photos, String>,
+    pub photos: Result<CapturePhotos, String>,
     /// Evenness of its views.
-    pub walk: Result<Walk, String>,
+    pub walk: Result<CaptureEvenness, String>,
     /// Agreement of the scene with its photos, if there are Gaussians.
-    pub fidelity: Option<&'a Fidelity>,
+    pub fidelity: Option<&'a PhotoFidelity>,
     /// The recipe's limits.
     pub limits: &'a Limits,
 }
 
 /// The photos of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Photos {
+pub struct CapturePhotos {
     /// Number of photos.
     pub there: usize,
     /// Number of photos with a pose.
@@ -36,12 +36,12 @@ pub struct Photos {
 
 impl SceneSubject<'_> {
     /// A finding of `check`; `part` names the statement.
-    pub(super) fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
+    pub(super) fn finding(&self, check: &str, part: &str, judged: Judgement) -> Finding {
         judged.finding(self.name, check, part)
     }
 
     /// The finding of a statement that could not be measured.
     pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
-        self.finding(check, part, Judged::not_run(because))
+        self.finding(check, part, Judgement::not_run(because))
     }
 }

@@ -3,21 +3,21 @@
 //! Types, lengths, index tables and polarities other than 0 and 1 are rejected by the reader: such
 //! a file cannot be read.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass};
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Schema;
+pub struct SchemaPass;
 
 const NAME: &str = "schema";
 
-impl Check for Schema {
+impl ValidationPass for SchemaPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
@@ -26,8 +26,8 @@ impl Check for Schema {
         let order = format!("{} of {events} events sort before the one in front of them", tally.disordered);
         let wrong = |part, count: u64, because| {
             let (measured, limit) = (Some(count as f64), Some(0.0));
-            let verdict = Bound::gate(0.0).at_most(count as f64);
-            subject.finding(NAME, part, Judged { verdict, measured, limit, unit: "events", because })
+            let verdict = LimitSide::gate(0.0).at_most(count as f64);
+            subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: "events", because })
         };
         vec![wrong("place", tally.off_sensor, place), wrong("order", tally.disordered, order)]
     }

@@ -5,9 +5,9 @@
 //! neighbouring poses, it follows the law within 3 %: a warning. Linear and angular speed need not
 //! follow it, and are reported.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
-use crate::trajectory::report::{Follow, Report};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use crate::trajectory::report::{FollowError, SpeedReport};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -27,16 +27,16 @@ const CHORD: f64 = 0.03;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Speed;
+pub struct SpeedPass;
 
 const NAME: &str = "speed";
 
-impl Check for Speed {
+impl ValidationPass for SpeedPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(report) = subject.speed else {
             return vec![subject.not_run(NAME, "", "the trajectory has no report")];
         };
@@ -44,7 +44,7 @@ impl Check for Speed {
     }
 }
 
-fn judge_arc(subject: &Subject<'_>, report: &Report) -> Finding {
+fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
     if report.literal {
         return subject.not_run(
             NAME,
@@ -55,29 +55,35 @@ fn judge_arc(subject: &Subject<'_>, report: &Report) -> Finding {
     let Some(follow) = report.mixed_ratio else {
         return subject.not_run(NAME, "arc", "the camera stands still");
     };
-    let limit = Bound::limit_or(subject.limits.speed.and_then(|l| l.arc), Bound::gate(ARC));
+    let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.arc), LimitSide::gate(ARC));
     judge_follow(subject, "arc", follow, limit, "")
 }
 
-fn judge_chord(subject: &Subject<'_>, report: &Report) -> Finding {
+fn judge_chord(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
     let Some(follow) = report.mixed_chord_ratio else {
         return subject.not_run(NAME, "chord", "the camera stands still");
     };
-    let limit = Bound::limit_or(subject.limits.speed.and_then(|l| l.chord), Bound::warning(CHORD));
-    let told = |name: &str, follow: Option<Follow>| {
+    let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::warning(CHORD));
+    let told = |name: &str, follow: Option<FollowError>| {
         follow.map_or_else(String::new, |f| format!("; {name} {:.3} to {:.3}", f.min, f.max))
     };
     let parts = told("linear", report.linear_ratio) + &told("angular", report.angular_ratio);
     judge_follow(subject, "chord", follow, limit, &parts)
 }
 
-fn judge_follow(subject: &Subject<'_>, part: &str, follow: Follow, limit: Bound, more: &str) -> Finding {
+fn judge_follow(
+    subject: &TrajectorySubject<'_>,
+    part: &str,
+    follow: FollowError,
+    limit: LimitSide,
+    more: &str,
+) -> Finding {
     let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
     let because = format!(
         "steps measured as {part} are {:.7} to {:.7} of their share of the path{more}",
         follow.min, follow.max
     );
-    let judged = Judged {
+    let judged = Judgement {
         verdict: limit.at_most(measured),
         measured: Some(measured),
         limit: Some(limit.value),

@@ -1,27 +1,27 @@
 //! Stamps of poses equal those of the frame rate, and events lie between the first and the last. An
 //! exact gate.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject};
-use crate::speed::Meaning;
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass};
+use crate::speed::SpeedMeaning;
 use crate::trajectory::sample::stamps_us;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Stamps;
+pub struct StampsPass;
 
 const NAME: &str = "stamps";
 
-impl Check for Stamps {
+impl ValidationPass for StampsPass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         vec![judge_poses(subject)]
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else { return Vec::new() };
         let events = tally.events;
         let span = format!("0 to {} us", subject.trajectory.stamps_us.last().unwrap_or(&0));
@@ -30,7 +30,7 @@ impl Check for Stamps {
     }
 }
 
-fn judge_poses(subject: &Subject<'_>) -> Finding {
+fn judge_poses(subject: &TrajectorySubject<'_>) -> Finding {
     let stamps = &subject.trajectory.stamps_us;
     let poses = subject.trajectory.world_from_camera.len();
     let wanted = expected_stamps(subject);
@@ -38,7 +38,7 @@ fn judge_poses(subject: &Subject<'_>) -> Finding {
     let unsorted = stamps.windows(2).filter(|w| w[1] <= w[0]).count();
     let unpaired = poses.abs_diff(stamps.len());
     let law = match subject.speed.map(|report| report.meaning) {
-        Some(Meaning::FrameRate) => "those of the frame rates asked for",
+        Some(SpeedMeaning::FrameRate) => "those of the frame rates asked for",
         _ => "round(j / rate)",
     };
     let because = format!(
@@ -49,18 +49,18 @@ fn judge_poses(subject: &Subject<'_>) -> Finding {
 }
 
 /// The expected stamps: those of the frame rate, or of the frame rates that the speed law requests.
-fn expected_stamps(subject: &Subject<'_>) -> Vec<i64> {
+fn expected_stamps(subject: &TrajectorySubject<'_>) -> Vec<i64> {
     match subject.speed {
-        Some(report) if report.meaning == Meaning::FrameRate => {
+        Some(report) if report.meaning == SpeedMeaning::FrameRate => {
             stamps_us(subject.rate, report.meaning, &report.u)
         }
         _ => (0..subject.trajectory.stamps_us.len() as u64).map(|j| subject.rate.stamp_us(j)).collect(),
     }
 }
 
-fn wrong_count(subject: &Subject<'_>, part: &str, count: u64, because: String) -> Finding {
+fn wrong_count(subject: &TrajectorySubject<'_>, part: &str, count: u64, because: String) -> Finding {
     let unit = if part == "poses" { "stamps" } else { "events" };
-    let verdict = Bound::gate(0.0).at_most(count as f64);
+    let verdict = LimitSide::gate(0.0).at_most(count as f64);
     let (measured, limit) = (Some(count as f64), Some(0.0));
-    subject.finding(NAME, part, Judged { verdict, measured, limit, unit, because })
+    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit, because })
 }

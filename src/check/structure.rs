@@ -7,8 +7,8 @@
 //! et al., E-MLB, 2023) relative to that of a uniform stream. Dense texture comes close to 1, so
 //! this is not a gate.
 
-use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -24,22 +24,23 @@ const LEAST: f64 = 1.03;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
-pub struct Structure;
+pub struct StructurePass;
 
 const NAME: &str = "structure";
 
-impl Check for Structure {
+impl ValidationPass for StructurePass {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
         let crowding = &tally.crowding;
         let (measured, noise) = (crowding.ratio(), crowding.noise());
-        let limit = Bound::limit_or(subject.limits.structure.and_then(|l| l.min), Bound::warning(LEAST));
+        let limit =
+            LimitSide::limit_or(subject.limits.structure.and_then(|l| l.min), LimitSide::warning(LEAST));
         // Five standard deviations of a stream without structure must lie below the limit.
         if noise.is_nan() || 5.0 * noise >= limit.value - 1.0 {
             let because = format!("{} events are too few to tell structure from chance", tally.events);
@@ -51,7 +52,7 @@ impl Check for Structure {
         vec![subject.finding(
             NAME,
             "",
-            Judged::from_value(limit.at_least(measured), measured, limit, "1", because),
+            Judgement::from_value(limit.at_least(measured), measured, limit, "1", because),
         )]
     }
 }

@@ -1,13 +1,13 @@
 //! The input of passes over a trajectory, and the construction of findings.
 
 use super::drift::DriftLaw;
-use super::sampling::Resampled;
-use super::{Finding, Limits, Tally, Verdict};
-use crate::foreign::Foreign;
-use crate::render::flow::Quantiles;
-use crate::sensor::{Account, Sensor};
+use super::sampling::ResampledIntervals;
+use super::{Finding, Limits, StreamTally, Verdict};
+use crate::foreign::ExternalReport;
+use crate::render::flow::FlowQuantiles;
+use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::trajectory::Trajectory;
-use crate::trajectory::report::Report;
+use crate::trajectory::report::SpeedReport;
 use crate::units::Hertz;
 
 /// The reason why a release tree does not allow a comparison with frames.
@@ -17,7 +17,7 @@ pub(super) const NOT_SEEN: &str =
 /// One trajectory and its products. Values that were not requested or not kept are `None`; the
 /// passes that need them say so.
 #[derive(Debug, Clone, Copy)]
-pub struct Subject<'a> {
+pub struct TrajectorySubject<'a> {
     /// `scene/trajectory`.
     pub name: &'a str,
     /// Frame rate.
@@ -25,26 +25,26 @@ pub struct Subject<'a> {
     /// The poses and their stamps.
     pub trajectory: &'a Trajectory,
     /// The trajectory's own report.
-    pub speed: Option<&'a Report>,
+    pub speed: Option<&'a SpeedReport>,
     /// The sensor, if there are events.
-    pub sensor: Option<&'a Sensor>,
+    pub sensor: Option<&'a SensorChoice>,
     /// The sensor's account of its run.
-    pub account: Option<&'a Account>,
+    pub account: Option<&'a SimulationAccount>,
     /// The counts of the event stream.
-    pub tally: Option<&'a Tally>,
+    pub tally: Option<&'a StreamTally>,
     /// Image motion between neighbouring frames, px.
-    pub flow: Option<Quantiles>,
+    pub flow: Option<FlowQuantiles>,
     /// The stream with twice the frames, if that was simulated.
-    pub resampled: Option<&'a Resampled>,
+    pub resampled: Option<&'a ResampledIntervals>,
     /// The share of the image from Gaussians too deep for their distance.
     pub doubtful_share: Option<f64>,
     /// Reports of other programs, if the recipe requests them.
-    pub foreign: Option<&'a Foreign>,
+    pub foreign: Option<&'a ExternalReport>,
     /// The recipe's limits.
     pub limits: &'a Limits,
 }
 
-impl Subject<'_> {
+impl TrajectorySubject<'_> {
     /// Time from the first stamp to the last, seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
@@ -61,19 +61,19 @@ impl Subject<'_> {
     }
 
     /// A finding of `check`; `part` names the statement if the pass makes several.
-    pub(super) fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
+    pub(super) fn finding(&self, check: &str, part: &str, judged: Judgement) -> Finding {
         judged.finding(self.name, check, part)
     }
 
     /// The finding of a pass that could not measure anything.
     pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
-        self.finding(check, part, Judged::not_run(because))
+        self.finding(check, part, Judgement::not_run(because))
     }
 }
 
 /// The verdict on one statement.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Judged {
+pub(super) struct Judgement {
     pub(super) verdict: Verdict,
     pub(super) measured: Option<f64>,
     pub(super) limit: Option<f64>,
@@ -81,7 +81,7 @@ pub(super) struct Judged {
     pub(super) because: String,
 }
 
-impl Judged {
+impl Judgement {
     /// The verdict on a statement that could not be measured.
     pub(super) fn not_run(because: impl Into<String>) -> Self {
         let verdict = Verdict::NotRun;
@@ -92,7 +92,7 @@ impl Judged {
     pub(super) fn from_value(
         verdict: Verdict,
         measured: f64,
-        limit: Bound,
+        limit: LimitSide,
         unit: &'static str,
         because: String,
     ) -> Self {
@@ -110,12 +110,12 @@ impl Judged {
 
 /// One end of an allowed range, and the verdict beyond it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Bound {
+pub(super) struct LimitSide {
     pub(super) value: f64,
     pub(super) beyond: Verdict,
 }
 
-impl Bound {
+impl LimitSide {
     /// A limit that stops a release.
     pub(super) fn gate(value: f64) -> Self {
         Self { value, beyond: Verdict::Fail }
@@ -145,7 +145,7 @@ impl Bound {
 
 /// The verdict on a value between two bounds, and the relevant bound: the violated one, or else the
 /// nearer.
-pub(super) fn between_bounds(measured: f64, least: Bound, most: Bound) -> (Verdict, f64) {
+pub(super) fn between_bounds(measured: f64, least: LimitSide, most: LimitSide) -> (Verdict, f64) {
     match (least.at_least(measured), most.at_most(measured)) {
         (Verdict::Pass, Verdict::Pass) if measured - least.value < most.value - measured => {
             (Verdict::Pass, least.value)
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn a_value_is_held_against_the_bound_it_violates_or_the_nearer() {
         let t = |measured, verdict, limit| {
-            let found = between_bounds(measured, Bound::warning(1.0), Bound::gate(2.0));
+            let found = between_bounds(measured, LimitSide::warning(1.0), LimitSide::gate(2.0));
             assert_eq!(found, (verdict, limit), "{measured}");
         };
         t(0.9, Verdict::Warn, 1.0);
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn what_is_not_a_number_is_outside() {
-        assert_eq!(Bound::gate(1.0).at_most(f64::NAN), Verdict::Fail);
-        assert_eq!(Bound::gate(1.0).at_least(f64::NAN), Verdict::Fail);
+        assert_eq!(LimitSide::gate(1.0).at_most(f64::NAN), Verdict::Fail);
+        assert_eq!(LimitSide::gate(1.0).at_least(f64::NAN), Verdict::Fail);
     }
 }

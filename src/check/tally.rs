@@ -4,25 +4,25 @@
 mod busy;
 mod crowding;
 
-pub use busy::Busy;
-pub use crowding::Crowding;
+pub use busy::BusyPixels;
+pub use crowding::CrowdingSums;
 
 use super::drift::DriftLaw;
-use super::event_frame::fit::{Balance, Fit};
-use super::motion::warp::{FlowAt, Sharpness, Windows};
-use super::noise_floor::still::{Stillness, Watch};
+use super::event_frame::fit::{AnchorFit, DriftBalance};
+use super::motion::warp::{FlowAt, WarpSharpness, WarpWindows};
+use super::noise_floor::still::{StillPixelCounts, StillPixelWatch};
 use crate::event::{Event, Polarity};
-use crate::frames::anchors::Anchors;
+use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
 use crate::units::Hertz;
-use crowding::Crowds;
+use crowding::CrowdingCounter;
 
 /// Bins of the phase of event times within the frame interval.
 const PHASES: usize = 16;
 
 /// The counts of a stream.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tally {
+pub struct StreamTally {
     /// Size of the sensor.
     pub size: Size,
     /// Number of events.
@@ -53,34 +53,34 @@ pub struct Tally {
     /// Events in the dead time after another event of their pixel.
     pub too_soon: u64,
     /// Distribution of the events over the pixels.
-    pub busy: Busy,
+    pub busy: BusyPixels,
     /// Pairs of events of one window that share a cell of the sensor.
-    pub crowding: Crowding,
+    pub crowding: CrowdingSums,
     /// Comparison of events and frames at each anchor after the first; empty if the sensor's law
     /// does not allow it.
-    pub fits: Vec<Fit>,
+    pub fits: Vec<AnchorFit>,
     /// Residual drift of each pixel at the last anchor, in thresholds; empty if `fits` is.
     pub residuals: Vec<f32>,
     /// Effect of moving events along the flow, per window.
-    pub sharpness: Vec<Sharpness>,
+    pub sharpness: Vec<WarpSharpness>,
     /// Events per pixel of one window, in place and moved.
     pub window: Option<[Vec<u16>; 2]>,
     /// Events of pixels that see no change; `None` if these are unknown.
-    pub still: Option<Stillness>,
+    pub still: Option<StillPixelCounts>,
 }
 
 /// The references for a stream. Absent ones are not compared.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Against<'a> {
+pub struct TallyReference<'a> {
     /// The sensor's law, and some of its frames.
-    pub seen: Option<(DriftLaw, &'a Anchors)>,
+    pub seen: Option<(DriftLaw, &'a AnchorFrames)>,
     /// The image motion at some instants.
     pub flows: &'a [FlowAt],
     /// Dead time of a pixel after an event, in whole microseconds.
     pub dead_us: i64,
 }
 
-impl Tally {
+impl StreamTally {
     /// Number of OFF events.
     #[must_use]
     pub fn off(&self) -> u64 {
@@ -96,8 +96,8 @@ impl Tally {
 
 /// Counts a stream that arrives in chunks.
 #[derive(Debug)]
-pub struct Observer<'a> {
-    tally: Tally,
+pub struct StreamObserver<'a> {
+    tally: StreamTally,
     size: Size,
     frames_per_us: f64,
     end_us: i64,
@@ -105,48 +105,48 @@ pub struct Observer<'a> {
     /// Events in front of the latest one at its pixel and in its microsecond.
     together: u64,
     millisecond: (i64, u64),
-    counts: Counts,
-    crowds: Crowds,
+    counts: PixelCounts,
+    crowds: CrowdingCounter,
     /// Time of each pixel's last event, us; empty without a dead time.
     last_us: Vec<i64>,
     dead_us: i64,
-    balance: Option<Balance<'a>>,
-    windows: Windows<'a>,
-    watch: Option<Watch>,
+    balance: Option<DriftBalance<'a>>,
+    windows: WarpWindows<'a>,
+    watch: Option<StillPixelWatch>,
 }
 
 /// Events of each pixel since the first stamp.
 #[derive(Debug)]
-pub(super) struct Counts {
+pub(super) struct PixelCounts {
     pub(super) on: Vec<u32>,
     pub(super) off: Vec<u32>,
 }
 
-impl<'a> Observer<'a> {
+impl<'a> StreamObserver<'a> {
     /// Starts before the first event of a sensor of `size` with stamps from 0 to `end_us`. Without
     /// a law, or with fewer than two anchors, events are not compared with frames.
     ///
     /// # Panics
     /// An anchor or a flow has another size.
     #[must_use]
-    pub fn new(size: Size, rate: Hertz, end_us: i64, against: Against<'a>) -> Self {
-        let Against { seen, flows, dead_us } = against;
+    pub fn new(size: Size, rate: Hertz, end_us: i64, against: TallyReference<'a>) -> Self {
+        let TallyReference { seen, flows, dead_us } = against;
         let pixels = size.pixels();
         Self {
-            tally: Tally::without_events(size),
+            tally: StreamTally::without_events(size),
             size,
             frames_per_us: rate.to_f64() * 1e-6,
             end_us,
             previous: None,
             together: 0,
             millisecond: (0, 0),
-            counts: Counts { on: vec![0; pixels], off: vec![0; pixels] },
-            crowds: Crowds::new(size, end_us),
+            counts: PixelCounts { on: vec![0; pixels], off: vec![0; pixels] },
+            crowds: CrowdingCounter::new(size, end_us),
             last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
             dead_us,
-            balance: seen.and_then(|(law, anchors)| Balance::new(size, law, anchors)),
-            windows: Windows::new(size, end_us, flows),
-            watch: seen.and_then(|(law, anchors)| Watch::new(size, end_us, &law, anchors, flows)),
+            balance: seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors)),
+            windows: WarpWindows::new(size, end_us, flows),
+            watch: seen.and_then(|(law, anchors)| StillPixelWatch::new(size, end_us, &law, anchors, flows)),
         }
     }
 
@@ -159,20 +159,20 @@ impl<'a> Observer<'a> {
 
     /// The counts after the last event.
     #[must_use]
-    pub fn finish(mut self) -> Tally {
+    pub fn finish(mut self) -> StreamTally {
         self.settle_until(i64::MAX);
         let tally = &mut self.tally;
         tally.peak_per_ms = tally.peak_per_ms.max(self.millisecond.1);
         let totals: Vec<u32> =
             self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
         tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
-        tally.busy = Busy::from_counts(totals);
+        tally.busy = BusyPixels::from_counts(totals);
         tally.crowding = self.crowds.finish();
         if let Some(balance) = self.balance {
             (tally.fits, tally.residuals) = balance.finish();
         }
         (tally.sharpness, tally.window) = self.windows.finish();
-        tally.still = self.watch.map(Watch::finish);
+        tally.still = self.watch.map(StillPixelWatch::finish);
         self.tally
     }
 
@@ -245,7 +245,7 @@ impl<'a> Observer<'a> {
     }
 }
 
-impl Tally {
+impl StreamTally {
     fn without_events(size: Size) -> Self {
         Self {
             size,
@@ -262,8 +262,8 @@ impl Tally {
             active_pixels: 0,
             phases: [0; PHASES],
             too_soon: 0,
-            busy: Busy::default(),
-            crowding: Crowding::default(),
+            busy: BusyPixels::default(),
+            crowding: CrowdingSums::default(),
             fits: Vec::new(),
             residuals: Vec::new(),
             sharpness: Vec::new(),
@@ -276,20 +276,20 @@ impl Tally {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
+    use crate::event::EventLabel;
     use crate::units::Timestamp;
 
     fn event(t_us: i64, x: u16, y: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp::from_micros(t_us), x, y, polarity, label: Label::Signal }
+        Event { t: Timestamp::from_micros(t_us), x, y, polarity, label: EventLabel::Signal }
     }
 
-    fn tally(events: &[Event]) -> Tally {
+    fn tally(events: &[Event]) -> StreamTally {
         let size = Size { width: 4, height: 3 };
-        let mut observer = Observer::new(
+        let mut observer = StreamObserver::new(
             size,
             Hertz("1000".parse().unwrap()),
             10_000,
-            Against { dead_us: 400, ..Against::default() },
+            TallyReference { dead_us: 400, ..TallyReference::default() },
         );
         for chunk in events.chunks(2) {
             observer.append(chunk);

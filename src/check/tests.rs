@@ -1,6 +1,6 @@
 //! Planted faults, each found by its pass; and sound worlds without findings.
 
-use super::planted::{Setting, World};
+use super::planted::{PlantedWorld, WorldSettings};
 use super::*;
 use crate::event::{Event, Polarity};
 use crate::units::Timestamp;
@@ -8,7 +8,7 @@ use glam::DVec3;
 
 #[test]
 fn every_pass_has_a_name_of_the_list_and_says_something() {
-    let world = World::default_world();
+    let world = PlantedWorld::default_world();
     let findings = world.findings();
     for check in ALL {
         assert!(NAMES.contains(&check.name()), "{}", check.name());
@@ -28,8 +28,9 @@ fn sound_worlds_raise_no_alarm() {
     for i in 0..9 {
         let (contrast, dawn) = lights[(i / 3 + i) % 3];
         let thresholds = thresholds[i % 3];
-        let setting = Setting { pace: paces[i / 3], thresholds, contrast, dawn, ..Setting::default() };
-        let mut world = World::new(setting);
+        let setting =
+            WorldSettings { pace: paces[i / 3], thresholds, contrast, dawn, ..WorldSettings::default() };
+        let mut world = PlantedWorld::new(setting);
         // The usual rate per flow holds for scenes, which these waves are not.
         world.flow = None;
         assert_eq!(world.faults(), [""; 0], "{setting:?}: {:#?}", world.findings());
@@ -44,15 +45,15 @@ fn verdicts_have_one_name() {
 }
 
 /// Plants a fault in a sound world. The passes must find exactly `wanted`.
-fn check(plant: impl FnOnce(&mut World), wanted: &[&str]) {
-    let mut world = World::default_world();
+fn check(plant: impl FnOnce(&mut PlantedWorld), wanted: &[&str]) {
+    let mut world = PlantedWorld::default_world();
     plant(&mut world);
     assert_eq!(world.faults(), wanted, "{:#?}", world.findings());
 }
 
 #[test]
 fn flipped_polarity_is_found() {
-    let flip = |w: &mut World| {
+    let flip = |w: &mut PlantedWorld| {
         for event in &mut w.events {
             event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
         }
@@ -74,7 +75,7 @@ fn flipped_polarity_is_found() {
 #[test]
 fn thresholds_off_by_a_tenth_are_found() {
     let t = |on: f64, off: f64, wanted: &str| {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         world.sensor.threshold_on = on;
         world.sensor.threshold_off = off;
         assert!(world.faults().contains(&wanted.to_owned()), "{on} {off}: {:#?}", world.findings());
@@ -88,7 +89,7 @@ fn thresholds_off_by_a_tenth_are_found() {
 #[test]
 fn the_shown_threshold_is_that_of_the_sensor() {
     for [on, off] in [[1.0, 1.0], [0.6, 0.9]] {
-        let world = World::new(Setting { thresholds: [on, off], ..Setting::default() });
+        let world = PlantedWorld::new(WorldSettings { thresholds: [on, off], ..WorldSettings::default() });
         for (part, wanted) in [("on", on), ("off", off)] {
             let shown = world.finding(&format!("event_frame#threshold-{part}")).measured.unwrap();
             assert!((shown / wanted - 1.0).abs() < 0.02, "{part}: {shown} for {wanted}");
@@ -98,8 +99,8 @@ fn the_shown_threshold_is_that_of_the_sensor() {
 
 #[test]
 fn voltages_may_start_anywhere() {
-    let initial = crate::sensor::voltmeter::Initial::Stationary;
-    let mut world = World::new(Setting { initial, dawn: 0.5, ..Setting::default() });
+    let initial = crate::sensor::voltmeter::InitialVoltage::Stationary;
+    let mut world = PlantedWorld::new(WorldSettings { initial, dawn: 0.5, ..WorldSettings::default() });
     world.flow = None;
     assert_eq!(world.faults(), [""; 0], "{:#?}", world.findings());
     assert_eq!(world.finding("event_frame#threshold-on").verdict, Verdict::NotRun);
@@ -109,11 +110,11 @@ fn voltages_may_start_anywhere() {
 
 #[test]
 fn a_dropped_chunk_is_found() {
-    let drop = |w: &mut World| {
+    let drop = |w: &mut PlantedWorld| {
         let tenth = w.events.len() / 10;
         w.events.drain(3 * tenth..4 * tenth);
     };
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     drop(&mut world);
     let faults = world.faults();
     for wanted in ["event_frame#residual", "drift_identity#events"] {
@@ -123,12 +124,12 @@ fn a_dropped_chunk_is_found() {
 
 #[test]
 fn a_repeated_chunk_is_found() {
-    let repeat = |w: &mut World| {
+    let repeat = |w: &mut PlantedWorld| {
         let tenth = w.events[..w.events.len() / 10].to_vec();
         w.events.extend(tenth);
         w.events.sort_by_cached_key(Event::file_order);
     };
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     repeat(&mut world);
     let faults = world.faults();
     for wanted in ["duplicates#share", "duplicates#account", "event_frame#residual", "drift_identity#events"]
@@ -139,12 +140,12 @@ fn a_repeated_chunk_is_found() {
 
 #[test]
 fn shifted_time_is_found() {
-    let shift = |w: &mut World| {
+    let shift = |w: &mut PlantedWorld| {
         for event in &mut w.events {
             event.t = Timestamp(event.t.0 + 1_000_000);
         }
     };
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     shift(&mut world);
     let faults = world.faults();
     assert!(faults.contains(&"stamps#events".to_owned()), "{faults:?}");
@@ -152,7 +153,7 @@ fn shifted_time_is_found() {
 
 #[test]
 fn frame_times_are_found() {
-    let snap = |w: &mut World| {
+    let snap = |w: &mut PlantedWorld| {
         let stamps = w.trajectory.stamps_us.clone();
         for event in &mut w.events {
             let later = stamps.partition_point(|stamp| *stamp < event.t.floor_micros());
@@ -160,7 +161,7 @@ fn frame_times_are_found() {
         }
         w.events.sort_by_cached_key(Event::file_order);
     };
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     snap(&mut world);
     let faults = world.faults();
     assert!(faults.contains(&"batching#times".to_owned()), "{faults:?}");
@@ -175,9 +176,9 @@ fn disorder_and_strange_pixels_are_found() {
 
 #[test]
 fn a_pose_jump_is_found() {
-    let shift = |w: &mut World| w.trajectory.world_from_camera[70].translation += DVec3::X * 0.05;
+    let shift = |w: &mut PlantedWorld| w.trajectory.world_from_camera[70].translation += DVec3::X * 0.05;
     check(shift, &["pose_continuity#translation"]);
-    let turn = |w: &mut World| {
+    let turn = |w: &mut PlantedWorld| {
         let pose = &mut w.trajectory.world_from_camera[70];
         pose.rotation *= glam::DQuat::from_rotation_x(0.02);
     };
@@ -187,7 +188,7 @@ fn a_pose_jump_is_found() {
 #[test]
 fn a_path_that_changes_its_speed_is_no_jump() {
     // From pose 70 on, every step is fifty times as long.
-    let hurry = |w: &mut World| {
+    let hurry = |w: &mut PlantedWorld| {
         for (j, pose) in w.trajectory.world_from_camera.iter_mut().enumerate() {
             let steps = j.min(70) + 50 * j.saturating_sub(70);
             pose.translation = DVec3::X * 1e-3 * steps as f64;
@@ -210,7 +211,7 @@ fn a_law_that_is_not_followed_is_found() {
 
 #[test]
 fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     world.flow.as_mut().unwrap().p95 = 1.2;
     assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
     world.limits.sampling = Some(sampling::Limits { max: Some(1.0), ..Default::default() });
@@ -219,7 +220,7 @@ fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
 
 #[test]
 fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     world.doubtful_share = Some(0.02);
     assert_eq!(world.finding("affine").verdict, Verdict::Warn);
     world.limits.affine = Some(affine::Limits { max: Some(0.01) });
@@ -230,9 +231,9 @@ fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
 
 #[test]
 fn events_in_the_dead_time_are_found() {
-    use crate::sensor::Sensor;
-    use crate::sensor::esim::Esim;
-    let mut world = World::default_world();
+    use crate::sensor::SensorChoice;
+    use crate::sensor::esim::EsimModel;
+    let mut world = PlantedWorld::default_world();
     let mut last = std::collections::BTreeMap::new();
     let mut gap_us = i64::MAX;
     for event in &world.events {
@@ -242,9 +243,9 @@ fn events_in_the_dead_time_are_found() {
         }
     }
     let mut verdict = |period_us: i64| {
-        let mut sensor = Esim::default();
+        let mut sensor = EsimModel::default();
         sensor.refractory.period_us = period_us as f64;
-        world.stated = Some(Sensor::Esim(sensor));
+        world.stated = Some(SensorChoice::Esim(sensor));
         world.finding("refractory").verdict
     };
     assert_eq!([verdict(gap_us), verdict(gap_us + 1)], [Verdict::Pass, Verdict::Fail]);
@@ -253,18 +254,18 @@ fn events_in_the_dead_time_are_found() {
 
 #[test]
 fn hot_and_dead_pixels_are_found() {
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     let hot = |i: i64| Event {
         t: Timestamp::from_micros(60 * i),
         x: 40,
         y: 30,
         polarity: Polarity::On,
-        label: crate::event::Label::Signal,
+        label: crate::event::EventLabel::Signal,
     };
     world.events.extend((0..1000).map(hot));
     world.events.sort_by_cached_key(Event::file_order);
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
-    world.sensor.hot_pixels = crate::sensor::noise::HotPixels { share: 1e-3, rate: 1e4 };
+    world.sensor.hot_pixels = crate::sensor::noise::HotPixelNoise { share: 1e-3, rate: 1e4 };
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
     world.limits.hot_pixels = Some(hot_pixels::Limits { hot: Some(0.0), dead: None });
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Fail);
@@ -273,8 +274,8 @@ fn hot_and_dead_pixels_are_found() {
 
 #[test]
 fn events_without_structure_are_found() {
-    let mut world = World::default_world();
-    let mut draws = super::planted::Draws(1);
+    let mut world = PlantedWorld::default_world();
+    let mut draws = super::planted::SplitMixDraws(1);
     for event in &mut world.events {
         (event.x, event.y) = (draws.at(96), draws.at(72));
     }
@@ -285,7 +286,7 @@ fn events_without_structure_are_found() {
 #[test]
 fn events_that_do_not_move_with_the_scene_are_found() {
     let turned = |flow: fn([f32; 2]) -> [f32; 2], verdict: Verdict| {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         for at in &mut world.flows {
             at.px_s.pixels_mut().iter_mut().for_each(|v| *v = flow(*v));
         }
@@ -295,7 +296,7 @@ fn events_that_do_not_move_with_the_scene_are_found() {
     // As with poses from world to camera, or with OpenGL camera axes.
     turned(|[u, v]| [-u, v], Verdict::Fail);
     turned(|[u, v]| [u, v], Verdict::Pass);
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     world.flow.as_mut().unwrap().median = 3.0;
     assert_eq!(world.finding("motion").verdict, Verdict::NotRun);
 }
@@ -305,7 +306,7 @@ fn an_offset_of_a_frame_is_found() {
     for (late_us, verdict) in
         [(417, Verdict::Fail), (-417, Verdict::Fail), (150, Verdict::Pass), (-150, Verdict::Pass)]
     {
-        let mut world = World::default_world();
+        let mut world = PlantedWorld::default_world();
         let end = *world.trajectory.stamps_us.last().unwrap();
         world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
         world.events.retain(|e| (0..=end).contains(&e.t.floor_micros()));
@@ -317,18 +318,18 @@ fn an_offset_of_a_frame_is_found() {
 
 #[test]
 fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
-    let mut world = World::new(Setting { pace: 0.0, ..Setting::default() });
+    let mut world = PlantedWorld::new(WorldSettings { pace: 0.0, ..WorldSettings::default() });
     world.flow = None;
     assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
-    let mut draws = super::planted::Draws(2);
-    let mut noise = |world: &mut World, t_us: &dyn Fn(usize) -> i64| {
+    let mut draws = super::planted::SplitMixDraws(2);
+    let mut noise = |world: &mut PlantedWorld, t_us: &dyn Fn(usize) -> i64| {
         world.events = (0..2000)
             .map(|_| Event {
                 t: Timestamp::from_micros(t_us(draws.below(62_000))),
                 x: draws.at(96),
                 y: draws.at(72),
                 polarity: Polarity::On,
-                label: crate::event::Label::Signal,
+                label: crate::event::EventLabel::Signal,
             })
             .collect();
         world.events.sort_by_cached_key(Event::file_order);
@@ -345,22 +346,22 @@ fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
 
 #[test]
 fn frames_too_far_apart_are_found_by_doing() {
-    let part = |part: &str, plant: fn(&mut sampling::Resampled)| {
-        let mut world = World::default_world();
+    let part = |part: &str, plant: fn(&mut sampling::ResampledIntervals)| {
+        let mut world = PlantedWorld::default_world();
         plant(world.resampled.as_mut().unwrap());
         world.finding(&format!("sampling#{part}")).verdict
     };
     assert_eq!(part("count", |r| r.at_twice = 1051), Verdict::Warn);
     assert_eq!(part("count", |r| r.at_twice = 951), Verdict::Pass);
     assert_eq!(part("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
-    let asked = |r: &mut sampling::Resampled| (r.shift_us, r.tolerance) = (Some(20.5), Some(0.05));
+    let asked = |r: &mut sampling::ResampledIntervals| (r.shift_us, r.tolerance) = (Some(20.5), Some(0.05));
     assert_eq!(part("shift", asked), Verdict::Pass);
     assert_eq!(part("twice", |r| r.events = 30), Verdict::NotRun);
 }
 
 #[test]
 fn a_recipes_rate_is_a_gate() {
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     let rate = world.finding("event_rate#rate").measured.unwrap();
     world.limits.event_rate = Some(event_rate::Limits { min: None, max: Some(rate * 0.99) });
     assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
@@ -370,7 +371,7 @@ fn a_recipes_rate_is_a_gate() {
 
 #[test]
 fn a_stream_without_events_is_told_and_fails_a_limit() {
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     world.events.clear();
     let found = world.finding("event_rate#rate");
     assert_eq!((found.verdict, found.measured), (Verdict::Warn, Some(0.0)));
@@ -382,8 +383,8 @@ fn a_stream_without_events_is_told_and_fails_a_limit() {
 
 #[test]
 fn a_brightening_scene_is_predicted_to_be_on() {
-    let setting = Setting { pace: 0.0, dawn: 3.0, ..Setting::default() };
-    let world = World::new(setting);
+    let setting = WorldSettings { pace: 0.0, dawn: 3.0, ..WorldSettings::default() };
+    let world = PlantedWorld::new(setting);
     let finding = world.finding("polarity");
     assert_eq!((finding.verdict, finding.measured), (Verdict::Pass, Some(1.0)), "{finding:?}");
     let mut flipped = world;
@@ -395,7 +396,7 @@ fn a_brightening_scene_is_predicted_to_be_on() {
 
 #[test]
 fn an_account_of_broken_pixels_is_a_fault() {
-    let breaks = |w: &mut World| {
+    let breaks = |w: &mut PlantedWorld| {
         w.account.drift_violations = 1;
         w.account.drift_worst = 1.5;
     };
@@ -404,9 +405,9 @@ fn an_account_of_broken_pixels_is_a_fault() {
 
 #[test]
 fn waived_faults_say_why() {
-    let mut world = World::default_world();
+    let mut world = PlantedWorld::default_world();
     world.trajectory.stamps_us[20] += 1;
-    world.limits.waive = vec![Waiver { check: "stamps".into(), because: "a test".into() }];
+    world.limits.waive = vec![CheckWaiver { check: "stamps".into(), because: "a test".into() }];
     let finding = world.finding("stamps#poses");
     assert_eq!(finding.verdict, Verdict::Waived);
     assert!(finding.because.ends_with("; accepted: a test"), "{}", finding.because);

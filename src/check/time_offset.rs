@@ -1,12 +1,12 @@
 //! Offset between the clocks of events and frames. A gate.
 //!
-//! The delay of the events follows from the pixels with steady drift at some instants, see [`Lag`].
+//! The delay of the events follows from the pixels with steady drift at some instants, see [`LagSums`].
 //! It may be at most half of a frame step. The pass needs a sensor whose drift is determined by
 //! frames, and is not run if noise hides an eighth of a step.
 
-use super::event_frame::fit::Lag;
-use super::subject::{Bound, Judged, NOT_SEEN};
-use super::{Check, Finding, Subject, limits};
+use super::event_frame::fit::LagSums;
+use super::subject::{Judgement, LimitSide, NOT_SEEN};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -31,17 +31,17 @@ pub struct TimeOffset;
 
 const NAME: &str = "time_offset";
 
-impl Check for TimeOffset {
+impl ValidationPass for TimeOffset {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         vec![judge_offset(subject)]
     }
 }
 
-fn judge_offset(subject: &Subject<'_>) -> Finding {
+fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     let not_run = |because: &str| subject.not_run(NAME, "", because);
     let Some(tally) = subject.tally else { return not_run("there are no events") };
     if let Err(because) = subject.drift_law() {
@@ -51,7 +51,7 @@ fn judge_offset(subject: &Subject<'_>) -> Finding {
         return not_run(NOT_SEEN);
     }
     let pixels: u64 = tally.fits.iter().map(|fit| fit.lag.pixels).sum();
-    let lag = Lag::pooled_lag(tally.fits.iter().map(|fit| fit.lag));
+    let lag = LagSums::pooled_lag(tally.fits.iter().map(|fit| fit.lag));
     let Some([lag, deviation]) = lag.filter(|_| pixels >= LEAST_PIXELS) else {
         return not_run(&format!(
             "{pixels} pixels are steadily on their way by two thresholds while the picture moves a little"
@@ -63,12 +63,13 @@ fn judge_offset(subject: &Subject<'_>) -> Finding {
             "the offset is known to {deviation:.0} us only, by the {pixels} pixels that are on their way"
         ));
     }
-    let limit = Bound::limit_or(subject.limits.time_offset.and_then(|l| l.max_us), Bound::gate(STEPS * step));
+    let limit =
+        LimitSide::limit_or(subject.limits.time_offset.and_then(|l| l.max_us), LimitSide::gate(STEPS * step));
     let verdict = limit.at_most(lag.abs());
     let because = format!(
         "events are {:.1} us {} than frames, by {pixels} pixels that are on their way (standard deviation {deviation:.1})",
         lag.abs(),
         if lag < 0.0 { "earlier" } else { "later" }
     );
-    subject.finding(NAME, "", Judged::from_value(verdict, lag, limit, "us", because))
+    subject.finding(NAME, "", Judgement::from_value(verdict, lag, limit, "us", because))
 }

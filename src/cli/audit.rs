@@ -2,18 +2,18 @@
 
 mod rebuild;
 
-use super::Common;
+use super::CommonArgs;
 use super::console::Console;
-use super::message::{Level, Message};
-use super::problem::{Exit, Problem};
-use crate::recipe::Takedown;
-use crate::release::audit::{self, Fault};
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
+use crate::recipe::TakedownList;
+use crate::release::audit::{self, AuditFault};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `audit`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Audit {
+pub(super) struct AuditArgs {
     /// Folder of the release
     #[arg(value_name = "DIR")]
     dir: PathBuf,
@@ -21,19 +21,19 @@ pub(super) struct Audit {
     #[arg(long, value_name = "FILE")]
     takedown: Option<PathBuf>,
     #[command(flatten)]
-    again: rebuild::Rebuild,
+    again: rebuild::RebuildArgs,
 }
 
-impl Audit {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl AuditArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let dir = self.dir.display();
         if !self.dir.is_dir() {
-            return Err(Problem::usage("input-missing", format!("{dir} is no folder")));
+            return Err(VerbError::usage("input-missing", format!("{dir} is no folder")));
         }
         let takedown =
-            self.takedown.as_ref().map(|file| Takedown::read(std::slice::from_ref(file))).transpose()?;
+            self.takedown.as_ref().map(|file| TakedownList::read(std::slice::from_ref(file))).transpose()?;
         let mut report = audit::audit_against(&self.dir, takedown.as_ref())
-            .map_err(|e| Problem::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
+            .map_err(|e| VerbError::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
         if let Some(again) = self.again.run(&self.dir, common, console)? {
             console.say(&format!("made again: {}", again.scenes.join(", ")));
             report.faults.extend(again.faults);
@@ -57,17 +57,18 @@ impl Audit {
                 "proved": proved, "unproved": unproved, "written_by": report.written_by,
             }));
         }
-        Ok(if count == 0 { Exit::Done } else { Exit::Fault })
+        Ok(if count == 0 { ExitKind::Done } else { ExitKind::Fault })
     }
 }
 
-fn fault_message(fault: &Fault) -> Message {
+fn fault_message(fault: &AuditFault) -> UserMessage {
     let place = fault.file.as_ref().or(fault.scene.as_ref()).map_or("the release", String::as_str);
-    Message::new(Level::Error, fault.code.name(), format!("{place}: {}", fault.message)).help(fault.help)
+    UserMessage::new(MessageLevel::Error, fault.code.name(), format!("{place}: {}", fault.message))
+        .help(fault.help)
 }
 
 /// The fields of every message, and the file and scene that the fault is of.
-fn to_json(fault: &Fault) -> Value {
+fn to_json(fault: &AuditFault) -> Value {
     let mut value = fault_message(fault).to_json();
     value["path"] = json!(fault.file);
     value["file"] = json!(fault.file);

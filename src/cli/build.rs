@@ -1,24 +1,26 @@
 //! `gs2e build`: makes what is stale, and nothing else.
 
-use super::Choice;
+use super::BackendArg;
 use super::console::Console;
-use super::message::{Level, Message};
-use super::problem::{Exit, Problem};
-use super::progress::{Progress, Told};
-use super::renderers::Chosen;
-use super::{Common, Targets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown};
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
+use super::progress::{EndSummary, Progress};
+use super::renderers::RendererChoice;
+use super::{
+    CommonArgs, RecipeTargets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown,
+};
 use crate::files::is_there;
 use crate::plan::Plan;
-use crate::plan::assess::{Action, assess_plan};
+use crate::plan::assess::{StepAction, assess_plan};
 use crate::plan::past::past_costs;
-use crate::plan::survey::{Settled, Survey, plan_all, survey_recipes};
+use crate::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipes};
 use crate::recipe;
-use crate::run::{self, Budget, Options, Recheck, Summary};
-use crate::sensor::Sensor;
+use crate::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
+use crate::sensor::SensorChoice;
 use crate::stage::StepId;
-use crate::store::fs::Stat;
-use crate::store::space::Space;
-use crate::store::{Access, Claim, Digest, Opening, Store};
+use crate::store::fs::FileStat;
+use crate::store::space::DiskSpace;
+use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use crate::units::Hertz;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -26,16 +28,16 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Build {
+pub(super) struct BuildArgs {
     #[command(flatten)]
-    targets: Targets,
+    targets: RecipeTargets,
     #[command(flatten)]
-    care: Care,
+    care: TrustOptions,
 }
 
 /// How much is taken on trust, and what may be used.
 #[derive(Debug, Clone, Default, clap::Args)]
-pub(super) struct Care {
+pub(super) struct TrustOptions {
     /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
@@ -43,15 +45,15 @@ pub(super) struct Care {
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     recheck: Option<f64>,
     /// Sync of files to disk: in batches, or each before the next
-    #[arg(long, value_enum, default_value_t = Sync::Batch)]
-    sync: Sync,
+    #[arg(long, value_enum, default_value_t = SyncArg::Batch)]
+    sync: SyncArg,
     /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]
     #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
     memory: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-enum Sync {
+enum SyncArg {
     #[default]
     Batch,
     Always,
@@ -64,8 +66,8 @@ fn parse_share(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 100%")) }
 }
 
-impl Build {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl BuildArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
         let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
@@ -81,15 +83,15 @@ impl Build {
         } else {
             survey_recipes(paths, &renderers, &store, &option_tag(&chosen))
         };
-        let Survey { settled, plan, taken_down } = surveyed?;
+        let PlanSurvey { settled, plan, taken_down } = surveyed?;
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
-            Summary::default()
+            RunSummary::default()
         } else {
             let (targets, care) = (&self.targets, &self.care);
-            Building { settled, targets, chosen: &chosen, common, care, console }.build(plan, &store)?.1
+            BuildRequest { settled, targets, chosen: &chosen, common, care, console }.build(plan, &store)?.1
         };
         summary.kept += settled;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
@@ -98,13 +100,14 @@ impl Build {
 }
 
 /// Names this program and those of its options that may change a key.
-pub(super) fn option_tag(chosen: &Chosen) -> Digest {
-    let program = std::env::current_exe().and_then(|path| path.metadata()).map(|about| Stat::from(&about));
+pub(super) fn option_tag(chosen: &RendererChoice) -> Digest {
+    let program =
+        std::env::current_exe().and_then(|path| path.metadata()).map(|about| FileStat::from(&about));
     Digest::of_bytes(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
 }
 
 /// For programs, a line for each step of the scenes that are up to date at a glance.
-fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
+fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
     if console.json {
         for scene in settled {
             for step in &scene.steps {
@@ -119,8 +122,8 @@ fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
 }
 
 /// Says once for each sensor what it does by itself.
-fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
-    let mut told: Vec<&Sensor> = Vec::new();
+fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
+    let mut told: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
         for (name, sensor) in recipe.sensors.iter() {
             if !told.contains(&sensor) {
@@ -133,38 +136,43 @@ fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
     Ok(())
 }
 
-fn tell_sensor(scene: &str, sensor: &Sensor, rate: Hertz, console: &Console) -> Result<(), Problem> {
+fn tell_sensor(scene: &str, sensor: &SensorChoice, rate: Hertz, console: &Console) -> Result<(), VerbError> {
     let screening = sensor.screen(rate);
-    let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
+    let screening = screening.map_err(|e| VerbError::usage("sensor", format!("{scene}: {e}")))?;
     super::screening::show_screening(&format!("sensor of {scene}"), scene, &screening, console);
     super::screening::tell_front_end(&sensor.as_model().front_end(), console);
     Ok(())
 }
 
 /// Opens the store for writing, waiting for another process where there is one.
-pub(super) fn open_store(common: &Common, care: &Care, console: &Console) -> Result<Store, Problem> {
-    let access = if common.no_wait { Access::WriteNow } else { Access::Write };
-    let claim = Claim { command: common.command.clone(), since: clock::utc_now(), ..Claim::default() };
-    let sync_each = care.sync == Sync::Always;
-    let opening = Opening { verify: care.verify, sync_each, claim, ..store_options(common, access) };
+pub(super) fn open_store(
+    common: &CommonArgs,
+    care: &TrustOptions,
+    console: &Console,
+) -> Result<Store, VerbError> {
+    let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
+    let claim =
+        LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
+    let sync_each = care.sync == SyncArg::Always;
+    let opening = StoreOptions { verify: care.verify, sync_each, claim, ..store_options(common, access) };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
-        console.tell(&Message::new(Level::Waiting, "locked", what));
+        console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));
     })?;
     tell_notices(&store, console);
     Ok(store)
 }
 
 /// How this user opens the store.
-pub(super) fn store_options(common: &Common, access: Access) -> Opening {
-    Opening { index: index_of(&common.store), ..access.into() }
+pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOptions {
+    StoreOptions { index: index_of(&common.store), ..access.into() }
 }
 
 /// Where the database of a store goes that lies on another machine's disk: into the user's cache, by the store's path.
 fn index_of(store: &Path) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
     let there = path.ancestors().find(|path| path.is_dir())?;
-    Space::holding_path(there).ok().filter(Space::is_remote)?;
+    DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
     let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     let cache = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
     Some(cache.join("gs2e").join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()))
@@ -173,24 +181,24 @@ fn index_of(store: &Path) -> Option<PathBuf> {
 /// What the store had to mend since it was last asked.
 pub(super) fn tell_notices(store: &Store, console: &Console) {
     for notice in store.take_notices() {
-        console.tell(&Message::new(Level::Warning, "state-rebuilt", notice));
+        console.tell(&UserMessage::new(MessageLevel::Warning, "state-rebuilt", notice));
     }
 }
 
 /// What the user asked of a build.
-pub(super) struct Building<'a> {
+pub(super) struct BuildRequest<'a> {
     /// Steps that were up to date at a glance.
     pub(super) settled: usize,
-    pub(super) targets: &'a Targets,
-    pub(super) chosen: &'a Chosen,
-    pub(super) common: &'a Common,
-    pub(super) care: &'a Care,
+    pub(super) targets: &'a RecipeTargets,
+    pub(super) chosen: &'a RendererChoice,
+    pub(super) common: &'a CommonArgs,
+    pub(super) care: &'a TrustOptions,
     pub(super) console: &'a Console,
 }
 
-impl Building<'_> {
+impl BuildRequest<'_> {
     /// Builds what is stale. What comes back is the plan as it was run in the end.
-    pub(super) fn build(&self, plan: Plan, store: &Store) -> Result<(Plan, Summary), Problem> {
+    pub(super) fn build(&self, plan: Plan, store: &Store) -> Result<(Plan, RunSummary), VerbError> {
         let Self { common, console, chosen, .. } = self;
         let renderers = chosen.asking(store);
         let mut plan = renderers.at_hand(plan)?;
@@ -198,7 +206,7 @@ impl Building<'_> {
         let mut idle = false;
         if !common.keep_going {
             let assessed = assess_plan(&plan, store)?;
-            idle = assessed.iter().all(|a| a.action == Action::Keep);
+            idle = assessed.iter().all(|a| a.action == StepAction::Keep);
             commands::refuse_commands(&plan, &assessed, common)?;
         }
         if !idle {
@@ -214,7 +222,7 @@ impl Building<'_> {
     }
 
     /// Runs a plan once.
-    fn run(&self, plan: &Plan, store: &Store) -> Result<Summary, Problem> {
+    fn run(&self, plan: &Plan, store: &Store) -> Result<RunSummary, VerbError> {
         let Self { common, console, chosen, .. } = self;
         if store.is_due() {
             // What was learned by reading is not learned again if the run is killed.
@@ -227,7 +235,7 @@ impl Building<'_> {
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
         let progress = progress.beside(self.settled).falling_back(chosen.falls_back());
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
-        let Told { failed, left_out } = progress.close();
+        let EndSummary { failed, left_out } = progress.close();
         left_out::show_left_out(&left_out, console);
         if common.keep_going && !failed.is_empty() {
             failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
@@ -246,10 +254,10 @@ impl Building<'_> {
     fn to_find(&self) -> String {
         let mut options = String::new();
         let recipes = &self.targets.recipes;
-        if *recipes != [Path::new(Targets::DEFAULT)] {
+        if *recipes != [Path::new(RecipeTargets::DEFAULT)] {
             recipes.iter().for_each(|path| options.push_str(&format!(" --recipes {}", path.display())));
         }
-        if self.common.store != Path::new(Common::STORE) {
+        if self.common.store != Path::new(CommonArgs::STORE) {
             options.push_str(&format!(" --store {}", self.common.store.display()));
         }
         if self.common.no_omit {
@@ -259,27 +267,27 @@ impl Building<'_> {
     }
 }
 
-fn run_options(common: &Common, care: &Care, chosen: &Chosen) -> Options {
+fn run_options(common: &CommonArgs, care: &TrustOptions, chosen: &RendererChoice) -> RunOptions {
     let cores = common.cores();
     let memory = care.memory.unwrap_or_else(machine::free_memory);
     // Which steps are made again differs from run to run; it enters no file.
     let seed =
         SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::from(since.subsec_nanos()));
-    Options {
-        budget: Budget {
+    RunOptions {
+        budget: ResourceBudget {
             cores,
             memory,
-            gpus: usize::from(matches!(common.backend, Choice::Gpu | Choice::Auto)),
+            gpus: usize::from(matches!(common.backend, BackendArg::Gpu | BackendArg::Auto)),
         },
         keep_going: common.keep_going,
-        recheck: care.recheck.map(|share| Recheck { share, seed }),
+        recheck: care.recheck.map(|share| RecheckPolicy { share, seed }),
         allow_commands: common.allow_commands,
         programs: chosen.programs().clone(),
     }
 }
 
-fn last_line(summary: &Summary, seconds: f64) -> String {
-    let Summary { made, kept, failures, unreached, interrupted, .. } = summary;
+fn last_line(summary: &RunSummary, seconds: f64) -> String {
+    let RunSummary { made, kept, failures, unreached, interrupted, .. } = summary;
     if *interrupted {
         let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
         return format!(
@@ -294,10 +302,10 @@ fn last_line(summary: &Summary, seconds: f64) -> String {
 }
 
 /// The last line, and for programs that a run was cut short.
-pub(super) fn tell_end(summary: &Summary, seconds: f64, console: &Console) {
+pub(super) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
     let line = last_line(summary, seconds);
     if summary.interrupted && console.json {
-        console.result(&Message::new(Level::Error, "interrupted", line.as_str()).to_json());
+        console.result(&UserMessage::new(MessageLevel::Error, "interrupted", line.as_str()).to_json());
     }
     if summary.rechecked > 0 {
         console.say(&format!("{} steps made again, each with the bytes on record", summary.rechecked));
@@ -305,12 +313,12 @@ pub(super) fn tell_end(summary: &Summary, seconds: f64, console: &Console) {
     console.say(&line);
 }
 
-pub(super) fn exit_kind(summary: &Summary) -> Exit {
+pub(super) fn exit_kind(summary: &RunSummary) -> ExitKind {
     if summary.interrupted {
-        Exit::Interrupted
+        ExitKind::Interrupted
     } else if summary.failures.is_empty() {
-        Exit::Done
+        ExitKind::Done
     } else {
-        Exit::Failed
+        ExitKind::Failed
     }
 }

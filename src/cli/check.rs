@@ -2,26 +2,26 @@
 
 use super::build::store_options;
 use super::console::{Console, path};
-use super::problem::{Exit, Problem};
-use super::{Common, Targets};
-use crate::artifact::{Artifact, Files, Verdicts};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, RecipeTargets};
+use crate::artifact::{Artifact, ArtifactFiles, VerdictsRecord};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
 use crate::plan::assess::assess_plan;
 use crate::recipe;
 use crate::release::recheck::{RecheckError, recheck_tree};
 use crate::stage::{checks, scene_checks};
-use crate::store::{Access, Store};
+use crate::store::{Store, StoreAccess};
 use std::path::PathBuf;
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Check {
+pub(super) struct CheckArgs {
     /// Scene ids [default: all]
     #[arg(value_name = "SCENE")]
     scenes: Vec<String>,
     /// Recipes, or folders of recipes
-    #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
+    #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT)]
     recipes: Vec<PathBuf>,
     /// Check the files of a release tree instead, without recipes or store
     #[arg(long, value_name = "DIR", conflicts_with = "recipes")]
@@ -31,12 +31,12 @@ pub(super) struct Check {
     require: Vec<String>,
 }
 
-impl Check {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl CheckArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let findings = match &self.tree {
             Some(tree) if !tree.is_dir() => {
                 let what = format!("{} is no folder", path(tree));
-                return Err(Problem::usage("input-missing", what));
+                return Err(VerbError::usage("input-missing", what));
             }
             Some(tree) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
             None => self.of_built(common, console)?,
@@ -46,7 +46,7 @@ impl Check {
         for line in &failed {
             console.insist(&format!("error: {line}"));
         }
-        Ok(if failed.is_empty() { Exit::Done } else { Exit::Fault })
+        Ok(if failed.is_empty() { ExitKind::Done } else { ExitKind::Fault })
     }
 
     /// Each check that failed, was not run though required, or is required and not among the findings.
@@ -61,28 +61,28 @@ impl Check {
         found.chain(absent.map(|name| format!("{name} was not run on anything"))).collect()
     }
 
-    fn of_built(&self, common: &Common, console: &Console) -> Result<Vec<Finding>, Problem> {
+    fn of_built(&self, common: &CommonArgs, console: &Console) -> Result<Vec<Finding>, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
         if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
-            return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
+            return Err(VerbError::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
         let (recipes, taken_down) = recipe::read_takedown(&self.recipes)?.keep(recipes);
         super::takedown::show_takedown(taken_down, &console.for_people());
-        let store = Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?;
+        let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         built_findings(&plan, &store, &self.scenes)
     }
 }
 
-fn of_tree(error: &RecheckError) -> Problem {
+fn of_tree(error: &RecheckError) -> VerbError {
     match error {
-        RecheckError::NoScene(_) => Problem::usage("no-scene", error.to_string()),
-        _ => Problem::failed("unreadable", error.to_string()).help("gs2e audit DIR"),
+        RecheckError::NoScene(_) => VerbError::usage("no-scene", error.to_string()),
+        _ => VerbError::failed("unreadable", error.to_string()).help("gs2e audit DIR"),
     }
 }
 
 /// The findings on every built scene and trajectory of the named scenes, or of all where none is named.
-fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<Finding>, Problem> {
+fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<Finding>, VerbError> {
     let assessed = assess_plan(plan, store)?;
     let mut findings = Vec::new();
     for (step, assessed) in plan.steps().iter().zip(&assessed) {
@@ -93,10 +93,10 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
         }
         let Some(outputs) = &assessed.outputs else {
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
-            return Err(Problem::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
+            return Err(VerbError::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
         };
-        let verdicts = Verdicts::open(&Files::from_outputs(outputs, store))
-            .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?;
+        let verdicts = VerdictsRecord::open(&ArtifactFiles::from_outputs(outputs, store))
+            .map_err(|e| VerbError::failed("unreadable", format!("failed to {e}")))?;
         findings.extend(match step.name.rsplit_once('/') {
             Some((trajectory, _)) => verdicts.findings_of(scene, trajectory),
             None => verdicts.findings_of_scene(scene),

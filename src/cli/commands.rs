@@ -1,12 +1,12 @@
 //! Programs that recipes name: a recipe may come from a stranger, so none of them runs unless the user says so.
 
-use super::Common;
-use super::message::{Level, Message};
-use super::problem::{Exit, Problem};
+use super::CommonArgs;
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
 use crate::plan::Plan;
-use crate::plan::assess::{Action, Assessment};
+use crate::plan::assess::{StepAction, StepAssessment};
 use crate::stage::Stage as _;
-use crate::stage::reconstruct::Reconstructing;
+use crate::stage::reconstruct::ReconstructStage;
 use std::collections::BTreeMap;
 
 /// Commands that are shown at most; the rest is counted.
@@ -15,26 +15,35 @@ const SHOWN: usize = 20;
 const SCENES_SHOWN: usize = 3;
 
 /// Refuses a plan of which a step would run a program, or may, unless the user allows it. Nothing has run then.
-pub(super) fn refuse_commands(plan: &Plan, assessed: &[Assessment], common: &Common) -> Result<(), Problem> {
+pub(super) fn refuse_commands(
+    plan: &Plan,
+    assessed: &[StepAssessment],
+    common: &CommonArgs,
+) -> Result<(), VerbError> {
     if common.allow_commands {
         return Ok(());
     }
     let mut scenes: BTreeMap<Vec<String>, Vec<&str>> = BTreeMap::new();
-    for (step, _) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action != Action::Keep) {
+    for (step, _) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action != StepAction::Keep) {
         let programs = step.step.programs();
         if !programs.is_empty() {
             scenes.entry(programs).or_default().push(plan.scene_of(step));
         }
     }
-    if scenes.is_empty() { Ok(()) } else { Err(Problem::from_message(Exit::Usage, refusal_message(&scenes))) }
+    if scenes.is_empty() {
+        Ok(())
+    } else {
+        Err(VerbError::from_message(ExitKind::Usage, refusal_message(&scenes)))
+    }
 }
 
 /// What is told of commands that are not run, each with its scenes.
-fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> Message {
+fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> UserMessage {
     let count: usize = scenes.values().map(Vec::len).sum();
-    let new =
-        |what: String| Message::new(Level::Error, "command-refused", format!("{what}; nothing was run"));
-    let show = |message: Message, programs: &[String]| {
+    let new = |what: String| {
+        UserMessage::new(MessageLevel::Error, "command-refused", format!("{what}; nothing was run"))
+    };
+    let show = |message: UserMessage, programs: &[String]| {
         programs.iter().fold(message, |message, line| message.detail(format!("  {line}")))
     };
     if let (Some((programs, of)), 1) = (scenes.first_key_value(), count) {
@@ -52,14 +61,14 @@ fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> Message {
 }
 
 /// What is told of a step that would have run programs while others went on.
-pub(super) fn refused_step(scene: &str, step: &str, programs: &[String]) -> Message {
+pub(super) fn refused_step(scene: &str, step: &str, programs: &[String]) -> UserMessage {
     let what = format!("{scene}/{step} would run a program that the recipe names; it was not run");
-    let message = Message::new(Level::Error, "command-refused", what).step(scene, step);
+    let message = UserMessage::new(MessageLevel::Error, "command-refused", what).step(scene, step);
     programs.iter().fold(message, |message, line| message.detail(format!("  {line}"))).help(HELP)
 }
 
 /// The step that runs programs.
-const STEP: &str = Reconstructing::NAME;
+const STEP: &str = ReconstructStage::NAME;
 const HELP: &str = "if you trust it, run the same command with --allow-commands";
 
 fn quoted_names(scenes: &[&str]) -> String {

@@ -3,24 +3,24 @@
 //! The one place that knows which text is ours: each call writes one line, in which everything hidden (see
 //! [`crate::escape`]) is shown. So no name from outside moves the cursor, changes a title, or starts a line of its own.
 
-use super::message::{Level, Message};
-use super::problem::{Exit, Problem};
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
 use crate::escape;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The two streams of a run.
-pub struct Streams {
+pub struct ConsoleStreams {
     /// For programs.
     results: Box<dyn Write + Send>,
     /// For people.
     notes: Box<dyn Write + Send>,
-    /// Whether these are the streams of the process, which may be a terminal.
+    /// True if these are the streams of the process, which may be a terminal.
     are_process: bool,
 }
 
-impl Streams {
+impl ConsoleStreams {
     /// Those of the process.
     #[must_use]
     pub fn of_process() -> Self {
@@ -35,7 +35,7 @@ impl Streams {
     }
 }
 
-impl std::fmt::Debug for Streams {
+impl std::fmt::Debug for ConsoleStreams {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Streams").field("are_process", &self.are_process).finish_non_exhaustive()
     }
@@ -43,13 +43,13 @@ impl std::fmt::Debug for Streams {
 
 /// The streams, and how the results fared.
 #[derive(Debug)]
-struct Writing {
-    streams: Streams,
+struct WriterState {
+    streams: ConsoleStreams,
     /// The first error of the results, after which none is written.
     lost: Option<io::Error>,
 }
 
-impl Writing {
+impl WriterState {
     /// Writes results, unless an earlier write failed.
     fn results(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) {
         if self.lost.is_none() {
@@ -63,20 +63,20 @@ impl Writing {
 pub(super) struct Console {
     pub(super) json: bool,
     pub(super) quiet: bool,
-    writing: Arc<Mutex<Writing>>,
+    writing: Arc<Mutex<WriterState>>,
 }
 
 impl Console {
-    pub(super) fn new(streams: Streams, json: bool, quiet: bool) -> Self {
-        Self { json, quiet, writing: Arc::new(Mutex::new(Writing { streams, lost: None })) }
+    pub(super) fn new(streams: ConsoleStreams, json: bool, quiet: bool) -> Self {
+        Self { json, quiet, writing: Arc::new(Mutex::new(WriterState { streams, lost: None })) }
     }
 
     /// A lock that a panic elsewhere does not take away: what went wrong must still be said.
-    fn writing(&self) -> MutexGuard<'_, Writing> {
+    fn writing(&self) -> MutexGuard<'_, WriterState> {
         self.writing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a person watches.
+    /// Returns true if a person watches.
     pub(super) fn is_live(&self) -> bool {
         !self.quiet && self.writing().streams.are_process && io::stderr().is_terminal()
     }
@@ -117,7 +117,7 @@ impl Console {
     }
 
     /// A message for people, whatever they want, and for programs.
-    pub(super) fn tell(&self, message: &Message) {
+    pub(super) fn tell(&self, message: &UserMessage) {
         if self.json {
             self.result(&message.to_json());
         }
@@ -125,12 +125,12 @@ impl Console {
     }
 
     /// A message for people, whatever they want.
-    pub(super) fn show(&self, message: &Message) {
+    pub(super) fn show(&self, message: &UserMessage) {
         message.to_lines().iter().for_each(|line| self.insist(line));
     }
 
     /// Why the verb ends early.
-    pub(super) fn problem(&self, problem: &Problem) {
+    pub(super) fn problem(&self, problem: &VerbError) {
         if self.json {
             problem.to_json().iter().for_each(|fault| self.result(fault));
         }
@@ -149,7 +149,7 @@ impl Console {
     ///
     /// A reader that closed the pipe has read all it wants. Results that were lost for any other reason are an error,
     /// whatever the verdict in them, since a program would take the part for the whole.
-    pub(super) fn finish(&self, exit: Exit) -> Exit {
+    pub(super) fn finish(&self, exit: ExitKind) -> ExitKind {
         let lost = {
             let mut writing = self.writing();
             writing.results(|out| out.flush());
@@ -157,9 +157,13 @@ impl Console {
         };
         match lost {
             Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-                let message = Message::new(Level::Error, "results-lost", "failed to write results to stdout");
+                let message = UserMessage::new(
+                    MessageLevel::Error,
+                    "results-lost",
+                    "failed to write results to stdout",
+                );
                 self.show(&message.because(error.to_string()));
-                if exit == Exit::Interrupted { exit } else { Exit::Failed }
+                if exit == ExitKind::Interrupted { exit } else { ExitKind::Failed }
             }
             _ => exit,
         }
@@ -207,9 +211,9 @@ mod tests {
     /// What `say` writes to stdout and stderr.
     fn written(json: bool, say: impl FnOnce(&Console)) -> [String; 2] {
         let ((results, stdout), (notes, stderr)) = (channel(), channel());
-        let console = Console::new(Streams::of(Kept(results), Kept(notes)), json, false);
+        let console = Console::new(ConsoleStreams::of(Kept(results), Kept(notes)), json, false);
         say(&console);
-        assert_eq!(console.finish(Exit::Done), Exit::Done);
+        assert_eq!(console.finish(ExitKind::Done), ExitKind::Done);
         drop(console);
         [stdout, stderr].map(|kept| String::from_utf8(kept.iter().flatten().collect()).unwrap())
     }
@@ -219,7 +223,7 @@ mod tests {
 
     #[test]
     fn no_text_leaves_its_line() {
-        let message = Message::new(Level::Error, "x", WICKED).because(WICKED).help(WICKED);
+        let message = UserMessage::new(MessageLevel::Error, "x", WICKED).because(WICKED).help(WICKED);
         let [stdout, stderr] = written(false, |console| {
             console.say(WICKED);
             console.print(WICKED);
@@ -245,22 +249,22 @@ mod tests {
     fn lost_results_are_an_error_but_a_reader_may_leave() {
         let ended = |kind, exit| {
             let (notes, stderr) = channel();
-            let console = Console::new(Streams::of(Broken(kind), Kept(notes)), false, true);
+            let console = Console::new(ConsoleStreams::of(Broken(kind), Kept(notes)), false, true);
             console.print("a result");
             console.print("another");
             let exit = console.finish(exit);
             drop(console);
             (exit, String::from_utf8(stderr.iter().flatten().collect()).unwrap())
         };
-        for exit in [Exit::Done, Exit::Fault] {
+        for exit in [ExitKind::Done, ExitKind::Fault] {
             assert_eq!(ended(io::ErrorKind::BrokenPipe, exit), (exit, String::new()));
             let (end, said) = ended(io::ErrorKind::StorageFull, exit);
             assert_eq!(
                 (end, said.matches("error: failed to write results").count()),
-                (Exit::Failed, 1),
+                (ExitKind::Failed, 1),
                 "{said}"
             );
         }
-        assert_eq!(ended(io::ErrorKind::StorageFull, Exit::Interrupted).0, Exit::Interrupted);
+        assert_eq!(ended(io::ErrorKind::StorageFull, ExitKind::Interrupted).0, ExitKind::Interrupted);
     }
 }

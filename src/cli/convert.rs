@@ -4,14 +4,14 @@ pub(super) mod events;
 mod picture;
 
 use super::console::{Console, path};
-use super::message::{Level, Message};
+use super::message::{MessageLevel, UserMessage};
 use super::output::{self, write_beside};
-use super::problem::{Exit, Problem};
+use super::problem::{ExitKind, VerbError};
 use crate::files;
-use crate::scene::form::{Form, Loss};
+use crate::scene::form::{FormatLoss, SceneFormat};
 use crate::scene::{self, Gaussians, SceneError, ply};
 use crate::units::format_amount;
-use events::Conversion;
+use events::EventConversion;
 use serde_json::json;
 use std::fs::File;
 use std::io::{Read as _, Write as _};
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments of `convert`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Convert {
+pub(super) struct ConvertArgs {
     /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG; or events: .h5, .npz, .raw, .aedat4, .txt, .csv
     #[arg(value_name = "IN")]
     input: PathBuf,
@@ -30,13 +30,13 @@ pub(super) struct Convert {
     #[arg(long)]
     lossy: bool,
     #[command(flatten)]
-    events: events::Options,
+    events: events::EventOptions,
     #[command(flatten)]
-    picture: picture::Asked,
+    picture: picture::PictureOptions,
 }
 
-impl Convert {
-    pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+impl ConvertArgs {
+    pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
         let drawn = self.picture.of(&self.output)?;
         if let (true, Some(format)) = (drawn, self.events.format(&self.input)) {
             return self.picture.draw((&self.input, format), &self.output, &self.events, console);
@@ -48,25 +48,25 @@ impl Convert {
         output::screen_outputs([self.output.as_path()], [], false)?;
         let scene = self.read()?;
         let (bytes, mut losses) = form.write(&scene).map_err(|e| {
-            Problem::failed("not-written", format!("{}: failed to {e}", self.output.display()))
+            VerbError::failed("not-written", format!("{}: failed to {e}", self.output.display()))
         })?;
         losses.extend(self.left_out());
         if !losses.is_empty() && !self.lossy {
             return Err(self.refused(&losses));
         }
         write_beside(&self.output, |part| File::create_new(part)?.write_all(&bytes))
-            .map_err(|e| Problem::failed("not-written", format!("{}: {e}", self.output.display())))?;
+            .map_err(|e| VerbError::failed("not-written", format!("{}: {e}", self.output.display())))?;
         self.tell(&scene, bytes.len(), &losses, console);
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
     /// The conversion of events, where both names are of such files.
-    fn of_events(&self) -> Result<Option<Conversion<'_>>, Problem> {
+    fn of_events(&self) -> Result<Option<EventConversion<'_>>, VerbError> {
         let formats = [&self.input, &self.output].map(|path| self.events.format(path));
         let name = |path: &Path| path.display().to_string();
         match formats {
             [None, None] => Ok(None),
-            [Some(from), Some(to)] => Ok(Some(Conversion {
+            [Some(from), Some(to)] => Ok(Some(EventConversion {
                 from: (&self.input, from),
                 to: (&self.output, to),
                 options: &self.events,
@@ -86,8 +86,8 @@ impl Convert {
     }
 
     /// The form that the output's name asks for.
-    fn form(&self) -> Result<Form, Problem> {
-        match Form::for_path(&self.output) {
+    fn form(&self) -> Result<SceneFormat, VerbError> {
+        match SceneFormat::for_path(&self.output) {
             _ if self.output.is_dir() => refuse_usage(format!("{} is a folder", self.output.display())),
             Some(form) => Ok(form),
             None => refuse_usage(format!(
@@ -97,39 +97,40 @@ impl Convert {
         }
     }
 
-    fn read(&self) -> Result<Gaussians, Problem> {
+    fn read(&self) -> Result<Gaussians, VerbError> {
         let input = self.input.display();
         if !self.input.is_dir()
             && let Err(e) = files::open(&self.input)
         {
-            return Err(Problem::usage("input-missing", format!("{input} cannot be read: {e}")));
+            return Err(VerbError::usage("input-missing", format!("{input} cannot be read: {e}")));
         }
         scene::read_any(&self.input).map_err(|error| match error {
             SceneError::Content { because, .. } => {
-                Problem::failed("input-unreadable", format!("{input}: failed to {because}"))
+                VerbError::failed("input-unreadable", format!("{input}: failed to {because}"))
             }
-            other => Problem::failed("input-unreadable", format!("failed to {other}")),
+            other => VerbError::failed("input-unreadable", format!("failed to {other}")),
         })
     }
 
     /// What the input holds beside the Gaussians.
-    fn left_out(&self) -> Option<Loss> {
+    fn left_out(&self) -> Option<FormatLoss> {
         let mut head = Vec::new();
         let file = files::open(&self.input).ok()?;
         file.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head).ok()?;
         let names = ply::left_out(&head);
         let what = format!("dropped: {}", names.join(", "));
-        (!names.is_empty()).then_some(Loss { field: "other properties", what, largest: None })
+        (!names.is_empty()).then_some(FormatLoss { field: "other properties", what, largest: None })
     }
 
-    fn refused(&self, losses: &[Loss]) -> Problem {
+    fn refused(&self, losses: &[FormatLoss]) -> VerbError {
         let what = format!("{} would lose something", self.output.display());
-        let message = Message::new(Level::Error, "lossy", what).help("--lossy writes it all the same");
+        let message =
+            UserMessage::new(MessageLevel::Error, "lossy", what).help("--lossy writes it all the same");
         let told = losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
-        Problem::from_message(Exit::Usage, told)
+        VerbError::from_message(ExitKind::Usage, told)
     }
 
-    fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[Loss], console: &Console) {
+    fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[FormatLoss], console: &Console) {
         let (screening, written) = (scene.screening, scene.len());
         let output = self.output.display();
         console.say(&format!("{output}: {written} Gaussians, {}", format_amount(bytes as u64, "B")));
@@ -146,7 +147,7 @@ impl Convert {
     }
 }
 
-fn refuse_usage<T>(what: String) -> Result<T, Problem> {
+fn refuse_usage<T>(what: String) -> Result<T, VerbError> {
     let scenes = "scenes read: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG; written: .ply, .spz, .splat";
-    Err(Problem::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
+    Err(VerbError::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
 }

@@ -1,8 +1,10 @@
 //! `gs2e diff`: what differs between two release trees, and why.
 
 use super::console::Console;
-use super::problem::{Exit, Problem};
-use crate::release::diff::{Change, Difference, FileChange, Reason, SceneChange, SceneSize, diff_releases};
+use super::problem::{ExitKind, VerbError};
+use crate::release::diff::{
+    DiffReason, FileChange, ReleaseDifference, SceneChange, SceneSize, ValueChange, diff_releases,
+};
 use crate::store::Digest;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -13,7 +15,7 @@ use std::path::PathBuf;
     after_help = "Reads manifest.json and scene.json of both releases and no other file; `gs2e audit` verifies a \
     release. Differences are no failure: the exit code is 0 with and without."
 )]
-pub(super) struct Diff {
+pub(super) struct DiffArgs {
     /// Folder of the older release
     #[arg(value_name = "DIR")]
     old: PathBuf,
@@ -22,10 +24,10 @@ pub(super) struct Diff {
     new: PathBuf,
 }
 
-impl Diff {
-    pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+impl DiffArgs {
+    pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
         let told = diff_releases(&self.old, &self.new).map_err(|error| {
-            Problem::usage("not-a-release", error.to_string())
+            VerbError::usage("not-a-release", error.to_string())
                 .help("name two folders that `gs2e release --to DIR` wrote")
         })?;
         if console.json {
@@ -33,20 +35,20 @@ impl Diff {
         } else {
             difference_lines(&told).iter().for_each(|line| console.print(line));
         }
-        let Difference { added, removed, changed, unchanged, .. } = &told;
+        let ReleaseDifference { added, removed, changed, unchanged, .. } = &told;
         let counts = [added.len(), removed.len(), changed.len(), *unchanged];
         let [added, removed, changed, unchanged] = counts;
         console.say(&format!(
             "scenes: {added} added, {removed} removed, {changed} changed, {unchanged} unchanged"
         ));
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 }
 
 /// Of the files of one scene that differ, as many are named; `--json` names all.
 const FILES_NAMED: usize = 12;
 
-fn difference_lines(told: &Difference) -> Vec<String> {
+fn difference_lines(told: &ReleaseDifference) -> Vec<String> {
     let mut lines: Vec<String> =
         told.release.iter().map(|c| format!("release  {}: {}", c.path, change_arrow(c))).collect();
     lines.extend(file_lines(&told.files).into_iter().map(|line| format!("file     {line}")));
@@ -63,7 +65,7 @@ fn difference_lines(told: &Difference) -> Vec<String> {
 }
 
 fn scene_lines(scene: &SceneChange) -> Vec<String> {
-    let of = |kind: &str, changes: &[Change]| -> Vec<String> {
+    let of = |kind: &str, changes: &[ValueChange]| -> Vec<String> {
         changes.iter().map(|c| format!("{kind:7}  {}: {}", c.path, change_arrow(c))).collect()
     };
     let mut lines = of("recipe", &scene.recipe);
@@ -93,29 +95,31 @@ fn file_lines(changes: &[FileChange]) -> Vec<String> {
     lines
 }
 
-fn change_arrow(change: &Change) -> String {
+fn change_arrow(change: &ValueChange) -> String {
     let text = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
     format!("{} -> {}", text(&change.old), text(&change.new))
 }
 
-fn reason_words(reason: &Reason, scene: &SceneChange) -> String {
+fn reason_words(reason: &DiffReason, scene: &SceneChange) -> String {
     let brief = |digest: &Option<Digest>| digest.map_or("absent".to_owned(), |digest| digest.short());
     match reason {
-        Reason::StepAdded => "new".to_owned(),
-        Reason::StepRemoved => "no longer there".to_owned(),
-        Reason::Revision { old, new } => format!("revision {old} -> {new}"),
-        Reason::Class { old, new } => {
+        DiffReason::StepAdded => "new".to_owned(),
+        DiffReason::StepRemoved => "no longer there".to_owned(),
+        DiffReason::Revision { old, new } => format!("revision {old} -> {new}"),
+        DiffReason::Class { old, new } => {
             let text = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".to_owned());
             format!("numerical class {} -> {}", text(old), text(new))
         }
-        Reason::ParamsChanged if scene.recipe.is_empty() => {
+        DiffReason::ParamsChanged if scene.recipe.is_empty() => {
             "parameters: this program reads an equal recipe otherwise".to_owned()
         }
-        Reason::ParamsChanged => "parameters".to_owned(),
-        Reason::InputChanged { name, old, new } => {
+        DiffReason::ParamsChanged => "parameters".to_owned(),
+        DiffReason::InputChanged { name, old, new } => {
             format!("input `{name}` changed: {} -> {}", brief(old), brief(new))
         }
-        Reason::Nondeterministic => "other bytes from an equal key: the step is not deterministic".to_owned(),
-        Reason::Untold => "another key; the releases do not say why".to_owned(),
+        DiffReason::Nondeterministic => {
+            "other bytes from an equal key: the step is not deterministic".to_owned()
+        }
+        DiffReason::Untold => "another key; the releases do not say why".to_owned(),
     }
 }

@@ -1,19 +1,19 @@
 //! What is told of steps that failed: each at once, and all of them again at the end.
 
 use super::commands;
-use super::message::{Level, Message};
+use super::message::{MessageLevel, UserMessage};
 use super::problem::{FULL, stage_failed, unplanned_message};
-use crate::programs::Failed;
+use crate::programs::ProgramFailure;
 use crate::run::StepError;
 use crate::stage::StageError;
-use crate::store::record::{Provenance, Record, content_digest};
-use crate::store::space::Space;
-use crate::store::{StoreError, Unlike};
+use crate::store::record::{StepProvenance, StepRecord, content_digest};
+use crate::store::space::DiskSpace;
+use crate::store::{OutputMismatch, StoreError};
 use crate::units::format_amount;
 
 /// A step and how far the run is.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct StepPlace<'a> {
     pub(super) scene: &'a str,
     pub(super) step: &'a str,
     /// Steps that are finished and kept.
@@ -22,9 +22,9 @@ pub(super) struct Place<'a> {
 }
 
 /// What is told of a step that failed.
-pub(super) fn failure_message(at: Place<'_>, error: &StepError) -> Message {
-    let Place { scene, step, .. } = at;
-    let new = |code, what: String| Message::new(Level::Error, code, what).step(scene, step);
+pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessage {
+    let StepPlace { scene, step, .. } = at;
+    let new = |code, what: String| UserMessage::new(MessageLevel::Error, code, what).step(scene, step);
     match error {
         StepError::Plan(error) => unplanned_message(error),
         StepError::Moved(_) => {
@@ -49,10 +49,10 @@ pub(super) fn failure_message(at: Place<'_>, error: &StepError) -> Message {
 }
 
 /// A program that a step ran, how it ended, and the last of what it said.
-fn command_failed(scene: &str, step: &str, error: &Failed) -> Message {
-    let Failed { program, command, how, last, log } = error;
+fn command_failed(scene: &str, step: &str, error: &ProgramFailure) -> UserMessage {
+    let ProgramFailure { program, command, how, last, log } = error;
     let what = format!("{scene}/{step}: {program} failed: {how}");
-    let message = Message::new(Level::Error, "command-failed", what).step(scene, step).path(log);
+    let message = UserMessage::new(MessageLevel::Error, "command-failed", what).step(scene, step).path(log);
     let message = message.detail(format!("command: {command}"));
     let message = match last.as_slice() {
         [] => message.detail("it said nothing"),
@@ -61,8 +61,8 @@ fn command_failed(scene: &str, step: &str, error: &Failed) -> Message {
     message.help("all that it said is in the file named first; what is finished is kept")
 }
 
-fn disk_full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {
-    let Place { scene, step, finished, all } = at;
+fn disk_full(at: StepPlace<'_>, wrote: u64, space: Option<&DiskSpace>) -> String {
+    let StepPlace { scene, step, finished, all } = at;
     let room = space.map_or(String::new(), |space| {
         let kind = if space.kind.is_empty() { String::new() } else { format!(" ({})", space.kind) };
         format!(", {} free on {}{kind}", format_amount(space.free, "B"), space.mount.display())
@@ -74,9 +74,9 @@ fn disk_full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {
 }
 
 /// Both sides of a step that is not deterministic, and where they part.
-fn mismatch_message(message: Message, sides: &Unlike) -> Message {
-    let side = |name: &str, record: &Record| {
-        let Provenance { tool, seconds, threads, .. } = &record.provenance;
+fn mismatch_message(message: UserMessage, sides: &OutputMismatch) -> UserMessage {
+    let side = |name: &str, record: &StepRecord| {
+        let StepProvenance { tool, seconds, threads, .. } = &record.provenance;
         let digest = content_digest(&record.outputs);
         let plural = if *threads == 1 { "" } else { "s" };
         format!("{name}: {digest} (gs2e {tool}, {seconds:.1} s, {threads} thread{plural})")
@@ -93,8 +93,8 @@ fn mismatch_message(message: Message, sides: &Unlike) -> Message {
 
 /// The steps that failed once more, by scene, each with the command that looks closer. `failed` holds scene, step and
 /// message; `options` is what the command needs to find them.
-pub(super) fn retry_commands(failed: &[(String, String, Message)], options: &str) -> Vec<String> {
-    let mut sorted: Vec<&(String, String, Message)> = failed.iter().collect();
+pub(super) fn retry_commands(failed: &[(String, String, UserMessage)], options: &str) -> Vec<String> {
+    let mut sorted: Vec<&(String, String, UserMessage)> = failed.iter().collect();
     // Steps of one scene keep the order in which they failed.
     sorted.sort_by(|a, b| a.0.cmp(&b.0));
     let mut lines = vec!["failed:".to_owned()];
@@ -117,9 +117,9 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_told_with_its_figures() {
-        let at = Place { scene: "a/b", step: "base/events", finished: 812, all: 8001 };
+        let at = StepPlace { scene: "a/b", step: "base/events", finished: 812, all: 8001 };
         let t = |free, kind: &str, wanted: &str| {
-            let space = Space { free, mount: "/data".into(), kind: kind.into() };
+            let space = DiskSpace { free, mount: "/data".into(), kind: kind.into() };
             assert_eq!(disk_full(at, 1_210_000_000, Some(&space)), wanted);
         };
         let end = "; 812 of 8001 steps are finished and kept";
@@ -133,13 +133,15 @@ mod tests {
     fn a_step_that_is_not_deterministic_is_told_with_both_sides() {
         let key = Key(Digest::of_bytes(b"key"));
         let record = |tool: &str, seconds, threads| {
-            let provenance = Provenance { tool: tool.into(), seconds, threads, ..Provenance::default() };
-            Record::new(key, "events", Vec::new(), provenance)
+            let provenance =
+                StepProvenance { tool: tool.into(), seconds, threads, ..StepProvenance::default() };
+            StepRecord::new(key, "events", Vec::new(), provenance)
         };
         let (before, now) = (record("0.1.0", 3.06, 8), record("0.2.0", 2.0, 1));
         let none = content_digest(&[]);
-        let sides = Unlike { before, now, replaced: false, first: Some("events.h5 at byte 7".into()) };
-        let at = Place { scene: "a", step: "base/events", finished: 0, all: 1 };
+        let sides =
+            OutputMismatch { before, now, replaced: false, first: Some("events.h5 at byte 7".into()) };
+        let at = StepPlace { scene: "a", step: "base/events", finished: 0, all: 1 };
         let wanted = format!(
             "error: a/base/events: other bytes than before from the same inputs\n key: {key}\n before: {none} \
              (gs2e 0.1.0, 3.1 s, 8 threads)\n now: {none} (gs2e 0.2.0, 2.0 s, 1 thread)\n first difference: \
@@ -152,7 +154,7 @@ mod tests {
 
     #[test]
     fn failures_are_told_again_by_scene() {
-        let message = |text: &str| Message::new(Level::Error, "step-failed", text);
+        let message = |text: &str| UserMessage::new(MessageLevel::Error, "step-failed", text);
         let failed = ["b/x", "a/y", "b/w"].map(|name| {
             let (scene, step) = name.split_once('/').unwrap();
             (scene.to_owned(), step.to_owned(), message(&format!("{name}: failed to please")))

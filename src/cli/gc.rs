@@ -1,15 +1,15 @@
 //! `gs2e gc`: deletes what no recipe and no release refers to any more.
 
-use super::build::{Care, open_store, store_options};
+use super::build::{TrustOptions, open_store, store_options};
 use super::console::Console;
-use super::problem::{Exit, Problem};
-use super::{Common, Targets};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, RecipeTargets};
 use crate::files::is_there;
 use crate::plan::Plan;
-use crate::plan::assess::{Action, assess_plan};
+use crate::plan::assess::{StepAction, assess_plan};
 use crate::recipe;
-use crate::store::gc::{Sweep, Swept};
-use crate::store::{Access, Key, Store};
+use crate::store::gc::{GcSweep, SweepSummary};
+use crate::store::{Key, Store, StoreAccess};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -20,9 +20,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
     after_help = "Kept are the results that these recipes need now, the last results of their stale steps, and what a release was \
     made from, as long as its folder exists. Scenes of a takedown.txt are not kept. Name every recipe whose results must stay."
 )]
-pub(super) struct Gc {
+pub(super) struct GcArgs {
     #[command(flatten)]
-    targets: Targets,
+    targets: RecipeTargets,
     /// Keep what is younger than this: 90s, 30m, 12h or 1d
     #[arg(long, value_name = "AGE", default_value = "1d", value_parser = parse_age)]
     min_age: Duration,
@@ -31,17 +31,17 @@ pub(super) struct Gc {
     dry_run: bool,
 }
 
-impl Gc {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl GcArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
         // What was made of a scene that is taken down goes too.
         let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);
         super::takedown::show_takedown(taken_down, console);
         // A look needs no lock and makes no store.
         let store = if self.dry_run || !is_there(&common.store) {
-            Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?
+            Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?
         } else {
-            open_store(common, &Care::default(), console)?
+            open_store(common, &TrustOptions::default(), console)?
         };
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         let mut marked = marks_of_recipes(&plan, &store)?;
@@ -49,14 +49,14 @@ impl Gc {
         let until =
             SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().saturating_sub(self.min_age);
         let until_ns = i64::try_from(until.as_nanos()).unwrap_or(i64::MAX);
-        let swept = store.sweep(&marked, Sweep { until_ns, dry_run: self.dry_run })?;
+        let swept = store.sweep(&marked, GcSweep { until_ns, dry_run: self.dry_run })?;
         store.flush()?;
         self.tell(&swept, console);
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
     /// The keys of the releases that are there; the roots of the others are removed.
-    fn marks_of_releases(&self, store: &Store, console: &Console) -> Result<BTreeSet<Key>, Problem> {
+    fn marks_of_releases(&self, store: &Store, console: &Console) -> Result<BTreeSet<Key>, VerbError> {
         let mut marked = BTreeSet::new();
         for root in store.roots()? {
             if root.release.is_dir() {
@@ -73,8 +73,8 @@ impl Gc {
         Ok(marked)
     }
 
-    fn tell(&self, swept: &Swept, console: &Console) {
-        let Swept { records, blobs, bytes, kept_blobs, kept_bytes, trash, trash_bytes } = *swept;
+    fn tell(&self, swept: &SweepSummary, console: &Console) {
+        let SweepSummary { records, blobs, bytes, kept_blobs, kept_bytes, trash, trash_bytes } = *swept;
         let done = if self.dry_run { "would delete" } else { "deleted" };
         let mb = |bytes: u64| bytes as f64 * 1e-6;
         let (size, kept, left) = (mb(bytes), mb(kept_bytes), mb(trash_bytes));
@@ -92,12 +92,12 @@ impl Gc {
 }
 
 /// For each step the key that it has now, and where it is not up to date also the one that it last had.
-fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, Problem> {
+fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, VerbError> {
     let assessed = assess_plan(plan, store)?;
     let mut marked = BTreeSet::new();
     for (step, assessed) in plan.steps().iter().zip(&assessed) {
         marked.extend(assessed.key);
-        if assessed.action != Action::Keep {
+        if assessed.action != StepAction::Keep {
             marked.extend(store.last_key(plan.scene_of(step), &step.name));
         }
     }

@@ -5,14 +5,14 @@ mod sample;
 mod write;
 
 use super::console::{Console, path};
-use super::message::{Level, Message};
-use super::problem::{Exit, Problem};
-use super::{Common, input};
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, input};
 use crate::files::is_there;
-use crate::recipe::draft::{self, Draft, Pace};
-use crate::source::inventory::{self, Entry, Rules};
-use crate::source::kind::Kind;
-use crate::source::{Captured, Selection, Warning, check_pattern, mvimgnet};
+use crate::recipe::draft::{self, CameraPace, RecipeDraft};
+use crate::source::inventory::{self, AcceptanceRules, InventoryScene};
+use crate::source::kind::CaptureKind;
+use crate::source::{DiskCapture, SourceWarning, ViewSelection, check_pattern, mvimgnet};
 use clap::ValueEnum;
 use names::FileName;
 use serde_json::{Value, json};
@@ -26,10 +26,10 @@ use std::path::{Path, PathBuf};
     new scenes and changes no existing recipe. Scenes that cannot be used are listed in rejected.tsv in that folder, each with \
     its reason."
 )]
-pub(super) struct Init {
+pub(super) struct InitArgs {
     /// Layout of the dataset
     #[arg(value_name = "FORMAT", value_enum)]
-    format: Format,
+    format: SourceFormat,
     /// The dataset, or a part of it
     #[arg(value_name = "DIR")]
     dir: PathBuf,
@@ -66,11 +66,11 @@ pub(super) struct Init {
     exclude: Vec<String>,
     /// Speed of the cameras; medium is the paper's [default: medium]
     #[arg(long, value_enum)]
-    pace: Option<Tempo>,
+    pace: Option<TempoArg>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
+enum SourceFormat {
     Colmap,
     Mvimgnet,
     Dl3dv,
@@ -79,30 +79,30 @@ enum Format {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Tempo {
+enum TempoArg {
     Mild,
     Medium,
     Strong,
 }
 
-impl From<Tempo> for Pace {
-    fn from(tempo: Tempo) -> Self {
+impl From<TempoArg> for CameraPace {
+    fn from(tempo: TempoArg) -> Self {
         match tempo {
-            Tempo::Mild => Self::Mild,
-            Tempo::Medium => Self::Medium,
-            Tempo::Strong => Self::Strong,
+            TempoArg::Mild => Self::Mild,
+            TempoArg::Medium => Self::Medium,
+            TempoArg::Strong => Self::Strong,
         }
     }
 }
 
-impl From<Format> for Kind {
-    fn from(format: Format) -> Self {
+impl From<SourceFormat> for CaptureKind {
+    fn from(format: SourceFormat) -> Self {
         match format {
-            Format::Colmap => Self::Colmap,
-            Format::Mvimgnet => Self::Mvimgnet,
-            Format::Dl3dv => Self::Dl3dv,
-            Format::Nerfstudio => Self::Nerfstudio,
-            Format::Model => Self::Model,
+            SourceFormat::Colmap => Self::Colmap,
+            SourceFormat::Mvimgnet => Self::Mvimgnet,
+            SourceFormat::Dl3dv => Self::Dl3dv,
+            SourceFormat::Nerfstudio => Self::Nerfstudio,
+            SourceFormat::Model => Self::Model,
         }
     }
 }
@@ -116,7 +116,7 @@ const BESIDE: &str = "{path}/point_cloud.ply";
 
 /// What becomes of the scenes of a tree.
 #[derive(Debug, Default)]
-struct Outcome {
+struct InitOutcome {
     /// Scenes and their recipes.
     written: Vec<(String, PathBuf)>,
     /// Scenes that had one.
@@ -132,55 +132,56 @@ struct Outcome {
 }
 
 /// A scene that may be used.
-struct Candidate {
+struct SceneCandidate {
     scene: String,
     recipe: PathBuf,
     path: PathBuf,
     told: Vec<String>,
 }
 
-impl Init {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl InitArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         common.limit_cores();
-        if !self.classes.is_empty() && self.format != Format::Mvimgnet {
-            return Err(Problem::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
+        if !self.classes.is_empty() && self.format != SourceFormat::Mvimgnet {
+            return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
         }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
         if let (Some(_), Some(_)) = (reconstructs, self.pace) {
             let what =
                 format!("--pace is written into {}, which is there", draft::defaults_in(&self.to).display());
-            return Err(Problem::usage("usage", what).help("change `factor` there, or leave --pace out"));
+            return Err(VerbError::usage("usage", what).help("change `factor` there, or leave --pace out"));
         }
         let entries = inventory::take_inventory(self.format.into(), &self.dir, &self.rules())
             .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
         if entries.is_empty() {
-            let what = format!("no scene of {} is in {}", Kind::from(self.format).name(), self.dir.display());
+            let what =
+                format!("no scene of {} is in {}", CaptureKind::from(self.format).name(), self.dir.display());
             return Err(
-                Problem::usage("input-missing", what).help("gs2e init --help says how each is laid out")
+                VerbError::usage("input-missing", what).help("gs2e init --help says how each is laid out")
             );
         }
-        let mut outcome = Outcome::default();
+        let mut outcome = InitOutcome::default();
         let candidates = self.candidates(entries, &mut outcome);
         let chosen = self.choose(candidates, &mut outcome);
         write::make_folder(&self.to)?;
         if reconstructs.is_none() {
-            let pace = self.pace.unwrap_or(Tempo::Medium).into();
+            let pace = self.pace.unwrap_or(TempoArg::Medium).into();
             write::write_file(&draft::defaults_in(&self.to), &draft::defaults_text(pace))?;
         }
         let pattern = self.scene.as_deref();
         // A model folder brings its own Gaussians.
-        let own = self.format == Format::Model || reconstructs == Some(true);
+        let own = self.format == SourceFormat::Model || reconstructs == Some(true);
         let pattern = pattern.or((!own).then_some(BESIDE));
         for candidate in chosen {
             self.write(candidate, pattern, &mut outcome)?;
         }
         write::write_rejected(&self.to, &outcome.rejected)?;
         outcome.tell(&self, console);
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
-    fn rules(&self) -> Rules {
-        Rules {
+    fn rules(&self) -> AcceptanceRules {
+        AcceptanceRules {
             min_side: self.min_side,
             min_views: self.min_views,
             selection: self.selection(),
@@ -189,17 +190,17 @@ impl Init {
     }
 
     /// Which views are used.
-    fn selection(&self) -> Selection {
-        let known = (self.format == Format::Mvimgnet).then(|| mvimgnet::LEFTOVERS.to_owned());
+    fn selection(&self) -> ViewSelection {
+        let known = (self.format == SourceFormat::Mvimgnet).then(|| mvimgnet::LEFTOVERS.to_owned());
         let exclude = known.into_iter().chain(self.exclude.iter().cloned()).collect();
-        Selection { views: self.views, exclude, poses: None }
+        ViewSelection { views: self.views, exclude, poses: None }
     }
 
     /// The scenes that may be used; the others are rejected.
-    fn candidates(&self, entries: Vec<Entry>, outcome: &mut Outcome) -> Vec<Candidate> {
-        let prefix = self.prefix.as_deref().unwrap_or(Kind::from(self.format).name());
+    fn candidates(&self, entries: Vec<InventoryScene>, outcome: &mut InitOutcome) -> Vec<SceneCandidate> {
+        let prefix = self.prefix.as_deref().unwrap_or(CaptureKind::from(self.format).name());
         let mut sound = Vec::new();
-        for Entry { name, path, verdict } in entries {
+        for InventoryScene { name, path, verdict } in entries {
             let scene = format!("{prefix}/{name}");
             match (verdict, draft::screen_text(&scene, &[&path])) {
                 (Ok(warnings), Ok(())) => {
@@ -220,14 +221,14 @@ impl Init {
             let FileName { path: recipe, because } = file;
             let named = because.map(|why| format!("its recipe is {}, since {why}", recipe.display()));
             Vec::extend(&mut told, named);
-            Candidate { scene, recipe, path, told }
+            SceneCandidate { scene, recipe, path, told }
         };
         sound.into_iter().zip(files).map(candidate).collect()
     }
 
     /// Those that get a recipe now.
-    fn choose(&self, candidates: Vec<Candidate>, outcome: &mut Outcome) -> Vec<Candidate> {
-        let (kept, mut new): (Vec<Candidate>, Vec<Candidate>) =
+    fn choose(&self, candidates: Vec<SceneCandidate>, outcome: &mut InitOutcome) -> Vec<SceneCandidate> {
+        let (kept, mut new): (Vec<SceneCandidate>, Vec<SceneCandidate>) =
             candidates.into_iter().partition(|candidate| is_there(&candidate.recipe));
         outcome.kept = kept.len();
         if let Some(limit) = self.limit {
@@ -242,11 +243,11 @@ impl Init {
 
     fn write(
         &self,
-        candidate: Candidate,
+        candidate: SceneCandidate,
         pattern: Option<&str>,
-        outcome: &mut Outcome,
-    ) -> Result<(), Problem> {
-        let Candidate { scene, recipe, path, told } = candidate;
+        outcome: &mut InitOutcome,
+    ) -> Result<(), VerbError> {
+        let SceneCandidate { scene, recipe, path, told } = candidate;
         let folder = recipe.parent().unwrap_or(Path::new(""));
         write::make_folder(folder)?;
         let given = pattern.map(|pattern| filled_pattern(pattern, &path, &scene));
@@ -258,9 +259,9 @@ impl Init {
             // What is known of the dataset is known to whoever reads the recipe.
             selection.exclude.clear();
         }
-        let captured = Captured { kind, path: way(&path)?, selection };
+        let captured = DiskCapture { kind, path: way(&path)?, selection };
         let given = given.map(|file| way(&file)).transpose()?;
-        let text = Draft { scene: &scene, captured: &captured, given: given.as_deref() }.text();
+        let text = RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref() }.text();
         write::write_file(&recipe, &text)?;
         outcome.told.extend(told.into_iter().map(|told| (scene.clone(), told)));
         outcome.written.push((scene, recipe));
@@ -274,13 +275,13 @@ fn filled_pattern(pattern: &str, path: &Path, scene: &str) -> PathBuf {
     PathBuf::from(pattern.replace("{path}", &path.to_string_lossy()).replace("{name}", name))
 }
 
-/// Whether a warning is about this scene: lenses are a dataset's way, and are told when the scene is built.
-fn is_odd(warning: &Warning) -> bool {
-    !matches!(warning, Warning::DistortionIgnored { .. } | Warning::FewViews { .. })
+/// Returns true if a warning is about this scene: lenses are a dataset's way, and are told when the scene is built.
+fn is_odd(warning: &SourceWarning) -> bool {
+    !matches!(warning, SourceWarning::DistortionIgnored { .. } | SourceWarning::FewViews { .. })
 }
 
-impl Outcome {
-    fn tell(&self, init: &Init, console: &Console) {
+impl InitOutcome {
+    fn tell(&self, init: &InitArgs, console: &Console) {
         for (scene, told) in &self.told {
             console.say(&format!("{scene}: {told}"));
         }
@@ -301,7 +302,7 @@ impl Outcome {
         if let Some(first) = self.without_scene.first() {
             let count = self.without_scene.len();
             let what = format!("{count} of the recipes written name a scene file that is not there");
-            let message = Message::new(Level::Warning, "scene-missing", what).path(first);
+            let message = UserMessage::new(MessageLevel::Warning, "scene-missing", what).path(first);
             let help = "train them first, say where they are with --scene, or write `reconstruct` into defaults.yaml";
             console.for_people().tell(&message.help(help));
         }

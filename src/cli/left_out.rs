@@ -1,8 +1,8 @@
 //! What a build left out, as people are told of it: a table for each trajectory that was rendered.
 
 use super::console::Console;
-use crate::frames::rendered::Saving;
-use crate::release::left_out::Row;
+use crate::frames::rendered::TimeSaved;
+use crate::release::left_out::OmissionRow;
 use std::collections::BTreeMap;
 
 /// More tables than these nobody reads.
@@ -10,13 +10,13 @@ const MOST: usize = 8;
 
 /// What was left out of one trajectory by the steps that were made.
 #[derive(Debug, Default)]
-pub(super) struct Table {
-    pub(super) rows: Vec<Row>,
-    pub(super) saving: Option<Saving>,
+pub(super) struct OmissionTable {
+    pub(super) rows: Vec<OmissionRow>,
+    pub(super) saving: Option<TimeSaved>,
 }
 
 /// Tells of each trajectory, by its scene and name.
-pub(super) fn show_left_out(tables: &BTreeMap<String, Table>, console: &Console) {
+pub(super) fn show_left_out(tables: &BTreeMap<String, OmissionTable>, console: &Console) {
     if tables.len() > MOST {
         let trajectories = tables.len();
         console.say(&format!(
@@ -29,7 +29,7 @@ pub(super) fn show_left_out(tables: &BTreeMap<String, Table>, console: &Console)
     }
 }
 
-impl Table {
+impl OmissionTable {
     fn to_lines(&self, name: &str) -> Vec<String> {
         if self.rows.is_empty() {
             return vec![format!("left out of {name}: nothing")];
@@ -39,7 +39,7 @@ impl Table {
         let step = width(&mut self.rows.iter().map(|row| row.step.as_str()));
         let what = width(&mut self.rows.iter().map(|row| row.what.as_str()));
         let much = width(&mut amounts.iter().map(String::as_str));
-        let line = |(row, amount): (&Row, &String)| {
+        let line = |(row, amount): (&OmissionRow, &String)| {
             format!("  {:step$}  {:what$}  {amount:much$}  {}", row.step, row.what, row.proof)
         };
         let head = format!("left out of {name}: what, how much, proof");
@@ -49,7 +49,7 @@ impl Table {
 }
 
 /// `12.5 %, 25 of 200 pairs`, or the number alone.
-fn share_words(row: &Row) -> String {
+fn share_words(row: &OmissionRow) -> String {
     match row.of {
         Some(of) if of > 0 => {
             let share = 100.0 * row.how_much as f64 / of as f64;
@@ -59,8 +59,8 @@ fn share_words(row: &Row) -> String {
     }
 }
 
-fn saved_words(saving: &Saving) -> String {
-    let Saving { seconds, sampled, frames } = saving;
+fn saved_words(saving: &TimeSaved) -> String {
+    let TimeSaved { seconds, sampled, frames } = saving;
     format!(
         "  without it, rendering the events' frames would take about {seconds:.1} s longer \
          (an estimate from {sampled} of {frames} frames)"
@@ -71,16 +71,16 @@ fn saved_words(saving: &Saving) -> String {
 mod tests {
     use super::*;
 
-    fn row(what: &str, how_much: u64, of: Option<u64>) -> Row {
+    fn row(what: &str, how_much: u64, of: Option<u64>) -> OmissionRow {
         let [step, what, unit, proof] = ["events", what, "pairs", "identical bytes"].map(str::to_owned);
-        Row { step, what, how_much, of, unit, proof }
+        OmissionRow { step, what, how_much, of, unit, proof }
     }
 
     #[test]
     fn a_table_has_a_line_a_row_and_one_for_the_time() {
         let rows = vec![row("hidden", 25, Some(200)), row("unknown", 7, None)];
-        let saving = Some(Saving { seconds: 12.34, sampled: 3, frames: 1500 });
-        let lines = Table { rows, saving }.to_lines("lab/base");
+        let saving = Some(TimeSaved { seconds: 12.34, sampled: 3, frames: 1500 });
+        let lines = OmissionTable { rows, saving }.to_lines("lab/base");
         assert_eq!(
             lines,
             [
@@ -91,6 +91,6 @@ mod tests {
                  1500 frames)",
             ]
         );
-        assert_eq!(Table::default().to_lines("lab/base"), ["left out of lab/base: nothing"]);
+        assert_eq!(OmissionTable::default().to_lines("lab/base"), ["left out of lab/base: nothing"]);
     }
 }

@@ -48,7 +48,7 @@ fn said(file: &str) -> Option<String> {
     files::read_text(Path::new(file), files::MAX_TEXT).ok()
 }
 
-/// Whether this process was started to ignore a signal; false where the system does not say.
+/// Returns true if this process was started to ignore a signal; false where the system does not say.
 pub(super) fn ignores(signal: i32) -> bool {
     said("/proc/self/status").is_some_and(|status| is_ignored(&status, signal))
 }

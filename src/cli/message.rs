@@ -1,13 +1,13 @@
 //! One message in four parts: what failed, where, why, and what to do.
 
 use crate::escape;
-use crate::recipe::Position;
+use crate::recipe::RecipePosition;
 use serde_json::json;
 use std::path::Path;
 
 /// How bad it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Level {
+pub(super) enum MessageLevel {
     /// Something was not done.
     Error,
     /// It goes on.
@@ -18,8 +18,8 @@ pub(super) enum Level {
 
 /// A message with a stable code.
 #[derive(Debug, Clone)]
-pub(super) struct Message {
-    level: Level,
+pub(super) struct UserMessage {
+    level: MessageLevel,
     code: &'static str,
     what: String,
     scene: Option<String>,
@@ -27,15 +27,15 @@ pub(super) struct Message {
     /// The file that it is about.
     path: Option<String>,
     /// Where a recipe names what it is about.
-    named_at: Option<Position>,
+    named_at: Option<RecipePosition>,
     /// More on where and what, a line each.
     details: Vec<String>,
     why: Vec<String>,
     help: Option<String>,
 }
 
-impl Message {
-    pub(super) fn new(level: Level, code: &'static str, what: impl Into<String>) -> Self {
+impl UserMessage {
+    pub(super) fn new(level: MessageLevel, code: &'static str, what: impl Into<String>) -> Self {
         let what = what.into();
         let (scene, step, path, named_at, help) = (None, None, None, None, None);
         Self { level, code, what, scene, step, path, named_at, details: Vec::new(), why: Vec::new(), help }
@@ -57,7 +57,7 @@ impl Message {
     }
 
     /// Named at a place of a recipe.
-    pub(super) fn named_at(self, at: Option<Position>) -> Self {
+    pub(super) fn named_at(self, at: Option<RecipePosition>) -> Self {
         Self { named_at: at, ..self }
     }
 
@@ -86,9 +86,9 @@ impl Message {
     /// For people.
     pub(super) fn to_lines(&self) -> Vec<String> {
         let word = match self.level {
-            Level::Error => "error",
-            Level::Warning => "warning",
-            Level::Waiting => "waiting",
+            MessageLevel::Error => "error",
+            MessageLevel::Warning => "warning",
+            MessageLevel::Waiting => "waiting",
         };
         let mut lines = vec![format!("{word}: {}", self.what)];
         lines.extend(self.place().map(|place| format!(" {place}")));
@@ -109,7 +109,7 @@ impl Message {
 
     /// For programs: what there is not is null. `line` and `column` are places in a recipe, and then so is `path`.
     pub(super) fn to_json(&self) -> serde_json::Value {
-        let level = if self.level == Level::Error { "error" } else { "warning" };
+        let level = if self.level == MessageLevel::Error { "error" } else { "warning" };
         let at = self.named_at.as_ref();
         // `path` is then the recipe's.
         let other = self.path.as_ref().filter(|_| at.is_some());
@@ -139,9 +139,9 @@ impl Message {
 mod tests {
     use super::*;
 
-    fn whole() -> Message {
-        let at = Position { file: "recipes/a.yaml".into(), line: 5, column: 22 };
-        Message::new(Level::Error, "input-missing", "a/b: the source is not there")
+    fn whole() -> UserMessage {
+        let at = RecipePosition { file: "recipes/a.yaml".into(), line: 5, column: 22 };
+        UserMessage::new(MessageLevel::Error, "input-missing", "a/b: the source is not there")
             .step("a/b", "capture")
             .path(Path::new("data/b"))
             .named_at(Some(at))
@@ -154,7 +154,7 @@ mod tests {
         let wanted = "error: a/b: the source is not there\n data/b, named at recipes/a.yaml:5:22\n \
                       because open data/b: no such file\nhelp: a path is relative to the recipe's folder";
         assert_eq!(whole().to_lines().join("\n"), wanted);
-        assert_eq!(Message::new(Level::Waiting, "locked", "x").to_lines(), ["waiting: x"]);
+        assert_eq!(UserMessage::new(MessageLevel::Waiting, "locked", "x").to_lines(), ["waiting: x"]);
     }
 
     #[test]
@@ -172,7 +172,7 @@ mod tests {
         ];
         assert_eq!(fields.map(|field| value[field].as_str()), wanted.map(Some));
         assert_eq!([&value["line"], &value["column"]], [&json!(5), &json!(22)]);
-        let bare = Message::new(Level::Warning, "x", "y").to_json();
+        let bare = UserMessage::new(MessageLevel::Warning, "x", "y").to_json();
         assert!(
             ["scene", "step", "path", "line", "column", "help"].iter().all(|field| bare[field].is_null())
         );

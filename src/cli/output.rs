@@ -4,7 +4,7 @@
 //! A link is followed, and the file that it leads to is replaced. A file that is replaced keeps its
 //! mode; one without a right to write is refused, as is anything but a regular file. `-` is stdout.
 
-use super::problem::Problem;
+use super::problem::VerbError;
 use crate::files;
 use crate::store::space::is_full;
 use std::collections::BTreeSet;
@@ -17,12 +17,12 @@ use std::path::{Path, PathBuf};
 const STDOUT: &str = "-";
 
 /// A file, or stdout, and what fills it.
-pub(super) struct Output<'a> {
+pub(super) struct OutputFile<'a> {
     pub(super) path: &'a Path,
     pub(super) fill: &'a dyn Fn(&mut dyn Write) -> io::Result<()>,
 }
 
-/// Whether a path stands for stdout.
+/// Returns true if a path stands for stdout.
 fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == STDOUT
 }
@@ -33,8 +33,8 @@ pub(super) fn screen_outputs<'a>(
     paths: impl IntoIterator<Item = &'a Path>,
     inputs: impl IntoIterator<Item = &'a Path>,
     json: bool,
-) -> Result<(), Problem> {
-    let refuse = |what: String| Err(Problem::usage("output-unwritable", what));
+) -> Result<(), VerbError> {
+    let refuse = |what: String| Err(VerbError::usage("output-unwritable", what));
     let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(link_target).collect();
     let mut seen = BTreeSet::new();
     for path in paths {
@@ -66,12 +66,13 @@ pub(super) fn screen_outputs<'a>(
 }
 
 /// Writes all outputs: files under temporary names beside their own, which they take when the last is finished.
-pub(super) fn write_outputs(outputs: &[Output<'_>]) -> Result<(), Problem> {
+pub(super) fn write_outputs(outputs: &[OutputFile<'_>]) -> Result<(), VerbError> {
     let mut parts = Vec::new();
-    for (number, Output { path, fill }) in outputs.iter().enumerate().filter(|(_, o)| !is_stdout(o.path)) {
-        parts.push(Part::write_part(path, number, fill).map_err(|e| unwritable_file(path, e))?);
+    for (number, OutputFile { path, fill }) in outputs.iter().enumerate().filter(|(_, o)| !is_stdout(o.path))
+    {
+        parts.push(PartialFile::write_part(path, number, fill).map_err(|e| unwritable_file(path, e))?);
     }
-    for Output { path, fill } in outputs.iter().filter(|o| is_stdout(o.path)) {
+    for OutputFile { path, fill } in outputs.iter().filter(|o| is_stdout(o.path)) {
         match print_to(fill) {
             // A reader that closed the pipe has read all it wants.
             Err(e) if e.kind() == io::ErrorKind::BrokenPipe => {}
@@ -86,9 +87,9 @@ pub(super) fn write_outputs(outputs: &[Output<'_>]) -> Result<(), Problem> {
 
 /// What is told of a file that could not be written.
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
-pub(super) fn unwritable_file(path: &Path, error: io::Error) -> Problem {
+pub(super) fn unwritable_file(path: &Path, error: io::Error) -> VerbError {
     let code = if is_full(&error) { "disk-full" } else { "output-unwritable" };
-    Problem::failed(code, format!("failed to write {}: {error}", path.display()))
+    VerbError::failed(code, format!("failed to write {}: {error}", path.display()))
 }
 
 fn print_to(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
@@ -102,7 +103,7 @@ pub(super) fn write_beside<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> Result<(), E>,
 ) -> Result<(), E> {
-    let part = Part::new(path, 0)?;
+    let part = PartialFile::new(path, 0)?;
     fill(&part.temporary)?;
     files::open(&part.temporary)?.sync_all()?;
     Ok(part.finish()?)
@@ -128,12 +129,12 @@ fn parent_folder(path: &Path) -> &Path {
 }
 
 /// A file that is written and does not have its name yet; without it, it is removed.
-struct Part {
+struct PartialFile {
     temporary: PathBuf,
     path: PathBuf,
 }
 
-impl Part {
+impl PartialFile {
     /// A part that is not written yet.
     fn new(path: &Path, number: usize) -> io::Result<Self> {
         let path = link_target(path);
@@ -165,7 +166,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for PartialFile {
     fn drop(&mut self) {
         // The first error is the one to report, and a finished file has another name by now.
         let _ = fs::remove_file(&self.temporary);

@@ -2,22 +2,22 @@
 
 use super::build::{option_tag, store_options};
 use super::console::{Console, path};
-use super::problem::{Exit, Problem};
-use super::{Common, Targets};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, RecipeTargets};
 use crate::plan::Plan;
-use crate::plan::assess::{Action, Assessment, Reason, assess_plan};
+use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
 use crate::plan::past::past_costs;
-use crate::plan::survey::{Settled, Survey, survey_recipes};
-use crate::store::record::Output;
-use crate::store::{Access, Digest, Key, Opening, Store};
+use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
+use crate::store::record::StoredOutput;
+use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
 use serde::Serialize;
 use serde_json::json;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Show {
+pub(super) struct PlanArgs {
     #[command(flatten)]
-    targets: Targets,
+    targets: RecipeTargets,
     /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
@@ -28,38 +28,38 @@ pub(super) struct Show {
 
 /// A step as it is shown.
 #[derive(Serialize)]
-struct Row<'a> {
+struct PlanRow<'a> {
     scene: &'a str,
     step: &'a str,
-    action: Action,
-    reason: &'a Reason,
+    action: StepAction,
+    reason: &'a StepReason,
     key: Option<Key>,
-    outputs: Vec<File<'a>>,
+    outputs: Vec<StepFile<'a>>,
 }
 
 /// A file of a step as programs are told of it.
 #[derive(Debug, Serialize)]
-pub(super) struct File<'a> {
+pub(super) struct StepFile<'a> {
     role: &'a str,
     digest: Digest,
     path: String,
 }
 
-impl Show {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let opening = Opening { verify: self.verify, ..store_options(common, Access::Read) };
+impl PlanArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        let opening = StoreOptions { verify: self.verify, ..store_options(common, StoreAccess::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let chosen = common.renderers()?;
         let surveyed =
             survey_recipes(&self.targets.recipes, &chosen.knowing(&store), &store, &option_tag(&chosen));
-        let Survey { settled, plan, taken_down } = surveyed?;
+        let PlanSurvey { settled, plan, taken_down } = surveyed?;
         let assessed = assess_plan(&plan, &store)?;
         // What goes to programs is one array.
         super::build::tell_notices(&store, &console.for_people());
         super::takedown::show_takedown(taken_down, &console.for_people());
         if self.estimate {
             estimate_run(&plan, &assessed, &store, common, console)?;
-            return Ok(Exit::Done);
+            return Ok(ExitKind::Done);
         }
         let rows = plan_rows(&plan, &assessed, &settled, &store);
         if console.json {
@@ -67,28 +67,28 @@ impl Show {
         } else {
             show_rows(&rows, console);
         }
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 }
 
 /// All steps, sorted by scene.
 fn plan_rows<'a>(
     plan: &'a Plan,
-    assessed: &'a [Assessment],
-    settled: &'a [Settled],
+    assessed: &'a [StepAssessment],
+    settled: &'a [SettledScene],
     store: &Store,
-) -> Vec<Row<'a>> {
+) -> Vec<PlanRow<'a>> {
     let known = settled.iter().flat_map(|scene| {
-        scene.steps.iter().map(|step| Row {
+        scene.steps.iter().map(|step| PlanRow {
             scene: &scene.scene,
             step: &step.name,
-            action: Action::Keep,
-            reason: &Reason::UpToDate,
+            action: StepAction::Keep,
+            reason: &StepReason::UpToDate,
             key: Some(step.key),
             outputs: output_files(store, &step.outputs),
         })
     });
-    let others = plan.steps().iter().zip(assessed).map(|(step, a)| Row {
+    let others = plan.steps().iter().zip(assessed).map(|(step, a)| PlanRow {
         scene: plan.scene_of(step),
         step: &step.name,
         action: a.action,
@@ -96,36 +96,40 @@ fn plan_rows<'a>(
         key: a.key,
         outputs: output_files(store, a.outputs.as_deref().unwrap_or_default()),
     });
-    let mut rows: Vec<Row<'a>> = known.chain(others).collect();
+    let mut rows: Vec<PlanRow<'a>> = known.chain(others).collect();
     // Stable: the steps of a scene stay in the order of the plan.
     rows.sort_by(|a, b| a.scene.cmp(b.scene));
     rows
 }
 
 /// Files of a step as programs are told of them.
-pub(super) fn output_files<'a>(store: &Store, outputs: &'a [Output]) -> Vec<File<'a>> {
-    let file = |o: &'a Output| File { role: &o.name, digest: o.digest, path: path(store.path_of(&o.digest)) };
+pub(super) fn output_files<'a>(store: &Store, outputs: &'a [StoredOutput]) -> Vec<StepFile<'a>> {
+    let file = |o: &'a StoredOutput| StepFile {
+        role: &o.name,
+        digest: o.digest,
+        path: path(store.path_of(&o.digest)),
+    };
     outputs.iter().map(file).collect()
 }
 
-fn show_rows(rows: &[Row<'_>], console: &Console) {
-    let line = |row: &Row<'_>| {
+fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
+    let line = |row: &PlanRow<'_>| {
         let action = match row.action {
-            Action::Run => "run",
-            Action::MayRun => "may run",
-            Action::Keep => "keep",
+            StepAction::Run => "run",
+            StepAction::MayRun => "may run",
+            StepAction::Keep => "keep",
         };
         format!("{action:7}  {}/{}  {}", row.scene, row.step, reason_words(row.reason))
     };
     rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
-    let [run, may, keep] = [Action::Run, Action::MayRun, Action::Keep].map(count);
+    let [run, may, keep] = [StepAction::Run, StepAction::MayRun, StepAction::Keep].map(count);
     console.say(&format!("{run} to run, {may} may run, {keep} up to date"));
 }
 
 /// What would run, in sum.
 #[derive(Debug, Default, Serialize)]
-struct Estimate {
+struct EstimateTotal {
     /// Steps that will run, and those that may.
     steps: usize,
     /// Those of which nothing like them ran before: they are in none of the sums.
@@ -140,15 +144,15 @@ struct Estimate {
 
 fn estimate_run(
     plan: &Plan,
-    assessed: &[Assessment],
+    assessed: &[StepAssessment],
     store: &Store,
-    common: &Common,
+    common: &CommonArgs,
     console: &Console,
-) -> Result<(), Problem> {
-    let mut sum = Estimate::default();
+) -> Result<(), VerbError> {
+    let mut sum = EstimateTotal::default();
     let past = past_costs(plan, store)?;
     for (a, past) in assessed.iter().zip(past) {
-        if a.action == Action::Keep {
+        if a.action == StepAction::Keep {
             continue;
         }
         sum.steps += 1;
@@ -166,7 +170,7 @@ fn estimate_run(
         console.result(&json!(sum));
         return Ok(());
     }
-    let Estimate { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
+    let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
     console.print(&format!("{steps} steps would run, or may: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
     console.print(&format!(
         "{:.1} MB of outputs; {:.0} MB of memory for the largest step",
@@ -180,21 +184,23 @@ fn estimate_run(
 }
 
 /// A reason for people.
-pub(super) fn reason_words(reason: &Reason) -> String {
+pub(super) fn reason_words(reason: &StepReason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {
-        Reason::UpToDate => "up to date".to_owned(),
-        Reason::InputMayChange { step } => format!("behind {step}"),
-        Reason::NotAsked { program } => format!("the version of {program} is not known: a build asks it"),
-        Reason::NoRecord => "never made".to_owned(),
-        Reason::InputChanged { name, old, new } => {
+        StepReason::UpToDate => "up to date".to_owned(),
+        StepReason::InputMayChange { step } => format!("behind {step}"),
+        StepReason::NotAsked { program } => format!("the version of {program} is not known: a build asks it"),
+        StepReason::NoRecord => "never made".to_owned(),
+        StepReason::InputChanged { name, old, new } => {
             let brief = |digest: &str| was(&digest.chars().take(12).collect::<String>());
             format!("input `{name}` changed: {} -> {}", brief(old), brief(new))
         }
-        Reason::ParamChanged { name, old, new } => format!("`{name}` changed: {} -> {}", was(old), was(new)),
-        Reason::Revision { old, new } => format!("revision {} -> {}", was(old), was(new)),
-        Reason::Class { old, new } => format!("numerical class {} -> {}", was(old), was(new)),
-        Reason::BlobMissing { digest } => format!("output {} is gone", &digest[..12]),
-        Reason::BlobAltered { digest } => format!("output {} was altered", &digest[..12]),
+        StepReason::ParamChanged { name, old, new } => {
+            format!("`{name}` changed: {} -> {}", was(old), was(new))
+        }
+        StepReason::Revision { old, new } => format!("revision {} -> {}", was(old), was(new)),
+        StepReason::Class { old, new } => format!("numerical class {} -> {}", was(old), was(new)),
+        StepReason::BlobMissing { digest } => format!("output {} is gone", &digest[..12]),
+        StepReason::BlobAltered { digest } => format!("output {} was altered", &digest[..12]),
     }
 }

@@ -1,16 +1,16 @@
 //! Why a verb ends early, and how the program then ends.
 
-use super::message::{Level, Message};
+use super::message::{MessageLevel, UserMessage};
 use crate::plan::assess::PlanError;
 use crate::plan::survey::SurveyError;
-use crate::recipe::Faults;
+use crate::recipe::RecipeFaults;
 use crate::stage::StageError;
 use crate::store::StoreError;
 use std::process::ExitCode;
 
 /// How the program ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Exit {
+pub enum ExitKind {
     /// Done.
     Done,
     /// A step failed.
@@ -23,7 +23,7 @@ pub enum Exit {
     Interrupted,
 }
 
-impl Exit {
+impl ExitKind {
     /// The exit code of the process.
     #[must_use]
     pub fn code(self) -> u8 {
@@ -37,57 +37,57 @@ impl Exit {
     }
 }
 
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
+impl From<ExitKind> for ExitCode {
+    fn from(exit: ExitKind) -> Self {
         Self::from(exit.code())
     }
 }
 
 /// Why a verb ends early.
 #[derive(Debug)]
-pub(super) struct Problem {
-    pub(super) exit: Exit,
-    said: Said,
+pub(super) struct VerbError {
+    pub(super) exit: ExitKind,
+    said: ProblemText,
 }
 
 #[derive(Debug)]
-enum Said {
-    Message(Box<Message>),
+enum ProblemText {
+    Message(Box<UserMessage>),
     /// The faults of recipes, which bring their own places.
-    Faults(Box<Faults>),
+    Faults(Box<RecipeFaults>),
     /// A command line that cannot be read, and the parser's own lines for people.
-    Misread(Box<Message>, Vec<String>),
+    Misread(Box<UserMessage>, Vec<String>),
 }
 
-impl Problem {
-    fn new(exit: Exit, code: &'static str, what: String) -> Self {
-        Self::from_message(exit, Message::new(Level::Error, code, what))
+impl VerbError {
+    fn new(exit: ExitKind, code: &'static str, what: String) -> Self {
+        Self::from_message(exit, UserMessage::new(MessageLevel::Error, code, what))
     }
 
     /// A message that ends a verb.
-    pub(super) fn from_message(exit: Exit, message: Message) -> Self {
-        Self { exit, said: Said::Message(Box::new(message)) }
+    pub(super) fn from_message(exit: ExitKind, message: UserMessage) -> Self {
+        Self { exit, said: ProblemText::Message(Box::new(message)) }
     }
 
     /// The command line or the input is wrong: nothing ran.
     pub(super) fn usage(code: &'static str, what: String) -> Self {
-        Self::new(Exit::Usage, code, what)
+        Self::new(ExitKind::Usage, code, what)
     }
 
     /// The command line cannot be read: what is wrong, and the lines for people, which say more.
     pub(super) fn misread(what: String, lines: Vec<String>) -> Self {
-        let message = Message::new(Level::Error, "usage", what).help("gs2e --help");
-        Self { exit: Exit::Usage, said: Said::Misread(Box::new(message), lines) }
+        let message = UserMessage::new(MessageLevel::Error, "usage", what).help("gs2e --help");
+        Self { exit: ExitKind::Usage, said: ProblemText::Misread(Box::new(message), lines) }
     }
 
     /// Something could not be done.
     pub(super) fn failed(code: &'static str, what: String) -> Self {
-        Self::new(Exit::Failed, code, what)
+        Self::new(ExitKind::Failed, code, what)
     }
 
     /// A check found a fault.
     pub(super) fn fault(code: &'static str, what: String) -> Self {
-        Self::new(Exit::Fault, code, what)
+        Self::new(ExitKind::Fault, code, what)
     }
 
     /// Adds what to do.
@@ -100,9 +100,9 @@ impl Problem {
         self.with(|message| message.step(scene, step))
     }
 
-    fn with(self, change: impl FnOnce(Message) -> Message) -> Self {
+    fn with(self, change: impl FnOnce(UserMessage) -> UserMessage) -> Self {
         let said = match self.said {
-            Said::Message(message) => Said::Message(Box::new(change(*message))),
+            ProblemText::Message(message) => ProblemText::Message(Box::new(change(*message))),
             other => other,
         };
         Self { said, ..self }
@@ -111,30 +111,30 @@ impl Problem {
     /// For people.
     pub(super) fn to_lines(&self) -> Vec<String> {
         match &self.said {
-            Said::Message(message) => message.to_lines(),
-            Said::Faults(faults) => faults.render_lines(),
-            Said::Misread(_, lines) => lines.clone(),
+            ProblemText::Message(message) => message.to_lines(),
+            ProblemText::Faults(faults) => faults.render_lines(),
+            ProblemText::Misread(_, lines) => lines.clone(),
         }
     }
 
     /// For programs: one object for each fault, with the exit code of the program in `exit`.
     pub(super) fn to_json(&self) -> Vec<serde_json::Value> {
         let mut objects = match &self.said {
-            Said::Message(message) | Said::Misread(message, _) => vec![message.to_json()],
-            Said::Faults(faults) => faults.to_json(),
+            ProblemText::Message(message) | ProblemText::Misread(message, _) => vec![message.to_json()],
+            ProblemText::Faults(faults) => faults.to_json(),
         };
         objects.iter_mut().for_each(|object| object["exit"] = self.exit.code().into());
         objects
     }
 }
 
-impl From<Faults> for Problem {
-    fn from(faults: Faults) -> Self {
-        Self { exit: Exit::Usage, said: Said::Faults(Box::new(faults)) }
+impl From<RecipeFaults> for VerbError {
+    fn from(faults: RecipeFaults) -> Self {
+        Self { exit: ExitKind::Usage, said: ProblemText::Faults(Box::new(faults)) }
     }
 }
 
-impl From<SurveyError> for Problem {
+impl From<SurveyError> for VerbError {
     fn from(error: SurveyError) -> Self {
         match error {
             SurveyError::Faults(faults) => (*faults).into(),
@@ -143,7 +143,7 @@ impl From<SurveyError> for Problem {
     }
 }
 
-impl From<StoreError> for Problem {
+impl From<StoreError> for VerbError {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
         if error.is_full() {
@@ -167,40 +167,42 @@ impl From<StoreError> for Problem {
 /// What to do where there is no room.
 pub(super) const FULL: &str = "gs2e gc --dry-run shows what can go";
 
-impl From<PlanError> for Problem {
+impl From<PlanError> for VerbError {
     /// The plan is held against the store before anything runs.
     fn from(error: PlanError) -> Self {
         match error {
             PlanError::Store(error) => error.into(),
-            error => Self::from_message(Exit::Usage, unplanned_message(&error)),
+            error => Self::from_message(ExitKind::Usage, unplanned_message(&error)),
         }
     }
 }
 
 /// What is told of a step that cannot be held against the store.
-pub(super) fn unplanned_message(error: &PlanError) -> Message {
+pub(super) fn unplanned_message(error: &PlanError) -> UserMessage {
     match error {
-        PlanError::Missing { scene, step, path, named_at } => {
-            Message::new(Level::Error, "input-missing", format!("{scene}: the source of {step} is not there"))
-                .step(scene, step)
-                .path(path)
-                .named_at(named_at.clone())
-                .help("a path is relative to the recipe's folder")
-        }
+        PlanError::Missing { scene, step, path, named_at } => UserMessage::new(
+            MessageLevel::Error,
+            "input-missing",
+            format!("{scene}: the source of {step} is not there"),
+        )
+        .step(scene, step)
+        .path(path)
+        .named_at(named_at.clone())
+        .help("a path is relative to the recipe's folder"),
         PlanError::Source { scene, step, cause } => {
             stage_failed("input-unreadable", scene, step, cause).help("mend it and run the same command")
         }
-        PlanError::Store(error) => Message::new(Level::Error, "store", format!("failed {error}")),
+        PlanError::Store(error) => UserMessage::new(MessageLevel::Error, "store", format!("failed {error}")),
     }
 }
 
 /// What is told of a step whose own work failed.
-pub(super) fn stage_failed(code: &'static str, scene: &str, step: &str, error: &StageError) -> Message {
+pub(super) fn stage_failed(code: &'static str, scene: &str, step: &str, error: &StageError) -> UserMessage {
     let (doing, why) = match error {
         StageError::Work { doing, cause } => (doing.clone(), Some(cause.to_string())),
         StageError::Io { path, source } => (format!("use {}", path.display()), Some(source.to_string())),
         other => (other.to_string(), None),
     };
-    let message = Message::new(Level::Error, code, format!("{scene}/{step}: failed to {doing}"));
-    why.into_iter().fold(message.step(scene, step), Message::because)
+    let message = UserMessage::new(MessageLevel::Error, code, format!("{scene}/{step}: failed to {doing}"));
+    why.into_iter().fold(message.step(scene, step), UserMessage::because)
 }

@@ -4,22 +4,22 @@ mod bars;
 mod pace;
 
 use super::console::Console;
-use super::failure::{self, Place};
-use super::left_out::Table;
-use super::message::{Level, Message};
+use super::failure::{self, StepPlace};
+use super::left_out::OmissionTable;
+use super::message::{MessageLevel, UserMessage};
 use super::plan;
-use crate::artifact::Files;
-use crate::frames::rendered::Saving;
+use crate::artifact::ArtifactFiles;
+use crate::frames::rendered::TimeSaved;
 use crate::plan::Plan;
-use crate::plan::assess::Reason;
+use crate::plan::assess::StepReason;
 use crate::release::left_out;
-use crate::run::{Event, Failure, Observer};
+use crate::run::{RunEvent, RunObserver, StepFailure};
 use crate::stage::StepId;
-use crate::store::record::Output;
+use crate::store::record::StoredOutput;
 use crate::store::{Key, Store};
 use crate::units::format_amount;
-use bars::Bars;
-use pace::Pace;
+use bars::ProgressBars;
+use pace::LinePacing;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
@@ -30,46 +30,46 @@ pub(super) struct Progress<'a> {
     plan: &'a Plan,
     /// Steps that were up to date at a glance, before the plan.
     settled: usize,
-    /// Whether what a GPU fails at is rendered on the CPU next.
+    /// True if what a GPU fails at is rendered on the CPU next.
     falls_back: bool,
     store: &'a Store,
     console: &'a Console,
     began: Instant,
-    shown: Mutex<Shown>,
+    shown: Mutex<ProgressView>,
 }
 
 #[derive(Default)]
-struct Shown {
-    bars: Option<Bars>,
-    pace: Pace,
+struct ProgressView {
+    bars: Option<ProgressBars>,
+    pace: LinePacing,
     /// Steps that came to their end, and of these the ones that were made or kept.
     ended: usize,
     finished: usize,
     /// What was wrong with the stored bytes of steps that run again for it.
     altered: BTreeMap<StepId, String>,
     /// What was left out of each trajectory of which something was rendered.
-    left_out: BTreeMap<String, Table>,
+    left_out: BTreeMap<String, OmissionTable>,
     /// Scene, step and message of each failure.
-    failed: Vec<(String, String, Message)>,
+    failed: Vec<(String, String, UserMessage)>,
 }
 
 /// What is left to tell when a run is over.
-pub(super) struct Told {
+pub(super) struct EndSummary {
     /// Scene, step and message of each failure.
-    pub(super) failed: Vec<(String, String, Message)>,
+    pub(super) failed: Vec<(String, String, UserMessage)>,
     /// What was left out of each trajectory of which something was rendered.
-    pub(super) left_out: BTreeMap<String, Table>,
+    pub(super) left_out: BTreeMap<String, OmissionTable>,
 }
 
 /// How a step ended, for people and programs.
-struct Ended<'a> {
+struct StepEnd<'a> {
     step: StepId,
     state: &'static str,
     key: Option<&'a Key>,
-    outputs: &'a [Output],
+    outputs: &'a [StoredOutput],
     seconds: Option<f64>,
     /// What it left out, where it renders.
-    left_out: Option<&'a Table>,
+    left_out: Option<&'a OmissionTable>,
 }
 
 impl<'a> Progress<'a> {
@@ -81,8 +81,8 @@ impl<'a> Progress<'a> {
         cores: usize,
         expected: &dyn Fn(StepId) -> Option<f64>,
     ) -> Self {
-        let bars = console.is_live().then(|| Bars::new(plan, cores, expected));
-        let shown = Mutex::new(Shown { bars, ..Shown::default() });
+        let bars = console.is_live().then(|| ProgressBars::new(plan, cores, expected));
+        let shown = Mutex::new(ProgressView { bars, ..ProgressView::default() });
         Self { plan, settled: 0, falls_back: false, store, console, began: Instant::now(), shown }
     }
 
@@ -106,10 +106,10 @@ impl<'a> Progress<'a> {
     }
 
     /// Takes the bars away, and returns what is to be told now.
-    pub(super) fn close(self) -> Told {
+    pub(super) fn close(self) -> EndSummary {
         let mut shown = self.shown.into_inner().expect("no observer panics");
-        shown.bars.iter_mut().for_each(Bars::close);
-        Told { failed: shown.failed, left_out: shown.left_out }
+        shown.bars.iter_mut().for_each(ProgressBars::close);
+        EndSummary { failed: shown.failed, left_out: shown.left_out }
     }
 
     fn place(&self, step: StepId) -> (&'a str, &'a str) {
@@ -122,11 +122,11 @@ impl<'a> Progress<'a> {
         format!("{scene}/{step}")
     }
 
-    fn started(&self, shown: &mut Shown, step: StepId, reason: &Reason, cores: usize) {
+    fn started(&self, shown: &mut ProgressView, step: StepId, reason: &StepReason, cores: usize) {
         if let Some(bars) = &mut shown.bars {
             bars.started(step, &self.name(step), cores);
         }
-        if let Reason::BlobAltered { digest } = reason {
+        if let StepReason::BlobAltered { digest } = reason {
             // Its bytes are still in their place.
             let path = digest.parse().ok().map(|digest| self.store.path_of(&digest));
             let size = path.and_then(|path| Some(path.metadata().ok()?.len()));
@@ -137,7 +137,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Counts a step that ended, and tells programs of it.
-    fn ended(&self, shown: &mut Shown, ended: &Ended<'_>, core_seconds: Option<f64>) {
+    fn ended(&self, shown: &mut ProgressView, ended: &StepEnd<'_>, core_seconds: Option<f64>) {
         shown.ended += 1;
         if let Some(bars) = &mut shown.bars {
             bars.ended(ended.step, core_seconds);
@@ -146,20 +146,23 @@ impl<'a> Progress<'a> {
             let again = if core_seconds.is_some() { ", made again" } else { "" };
             let (scene, step) = self.place(ended.step);
             let what = format!("{scene}/{step}: {what}; moved to trash{again}");
-            self.tell(shown, &Message::new(Level::Warning, "blob-altered", what).step(scene, step));
+            self.tell(
+                shown,
+                &UserMessage::new(MessageLevel::Warning, "blob-altered", what).step(scene, step),
+            );
         }
         if self.console.json {
             Self::above_bars(shown, || self.console.result(&self.to_json(ended)));
         }
     }
 
-    fn to_json(&self, ended: &Ended<'_>) -> Value {
-        let Ended { step, state, key, outputs, seconds, left_out } = ended;
+    fn to_json(&self, ended: &StepEnd<'_>) -> Value {
+        let StepEnd { step, state, key, outputs, seconds, left_out } = ended;
         let mut told = json!({
             "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
             "outputs": plan::output_files(self.store, outputs), "seconds": seconds,
         });
-        if let Some(Table { rows, saving }) = left_out {
+        if let Some(OmissionTable { rows, saving }) = left_out {
             told["left_out"] = json!(rows);
             told["saving"] = json!(saving);
         }
@@ -169,23 +172,23 @@ impl<'a> Progress<'a> {
     /// What a step left out that was made just now; `None` of one that does not render.
     fn left_out(
         &self,
-        shown: &Shown,
+        shown: &ProgressView,
         step: StepId,
-        outputs: &[Output],
-        saving: Option<Saving>,
-    ) -> Option<Table> {
+        outputs: &[StoredOutput],
+        saving: Option<TimeSaved>,
+    ) -> Option<OmissionTable> {
         let planned = &self.plan.steps()[step.0].step;
         if !left_out::RENDER.contains(&planned.stage()) {
             return None;
         }
-        let files = Files::from_outputs(outputs, self.store);
+        let files = ArtifactFiles::from_outputs(outputs, self.store);
         let rows = left_out::of_step(planned.stage(), planned.class().as_deref(), &files);
         let told = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
-        Some(Table { rows: rows.map_err(told).ok()?, saving })
+        Some(OmissionTable { rows: rows.map_err(told).ok()?, saving })
     }
 
     /// Keeps it for the end.
-    fn keep_left_out(&self, shown: &mut Shown, step: StepId, left_out: Table) {
+    fn keep_left_out(&self, shown: &mut ProgressView, step: StepId, left_out: OmissionTable) {
         let name = self.name(step);
         let trajectory = name.rsplit_once('/').map_or(name.as_str(), |(trajectory, _)| trajectory);
         let table = shown.left_out.entry(trajectory.to_owned()).or_default();
@@ -196,7 +199,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Shows something above the bars, where there are any.
-    fn above_bars(shown: &Shown, show: impl FnOnce()) {
+    fn above_bars(shown: &ProgressView, show: impl FnOnce()) {
         match &shown.bars {
             Some(bars) => bars.above(show),
             None => show(),
@@ -204,16 +207,23 @@ impl<'a> Progress<'a> {
     }
 
     /// A line for people.
-    fn line(&self, shown: &Shown, text: &str) {
+    fn line(&self, shown: &ProgressView, text: &str) {
         Self::above_bars(shown, || self.console.say(text));
     }
 
     /// A message, whatever people want.
-    fn tell(&self, shown: &Shown, message: &Message) {
+    fn tell(&self, shown: &ProgressView, message: &UserMessage) {
         Self::above_bars(shown, || self.console.tell(message));
     }
 
-    fn made(&self, shown: &mut Shown, step: StepId, seconds: f64, remark: Option<&str>, warnings: &[String]) {
+    fn made(
+        &self,
+        shown: &mut ProgressView,
+        step: StepId,
+        seconds: f64,
+        remark: Option<&str>,
+        warnings: &[String],
+    ) {
         let (all, name) = (self.all(), self.name(step));
         // What bars show needs no lines.
         if shown.bars.is_none() && shown.pace.admits(self.began.elapsed().as_secs_f64()) {
@@ -226,17 +236,17 @@ impl<'a> Progress<'a> {
         }
     }
 
-    fn failed(&self, shown: &mut Shown, failure: &Failure) {
+    fn failed(&self, shown: &mut ProgressView, failure: &StepFailure) {
         let step = failure.step;
         if let Some(because) = failure.of_gpu().filter(|_| self.falls_back) {
             let scene = self.place(step).0;
             let what = format!("{scene} is rendered on the CPU, since {because}");
-            return self.tell(shown, &Message::new(Level::Warning, "on-cpu", what).scene(scene));
+            return self.tell(shown, &UserMessage::new(MessageLevel::Warning, "on-cpu", what).scene(scene));
         }
-        let ended = Ended { step, state: "failed", key: None, outputs: &[], seconds: None, left_out: None };
+        let ended = StepEnd { step, state: "failed", key: None, outputs: &[], seconds: None, left_out: None };
         self.ended(shown, &ended, None);
         let (scene, name) = self.place(step);
-        let place = Place { scene, step: name, finished: shown.finished, all: self.all() };
+        let place = StepPlace { scene, step: name, finished: shown.finished, all: self.all() };
         let message = failure::failure_message(place, &failure.error);
         self.tell(shown, &message);
         shown.failed.push((scene.to_owned(), name.to_owned(), message));
@@ -257,27 +267,27 @@ impl<'a> Progress<'a> {
     }
 }
 
-impl Observer for Progress<'_> {
-    fn tell(&self, event: &Event<'_>) {
+impl RunObserver for Progress<'_> {
+    fn tell(&self, event: &RunEvent<'_>) {
         let shown = &mut *self.shown.lock().expect("no observer panics");
         match *event {
-            Event::Started { step, reason, cores } => self.started(shown, step, reason, cores),
-            Event::Kept { step, key, outputs } => {
+            RunEvent::Started { step, reason, cores } => self.started(shown, step, reason, cores),
+            RunEvent::Kept { step, key, outputs } => {
                 shown.finished += 1;
                 let key = Some(key);
-                let ended = Ended { step, state: "kept", key, outputs, seconds: None, left_out: None };
+                let ended = StepEnd { step, state: "kept", key, outputs, seconds: None, left_out: None };
                 self.ended(shown, &ended, None);
             }
-            Event::TooLarge { step, memory, budget } => {
+            RunEvent::TooLarge { step, memory, budget } => {
                 let [need, all] = [memory, budget].map(|bytes| format_amount(bytes, "B"));
                 let (scene, name) = self.place(step);
                 let what = format!("{scene}/{name} needs about {need} of {all}: it runs alone");
-                self.tell(shown, &Message::new(Level::Warning, "memory", what).step(scene, name));
+                self.tell(shown, &UserMessage::new(MessageLevel::Warning, "memory", what).step(scene, name));
             }
-            Event::Made { step, key, outputs, seconds, cores, warnings, remark, saving } => {
+            RunEvent::Made { step, key, outputs, seconds, cores, warnings, remark, saving } => {
                 shown.finished += 1;
                 let left_out = self.left_out(shown, step, outputs, saving);
-                let ended = Ended {
+                let ended = StepEnd {
                     step,
                     state: "made",
                     key: Some(key),
@@ -289,7 +299,7 @@ impl Observer for Progress<'_> {
                 self.made(shown, step, seconds, remark, warnings);
                 left_out.into_iter().for_each(|table| self.keep_left_out(shown, step, table));
             }
-            Event::Failed { failure } => self.failed(shown, failure),
+            RunEvent::Failed { failure } => self.failed(shown, failure),
         }
     }
 }

@@ -5,22 +5,23 @@ mod numbers;
 mod picture;
 
 use super::console::{Console, path};
-use super::message::{Level, Message};
-use super::output::{self, Output};
-use super::problem::{Exit, Problem};
-use super::{Choice, Common, input};
+use super::message::{MessageLevel, UserMessage};
+use super::output::{self, OutputFile};
+use super::problem::{ExitKind, VerbError};
+use super::{BackendArg, CommonArgs, input};
 use crate::files::is_there;
 use crate::render::backend::Backend;
 use crate::render::gpu;
 use crate::render::{
-    Antialiased, Layering, RenderChoice, RenderError, Rendered, Rules, Style, Velocity, View, Work,
+    AntialiasMode, CameraVelocity, CameraView, LayerOrder, RenderChoice, RenderError, RenderRules,
+    RenderStyle, RenderWork, RenderedImages,
 };
 use crate::scene::{self, Gaussians};
 use crate::source::{self, view};
-use account::Account;
+use account::RenderAccount;
 use clap::ValueEnum;
-use numbers::Colour;
-use picture::{Channel, Format, Picture};
+use numbers::ColourArg;
+use picture::{ChannelArg, ChannelImage, PictureFormat};
 use serde_json::json;
 use std::io;
 use std::path::PathBuf;
@@ -32,7 +33,7 @@ const MOST_PIXELS: usize = 1 << 28;
 
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Render {
+pub(super) struct RenderArgs {
     /// The scene: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
@@ -43,23 +44,23 @@ pub(super) struct Render {
     #[arg(long, value_name = "K", default_value_t = 0)]
     index: usize,
     /// Conventions for extents, culling and stops
-    #[arg(long, value_enum, default_value_t = Conventions::Official)]
-    rules: Conventions,
+    #[arg(long, value_enum, default_value_t = RulesArg::Official)]
+    rules: RulesArg,
     /// Order of layers of nearly the same depth; blended needs the rules soft
-    #[arg(long, value_enum, default_value_t = Layers::Depth)]
-    order: Layers,
+    #[arg(long, value_enum, default_value_t = LayerOrderArg::Depth)]
+    order: LayerOrderArg,
     /// Compensate opacity for the screen-space dilation [default: as the scene file says, else off]
     #[arg(long)]
     antialiased: bool,
     /// Colour behind the scene, each channel 0..1
     #[arg(long, value_name = "R,G,B", default_value = "0,0,0", value_parser = numbers::parse_colour, allow_hyphen_values = true)]
-    background: Colour,
+    background: ColourArg,
     /// Channel to render
-    #[arg(long, value_enum, default_value_t = Channel::Rgb)]
-    channel: Channel,
+    #[arg(long, value_enum, default_value_t = ChannelArg::Rgb)]
+    channel: ChannelArg,
     /// The camera's own linear (units/s) and angular (rad/s) velocity in camera axes, for luminance-rate and flow
     #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::parse_velocity, allow_hyphen_values = true)]
-    velocity: Option<Velocity>,
+    velocity: Option<CameraVelocity>,
     /// File for the picture: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -67,7 +68,7 @@ pub(super) struct Render {
 
 /// The renderers whose conventions there are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Conventions {
+enum RulesArg {
     /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles
     Official,
     /// Every pixel where a layer's opacity reaches 1/255
@@ -80,32 +81,32 @@ enum Conventions {
 
 /// The orders that there are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Layers {
+enum LayerOrderArg {
     /// By the depth of their means
     Depth,
     /// Each covers the other in part
     Blended,
 }
 
-impl From<Conventions> for Rules {
-    fn from(conventions: Conventions) -> Self {
+impl From<RulesArg> for RenderRules {
+    fn from(conventions: RulesArg) -> Self {
         match conventions {
-            Conventions::Official => Self::Official,
-            Conventions::Exact => Self::Exact,
-            Conventions::Gsplat => Self::Gsplat,
-            Conventions::Soft => Self::Soft,
+            RulesArg::Official => Self::Official,
+            RulesArg::Exact => Self::Exact,
+            RulesArg::Gsplat => Self::Gsplat,
+            RulesArg::Soft => Self::Soft,
         }
     }
 }
 
-impl Render {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl RenderArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         output::screen_outputs(
             [self.out.as_path()],
             [self.scene.as_path(), self.view.as_path()],
             console.json,
         )?;
-        let format = Format::for_path(&self.out, self.channel)?;
+        let format = PictureFormat::for_path(&self.out, self.channel)?;
         let (velocity, mut warnings) = self.motion()?;
         common.limit_cores();
 
@@ -117,16 +118,17 @@ impl Render {
 
         let started = Instant::now();
         let style = self.style(&gaussians);
-        let view = View { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
-        let mut rendered = Rendered::default();
+        let view =
+            CameraView { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
+        let mut rendered = RenderedImages::default();
         let scene = Arc::new(gaussians);
         let (backend, work) = self.rendered(common, &scene, (style, &view), &mut rendered, console)?;
         let rendering = started.elapsed();
 
-        let picture = Picture::from_rendered(self.channel, rendered).expect("the channel was asked for");
+        let picture = ChannelImage::from_rendered(self.channel, rendered).expect("the channel was asked for");
         let fill = |out: &mut dyn io::Write| picture.write(format, out);
-        output::write_outputs(&[Output { path: &self.out, fill: &fill }])?;
-        let account = Account {
+        output::write_outputs(&[OutputFile { path: &self.out, fill: &fill }])?;
+        let account = RenderAccount {
             channel: self.channel.name(),
             backend,
             view: chosen.name,
@@ -138,10 +140,10 @@ impl Render {
             warnings,
         };
         self.tell(&account, style, console);
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
-    fn tell(&self, account: &Account, style: Style, console: &Console) {
+    fn tell(&self, account: &RenderAccount, style: RenderStyle, console: &Console) {
         account.tell(console);
         if console.json {
             let mut value = account.to_json();
@@ -152,29 +154,29 @@ impl Render {
     }
 
     /// How the camera moves, and what is to be told of that; an error where the channel needs it and it is not said.
-    fn motion(&self) -> Result<(Velocity, Vec<String>), Problem> {
+    fn motion(&self) -> Result<(CameraVelocity, Vec<String>), VerbError> {
         let name = self.channel.name();
         match self.velocity {
             None if self.channel.moves() => {
                 let what = format!("{name} is of a camera that moves, and how is not said");
                 let help = "--velocity vx,vy,vz,wx,wy,wz, in camera axes; 0,0,0,0,0,0 is a camera at rest";
-                Err(Problem::usage("velocity-missing", what).help(help))
+                Err(VerbError::usage("velocity-missing", what).help(help))
             }
             Some(_) if !self.channel.moves() => {
-                Ok((Velocity::default(), vec![format!("{name} does not depend on --velocity")]))
+                Ok((CameraVelocity::default(), vec![format!("{name} does not depend on --velocity")]))
             }
             velocity => Ok((velocity.unwrap_or_default(), Vec::new())),
         }
     }
 
     /// The view of that index, and what is to be told of it.
-    fn chosen(&self) -> Result<(source::View, Vec<source::Warning>), Problem> {
+    fn chosen(&self) -> Result<(source::CapturedView, Vec<source::SourceWarning>), VerbError> {
         let read = view::read_views(&self.view).map_err(|e| input::no_source("view", &e, &self.view))?;
         let count = read.0.views.len();
         let chosen = view::choose_view(read, self.index).ok_or_else(|| {
             let views = if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
             let what = format!("{} has {views}, and none of index {}", self.view.display(), self.index);
-            Problem::usage("no-view", what).help(&format!("--index: from 0 to {}", count.saturating_sub(1)))
+            VerbError::usage("no-view", what).help(&format!("--index: from 0 to {}", count.saturating_sub(1)))
         })?;
         let size = chosen.0.camera.size;
         if size.pixels() > MOST_PIXELS {
@@ -184,34 +186,34 @@ impl Render {
         Ok(chosen)
     }
 
-    fn gaussians(&self) -> Result<Gaussians, Problem> {
+    fn gaussians(&self) -> Result<Gaussians, VerbError> {
         if !is_there(&self.scene) {
             return Err(input::missing_file("scene", &self.scene));
         }
         scene::read_file(&self.scene).map_err(|e| input::unreadable_file("scene", &e))
     }
 
-    fn style(&self, gaussians: &Gaussians) -> Style {
-        let antialiased = if self.antialiased { Antialiased::On } else { Antialiased::Auto };
+    fn style(&self, gaussians: &Gaussians) -> RenderStyle {
+        let antialiased = if self.antialiased { AntialiasMode::On } else { AntialiasMode::Auto };
         let order = match self.order {
-            Layers::Depth => Layering::Depth,
-            Layers::Blended => Layering::Blended,
+            LayerOrderArg::Depth => LayerOrder::Depth,
+            LayerOrderArg::Blended => LayerOrder::Blended,
         };
         let (rules, background) = (self.rules.into(), self.background.0);
         RenderChoice { rules, order, antialiased, background }.resolve(gaussians.antialiased)
     }
 }
 
-impl Render {
+impl RenderArgs {
     /// Renders by the back end that was asked for; tells its class and what it did.
     fn rendered(
         &self,
-        common: &Common,
+        common: &CommonArgs,
         scene: &Arc<Gaussians>,
-        (style, view): (Style, &View),
-        out: &mut Rendered,
+        (style, view): (RenderStyle, &CameraView),
+        out: &mut RenderedImages,
         console: &Console,
-    ) -> Result<(String, Work), Problem> {
+    ) -> Result<(String, RenderWork), VerbError> {
         let want = self.channel.wanted();
         let mut by = |backend: &Backend| {
             let mut renderer = backend.renderer(scene.clone(), style)?;
@@ -219,14 +221,14 @@ impl Render {
             let work = renderer.render(view, want, out)?;
             Ok::<_, RenderError>((backend.class(), work))
         };
-        if common.backend != Choice::Auto {
+        if common.backend != BackendArg::Auto {
             return by(&common.backend()?).map_err(render_failed);
         }
         if !gpu::supports_order(style.order) {
             return by(&Backend::Cpu).map_err(render_failed);
         }
         // One in software is slower than the CPU renderer.
-        let device = common.device(&gpu::Choice::Hardware).map_err(RenderError::from);
+        let device = common.device(&gpu::DeviceChoice::Hardware).map_err(RenderError::from);
         let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
             console.say(&format!("on the CPU, since {because}"));
@@ -237,9 +239,10 @@ impl Render {
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
-fn render_failed(error: RenderError) -> Problem {
-    let message = Message::new(Level::Error, "step-failed", "failed to render").because(error.to_string());
-    let problem = Problem::from_message(Exit::Failed, message);
+fn render_failed(error: RenderError) -> VerbError {
+    let message =
+        UserMessage::new(MessageLevel::Error, "step-failed", "failed to render").because(error.to_string());
+    let problem = VerbError::from_message(ExitKind::Failed, message);
     if matches!(error, RenderError::Gpu(_)) {
         problem.help("--backend cpu, or leave it out")
     } else {

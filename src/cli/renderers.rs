@@ -5,84 +5,84 @@
 //! is opened once something is to be rendered, and a scene that it has no room for, or that it is lost at, goes to the CPU.
 
 use super::console::Console;
-use super::problem::Problem;
-use crate::foreign::versions::Asked;
+use super::problem::VerbError;
+use crate::foreign::versions::VersionQuery;
 use crate::plan::asked;
-use crate::plan::assess::{Action, assess_plan};
-use crate::plan::{Plan, Renderers, past};
-use crate::programs::Programs;
+use crate::plan::assess::{StepAction, assess_plan};
+use crate::plan::{Plan, RendererPolicy, past};
+use crate::programs::ProgramFinder;
 use crate::recipe::Recipe;
-use crate::render::Omit;
+use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::{self, Choice, Device, GpuError};
-use crate::run::Summary;
+use crate::render::gpu::{self, DeviceChoice, GpuDevice, GpuError};
+use crate::run::RunSummary;
 use crate::store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 /// What renders the scenes of a command, and what is left out.
 #[derive(Debug)]
-pub(super) struct Chosen {
-    by: By,
-    omit: Omit,
-    programs: Programs,
+pub(super) struct RendererChoice {
+    by: RendererKind,
+    omit: OmissionPolicy,
+    programs: ProgramFinder,
 }
 
 /// What renders.
 #[derive(Debug)]
-pub(super) enum By {
+pub(super) enum RendererKind {
     /// The back end that the user asked for.
     One(Backend),
     /// What fits each scene.
-    Auto(Auto),
+    Auto(AutoRenderers),
 }
 
-impl Chosen {
+impl RendererChoice {
     /// By these, leaving out so much; `programs` are those that a run may start.
-    pub(super) fn new(by: By, omit: Omit, programs: Programs) -> Self {
+    pub(super) fn new(by: RendererKind, omit: OmissionPolicy, programs: ProgramFinder) -> Self {
         Self { by, omit, programs }
     }
 
     /// The programs that a run may start.
-    pub(super) fn programs(&self) -> &Programs {
+    pub(super) fn programs(&self) -> &ProgramFinder {
         &self.programs
     }
 
     /// Names what of it may change a key: what a survey under another name found does not count.
     pub(super) fn name(&self) -> String {
         let by = match &self.by {
-            By::One(backend) => backend.class(),
-            By::Auto(_) => "auto".to_owned(),
+            RendererKind::One(backend) => backend.class(),
+            RendererKind::Auto(_) => "auto".to_owned(),
         };
         if self.omit.is_needless() { by } else { format!("{by} whole") }
     }
 
     /// With what is known of scenes and programs in a store, for a verb that runs nothing.
-    pub(super) fn knowing<'a>(&'a self, store: &'a Store) -> Knowing<'a> {
-        Knowing { chosen: self, store, asks: false }
+    pub(super) fn knowing<'a>(&'a self, store: &'a Store) -> InformedRenderers<'a> {
+        InformedRenderers { chosen: self, store, asks: false }
     }
 
     /// With what is known of scenes in a store, for a run. Programs that recipes name are asked for versions.
-    pub(super) fn asking<'a>(&'a self, store: &'a Store) -> Knowing<'a> {
-        Knowing { chosen: self, store, asks: true }
+    pub(super) fn asking<'a>(&'a self, store: &'a Store) -> InformedRenderers<'a> {
+        InformedRenderers { chosen: self, store, asks: true }
     }
 
-    /// Whether what a GPU fails at is rendered on the CPU next.
+    /// Returns true if what a GPU fails at is rendered on the CPU next.
     pub(super) fn falls_back(&self) -> bool {
-        matches!(self.by, By::Auto(_))
+        matches!(self.by, RendererKind::Auto(_))
     }
 
     /// Says where there is no GPU for what needs one.
     pub(super) fn tell(&self, console: &Console) {
-        let By::Auto(auto) = &self.by else { return };
+        let RendererKind::Auto(auto) = &self.by else { return };
         if let Some(Err(because)) = &*auto.gpu.borrow() {
             console.say(&format!("on the CPU, since {because}"));
         }
     }
 
     /// Takes the scenes of a run that the GPU failed, so that they are planned for the CPU next; whether there are any.
-    pub(super) fn give_up(&self, plan: &Plan, summary: &Summary) -> bool {
-        let By::Auto(auto) = &self.by else { return false };
+    pub(super) fn give_up(&self, plan: &Plan, summary: &RunSummary) -> bool {
+        let RendererKind::Auto(auto) = &self.by else { return false };
         let mut any = false;
         for failure in &summary.failures {
             let Some(because) = failure.of_gpu() else { continue };
@@ -99,24 +99,24 @@ impl Chosen {
 
 /// Renders by what fits each scene.
 #[derive(Debug)]
-pub(super) struct Auto {
-    choice: Choice,
+pub(super) struct AutoRenderers {
+    choice: DeviceChoice,
     /// `None` while it is not opened.
-    gpu: RefCell<Option<Result<Device, GpuError>>>,
+    gpu: RefCell<Option<Result<GpuDevice, GpuError>>>,
     /// Scenes that the GPU failed.
     on_cpu: RefCell<BTreeSet<String>>,
 }
 
-impl Auto {
+impl AutoRenderers {
     /// By one of these GPUs, else the CPU.
-    pub(super) fn new(choice: Choice) -> Self {
+    pub(super) fn new(choice: DeviceChoice) -> Self {
         Self { choice, gpu: RefCell::default(), on_cpu: RefCell::default() }
     }
 
     /// The GPU, opened, else the CPU.
     fn best(&self) -> Backend {
         let mut gpu = self.gpu.borrow_mut();
-        match gpu.get_or_insert_with(|| Device::open(&self.choice)) {
+        match gpu.get_or_insert_with(|| GpuDevice::open(&self.choice)) {
             Ok(device) => Backend::Gpu(device.clone()),
             Err(_) => Backend::Cpu,
         }
@@ -134,31 +134,31 @@ impl Auto {
     }
 }
 
-/// [`Chosen`] with what is known of the scenes.
-pub(super) struct Knowing<'a> {
-    chosen: &'a Chosen,
+/// [`RendererChoice`] with what is known of the scenes.
+pub(super) struct InformedRenderers<'a> {
+    chosen: &'a RendererChoice,
     store: &'a Store,
-    /// Whether programs may be run to know their versions.
+    /// True if programs may be run to know their versions.
     asks: bool,
 }
 
-impl Renderers for Knowing<'_> {
+impl RendererPolicy for InformedRenderers<'_> {
     fn of(&self, recipe: &Recipe) -> Backend {
         match &self.chosen.by {
-            By::One(backend) => backend.clone(),
-            By::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
+            RendererKind::One(backend) => backend.clone(),
+            RendererKind::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
             // A record that cannot be read is told by whoever needs it.
-            By::Auto(auto) => {
+            RendererKind::Auto(auto) => {
                 auto.of(&recipe.scene, past::last_class(recipe, self.store).unwrap_or_default())
             }
         }
     }
 
-    fn omit(&self) -> Omit {
+    fn omit(&self) -> OmissionPolicy {
         self.chosen.omit
     }
 
-    fn version(&self, program: Asked) -> Option<String> {
+    fn version(&self, program: VersionQuery) -> Option<String> {
         let programs = &self.chosen.programs;
         if self.asks {
             Some(asked::ask(program, programs, self.store))
@@ -168,13 +168,13 @@ impl Renderers for Knowing<'_> {
     }
 }
 
-impl Knowing<'_> {
+impl InformedRenderers<'_> {
     /// The plan as it can be run: the GPU is opened where something is to be rendered by one that was not.
-    pub(super) fn at_hand(&self, plan: Plan) -> Result<Plan, Problem> {
-        let By::Auto(auto) = &self.chosen.by else { return Ok(plan) };
+    pub(super) fn at_hand(&self, plan: Plan) -> Result<Plan, VerbError> {
+        let RendererKind::Auto(auto) = &self.chosen.by else { return Ok(plan) };
         let unopened = auto.gpu.borrow().is_none()
             && plan.scenes().iter().any(|recipe| matches!(self.of(recipe), Backend::Unopened(_)));
-        if !unopened || assess_plan(&plan, self.store)?.iter().all(|a| a.action == Action::Keep) {
+        if !unopened || assess_plan(&plan, self.store)?.iter().all(|a| a.action == StepAction::Keep) {
             return Ok(plan);
         }
         auto.best();
@@ -185,8 +185,8 @@ impl Knowing<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::build::{Building, Care, open_store};
-    use crate::cli::{Cli, Targets};
+    use crate::cli::build::{BuildRequest, TrustOptions, open_store};
+    use crate::cli::{Cli, RecipeTargets};
     use clap::Parser as _;
     use std::path::Path;
 
@@ -197,8 +197,11 @@ mod tests {
         outputs: [events, sharp]\nlicence: { expression: CC0-1.0, holder: Nobody }\n";
 
     /// Builds a scene in `dir` by a GPU that `spoil` makes unfit; what came of it, and the classes of its steps.
-    fn built(dir: &Path, spoil: impl FnOnce(Device) -> Device) -> Option<(Summary, BTreeSet<String>)> {
-        let device = match Device::open(&Choice::Any) {
+    fn built(
+        dir: &Path,
+        spoil: impl FnOnce(GpuDevice) -> GpuDevice,
+    ) -> Option<(RunSummary, BTreeSet<String>)> {
+        let device = match GpuDevice::open(&DeviceChoice::Any) {
             Ok(device) => spoil(device),
             Err(because) => {
                 assert!(std::env::var("REQUIRE_GPU").as_deref() != Ok("1"), "{because}");
@@ -209,14 +212,19 @@ mod tests {
         std::fs::write(&recipe, RECIPE).unwrap();
         let store = dir.join("store").display().to_string();
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
-        let auto = Auto { gpu: RefCell::new(Some(Ok(device))), ..Auto::new(Choice::Any) };
-        let console = Console::new(crate::cli::Streams::of_process(), false, true);
-        let care = Care::default();
-        let chosen = Chosen::new(By::Auto(auto), Omit::default(), Programs::default());
-        let targets = Targets { recipes: vec![recipe] };
+        let auto =
+            AutoRenderers { gpu: RefCell::new(Some(Ok(device))), ..AutoRenderers::new(DeviceChoice::Any) };
+        let console = Console::new(crate::cli::ConsoleStreams::of_process(), false, true);
+        let care = TrustOptions::default();
+        let chosen = RendererChoice::new(
+            RendererKind::Auto(auto),
+            OmissionPolicy::default(),
+            ProgramFinder::default(),
+        );
+        let targets = RecipeTargets { recipes: vec![recipe] };
         let store = open_store(&common, &care, &console).unwrap();
         let plan = Plan::new(crate::recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
-        let building = Building {
+        let building = BuildRequest {
             settled: 0,
             targets: &targets,
             chosen: &chosen,
@@ -235,12 +243,12 @@ mod tests {
 
     #[test]
     fn what_a_gpu_has_no_room_for_or_is_lost_at_is_rendered_on_the_cpu() {
-        let lost = |device: Device| {
+        let lost = |device: GpuDevice| {
             device.destroy();
             device
         };
-        let full = |device: Device| device.with_room(100);
-        let spoils: [&dyn Fn(Device) -> Device; 2] = [&lost, &full];
+        let full = |device: GpuDevice| device.with_room(100);
+        let spoils: [&dyn Fn(GpuDevice) -> GpuDevice; 2] = [&lost, &full];
         for spoil in spoils {
             let dir = tempfile::tempdir().unwrap();
             let Some((summary, classes)) = built(dir.path(), spoil) else { return };

@@ -2,15 +2,15 @@
 
 use super::console::Console;
 use crate::sensor::front_end::FrontEnd;
-use crate::sensor::screening::{Noise, Screening};
+use crate::sensor::screening::{ConstantLightNoise, SensorScreening};
 
 /// Tells the contrast, leak and noise of a sensor; `whose` stands before its warnings.
-pub(super) fn show_screening(what: &str, whose: &str, screening: &Screening, console: &Console) {
+pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreening, console: &Console) {
     let ([on, off], quantity) = (screening.contrast, screening.quantity);
     console.say(&format!("{what}: one event is a step of {quantity} by {on:.4} up, {off:.4} down"));
     for n in screening.noise {
         let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
-        let Noise { grey, leak_hz, total_hz, .. } = n;
+        let ConstantLightNoise { grey, leak_hz, total_hz, .. } = n;
         console.say(&format!(
             "  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"
         ));

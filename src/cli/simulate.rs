@@ -4,25 +4,27 @@ mod account;
 mod sensor;
 mod sequence;
 
-use super::Common;
+use super::CommonArgs;
 use super::console::Console;
-use super::convert::events::Codec;
-use super::message::{Level, Message};
+use super::convert::events::RawCodec;
+use super::message::{MessageLevel, UserMessage};
 use super::output::{self, unwritable_file, write_beside};
-use super::problem::{Exit, Problem};
-use crate::event::file::{self, EventFile, Format};
-use crate::event::{Event, EventFileError, EventSink, Header, LawStamp, h5};
+use super::problem::{ExitKind, VerbError};
+use crate::event::file::{self, EventFile, EventFormat};
+use crate::event::{Event, EventFileError, EventSink, LawStamp, StreamHeader, h5};
 use crate::files::is_there;
 use crate::frames::FrameError;
 use crate::frames::array::FullScale;
 use crate::seed::Seed;
-use crate::sensor::front_end::{Decode, Luminance, Range};
-use crate::sensor::voltmeter::{Between, Gain, Initial, Law};
-use crate::sensor::{Account, Channel, Sensor, SensorError, SimulateError, simulate_all};
+use crate::sensor::front_end::{ChannelDecode, GreyRange, LuminanceWeights};
+use crate::sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind};
+use crate::sensor::{
+    SensorChannel, SensorChoice, SensorError, SimulateError, SimulationAccount, simulate_all,
+};
 use crate::units::Hertz;
-use account::Report;
+use account::SimulateReport;
 use indicatif::ProgressBar;
-use sequence::Sequence;
+use sequence::StampedFrames;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 use std::io;
@@ -32,7 +34,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Simulate {
+pub(super) struct SimulateArgs {
     /// A .npy [N, H, W] of uint8 or float32, a folder of images, or one with DVS-Voltmeter's info.txt
     #[arg(long, value_name = "FILE or DIR")]
     frames: PathBuf,
@@ -49,35 +51,35 @@ pub(super) struct Simulate {
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
     /// Sampler: exact or official [default: the sensor's]
-    #[arg(long, value_parser = parse_word::<Law>)]
-    law: Option<Law>,
+    #[arg(long, value_parser = parse_word::<SamplerKind>)]
+    law: Option<SamplerKind>,
     /// Brightness that drives the drift: log or midpoint [default: the sensor's]
-    #[arg(long, value_parser = parse_word::<Gain>)]
-    gain: Option<Gain>,
+    #[arg(long, value_parser = parse_word::<DriftGain>)]
+    gain: Option<DriftGain>,
     /// Brightness between two frames: linear, catmull or hermite [default: the sensor's]
-    #[arg(long, value_parser = parse_word::<Between>)]
-    between: Option<Between>,
+    #[arg(long, value_parser = parse_word::<BetweenFrames>)]
+    between: Option<BetweenFrames>,
     /// Voltages at the first frame: zero or stationary [default: the sensor's]
-    #[arg(long, value_parser = parse_word::<Initial>)]
-    initial: Option<Initial>,
+    #[arg(long, value_parser = parse_word::<InitialVoltage>)]
+    initial: Option<InitialVoltage>,
     /// Weights of the colours: rec601, rec709, or R,G,B with sum 1 [default: the sensor's]
     #[arg(long, value_name = "NAME or R,G,B", value_parser = sensor::luminance)]
-    luminance: Option<Luminance>,
+    luminance: Option<LuminanceWeights>,
     /// Decoding of the colours: none, or srgb for linear light [default: the sensor's]
-    #[arg(long, value_parser = parse_word::<Decode>)]
-    decode: Option<Decode>,
+    #[arg(long, value_parser = parse_word::<ChannelDecode>)]
+    decode: Option<ChannelDecode>,
     /// Factor on the brightness, above 0 [default: the sensor's]
     #[arg(long, value_name = "FACTOR")]
     exposure: Option<f64>,
     /// Range that brightness is clamped to, in grey: 0,255 or 5,inf [default: the sensor's]
     #[arg(long, value_name = "MIN,MAX", value_parser = sensor::parse_range)]
-    range: Option<Range>,
+    range: Option<GreyRange>,
     /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,
     /// Position of the frames' top-left pixel on the sensor, so that a crop draws the noise of the whole
     #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::parse_origin)]
-    origin: sequence::Origin,
+    origin: sequence::SensorOrigin,
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -92,11 +94,11 @@ pub(super) struct Simulate {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Codec of a .raw
-    #[arg(long, value_enum, default_value_t = Codec::Evt2)]
-    codec: Codec,
+    #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
+    codec: RawCodec,
     /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
-    h5_filter: h5::Filter,
+    h5_filter: h5::ChunkFilter,
 }
 
 /// A value by the name that recipes have for it.
@@ -104,28 +106,28 @@ fn parse_word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
 }
 
-impl Simulate {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl SimulateArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let sensor_file = Some(Path::new(&self.sensor)).filter(|path| is_there(path));
         let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
         let inputs = optional.into_iter().flatten().chain([self.frames.as_path()]);
         output::screen_outputs([self.out.as_path()], inputs, console.json)?;
-        let format = Format::for_path(&self.out, self.codec.into()).ok_or_else(|| {
+        let format = EventFormat::for_path(&self.out, self.codec.into()).ok_or_else(|| {
             let what = format!("{}: its name ends with no format of events", self.out.display());
-            Problem::usage("format", what).help(super::convert::events::SUPPORTED)
+            VerbError::usage("format", what).help(super::convert::events::SUPPORTED)
         })?;
         common.limit_cores();
         // Before there is anything that an interruption could leave behind.
         let stop = super::on_interrupt()?;
         let sensor = sensor::choose_sensor(&self)?;
-        let mut sequence = Sequence::open_inputs(&self)?;
+        let mut sequence = StampedFrames::open_inputs(&self)?;
         if sensor.as_model().labels() && !format.keeps_labels() {
             let what = format!("{} has no place for the labels of events", self.out.display());
-            return Err(Problem::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
+            return Err(VerbError::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
         }
         sensor::check_rates(&sensor, self.rates.is_some(), sequence.may_be_coloured)?;
         let screening = sensor.screen(sequence.rate());
-        let screening = screening.map_err(|e| Problem::usage("sensor", format!("{}: {e}", self.sensor)))?;
+        let screening = screening.map_err(|e| VerbError::usage("sensor", format!("{}: {e}", self.sensor)))?;
         super::screening::show_screening(
             &format!("sensor {}", self.sensor),
             &self.sensor,
@@ -135,91 +137,100 @@ impl Simulate {
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
-        Report { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }.tell(console)?;
-        Ok(Exit::Done)
+        SimulateReport { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }
+            .tell(console)?;
+        Ok(ExitKind::Done)
     }
 
     /// Writes the file whole or not at all.
     fn write(
         &self,
-        sensor: &Sensor,
-        sequence: &mut Sequence,
-        format: Format,
+        sensor: &SensorChoice,
+        sequence: &mut StampedFrames,
+        format: EventFormat,
         watch: (&Console, &AtomicBool),
-    ) -> Result<Account, Problem> {
+    ) -> Result<SimulationAccount, VerbError> {
         let model = sensor.as_model();
         let (c_on, c_off) = model.contrast();
         let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
-        let header = Header { size: sequence.frames.size(), law, labelled: model.labels() };
+        let header = StreamHeader { size: sequence.frames.size(), law, labelled: model.labels() };
         let (first_us, last_us) = sequence.span_us();
-        let h5 = h5::Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
-        let options = file::Options { zero_us: first_us, h5 };
-        let mut done = Account::default();
+        let h5 = h5::H5Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
+        let options = file::WriteOptions { zero_us: first_us, h5 };
+        let mut done = SimulationAccount::default();
         let written = write_beside(&self.out, |part| {
             let mut sink = file::create(part, format, &header, options)?;
             done = self.simulate(sensor, sequence, &mut *sink, watch)?;
             EventFile::finish(sink, last_us - first_us)?;
             Ok(())
         });
-        written.map_err(|failure: Failure| self.told(failure)).map(|()| done)
+        written.map_err(|failure: SimulateFailure| self.told(failure)).map(|()| done)
     }
 
     /// Shows every frame to the sensor.
     fn simulate(
         &self,
-        sensor: &Sensor,
-        sequence: &mut Sequence,
+        sensor: &SensorChoice,
+        sequence: &mut StampedFrames,
         sink: &mut dyn EventFile,
         (console, stop): (&Console, &AtomicBool),
-    ) -> Result<Account, Failure> {
+    ) -> Result<SimulationAccount, SimulateFailure> {
         let mut sink = SinkOf(sink);
         let bar = match console.is_live() {
             true => ProgressBar::new(sequence.frames.len() as u64),
             false => ProgressBar::hidden(),
         };
-        let mut tap = |_: &crate::frames::Frame| {
+        let mut tap = |_: &crate::frames::DenseFrame| {
             bar.inc(1);
             if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let model = sensor.as_model();
         let pixels = model.start(sequence.frames.size(), self.origin.0, Seed(self.seed));
         let pixels = pixels.map_err(SimulateError::from)?;
-        let mut channel = [Channel::new(pixels, &mut sink).behind(model.front_end())];
+        let mut channel = [SensorChannel::new(pixels, &mut sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
         bar.finish_and_clear();
         Ok(accounts?.pop().expect("an account a sensor"))
     }
 
-    fn told(&self, failure: Failure) -> Problem {
+    fn told(&self, failure: SimulateFailure) -> VerbError {
         let failed = |what: &str, code, why: String| {
-            Problem::from_message(Exit::Failed, Message::new(Level::Error, code, what).because(why))
+            VerbError::from_message(
+                ExitKind::Failed,
+                UserMessage::new(MessageLevel::Error, code, what).because(why),
+            )
         };
         match failure {
-            Failure::Write(EventFileError::Io(e)) => unwritable_file(&self.out, e),
-            Failure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
-            Failure::Simulate(SimulateError::Interrupted) => {
+            SimulateFailure::Write(EventFileError::Io(e)) => unwritable_file(&self.out, e),
+            SimulateFailure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
+            SimulateFailure::Simulate(SimulateError::Interrupted) => {
                 let what = format!("interrupted: nothing is written to {}", self.out.display());
-                Problem::from_message(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+                VerbError::from_message(
+                    ExitKind::Interrupted,
+                    UserMessage::new(MessageLevel::Error, "interrupted", what),
+                )
             }
-            Failure::Simulate(SimulateError::Frames(e)) => self.unreadable(&e),
-            Failure::Simulate(SimulateError::Sensor(SensorError::Sink(e))) => unwritable_file(&self.out, e),
-            Failure::Simulate(SimulateError::Sensor(SensorError::Setup(because))) => {
-                Problem::usage("sensor", format!("{}: {because}", self.sensor))
+            SimulateFailure::Simulate(SimulateError::Frames(e)) => self.unreadable(&e),
+            SimulateFailure::Simulate(SimulateError::Sensor(SensorError::Sink(e))) => {
+                unwritable_file(&self.out, e)
             }
-            Failure::Simulate(SimulateError::Sensor(e @ SensorError::Cap { .. })) => {
+            SimulateFailure::Simulate(SimulateError::Sensor(SensorError::Setup(because))) => {
+                VerbError::usage("sensor", format!("{}: {because}", self.sensor))
+            }
+            SimulateFailure::Simulate(SimulateError::Sensor(e @ SensorError::Cap { .. })) => {
                 failed("failed to simulate the events", "step-failed", e.to_string()).help(
                     "raise max_events_per_pixel_frame, or --allow-cap keeps the first and counts the others",
                 )
             }
-            Failure::Simulate(SimulateError::Sensor(e)) => {
+            SimulateFailure::Simulate(SimulateError::Sensor(e)) => {
                 failed("failed to simulate the events", "step-failed", e.to_string())
             }
         }
     }
 
-    fn unreadable(&self, error: &FrameError) -> Problem {
-        let message = Message::new(Level::Error, "input-unreadable", "failed to read the frames");
-        Problem::from_message(Exit::Failed, message.path(&self.frames).because(error.to_string()))
+    fn unreadable(&self, error: &FrameError) -> VerbError {
+        let message = UserMessage::new(MessageLevel::Error, "input-unreadable", "failed to read the frames");
+        VerbError::from_message(ExitKind::Failed, message.path(&self.frames).because(error.to_string()))
     }
 }
 
@@ -233,24 +244,24 @@ impl EventSink for SinkOf<'_> {
 }
 
 /// Why there is no file.
-enum Failure {
+enum SimulateFailure {
     Write(EventFileError),
     Simulate(SimulateError),
 }
 
-impl From<SimulateError> for Failure {
+impl From<SimulateError> for SimulateFailure {
     fn from(error: SimulateError) -> Self {
         Self::Simulate(error)
     }
 }
 
-impl From<EventFileError> for Failure {
+impl From<EventFileError> for SimulateFailure {
     fn from(error: EventFileError) -> Self {
         Self::Write(error)
     }
 }
 
-impl From<io::Error> for Failure {
+impl From<io::Error> for SimulateFailure {
     fn from(error: io::Error) -> Self {
         Self::Write(error.into())
     }

@@ -4,15 +4,15 @@ mod page;
 
 use super::console::Console;
 use super::input;
-use super::output::{self, Output};
-use super::problem::{Exit, Problem};
-use super::{Choice, Common};
+use super::output::{self, OutputFile};
+use super::problem::{ExitKind, VerbError};
+use super::{BackendArg, CommonArgs};
 use crate::files::is_there;
 use crate::render::backend::Backend;
 use crate::render::gpu;
 use crate::scene;
-use crate::study::stress::splat::Stage;
-use crate::study::stress::{Area, Case, NotRun, Outcome, area_cases};
+use crate::study::stress::splat::SplatBench;
+use crate::study::stress::{NotRun, Outcome, StressArea, StressCase, area_cases};
 use clap::builder::PossibleValuesParser;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -22,12 +22,12 @@ use std::time::Instant;
 
 /// Arguments of `stress`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Stress {
+pub(super) struct StressArgs {
     /// Cases, by name or with their area: `ties`, `splat/ties`, `splat/ties@cpu` [default: all]
     #[arg(value_name = "CASE")]
     names: Vec<String>,
     /// Only this area; may be given several times
-    #[arg(long, value_name = "AREA", value_parser = PossibleValuesParser::new(Area::ALL.map(Area::name)))]
+    #[arg(long, value_name = "AREA", value_parser = PossibleValuesParser::new(StressArea::ALL.map(StressArea::name)))]
     area: Vec<String>,
     /// Render this scene too: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
@@ -39,7 +39,7 @@ pub(super) struct Stress {
 
 /// How a case ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
+enum CaseVerdict {
     Pass,
     Fail,
     NotRun,
@@ -47,9 +47,9 @@ enum Verdict {
 
 /// A case that was run, or could not be.
 #[derive(Debug)]
-struct Row {
+struct StressRow {
     id: String,
-    area: Area,
+    area: StressArea,
     case: &'static str,
     backend: Option<&'static str>,
     regime: &'static str,
@@ -58,87 +58,87 @@ struct Row {
     seconds: f64,
 }
 
-impl Stress {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl StressArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         output::screen_outputs(self.markdown.as_deref(), self.scene.as_deref(), console.json)?;
         common.limit_cores();
         let stage = self.stage(common)?;
-        let areas = Area::ALL.into_iter().filter(|area| self.wants(*area));
-        let mut cases: Vec<Case<'_>> = areas.flat_map(|area| area_cases(area, &stage)).collect();
+        let areas = StressArea::ALL.into_iter().filter(|area| self.wants(*area));
+        let mut cases: Vec<StressCase<'_>> = areas.flat_map(|area| area_cases(area, &stage)).collect();
         self.keep_named(&mut cases)?;
         let mut rows = Vec::with_capacity(cases.len());
         for case in &cases {
-            let row = Row::from_case(case);
+            let row = StressRow::from_case(case);
             row.tell(console);
             rows.push(row);
         }
         console.say(&summary_line(&rows));
         if let Some(path) = &self.markdown {
             let fill = |out: &mut dyn Write| page::write_page(&rows, out);
-            output::write_outputs(&[Output { path, fill: &fill }])?;
+            output::write_outputs(&[OutputFile { path, fill: &fill }])?;
         }
         Ok(exit_kind(&rows))
     }
 
-    fn wants(&self, area: Area) -> bool {
+    fn wants(&self, area: StressArea) -> bool {
         self.area.is_empty() || self.area.iter().any(|name| name == area.name())
     }
 
     /// The back ends: the one that is asked for, else all; and the scene.
-    fn stage(&self, common: &Common) -> Result<Stage, Problem> {
-        if !self.wants(Area::Splat) {
-            return Ok(Stage::default());
+    fn stage(&self, common: &CommonArgs) -> Result<SplatBench, VerbError> {
+        if !self.wants(StressArea::Splat) {
+            return Ok(SplatBench::default());
         }
         let backends = match common.backend {
-            Choice::Auto => {
-                let gpu = common.device(&gpu::Choice::Any).map(Backend::Gpu);
+            BackendArg::Auto => {
+                let gpu = common.device(&gpu::DeviceChoice::Any).map(Backend::Gpu);
                 vec![
                     ("cpu", Ok(Backend::Cpu)),
                     ("reference", Ok(Backend::Reference)),
                     ("gpu", gpu.map_err(|why| NotRun(why.to_string()))),
                 ]
             }
-            Choice::Cpu => vec![("cpu", Ok(common.backend()?))],
-            Choice::Reference => vec![("reference", Ok(common.backend()?))],
-            Choice::Gpu => vec![("gpu", Ok(common.backend()?))],
+            BackendArg::Cpu => vec![("cpu", Ok(common.backend()?))],
+            BackendArg::Reference => vec![("reference", Ok(common.backend()?))],
+            BackendArg::Gpu => vec![("gpu", Ok(common.backend()?))],
         };
         let read = |path: &Path| match is_there(path) {
             true => scene::read_any(path).map_err(|e| input::unreadable_file("scene", &e)),
             false => Err(input::missing_file("scene", path)),
         };
         let scene = self.scene.as_deref().map(read).transpose()?.map(Arc::new);
-        Ok(Stage { backends, scene })
+        Ok(SplatBench { backends, scene })
     }
 
     /// Leaves the cases that are named.
-    fn keep_named(&self, cases: &mut Vec<Case<'_>>) -> Result<(), Problem> {
-        let is = |case: &Case<'_>, name: &str| {
+    fn keep_named(&self, cases: &mut Vec<StressCase<'_>>) -> Result<(), VerbError> {
+        let is = |case: &StressCase<'_>, name: &str| {
             let id = case.id();
             case.name == name || id == name || id.split('@').next() == Some(name)
         };
         if let Some(name) = self.names.iter().find(|name| !cases.iter().any(|case| is(case, name))) {
             let what = format!("no case is called `{name}`");
-            return Err(Problem::usage("no-case", what).help("`gs2e stress` tells the names of all"));
+            return Err(VerbError::usage("no-case", what).help("`gs2e stress` tells the names of all"));
         }
         cases.retain(|case| self.names.is_empty() || self.names.iter().any(|name| is(case, name)));
         Ok(())
     }
 }
 
-impl Row {
-    fn from_case(case: &Case<'_>) -> Self {
+impl StressRow {
+    fn from_case(case: &StressCase<'_>) -> Self {
         let start = Instant::now();
         let outcome = case.run();
         let seconds = start.elapsed().as_secs_f64();
-        let Case { area, name, backend, regime, unit, .. } = *case;
+        let StressCase { area, name, backend, regime, unit, .. } = *case;
         Self { id: case.id(), area, case: name, backend, regime, unit, outcome, seconds }
     }
 
-    fn verdict(&self) -> Verdict {
+    fn verdict(&self) -> CaseVerdict {
         match &self.outcome {
-            Ok(found) if found.holds() => Verdict::Pass,
-            Ok(_) => Verdict::Fail,
-            Err(_) => Verdict::NotRun,
+            Ok(found) if found.holds() => CaseVerdict::Pass,
+            Ok(_) => CaseVerdict::Fail,
+            Err(_) => CaseVerdict::NotRun,
         }
     }
 
@@ -148,14 +148,14 @@ impl Row {
             return console.result(&self.to_json());
         }
         let verdict = self.verdict();
-        if console.quiet && verdict != Verdict::Fail {
+        if console.quiet && verdict != CaseVerdict::Fail {
             return;
         }
         let Self { id, regime, unit, seconds, .. } = self;
         match &self.outcome {
             Err(why) => console.print(&format!("not run  {id:42} {why}")),
             Ok(found) => {
-                let word = if verdict == Verdict::Pass { "ok" } else { "MISSES" };
+                let word = if verdict == CaseVerdict::Pass { "ok" } else { "MISSES" };
                 let (error, limit) = (found.worst.error, found.worst.limit);
                 let seconds = format!("{seconds:.2} s");
                 console.print(&format!(
@@ -163,7 +163,7 @@ impl Row {
                 ));
             }
         }
-        if let (Ok(found), Verdict::Fail) = (&self.outcome, verdict) {
+        if let (Ok(found), CaseVerdict::Fail) = (&self.outcome, verdict) {
             let (computed, answer) = (found.worst.computed, found.worst.answer);
             console.print(&format!("         {}: computed {computed:e}, answer {answer:e}", found.at));
         }
@@ -172,12 +172,12 @@ impl Row {
     fn to_json(&self) -> Value {
         let Self { id, area, case, backend, regime, unit, seconds, .. } = self;
         let verdict = match self.verdict() {
-            Verdict::Pass => "pass",
-            Verdict::Fail => "fail",
-            Verdict::NotRun => "not-run",
+            CaseVerdict::Pass => "pass",
+            CaseVerdict::Fail => "fail",
+            CaseVerdict::NotRun => "not-run",
         };
         let found = self.outcome.as_ref().ok();
-        let of = |value: fn(&crate::study::stress::Found) -> Value| found.map_or(Value::Null, value);
+        let of = |value: fn(&crate::study::stress::CaseResult) -> Value| found.map_or(Value::Null, value);
         json!({
             "id": id, "area": area, "case": case, "backend": backend, "regime": regime, "verdict": verdict,
             "computed": of(|f| json!(f.worst.computed)), "answer": of(|f| json!(f.worst.answer)),
@@ -188,29 +188,29 @@ impl Row {
     }
 }
 
-fn count_verdict(rows: &[Row], verdict: Verdict) -> usize {
+fn count_verdict(rows: &[StressRow], verdict: CaseVerdict) -> usize {
     rows.iter().filter(|row| row.verdict() == verdict).count()
 }
 
-fn summary_line(rows: &[Row]) -> String {
-    let [ok, misses, not_run] =
-        [Verdict::Pass, Verdict::Fail, Verdict::NotRun].map(|verdict| count_verdict(rows, verdict));
+fn summary_line(rows: &[StressRow]) -> String {
+    let [ok, misses, not_run] = [CaseVerdict::Pass, CaseVerdict::Fail, CaseVerdict::NotRun]
+        .map(|verdict| count_verdict(rows, verdict));
     let seconds: f64 = rows.iter().map(|row| row.seconds).sum();
     format!("{ok} ok, {misses} miss their limit, {not_run} not run; {seconds:.1} s")
 }
 
-fn exit_kind(rows: &[Row]) -> Exit {
-    if count_verdict(rows, Verdict::Fail) > 0 { Exit::Fault } else { Exit::Done }
+fn exit_kind(rows: &[StressRow]) -> ExitKind {
+    if count_verdict(rows, CaseVerdict::Fail) > 0 { ExitKind::Fault } else { ExitKind::Done }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::stress::{Found, Point};
+    use crate::study::stress::{CaseResult, StressPoint};
 
-    fn row(outcome: Outcome) -> Row {
-        let (area, case, regime, unit) = (Area::Splat, "ties", "deep | wide", "px");
-        Row {
+    fn row(outcome: Outcome) -> StressRow {
+        let (area, case, regime, unit) = (StressArea::Splat, "ties", "deep | wide", "px");
+        StressRow {
             id: "splat/ties@cpu".into(),
             area,
             case,
@@ -223,16 +223,16 @@ mod tests {
     }
 
     fn found(error: f64) -> Outcome {
-        let worst = Point { computed: 1.0, answer: 1.0 + error, error, limit: 0.1 };
-        Ok(Found { worst, at: "the corner".to_owned(), points: 3 })
+        let worst = StressPoint { computed: 1.0, answer: 1.0 + error, error, limit: 0.1 };
+        Ok(CaseResult { worst, at: "the corner".to_owned(), points: 3 })
     }
 
     #[test]
     fn a_row_that_misses_ends_with_3_and_one_that_was_not_run_does_not() {
         let absent = || Err(NotRun("no GPU is there".to_owned()));
-        assert_eq!(exit_kind(&[row(found(0.1)), row(absent())]), Exit::Done);
-        assert_eq!(exit_kind(&[row(found(0.1)), row(found(0.11))]), Exit::Fault);
-        assert_eq!(exit_kind(&[row(found(f64::NAN))]), Exit::Fault);
+        assert_eq!(exit_kind(&[row(found(0.1)), row(absent())]), ExitKind::Done);
+        assert_eq!(exit_kind(&[row(found(0.1)), row(found(0.11))]), ExitKind::Fault);
+        assert_eq!(exit_kind(&[row(found(f64::NAN))]), ExitKind::Fault);
         assert_eq!(
             summary_line(&[row(found(0.0)), row(absent())]),
             "1 ok, 0 miss their limit, 1 not run; 1.0 s"

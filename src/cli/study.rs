@@ -5,10 +5,10 @@ mod subject;
 mod thresholds;
 mod work_precision;
 
-use super::Common;
+use super::CommonArgs;
 use super::console::Console;
-use super::message::{Level, Message};
-use super::problem::{Exit, Problem};
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
 use crate::sensor::SimulateError;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,47 +16,47 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Arguments of `study`.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true)]
-pub(super) struct Study {
+pub(super) struct StudyArgs {
     #[command(subcommand)]
-    of: Option<Of>,
+    of: Option<StudySubcommand>,
     #[command(flatten)]
     work_precision: work_precision::WorkPrecision,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Of {
+enum StudySubcommand {
     /// Sweep the contrast threshold: count the events of each, and those that come from smooth motion
-    Thresholds(thresholds::Thresholds),
+    Thresholds(thresholds::ThresholdsArgs),
 }
 
-impl Study {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl StudyArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         match self.of {
-            Some(Of::Thresholds(study)) => study.run(common, console),
+            Some(StudySubcommand::Thresholds(study)) => study.run(common, console),
             None => self.work_precision.run(common, console),
         }
     }
 }
 
-/// Whether a pass goes on after a frame.
+/// Returns true if a pass goes on after a frame.
 fn go_unless(cancelled: &AtomicBool) -> ControlFlow<()> {
     if cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// Why a pass ended early.
-fn end_problem(error: SimulateError) -> Problem {
+fn end_problem(error: SimulateError) -> VerbError {
     match error {
         SimulateError::Interrupted => interrupted_problem(),
-        e => Problem::failed("step-failed", format!("failed to simulate: {e}")),
+        e => VerbError::failed("step-failed", format!("failed to simulate: {e}")),
     }
 }
 
-fn interrupted_problem() -> Problem {
+fn interrupted_problem() -> VerbError {
     let what = "interrupted: nothing is written";
-    Problem::from_message(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+    VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", what))
 }
 
 /// What is told where a frame cannot be rendered.
-fn not_rendered(error: &dyn std::error::Error) -> Problem {
-    Problem::failed("step-failed", format!("failed to render: {error}"))
+fn not_rendered(error: &dyn std::error::Error) -> VerbError {
+    VerbError::failed("step-failed", format!("failed to render: {error}"))
 }

@@ -5,7 +5,7 @@
 //! descend from the program: the system hands orphans to the supervisor, where they are found.
 
 use crate::files;
-use crate::programs::Report;
+use crate::programs::ProgramReport;
 use rustix::process::{
     Pid, Signal, WaitId, WaitIdOptions, WaitIdStatus, getpid, kill_process, kill_process_group, waitid,
 };
@@ -38,9 +38,9 @@ pub(super) fn run(words: Vec<OsString>) -> ExitCode {
 }
 
 /// What the supervisor waits for.
-enum Event {
+enum SupervisorEvent {
     /// The program has ended.
-    Ended(io::Result<Report>),
+    Ended(io::Result<ProgramReport>),
     /// The program is asked to end.
     Asked,
     /// The process that started the supervisor is gone, or a signal asks for the end.
@@ -61,32 +61,32 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
         Ok(child) => Pid::from_child(&child),
         Err(error) => {
             let number = error.raw_os_error().ok_or(error)?;
-            return write!(line, "{}", Report::NotStarted(number));
+            return write!(line, "{}", ProgramReport::NotStarted(number));
         }
     };
     let (sender, events) = mpsc::channel();
     let [ended, signalled, asked] = [(); 3].map(|()| sender.clone());
     // The receiver lives as long as the process does.
-    thread::spawn(move || drop(ended.send(Event::Ended(wait(group)))));
-    thread::spawn(move || signals.forever().all(|_| signalled.send(Event::Gone).is_ok()));
+    thread::spawn(move || drop(ended.send(SupervisorEvent::Ended(wait(group)))));
+    thread::spawn(move || signals.forever().all(|_| signalled.send(SupervisorEvent::Gone).is_ok()));
     let mut reader = line.try_clone()?;
     thread::spawn(move || {
         while matches!(reader.read(&mut [0]), Ok(1)) {
-            let _ = asked.send(Event::Asked);
+            let _ = asked.send(SupervisorEvent::Asked);
         }
-        drop(asked.send(Event::Gone));
+        drop(asked.send(SupervisorEvent::Gone));
     });
     loop {
         match events.recv() {
-            Ok(Event::Asked) => {
+            Ok(SupervisorEvent::Asked) => {
                 // It may have ended meanwhile.
                 let _ = kill_process_group(group, Signal::TERM);
             }
-            Ok(Event::Ended(report)) => {
+            Ok(SupervisorEvent::Ended(report)) => {
                 kill_all(group);
                 return write!(line, "{}", report?);
             }
-            Ok(Event::Gone) | Err(_) => {
+            Ok(SupervisorEvent::Gone) | Err(_) => {
                 kill_all(group);
                 return Ok(());
             }
@@ -101,7 +101,7 @@ fn adopt_orphans() {
 }
 
 /// Waits for the end of the program. Its number stays taken, so that its group is not another one's.
-fn wait(program: Pid) -> io::Result<Report> {
+fn wait(program: Pid) -> io::Result<ProgramReport> {
     loop {
         match waitid(WaitId::Pid(program), WaitIdOptions::EXITED | WaitIdOptions::NOWAIT) {
             Ok(Some(status)) => return Ok(report(&status)),
@@ -111,10 +111,10 @@ fn wait(program: Pid) -> io::Result<Report> {
     }
 }
 
-fn report(status: &WaitIdStatus) -> Report {
+fn report(status: &WaitIdStatus) -> ProgramReport {
     match status.exit_status() {
-        Some(code) => Report::Code(code),
-        None => Report::Signal(status.terminating_signal().unwrap_or_default()),
+        Some(code) => ProgramReport::Code(code),
+        None => ProgramReport::Signal(status.terminating_signal().unwrap_or_default()),
     }
 }
 
@@ -136,7 +136,7 @@ fn kill_all(group: Pid) {
 
 /// A process, as `/proc` tells of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Process {
+struct ChildProcess {
     pid: i32,
     parent: i32,
     has_ended: bool,
@@ -155,22 +155,22 @@ fn descendants() -> Vec<Pid> {
 }
 
 /// `/proc/PID/stat`: the number, the name in brackets, the state, the parent's number, and more.
-fn parse_stat(stat: &str) -> Option<Process> {
+fn parse_stat(stat: &str) -> Option<ChildProcess> {
     let (pid, _) = stat.split_once(' ')?;
     let (_, after) = stat.rsplit_once(')')?;
     let mut fields = after.split_whitespace();
     let has_ended = matches!(fields.next()?, "Z" | "X");
-    Some(Process { pid: pid.parse().ok()?, parent: fields.next()?.parse().ok()?, has_ended })
+    Some(ChildProcess { pid: pid.parse().ok()?, parent: fields.next()?.parse().ok()?, has_ended })
 }
 
 /// The processes below one.
-fn below(root: i32, all: &[Process]) -> Vec<Process> {
-    let mut found: Vec<Process> = Vec::new();
+fn below(root: i32, all: &[ChildProcess]) -> Vec<ChildProcess> {
+    let mut found: Vec<ChildProcess> = Vec::new();
     let mut parents = vec![root];
     while let Some(parent) = parents.pop() {
         // A number that was given again while the list was read could close a circle.
-        let is_new = |process: &&Process| process.parent == parent && !found.contains(*process);
-        let children: Vec<Process> = all.iter().filter(is_new).copied().collect();
+        let is_new = |process: &&ChildProcess| process.parent == parent && !found.contains(*process);
+        let children: Vec<ChildProcess> = all.iter().filter(is_new).copied().collect();
         parents.extend(children.iter().map(|process| process.pid));
         found.extend(children);
     }
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn all_below_a_process_are_found() {
-        let process = |(pid, parent)| Process { pid, parent, has_ended: false };
+        let process = |(pid, parent)| ChildProcess { pid, parent, has_ended: false };
         let all = [(2, 1), (3, 2), (4, 3), (5, 1), (6, 2), (1, 0)].map(process);
         let mut found: Vec<i32> = below(2, &all).iter().map(|process| process.pid).collect();
         found.sort_unstable();

@@ -1,7 +1,7 @@
 //! Scenes that are left out because a `takedown.txt` lists them: said once, as a number.
 
 use super::console::Console;
-use super::message::{Level, Message};
+use super::message::{MessageLevel, UserMessage};
 use crate::recipe::TakenDown;
 
 /// Says how many scenes were left out, and how many ids of the list name none, where there are any.
@@ -10,7 +10,7 @@ pub(super) fn show_takedown(taken_down: TakenDown, console: &Console) {
     if scenes > 0 {
         let are = if scenes == 1 { "scene is" } else { "scenes are" };
         let what = format!("{scenes} {are} left out, as takedown.txt lists them");
-        console.tell(&Message::new(Level::Warning, "takedown", what));
+        console.tell(&UserMessage::new(MessageLevel::Warning, "takedown", what));
     }
     if unmatched > 0 {
         let ids = if unmatched == 1 {
@@ -19,6 +19,6 @@ pub(super) fn show_takedown(taken_down: TakenDown, console: &Console) {
             &format!("{unmatched} ids in takedown.txt name")
         };
         let what = format!("{ids} none of these scenes");
-        console.tell(&Message::new(Level::Warning, "takedown-unmatched", what));
+        console.tell(&UserMessage::new(MessageLevel::Warning, "takedown-unmatched", what));
     }
 }

@@ -3,30 +3,30 @@
 mod account;
 
 use super::console::Console;
-use super::message::{Level, Message};
-use super::output::{self, Output};
-use super::problem::{Exit, Problem};
-use super::{Common, input};
+use super::message::{MessageLevel, UserMessage};
+use super::output::{self, OutputFile};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, input};
 use crate::camera::{self, Camera};
 use crate::files::is_there;
-use crate::recipe::{self, Fragment, TrajectoryRecipe};
+use crate::recipe::{self, TrajectoryFragment, TrajectoryRecipe};
 use crate::render::backend::Backend;
-use crate::render::flow::Meter;
+use crate::render::flow::PixelFlowMeter;
 use crate::source::Capture;
-use crate::source::kind::Kind;
-use crate::speed::Speed;
+use crate::source::kind::CaptureKind;
+use crate::speed::SpeedChoice;
 use crate::trajectory::flow::FlowMeter;
-use crate::trajectory::novel::Base;
+use crate::trajectory::novel::BaseTrajectory;
 use crate::trajectory::path;
-use crate::trajectory::{Made, NamedPose, Timing, picture};
-use account::Account;
+use crate::trajectory::{MadeTrajectory, NamedPose, PoseTiming, picture};
+use account::TrajectoryAccount;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Arguments of `trajectory`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Trajectory {
+pub(super) struct TrajectoryArgs {
     /// A COLMAP model, a transforms.json, or a 3DGS model folder; orbits and key frames may do without
     #[arg(long, value_name = "FILE or DIR")]
     capture: Option<PathBuf>,
@@ -53,8 +53,8 @@ pub(super) struct Trajectory {
     scene: Option<PathBuf>,
 }
 
-impl Trajectory {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl TrajectoryArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let inputs = [Some(&self.recipe), self.capture.as_ref(), self.scene.as_ref()];
         let inputs = inputs.into_iter().flatten().map(PathBuf::as_path);
         output::screen_outputs(self.files().map(|(_, path)| path), inputs, console.json)?;
@@ -66,16 +66,22 @@ impl Trajectory {
         let captured = self.captured(&chain, &mut warnings)?;
         let camera = viewing_camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
         let meter = self.meter(&fragment, &chain, camera, &common.backend()?)?;
-        let made = Maker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
+        let made =
+            TrajectoryMaker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
         warnings.extend(made.before);
-        let account =
-            Account::new(&self.name, captured.as_ref().map(|c| c.kind), &made.made, camera, warnings);
+        let account = TrajectoryAccount::new(
+            &self.name,
+            captured.as_ref().map(|c| c.kind),
+            &made.made,
+            camera,
+            warnings,
+        );
         self.write(&made.made)?;
         account.tell(console);
         if console.json {
             console.result(&account.to_json(self.files()));
         }
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
     /// What is written, by option.
@@ -85,7 +91,7 @@ impl Trajectory {
         std::iter::once(("out", self.out.as_path())).chain(given)
     }
 
-    fn write(&self, made: &Made) -> Result<(), Problem> {
+    fn write(&self, made: &MadeTrajectory) -> Result<(), VerbError> {
         let fill = |option: &'static str| {
             move |out: &mut dyn io::Write| match option {
                 "report" => {
@@ -98,7 +104,8 @@ impl Trajectory {
             }
         };
         let fills: Vec<_> = self.files().map(|(option, path)| (path, fill(option))).collect();
-        let outputs: Vec<Output<'_>> = fills.iter().map(|(path, fill)| Output { path, fill }).collect();
+        let outputs: Vec<OutputFile<'_>> =
+            fills.iter().map(|(path, fill)| OutputFile { path, fill }).collect();
         output::write_outputs(&outputs)
     }
 
@@ -107,38 +114,38 @@ impl Trajectory {
         &self,
         chain: &[&TrajectoryRecipe],
         warnings: &mut Vec<String>,
-    ) -> Result<Option<Captured>, Problem> {
+    ) -> Result<Option<CaptureInput>, VerbError> {
         let Some(place) = &self.capture else {
             return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
                 None => Ok(None),
                 Some(recipe) => {
                     let what =
                         format!("the trajectory `{}` is made from a capture, and none is given", recipe.name);
-                    Err(Problem::usage("input-missing", what)
+                    Err(VerbError::usage("input-missing", what)
                         .help("--capture: a COLMAP model, a transforms.json, or a 3DGS model folder"))
                 }
             };
         };
-        let kind = Kind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?;
+        let kind = CaptureKind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?;
         let (capture, told) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
         warnings.extend(told.iter().map(ToString::to_string));
-        Ok(Some(Captured { kind, capture }))
+        Ok(Some(CaptureInput { kind, capture }))
     }
 
     /// What measures the optical flow, where a speed is one.
     fn meter(
         &self,
-        fragment: &Fragment,
+        fragment: &TrajectoryFragment,
         chain: &[&TrajectoryRecipe],
         camera: Option<Camera>,
         backend: &Backend,
-    ) -> Result<Option<Meter>, Problem> {
-        let Some(recipe) = chain.iter().find(|recipe| matches!(recipe.speed, Speed::Flow(_))) else {
+    ) -> Result<Option<PixelFlowMeter>, VerbError> {
+        let Some(recipe) = chain.iter().find(|recipe| matches!(recipe.speed, SpeedChoice::Flow(_))) else {
             return Ok(None);
         };
         let missing = |what: &str, help: &str| {
             let what = format!("the speed of `{}` is how fast the picture moves, and {what}", recipe.name);
-            Problem::usage("input-missing", what).help(help)
+            VerbError::usage("input-missing", what).help(help)
         };
         let scene = self.scene.as_ref();
         let scene =
@@ -154,41 +161,44 @@ impl Trajectory {
         let style = fragment.render.resolve(gaussians.antialiased);
         let renderer = backend.renderer(Arc::new(gaussians), style);
         let renderer =
-            renderer.map_err(|e| Problem::failed("step-failed", format!("failed to render: {e}")))?;
-        Ok(Some(Meter::new(renderer, camera)))
+            renderer.map_err(|e| VerbError::failed("step-failed", format!("failed to render: {e}")))?;
+        Ok(Some(PixelFlowMeter::new(renderer, camera)))
     }
 }
 
 /// A capture and what it was read from.
-struct Captured {
-    kind: Kind,
+struct CaptureInput {
+    kind: CaptureKind,
     capture: Capture,
 }
 
 /// The path of a trajectory, and the name of the one that it is drawn from.
-fn path_of(recipe: &TrajectoryRecipe) -> (path::Path, Option<&str>) {
+fn path_of(recipe: &TrajectoryRecipe) -> (path::CameraPath, Option<&str>) {
     (recipe.path.clone(), recipe.base.as_deref())
 }
 
-fn find_trajectory<'a>(fragment: &'a Fragment, name: &str) -> Result<&'a TrajectoryRecipe, Problem> {
+fn find_trajectory<'a>(
+    fragment: &'a TrajectoryFragment,
+    name: &str,
+) -> Result<&'a TrajectoryRecipe, VerbError> {
     fragment.trajectories.iter().find(|recipe| recipe.name == name).ok_or_else(|| {
         let names: Vec<&str> = fragment.trajectories.iter().map(|recipe| recipe.name.as_str()).collect();
         let message = format!("the recipe has no trajectory `{name}`");
-        Problem::usage("no-trajectory", message).help(&format!("its trajectories: {}", names.join(", ")))
+        VerbError::usage("no-trajectory", message).help(&format!("its trajectories: {}", names.join(", ")))
     })
 }
 
 /// A trajectory after the one that it is drawn from, and so on; each once.
 fn base_chain<'a>(
-    fragment: &'a Fragment,
+    fragment: &'a TrajectoryFragment,
     chosen: &'a TrajectoryRecipe,
-) -> Result<Vec<&'a TrajectoryRecipe>, Problem> {
+) -> Result<Vec<&'a TrajectoryRecipe>, VerbError> {
     let mut chain = vec![chosen];
     while let (_, Some(base)) = path_of(chain[chain.len() - 1]) {
         let base = find_trajectory(fragment, base)?;
         if chain.iter().any(|recipe| recipe.name == base.name) {
             let message = format!("the trajectory `{}` is drawn from itself", base.name);
-            return Err(Problem::usage("recipe-invalid", message));
+            return Err(VerbError::usage("recipe-invalid", message));
         }
         chain.push(base);
     }
@@ -198,7 +208,7 @@ fn base_chain<'a>(
 
 /// The camera that sees the trajectory; without a capture the recipe's, where that says all of it.
 fn viewing_camera(
-    fragment: &Fragment,
+    fragment: &TrajectoryFragment,
     capture: Option<&Capture>,
     warnings: &mut Vec<String>,
 ) -> Option<Camera> {
@@ -208,50 +218,54 @@ fn viewing_camera(
 }
 
 /// What trajectories are made from.
-struct Maker<'a> {
-    fragment: &'a Fragment,
-    captured: Option<&'a Captured>,
-    meter: Option<Meter>,
+struct TrajectoryMaker<'a> {
+    fragment: &'a TrajectoryFragment,
+    captured: Option<&'a CaptureInput>,
+    meter: Option<PixelFlowMeter>,
 }
 
 /// A trajectory, and what was told of those before it.
-struct Chosen {
-    made: Made,
+struct TrajectoryChoice {
+    made: MadeTrajectory,
     before: Vec<String>,
 }
 
-impl Maker<'_> {
+impl TrajectoryMaker<'_> {
     /// The last of these trajectories, each drawn from the one before it.
-    fn make(mut self, chain: &[&TrajectoryRecipe]) -> Result<Chosen, Problem> {
-        let (mut made, mut before): (Option<Made>, Vec<String>) = (None, Vec::new());
+    fn make(mut self, chain: &[&TrajectoryRecipe]) -> Result<TrajectoryChoice, VerbError> {
+        let (mut made, mut before): (Option<MadeTrajectory>, Vec<String>) = (None, Vec::new());
         for (i, recipe) in chain.iter().enumerate() {
             let base = made.take();
             let told = base.iter().flat_map(|base| &base.report.warnings);
             before.extend(told.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
             made = Some(self.one(recipe, base.as_ref())?);
         }
-        Ok(Chosen { made: made.expect("a chain holds the trajectory that was chosen"), before })
+        Ok(TrajectoryChoice { made: made.expect("a chain holds the trajectory that was chosen"), before })
     }
 
-    fn one(&mut self, recipe: &TrajectoryRecipe, base: Option<&Made>) -> Result<Made, Problem> {
+    fn one(
+        &mut self,
+        recipe: &TrajectoryRecipe,
+        base: Option<&MadeTrajectory>,
+    ) -> Result<MadeTrajectory, VerbError> {
         let views = self.captured.map_or(&[][..], |captured| &captured.capture.views);
         let views: Vec<NamedPose<'_>> = views
             .iter()
             .map(|v| NamedPose { name: &v.name, world_from_camera: v.world_from_camera })
             .collect();
-        let base = base.map(|made| Base {
+        let base = base.map(|made| BaseTrajectory {
             poses: &made.trajectory.world_from_camera,
             scale: made.report.scale_distance,
         });
-        let Fragment { rate, law, .. } = *self.fragment;
-        let timing = Timing { speed: &recipe.speed, rate, law };
+        let TrajectoryFragment { rate, law, .. } = *self.fragment;
+        let timing = PoseTiming { speed: &recipe.speed, rate, law };
         let meter = self.meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
-        let made = path_of(recipe).0.make(path::Ground { views: &views, base }, timing, meter);
+        let made = path_of(recipe).0.make(path::PathInputs { views: &views, base }, timing, meter);
         made.map_err(|error| {
             let what = format!("failed to make the trajectory `{}`", recipe.name);
-            Problem::from_message(
-                Exit::Failed,
-                Message::new(Level::Error, "step-failed", what).because(error.to_string()),
+            VerbError::from_message(
+                ExitKind::Failed,
+                UserMessage::new(MessageLevel::Error, "step-failed", what).because(error.to_string()),
             )
         })
     }

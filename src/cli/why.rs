@@ -3,31 +3,31 @@
 use super::build::store_options;
 use super::console::Console;
 use super::plan::reason_words;
-use super::problem::{Exit, Problem};
-use super::{Common, Targets};
-use crate::plan::assess::{Action, Assessment, Change, Reason, assess_plan};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, RecipeTargets};
+use crate::plan::assess::{DescriptionChange, StepAction, StepAssessment, StepReason, assess_plan};
 use crate::plan::{Plan, PlannedStep};
-use crate::recipe::{self, Edit, Recipe, find_edits};
-use crate::store::description::Line;
-use crate::store::{Access, Store, StoreError};
+use crate::recipe::{self, Recipe, RecipeEdit, find_edits};
+use crate::store::description::ExplanationLine;
+use crate::store::{Store, StoreAccess, StoreError};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `why`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Why {
+pub(super) struct WhyArgs {
     /// Scene id, or a step of it as `scene/trajectory/events`
     #[arg(value_name = "SCENE[/STEP]")]
     name: String,
     /// Recipes, or folders of recipes
-    #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
+    #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT)]
     recipes: Vec<PathBuf>,
 }
 
-impl Why {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl WhyArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
-        let store = Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?;
+        let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         let assessed = assess_plan(&plan, &store)?;
         let (scene, chosen) = choose_steps(&plan, &self.name)?;
@@ -44,20 +44,26 @@ impl Why {
                 show_explanation(&why, console);
             }
         }
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 }
 
 /// What was edited in a recipe since its scene was last built; nothing where that is not known.
-fn edits_since(recipe: &Recipe, store: &Store) -> Vec<Edit> {
+fn edits_since(recipe: &Recipe, store: &Store) -> Vec<RecipeEdit> {
     let last = store.last_recipe(&recipe.scene).and_then(|text| serde_json::from_str(&text).ok());
     last.map(|last: Value| find_edits(&last, &recipe.merged)).unwrap_or_default()
 }
 
 /// The head: each edited value, and the steps that run for it or may.
-fn tell_edits(plan: &Plan, scene: usize, edits: &[Edit], assessed: &[Assessment], console: &Console) {
+fn tell_edits(
+    plan: &Plan,
+    scene: usize,
+    edits: &[RecipeEdit],
+    assessed: &[StepAssessment],
+    console: &Console,
+) {
     console.print(&format!("{}: its recipe was edited since it was last built", plan.scenes()[scene].scene));
-    for Edit { path, old, new } in edits {
+    for RecipeEdit { path, old, new } in edits {
         let what = match (old, new) {
             (Some(Value::Object(_)), None) => "removed".to_owned(),
             (None, Some(Value::Object(_))) => "added".to_owned(),
@@ -69,12 +75,12 @@ fn tell_edits(plan: &Plan, scene: usize, edits: &[Edit], assessed: &[Assessment]
         console.print(&format!("  {path}: {what}"));
     }
     let steps: Vec<_> = plan.steps_of(scene).map(|(id, step)| (step, &assessed[id.0])).collect();
-    let names = |wanted: &dyn Fn(&Assessment) -> bool| {
+    let names = |wanted: &dyn Fn(&StepAssessment) -> bool| {
         let names = steps.iter().filter(|(_, a)| wanted(a)).map(|(step, _)| step.name.as_str());
         names.collect::<Vec<_>>().join(", ")
     };
-    let run = names(&|a| a.action == Action::Run && is_of_recipe(&a.reason));
-    let may_run = names(&|a| a.action == Action::MayRun);
+    let run = names(&|a| a.action == StepAction::Run && is_of_recipe(&a.reason));
+    let may_run = names(&|a| a.action == StepAction::MayRun);
     for (what, steps) in [("will run", &run), ("may run", &may_run)] {
         if !steps.is_empty() {
             console.print(&format!("  {what}: {steps}"));
@@ -85,16 +91,16 @@ fn tell_edits(plan: &Plan, scene: usize, edits: &[Edit], assessed: &[Assessment]
     }
 }
 
-/// Whether an edit of the recipe can be why a step runs: not a lost blob, nor another version of the program.
-fn is_of_recipe(reason: &Reason) -> bool {
-    matches!(reason, Reason::NoRecord | Reason::InputChanged { .. } | Reason::ParamChanged { .. })
+/// Returns true if an edit of the recipe can be why a step runs: not a lost blob, nor another version of the program.
+fn is_of_recipe(reason: &StepReason) -> bool {
+    matches!(reason, StepReason::NoRecord | StepReason::InputChanged { .. } | StepReason::ParamChanged { .. })
 }
 
 /// The scene and the steps that a name means: the scene is the longest id that matches, the rest names a step or all below it.
 fn choose_steps<'p>(
     plan: &'p Plan,
     name: &'p str,
-) -> Result<(usize, impl Fn(&PlannedStep) -> bool + 'p), Problem> {
+) -> Result<(usize, impl Fn(&PlannedStep) -> bool + 'p), VerbError> {
     let rest_of = |id: &str| match name.strip_prefix(id) {
         Some("") => Some(""),
         Some(rest) => rest.strip_prefix('/'),
@@ -105,7 +111,7 @@ fn choose_steps<'p>(
     let Some((_, scene, step)) = matches.max_by_key(|(length, ..)| *length) else {
         let known: Vec<&str> = plan.scenes().iter().take(5).map(|r| r.scene.as_str()).collect();
         let message = format!("no scene `{name}` among {} recipes", plan.scenes().len());
-        return Err(Problem::usage("no-scene", message).help(&format!("scenes here: {}", known.join(", "))));
+        return Err(VerbError::usage("no-scene", message).help(&format!("scenes here: {}", known.join(", "))));
     };
     let chosen = move |planned: &PlannedStep| {
         let below =
@@ -115,34 +121,34 @@ fn choose_steps<'p>(
     if !plan.steps().iter().any(&chosen) {
         let names: Vec<&str> = plan.steps_of(scene).map(|(_, s)| s.name.as_str()).collect();
         let message = format!("scene `{}` has no step `{step}`", plan.scenes()[scene].scene);
-        return Err(Problem::usage("no-step", message).help(&format!("its steps: {}", names.join(", "))));
+        return Err(VerbError::usage("no-step", message).help(&format!("its steps: {}", names.join(", "))));
     }
     Ok((scene, chosen))
 }
 
 /// A step, what it is made from, and what differs from when it was last made.
-struct Explanation<'a> {
+struct StepExplanation<'a> {
     scene: &'a str,
     step: &'a str,
-    assessed: &'a Assessment,
-    lines: Vec<Line>,
-    changes: Vec<Change>,
+    assessed: &'a StepAssessment,
+    lines: Vec<ExplanationLine>,
+    changes: Vec<DescriptionChange>,
 }
 
 fn explain_step<'a>(
     plan: &'a Plan,
     store: &Store,
     step: &'a PlannedStep,
-    assessed: &'a Assessment,
-) -> Result<Explanation<'a>, StoreError> {
+    assessed: &'a StepAssessment,
+) -> Result<StepExplanation<'a>, StoreError> {
     let scene = plan.scene_of(step);
     let last = store.last_key(scene, &step.name).map(|key| store.full_record(&key)).transpose()?.flatten();
     let changes = last.map(|record| assessed.changes(&record.description)).unwrap_or_default();
-    Ok(Explanation { scene, step: &step.name, assessed, lines: assessed.description.lines(), changes })
+    Ok(StepExplanation { scene, step: &step.name, assessed, lines: assessed.description.lines(), changes })
 }
 
-fn to_json(why: &Explanation<'_>, edits: &[Edit]) -> Value {
-    let Explanation { scene, step, assessed, lines, changes } = why;
+fn to_json(why: &StepExplanation<'_>, edits: &[RecipeEdit]) -> Value {
+    let StepExplanation { scene, step, assessed, lines, changes } = why;
     json!({
         "scene": scene, "step": step, "action": assessed.action, "reason": assessed.reason,
         "key": assessed.key.map(|key| key.to_string()),
@@ -150,10 +156,10 @@ fn to_json(why: &Explanation<'_>, edits: &[Edit]) -> Value {
     })
 }
 
-fn show_explanation(why: &Explanation<'_>, console: &Console) {
-    let Explanation { scene, step, assessed, lines, changes } = why;
+fn show_explanation(why: &StepExplanation<'_>, console: &Console) {
+    let StepExplanation { scene, step, assessed, lines, changes } = why;
     console.print(&format!("{scene}/{step}: {}", reason_words(&assessed.reason)));
-    for Change { path, old, new } in changes {
+    for DescriptionChange { path, old, new } in changes {
         let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
         console.print(&format!("  changed since it was last made: {path}: {} -> {}", was(old), was(new)));
     }

@@ -32,13 +32,13 @@ const END_US: i64 = i64::MAX / 1000;
 
 /// Compression of packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Compression {
+enum PacketCompression {
     None,
     Lz4,
     Zstd,
 }
 
-impl Compression {
+impl PacketCompression {
     /// From the number in a header: two levels of each method count as one.
     fn from_number(number: i32) -> Option<Self> {
         match number {

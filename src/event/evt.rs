@@ -15,7 +15,7 @@ pub use writer::Writer;
 
 /// The version of the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Version {
+pub enum EvtVersion {
     /// 32-bit words, one per event.
     Evt2,
     /// 16-bit words; events share rows, times and runs of pixels.

@@ -1,56 +1,56 @@
 //! Event files of every format, with one interface.
 
-use super::evt::{self, Version};
-use super::text::{self, Table, TimeUnit};
-use super::{Event, EventFileError, EventSink, EventSource, Header, aedat4, h5, npz};
+use super::evt::{self, EvtVersion};
+use super::text::{self, ColumnSeparator, TextTimeUnit};
+use super::{Event, EventFileError, EventSink, EventSource, StreamHeader, aedat4, h5, npz};
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::path::Path;
 
 /// The formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub enum EventFormat {
     /// HDF5 in the layout of DSEC.
     H5,
     /// A NumPy archive.
     Npz,
     /// Prophesee's raw files.
-    Evt(Version),
+    Evt(EvtVersion),
     /// iniVation's AEDAT 4.0.
     Aedat4,
     /// Text.
-    Text(Table),
+    Text(ColumnSeparator),
 }
 
-impl Format {
+impl EventFormat {
     /// The format that belongs to a file name. A `.raw` file is of `version`, whatever an existing
     /// file contains.
     #[must_use]
-    pub fn for_path(path: &Path, version: Version) -> Option<Self> {
+    pub fn for_path(path: &Path, version: EvtVersion) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "h5" | "hdf5" => Some(Self::H5),
             "npz" => Some(Self::Npz),
             "raw" => Some(Self::Evt(version)),
             "aedat4" => Some(Self::Aedat4),
-            "txt" => Some(Self::Text(Table::Txt)),
-            "csv" => Some(Self::Text(Table::Csv)),
+            "txt" => Some(Self::Text(ColumnSeparator::Txt)),
+            "csv" => Some(Self::Text(ColumnSeparator::Csv)),
             _ => None,
         }
     }
 
-    /// Whether files of this format store the sensor size.
+    /// Returns true if files of this format store the sensor size.
     #[must_use]
     pub fn keeps_size(self) -> bool {
-        !matches!(self, Self::Npz | Self::Text(Table::Csv))
+        !matches!(self, Self::Npz | Self::Text(ColumnSeparator::Csv))
     }
 
-    /// Whether they store the simulation law.
+    /// Returns true if they store the simulation law.
     #[must_use]
     pub fn keeps_law(self) -> bool {
         self == Self::H5
     }
 
-    /// Whether they store labels of events.
+    /// Returns true if they store labels of events.
     #[must_use]
     pub fn keeps_labels(self) -> bool {
         matches!(self, Self::H5 | Self::Npz)
@@ -59,24 +59,24 @@ impl Format {
 
 /// Properties given by the user, for files that do not state them.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Hints {
+pub struct ReadHints {
     /// Columns and rows of the sensor.
     pub size: Option<Size>,
     /// Unit of integer times in a text.
-    pub unit: Option<TimeUnit>,
+    pub unit: Option<TextTimeUnit>,
 }
 
 /// An event file open for reading.
-pub struct Opened {
+pub struct OpenEventFile {
     /// The properties that it states.
-    pub header: Header,
+    pub header: StreamHeader,
     /// Origin of the file's own times, in microseconds.
     pub offset_us: i64,
     /// The events, in the order of the file.
     pub source: Box<dyn EventSource>,
 }
 
-impl std::fmt::Debug for Opened {
+impl std::fmt::Debug for OpenEventFile {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Opened").field("header", &self.header).finish_non_exhaustive()
     }
@@ -86,28 +86,28 @@ impl std::fmt::Debug for Opened {
 ///
 /// # Errors
 /// It is not of that format, or the sensor size is unknown.
-pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFileError> {
+pub fn open(path: &Path, format: EventFormat, hints: ReadHints) -> Result<OpenEventFile, EventFileError> {
     let (mut offset_us, mut labelled) = (0, false);
-    let (header, source): (Option<Header>, Box<dyn EventSource>) = match format {
-        Format::H5 => {
+    let (header, source): (Option<StreamHeader>, Box<dyn EventSource>) = match format {
+        EventFormat::H5 => {
             let reader = h5::Reader::open(path)?;
             (offset_us, labelled) = (reader.offset_us(), reader.labelled());
             (reader.header(), Box::new(reader))
         }
-        Format::Npz => {
+        EventFormat::Npz => {
             let reader = npz::Reader::open(path)?;
             labelled = reader.labelled();
             (None, Box::new(reader))
         }
-        Format::Evt(_) => {
+        EventFormat::Evt(_) => {
             let reader = evt::Reader::open(path)?;
             (Some(reader.header()), Box::new(reader))
         }
-        Format::Aedat4 => {
+        EventFormat::Aedat4 => {
             let reader = aedat4::Reader::open(path)?;
             (Some(reader.header()), Box::new(reader))
         }
-        Format::Text(_) => {
+        EventFormat::Text(_) => {
             let reader = text::Reader::open(path, hints.size, hints.unit)?;
             (Some(reader.header()), Box::new(reader))
         }
@@ -118,14 +118,14 @@ pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFi
             return Err(EventFileError::Container(because));
         }
         (Some(header), _) => header,
-        (None, Some(size)) => Header { size, law: None, labelled },
+        (None, Some(size)) => StreamHeader { size, law: None, labelled },
         (None, None) => {
             let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
         }
     };
     header.size.check_sensor().map_err(|e| EventFileError::Container(format!("a sensor of {e}")))?;
-    Ok(Opened { header, offset_us, source })
+    Ok(OpenEventFile { header, offset_us, source })
 }
 
 /// An event file open for writing.
@@ -157,11 +157,11 @@ ends_with_its_last_event!(npz::Writer aedat4::Writer evt::Writer text::Writer);
 
 /// Options of a file that is written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Options {
+pub struct WriteOptions {
     /// Origin of the times of the given events, in microseconds.
     pub zero_us: i64,
     /// Options of an HDF5 file.
-    pub h5: h5::Options,
+    pub h5: h5::H5Options,
 }
 
 /// Creates a file.
@@ -170,21 +170,21 @@ pub struct Options {
 /// The format cannot hold such a stream, or the file cannot be created.
 pub fn create(
     path: &Path,
-    format: Format,
-    header: &Header,
-    Options { zero_us, h5 }: Options,
+    format: EventFormat,
+    header: &StreamHeader,
+    WriteOptions { zero_us, h5 }: WriteOptions,
 ) -> Result<Box<dyn EventFile>, EventFileError> {
     let file: Box<dyn EventFile> = match format {
-        Format::H5 => Box::new(h5::Writer::create_as(path, header, h5)?),
-        Format::Npz => Box::new(npz::Writer::create(path, header)?),
-        Format::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
-        Format::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
-        Format::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
+        EventFormat::H5 => Box::new(h5::Writer::create_as(path, header, h5)?),
+        EventFormat::Npz => Box::new(npz::Writer::create(path, header)?),
+        EventFormat::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
+        EventFormat::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
+        EventFormat::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
     };
-    let offset_us = if format == Format::H5 { h5.t_offset_us } else { 0 };
+    let offset_us = if format == EventFormat::H5 { h5.t_offset_us } else { 0 };
     match zero_us.checked_sub(offset_us) {
         Some(0) => Ok(file),
-        Some(by_us) => Ok(Box::new(Shifted { file, by_us, shifted: Vec::new() })),
+        Some(by_us) => Ok(Box::new(ShiftedClock { file, by_us, shifted: Vec::new() })),
         None => Err(too_far(zero_us)),
     }
 }
@@ -200,7 +200,7 @@ pub(crate) fn shift_event(event: Event, by_us: i64) -> Option<Event> {
 }
 
 /// A file whose clock differs from that of the events.
-struct Shifted {
+struct ShiftedClock {
     file: Box<dyn EventFile>,
     /// Offset added to each time.
     by_us: i64,
@@ -208,7 +208,7 @@ struct Shifted {
     shifted: Vec<Event>,
 }
 
-impl EventSink for Shifted {
+impl EventSink for ShiftedClock {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.shifted.clear();
         for event in events {
@@ -218,7 +218,7 @@ impl EventSink for Shifted {
     }
 }
 
-impl EventFile for Shifted {
+impl EventFile for ShiftedClock {
     fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError> {
         let last = last_us.checked_add(self.by_us).ok_or_else(|| too_far(self.by_us))?;
         self.file.finish(last)

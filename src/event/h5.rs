@@ -19,7 +19,7 @@
 //! noise, and events for which brightness moved less than half the threshold since the pixel's
 //! previous event (see `sensor/label.rs`).
 //!
-//! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`Filter`] is
+//! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`ChunkFilter`] is
 //! chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which
 //! every HDF5 reader supports, and contains no time of writing: equal streams are equal bytes.
 
@@ -30,7 +30,7 @@ mod outside;
 mod reader;
 mod writer;
 
-pub use filter::{Filter, FilterError};
+pub use filter::{ChunkFilter, FilterError};
 pub use reader::Reader;
 pub use writer::Writer;
 
@@ -54,14 +54,14 @@ const END_US: i64 = 1 << 32;
 
 /// Options of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Options {
+pub struct H5Options {
     /// Filter of the chunks.
-    pub filter: Filter,
+    pub filter: ChunkFilter,
     /// Origin of the times in the file, in microseconds.
     pub t_offset_us: i64,
 }
 
-impl Options {
+impl H5Options {
     /// Options for a stream from `first_us` to `last_us`. Its times count from 0 if 32 bits can
     /// hold them, because some readers ignore the offset, and otherwise from its first stamp, as in
     /// DSEC.

@@ -6,14 +6,14 @@ use crate::image::Size;
 
 /// The state of a stream that is being written.
 #[derive(Debug)]
-pub struct Order {
+pub struct StreamOrder {
     size: Size,
     end_us: i64,
     last: Option<(i64, u16, u16, Polarity)>,
     count: u64,
 }
 
-impl Order {
+impl StreamOrder {
     /// The contract of a stream on a sensor of `size`, with `0 <= t < end_us`.
     #[must_use]
     pub fn new(size: Size, end_us: i64) -> Self {
@@ -75,14 +75,15 @@ impl Order {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
+    use crate::event::EventLabel;
     use crate::units::Timestamp;
 
     #[test]
     fn a_stream_is_sorted_on_the_sensor_and_in_time() {
-        let event = |ns, x, y| Event { t: Timestamp(ns), x, y, polarity: Polarity::On, label: Label::Signal };
+        let event =
+            |ns, x, y| Event { t: Timestamp(ns), x, y, polarity: Polarity::On, label: EventLabel::Signal };
         let t = |second: Event, because: Option<&str>| {
-            let mut order = Order::new(Size { width: 4, height: 3 }, 1 << 32);
+            let mut order = StreamOrder::new(Size { width: 4, height: 3 }, 1 << 32);
             let result = order.admit(&[event(2_500, 2, 1), second]);
             match (result, because) {
                 (Ok(()), None) => assert_eq!((order.count(), order.last_us()), (2, Some(second.t.0 / 1000))),

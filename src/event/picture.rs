@@ -17,13 +17,13 @@ const CANCELLED: [u8; 3] = [208; 3];
 
 /// Counts the events of a time window, for any number of events in the stream.
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct WindowCounts {
     window_us: Range<i64>,
     /// OFF and ON events of each pixel: arrays of zeros take no memory until an event is counted.
     balance: Image<[u32; 2]>,
 }
 
-impl Picture {
+impl WindowCounts {
     /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Picture {
     }
 }
 
-impl EventSink for Picture {
+impl EventSink for WindowCounts {
     /// Never fails. Events outside the window or the picture are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         events.iter().for_each(|event| self.count(event));
@@ -128,15 +128,21 @@ fn copy_into(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{Label, Polarity};
+    use crate::event::{EventLabel, Polarity};
     use crate::units::Timestamp;
 
     #[test]
     fn colours_show_the_balance_within_the_window() {
-        let mut picture = Picture::new(Size { width: 5, height: 1 }, 10..20).unwrap();
+        let mut picture = WindowCounts::new(Size { width: 5, height: 1 }, 10..20).unwrap();
         let mut see = |x, us, polarity| {
             picture
-                .append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity, label: Label::Signal }])
+                .append(&[Event {
+                    t: Timestamp::from_micros(us),
+                    x,
+                    y: 0,
+                    polarity,
+                    label: EventLabel::Signal,
+                }])
                 .unwrap();
         };
         see(0, 10, Polarity::On);

@@ -1,6 +1,6 @@
 //! Events of one microsecond in the order of files, where a camera delivers them as they come.
 
-use super::{Event, EventFileError, EventSource, Label, Polarity};
+use super::{Event, EventFileError, EventLabel, EventSource, Polarity};
 use crate::units::Timestamp;
 
 /// Events of one microsecond: they wait in memory for one another, 8 bytes each. 2^22.
@@ -10,24 +10,24 @@ pub const MAX_SIMULTANEOUS: usize = 1 << 22;
 const CHUNK: usize = 65_536;
 
 /// Sorts the events of each microsecond by [`Event::file_order`].
-pub struct Sorted<'a> {
+pub struct SortedEvents<'a> {
     source: &'a mut dyn EventSource,
     /// The source's last chunk, and how many of its events were taken.
     chunk: Vec<Event>,
     taken: usize,
     /// Of the last microsecond so far: more of it may follow.
-    waiting: Group,
-    /// Whether no more of it follows.
+    waiting: EventGroup,
+    /// True if no more of it follows.
     complete: bool,
     /// Events given.
     given: u64,
     ended: bool,
 }
 
-impl<'a> Sorted<'a> {
+impl<'a> SortedEvents<'a> {
     /// The events of a source.
     pub fn new(source: &'a mut dyn EventSource) -> Self {
-        let (chunk, waiting) = (Vec::new(), Group::default());
+        let (chunk, waiting) = (Vec::new(), EventGroup::default());
         Self { source, chunk, taken: 0, waiting, complete: false, given: 0, ended: false }
     }
 
@@ -74,7 +74,7 @@ impl<'a> Sorted<'a> {
         self.complete = false;
     }
 
-    /// Whether the times of the chunk go back, which no order of reading can change.
+    /// Returns true if the times of the chunk go back, which no order of reading can change.
     fn check(&self) -> Result<(), EventFileError> {
         let mut last = self.waiting.us();
         for (event, index) in self.chunk.iter().zip(self.given + self.waiting.len() as u64..) {
@@ -89,13 +89,13 @@ impl<'a> Sorted<'a> {
     }
 }
 
-impl std::fmt::Debug for Sorted<'_> {
+impl std::fmt::Debug for SortedEvents<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Sorted").field("given", &self.given).finish_non_exhaustive()
     }
 }
 
-impl EventSource for Sorted<'_> {
+impl EventSource for SortedEvents<'_> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
         while out.is_empty() && (self.complete || !self.ended) {
@@ -123,7 +123,7 @@ fn micros(event: &Event) -> i64 {
 
 /// Events of one microsecond, each in 64 bits: row, column, polarity, label, nanoseconds.
 #[derive(Debug, Default)]
-struct Group {
+struct EventGroup {
     us: i64,
     packed: Vec<u64>,
     /// How many of them were given.
@@ -134,7 +134,7 @@ struct Group {
 const UNORDERED_BITS: u32 = 1 + NANO_BITS;
 const NANO_BITS: u32 = 10;
 
-impl Group {
+impl EventGroup {
     fn len(&self) -> usize {
         self.packed.len()
     }
@@ -192,7 +192,7 @@ fn unpack(us: i64, packed: u64) -> Event {
         x: side(NANO_BITS + 2),
         y: side(NANO_BITS + 18),
         polarity: if is_on { Polarity::On } else { Polarity::Off },
-        label: if is_signal { Label::Signal } else { Label::Noise },
+        label: if is_signal { EventLabel::Signal } else { EventLabel::Noise },
     }
 }
 
@@ -211,12 +211,12 @@ mod tests {
     }
 
     fn event(us: i64, x: u16) -> Event {
-        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On, label: Label::Signal }
+        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On, label: EventLabel::Signal }
     }
 
     fn all(chunks: &[&[Event]]) -> Result<Vec<Event>, EventFileError> {
         let mut source = Chunks(chunks.iter().map(|chunk| chunk.to_vec()).collect());
-        let mut sorted = Sorted::new(&mut source);
+        let mut sorted = SortedEvents::new(&mut source);
         let (mut events, mut chunk) = (Vec::new(), Vec::new());
         while sorted.next_chunk(&mut chunk)? {
             events.append(&mut chunk);
@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn events_keep_all_their_fields() {
         let (on, off) = (Polarity::On, Polarity::Off);
-        let (signal, noise) = (Label::Signal, Label::Noise);
+        let (signal, noise) = (EventLabel::Signal, EventLabel::Noise);
         let at = |ns, x, y, polarity, label| Event { t: Timestamp(ns), x, y, polarity, label };
         let [a, b, c, d] = [
             at(-1, 65_535, 65_535, on, noise),
@@ -263,7 +263,7 @@ mod tests {
         events.extend([event(3, 1), event(3, 0), event(9, 0)]);
         events.insert(0, event(1, 7));
         let mut source = Chunks(events.chunks(30_000).map(<[Event]>::to_vec).collect());
-        let mut sorted = Sorted::new(&mut source);
+        let mut sorted = SortedEvents::new(&mut source);
         let (mut found, mut chunk) = (Vec::new(), Vec::new());
         while sorted.next_chunk(&mut chunk).unwrap() {
             assert!(chunk.len() < 100_000, "{}", chunk.len());
@@ -284,7 +284,7 @@ mod tests {
             }
         }
         let mut endless = Endless(0);
-        let error = Sorted::new(&mut endless).next_chunk(&mut Vec::new()).unwrap_err().to_string();
+        let error = SortedEvents::new(&mut endless).next_chunk(&mut Vec::new()).unwrap_err().to_string();
         assert!(error.starts_with("event 4194304: more than 4194304 events at t = 5 us, "), "{error}");
         assert_eq!(endless.0, 42, "it is refused by the chunk that goes beyond");
     }

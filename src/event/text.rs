@@ -9,12 +9,12 @@
 mod reader;
 mod writer;
 
-pub use reader::{Reader, TimeUnit};
+pub use reader::{Reader, TextTimeUnit};
 pub use writer::Writer;
 
 /// Separator of the columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Table {
+pub enum ColumnSeparator {
     /// Spaces.
     Txt,
     /// Commas.

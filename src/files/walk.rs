@@ -25,13 +25,13 @@ pub struct WalkError {
 
 /// A walk through a folder, in the order of file names.
 #[derive(Debug, Clone, Copy)]
-pub struct Walk<'a> {
+pub struct FolderWalk<'a> {
     root: &'a Path,
     follows: bool,
     depth: usize,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> FolderWalk<'a> {
     /// A walk through `root` that lists links and follows none.
     #[must_use]
     pub fn new(root: &'a Path) -> Self {
@@ -59,7 +59,7 @@ impl<'a> Walk<'a> {
         self,
         keep: impl FnMut(&DirEntry) -> bool,
     ) -> impl Iterator<Item = Result<DirEntry, WalkError>> {
-        let bounds = Bounds::of(self.root);
+        let bounds = WalkBounds::of(self.root);
         let walk = WalkDir::new(self.root).follow_links(self.follows).max_depth(self.depth);
         let mut walk = walk.sort_by_file_name().into_iter().filter_entry(keep);
         let mut left = MAX_ENTRIES;
@@ -94,13 +94,13 @@ fn unwalkable(error: &walkdir::Error, root: &Path) -> WalkError {
 }
 
 /// The bounds that the root of a walk sets.
-struct Bounds {
+struct WalkBounds {
     /// The file system of the root; `None` where the root cannot be read, which the walk says.
     device: Option<u64>,
     root: Option<PathBuf>,
 }
 
-impl Bounds {
+impl WalkBounds {
     fn of(root: &Path) -> Self {
         Self { device: fs::metadata(root).ok().map(|about| about.dev()), root: root.canonicalize().ok() }
     }
@@ -139,7 +139,7 @@ mod tests {
 
     use super::*;
 
-    fn names(walk: Walk<'_>) -> Vec<String> {
+    fn names(walk: FolderWalk<'_>) -> Vec<String> {
         let shown = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         walk.entries(|_| true)
             .map(|entry| match entry {
@@ -161,14 +161,14 @@ mod tests {
         symlink("../outside", root.join("a-out")).unwrap();
         symlink("../outside/file", root.join("c-file")).unwrap();
         symlink("b/sub", root.join("d-in")).unwrap();
-        assert_eq!(names(Walk::new(&root)), ["a-out", "b", "sub", "deep", "c-file", "d-in"]);
-        assert_eq!(names(Walk::new(&root).to_depth(1)), ["a-out", "b", "c-file", "d-in"]);
+        assert_eq!(names(FolderWalk::new(&root)), ["a-out", "b", "sub", "deep", "c-file", "d-in"]);
+        assert_eq!(names(FolderWalk::new(&root).to_depth(1)), ["a-out", "b", "c-file", "d-in"]);
         assert_eq!(
-            names(Walk::new(&root).following()),
+            names(FolderWalk::new(&root).following()),
             ["a-out: a link leads out of the folder given", "b", "sub", "deep", "c-file", "d-in", "deep"]
         );
         symlink("..", root.join("b/sub/up")).unwrap();
-        let told = names(Walk::new(&root).following());
+        let told = names(FolderWalk::new(&root).following());
         assert!(told.contains(&"up: a link leads back to its own folder".to_owned()), "{told:?}");
     }
 
@@ -177,7 +177,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let deep: PathBuf = (0..=MAX_DEPTH + 3).map(|_| "d").collect();
         fs::create_dir_all(folder.path().join(deep)).unwrap();
-        let told = names(Walk::new(folder.path()));
+        let told = names(FolderWalk::new(folder.path()));
         assert_eq!(told.len(), MAX_DEPTH + 1);
         assert_eq!(told[MAX_DEPTH], "d: more than 32 folders deep");
     }
@@ -187,7 +187,7 @@ mod tests {
         let Ok(root) = fs::metadata("/") else { return };
         let other = fs::metadata("/proc").is_ok_and(|about| about.dev() != root.dev());
         if other {
-            let told: Vec<String> = names(Walk::new(Path::new("/")).to_depth(1));
+            let told: Vec<String> = names(FolderWalk::new(Path::new("/")).to_depth(1));
             assert!(told.contains(&"proc: a folder on another file system".to_owned()), "{told:?}");
         }
     }

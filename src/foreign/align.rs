@@ -13,7 +13,7 @@ use glam::{DQuat, DVec3};
 
 /// One camera in both worlds, camera to world.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pair {
+pub struct CameraPair {
     /// The stated pose.
     pub stated: Se3,
     /// The recovered pose, in the other world.
@@ -22,7 +22,7 @@ pub struct Pair {
 
 /// Distance of a camera from its recovered pose after the alignment of the worlds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Apart {
+pub struct PoseDistance {
     /// Angle between the rotations, rad.
     pub rotation: f64,
     /// Distance of the centres, units of the stated world.
@@ -36,7 +36,7 @@ const NEAR: f64 = 1e-9;
 
 /// Returns the distances of all pairs after the best similarity.
 #[must_use]
-pub fn pose_distances(pairs: &[Pair]) -> Vec<Apart> {
+pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
     let turns: Vec<DQuat> =
         pairs.iter().map(|p| (p.stated.rotation * p.found.rotation.conjugate()).normalize()).collect();
     let Some(turn) = median_rotation(&turns) else { return Vec::new() };
@@ -51,7 +51,7 @@ pub fn pose_distances(pairs: &[Pair]) -> Vec<Apart> {
     turns
         .iter()
         .zip(arms)
-        .map(|(own, (stated, found))| Apart {
+        .map(|(own, (stated, found))| PoseDistance {
             rotation: angle_between(*own, turn),
             translation: (stated - scale * found).length(),
         })
@@ -88,7 +88,7 @@ mod tests {
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
     /// An arc of cameras, and the same arc in a rotated, scaled and shifted world.
-    fn arc(count: usize) -> Vec<Pair> {
+    fn arc(count: usize) -> Vec<CameraPair> {
         let turn = exp_vector(DVec3::new(0.4, -1.1, 0.7));
         let pair = |i: usize| {
             let a = 0.05 * i as f64;
@@ -98,7 +98,7 @@ mod tests {
                 rotation: turn * stated.rotation,
                 translation: turn * stated.translation * 0.37 + DVec3::new(5.0, 6.0, -7.0),
             };
-            Pair { stated, found }
+            CameraPair { stated, found }
         };
         (0..count).map(pair).collect()
     }

@@ -6,15 +6,15 @@
 //! px, is meant for lenses). On rendered pictures this limit makes the poses three times more
 //! accurate.
 
-use super::align::{Apart, Pair, pose_distances};
-use super::run::Run;
+use super::align::{CameraPair, PoseDistance, pose_distances};
+use super::run::ExternalRun;
 use super::versions::COLMAP;
-use super::{ForeignError, Picture, Told, features, versions};
+use super::{ForeignError, Told, TrajectoryPicture, features, versions};
 use crate::camera::Camera;
-use crate::programs::How;
-use crate::reconstruct::Desk;
+use crate::programs::EndKind;
+use crate::reconstruct::TrainingWorkspace;
 use crate::se3::Se3;
-use crate::source::colmap::{Image, Model};
+use crate::source::colmap::{ColmapImage, ColmapModel};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub const LEAST_PICTURES: u32 = 3;
 /// COLMAP's answer on some pictures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Registration {
+pub struct ColmapRegistration {
     /// The program, with its version.
     pub program: String,
     /// Number of given pictures.
@@ -35,13 +35,13 @@ pub struct Registration {
     /// Sum of the distances from each registered picture to the next, scene units.
     pub path: f64,
     /// The registered pictures, ordered by time.
-    pub poses: Vec<Registered>,
+    pub poses: Vec<PoseAgreement>,
 }
 
 /// Distance of a pose from COLMAP's pose after the alignment of the worlds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Registered {
+pub struct PoseAgreement {
     /// Index of the pose.
     pub pose: usize,
     /// Angle between the rotations, degrees.
@@ -57,7 +57,7 @@ const NO_MODEL: &str = "failed to create sparse model";
 
 /// COLMAP's poses of pictures, in its own world.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct ColmapPoses {
     /// The program, with its version.
     pub program: String,
     /// Index and pose, camera to world, of each given picture; `None` if it was not registered.
@@ -69,10 +69,10 @@ pub struct Found {
 /// # Errors
 /// A file cannot be used, COLMAP fails, or the work was asked to stop.
 pub fn register_pictures(
-    pictures: &[Picture],
+    pictures: &[TrajectoryPicture],
     camera: &Camera,
-    desk: Desk<'_>,
-) -> Result<Told<Found>, ForeignError> {
+    desk: TrainingWorkspace<'_>,
+) -> Result<Told<ColmapPoses>, ForeignError> {
     let program = match versions::colmap(desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
@@ -84,22 +84,22 @@ pub fn register_pictures(
         Ok(images) => images,
         Err(because) => return Ok(Err(format!("{program} {because}"))),
     };
-    let pose = |picture: &Picture| {
+    let pose = |picture: &TrajectoryPicture| {
         let name = name_of(picture.pose);
         let image = images.iter().find(|image| image.name == name)?;
         let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
         Some(camera_from_world.inverse())
     };
     let poses = pictures.iter().map(|picture| (picture.pose, pose(picture))).collect();
-    Ok(Ok(Found { program, poses }))
+    Ok(Ok(ColmapPoses { program, poses }))
 }
 
 /// Returns the registered images of the model that COLMAP makes of these pictures.
 fn make_model(
-    pictures: &[Picture],
+    pictures: &[TrajectoryPicture],
     camera: &Camera,
-    desk: Desk<'_>,
-) -> Result<Told<Vec<Image>>, ForeignError> {
+    desk: TrainingWorkspace<'_>,
+) -> Result<Told<Vec<ColmapImage>>, ForeignError> {
     let place = |name: &str| desk.folder.join(name);
     let (database, images, sparse) = (place("database.db"), place("images"), place("sparse"));
     for folder in [&images, &sparse] {
@@ -115,7 +115,7 @@ fn make_model(
         let options =
             fixed.iter().chain(options).flat_map(|(key, value)| [OsString::from(key), value.clone()]);
         let arguments = std::iter::once(OsString::from(command)).chain(options).collect();
-        Run { program: COLMAP, arguments, seconds: MOST_SECONDS, desk }
+        ExternalRun { program: COLMAP, arguments, seconds: MOST_SECONDS, desk }
     };
     colmap("feature_extractor", &extraction_options(&images, camera)).end_well()?;
     let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;
@@ -131,11 +131,11 @@ fn make_model(
     colmap("matches_importer", &import_options(&list)).end_well()?;
     match colmap("mapper", &mapping_options(&images, &sparse)).end()? {
         Ok(ran) => {
-            let read = || Model::find_model(&sparse.join("0"))?.images();
-            read().map(Ok).map_err(|e| ran.failed(How::Product(format!("its model: {e}"))))
+            let read = || ColmapModel::find_model(&sparse.join("0"))?.images();
+            read().map(Ok).map_err(|e| ran.failed(EndKind::Product(format!("its model: {e}"))))
         }
         Err(ran) if ran.says(NO_MODEL) => Ok(Err("finds no two pictures to begin a model with".to_owned())),
-        Err(ran) => Err(ran.failed(How::Code(1))),
+        Err(ran) => Err(ran.failed(EndKind::Code(1))),
     }
 }
 
@@ -181,24 +181,24 @@ fn mapping_options(images: &Path, sparse: &Path) -> Options {
     ]
 }
 
-impl Found {
+impl ColmapPoses {
     /// Compares COLMAP's poses with the poses of a trajectory, camera to world.
     #[must_use]
-    pub fn against(self, stated: &[Se3]) -> Registration {
+    pub fn against(self, stated: &[Se3]) -> ColmapRegistration {
         let Self { program, poses } = self;
         let pair = |(pose, found): &(usize, Option<Se3>)| {
-            Some((*pose, Pair { stated: stated[*pose], found: (*found)? }))
+            Some((*pose, CameraPair { stated: stated[*pose], found: (*found)? }))
         };
-        let (numbers, pairs): (Vec<usize>, Vec<Pair>) = poses.iter().filter_map(pair).unzip();
-        let centre = |pair: &Pair| pair.stated.translation;
+        let (numbers, pairs): (Vec<usize>, Vec<CameraPair>) = poses.iter().filter_map(pair).unzip();
+        let centre = |pair: &CameraPair| pair.stated.translation;
         let path: f64 = pairs.windows(2).map(|w| centre(&w[1]).distance(centre(&w[0]))).sum();
-        let registered = |(pose, apart): (usize, Apart)| Registered {
+        let registered = |(pose, apart): (usize, PoseDistance)| PoseAgreement {
             pose,
             rotation_deg: apart.rotation * 180.0 / std::f64::consts::PI,
             translation: if path > 0.0 { apart.translation / path } else { 0.0 },
         };
         let given = poses.len();
         let poses = numbers.into_iter().zip(pose_distances(&pairs)).map(registered).collect();
-        Registration { program, given, path, poses }
+        ColmapRegistration { program, given, path, poses }
     }
 }

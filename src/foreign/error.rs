@@ -1,6 +1,6 @@
 //! Errors of running a program.
 
-use crate::programs::Failed;
+use crate::programs::ProgramFailure;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ pub enum ForeignError {
     Stopped,
     /// The program failed.
     #[error(transparent)]
-    Failed(#[from] Box<Failed>),
+    Failed(#[from] Box<ProgramFailure>),
     /// An input file cannot be used.
     #[error("use {}: {cause}", path.display())]
     Io {

@@ -19,14 +19,14 @@ const MOST_ANGLE: f64 = 0.7;
 const MOST_RATIO: f64 = 0.8;
 
 /// The key points of a picture.
-pub(super) struct Described {
+pub(super) struct DescribedKeyPoints {
     name: String,
     /// Elements have 16 bits, because processors multiply and add pairs of them in one instruction.
     descriptors: Vec<[i16; LENGTH]>,
 }
 
 /// Reads the pictures of a database, in the order of their names.
-pub(super) fn read_database(database: &Path) -> rusqlite::Result<Vec<Described>> {
+pub(super) fn read_database(database: &Path) -> rusqlite::Result<Vec<DescribedKeyPoints>> {
     let database = Connection::open_with_flags(database, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
     let mut statement = database.prepare(
         "SELECT images.name, descriptors.data FROM images JOIN descriptors USING (image_id) ORDER BY images.name",
@@ -35,14 +35,14 @@ pub(super) fn read_database(database: &Path) -> rusqlite::Result<Vec<Described>>
         // The column is null for a picture without key points.
         let data = row.get::<_, Option<Vec<u8>>>(1)?.unwrap_or_default();
         let descriptors = data.as_chunks::<LENGTH>().0.iter().map(|d| d.map(i16::from)).collect();
-        Ok(Described { name: row.get(0)?, descriptors })
+        Ok(DescribedKeyPoints { name: row.get(0)?, descriptors })
     })?;
     rows.collect()
 }
 
 /// Returns the matches of all pairs of pictures, in the format of COLMAP's `matches_importer`, and
 /// the number of pairs with matches.
-pub(super) fn match_pairs(pictures: &[Described]) -> (String, usize) {
+pub(super) fn match_pairs(pictures: &[DescribedKeyPoints]) -> (String, usize) {
     let pairs: Vec<(usize, usize)> =
         (0..pictures.len()).flat_map(|i| (i + 1..pictures.len()).map(move |j| (i, j))).collect();
     let found: Vec<Vec<(usize, usize)>> = pairs
@@ -65,13 +65,13 @@ pub(super) fn match_pairs(pictures: &[Described]) -> (String, usize) {
 
 /// The two nearest candidates of a key point, by dot product.
 #[derive(Clone, Copy, Default)]
-struct Nearest {
+struct NearestPair {
     at: usize,
     first: i32,
     second: i32,
 }
 
-impl Nearest {
+impl NearestPair {
     fn see(&mut self, at: usize, product: i32) {
         if product > self.first {
             *self = Self { at, first: product, second: self.first };
@@ -90,9 +90,9 @@ impl Nearest {
 
 /// Returns the pairs of key points that choose each other, in the order of the first.
 fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
-    let mut of_b = vec![Nearest::default(); b.len()];
+    let mut of_b = vec![NearestPair::default(); b.len()];
     let of_a = a.iter().enumerate().map(|(i, x)| {
-        let mut nearest = Nearest::default();
+        let mut nearest = NearestPair::default();
         for (j, (y, back)) in b.iter().zip(&mut of_b).enumerate() {
             let product = dot_product(x, y);
             nearest.see(j, product);
@@ -100,7 +100,7 @@ fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)>
         }
         nearest
     });
-    let of_a: Vec<Nearest> = of_a.collect();
+    let of_a: Vec<NearestPair> = of_a.collect();
     let chosen = of_a.into_iter().enumerate().filter_map(|(i, nearest)| Some((i, nearest.chosen()?)));
     chosen.filter(|(i, j)| of_b[*j].chosen() == Some(*i)).collect()
 }
@@ -144,8 +144,10 @@ mod tests {
 
     #[test]
     fn matches_are_written_pair_by_pair() {
-        let described =
-            |name: &str, k: usize| Described { name: name.into(), descriptors: vec![along(k, k + 1, 1.0)] };
+        let described = |name: &str, k: usize| DescribedKeyPoints {
+            name: name.into(),
+            descriptors: vec![along(k, k + 1, 1.0)],
+        };
         let pictures = [described("a.png", 0), described("b.png", 0), described("c.png", 9)];
         assert_eq!(match_pairs(&pictures), ("a.png b.png\n0 0\n\n".to_owned(), 1));
     }

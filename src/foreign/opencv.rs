@@ -1,9 +1,9 @@
 //! OpenCV's answers from the released poses and camera: the projections of points, and the camera
 //! motion between pictures, recovered from the pictures.
 
-use super::{ForeignError, Picture, Told, python, spread_evenly, versions};
+use super::{ForeignError, Told, TrajectoryPicture, python, spread_evenly, versions};
 use crate::camera::Camera;
-use crate::reconstruct::Desk;
+use crate::reconstruct::TrainingWorkspace;
 use crate::se3::Se3;
 use crate::trajectory::{Trajectory, transforms};
 use glam::DVec3;
@@ -15,23 +15,23 @@ use std::path::Path;
 /// OpenCV's answer on a trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Geometry {
+pub struct OpencvGeometry {
     /// The program, with its version.
     pub program: String,
     /// Projections with the poses of `poses.txt`.
-    pub poses_txt: Projection,
+    pub poses_txt: ProjectionAgreement,
     /// Projections with the poses of `transforms.json`.
-    pub transforms_json: Projection,
+    pub transforms_json: ProjectionAgreement,
     /// Number of pictures from which a motion to a later picture was requested.
     pub tried: usize,
     /// The recovered motions.
-    pub pairs: Vec<Motion>,
+    pub pairs: Vec<RelativeMotion>,
 }
 
 /// Comparison of OpenCV's projections with those of the renderer's camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Projection {
+pub struct ProjectionAgreement {
     /// Maximum distance, px.
     pub px: f64,
     /// The pose with the maximum distance; `None` if no pose was found in the file.
@@ -43,7 +43,7 @@ pub struct Projection {
 /// Comparison of the recovered and the stated motion between two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Motion {
+pub struct RelativeMotion {
     /// Pose index of the first picture.
     pub from: usize,
     /// Pose index of the second picture.
@@ -59,11 +59,11 @@ pub struct Motion {
 /// The answer of the script.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Answer {
-    poses_txt: Projection,
-    transforms_json: Projection,
+struct OpencvAnswer {
+    poses_txt: ProjectionAgreement,
+    transforms_json: ProjectionAgreement,
     tried: usize,
-    pairs: Vec<Motion>,
+    pairs: Vec<RelativeMotion>,
 }
 
 /// Maximum number of poses whose points are projected.
@@ -78,22 +78,22 @@ const STARTS: usize = 20;
 
 /// Poses and camera of a trajectory, in the released form.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Released {
+pub struct ReleasedPoses {
     /// `poses.txt`.
     pub poses_txt: Vec<u8>,
     /// `transforms.json`.
     pub transforms_json: Vec<u8>,
 }
 
-impl Released {
+impl ReleasedPoses {
     /// Returns the files of a trajectory with these pictures, sorted by pose.
     #[must_use]
-    pub fn from_trajectory(camera: &Camera, trajectory: &Trajectory, pictures: &[Picture]) -> Self {
+    pub fn from_trajectory(camera: &Camera, trajectory: &Trajectory, pictures: &[TrajectoryPicture]) -> Self {
         let mut poses_txt = Vec::new();
         trajectory.write_poses(&mut poses_txt).expect("memory takes what is written");
         let names: Vec<String> = pictures.iter().map(|picture| format!("{:06}.png", picture.pose)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let pictures = transforms::Pictures { sharp: &names, blurred: &BTreeMap::new() };
+        let pictures = transforms::PictureLinks { sharp: &names, blurred: &BTreeMap::new() };
         let transforms_json =
             transforms::compose_transforms(camera, trajectory, &pictures).to_string().into_bytes();
         Self { poses_txt, transforms_json }
@@ -106,11 +106,11 @@ impl Released {
 /// # Errors
 /// A file cannot be used, Python fails, or the work was asked to stop.
 pub fn measure_released(
-    released: &Released,
+    released: &ReleasedPoses,
     (camera, trajectory): (&Camera, &Trajectory),
-    pictures: &[Picture],
-    desk: Desk<'_>,
-) -> Result<Told<Geometry>, ForeignError> {
+    pictures: &[TrajectoryPicture],
+    desk: TrainingWorkspace<'_>,
+) -> Result<Told<OpencvGeometry>, ForeignError> {
     let program = match versions::having(&["cv2", "numpy"], desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
@@ -120,21 +120,22 @@ pub fn measure_released(
         let file = desk.folder.join(name);
         std::fs::write(&file, bytes).map_err(ForeignError::io_error(&file))?;
     }
-    let request = Request { camera, trajectory, pictures }.compose(desk.folder)?;
-    let Answer { poses_txt, transforms_json, tried, pairs } = python::ask_script("geometry", &request, desk)?;
-    Ok(Ok(Geometry { program, poses_txt, transforms_json, tried, pairs }))
+    let request = OpencvRequest { camera, trajectory, pictures }.compose(desk.folder)?;
+    let OpencvAnswer { poses_txt, transforms_json, tried, pairs } =
+        python::ask_script("geometry", &request, desk)?;
+    Ok(Ok(OpencvGeometry { program, poses_txt, transforms_json, tried, pairs }))
 }
 
-struct Request<'a> {
+struct OpencvRequest<'a> {
     camera: &'a Camera,
     trajectory: &'a Trajectory,
-    pictures: &'a [Picture],
+    pictures: &'a [TrajectoryPicture],
 }
 
-impl Request<'_> {
+impl OpencvRequest<'_> {
     fn compose(&self, folder: &Path) -> Result<serde_json::Value, ForeignError> {
         let stamps = &self.trajectory.stamps_us;
-        let pictures = self.pictures.iter().map(|Picture { pose, file }| {
+        let pictures = self.pictures.iter().map(|TrajectoryPicture { pose, file }| {
             let file = std::path::absolute(file).map_err(ForeignError::io_error(file))?;
             Ok(json!({ "pose": pose, "t_us": stamps[*pose], "file": file }))
         });

@@ -1,11 +1,11 @@
 //! Questions to Python, with a file for the question and a file for the answer.
 
 use super::ForeignError;
-use super::run::Run;
+use super::run::ExternalRun;
 use super::versions::{ISOLATED, PYTHON};
 use crate::files;
-use crate::programs::How;
-use crate::reconstruct::Desk;
+use crate::programs::EndKind;
+use crate::reconstruct::TrainingWorkspace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::ffi::OsString;
@@ -20,7 +20,7 @@ const MAX_SECONDS: u32 = 3600;
 pub(super) fn ask_script<A: DeserializeOwned>(
     question: &str,
     request: &impl Serialize,
-    desk: Desk<'_>,
+    desk: TrainingWorkspace<'_>,
 ) -> Result<A, ForeignError> {
     let place = |name: &str| desk.folder.join(name);
     let (script, asked, answer) = (place("ask.py"), place("request.json"), place("answer.json"));
@@ -29,8 +29,8 @@ pub(super) fn ask_script<A: DeserializeOwned>(
     std::fs::write(&asked, request).map_err(ForeignError::io_error(&asked))?;
     let files = [script.into(), question.into(), asked.into(), answer.clone().into()];
     let arguments = [OsString::from(ISOLATED)].into_iter().chain(files).collect();
-    let ran = Run { program: PYTHON, arguments, seconds: MAX_SECONDS, desk }.end_well()?;
-    let product = |e: &dyn std::fmt::Display| ran.failed(How::Product(format!("its answer: {e}")));
+    let ran = ExternalRun { program: PYTHON, arguments, seconds: MAX_SECONDS, desk }.end_well()?;
+    let product = |e: &dyn std::fmt::Display| ran.failed(EndKind::Product(format!("its answer: {e}")));
     let text = files::read(&answer, files::MAX_DOCUMENT).map_err(|e| product(&e))?;
     serde_json::from_slice(&text).map_err(|e| product(&e))
 }

@@ -1,11 +1,11 @@
 //! Released files as other programs read them: events by h5py, their index by numpy, pictures by
 //! OpenCV.
 
-use super::{ForeignError, Picture, Told, python, versions};
+use super::{ForeignError, Told, TrajectoryPicture, python, versions};
 use crate::event::{Event, EventSource as _, h5};
 use crate::files;
 use crate::image::png;
-use crate::reconstruct::Desk;
+use crate::reconstruct::TrainingWorkspace;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Results of reading a trajectory's files with other programs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Readback {
+pub struct ReadbackReport {
     /// The programs, with their versions.
     pub program: String,
     /// The event streams, ordered by name.
@@ -52,14 +52,14 @@ pub struct PicturesRead {
 /// The answer of the script.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Answer {
-    streams: Vec<Found>,
+struct ReadbackAnswer {
+    streams: Vec<ReadColumns>,
     pictures: Vec<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Found {
+struct ReadColumns {
     count: u64,
     columns: BTreeMap<String, String>,
     entries: u64,
@@ -72,9 +72,9 @@ struct Found {
 /// A file cannot be used or read by this program, Python fails, or the work was asked to stop.
 pub fn read_back(
     streams: &[PathBuf],
-    pictures: &[Picture],
-    desk: Desk<'_>,
-) -> Result<Told<Readback>, ForeignError> {
+    pictures: &[TrajectoryPicture],
+    desk: TrainingWorkspace<'_>,
+) -> Result<Told<ReadbackReport>, ForeignError> {
     let mut program = match versions::having(&["h5py", "numpy"], desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
@@ -91,8 +91,9 @@ pub fn read_back(
     let streams: Vec<PathBuf> = streams.iter().map(|file| whole(file)).collect::<Result<_, _>>()?;
     let files: Vec<PathBuf> = looks.iter().map(|picture| whole(&picture.file)).collect::<Result<_, _>>()?;
     let request = json!({ "streams": streams, "pictures": files });
-    let answer: Answer = python::ask_script("readback", &request, desk)?;
-    let own: Vec<Own> = streams.iter().map(|file| Own::from_file(file, desk)).collect::<Result<_, _>>()?;
+    let answer: ReadbackAnswer = python::ask_script("readback", &request, desk)?;
+    let own: Vec<OwnColumns> =
+        streams.iter().map(|file| OwnColumns::from_file(file, desk)).collect::<Result<_, _>>()?;
     let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
     let mut differing = Vec::new();
     for (picture, found) in looks.iter().zip(&answer.pictures) {
@@ -105,18 +106,18 @@ pub fn read_back(
         Err(because) => Err(because),
         Ok(_) => Ok(PicturesRead { count: pictures.len(), differing }),
     };
-    Ok(Ok(Readback { program, streams, pictures }))
+    Ok(Ok(ReadbackReport { program, streams, pictures }))
 }
 
 /// An event file as this program reads it: SHA-256 of each column, times as 64 bits and the others
 /// as 16, little-endian.
-struct Own {
+struct OwnColumns {
     events: u64,
     columns: BTreeMap<&'static str, String>,
 }
 
-impl Own {
-    fn from_file(file: &Path, desk: Desk<'_>) -> Result<Self, ForeignError> {
+impl OwnColumns {
+    fn from_file(file: &Path, desk: TrainingWorkspace<'_>) -> Result<Self, ForeignError> {
         let mut reader = h5::Reader::open(file).map_err(ForeignError::own_product(file))?;
         let names: &[&'static str] =
             if reader.labelled() { &["t", "x", "y", "p", "label"] } else { &["t", "x", "y", "p"] };
@@ -136,14 +137,14 @@ impl Own {
         Ok(Self { events, columns })
     }
 
-    fn against(&self, found: &Found) -> StreamRead {
+    fn against(&self, found: &ReadColumns) -> StreamRead {
         let mut differing: Vec<String> = Vec::new();
         if self.events != found.count {
             differing.push("count".to_owned());
         }
         let other = |(name, digest): &(&&str, &String)| found.columns.get(**name) != Some(digest);
         differing.extend(self.columns.iter().filter(other).map(|(name, _)| (*name).to_owned()));
-        let Found { entries, wrong_entries, .. } = *found;
+        let ReadColumns { entries, wrong_entries, .. } = *found;
         StreamRead { events: self.events, differing, entries, wrong_entries }
     }
 }

@@ -1,7 +1,7 @@
 //! Versions of the programs that are asked about trajectories. To know a version is to run the program,
 //! so a step that may not run anything takes the version that was found before, or does without.
 
-use crate::programs::Programs;
+use crate::programs::ProgramFinder;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ pub(super) const ISOLATED: &str = "-I";
 
 /// A program that is asked about trajectories.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Asked {
+pub enum VersionQuery {
     /// COLMAP.
     Colmap,
     /// Python with its packages.
@@ -24,7 +24,7 @@ pub enum Asked {
 
 /// A version that a program said, and the files that it depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Version {
+pub struct ProgramVersion {
     /// The version of the program and of its packages, or a sentence that says what is absent. It
     /// enters keys.
     pub text: String,
@@ -33,7 +33,7 @@ pub struct Version {
     pub grounds: Vec<PathBuf>,
 }
 
-impl Asked {
+impl VersionQuery {
     /// The name by which it is looked for.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -45,13 +45,13 @@ impl Asked {
 
     /// Its absolute path; `None` if there is none.
     #[must_use]
-    pub fn path(self, programs: &Programs) -> Option<PathBuf> {
+    pub fn path(self, programs: &ProgramFinder) -> Option<PathBuf> {
         programs.find(Path::new(self.name())).ok()
     }
 
     /// Asks it for its version.
     #[must_use]
-    pub fn version(self, programs: &Programs) -> Version {
+    pub fn version(self, programs: &ProgramFinder) -> ProgramVersion {
         let (text, folders) = match self {
             Self::Colmap => (colmap(programs).unwrap_or_else(|absent| absent), Vec::new()),
             Self::Python => {
@@ -59,13 +59,13 @@ impl Asked {
                 (packages(programs), folders)
             }
         };
-        Version { text, grounds: self.path(programs).into_iter().chain(folders).collect() }
+        ProgramVersion { text, grounds: self.path(programs).into_iter().chain(folders).collect() }
     }
 }
 
 /// The packages that a Python has, by their versions.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
-pub struct Packages {
+pub struct PackageVersions {
     /// Arrays.
     pub numpy: Option<String>,
     /// OpenCV.
@@ -91,7 +91,7 @@ print(json.dumps({**found, 'folders': [path for path in sys.path if os.path.isdi
 ///
 /// # Errors
 /// A sentence for people if there is none.
-pub fn colmap(programs: &Programs) -> Result<String, String> {
+pub fn colmap(programs: &ProgramFinder) -> Result<String, String> {
     let said = programs.ask(COLMAP, &["help"])?;
     let mut lines = said.lines().map(|line| line.split(" -- ").next().unwrap_or(line).trim());
     let name = lines.find(|line| line.starts_with("COLMAP "));
@@ -102,7 +102,7 @@ pub fn colmap(programs: &Programs) -> Result<String, String> {
 ///
 /// # Errors
 /// A sentence for people where there is no Python.
-pub fn python(programs: &Programs) -> Result<Packages, String> {
+pub fn python(programs: &ProgramFinder) -> Result<PackageVersions, String> {
     let said = programs.ask(PYTHON, &[ISOLATED, "-c", LISTS_PACKAGES])?;
     // Packages may print warnings while they are imported.
     let list = said.lines().rev().find_map(|line| serde_json::from_str(line).ok());
@@ -113,7 +113,7 @@ pub fn python(programs: &Programs) -> Result<Packages, String> {
 ///
 /// # Errors
 /// A sentence for people that names the first package that is absent.
-pub(super) fn having(wanted: &[&str], programs: &Programs) -> Result<String, String> {
+pub(super) fn having(wanted: &[&str], programs: &ProgramFinder) -> Result<String, String> {
     let packages = python(programs)?;
     let version = |name: &&str| {
         let (known, found) = match *name {
@@ -129,7 +129,7 @@ pub(super) fn having(wanted: &[&str], programs: &Programs) -> Result<String, Str
 
 /// Python's packages as one text: versions, and sentences for those that are absent.
 #[must_use]
-pub fn packages(programs: &Programs) -> String {
+pub fn packages(programs: &ProgramFinder) -> String {
     let one = |name| having(&[name], programs).unwrap_or_else(|absent| absent);
     ["numpy", "cv2", "h5py"].map(one).join(", ")
 }

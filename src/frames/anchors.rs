@@ -1,18 +1,18 @@
 //! Frames kept from a passing sequence, so that checks can compare its events with what the sensor
 //! saw.
 
-use super::Frame;
+use super::DenseFrame;
 use crate::image::{Image, npy};
 use std::io::{self, Read, Write};
 
 /// Luminance of some frames: the first, the last, and some between.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Anchors {
+pub struct AnchorFrames {
     /// Stamps of the kept frames in microseconds.
     pub stamps_us: Vec<i64>,
     /// Luminance on the grey scale 0..255.
     pub images: Vec<Image<f32>>,
-    /// As [`Choice::spans`].
+    /// As [`AnchorChoice::spans`].
     pub spans: Vec<[usize; 3]>,
 }
 
@@ -25,7 +25,7 @@ const SPANS_IN: usize = 8;
 
 /// The frames of a sequence that are kept.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Choice {
+pub struct AnchorChoice {
     /// Indices of the frames, ascending.
     pub frames: Vec<usize>,
     /// Index triples of closely spaced, evenly spaced images, one per span: the image moves little
@@ -33,7 +33,7 @@ pub struct Choice {
     pub spans: Vec<[usize; 3]>,
 }
 
-impl Choice {
+impl AnchorChoice {
     /// The ends of a sequence, and between them the frames nearest to equal parts of 0.1 s or
     /// slightly more (two parts if the sequence is shorter). At each quarter of the sequence, a
     /// span of twice `apart` frames, shortened to an eighth of the sequence if necessary.
@@ -65,15 +65,15 @@ impl Choice {
     }
 }
 
-impl Anchors {
+impl AnchorFrames {
     /// Anchors of this choice, with no frame yet.
     #[must_use]
-    pub fn without_frames(choice: &Choice) -> Self {
+    pub fn without_frames(choice: &AnchorChoice) -> Self {
         Self { stamps_us: Vec::new(), images: Vec::new(), spans: choice.spans.clone() }
     }
 
     /// Keeps a frame if it is among the chosen ones.
-    pub fn keep(&mut self, frame: &Frame, stamp_us: i64) {
+    pub fn keep(&mut self, frame: &DenseFrame, stamp_us: i64) {
         self.stamps_us.push(stamp_us);
         self.images.push(frame.luminance.clone());
     }
@@ -109,43 +109,44 @@ mod tests {
     #[test]
     fn a_short_clip_keeps_its_ends_and_its_middle_and_three_spans() {
         let stamps: Vec<i64> = (0..150).map(|j| j * 416).collect();
-        let choice = Choice::from_stamps(&stamps, 5);
+        let choice = AnchorChoice::from_stamps(&stamps, 5);
         assert_eq!(choice.frames, [0, 37, 42, 47, 75, 80, 85, 112, 117, 122, 149]);
         assert_eq!(choice.spans, [[1, 2, 3], [4, 5, 6], [7, 8, 9]]);
         let long: Vec<i64> = (0..=1000).map(|j| j * 1000).collect();
-        let choice = Choice::from_stamps(&long, 20);
+        let choice = AnchorChoice::from_stamps(&long, 20);
         let wanted =
             [0, 100, 200, 250, 270, 290, 300, 400, 500, 520, 540, 600, 700, 750, 770, 790, 800, 900, 1000];
         assert_eq!(choice.frames, wanted);
         assert_eq!(choice.spans, [[3, 4, 5], [8, 9, 10], [13, 14, 15]]);
         // Other anchors may lie between the three.
-        let choice = Choice::from_stamps(&long, 1000);
+        let choice = AnchorChoice::from_stamps(&long, 1000);
         assert_eq!(choice.spans[0].map(|place| choice.frames[place]), [250, 312, 374]);
     }
 
     #[test]
     fn a_sequence_too_short_for_spans_has_what_it_can_have() {
-        assert_eq!(Choice::from_stamps(&[], 5), Choice { frames: vec![], spans: vec![] });
-        assert_eq!(Choice::from_stamps(&[0], 5), Choice { frames: vec![0], spans: vec![] });
-        assert_eq!(Choice::from_stamps(&[0, 7], 5), Choice { frames: vec![0, 1], spans: vec![] });
+        assert_eq!(AnchorChoice::from_stamps(&[], 5), AnchorChoice { frames: vec![], spans: vec![] });
+        assert_eq!(AnchorChoice::from_stamps(&[0], 5), AnchorChoice { frames: vec![0], spans: vec![] });
+        assert_eq!(AnchorChoice::from_stamps(&[0, 7], 5), AnchorChoice { frames: vec![0, 1], spans: vec![] });
         assert_eq!(
-            Choice::from_stamps(&[0, 7, 14, 21], 5),
-            Choice { frames: vec![0, 1, 2, 3], spans: vec![[1, 2, 3]] }
+            AnchorChoice::from_stamps(&[0, 7, 14, 21], 5),
+            AnchorChoice { frames: vec![0, 1, 2, 3], spans: vec![[1, 2, 3]] }
         );
     }
 
     #[test]
     fn what_was_written_is_read() {
         let size = Size { width: 3, height: 2 };
-        let mut anchors = Anchors::without_frames(&Choice { frames: vec![0, 1], spans: Vec::new() });
+        let mut anchors =
+            AnchorFrames::without_frames(&AnchorChoice { frames: vec![0, 1], spans: Vec::new() });
         for index in 0..2 {
             let luminance = Image::from_vec(size, (0u8..6).map(|v| f32::from(v) + 0.5).collect());
-            anchors.keep(&Frame { index, t: Timestamp(0), luminance, rate: None }, 417 * index as i64);
+            anchors.keep(&DenseFrame { index, t: Timestamp(0), luminance, rate: None }, 417 * index as i64);
         }
         let mut bytes = Vec::new();
         anchors.write_images(&mut bytes).unwrap();
-        assert_eq!(Anchors::read_images(vec![0, 417], Vec::new(), bytes.as_slice()).unwrap(), anchors);
-        assert!(Anchors::read_images(vec![0], Vec::new(), bytes.as_slice()).is_err());
-        assert!(Anchors::read_images(vec![0, 417], vec![[0, 1, 2]], bytes.as_slice()).is_err());
+        assert_eq!(AnchorFrames::read_images(vec![0, 417], Vec::new(), bytes.as_slice()).unwrap(), anchors);
+        assert!(AnchorFrames::read_images(vec![0], Vec::new(), bytes.as_slice()).is_err());
+        assert!(AnchorFrames::read_images(vec![0, 417], vec![[0, 1, 2]], bytes.as_slice()).is_err());
     }
 }

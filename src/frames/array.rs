@@ -1,7 +1,7 @@
 //! Frames from an array in memory.
 
 use super::stamps::{StampError, relative_stamps};
-use super::{Frame, FrameError, Frames, require_finite};
+use super::{DenseFrame, FrameError, FrameSequence, require_finite};
 use crate::image::{Image, Size};
 use crate::units::Timestamp;
 
@@ -27,14 +27,14 @@ impl FullScale {
 
 /// The samples of an array, frame after frame, each row-major from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Samples {
+pub enum ArraySamples {
     /// Grey 0..255, unchanged.
     Bytes(Vec<u8>),
     /// Luminance on the given scale.
     Floats(Vec<f32>, FullScale),
 }
 
-impl Samples {
+impl ArraySamples {
     fn len(&self) -> usize {
         match self {
             Self::Bytes(values) => values.len(),
@@ -78,7 +78,7 @@ pub enum ArrayError {
 #[derive(Debug, Clone)]
 pub struct ArrayFrames {
     size: Size,
-    samples: Samples,
+    samples: ArraySamples,
     /// Change per second on the scale of the samples: one value per sample, or none.
     rates: Vec<f32>,
     /// Stamps, ns since the first.
@@ -92,7 +92,7 @@ impl ArrayFrames {
     ///
     /// # Errors
     /// The samples do not fill the frames, or the stamps do not strictly increase.
-    pub fn new(size: Size, samples: Samples, stamps_us: &[i64]) -> Result<Self, ArrayError> {
+    pub fn new(size: Size, samples: ArraySamples, stamps_us: &[i64]) -> Result<Self, ArrayError> {
         let (found, frames) = (samples.len(), stamps_us.len());
         if size.pixels().checked_mul(frames) != Some(found) {
             return Err(ArrayError::Samples { found, frames, size });
@@ -120,7 +120,7 @@ impl ArrayFrames {
     }
 }
 
-impl Frames for ArrayFrames {
+impl FrameSequence for ArrayFrames {
     fn size(&self) -> Size {
         self.size
     }
@@ -129,7 +129,7 @@ impl Frames for ArrayFrames {
         self.stamps.len()
     }
 
-    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let index = self.next;
         let Some(&t) = self.stamps.get(index) else { return Ok(None) };
         let scale = self.samples.scale();
@@ -138,7 +138,7 @@ impl Frames for ArrayFrames {
             .then(|| self.image(index, "the rate of pixel", |i| scale * self.rates[i]))
             .transpose()?;
         self.next += 1;
-        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate }))
+        Ok(Some(DenseFrame { index, t: Timestamp(t), luminance, rate }))
     }
 }
 
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn frames_come_on_the_grey_scale_with_stamps_from_zero() {
-        let samples = Samples::Floats(vec![0.0, 1.0, 0.5, 2.0], FullScale::One);
+        let samples = ArraySamples::Floats(vec![0.0, 1.0, 0.5, 2.0], FullScale::One);
         let mut frames = ArrayFrames::new(SIZE, samples, &[1_000_000, 1_000_417]).unwrap();
         assert_eq!((frames.len(), frames.size()), (2, SIZE));
         let first = frames.next().unwrap().unwrap();
@@ -162,14 +162,14 @@ mod tests {
 
     #[test]
     fn bytes_are_grey_as_they_stand() {
-        let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(vec![7, 255]), &[-5]).unwrap();
+        let mut frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(vec![7, 255]), &[-5]).unwrap();
         assert_eq!(frames.next().unwrap().unwrap().luminance.pixels(), [7.0, 255.0]);
     }
 
     #[test]
     fn what_is_no_sequence_is_refused_with_its_place() {
         let t = |stamps: &[i64], samples: usize, message: &str| {
-            let error = ArrayFrames::new(SIZE, Samples::Bytes(vec![0; samples]), stamps).unwrap_err();
+            let error = ArrayFrames::new(SIZE, ArraySamples::Bytes(vec![0; samples]), stamps).unwrap_err();
             assert_eq!(error.to_string(), message);
         };
         t(&[0, 5], 3, "3 samples are not 2 frames of 2x1, which are 4");
@@ -182,16 +182,16 @@ mod tests {
         let of =
             |samples| ArrayFrames::new(SIZE, samples, &[0]).unwrap().with_rates(vec![2.0, -0.5]).unwrap();
         let rate = |mut frames: ArrayFrames| frames.next().unwrap().unwrap().rate.unwrap().into_pixels();
-        assert_eq!(rate(of(Samples::Floats(vec![0.0, 1.0], FullScale::One))), [510.0, -127.5]);
-        assert_eq!(rate(of(Samples::Bytes(vec![0, 255]))), [2.0, -0.5]);
-        let frames = ArrayFrames::new(SIZE, Samples::Bytes(vec![0, 1]), &[0]).unwrap();
+        assert_eq!(rate(of(ArraySamples::Floats(vec![0.0, 1.0], FullScale::One))), [510.0, -127.5]);
+        assert_eq!(rate(of(ArraySamples::Bytes(vec![0, 255]))), [2.0, -0.5]);
+        let frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(vec![0, 1]), &[0]).unwrap();
         let message = "1 samples are not 1 frames of 2x1, which are 2";
         assert_eq!(frames.with_rates(vec![1.0]).unwrap_err().to_string(), message);
     }
 
     #[test]
     fn a_sample_that_is_no_number_is_named() {
-        let samples = Samples::Floats(vec![0.0, 0.0, 0.0, f32::NAN], FullScale::One);
+        let samples = ArraySamples::Floats(vec![0.0, 0.0, 0.0, f32::NAN], FullScale::One);
         let mut frames = ArrayFrames::new(SIZE, samples, &[0, 1]).unwrap();
         frames.next().unwrap();
         assert_eq!(frames.next().unwrap_err().to_string(), "frame 1: pixel (1, 0) is NaN");

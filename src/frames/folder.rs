@@ -8,9 +8,9 @@
 //! requested.
 
 use super::stamps::{StampError, relative_stamps};
-use super::{Frame, FrameError, Frames};
+use super::{DenseFrame, FrameError, FrameSequence};
 use crate::files;
-use crate::image::{Image, Shades, Size, jpeg, png};
+use crate::image::{GreyImage, Image, Size, jpeg, png};
 use crate::source::natural;
 use crate::units::Timestamp;
 use std::fs;
@@ -59,14 +59,14 @@ pub enum FolderError {
 
 /// The image files and stamps of a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Listing {
+pub struct FolderListing {
     /// The images, in the order of their frames; at least one.
     pub images: Vec<PathBuf>,
     /// Their stamps in microseconds, if there is an `info.txt`.
     pub stamps_us: Option<Vec<i64>>,
 }
 
-impl Listing {
+impl FolderListing {
     /// Lists a folder: by its `info.txt`, or else by the names of its images.
     ///
     /// # Errors
@@ -78,7 +78,7 @@ impl Listing {
     }
 }
 
-fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
+fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
     let text = files::read_text(path, files::MAX_DOCUMENT)
         .map_err(|source| FolderError::Io { path: path.to_owned(), source })?;
     let (mut images, mut stamps_us, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
@@ -104,7 +104,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
         }
         error @ StampError::Span { index, .. } => refusal(numbers[index], error.to_string()),
     })?;
-    Ok(Listing { images, stamps_us: Some(stamps_us) })
+    Ok(FolderListing { images, stamps_us: Some(stamps_us) })
 }
 
 /// `path timestamp`; the path may contain spaces.
@@ -120,7 +120,7 @@ fn find_image(folder: &Path, image: &str) -> Option<PathBuf> {
     [folder, &above].map(|base| base.join(image)).into_iter().find(|path| files::is_there(path))
 }
 
-fn of_names(folder: &Path) -> Result<Listing, FolderError> {
+fn of_names(folder: &Path) -> Result<FolderListing, FolderError> {
     let unreadable = |source| FolderError::Io { path: folder.to_owned(), source };
     let mut names = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
@@ -136,10 +136,10 @@ fn of_names(folder: &Path) -> Result<Listing, FolderError> {
         let because = format!("it holds neither an {INFO} nor a .png or .jpg");
         return Err(FolderError::Content { path: folder.to_owned(), because });
     }
-    Ok(Listing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
+    Ok(FolderListing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
 }
 
-/// Whether a file is an image by its name, and not hidden.
+/// Returns true if a file is an image by its name, and not hidden.
 fn is_image(name: &str) -> bool {
     let images = ["png", "jpg", "jpeg"];
     !name.starts_with('.') && images.into_iter().any(|wanted| has_extension(Path::new(name), wanted))
@@ -157,7 +157,7 @@ pub struct FolderFrames {
     /// Stamps, ns since the first.
     stamps: Vec<i64>,
     next: usize,
-    /// Whether colours are requested.
+    /// True if colours are requested.
     coloured: bool,
     /// Colours of the last frame.
     colour: Option<Image<[f32; 3]>>,
@@ -207,7 +207,7 @@ fn image_size(path: &Path) -> Result<Size, FolderError> {
     Ok(size)
 }
 
-impl Frames for FolderFrames {
+impl FrameSequence for FolderFrames {
     fn size(&self) -> Size {
         self.size
     }
@@ -216,18 +216,18 @@ impl Frames for FolderFrames {
         self.stamps.len()
     }
 
-    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let index = self.next;
         let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
         // It may have been replaced since its size was looked up.
-        let Shades { luminance, colours } =
+        let GreyImage { luminance, colours } =
             read_image(path, self.coloured, self.size).map_err(|because| {
                 let because = format!("{}: {because}", path.display());
                 FrameError::Invalid { index, because }
             })?;
         self.colour = colours;
         self.next += 1;
-        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
+        Ok(Some(DenseFrame { index, t: Timestamp(t), luminance, rate: None }))
     }
 
     fn want_colour(&mut self) {
@@ -240,21 +240,21 @@ impl Frames for FolderFrames {
 }
 
 /// The luminance of an image of this size, and its colours where they are wanted and it has any.
-fn read_image(path: &Path, coloured: bool, size: Size) -> Result<Shades, String> {
+fn read_image(path: &Path, coloured: bool, size: Size) -> Result<GreyImage, String> {
     let size = Some(size);
     if has_extension(path, "png") {
         let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
         let file = BufReader::new(file);
         let read = match coloured {
             true => png::read_colours(file, size),
-            false => png::read_luminance(file, size).map(|luminance| Shades { luminance, colours: None }),
+            false => png::read_luminance(file, size).map(|luminance| GreyImage { luminance, colours: None }),
         };
         return read.map_err(|e| e.to_string());
     }
     let bytes = files::read(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
     let read = match coloured {
         true => jpeg::read_colours(&bytes, size),
-        false => jpeg::read_luminance(&bytes, size).map(|luminance| Shades { luminance, colours: None }),
+        false => jpeg::read_luminance(&bytes, size).map(|luminance| GreyImage { luminance, colours: None }),
     };
     read.map_err(|e| e.to_string())
 }
@@ -273,7 +273,7 @@ mod tests {
         png::write_image(&Image::from_vec(SIZE, greys.to_vec()), File::create(path).unwrap()).unwrap();
     }
 
-    fn greys(listing: &Listing, stamps_us: &[i64]) -> Vec<(i64, Vec<f32>)> {
+    fn greys(listing: &FolderListing, stamps_us: &[i64]) -> Vec<(i64, Vec<f32>)> {
         let mut frames = FolderFrames::new(listing.images.clone(), stamps_us).unwrap();
         std::iter::from_fn(|| frames.next().unwrap())
             .map(|frame| (frame.t.0, frame.luminance.into_pixels()))
@@ -288,7 +288,7 @@ mod tests {
         }
         fs::write(dir.path().join("notes.txt"), "none of them").unwrap();
         fs::write(dir.path().join(".hidden.png"), "none of them").unwrap();
-        let listing = Listing::list_folder(dir.path()).unwrap();
+        let listing = FolderListing::list_folder(dir.path()).unwrap();
         assert_eq!(listing.stamps_us, None);
         let found = greys(&listing, &[7, 8, 10]);
         assert_eq!(found, [(0, vec![1.0, 255.0]), (1000, vec![2.0, 255.0]), (3000, vec![3.0, 255.0])]);
@@ -300,7 +300,7 @@ mod tests {
         image(&dir, "clip/b c.png", [5, 6]);
         image(&dir, "clip/a.png", [7, 8]);
         fs::write(dir.path().join("clip/info.txt"), "b c.png 1000000\n\nclip/a.png\t 1000500 \n").unwrap();
-        let listing = Listing::list_folder(&dir.path().join("clip")).unwrap();
+        let listing = FolderListing::list_folder(&dir.path().join("clip")).unwrap();
         let stamps = listing.stamps_us.clone().unwrap();
         assert_eq!(stamps, [1_000_000, 1_000_500]);
         assert_eq!(greys(&listing, &stamps), [(0, vec![5.0, 6.0]), (500_000, vec![7.0, 8.0])]);
@@ -312,7 +312,7 @@ mod tests {
         image(&dir, "a.png", [5, 6]);
         let t = |text: &str, wanted: &str| {
             fs::write(dir.path().join(INFO), text).unwrap();
-            let error = Listing::list_folder(dir.path()).unwrap_err().to_string();
+            let error = FolderListing::list_folder(dir.path()).unwrap_err().to_string();
             assert!(error.ends_with(wanted), "{error}");
         };
         t("a.png 0\na.png 0.5\n", "info.txt:2: the timestamp is 0.5, wanted an integer of us");
@@ -322,7 +322,7 @@ mod tests {
         t("\n", "info.txt: it names no image");
         fs::remove_file(dir.path().join(INFO)).unwrap();
         fs::remove_file(dir.path().join("a.png")).unwrap();
-        let error = Listing::list_folder(dir.path()).unwrap_err().to_string();
+        let error = FolderListing::list_folder(dir.path()).unwrap_err().to_string();
         assert!(error.ends_with("it holds neither an info.txt nor a .png or .jpg"), "{error}");
     }
 
@@ -331,7 +331,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         image(&dir, "1.png", [5, 6]);
         image(&dir, "2.png", [5, 6]);
-        let images = Listing::list_folder(dir.path()).unwrap().images;
+        let images = FolderListing::list_folder(dir.path()).unwrap().images;
         let new = |stamps: &[i64]| FolderFrames::new(images.clone(), stamps).map(|_| ());
         assert!(new(&[0]).unwrap_err().to_string().ends_with(": 2 images, and there are 1 stamps"));
         assert!(new(&[0, 0]).unwrap_err().to_string().starts_with("stamp 1 is 0 us"));

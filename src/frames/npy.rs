@@ -2,7 +2,7 @@
 
 use super::array::FullScale;
 use super::stamps::{StampError, relative_stamps};
-use super::{Frame, FrameError, Frames, require_finite};
+use super::{DenseFrame, FrameError, FrameSequence, require_finite};
 use crate::budget;
 use crate::files;
 use crate::image::{Image, MAX_SENSOR_PIXELS, Size, npy};
@@ -43,7 +43,7 @@ pub enum NpyError {
 }
 
 /// An array that is open at its first element.
-struct Array {
+struct OpenArray {
     path: PathBuf,
     data: BufReader<File>,
     /// Type of the elements, from the header.
@@ -51,7 +51,7 @@ struct Array {
     shape: Vec<u64>,
 }
 
-impl Array {
+impl OpenArray {
     fn open(path: &Path) -> Result<Self, NpyError> {
         let unreadable = |source| NpyError::Io { path: path.to_owned(), source };
         let refusal = |because| NpyError::Content { path: path.to_owned(), because };
@@ -96,7 +96,7 @@ fn dtype_name(kind: &str) -> &str {
 
 /// The samples of a stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum SampleKind {
     /// Grey 0..255, unchanged.
     Bytes,
     /// Floats on a scale that the file does not state.
@@ -104,14 +104,14 @@ pub enum Kind {
 }
 
 /// An array `[N, H, W]` of uint8 or float32, frame after frame.
-pub struct Stack {
-    array: Array,
-    kind: Kind,
+pub struct FrameStack {
+    array: OpenArray,
+    kind: SampleKind,
     frames: usize,
     size: Size,
 }
 
-impl std::fmt::Debug for Stack {
+impl std::fmt::Debug for FrameStack {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Stack")
             .field("path", &self.array.path)
@@ -120,16 +120,16 @@ impl std::fmt::Debug for Stack {
     }
 }
 
-impl Stack {
+impl FrameStack {
     /// Opens a file.
     ///
     /// # Errors
     /// The file cannot be read, is truncated, or has an array of another type or shape.
     pub fn open(path: &Path) -> Result<Self, NpyError> {
-        let array = Array::open(path)?;
+        let array = OpenArray::open(path)?;
         let kind = match array.kind.as_str() {
-            "|u1" => Kind::Bytes,
-            "<f4" => Kind::Floats,
+            "|u1" => SampleKind::Bytes,
+            "<f4" => SampleKind::Floats,
             _ => return Err(array.refusal("uint8 or float32 of shape [N, H, W]")),
         };
         let &[frames, height, width] = array.shape.as_slice() else {
@@ -161,7 +161,7 @@ impl Stack {
 
     /// Type of the samples.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> SampleKind {
         self.kind
     }
 
@@ -169,12 +169,12 @@ impl Stack {
     fn next(&mut self, scale: f32) -> io::Result<Image<f32>> {
         let n = self.size.pixels();
         let values = match self.kind {
-            Kind::Bytes => {
+            SampleKind::Bytes => {
                 let mut bytes = budget::try_filled(0, n)?;
                 self.array.data.read_exact(&mut bytes)?;
                 bytes.into_iter().map(|v| scale * f32::from(v)).collect()
             }
-            Kind::Floats => {
+            SampleKind::Floats => {
                 let mut bytes = budget::try_filled([0; 4], n)?;
                 self.array.data.read_exact(bytes.as_flattened_mut())?;
                 bytes.into_iter().map(|v| scale * f32::from_le_bytes(v)).collect()
@@ -188,9 +188,9 @@ impl Stack {
 /// guessed. NaN is ignored.
 ///
 /// # Errors
-/// As [`Stack::open`], or the samples cannot be read.
+/// As [`FrameStack::open`], or the samples cannot be read.
 pub fn brightest_sample(path: &Path) -> Result<f32, NpyError> {
-    let mut stack = Stack::open(path)?;
+    let mut stack = FrameStack::open(path)?;
     let mut most = f32::NEG_INFINITY;
     for _ in 0..LOOKED_AT.min(stack.frames) {
         let frame = stack.next(1.0).map_err(|source| NpyError::Io { path: path.to_owned(), source })?;
@@ -204,7 +204,7 @@ pub fn brightest_sample(path: &Path) -> Result<f32, NpyError> {
 /// # Errors
 /// The file cannot be read, or has another array.
 pub fn read_stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
-    let mut array = Array::open(path)?;
+    let mut array = OpenArray::open(path)?;
     let &[count] = array.shape.as_slice() else { return Err(array.refusal("int64 of shape [N]")) };
     if array.kind != "<i8" || count > MAX_STAMPS {
         return Err(array.refusal("int64 of shape [N], N at most 2^28"));
@@ -225,7 +225,7 @@ pub fn read_stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
 /// The frames of a stack at their stamps.
 #[derive(Debug)]
 pub struct NpyFrames {
-    stack: Stack,
+    stack: FrameStack,
     /// Number of greys per unit of the samples.
     scale: f32,
     /// Stamps, ns since the first.
@@ -239,17 +239,17 @@ impl NpyFrames {
     ///
     /// # Errors
     /// The numbers of stamps and frames differ, or the stamps do not strictly increase.
-    pub fn new(stack: Stack, full_scale: FullScale, stamps_us: &[i64]) -> Result<Self, NpyError> {
+    pub fn new(stack: FrameStack, full_scale: FullScale, stamps_us: &[i64]) -> Result<Self, NpyError> {
         if stamps_us.len() != stack.frames {
             let because = format!("{} frames, and there are {} stamps", stack.frames, stamps_us.len());
             return Err(NpyError::Content { path: stack.array.path, because });
         }
-        let scale = if stack.kind == Kind::Floats { full_scale.grey() } else { 1.0 };
+        let scale = if stack.kind == SampleKind::Floats { full_scale.grey() } else { 1.0 };
         Ok(Self { stack, scale, stamps: relative_stamps(stamps_us)?, next: 0 })
     }
 }
 
-impl Frames for NpyFrames {
+impl FrameSequence for NpyFrames {
     fn size(&self) -> Size {
         self.stack.size
     }
@@ -258,20 +258,20 @@ impl Frames for NpyFrames {
         self.stamps.len()
     }
 
-    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let index = self.next;
         let Some(&t) = self.stamps.get(index) else { return Ok(None) };
         let frame = self.stack.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
         let luminance = require_finite(index, "pixel", frame)?;
         self.next += 1;
-        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
+        Ok(Some(DenseFrame { index, t: Timestamp(t), luminance, rate: None }))
     }
 }
 
 /// Frames with the luminance's change per second at every pixel, on the scale of the file.
 pub struct RatedFrames {
-    frames: Box<dyn Frames>,
-    rates: Stack,
+    frames: Box<dyn FrameSequence>,
+    rates: FrameStack,
     scale: f32,
 }
 
@@ -286,9 +286,13 @@ impl RatedFrames {
     ///
     /// # Errors
     /// The rates are not floats, or their number or size differs from that of the frames.
-    pub fn new(frames: Box<dyn Frames>, rates: Stack, full_scale: FullScale) -> Result<Self, NpyError> {
+    pub fn new(
+        frames: Box<dyn FrameSequence>,
+        rates: FrameStack,
+        full_scale: FullScale,
+    ) -> Result<Self, NpyError> {
         let (count, Size { width, height }) = (frames.len(), frames.size());
-        if rates.kind != Kind::Floats || (rates.frames, rates.size) != (count, frames.size()) {
+        if rates.kind != SampleKind::Floats || (rates.frames, rates.size) != (count, frames.size()) {
             let wanted = format!("float32 of the frames' shape [{count}, {height}, {width}]");
             return Err(rates.array.refusal(&wanted));
         }
@@ -296,7 +300,7 @@ impl RatedFrames {
     }
 }
 
-impl Frames for RatedFrames {
+impl FrameSequence for RatedFrames {
     fn size(&self) -> Size {
         self.frames.size()
     }
@@ -305,12 +309,12 @@ impl Frames for RatedFrames {
         self.frames.len()
     }
 
-    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let Some(frame) = self.frames.next()? else { return Ok(None) };
         let index = frame.index;
         let rate = self.rates.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
         let rate = Some(require_finite(index, "the rate of pixel", rate)?);
-        Ok(Some(Frame { rate, ..frame }))
+        Ok(Some(DenseFrame { rate, ..frame }))
     }
 
     fn want_colour(&mut self) {
@@ -349,11 +353,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = write(&dir, "f.npy", &[2, 1, 2], &[0.0f32, 1.0, 0.5, 2.0]);
         assert!((brightest_sample(&path).unwrap() - 2.0).abs() < f32::EPSILON);
-        let of = |scale| NpyFrames::new(Stack::open(&path).unwrap(), scale, &[1_000_000, 1_000_417]).unwrap();
+        let of =
+            |scale| NpyFrames::new(FrameStack::open(&path).unwrap(), scale, &[1_000_000, 1_000_417]).unwrap();
         assert_eq!(greys(of(FullScale::One)), [(0, vec![0.0, 255.0]), (417_000, vec![127.5, 510.0])]);
         assert_eq!(greys(of(FullScale::Grey255)), [(0, vec![0.0, 1.0]), (417_000, vec![0.5, 2.0])]);
         let path = write(&dir, "b.npy", &[1, 2, 1], &[7u8, 255]);
-        let frames = NpyFrames::new(Stack::open(&path).unwrap(), FullScale::One, &[-5]).unwrap();
+        let frames = NpyFrames::new(FrameStack::open(&path).unwrap(), FullScale::One, &[-5]).unwrap();
         assert_eq!((frames.size(), frames.len()), (Size { width: 1, height: 2 }, 1));
         assert_eq!(greys(frames), [(0, vec![7.0, 255.0])], "bytes are grey as they stand");
     }
@@ -364,8 +369,8 @@ mod tests {
         let frames = write(&dir, "f.npy", &[1, 1, 2], &[0.0f32, 1.0]);
         let rates = write(&dir, "r.npy", &[1, 1, 2], &[2.0f32, -0.5]);
         let with = |rates: &Path| {
-            let frames = NpyFrames::new(Stack::open(&frames).unwrap(), FullScale::One, &[0]).unwrap();
-            RatedFrames::new(Box::new(frames), Stack::open(rates).unwrap(), FullScale::One)
+            let frames = NpyFrames::new(FrameStack::open(&frames).unwrap(), FullScale::One, &[0]).unwrap();
+            RatedFrames::new(Box::new(frames), FrameStack::open(rates).unwrap(), FullScale::One)
         };
         let mut both = with(&rates).unwrap();
         assert_eq!(both.next().unwrap().unwrap().rate.unwrap().into_pixels(), [510.0, -127.5]);
@@ -379,7 +384,7 @@ mod tests {
     fn what_is_no_stack_of_frames_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         let t = |path: &Path, wanted: &str| {
-            let error = Stack::open(path).map(|_| ()).unwrap_err().to_string();
+            let error = FrameStack::open(path).map(|_| ()).unwrap_err().to_string();
             assert!(error.ends_with(wanted), "{error}");
         };
         let doubles = "an array of float64 and shape [1, 1, 1], wanted uint8 or float32 of shape [N, H, W]";
@@ -390,7 +395,7 @@ mod tests {
         let bytes = std::fs::read(&whole).unwrap();
         for cut in 0..bytes.len() {
             std::fs::write(&whole, &bytes[..cut]).unwrap();
-            assert!(Stack::open(&whole).is_err(), "{cut} of {} bytes", bytes.len());
+            assert!(FrameStack::open(&whole).is_err(), "{cut} of {} bytes", bytes.len());
         }
         std::fs::write(&whole, &bytes[..bytes.len() - 3]).unwrap();
         t(&whole, ": 141 bytes, wanted 144 by its header");
@@ -404,7 +409,7 @@ mod tests {
     fn a_sample_that_is_no_number_is_named() {
         let dir = tempfile::tempdir().unwrap();
         let path = write(&dir, "f.npy", &[2, 1, 2], &[0.0, 0.0, 0.0, f32::NAN]);
-        let mut frames = NpyFrames::new(Stack::open(&path).unwrap(), FullScale::One, &[0, 1]).unwrap();
+        let mut frames = NpyFrames::new(FrameStack::open(&path).unwrap(), FullScale::One, &[0, 1]).unwrap();
         frames.next().unwrap();
         assert_eq!(frames.next().unwrap_err().to_string(), "frame 1: pixel (1, 0) is NaN");
     }

@@ -2,17 +2,17 @@
 
 mod saving;
 
-pub use saving::Saving;
+pub use saving::TimeSaved;
 
-use super::{Frame, FrameError, Frames};
+use super::{DenseFrame, FrameError, FrameSequence};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
-use crate::render::{Channels, Rendered, Renderer, Velocity, View, Work};
+use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::trajectory::Trajectory;
 use crate::units::Timestamp;
 use rayon::prelude::*;
 
-/// Ratio of the scale of [`Frame::luminance`] to that of [`Rendered::luminance`].
+/// Ratio of the scale of [`DenseFrame::luminance`] to that of [`RenderedImages::luminance`].
 const GREY_SCALE: f32 = 255.0;
 
 /// Number of views announced in advance: while one is read, the next is rendered, and one more
@@ -20,7 +20,7 @@ const GREY_SCALE: f32 = 255.0;
 const AHEAD: usize = 2;
 
 /// Channels rendered for each frame, without colours and rates.
-const WANT: Channels = Channels { luminance: true, ..Channels::NONE };
+const WANT: ChannelSet = ChannelSet { luminance: true, ..ChannelSet::NONE };
 
 /// The luminance that a camera sees at each pose of a trajectory. Frame `j` is rendered at pose `j`
 /// when it is requested.
@@ -29,14 +29,14 @@ pub struct RenderedFrames {
     camera: Camera,
     trajectory: Trajectory,
     /// Velocity of the camera at each pose, if rates are requested.
-    velocities: Vec<Velocity>,
-    /// Whether colours are requested.
+    velocities: Vec<CameraVelocity>,
+    /// True if colours are requested.
     coloured: bool,
     done: usize,
     /// Number of views announced so far.
     expected: usize,
-    rendered: Rendered,
-    work: Work,
+    rendered: RenderedImages,
+    work: RenderWork,
 }
 
 impl std::fmt::Debug for RenderedFrames {
@@ -61,7 +61,7 @@ impl RenderedFrames {
         let (poses, stamps) = (trajectory.world_from_camera.len(), trajectory.stamps_us.len());
         assert_eq!(poses, stamps, "a trajectory has one stamp a pose");
         renderer.keep_to(&camera, &trajectory.world_from_camera);
-        let (rendered, work) = (Rendered::default(), Work::default());
+        let (rendered, work) = (RenderedImages::default(), RenderWork::default());
         let (velocities, coloured) = (Vec::new(), false);
         Self { renderer, camera, trajectory, velocities, coloured, done: 0, expected: 0, rendered, work }
     }
@@ -72,7 +72,7 @@ impl RenderedFrames {
     /// # Panics
     /// There is not one velocity per pose.
     #[must_use]
-    pub fn with_rates(self, velocities: Vec<Velocity>) -> Self {
+    pub fn with_rates(self, velocities: Vec<CameraVelocity>) -> Self {
         assert_eq!(velocities.len(), self.len(), "one velocity a pose");
         Self { velocities, ..self }
     }
@@ -83,14 +83,14 @@ impl RenderedFrames {
         self.renderer
     }
 
-    fn view(&self, index: usize) -> Option<View> {
+    fn view(&self, index: usize) -> Option<CameraView> {
         let pose = self.trajectory.world_from_camera.get(index)?;
-        let still = View::at_rest(self.camera, *pose);
-        Some(self.velocities.get(index).map_or(still, |velocity| View { velocity: *velocity, ..still }))
+        let still = CameraView::at_rest(self.camera, *pose);
+        Some(self.velocities.get(index).map_or(still, |velocity| CameraView { velocity: *velocity, ..still }))
     }
 
-    fn want(&self) -> Channels {
-        Channels { rgb: self.coloured, luminance_rate: !self.velocities.is_empty(), ..WANT }
+    fn want(&self) -> ChannelSet {
+        ChannelSet { rgb: self.coloured, luminance_rate: !self.velocities.is_empty(), ..WANT }
     }
 
     /// Converts an image to the grey scale.
@@ -122,12 +122,12 @@ impl RenderedFrames {
 
     /// The summed work of the frames so far.
     #[must_use]
-    pub fn work(&self) -> Work {
+    pub fn work(&self) -> RenderWork {
         self.work
     }
 }
 
-impl Frames for RenderedFrames {
+impl FrameSequence for RenderedFrames {
     fn size(&self) -> Size {
         self.camera.size
     }
@@ -136,7 +136,7 @@ impl Frames for RenderedFrames {
         self.trajectory.stamps_us.len()
     }
 
-    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let index = self.done;
         let Some(view) = self.view(index) else { return Ok(None) };
         let want = self.want();
@@ -156,7 +156,7 @@ impl Frames for RenderedFrames {
             .transpose()?;
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
-        Ok(Some(Frame { index, t, luminance, rate }))
+        Ok(Some(DenseFrame { index, t, luminance, rate }))
     }
 
     fn want_colour(&mut self) {
@@ -181,7 +181,7 @@ mod tests {
     /// Paints every pixel with the camera's x, and requires that views were announced in order.
     #[derive(Default)]
     struct Flat {
-        expected: std::collections::VecDeque<View>,
+        expected: std::collections::VecDeque<CameraView>,
     }
 
     impl Renderer for Flat {
@@ -189,14 +189,19 @@ mod tests {
             "flat/1"
         }
 
-        fn expect(&mut self, view: &View, _: Channels) {
+        fn expect(&mut self, view: &CameraView, _: ChannelSet) {
             self.expected.push_back(*view);
         }
 
         #[expect(clippy::cast_possible_truncation, reason = "the test's values are small")]
-        fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-            let rated = Channels { luminance: true, luminance_rate: true, ..Channels::default() };
-            let plain = Channels { rgb: false, ..want };
+        fn render(
+            &mut self,
+            view: &CameraView,
+            want: ChannelSet,
+            out: &mut RenderedImages,
+        ) -> Result<RenderWork, RenderError> {
+            let rated = ChannelSet { luminance: true, luminance_rate: true, ..ChannelSet::default() };
+            let plain = ChannelSet { rgb: false, ..want };
             assert!(plain == WANT || plain == rated, "no more is blended than is wanted");
             let x = view.world_from_camera.translation.x;
             let rgb = [x as f32, 0.5, -0.25];
@@ -211,7 +216,7 @@ mod tests {
                 return Err(RenderError::View("too far".into()));
             }
             out.luminance = Some(Image::filled(view.camera.size, x as f32));
-            Ok(Work { gaussians: 5, blended: 7, ..Work::default() })
+            Ok(RenderWork { gaussians: 5, blended: 7, ..RenderWork::default() })
         }
     }
 
@@ -235,12 +240,12 @@ mod tests {
             assert!(frame.luminance.pixels().iter().all(|v| (v - grey).abs() < 1e-4), "{index}");
         }
         assert!(frames.next().unwrap().is_none());
-        assert_eq!(frames.work(), Work { gaussians: 15, blended: 21, ..Work::default() });
+        assert_eq!(frames.work(), RenderWork { gaussians: 15, blended: 21, ..RenderWork::default() });
     }
 
     #[test]
     fn a_moving_camera_gives_the_rate_of_each_frame_on_the_grey_scale() {
-        let velocity = |x| Velocity { linear: DVec3::new(x, 0.0, 0.0), angular: DVec3::ZERO };
+        let velocity = |x| CameraVelocity { linear: DVec3::new(x, 0.0, 0.0), angular: DVec3::ZERO };
         let mut frames = frames(&[0.0, 0.5]).with_rates([2.0, -1.0].map(velocity).to_vec());
         for grey in [510.0, -255.0] {
             let rate = frames.next().unwrap().unwrap().rate.unwrap();

@@ -4,7 +4,7 @@
 //! Decoder and encoder are built without their vector instructions, so that a file gives the same
 //! greys, and a picture the same bytes, on every machine.
 
-use super::{Image, MAX_PIXELS, Shades, Size};
+use super::{GreyImage, Image, MAX_PIXELS, Size};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::io::Cursor;
 use zune_jpeg::JpegDecoder;
@@ -56,17 +56,17 @@ pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, 
 ///
 /// # Errors
 /// As [`read_luminance`], and when the chroma, which that does not read, is damaged or not as large as the luma asks for.
-pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<Shades, JpegError> {
+pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<GreyImage, JpegError> {
     let luminance = read_luminance(bytes, wanted)?;
     let (size, stored, samples) = decode_as(bytes, ColorSpace::RGB, wanted)?;
     if stored == Some(ColorSpace::Luma) {
-        return Ok(Shades { luminance, colours: None });
+        return Ok(GreyImage { luminance, colours: None });
     }
     if samples.len() != 3 * size.pixels() {
         return Err(lacks("it has no red, green and blue"));
     }
     let colours = samples.as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(f32::from)).collect();
-    Ok(Shades { luminance, colours: Some(Image::from_vec(size, colours)) })
+    Ok(GreyImage { luminance, colours: Some(Image::from_vec(size, colours)) })
 }
 
 /// Reads an 8-bit image as it is encoded; grey becomes three equal channels.
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn the_colours_are_those_that_were_written() {
-        let Shades { luminance, colours } = read_colours(&bytes(), None).unwrap();
+        let GreyImage { luminance, colours } = read_colours(&bytes(), None).unwrap();
         assert_eq!(luminance, read_luminance(&bytes(), None).unwrap());
         for (i, colour) in colours.unwrap().pixels().iter().enumerate() {
             let wanted = if i % 16 < 8 { [200.0, 100.0, 50.0] } else { [10.0, 20.0, 240.0] };

@@ -10,14 +10,14 @@ const CHUNK: usize = 4096;
 /// A sum of linear light in 64 bits, in the order of the pictures: the same bits with any number of
 /// threads.
 #[derive(Debug, Clone)]
-pub struct Light {
+pub struct LinearLightSum {
     size: Size,
     /// Sums by pixel and channel.
     sums: Vec<f64>,
     pictures: u32,
 }
 
-impl Light {
+impl LinearLightSum {
     /// An empty sum.
     #[must_use]
     pub fn empty_sum(size: Size) -> Self {
@@ -80,7 +80,7 @@ mod tests {
     const SIZE: Size = Size { width: 7, height: 3 };
 
     fn mean(values: &[[f32; 3]]) -> Vec<[u8; 3]> {
-        let mut light = Light::empty_sum(SIZE);
+        let mut light = LinearLightSum::empty_sum(SIZE);
         values.iter().for_each(|rgb| light.add(&Image::filled(SIZE, *rgb)));
         png::to_bytes(&light.mean()).pixels().to_vec()
     }

@@ -52,13 +52,13 @@ pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     mean_of_rows(a, b, |row| {
         let columns = column_moments(a, b, row, &window);
         let at = |x: usize| {
-            let mut seen = [Moments::default(); 3];
+            let mut seen = [WindowMoments::default(); 3];
             for (column, weight) in (x..).zip(window).filter_map(|(k, w)| Some((k.checked_sub(REACH)?, w))) {
                 for (seen, moments) in seen.iter_mut().zip(columns.get(column).into_iter().flatten()) {
                     seen.add(weight, moments.0);
                 }
             }
-            seen.iter().map(Moments::similarity).sum::<f64>()
+            seen.iter().map(WindowMoments::similarity).sum::<f64>()
         };
         (0..columns.len()).map(at).sum()
     })
@@ -77,9 +77,9 @@ fn window_weights() -> [f64; EDGE] {
 
 /// Weighted means of `a`, `b`, `a^2`, `b^2` and `ab`.
 #[derive(Debug, Clone, Copy, Default)]
-struct Moments([f64; 5]);
+struct WindowMoments([f64; 5]);
 
-impl Moments {
+impl WindowMoments {
     fn from_pixel(a: f32, b: f32) -> [f64; 5] {
         let (a, b) = (f64::from(a), f64::from(b));
         [a, b, a * a, b * b, a * b]
@@ -107,15 +107,15 @@ fn column_moments(
     b: &Image<[f32; 3]>,
     row: usize,
     window: &[f64; EDGE],
-) -> Vec<[Moments; 3]> {
-    let mut columns = vec![[Moments::default(); 3]; a.size().width as usize];
+) -> Vec<[WindowMoments; 3]> {
+    let mut columns = vec![[WindowMoments::default(); 3]; a.size().width as usize];
     let rows = (row..).zip(window).filter_map(|(k, weight)| Some((k.checked_sub(REACH)?, *weight)));
     for (k, weight) in rows.filter(|(k, _)| *k < a.size().height as usize) {
         for (column, (a, b)) in
             columns.iter_mut().zip(self::image_row(a, k).iter().zip(self::image_row(b, k)))
         {
             for (moments, (a, b)) in column.iter_mut().zip(a.iter().zip(b)) {
-                moments.add(weight, Moments::from_pixel(*a, *b));
+                moments.add(weight, WindowMoments::from_pixel(*a, *b));
             }
         }
     }

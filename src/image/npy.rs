@@ -9,21 +9,21 @@ use npyz::WriterBuilder;
 use std::io::{self, Read, Write};
 
 /// A pixel of one or several 32-bit numbers.
-pub trait Pixel: Copy {
+pub trait NpyPixel: Copy {
     /// Length of the array's last axis; `None` without this axis.
     const CHANNELS: Option<u64>;
     /// Returns the numbers of a row of pixels.
     fn values(pixels: &[Self]) -> &[f32];
 }
 
-impl Pixel for f32 {
+impl NpyPixel for f32 {
     const CHANNELS: Option<u64> = None;
     fn values(pixels: &[Self]) -> &[f32] {
         pixels
     }
 }
 
-impl<const N: usize> Pixel for [f32; N] {
+impl<const N: usize> NpyPixel for [f32; N] {
     const CHANNELS: Option<u64> = Some(N as u64);
     fn values(pixels: &[Self]) -> &[f32] {
         pixels.as_flattened()
@@ -34,7 +34,7 @@ impl<const N: usize> Pixel for [f32; N] {
 ///
 /// # Errors
 /// Writing to `out` fails.
-pub fn write_image<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
+pub fn write_image<P: NpyPixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     let Size { width, height } = image.size();
     let shape: Vec<u64> = [height.into(), width.into()].into_iter().chain(P::CHANNELS).collect();
     write_values(&shape, P::values(image.pixels()), out)
@@ -150,7 +150,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 2, height: 3 };
 
-    fn written<P: Pixel>(image: &Image<P>) -> Vec<u8> {
+    fn written<P: NpyPixel>(image: &Image<P>) -> Vec<u8> {
         let mut out = Vec::new();
         write_image(image, &mut out).unwrap();
         out

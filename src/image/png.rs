@@ -5,14 +5,14 @@
 //! takes 1.06 bytes and 4 ns per pixel, where deflate's level 4 with adaptive filters takes 0.98
 //! bytes and 90 ns. Encoding must not cost as much as rendering.
 
-use super::{Image, LUMINANCE_WEIGHTS, MAX_PIXELS, Shades, Size, to_byte};
-use crate::budget::{self, Budget, MAX_DEFLATE_RATIO};
+use super::{GreyImage, Image, LUMINANCE_WEIGHTS, MAX_PIXELS, Size, to_byte};
+use crate::budget::{self, ByteBudget, MAX_DEFLATE_RATIO};
 use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Reader, Transformations};
 use std::collections::TryReserveError;
 use std::io::{self, BufRead, Seek, SeekFrom, Write};
 
 /// A pixel in the form in which a PNG stores it.
-pub trait Pixel: Copy {
+pub trait PngPixel: Copy {
     /// Number of bytes.
     const CHANNELS: usize;
     /// Colour type of the PNG.
@@ -21,7 +21,7 @@ pub trait Pixel: Copy {
     fn bytes(pixels: &[Self]) -> &[u8];
 }
 
-impl Pixel for u8 {
+impl PngPixel for u8 {
     const CHANNELS: usize = 1;
     const COLOUR: ColorType = ColorType::Grayscale;
     fn bytes(pixels: &[Self]) -> &[u8] {
@@ -29,7 +29,7 @@ impl Pixel for u8 {
     }
 }
 
-impl Pixel for [u8; 3] {
+impl PngPixel for [u8; 3] {
     const CHANNELS: usize = 3;
     const COLOUR: ColorType = ColorType::Rgb;
     fn bytes(pixels: &[Self]) -> &[u8] {
@@ -80,7 +80,7 @@ pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
 ///
 /// # Errors
 /// `out` fails, or the image has no pixels.
-pub fn write_image<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
+pub fn write_image<P: PngPixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
     let Size { width, height } = image.size();
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(P::COLOUR);
@@ -109,8 +109,8 @@ pub fn read_sized(input: impl BufRead + Seek, wanted: Size) -> Result<Image<[u8;
     colours(read_stored(input, Some(wanted))?)
 }
 
-fn colours(stored: Stored) -> Result<Image<[u8; 3]>, PngError> {
-    let Stored { size, colour, depth, bytes } = stored;
+fn colours(stored: StoredImage) -> Result<Image<[u8; 3]>, PngError> {
+    let StoredImage { size, colour, depth, bytes } = stored;
     let pixels = match (depth, colour) {
         (BitDepth::Eight, ColorType::Grayscale) => bytes.iter().map(|&v| [v; 3]).collect(),
         (BitDepth::Eight, ColorType::Rgb) => bytes.as_chunks().0.to_vec(),
@@ -132,20 +132,20 @@ pub fn read_luminance(input: impl BufRead + Seek, wanted: Option<Size>) -> Resul
 ///
 /// # Errors
 /// As [`read_luminance`].
-pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Shades, PngError> {
+pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<GreyImage, PngError> {
     let samples = read_samples(input, wanted)?;
-    Ok(Shades { luminance: samples.luminance(), colours: samples.colours() })
+    Ok(GreyImage { luminance: samples.luminance(), colours: samples.colours() })
 }
 
 /// The samples of an image on the grey scale.
-struct Samples {
+struct GreySamples {
     size: Size,
-    /// Whether three samples make a pixel.
+    /// True if three samples make a pixel.
     coloured: bool,
     values: Vec<f64>,
 }
 
-impl Samples {
+impl GreySamples {
     fn luminance(&self) -> Image<f32> {
         let pixels = match self.coloured {
             true => self.values.as_chunks().0.iter().map(|&rgb| to_single(weigh_grey(rgb))).collect(),
@@ -160,8 +160,8 @@ impl Samples {
     }
 }
 
-fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samples, PngError> {
-    let Stored { size, colour, depth, bytes } = read_stored(input, wanted)?;
+fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<GreySamples, PngError> {
+    let StoredImage { size, colour, depth, bytes } = read_stored(input, wanted)?;
     let wide = |[high, low]: [u8; 2]| f64::from(u16::from_be_bytes([high, low])) / 257.0;
     let values = match depth {
         BitDepth::Eight => bytes.into_iter().map(f64::from).collect(),
@@ -170,7 +170,7 @@ fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samp
     };
     match colour {
         ColorType::Grayscale | ColorType::Rgb => {
-            Ok(Samples { size, coloured: colour == ColorType::Rgb, values })
+            Ok(GreySamples { size, coloured: colour == ColorType::Rgb, values })
         }
         colour => Err(other_kind((depth, colour), GREY_OR_RGB)),
     }
@@ -194,14 +194,14 @@ fn to_single(v: f64) -> f32 {
 }
 
 /// An image as a file holds it.
-struct Stored {
+struct StoredImage {
     size: Size,
     colour: ColorType,
     depth: BitDepth,
     bytes: Vec<u8>,
 }
 
-fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Stored, PngError> {
+fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<StoredImage, PngError> {
     let file = input.seek(SeekFrom::End(0))?;
     input.rewind()?;
     let mut reader = opened(&mut input)?;
@@ -210,7 +210,7 @@ fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<S
     let (colour, depth) = reader.output_color_type();
     let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
     let claimed = check_claim(size, colour.samples() * wide, file, wanted)?;
-    if Budget::of_file(file).check(claimed, 1).is_err() {
+    if ByteBudget::of_file(file).check(claimed, 1).is_err() {
         // It compresses better than photos do: it is decoded to nothing first, so that a broken one takes no memory.
         while reader.next_row()?.is_some() {}
         reader.finish()?;
@@ -221,7 +221,7 @@ fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<S
     let mut bytes = budget::try_filled(0, claimed)?;
     reader.next_frame(&mut bytes)?;
     reader.finish()?;
-    Ok(Stored { size, colour, depth, bytes })
+    Ok(StoredImage { size, colour, depth, bytes })
 }
 
 /// A decoder behind the header. Texts and profiles, which inflate on their own, are passed over.
@@ -264,7 +264,7 @@ mod tests {
         (0..count).map(|i| ((i * 2_654_435_761) >> 13 & 0xff).try_into().unwrap()).collect()
     }
 
-    fn encoded<P: Pixel>(image: &Image<P>) -> Vec<u8> {
+    fn encoded<P: PngPixel>(image: &Image<P>) -> Vec<u8> {
         let mut out = Vec::new();
         write_image(image, &mut out).unwrap();
         out
@@ -391,7 +391,7 @@ mod tests {
             encoder.write_header().unwrap().write_image_data(bytes).unwrap();
             let found = read_luminance(Cursor::new(&out), None).unwrap().into_pixels();
             assert_eq!(found, [wanted], "{colour:?} {depth:?} {bytes:?}");
-            let Shades { luminance, colours } = read_colours(Cursor::new(&out), None).unwrap();
+            let GreyImage { luminance, colours } = read_colours(Cursor::new(&out), None).unwrap();
             let greys = colours.as_ref().map_or([wanted; 3], |colours| colours.pixels()[0]);
             assert_eq!((luminance.pixels(), colours.is_some()), (&[wanted][..], colour == ColorType::Rgb));
             let sample = |c: usize| f32::from(bytes[c * bytes.len() / 3]);

@@ -27,14 +27,14 @@ pub fn to_width(image: &Image<[u8; 3]>, width: u32) -> Image<[u8; 3]> {
 
 /// The range of `from` pixels that pixel `at` of `to` covers, and the covered parts of the first
 /// and the last, in units of `1 / to`.
-struct Cover {
+struct PixelCover {
     range: Range<u32>,
     first: u64,
     last: u64,
     whole: u64,
 }
 
-impl Cover {
+impl PixelCover {
     fn weight(&self, at: u32) -> u64 {
         match at {
             at if self.range.len() == 1 && at == self.range.start => self.first + self.last - self.whole,
@@ -45,17 +45,17 @@ impl Cover {
     }
 }
 
-fn covered_range(at: u32, to: u32, from: u32) -> Cover {
+fn covered_range(at: u32, to: u32, from: u32) -> PixelCover {
     let [at, to, from] = [at, to, from].map(u64::from);
     let (begin, end) = (at * from, (at + 1) * from);
     let index = |n: u64| u32::try_from(n).expect("it lies in the image");
     let range = index(begin / to)..index(end.div_ceil(to));
     let first = to - begin % to;
     let last = if end.is_multiple_of(to) { to } else { end % to };
-    Cover { range, first, last, whole: to }
+    PixelCover { range, first, last, whole: to }
 }
 
-fn covered_mean(image: &Image<[u8; 3]>, columns: &Cover, rows: &Cover) -> [u8; 3] {
+fn covered_mean(image: &Image<[u8; 3]>, columns: &PixelCover, rows: &PixelCover) -> [u8; 3] {
     let width = image.size().width as usize;
     let (mut sums, mut weights) = ([0u64; 3], 0);
     for y in rows.range.clone() {

@@ -9,17 +9,17 @@ use std::fmt;
 /// An expression with sorted operands, without repeats, and with brackets only where needed.
 /// Precedence as in SPDX: `+`, WITH, AND, OR.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Expression(Term);
+pub struct LicenceExpression(LicenceTerm);
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-enum Term {
+enum LicenceTerm {
     /// A licence, with `+` and WITH if present.
     Licence(String),
-    Any(BTreeSet<Term>),
-    All(BTreeSet<Term>),
+    Any(BTreeSet<LicenceTerm>),
+    All(BTreeSet<LicenceTerm>),
 }
 
-impl Expression {
+impl LicenceExpression {
     /// Parses an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
     ///
     /// # Errors
@@ -36,13 +36,13 @@ impl Expression {
                 ExprNode::Req(required) => {
                     let licence = required.req.to_string();
                     let unfit = licence.split(" WITH ").find_map(unfit_because);
-                    unfit.map_or(Ok(Term::Licence(licence)), |because| Err(refusal(because)))?
+                    unfit.map_or(Ok(LicenceTerm::Licence(licence)), |because| Err(refusal(because)))?
                 }
                 ExprNode::Op(operator) => {
                     let (Some(b), Some(a)) = (stack.pop(), stack.pop()) else {
                         return Err(refusal("an operator lacks an operand".into()));
                     };
-                    Term::join_terms(*operator, a, b)
+                    LicenceTerm::join_terms(*operator, a, b)
                 }
             };
             stack.push(term);
@@ -58,7 +58,7 @@ impl Expression {
     #[must_use]
     pub fn conjunction_of(expressions: impl IntoIterator<Item = Self>) -> Self {
         let terms = expressions.into_iter().map(|e| e.0);
-        let joined = terms.reduce(|a, b| Term::join_terms(Operator::And, a, b));
+        let joined = terms.reduce(|a, b| LicenceTerm::join_terms(Operator::And, a, b));
         Self(joined.expect("a scene has at least one part"))
     }
 
@@ -77,7 +77,7 @@ impl Expression {
     }
 }
 
-impl Term {
+impl LicenceTerm {
     fn join_terms(operator: Operator, a: Self, b: Self) -> Self {
         let mut terms = BTreeSet::new();
         for term in [a, b] {
@@ -134,13 +134,13 @@ fn without_plus(id: &str) -> &str {
     id.strip_suffix('+').unwrap_or(id)
 }
 
-impl fmt::Display for Expression {
+impl fmt::Display for LicenceExpression {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }
 }
 
-impl fmt::Display for Term {
+impl fmt::Display for LicenceTerm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (terms, operator) = match self {
             Self::Licence(text) => return f.write_str(text),
@@ -148,7 +148,7 @@ impl fmt::Display for Term {
             Self::Any(terms) => (terms, " OR "),
         };
         // Sorted as text, including brackets.
-        let bracketed = |t: &Term| match (self, t) {
+        let bracketed = |t: &LicenceTerm| match (self, t) {
             (Self::All(_), Self::Any(_)) => format!("({t})"),
             _ => t.to_string(),
         };
@@ -165,9 +165,9 @@ mod tests {
     #[test]
     fn an_expression_has_one_form() {
         let t = |text: &str, wanted: &str| {
-            let found = Expression::parse(text).unwrap();
+            let found = LicenceExpression::parse(text).unwrap();
             assert_eq!(found.to_string(), wanted, "{text}");
-            assert_eq!(Expression::parse(wanted).unwrap(), found, "{wanted}");
+            assert_eq!(LicenceExpression::parse(wanted).unwrap(), found, "{wanted}");
         };
         t("MIT", "MIT");
         t("MIT AND MIT", "MIT");
@@ -184,29 +184,29 @@ mod tests {
     #[test]
     fn what_is_no_licence_is_refused() {
         for text in ["CC BY MIT", "", "xyz-bad", "MIT AND", "MIT/Apache-2.0", "mit", "(MIT"] {
-            let message = Expression::parse(text).unwrap_err().to_string();
+            let message = LicenceExpression::parse(text).unwrap_err().to_string();
             assert!(message.starts_with(&format!("`{text}` is no SPDX licence expression: ")), "{message}");
         }
     }
 
     #[test]
     fn ids_that_name_no_terms_of_their_own_are_refused() {
-        let refused = |text: &str| Expression::parse(text).unwrap_err().because;
+        let refused = |text: &str| LicenceExpression::parse(text).unwrap_err().because;
         for text in ["NOASSERTION", "MIT OR NOASSERTION", "(MIT OR NOASSERTION) AND CC0-1.0"] {
             assert_eq!(refused(text), "NOASSERTION states no terms", "{text}");
         }
-        assert!(Expression::parse("NONE").is_err());
+        assert!(LicenceExpression::parse("NONE").is_err());
         for text in ["DocumentRef-x:LicenseRef-y", "MIT AND DocumentRef-x:LicenseRef-y"] {
             assert!(refused(text).contains("defined in another document"), "{text}");
         }
         let named = |letters: usize| format!("LicenseRef-{}", "x".repeat(letters));
-        assert!(Expression::parse(&named(117)).is_ok());
+        assert!(LicenceExpression::parse(&named(117)).is_ok());
         assert!(refused(&named(118)).contains("129 bytes"));
     }
 
     #[test]
     fn ids_are_those_whose_texts_bind() {
-        let ids = |text: &str| Expression::parse(text).unwrap().ids().into_iter().collect::<Vec<_>>();
+        let ids = |text: &str| LicenceExpression::parse(text).unwrap().ids().into_iter().collect::<Vec<_>>();
         assert_eq!(ids("MIT AND Apache-2.0+"), ["Apache-2.0", "MIT"]);
         assert_eq!(
             ids("GPL-2.0-only WITH Classpath-exception-2.0 OR MIT"),
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn an_alternative_does_not_demand() {
         let t = |text: &str, wanted| {
-            assert_eq!(Expression::parse(text).unwrap().demands("CC-BY-NC-4.0"), wanted, "{text}");
+            assert_eq!(LicenceExpression::parse(text).unwrap().demands("CC-BY-NC-4.0"), wanted, "{text}");
         };
         t("CC-BY-NC-4.0", true);
         t("CC-BY-NC-4.0 AND MIT", true);

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Obligations of users and redistributors of the material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Obligation {
+pub enum LicenceObligation {
     /// Its makers must be named.
     Attribution,
     /// No commercial use.
@@ -26,7 +26,7 @@ pub enum Obligation {
     DeletionOnRequest,
 }
 
-impl Obligation {
+impl LicenceObligation {
     /// Returns the obligation in words.
     #[must_use]
     pub fn words(self) -> &'static str {
@@ -58,7 +58,7 @@ impl Obligation {
 
 /// Role of an asset for a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
+pub enum AssetRole {
     /// A dataset. Its terms bind derived material. It is identified by the kind of source, if it
     /// has one.
     Source(Option<SourceKind>),
@@ -68,7 +68,7 @@ pub enum Role {
 
 /// Evidence from a public document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Evidence {
+pub struct TermsEvidence {
     /// Address of the document.
     pub url: &'static str,
     /// Content of the document.
@@ -77,11 +77,11 @@ pub struct Evidence {
 
 /// An asset with its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Asset {
+pub struct LedgerAsset {
     /// Its name.
     pub name: &'static str,
     /// Role for a scene.
-    pub role: Role,
+    pub role: AssetRole,
     /// Parts of addresses, in lower case, that identify it in a recipe's `upstream_url`.
     addresses: &'static [&'static str],
     /// SPDX and `LicenseRef-` ids. All of them bind.
@@ -89,26 +89,26 @@ pub struct Asset {
     /// Attribution and citation.
     pub attribution: &'static str,
     /// The evidence.
-    pub evidence: &'static [Evidence],
+    pub evidence: &'static [TermsEvidence],
     /// The resulting obligations.
-    pub obligations: &'static [Obligation],
+    pub obligations: &'static [LicenceObligation],
     /// True if the holder's terms were read in full.
     pub verified: bool,
     /// Differing terms in the paper on GS2E (arXiv 2505.15287, appendix F).
     pub paper: Option<&'static str>,
 }
 
-use Obligation::{Attribution, DeletionOnRequest, Gating, NoRedistribution, NonCommercial};
+use LicenceObligation::{Attribution, DeletionOnRequest, Gating, NoRedistribution, NonCommercial};
 
 /// All known assets.
-pub const LEDGER: [Asset; 8] = [
-    Asset {
+pub const LEDGER: [LedgerAsset; 8] = [
+    LedgerAsset {
         name: "MVImgNet",
-        role: Role::Source(Some(SourceKind::Mvimgnet)),
+        role: AssetRole::Source(Some(SourceKind::Mvimgnet)),
         addresses: &["gap-lab-cuhk-sz/mvimgnet", "gaplab.cuhk.edu.cn/projects/mvimgnet"],
         ids: &["LicenseRef-MVImgNet-ToU", "CC-BY-NC-4.0"],
         attribution: "MVImgNet (Yu et al., CVPR 2023)",
-        evidence: &[Evidence {
+        evidence: &[TermsEvidence {
             url: "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet#license",
             says: "the data is released under the MVImgNet Terms of Use, the code under CC BY-NC 4.0; the text of the \
                    terms is part of the form by which access is asked for, and was not seen",
@@ -117,13 +117,13 @@ pub const LEDGER: [Asset; 8] = [
         verified: false,
         paper: Some("CC BY 4.0"),
     },
-    Asset {
+    LedgerAsset {
         name: "DL3DV-10K",
-        role: Role::Source(Some(SourceKind::Dl3dv)),
+        role: AssetRole::Source(Some(SourceKind::Dl3dv)),
         addresses: &["dl3dv"],
         ids: &["LicenseRef-DL3DV-10K-ToU", "CC-BY-NC-4.0"],
         attribution: "DL3DV-10K (Ling et al., CVPR 2024)",
-        evidence: &[Evidence {
+        evidence: &[TermsEvidence {
             url: "https://github.com/DL3DV-10K/Dataset/blob/main/License.md",
             says: "terms of use and CC BY-NC 4.0: non-commercial research and education; access for others after they \
                    signed, sharing otherwise is prohibited; 3D models made from the data are named; data on persons \
@@ -133,35 +133,38 @@ pub const LEDGER: [Asset; 8] = [
         verified: true,
         paper: Some("CC BY 4.0"),
     },
-    Asset {
+    LedgerAsset {
         name: "Tanks and Temples",
-        role: Role::Source(None),
+        role: AssetRole::Source(None),
         addresses: &["tanksandtemples.org"],
         ids: &["LicenseRef-TanksAndTemples"],
         attribution: "Tanks and Temples (Knapitsch et al., SIGGRAPH 2017)",
-        evidence: &[Evidence { url: "https://www.tanksandtemples.org/", says: "its statements disagree" }],
+        evidence: &[TermsEvidence {
+            url: "https://www.tanksandtemples.org/",
+            says: "its statements disagree",
+        }],
         obligations: &[Attribution, NonCommercial, NoRedistribution],
         verified: false,
         paper: None,
     },
-    Asset {
+    LedgerAsset {
         name: "Mip-NeRF 360",
-        role: Role::Source(None),
+        role: AssetRole::Source(None),
         addresses: &["jonbarron.info/mipnerf360", "storage.googleapis.com/gresearch/refraw360"],
         ids: &[super::text::UNSTATED],
         attribution: "Mip-NeRF 360 (Barron et al., CVPR 2022)",
-        evidence: &[Evidence { url: "https://jonbarron.info/mipnerf360/", says: "no terms were found" }],
+        evidence: &[TermsEvidence { url: "https://jonbarron.info/mipnerf360/", says: "no terms were found" }],
         obligations: &[NoRedistribution],
         verified: false,
         paper: None,
     },
-    Asset {
+    LedgerAsset {
         name: "3D Gaussian Splatting",
-        role: Role::Tool(&["gaussian-splatting", "3dgs"]),
+        role: AssetRole::Tool(&["gaussian-splatting", "3dgs"]),
         addresses: &["graphdeco-inria/gaussian-splatting"],
         ids: &["LicenseRef-Inria-MPII-3DGS"],
         attribution: "3D Gaussian Splatting (Kerbl et al., SIGGRAPH 2023)",
-        evidence: &[Evidence {
+        evidence: &[TermsEvidence {
             url: "https://github.com/graphdeco-inria/gaussian-splatting/blob/main/LICENSE.md",
             says: "research and evaluation, no commercial use, without leave to sublicense; it speaks of the software \
                    and its derivatives, and does not say whether scenes and pictures made with it are meant",
@@ -170,13 +173,13 @@ pub const LEDGER: [Asset; 8] = [
         verified: true,
         paper: Some("CC BY MIT"),
     },
-    Asset {
+    LedgerAsset {
         name: "DVS-Voltmeter",
-        role: Role::Tool(&["dvs-voltmeter"]),
+        role: AssetRole::Tool(&["dvs-voltmeter"]),
         addresses: &["lynn0306/dvs-voltmeter"],
         ids: &["MIT"],
         attribution: "DVS-Voltmeter (Lin et al., ECCV 2022)",
-        evidence: &[Evidence {
+        evidence: &[TermsEvidence {
             url: "https://github.com/Lynn0306/DVS-Voltmeter/blob/main/LICENSE.md",
             says: "MIT; the law is computed here by code of its own",
         }],
@@ -184,13 +187,13 @@ pub const LEDGER: [Asset; 8] = [
         verified: true,
         paper: None,
     },
-    Asset {
+    LedgerAsset {
         name: "GS-Blur",
-        role: Role::Tool(&["gs-blur"]),
+        role: AssetRole::Tool(&["gs-blur"]),
         addresses: &["dongwoohhh/gs-blur"],
         ids: &["LicenseRef-Inria-MPII-3DGS"],
         attribution: "GS-Blur (Lee et al., NeurIPS 2024)",
-        evidence: &[Evidence {
+        evidence: &[TermsEvidence {
             url: "https://github.com/dongwoohhh/GS-Blur",
             says: "it carries the licence file of 3D Gaussian Splatting",
         }],
@@ -198,13 +201,13 @@ pub const LEDGER: [Asset; 8] = [
         verified: false,
         paper: None,
     },
-    Asset {
+    LedgerAsset {
         name: "GS2E",
-        role: Role::Tool(&[]),
+        role: AssetRole::Tool(&[]),
         addresses: &["pku-yuangroup/gs2e"],
         ids: &["MIT", "Apache-2.0"],
         attribution: "GS2E (arXiv 2505.15287)",
-        evidence: &[Evidence {
+        evidence: &[TermsEvidence {
             url: "https://github.com/PKU-YuanGroup/GS2E",
             says: "a badge says MIT, the licence file Apache 2.0; no code is there, and nothing rests on it",
         }],
@@ -216,10 +219,10 @@ pub const LEDGER: [Asset; 8] = [
 
 /// Returns the dataset of a source, by kind or by address.
 #[must_use]
-pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
+pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static LedgerAsset> {
     let url = url.unwrap_or_default().to_lowercase();
-    let by_kind = |asset: &&Asset| asset.role == Role::Source(Some(kind));
-    let by_address = |asset: &&Asset| asset.addresses.iter().any(|address| url.contains(address));
+    let by_kind = |asset: &&LedgerAsset| asset.role == AssetRole::Source(Some(kind));
+    let by_address = |asset: &&LedgerAsset| asset.addresses.iter().any(|address| url.contains(address));
     let sources = || LEDGER.iter().filter(|asset| asset.is_dataset());
     sources().find(by_kind).or_else(|| sources().find(by_address))
 }
@@ -230,25 +233,25 @@ pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asse
 pub fn find_origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
     let asset = SourceKind::by_name(kind).and_then(|kind| find_dataset(kind, url));
     match asset.map(|asset| asset.role) {
-        Some(Role::Source(Some(kind))) => kind.name(),
+        Some(AssetRole::Source(Some(kind))) => kind.name(),
         _ => kind,
     }
 }
 
 /// Returns the program with this name.
 #[must_use]
-pub fn find_tool(name: &str) -> Option<&'static Asset> {
+pub fn find_tool(name: &str) -> Option<&'static LedgerAsset> {
     let name = name.to_lowercase();
-    LEDGER.iter().find(|asset| matches!(asset.role, Role::Tool(names) if names.contains(&name.as_str())))
+    LEDGER.iter().find(|asset| matches!(asset.role, AssetRole::Tool(names) if names.contains(&name.as_str())))
 }
 
 /// Returns the asset with this name.
 #[must_use]
-pub fn by_name(name: &str) -> Option<&'static Asset> {
+pub fn by_name(name: &str) -> Option<&'static LedgerAsset> {
     LEDGER.iter().find(|asset| asset.name == name)
 }
 
-impl Asset {
+impl LedgerAsset {
     /// Returns true if the asset must not be redistributed without a statement of the releaser's
     /// right.
     #[must_use]
@@ -259,7 +262,7 @@ impl Asset {
     /// Returns true if the asset is a dataset, whose terms bind.
     #[must_use]
     pub fn is_dataset(&self) -> bool {
-        matches!(self.role, Role::Source(_))
+        matches!(self.role, AssetRole::Source(_))
     }
 
     /// Returns its ids as one expression.
@@ -274,7 +277,7 @@ impl Asset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::licence::Expression;
+    use crate::licence::LicenceExpression;
     use std::collections::BTreeSet;
 
     #[test]
@@ -282,7 +285,7 @@ mod tests {
         let names: BTreeSet<&str> = LEDGER.iter().map(|asset| asset.name).collect();
         assert_eq!(names.len(), LEDGER.len());
         for asset in &LEDGER {
-            let expression = Expression::parse(&asset.expression()).unwrap();
+            let expression = LicenceExpression::parse(&asset.expression()).unwrap();
             assert_eq!(expression.to_string(), asset.expression(), "{}", asset.name);
             assert!(!asset.evidence.is_empty() && !asset.attribution.is_empty(), "{}", asset.name);
             for evidence in asset.evidence {
@@ -296,7 +299,7 @@ mod tests {
     fn no_claim_of_the_paper_is_what_upstream_says() {
         let claimed = LEDGER.iter().filter_map(|asset| Some((asset, asset.paper?)));
         for (asset, paper) in claimed {
-            let said = Expression::parse(&paper.replace(' ', "-")).map(|e| e.to_string());
+            let said = LicenceExpression::parse(&paper.replace(' ', "-")).map(|e| e.to_string());
             assert_ne!(said, Ok(asset.expression()), "{}", asset.name);
         }
     }
@@ -327,10 +330,12 @@ mod tests {
 
     #[test]
     fn ids_name_some_obligations() {
-        let t = |ids: &[&str], wanted: &[Obligation]| assert_eq!(Obligation::of_ids(ids), wanted, "{ids:?}");
+        let t = |ids: &[&str], wanted: &[LicenceObligation]| {
+            assert_eq!(LicenceObligation::of_ids(ids), wanted, "{ids:?}")
+        };
         t(&["CC0-1.0"], &[]);
         t(&["CC-BY-4.0"], &[Attribution]);
-        t(&["CC-BY-NC-SA-4.0"], &[Attribution, NonCommercial, Obligation::ShareAlike]);
+        t(&["CC-BY-NC-SA-4.0"], &[Attribution, NonCommercial, LicenceObligation::ShareAlike]);
         t(&["MIT", "LicenseRef-Ours"], &[Attribution]);
     }
 }

@@ -4,25 +4,25 @@
 //! program and of the folders of its packages. What runs nothing takes the answer from there. It says
 //! that a step may run where a program or one of those folders has moved since.
 
-use crate::foreign::versions::Asked;
-use crate::programs::Programs;
-use crate::store::stat_cache::Sighting;
+use crate::foreign::versions::VersionQuery;
+use crate::programs::ProgramFinder;
+use crate::store::stat_cache::StatSighting;
 use crate::store::{Digest, Store};
 use std::path::PathBuf;
 
 /// Raised when a program is asked in another way.
 const TAG: &[u8] = b"versions of programs 1";
 
-fn name(program: Asked) -> String {
+fn name(program: VersionQuery) -> String {
     format!("program {}", program.name())
 }
 
 /// Asks a program for its version and remembers the answer.
 #[must_use]
-pub fn ask(program: Asked, programs: &Programs, store: &Store) -> String {
+pub fn ask(program: VersionQuery, programs: &ProgramFinder, store: &Store) -> String {
     let version = program.version(programs);
     let sight = |path: &PathBuf| Some((path.clone(), store.sight(path).ok()?));
-    let grounds: Option<Vec<(PathBuf, Sighting)>> = version.grounds.iter().map(sight).collect();
+    let grounds: Option<Vec<(PathBuf, StatSighting)>> = version.grounds.iter().map(sight).collect();
     if let (Some(grounds), Some(path)) = (grounds, program.path(programs)) {
         let fact = (path, version.text.clone());
         store.remember(&name(program), Digest::of_bytes(TAG), &grounds, &[], fact);
@@ -32,7 +32,7 @@ pub fn ask(program: Asked, programs: &Programs, store: &Store) -> String {
 
 /// The version of a program that is known without asking it. That it is absent is always known.
 #[must_use]
-pub fn recall(program: Asked, programs: &Programs, store: &Store) -> Option<String> {
+pub fn recall(program: VersionQuery, programs: &ProgramFinder, store: &Store) -> Option<String> {
     let Some(path) = program.path(programs) else { return Some(program.version(programs).text) };
     let recalled = store.recall::<(PathBuf, String)>(&[name(program)], &Digest::of_bytes(TAG)).ok()?;
     let (asked, text) = recalled.into_iter().next().flatten()?;

@@ -1,13 +1,13 @@
 //! Assessment of steps: whether each must run, and why, by comparing its key with the store.
 
 use super::{Plan, PlannedStep};
-use crate::recipe::Position;
-use crate::stage::capture::Capturing;
-use crate::stage::reconstruct::Reconstructing;
+use crate::recipe::RecipePosition;
+use crate::stage::capture::CaptureStage;
+use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::{Stage, StageError, StepId};
-use crate::store::description::{Line, Value};
-use crate::store::record::{Output, content_digest};
-use crate::store::stat_cache::Sighting;
+use crate::store::description::{DescribedValue, ExplanationLine};
+use crate::store::record::{StoredOutput, content_digest};
+use crate::store::stat_cache::StatSighting;
 use crate::store::{BlobState, Digest, Key, Store, StoreError};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// The action for a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Action {
+pub enum StepAction {
     /// It must run: its key has no sound record.
     Run,
     /// An input will run, or a program is to be asked for its version: if both are as before, this step stays.
@@ -27,7 +27,7 @@ pub enum Action {
 /// The reason for an action.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "code", rename_all = "kebab-case")]
-pub enum Reason {
+pub enum StepReason {
     /// Recorded, with all outputs present.
     UpToDate,
     /// An input runs first.
@@ -88,28 +88,29 @@ pub enum Reason {
 
 /// A step compared with the store.
 #[derive(Debug, Clone)]
-pub struct Assessment {
+pub struct StepAssessment {
     /// What becomes of it.
-    pub action: Action,
+    pub action: StepAction,
     /// Why.
-    pub reason: Reason,
+    pub reason: StepReason,
     /// Its key; `None` while an input or the version of a program may change.
     pub key: Option<Key>,
     /// The description of the key, without inputs that are not known yet.
-    pub description: Value,
+    pub description: DescribedValue,
     /// The files outside the store that it reads.
-    pub sources: Sources,
+    pub sources: SourceFiles,
     /// Its outputs, if it is up to date.
-    pub outputs: Option<Vec<Output>>,
+    pub outputs: Option<Vec<StoredOutput>>,
 }
 
-impl Assessment {
+impl StepAssessment {
     /// The difference from the last time the step was made, with `last` as the description on
     /// record. An input that is not known yet is not a difference.
     #[must_use]
-    pub fn changes(&self, last: &[Line]) -> Vec<Change> {
+    pub fn changes(&self, last: &[ExplanationLine]) -> Vec<DescriptionChange> {
         let mut changes = changed_lines(last, &self.description.lines());
-        let is_unknown = |c: &Change| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
+        let is_unknown =
+            |c: &DescriptionChange| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
         changes.retain(|c| self.key.is_some() || !is_unknown(c));
         changes
     }
@@ -117,21 +118,21 @@ impl Assessment {
 
 /// The files outside the store that a step reads, at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Sources {
+pub struct SourceFiles {
     /// Digests by role, as in the description.
     pub digests: Vec<(String, Digest)>,
     /// Observations of every folder that was listed to find the files, and of every file, from
     /// before it was read.
-    pub seen: Vec<(PathBuf, Sighting)>,
+    pub seen: Vec<(PathBuf, StatSighting)>,
 }
 
-impl Sources {
+impl SourceFiles {
     /// The name of a file that has changed since `then`, if there is one. A file that was rewritten
     /// with equal bytes counts, because a reader may have seen other bytes in between. A folder
     /// counts by the files that it leads to.
     #[must_use]
     pub fn moved_since(&self, then: &Self) -> Option<String> {
-        let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &Sighting)| {
+        let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &StatSighting)| {
             list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == seen.stat)
         };
         let moved =
@@ -140,7 +141,7 @@ impl Sources {
     }
 
     /// Each file by its name within the source.
-    fn files(&self) -> impl Iterator<Item = (&str, &PathBuf, &Sighting)> {
+    fn files(&self) -> impl Iterator<Item = (&str, &PathBuf, &StatSighting)> {
         let folders = self.seen.len() - self.digests.len();
         let names = self.digests.iter().map(|(role, _)| role.trim_start_matches("file "));
         names.zip(&self.seen[folders..]).map(|(name, (path, seen))| (name, path, seen))
@@ -149,13 +150,13 @@ impl Sources {
 
 /// The present state of a step.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Product {
+pub struct StepProduct {
     /// Its key.
     pub key: Key,
     /// Its outputs.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<StoredOutput>,
     /// Files that it read outside the store.
-    pub sources: Sources,
+    pub sources: SourceFiles,
 }
 
 /// The reason why a plan cannot be made.
@@ -171,7 +172,7 @@ pub enum PlanError {
         /// The missing path.
         path: std::path::PathBuf,
         /// Its place in the recipe.
-        named_at: Option<Position>,
+        named_at: Option<RecipePosition>,
     },
     /// A source cannot be listed or read.
     #[error("{scene}/{step}: failed to {cause}")]
@@ -188,7 +189,7 @@ pub enum PlanError {
     Store(#[from] StoreError),
 }
 
-fn named_place(at: Option<&Position>) -> String {
+fn named_place(at: Option<&RecipePosition>) -> String {
     at.map(|at| format!(", named at {at}")).unwrap_or_default()
 }
 
@@ -196,13 +197,14 @@ fn named_place(at: Option<&Position>) -> String {
 ///
 /// # Errors
 /// A source is absent or unreadable, or the store fails.
-pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> {
-    let mut done: Vec<Assessment> = Vec::with_capacity(plan.steps.len());
+pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<StepAssessment>, PlanError> {
+    let mut done: Vec<StepAssessment> = Vec::with_capacity(plan.steps.len());
     for step in &plan.steps {
         let waiting = step.step.inputs().into_iter().find(|(_, id)| done[id.0].outputs.is_none());
         let outputs_of = |id: StepId| done[id.0].outputs.clone();
-        let waiting = waiting.map(|(_, id)| Reason::InputMayChange { step: plan.steps[id.0].name.clone() });
-        let unasked = || step.step.unasked().map(|name| Reason::NotAsked { program: name.to_owned() });
+        let waiting =
+            waiting.map(|(_, id)| StepReason::InputMayChange { step: plan.steps[id.0].name.clone() });
+        let unasked = || step.step.unasked().map(|name| StepReason::NotAsked { program: name.to_owned() });
         let assessed = match waiting.or_else(unasked) {
             Some(reason) => step_behind(plan, store, step, reason, &outputs_of)?,
             None => step_alone(plan, store, step, &outputs_of)?,
@@ -220,20 +222,20 @@ pub fn step_alone(
     plan: &Plan,
     store: &Store,
     step: &PlannedStep,
-    outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
-) -> Result<Assessment, PlanError> {
+    outputs_of: &dyn Fn(StepId) -> Option<Vec<StoredOutput>>,
+) -> Result<StepAssessment, PlanError> {
     let sources = read_sources(plan, store, step)?;
     let description = describe_step(step, &sources, outputs_of);
     let key = Key::of_description(&description);
     let (reason, outputs) = match store.record(&key)? {
         Some(record) => match find_damage(store, &record.outputs)? {
-            None => (Reason::UpToDate, Some(record.outputs)),
+            None => (StepReason::UpToDate, Some(record.outputs)),
             Some(reason) => (reason, None),
         },
         None => (find_difference(plan, store, step, &description)?, None),
     };
-    let action = if outputs.is_some() { Action::Keep } else { Action::Run };
-    Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
+    let action = if outputs.is_some() { StepAction::Keep } else { StepAction::Run };
+    Ok(StepAssessment { action, reason, key: Some(key), description, sources, outputs })
 }
 
 /// A step whose key is not known yet: what is known of it already.
@@ -241,12 +243,12 @@ fn step_behind(
     plan: &Plan,
     store: &Store,
     step: &PlannedStep,
-    reason: Reason,
-    outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
-) -> Result<Assessment, PlanError> {
+    reason: StepReason,
+    outputs_of: &dyn Fn(StepId) -> Option<Vec<StoredOutput>>,
+) -> Result<StepAssessment, PlanError> {
     let sources = read_sources(plan, store, step)?;
-    Ok(Assessment {
-        action: Action::MayRun,
+    Ok(StepAssessment {
+        action: StepAction::MayRun,
         reason,
         key: None,
         description: describe_step(step, &sources, outputs_of),
@@ -258,9 +260,9 @@ fn step_behind(
 /// A step with its known inputs.
 pub(crate) fn describe_step(
     step: &PlannedStep,
-    sources: &Sources,
-    outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
-) -> Value {
+    sources: &SourceFiles,
+    outputs_of: &dyn Fn(StepId) -> Option<Vec<StoredOutput>>,
+) -> DescribedValue {
     let made = step.step.inputs().into_iter();
     let made = made.filter_map(|(role, id)| Some((role.to_owned(), content_digest(&outputs_of(id)?))));
     let inputs: Vec<(String, Digest)> = made.chain(sources.digests.iter().cloned()).collect();
@@ -271,12 +273,12 @@ pub(crate) fn describe_step(
 ///
 /// # Errors
 /// A file is absent or unreadable.
-pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<Sources, PlanError> {
+pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<SourceFiles, PlanError> {
     let scene = || plan.scene_of(step).to_owned();
     let places = &plan.scenes()[step.scene].named_at;
     let named_at = || match step.step.stage() {
-        Capturing::NAME => places.source.clone(),
-        Reconstructing::NAME => places.reconstruct.clone(),
+        CaptureStage::NAME => places.source.clone(),
+        ReconstructStage::NAME => places.reconstruct.clone(),
         _ => None,
     };
     let failed = |cause| match cause {
@@ -289,7 +291,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
         std::io::ErrorKind::NotFound => failed(StageError::Missing { path: path.clone() }),
         _ => failed(StageError::Io { path: path.clone(), source: e }),
     };
-    let mut sources = Sources::default();
+    let mut sources = SourceFiles::default();
     // Before they are listed: an entry that is added later changes their stat fields.
     for folder in step.step.source_folders() {
         match store.sight(&folder) {
@@ -307,13 +309,13 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     Ok(sources)
 }
 
-fn find_damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreError> {
+fn find_damage(store: &Store, outputs: &[StoredOutput]) -> Result<Option<StepReason>, StoreError> {
     for output in outputs {
         let digest = output.digest.to_string();
         match store.examine(output)? {
             BlobState::Sound => {}
-            BlobState::Missing => return Ok(Some(Reason::BlobMissing { digest })),
-            BlobState::Altered => return Ok(Some(Reason::BlobAltered { digest })),
+            BlobState::Missing => return Ok(Some(StepReason::BlobMissing { digest })),
+            BlobState::Altered => return Ok(Some(StepReason::BlobAltered { digest })),
         }
     }
     Ok(None)
@@ -324,17 +326,17 @@ fn find_difference(
     plan: &Plan,
     store: &Store,
     step: &PlannedStep,
-    now: &Value,
-) -> Result<Reason, StoreError> {
+    now: &DescribedValue,
+) -> Result<StepReason, StoreError> {
     let last = store.last_key(plan.scene_of(step), &step.name);
     let record = last.map(|key| store.full_record(&key)).transpose()?.flatten();
     let first = record.and_then(|record| changed_lines(&record.description, &now.lines()).into_iter().next());
-    Ok(first.map_or(Reason::NoRecord, Change::reason))
+    Ok(first.map_or(StepReason::NoRecord, DescriptionChange::reason))
 }
 
 /// A line that differs between two descriptions.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Change {
+pub struct DescriptionChange {
     /// Path of the line.
     pub path: String,
     /// Previous text; empty if it was absent.
@@ -343,17 +345,17 @@ pub struct Change {
     pub new: String,
 }
 
-impl Change {
-    fn reason(self) -> Reason {
+impl DescriptionChange {
+    fn reason(self) -> StepReason {
         let Self { path, old, new } = self;
         let below = |prefix: &str| path.strip_prefix(prefix).map(str::to_owned);
         match path.as_str() {
-            "revision" => Reason::Revision { old, new },
-            "class" => Reason::Class { old, new },
+            "revision" => StepReason::Revision { old, new },
+            "class" => StepReason::Class { old, new },
             _ => match (below("inputs."), below("params.")) {
-                (Some(name), _) => Reason::InputChanged { name, old, new },
-                (None, Some(name)) => Reason::ParamChanged { name, old, new },
-                (None, None) => Reason::ParamChanged { name: path, old, new },
+                (Some(name), _) => StepReason::InputChanged { name, old, new },
+                (None, Some(name)) => StepReason::ParamChanged { name, old, new },
+                (None, None) => StepReason::ParamChanged { name: path, old, new },
             },
         }
     }
@@ -362,8 +364,8 @@ impl Change {
 /// The lines that differ, the most important first: revision and class, then parameters, then
 /// inputs.
 #[must_use]
-pub fn changed_lines(old: &[Line], new: &[Line]) -> Vec<Change> {
-    let text = |lines: &[Line], path: &str| {
+pub fn changed_lines(old: &[ExplanationLine], new: &[ExplanationLine]) -> Vec<DescriptionChange> {
+    let text = |lines: &[ExplanationLine], path: &str| {
         lines.iter().find(|l| l.path == path).map(|l| l.text.clone()).unwrap_or_default()
     };
     let mut paths: Vec<&str> = old.iter().chain(new).map(|l| l.path.as_str()).collect();
@@ -374,7 +376,8 @@ pub fn changed_lines(old: &[Line], new: &[Line]) -> Vec<Change> {
     };
     paths.sort_by_key(|path| (rank(path), *path));
     paths.dedup();
-    let change = |path: &str| Change { path: path.to_owned(), old: text(old, path), new: text(new, path) };
+    let change =
+        |path: &str| DescriptionChange { path: path.to_owned(), old: text(old, path), new: text(new, path) };
     paths.into_iter().map(change).filter(|c| c.old != c.new).collect()
 }
 
@@ -382,9 +385,9 @@ pub fn changed_lines(old: &[Line], new: &[Line]) -> Vec<Change> {
 mod tests {
     use super::*;
 
-    fn lines(text: &str) -> Vec<Line> {
+    fn lines(text: &str) -> Vec<ExplanationLine> {
         let split = text.split(';').filter_map(|line| line.trim().split_once('='));
-        split.map(|(path, text)| Line { path: path.into(), text: text.into() }).collect()
+        split.map(|(path, text)| ExplanationLine { path: path.into(), text: text.into() }).collect()
     }
 
     /// The differences as `path: old -> new`.
@@ -409,7 +412,7 @@ mod tests {
     #[test]
     fn a_difference_gives_its_reason() {
         let t = |path: &str, code: &str, name: Option<&str>| {
-            let change = Change { path: path.into(), old: "1".into(), new: "2".into() };
+            let change = DescriptionChange { path: path.into(), old: "1".into(), new: "2".into() };
             let reason = serde_json::to_value(change.reason()).unwrap();
             let wanted = [Some(code), name, Some("1"), Some("2")];
             assert_eq!(["code", "name", "old", "new"].map(|field| reason[field].as_str()), wanted, "{path}");

@@ -3,18 +3,18 @@
 use super::{Plan, PlannedStep};
 use crate::recipe::Recipe;
 use crate::stage::Stage as _;
-use crate::stage::blur::Exposing;
-use crate::stage::events::Simulating;
-use crate::stage::geometry::{Depth, Flow, Quantity as _};
-use crate::stage::sharp::Photographing;
-use crate::stage::trajectory::Moving;
-use crate::store::record::Brief;
+use crate::stage::blur::BlurStage;
+use crate::stage::events::EventsStage;
+use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+use crate::stage::sharp::SharpStage;
+use crate::stage::trajectory::TrajectoryStage;
+use crate::store::record::RecordSummary;
 use crate::store::{Store, StoreError};
 use std::collections::BTreeMap;
 
 /// Resources used by a step, or by an average step of its stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Past {
+pub struct PastCosts {
     /// Wall time times threads, s.
     pub core_seconds: f64,
     /// Bytes of its outputs.
@@ -23,8 +23,8 @@ pub struct Past {
     pub memory: f64,
 }
 
-impl Past {
-    fn from_record(record: &Brief) -> Self {
+impl PastCosts {
+    fn from_record(record: &RecordSummary) -> Self {
         let bytes: u64 = record.outputs.iter().map(|o| o.size).sum();
         Self {
             core_seconds: record.seconds * record.threads as f64,
@@ -39,19 +39,20 @@ impl Past {
 ///
 /// # Errors
 /// A record cannot be read.
-pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError> {
+pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<PastCosts>>, StoreError> {
     let own = |step: &PlannedStep| {
         let key = store.last_key(plan.scene_of(step), &step.name);
         let record = key.map(|key| store.record(&key)).transpose()?.flatten();
-        Ok(record.map(|record| Past::from_record(&record)))
+        Ok(record.map(|record| PastCosts::from_record(&record)))
     };
-    let own: Vec<Option<Past>> = plan.steps().iter().map(own).collect::<Result<_, StoreError>>()?;
+    let own: Vec<Option<PastCosts>> = plan.steps().iter().map(own).collect::<Result<_, StoreError>>()?;
     if own.iter().all(Option::is_some) {
         return Ok(own);
     }
     let means = stage_means(store);
     let of_stage = |stage: &str| means.get(stage).copied();
-    let or_mean = |(own, step): (Option<Past>, &PlannedStep)| own.or_else(|| of_stage(step.step.stage()));
+    let or_mean =
+        |(own, step): (Option<PastCosts>, &PlannedStep)| own.or_else(|| of_stage(step.step.stage()));
     Ok(own.into_iter().zip(plan.steps()).map(or_mean).collect())
 }
 
@@ -62,8 +63,14 @@ pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, Store
 /// A record cannot be read.
 pub fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
     // The steps that would take longest to make again come first.
-    let steps =
-        [Simulating::NAME, Exposing::NAME, Photographing::NAME, Depth::NAME, Flow::NAME, Moving::NAME];
+    let steps = [
+        EventsStage::NAME,
+        BlurStage::NAME,
+        SharpStage::NAME,
+        DepthQuantity::NAME,
+        FlowQuantity::NAME,
+        TrajectoryStage::NAME,
+    ];
     for step in steps {
         for trajectory in &recipe.trajectories {
             let key = store.last_key(&recipe.scene, &format!("{}/{step}", trajectory.name));
@@ -78,18 +85,18 @@ pub fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, Stor
 }
 
 /// Means over all records of each stage.
-fn stage_means(store: &Store) -> BTreeMap<String, Past> {
-    let mut sums: BTreeMap<String, (f64, Past)> = BTreeMap::new();
+fn stage_means(store: &Store) -> BTreeMap<String, PastCosts> {
+    let mut sums: BTreeMap<String, (f64, PastCosts)> = BTreeMap::new();
     for record in store.records() {
-        let past = Past::from_record(&record);
+        let past = PastCosts::from_record(&record);
         let (count, sum) = sums.entry(record.stage).or_default();
         *count += 1.0;
         sum.core_seconds += past.core_seconds;
         sum.bytes += past.bytes;
         sum.memory = sum.memory.max(past.memory);
     }
-    let mean = |(stage, (count, sum)): (String, (f64, Past))| {
-        (stage, Past { core_seconds: sum.core_seconds / count, bytes: sum.bytes / count, ..sum })
+    let mean = |(stage, (count, sum)): (String, (f64, PastCosts))| {
+        (stage, PastCosts { core_seconds: sum.core_seconds / count, bytes: sum.bytes / count, ..sum })
     };
     sums.into_iter().map(mean).collect()
 }

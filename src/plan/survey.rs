@@ -4,11 +4,11 @@
 //! its recipe is then not even parsed. The other scenes are read, planned and compared with the
 //! store as usual. A memo that is lost or outdated costs time only.
 
-use super::assess::Product;
-use super::{Plan, Renderers};
-use crate::recipe::{self, Faults, Recipe, RecipeFile, TakenDown};
+use super::assess::StepProduct;
+use super::{Plan, RendererPolicy};
+use crate::recipe::{self, Recipe, RecipeFaults, RecipeFile, TakenDown};
 use crate::stage::StepId;
-use crate::store::record::Output;
+use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,9 +16,9 @@ use std::path::PathBuf;
 
 /// The state of some recipes before anything is run.
 #[derive(Debug)]
-pub struct Survey {
+pub struct PlanSurvey {
     /// Scenes that are up to date, sorted by id.
-    pub settled: Vec<Settled>,
+    pub settled: Vec<SettledScene>,
     /// The steps of the other scenes.
     pub plan: Plan,
     /// What the lists of scenes that are taken down did.
@@ -27,7 +27,7 @@ pub struct Survey {
 
 /// A scene that is up to date.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Settled {
+pub struct SettledScene {
     /// Its id.
     pub scene: String,
     /// Kind of its upstream, and its name there.
@@ -46,7 +46,7 @@ pub struct SettledStep {
     /// Its key.
     pub key: Key,
     /// Its outputs.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<StoredOutput>,
 }
 
 /// The reason why recipes cannot be surveyed.
@@ -54,14 +54,14 @@ pub struct SettledStep {
 pub enum SurveyError {
     /// They have faults.
     #[error("the recipes have faults")]
-    Faults(Box<Faults>),
+    Faults(Box<RecipeFaults>),
     /// The store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
 
-impl From<Faults> for SurveyError {
-    fn from(faults: Faults) -> Self {
+impl From<RecipeFaults> for SurveyError {
+    fn from(faults: RecipeFaults) -> Self {
         Self::Faults(Box::new(faults))
     }
 }
@@ -74,20 +74,20 @@ impl From<Faults> for SurveyError {
 /// be read.
 pub fn survey_recipes(
     paths: &[PathBuf],
-    renderers: &dyn Renderers,
+    renderers: &dyn RendererPolicy,
     store: &Store,
     tag: &Digest,
-) -> Result<Survey, SurveyError> {
+) -> Result<PlanSurvey, SurveyError> {
     let Ok(files) = recipe::find_all(paths) else { return plan_all(paths, renderers) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
-    let recalled: Vec<Option<Settled>> = store.recall(&names, tag)?;
+    let recalled: Vec<Option<SettledScene>> = store.recall(&names, tag)?;
     let moved: Vec<RecipeFile> = files
         .iter()
         .zip(&recalled)
         .filter(|(_, settled)| settled.is_none())
         .map(|(f, _)| f.clone())
         .collect();
-    let mut settled: Vec<Settled> = recalled.into_iter().flatten().collect();
+    let mut settled: Vec<SettledScene> = recalled.into_iter().flatten().collect();
     // A fault of one recipe may be caused by another one, so all of them are read.
     let Ok(recipes) = recipe::read_files(&moved) else { return plan_all(paths, renderers) };
     if may_clash(&settled, &recipes) {
@@ -95,7 +95,7 @@ pub fn survey_recipes(
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
     let takedown = recipe::takedown_of(paths, &files)?;
-    let origin = |s: &Settled| (s.scene.clone(), s.source.clone());
+    let origin = |s: &SettledScene| (s.scene.clone(), s.source.clone());
     let of_recipe = |recipe: &Recipe| {
         let (kind, upstream) = recipe.source.origin();
         (recipe.scene.clone(), (kind.to_owned(), upstream.map(str::to_owned)))
@@ -107,22 +107,22 @@ pub fn survey_recipes(
     let (recipes, TakenDown { scenes: unread, .. }) = takedown.keep(recipes);
     settled.retain(|s| takedown.since(&s.scene, &s.source.0, s.source.1.as_deref()).is_none());
     let taken_down = TakenDown { scenes: unread + all - settled.len(), unmatched };
-    Ok(Survey { settled, plan: Plan::new(recipes, renderers), taken_down })
+    Ok(PlanSurvey { settled, plan: Plan::new(recipes, renderers), taken_down })
 }
 
 /// Reads and plans every scene, without memos.
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`].
-pub fn plan_all(paths: &[PathBuf], renderers: &dyn Renderers) -> Result<Survey, SurveyError> {
+pub fn plan_all(paths: &[PathBuf], renderers: &dyn RendererPolicy) -> Result<PlanSurvey, SurveyError> {
     let recipes = recipe::read_all(paths)?;
     let (recipes, taken_down) = recipe::read_takedown(paths)?.keep(recipes);
-    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
+    Ok(PlanSurvey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
 }
 
-/// Whether two scenes could claim one folder: the same id twice, or an id inside a trajectory of
+/// Returns true if two scenes could claim one folder: the same id twice, or an id inside a trajectory of
 /// another scene.
-fn may_clash(settled: &[Settled], recipes: &[Recipe]) -> bool {
+fn may_clash(settled: &[SettledScene], recipes: &[Recipe]) -> bool {
     let known =
         settled.iter().map(|s| (s.scene.as_str(), s.trajectories.iter().map(String::as_str).collect()));
     let read =
@@ -141,8 +141,9 @@ fn may_clash(settled: &[Settled], recipes: &[Recipe]) -> bool {
 
 /// Stores a memo for every scene of a plan that is complete and stable, so that the next survey
 /// finds it settled.
-pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store, tag: &Digest) {
-    let mut scenes: Vec<Option<Scene>> = plan.scenes().iter().map(|_| Some(Scene::default())).collect();
+pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, store: &Store, tag: &Digest) {
+    let mut scenes: Vec<Option<SceneState>> =
+        plan.scenes().iter().map(|_| Some(SceneState::default())).collect();
     for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
         let scene = &mut scenes[step.scene];
         match products.get(&id) {
@@ -157,28 +158,28 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, Product>, store
             continue;
         }
         store.note_recipe(&recipe.scene, &recipe.merged.to_string());
-        let Scene { steps, mut seen } = scene;
+        let SceneState { steps, mut seen } = scene;
         seen.extend(recipe.seen.iter().cloned());
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();
         let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
         let (kind, upstream_id) = recipe.source.origin();
         let source = (kind.to_owned(), upstream_id.map(str::to_owned));
-        let settled = Settled { scene: recipe.scene.clone(), source, trajectories, steps };
+        let settled = SettledScene { scene: recipe.scene.clone(), source, trajectories, steps };
         store.remember(&recipe.file.name(), *tag, &seen, &blobs, settled);
     }
 }
 
 /// The state of a scene, step by step.
 #[derive(Default)]
-struct Scene {
+struct SceneState {
     steps: Vec<SettledStep>,
-    seen: Vec<(PathBuf, crate::store::stat_cache::Sighting)>,
+    seen: Vec<(PathBuf, crate::store::stat_cache::StatSighting)>,
 }
 
-impl Scene {
-    fn add(&mut self, name: &str, product: &Product) {
-        let Product { key, outputs, sources } = product;
+impl SceneState {
+    fn add(&mut self, name: &str, product: &StepProduct) {
+        let StepProduct { key, outputs, sources } = product;
         self.steps.push(SettledStep { name: name.to_owned(), key: *key, outputs: outputs.clone() });
         self.seen.extend(sources.seen.iter().cloned());
     }

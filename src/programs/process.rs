@@ -1,8 +1,8 @@
 //! A program run to its end: supervised, without input, and with all that it prints in a file.
 
 use super::quoted::quoted;
-use super::report::Report;
-use super::{Programs, SUPERVISE};
+use super::report::ProgramReport;
+use super::{ProgramFinder, SUPERVISE};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -17,7 +17,7 @@ use std::time::Duration;
 
 /// What is started.
 #[derive(Debug, Clone)]
-pub struct Invocation {
+pub struct ProgramCall {
     /// A name, or an absolute path.
     pub program: PathBuf,
     /// What it is started with.
@@ -28,7 +28,7 @@ pub struct Invocation {
     pub folder: PathBuf,
 }
 
-impl Invocation {
+impl ProgramCall {
     /// The command as a person may type it.
     #[must_use]
     pub fn to_text(&self) -> String {
@@ -42,13 +42,13 @@ impl Invocation {
 /// A program that did not do what it was for.
 #[derive(Debug, thiserror::Error)]
 #[error("run {program}: {how}")]
-pub struct Failed {
+pub struct ProgramFailure {
     /// Its name.
     pub program: String,
     /// The command as it was run.
     pub command: String,
     /// What happened.
-    pub how: How,
+    pub how: EndKind,
     /// The last lines that it printed.
     pub last: Vec<String>,
     /// The file with all that it printed.
@@ -57,7 +57,7 @@ pub struct Failed {
 
 /// What happened to a program.
 #[derive(Debug, thiserror::Error)]
-pub enum How {
+pub enum EndKind {
     /// It did not start.
     #[error("it cannot be started: {0}")]
     NotStarted(io::Error),
@@ -83,11 +83,11 @@ pub enum How {
 
 /// Why a program did not come to a good end.
 #[derive(Debug)]
-pub enum Ended {
+pub enum ProgramEnd {
     /// The caller asked it to stop, and it has.
     Stopped,
     /// It failed.
-    Failed(How),
+    Failed(EndKind),
 }
 
 /// Time between two looks at a program.
@@ -102,11 +102,11 @@ const LOOKS_TO_END: u32 = 250;
 /// When it fails or is stopped.
 pub fn run_within(
     seconds: u32,
-    programs: &Programs,
-    invocation: &Invocation,
+    programs: &ProgramFinder,
+    invocation: &ProgramCall,
     log: &Path,
     goes_on: &dyn Fn() -> bool,
-) -> Result<(), Ended> {
+) -> Result<(), ProgramEnd> {
     within(seconds, goes_on, |goes_on| run(programs, invocation, log, goes_on))
 }
 
@@ -114,8 +114,8 @@ pub fn run_within(
 pub(super) fn within(
     seconds: u32,
     goes_on: &dyn Fn() -> bool,
-    run: impl FnOnce(&dyn Fn() -> bool) -> Result<(), Ended>,
-) -> Result<(), Ended> {
+    run: impl FnOnce(&dyn Fn() -> bool) -> Result<(), ProgramEnd>,
+) -> Result<(), ProgramEnd> {
     // Counted in looks, so that no clock is read: a machine that was asleep has not spent them.
     let most = u64::from(seconds) * 1000 / u64::from(LOOK.subsec_millis());
     let looks = Cell::new(0);
@@ -124,7 +124,7 @@ pub(super) fn within(
         looks.get() <= most && goes_on()
     });
     match ended {
-        Err(Ended::Stopped) if looks.get() > most => Err(Ended::Failed(How::TooLong(seconds))),
+        Err(ProgramEnd::Stopped) if looks.get() > most => Err(ProgramEnd::Failed(EndKind::TooLong(seconds))),
         ended => ended,
     }
 }
@@ -134,51 +134,51 @@ pub(super) fn within(
 /// # Errors
 /// When it fails or is stopped.
 pub fn run(
-    programs: &Programs,
-    invocation: &Invocation,
+    programs: &ProgramFinder,
+    invocation: &ProgramCall,
     log: &Path,
     goes_on: &dyn Fn() -> bool,
-) -> Result<(), Ended> {
+) -> Result<(), ProgramEnd> {
     let open = || {
         let mut log = File::options().create(true).append(true).open(log)?;
         writeln!(log, "$ {}", invocation.to_text())?;
         Ok(log)
     };
-    let log = open().map_err(|error| Ended::Failed(How::NotStarted(error)))?;
+    let log = open().map_err(|error| ProgramEnd::Failed(EndKind::NotStarted(error)))?;
     run_into(programs, invocation, Stdio::from(log), goes_on)
 }
 
 /// Runs a program that prints to `output`.
 pub(super) fn run_into(
-    programs: &Programs,
-    invocation: &Invocation,
+    programs: &ProgramFinder,
+    invocation: &ProgramCall,
     output: Stdio,
     goes_on: &dyn Fn() -> bool,
-) -> Result<(), Ended> {
-    let started = Supervised::start(programs, invocation, output);
-    let mut supervised = started.map_err(|error| Ended::Failed(How::NotStarted(error)))?;
+) -> Result<(), ProgramEnd> {
+    let started = SupervisedChild::start(programs, invocation, output);
+    let mut supervised = started.map_err(|error| ProgramEnd::Failed(EndKind::NotStarted(error)))?;
     loop {
         match supervised.supervisor.try_wait() {
             Ok(None) if goes_on() => std::thread::sleep(LOOK),
             Ok(None) => {
                 supervised.ask_to_end();
-                return Err(Ended::Stopped);
+                return Err(ProgramEnd::Stopped);
             }
-            Ok(Some(_)) => return supervised.outcome().map_err(Ended::Failed),
-            Err(cause) => return Err(Ended::Failed(How::Lost(cause))),
+            Ok(Some(_)) => return supervised.outcome().map_err(ProgramEnd::Failed),
+            Err(cause) => return Err(ProgramEnd::Failed(EndKind::Lost(cause))),
         }
     }
 }
 
 /// A program with its supervisor. Dropping it kills the program with all that it started.
-struct Supervised {
+struct SupervisedChild {
     supervisor: Child,
     /// `None` once it is closed.
     line: Option<UnixStream>,
 }
 
-impl Supervised {
-    fn start(programs: &Programs, invocation: &Invocation, output: Stdio) -> io::Result<Self> {
+impl SupervisedChild {
+    fn start(programs: &ProgramFinder, invocation: &ProgramCall, output: Stdio) -> io::Result<Self> {
         let program = programs.find(&invocation.program)?;
         let (ours, theirs) = UnixStream::pair()?;
         let held = programs.held.as_ref().map(|file| file.try_clone()).transpose()?;
@@ -213,22 +213,24 @@ impl Supervised {
     }
 
     /// How the program ended, after its supervisor has.
-    fn outcome(&mut self) -> Result<(), How> {
+    fn outcome(&mut self) -> Result<(), EndKind> {
         let mut text = String::new();
         if let Some(line) = &mut self.line {
-            line.read_to_string(&mut text).map_err(How::Lost)?;
+            line.read_to_string(&mut text).map_err(EndKind::Lost)?;
         }
         match text.parse() {
-            Ok(Report::Code(0)) => Ok(()),
-            Ok(Report::Code(code)) => Err(How::Code(code)),
-            Ok(Report::Signal(signal)) => Err(How::Signal(signal)),
-            Ok(Report::NotStarted(error)) => Err(How::NotStarted(io::Error::from_raw_os_error(error))),
-            Err(error) => Err(How::Lost(io::Error::other(error))),
+            Ok(ProgramReport::Code(0)) => Ok(()),
+            Ok(ProgramReport::Code(code)) => Err(EndKind::Code(code)),
+            Ok(ProgramReport::Signal(signal)) => Err(EndKind::Signal(signal)),
+            Ok(ProgramReport::NotStarted(error)) => {
+                Err(EndKind::NotStarted(io::Error::from_raw_os_error(error)))
+            }
+            Err(error) => Err(EndKind::Lost(io::Error::other(error))),
         }
     }
 }
 
-impl Drop for Supervised {
+impl Drop for SupervisedChild {
     fn drop(&mut self) {
         self.line = None;
         // Its folder may be deleted next, so its end is waited for. One that cannot be waited for has

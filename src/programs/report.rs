@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 /// How a supervised program ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Report {
+pub enum ProgramReport {
     /// It ended with this exit code.
     Code(i32),
     /// This signal ended it.
@@ -14,7 +14,7 @@ pub enum Report {
     NotStarted(i32),
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for ProgramReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Code(code) => writeln!(f, "code {code}"),
@@ -29,7 +29,7 @@ impl fmt::Display for Report {
 #[error("it ended without a report")]
 pub struct NoReport;
 
-impl FromStr for Report {
+impl FromStr for ProgramReport {
     type Err = NoReport;
 
     fn from_str(text: &str) -> Result<Self, NoReport> {
@@ -50,11 +50,11 @@ mod tests {
 
     #[test]
     fn a_whole_report_is_read_and_no_part_of_one() {
-        for report in [Report::Code(13), Report::Signal(9), Report::NotStarted(2)] {
+        for report in [ProgramReport::Code(13), ProgramReport::Signal(9), ProgramReport::NotStarted(2)] {
             let text = report.to_string();
             assert_eq!(text.parse(), Ok(report));
             for cut in 0..text.len() {
-                assert_eq!(text[..cut].parse::<Report>(), Err(NoReport), "{:?}", &text[..cut]);
+                assert_eq!(text[..cut].parse::<ProgramReport>(), Err(NoReport), "{:?}", &text[..cut]);
             }
         }
     }

@@ -8,13 +8,13 @@ mod splits;
 mod takedown;
 
 pub use release::ReleaseInfo;
-pub use sources::{Redistribution, SourceTerms};
-pub use splits::{By, Splits};
-pub use takedown::{Takedown, TakenDown, read_takedown, takedown_of};
+pub use sources::{RedistributionStatement, SourceTerms};
+pub use splits::{SplitPlan, SplitUnit};
+pub use takedown::{TakedownList, TakenDown, read_takedown, takedown_of};
 
-use super::fault::{Fault, Faults};
+use super::fault::{RecipeFault, RecipeFaults};
 use super::find::{self, RELEASE, SOURCES};
-use super::load::Parts;
+use super::load::RecipeParts;
 use super::resolve::Resolver;
 use crate::files::is_there;
 use serde::de::DeserializeOwned;
@@ -26,7 +26,7 @@ use std::path::PathBuf;
 ///
 /// # Errors
 /// The file cannot be read or has a fault, or two folders have one each.
-pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
+pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, RecipeFaults> {
     read_single(paths, RELEASE, release::release_info)
 }
 
@@ -34,7 +34,7 @@ pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
 ///
 /// # Errors
 /// The file cannot be read or has a fault, or two folders have one each.
-pub fn read_sources(paths: &[PathBuf]) -> Result<SourceTerms, Faults> {
+pub fn read_sources(paths: &[PathBuf]) -> Result<SourceTerms, RecipeFaults> {
     read_single(paths, SOURCES, sources::source_terms)
 }
 
@@ -43,14 +43,14 @@ fn read_single<T: DeserializeOwned + Default, R: Default>(
     paths: &[PathBuf],
     name: &str,
     resolve: fn(&T, &Resolver<'_>) -> Option<R>,
-) -> Result<R, Faults> {
-    let read = |path: PathBuf| Ok(Parts::without_defaults(&path)?.resolve(resolve)?.1);
+) -> Result<R, RecipeFaults> {
+    let read = |path: PathBuf| Ok(RecipeParts::without_defaults(&path)?.resolve(resolve)?.1);
     let found = find_single(paths, name).and_then(|path| path.map_or_else(|| Ok(R::default()), read));
-    found.or_else(|faults| Faults::value_or(R::default(), faults))
+    found.or_else(|faults| RecipeFaults::value_or(R::default(), faults))
 }
 
 /// Finds the one file with this name next to the recipes.
-fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
+fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<RecipeFault>> {
     let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::parent_folder(path) };
     let mut seen = BTreeSet::new();
     let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
@@ -61,7 +61,7 @@ fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fau
         [first, second, ..] => {
             let message = format!("there is another one: {}", super::fault::shown_path(first));
             let help = format!("one release has one {name}: release the folders apart, or keep one of them");
-            Err(vec![Fault::of_file(second, &message, Some(&help))])
+            Err(vec![RecipeFault::of_file(second, &message, Some(&help))])
         }
     }
 }

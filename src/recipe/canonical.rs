@@ -5,19 +5,19 @@ mod reconstruct;
 mod trajectory;
 
 use super::field::Field;
-use super::resolve::Resolved;
-use super::{Output, Reconstruct, Source, Upstream, schema};
-use crate::licence::Grant;
-use crate::render::Antialiased;
-use crate::sensor::noise::HotPixels;
-use crate::sensor::voltmeter::{Preset, Voltmeter};
-use crate::sensor::{Sensor, Sensors};
+use super::resolve::ResolvedRecipe;
+use super::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin, schema};
+use crate::licence::UpstreamGrant;
+use crate::render::AntialiasMode;
+use crate::sensor::noise::HotPixelNoise;
+use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use crate::sensor::{SensorChoice, SensorSet};
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
 /// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,
 /// formulae, a literal `k`.
-pub(super) fn canonical_recipe(raw: &schema::Recipe, recipe: &Resolved) -> Value {
+pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &ResolvedRecipe) -> Value {
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
@@ -36,8 +36,8 @@ pub(super) fn canonical_recipe(raw: &schema::Recipe, recipe: &Resolved) -> Value
     });
     let mut add = |key: &str, value: Value| out[key] = value;
     match &recipe.sensors {
-        Sensors::One(one) => add("sensor", sensor_value(raw.sensor.given().map(|(raw, _)| raw), one)),
-        Sensors::Named(named) => {
+        SensorSet::One(one) => add("sensor", sensor_value(raw.sensor.given().map(|(raw, _)| raw), one)),
+        SensorSet::Named(named) => {
             let raw = raw.sensors.given().map(|(raw, _)| raw);
             let written = |name: &String| Some(raw?.get(name)?.given()?.0);
             add(
@@ -47,11 +47,13 @@ pub(super) fn canonical_recipe(raw: &schema::Recipe, recipe: &Resolved) -> Value
         }
     }
     match &recipe.reconstruct {
-        Some(Reconstruct::Given(_)) => add("reconstruct", json!({ "given": { "path": given_path(raw) } })),
-        Some(Reconstruct::Command(command)) => {
+        Some(ReconstructMethod::Given(_)) => {
+            add("reconstruct", json!({ "given": { "path": given_path(raw) } }))
+        }
+        Some(ReconstructMethod::Command(command)) => {
             add("reconstruct", json!({ "command": reconstruct::command_value(raw, command) }));
         }
-        Some(Reconstruct::Newest(_)) | None => {}
+        Some(ReconstructMethod::Newest(_)) | None => {}
     }
     if let Some(camera) = recipe.camera {
         let mut sides = json!({ "width": camera.width, "height": camera.height });
@@ -72,7 +74,7 @@ pub(super) fn canonical_recipe(raw: &schema::Recipe, recipe: &Resolved) -> Value
     }
     if let Some(licence) = &recipe.licence {
         let mut said = json!({ "expression": licence.expression, "holder": licence.holder });
-        if let Some(Grant { expression, granted_by, url, date }) = &licence.grant {
+        if let Some(UpstreamGrant { expression, granted_by, url, date }) = &licence.grant {
             said["upstream"] = json!(expression);
             said["evidence"] = json!({ "granted_by": granted_by, "url": url, "date": date });
         }
@@ -82,17 +84,17 @@ pub(super) fn canonical_recipe(raw: &schema::Recipe, recipe: &Resolved) -> Value
 }
 
 /// Returns the settings of blur, depth and flow pictures, if they are requested.
-fn picture_values(recipe: &Resolved) -> impl Iterator<Item = (&'static str, Value)> {
+fn picture_values(recipe: &ResolvedRecipe) -> impl Iterator<Item = (&'static str, Value)> {
     let said = [
-        (Output::Blur, "blur", json!(recipe.shutter)),
-        (Output::Depth, "depth", json!({ "every": recipe.every.depth })),
-        (Output::Flow, "flow", json!({ "every": recipe.every.flow })),
+        (OutputKind::Blur, "blur", json!(recipe.shutter)),
+        (OutputKind::Depth, "depth", json!({ "every": recipe.every.depth })),
+        (OutputKind::Flow, "flow", json!({ "every": recipe.every.flow })),
     ];
     let asked = said.into_iter().filter(|(output, ..)| recipe.outputs.contains(output));
     asked.map(|(_, key, value)| (key, value))
 }
 
-fn sampling_value(recipe: &Resolved) -> Value {
+fn sampling_value(recipe: &ResolvedRecipe) -> Value {
     let mut out = json!({ "rate": ratio_value(recipe.rate.0), "law": recipe.law });
     let between = match recipe.tolerance {
         Some(tolerance) => {
@@ -108,21 +110,21 @@ fn sampling_value(recipe: &Resolved) -> Value {
     out
 }
 
-fn source_value(raw: &schema::Recipe, source: &Source) -> Value {
+fn source_value(raw: &schema::RecipeSchema, source: &SceneSource) -> Value {
     match source {
-        Source::Procedural(still_life) => {
+        SceneSource::Procedural(still_life) => {
             let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
             if let Ok(Value::Object(rest)) = serde_json::to_value(still_life) {
                 fields.extend(rest);
             }
             json!({ "procedural": fields })
         }
-        Source::Captured(captured, upstream) => {
+        SceneSource::Captured(captured, upstream) => {
             let mut fields = Map::from_iter([("path".to_owned(), json!(source_path(raw)))]);
             if let Ok(Value::Object(rest)) = serde_json::to_value(&captured.selection) {
                 fields.extend(rest);
             }
-            let Upstream { id, url, accessed, terms_accepted } = upstream;
+            let UpstreamOrigin { id, url, accessed, terms_accepted } = upstream;
             let said = [
                 ("upstream_id", json!(id)),
                 ("upstream_url", json!(url)),
@@ -133,25 +135,25 @@ fn source_value(raw: &schema::Recipe, source: &Source) -> Value {
             fields.extend(said.map(|(key, value)| (key.to_owned(), value)));
             json!({ captured.kind.name(): fields })
         }
-        Source::None => json!("none"),
+        SceneSource::None => json!("none"),
     }
 }
 
 /// Returns the path of a capture as written.
-fn source_path(raw: &schema::Recipe) -> Option<&str> {
+fn source_path(raw: &schema::RecipeSchema) -> Option<&str> {
     match raw.source.given()?.0 {
-        schema::Source::Colmap(folder)
-        | schema::Source::Nerfstudio(folder)
-        | schema::Source::Mvimgnet(folder)
-        | schema::Source::Dl3dv(folder)
-        | schema::Source::Model(folder) => written_text(&folder.given()?.0.path),
-        schema::Source::Procedural(_) | schema::Source::None => None,
+        schema::SourceSection::Colmap(folder)
+        | schema::SourceSection::Nerfstudio(folder)
+        | schema::SourceSection::Mvimgnet(folder)
+        | schema::SourceSection::Dl3dv(folder)
+        | schema::SourceSection::Model(folder) => written_text(&folder.given()?.0.path),
+        schema::SourceSection::Procedural(_) | schema::SourceSection::None => None,
     }
 }
 
-fn given_path(raw: &schema::Recipe) -> Option<&str> {
+fn given_path(raw: &schema::RecipeSchema) -> Option<&str> {
     match raw.reconstruct.given() {
-        Some((schema::Reconstruct::Given(given), _)) => written_text(&given.given()?.0.path),
+        Some((schema::ReconstructSection::Given(given), _)) => written_text(&given.given()?.0.path),
         _ => None,
     }
 }
@@ -160,17 +162,17 @@ fn written_text(field: &Field<String>) -> Option<&str> {
     field.given().map(|(text, _)| text.as_str())
 }
 
-fn sensor_value(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
+fn sensor_value(raw: Option<&schema::SensorSection>, sensor: &SensorChoice) -> Value {
     let fields = match sensor {
-        Sensor::Voltmeter(sensor) => voltmeter_value(raw, sensor),
+        SensorChoice::Voltmeter(sensor) => voltmeter_value(raw, sensor),
         // The serialized fields have the names that recipes use.
-        Sensor::Esim(sensor) => json!(sensor),
-        Sensor::V2e(sensor) => json!(sensor),
+        SensorChoice::Esim(sensor) => json!(sensor),
+        SensorChoice::V2e(sensor) => json!(sensor),
     };
     json!({ sensor.name(): fields })
 }
 
-fn voltmeter_value(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
+fn voltmeter_value(raw: Option<&schema::SensorSection>, voltmeter: &VoltmeterModel) -> Value {
     let mut out = json!({
         "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
         "law": voltmeter.law,
@@ -181,7 +183,7 @@ fn voltmeter_value(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value
     if voltmeter.threshold_spread > 0.0 {
         out["threshold"]["spread"] = json!(voltmeter.threshold_spread);
     }
-    if voltmeter.hot_pixels != HotPixels::default() {
+    if voltmeter.hot_pixels != HotPixelNoise::default() {
         out["hot_pixels"] = json!(voltmeter.hot_pixels);
     }
     if voltmeter.allow_cap {
@@ -194,7 +196,7 @@ fn voltmeter_value(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value
         out["labels"] = json!(true);
     }
     let raw = match raw {
-        Some(schema::Sensor::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
+        Some(schema::SensorSection::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
         _ => None,
     };
     match raw.and_then(|raw| Some((raw.k.given()?.0, raw.units.given()?.0))) {
@@ -204,7 +206,7 @@ fn voltmeter_value(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value
         }
         None => {
             out["preset"] =
-                json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(Preset::Dvs346.name()))
+                json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(VoltmeterPreset::Dvs346.name()))
         }
     }
     out
@@ -215,20 +217,20 @@ fn ratio_value(ratio: Ratio) -> Value {
     if ratio.denominator() == 1 { json!(ratio.numerator()) } else { json!(ratio.to_string()) }
 }
 
-fn antialiased_value(choice: Antialiased) -> Value {
+fn antialiased_value(choice: AntialiasMode) -> Value {
     match choice {
-        Antialiased::Auto => json!("auto"),
-        Antialiased::On => json!(true),
-        Antialiased::Off => json!(false),
+        AntialiasMode::Auto => json!("auto"),
+        AntialiasMode::On => json!(true),
+        AntialiasMode::Off => json!(false),
     }
 }
 
-fn output_name(output: Output) -> &'static str {
+fn output_name(output: OutputKind) -> &'static str {
     match output {
-        Output::Events => "events",
-        Output::Sharp => "sharp",
-        Output::Blur => "blur",
-        Output::Depth => "depth",
-        Output::Flow => "flow",
+        OutputKind::Events => "events",
+        OutputKind::Sharp => "sharp",
+        OutputKind::Blur => "blur",
+        OutputKind::Depth => "depth",
+        OutputKind::Flow => "flow",
     }
 }

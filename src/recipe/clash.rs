@@ -1,14 +1,14 @@
 //! Detection of scenes that would write into each other's folders.
 
-use super::fault::{Fault, shown_path};
-use super::load::Read;
+use super::fault::{RecipeFault, shown_path};
+use super::load::ReadRecipe;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Returns one fault for each recipe whose folder is also claimed by another recipe. Ids are
 /// compared without case, as some file systems do.
-pub(super) fn find_clashes(read: &[Read]) -> Vec<Fault> {
-    let mut scenes: BTreeMap<String, Vec<&Read>> = BTreeMap::new();
+pub(super) fn find_clashes(read: &[ReadRecipe]) -> Vec<RecipeFault> {
+    let mut scenes: BTreeMap<String, Vec<&ReadRecipe>> = BTreeMap::new();
     let mut faults = Vec::new();
     for scene in read {
         let same = scenes.entry(scene.recipe.scene.to_lowercase()).or_default();
@@ -32,9 +32,9 @@ pub(super) fn find_clashes(read: &[Read]) -> Vec<Fault> {
 
 /// Returns the trajectory of another scene that contains the folder of `scene`.
 fn containing_trajectory<'a>(
-    scene: &Read,
-    scenes: &BTreeMap<String, Vec<&'a Read>>,
-) -> Option<(&'a Read, &'a str)> {
+    scene: &ReadRecipe,
+    scenes: &BTreeMap<String, Vec<&'a ReadRecipe>>,
+) -> Option<(&'a ReadRecipe, &'a str)> {
     let id = scene.recipe.scene.to_lowercase();
     id.match_indices('/').find_map(|(at, _)| {
         let next = id[at + 1..].split('/').next()?;
@@ -45,8 +45,8 @@ fn containing_trajectory<'a>(
     })
 }
 
-impl Read {
-    fn fault(&self, other: &Self, message: &str) -> Fault {
+impl ReadRecipe {
+    fn fault(&self, other: &Self, message: &str) -> RecipeFault {
         let text = &other.texts[other.scene.file as usize];
         let (line, column) = text.position(other.scene.start as usize);
         let help = format!(
@@ -54,6 +54,11 @@ impl Read {
             shown_path(&text.path)
         );
         let message = format!("the scene id \"{}\" {message}", self.recipe.scene);
-        Fault::new(message, Some(help), Arc::clone(&self.texts[self.scene.file as usize]), Some(self.scene))
+        RecipeFault::new(
+            message,
+            Some(help),
+            Arc::clone(&self.texts[self.scene.file as usize]),
+            Some(self.scene),
+        )
     }
 }

@@ -2,11 +2,11 @@
 //! all scenes share.
 
 use super::find::DEFAULTS;
-use super::load::Parts;
-use super::{Faults, names};
+use super::load::RecipeParts;
+use super::{RecipeFaults, names};
 use crate::escape::{is_hidden, quoted};
 use crate::files::is_there;
-use crate::source::Captured;
+use crate::source::DiskCapture;
 use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,11 +14,11 @@ use unicode_normalization::is_nfc;
 
 /// The content of a scene's recipe.
 #[derive(Debug)]
-pub struct Draft<'a> {
+pub struct RecipeDraft<'a> {
     /// Scene id.
     pub scene: &'a str,
     /// The capture. The path is written unchanged: relative to the recipe's folder, or absolute.
-    pub captured: &'a Captured,
+    pub captured: &'a DiskCapture,
     /// The scene file, likewise, if the recipe names one.
     pub given: Option<&'a Path>,
 }
@@ -26,7 +26,7 @@ pub struct Draft<'a> {
 /// Camera speed in the words of the paper's table 1. The paper gives no numbers; the values are
 /// this program's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pace {
+pub enum CameraPace {
     /// Half of the usual speed.
     Mild,
     /// The speed of the paper's appendix C: five poses per view.
@@ -35,7 +35,7 @@ pub enum Pace {
     Strong,
 }
 
-impl Pace {
+impl CameraPace {
     /// Number of poses per view.
     fn factor(self) -> &'static str {
         match self {
@@ -62,12 +62,12 @@ pub fn screen_text(scene: &str, paths: &[&Path]) -> Result<(), String> {
     Ok(())
 }
 
-impl Draft<'_> {
+impl RecipeDraft<'_> {
     /// The recipe, every text of it in quotes.
     #[must_use]
     pub fn text(&self) -> String {
         let path = |path: &Path| quoted(&path.to_string_lossy());
-        let Captured { kind, path: place, selection } = self.captured;
+        let DiskCapture { kind, path: place, selection } = self.captured;
         let mut fields = format!("path: {}", path(place));
         if let Some(views) = selection.views {
             let _ = write!(fields, ", views: {views}");
@@ -88,7 +88,7 @@ impl Draft<'_> {
 /// Returns the values that all drafts of a folder share: the paper's trajectories (3.5.1, 3.5.2,
 /// appendices A and C) and sensor.
 #[must_use]
-pub fn defaults_text(pace: Pace) -> String {
+pub fn defaults_text(pace: CameraPace) -> String {
     format!(
         "\
 # What all recipes in this folder and below share. A recipe's own values win.
@@ -114,19 +114,19 @@ outputs: [events, sharp]
 ///
 /// # Errors
 /// The file cannot be read.
-pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
+pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, RecipeFaults> {
     let path = defaults_in(folder);
     if !is_there(&path) {
         return Ok(None);
     }
-    let read = Parts::without_defaults(&path).map(|parts| Some(parts.has("reconstruct")));
-    read.or_else(|faults| Faults::value_or(None, faults))
+    let read = RecipeParts::without_defaults(&path).map(|parts| Some(parts.has("reconstruct")));
+    read.or_else(|faults| RecipeFaults::value_or(None, faults))
 }
 
 /// The scene that a recipe names; `None` where it cannot be read, or names none.
 #[must_use]
 pub fn scene_of(recipe: &Path) -> Option<String> {
-    Parts::without_defaults(recipe).ok()?.text("scene").map(str::to_owned)
+    RecipeParts::without_defaults(recipe).ok()?.text("scene").map(str::to_owned)
 }
 
 /// Where the defaults of a folder of recipes are.

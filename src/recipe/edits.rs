@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 /// One value that differs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Edit {
+pub struct RecipeEdit {
     /// Path of the value, for example `sensor.voltmeter.threshold.on`. A list element is identified
     /// by its name, for example `trajectories.base.refine.window`, or by its index from 0, for
     /// example `render.background[2]`.
@@ -19,13 +19,13 @@ pub struct Edit {
 /// Returns the differing values, ordered by path. A subtree that was added or removed as a whole is
 /// one edit.
 #[must_use]
-pub fn find_edits(old: &Value, new: &Value) -> Vec<Edit> {
+pub fn find_edits(old: &Value, new: &Value) -> Vec<RecipeEdit> {
     let mut found = Vec::new();
     compare_values("", old, new, &mut found);
     found
 }
 
-fn compare_values(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
+fn compare_values(path: &str, old: &Value, new: &Value, found: &mut Vec<RecipeEdit>) {
     if old == new {
         return;
     }
@@ -48,7 +48,12 @@ fn compare_values(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
     }
 }
 
-fn compare_fields(path: &str, old: &Map<String, Value>, new: &Map<String, Value>, found: &mut Vec<Edit>) {
+fn compare_fields(
+    path: &str,
+    old: &Map<String, Value>,
+    new: &Map<String, Value>,
+    found: &mut Vec<RecipeEdit>,
+) {
     let mut names: Vec<&String> = old.keys().chain(new.keys()).collect();
     names.sort();
     names.dedup();
@@ -61,8 +66,8 @@ fn compare_fields(path: &str, old: &Map<String, Value>, new: &Map<String, Value>
     }
 }
 
-fn make_edit(path: &str, old: Option<&Value>, new: Option<&Value>) -> Edit {
-    Edit { path: path.to_owned(), old: old.cloned(), new: new.cloned() }
+fn make_edit(path: &str, old: Option<&Value>, new: Option<&Value>) -> RecipeEdit {
+    RecipeEdit { path: path.to_owned(), old: old.cloned(), new: new.cloned() }
 }
 
 /// Returns the elements of a list by name; `None` unless each element is a mapping with a unique

@@ -1,6 +1,6 @@
 //! Faults of a recipe with their places: the four-part message of the command line.
 
-use super::text::{Place, Text};
+use super::text::{SourceText, TextSpan};
 use crate::escape;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -15,23 +15,28 @@ const EXCERPT: usize = 120;
 
 /// A fault of a recipe.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
+pub struct RecipeFault {
     message: String,
     help: Option<String>,
-    text: Arc<Text>,
+    text: Arc<SourceText>,
     span: Option<(usize, usize)>,
 }
 
-impl Fault {
+impl RecipeFault {
     /// Creates a fault at a place in a file. Without a place, the fault concerns the whole file.
-    pub(super) fn new(message: String, help: Option<String>, text: Arc<Text>, place: Option<Place>) -> Self {
+    pub(super) fn new(
+        message: String,
+        help: Option<String>,
+        text: Arc<SourceText>,
+        place: Option<TextSpan>,
+    ) -> Self {
         let span = place.map(|p| (p.start as usize, p.end.max(p.start) as usize));
         Self { message, help, text, span }
     }
 
     /// Creates a fault of a whole file, which may not exist.
     pub(super) fn of_file(path: &Path, message: &str, help: Option<&str>) -> Self {
-        let text = Text { path: path.to_owned(), body: String::new() };
+        let text = SourceText { path: path.to_owned(), body: String::new() };
         Self::new(message.to_owned(), help.map(str::to_owned), Arc::new(text), None)
     }
 
@@ -134,15 +139,15 @@ pub(super) fn shown_path(path: &Path) -> String {
     escape::path(path)
 }
 
-impl fmt::Display for Fault {
+impl fmt::Display for RecipeFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.location(), self.message)
     }
 }
 
-impl std::error::Error for Fault {}
+impl std::error::Error for RecipeFault {}
 
-impl miette::Diagnostic for Fault {
+impl miette::Diagnostic for RecipeFault {
     fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         Some(Box::new(Self::code(self)))
     }
@@ -161,7 +166,7 @@ impl miette::Diagnostic for Fault {
     }
 }
 
-impl miette::SourceCode for Text {
+impl miette::SourceCode for SourceText {
     fn read_span<'a>(
         &'a self,
         span: &miette::SourceSpan,
@@ -182,14 +187,14 @@ impl miette::SourceCode for Text {
 
 /// The faults of the recipes: at least one, and at most [`LISTED`] of them in full.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Faults {
-    listed: Vec<Fault>,
+pub struct RecipeFaults {
+    listed: Vec<RecipeFault>,
     more: usize,
 }
 
-impl Faults {
+impl RecipeFaults {
     /// Returns the value if there are no faults. A fault of shared defaults is reported once.
-    pub(super) fn value_or<T>(value: T, mut faults: Vec<Fault>) -> Result<T, Self> {
+    pub(super) fn value_or<T>(value: T, mut faults: Vec<RecipeFault>) -> Result<T, Self> {
         let mut seen = BTreeSet::new();
         faults.retain(|fault| seen.insert(fault.to_string()));
         if faults.is_empty() {
@@ -202,7 +207,7 @@ impl Faults {
 
     /// The listed faults.
     #[must_use]
-    pub fn listed(&self) -> &[Fault] {
+    pub fn listed(&self) -> &[RecipeFault] {
         &self.listed
     }
 
@@ -215,7 +220,7 @@ impl Faults {
     /// Returns all messages, separated by empty lines, and the number of faults that are not shown.
     #[must_use]
     pub fn render_lines(&self) -> Vec<String> {
-        let mut parts: Vec<Vec<String>> = self.listed.iter().map(Fault::render_lines).collect();
+        let mut parts: Vec<Vec<String>> = self.listed.iter().map(RecipeFault::render_lines).collect();
         if self.more > 0 {
             parts.push(vec![format!("and {} more", self.more)]);
         }
@@ -231,21 +236,21 @@ impl Faults {
     /// Returns one object per listed fault.
     #[must_use]
     pub fn to_json(&self) -> Vec<serde_json::Value> {
-        self.listed.iter().map(Fault::to_json).collect()
+        self.listed.iter().map(RecipeFault::to_json).collect()
     }
 }
 
-impl fmt::Display for Faults {
+impl fmt::Display for RecipeFaults {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let lines: Vec<String> = self.listed.iter().map(Fault::to_string).collect();
+        let lines: Vec<String> = self.listed.iter().map(RecipeFault::to_string).collect();
         f.write_str(&lines.join("; "))?;
         if self.more > 0 { write!(f, "; and {} more", self.more) } else { Ok(()) }
     }
 }
 
-impl std::error::Error for Faults {}
+impl std::error::Error for RecipeFaults {}
 
-impl miette::Diagnostic for Faults {
+impl miette::Diagnostic for RecipeFaults {
     fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
         Some(Box::new(self.listed.iter().map(|f| f as &dyn miette::Diagnostic)))
     }

@@ -1,14 +1,14 @@
 //! A field of the schema: its value with its place, or the reason for its absence.
 
-use super::text::Place;
+use super::text::TextSpan;
 use serde::de::{self, Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Newtype name by which [`super::reader::Reader`] recognizes a [`Field`].
+/// Newtype name by which [`super::reader::TreeReader`] recognizes a [`Field`].
 pub(super) const FIELD: &str = "gs2e recipe field";
 
-/// Newtype name by which the reader recognizes a [`Literal`].
+/// Newtype name by which the reader recognizes a [`NumberLiteral`].
 pub(super) const LITERAL: &str = "gs2e recipe literal";
 
 /// A field of a mapping, or an item of a list.
@@ -20,12 +20,12 @@ pub(super) enum Field<T> {
     /// The field is present but faulty. The fault is already reported.
     Bad,
     /// The field is present and valid.
-    Given(T, Place),
+    Given(T, TextSpan),
 }
 
 impl<T> Field<T> {
     /// Returns the value, if it is valid.
-    pub(super) fn given(&self) -> Option<(&T, Place)> {
+    pub(super) fn given(&self) -> Option<(&T, TextSpan)> {
         match self {
             Self::Given(value, place) => Some((value, *place)),
             Self::Absent | Self::Bad => None,
@@ -33,7 +33,7 @@ impl<T> Field<T> {
     }
 
     /// Returns the place of the valid value.
-    pub(super) fn place(&self) -> Option<Place> {
+    pub(super) fn place(&self) -> Option<TextSpan> {
         self.given().map(|(_, place)| place)
     }
 
@@ -60,40 +60,40 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for FieldVisitor<T> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut parts: A) -> Result<Field<T>, A::Error> {
         let mut number = || parts.next_element()?.ok_or_else(|| de::Error::custom("a field without a place"));
-        let place = Place { file: number()?, start: number()?, end: number()? };
+        let place = TextSpan { file: number()?, start: number()?, end: number()? };
         Ok(parts.next_element()?.map_or(Field::Bad, |value| Field::Given(value, place)))
     }
 }
 
 /// A number as written, because it must not pass through floating point.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Literal(pub String);
+pub(super) struct NumberLiteral(pub String);
 
-impl<'de> Deserialize<'de> for Literal {
+impl<'de> Deserialize<'de> for NumberLiteral {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Text;
+        struct TextField;
 
-        impl Visitor<'_> for Text {
-            type Value = Literal;
+        impl Visitor<'_> for TextField {
+            type Value = NumberLiteral;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("a number")
             }
 
-            fn visit_str<E>(self, text: &str) -> Result<Literal, E> {
-                Ok(Literal(text.to_owned()))
+            fn visit_str<E>(self, text: &str) -> Result<NumberLiteral, E> {
+                Ok(NumberLiteral(text.to_owned()))
             }
         }
 
-        deserializer.deserialize_newtype_struct(LITERAL, Text)
+        deserializer.deserialize_newtype_struct(LITERAL, TextField)
     }
 }
 
 /// A field of a feature that is not built yet. Any value is read, and the field is refused by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Later;
+pub(super) struct UnsupportedField;
 
-impl<'de> Deserialize<'de> for Later {
+impl<'de> Deserialize<'de> for UnsupportedField {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         IgnoredAny::deserialize(deserializer).map(|_| Self)
     }

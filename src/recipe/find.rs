@@ -3,10 +3,10 @@
 
 use super::Recipe;
 use super::clash::find_clashes;
-use super::fault::{Fault, Faults};
-use super::load::{Library, system_words};
+use super::fault::{RecipeFault, RecipeFaults};
+use super::load::{DefaultsLibrary, system_words};
 use crate::escape;
-use crate::files::{Walk, is_there};
+use crate::files::{FolderWalk, is_there};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::fs::MetadataExt;
@@ -48,9 +48,9 @@ impl RecipeFile {
 ///
 /// # Errors
 /// A path is no recipe, or a folder cannot be searched or contains no recipe.
-pub fn find_all(paths: &[PathBuf]) -> Result<Vec<RecipeFile>, Faults> {
+pub fn find_all(paths: &[PathBuf]) -> Result<Vec<RecipeFile>, RecipeFaults> {
     let (found, faults) = find_recipes(paths);
-    Faults::value_or(found, faults)
+    RecipeFaults::value_or(found, faults)
 }
 
 /// Reads the recipes in files and folders, sorted by scene id. See [`find_all`] for the search.
@@ -59,7 +59,7 @@ pub fn find_all(paths: &[PathBuf]) -> Result<Vec<RecipeFile>, Faults> {
 /// The recipes have faults: unreadable or unparsable files, fields that are unknown, missing, out
 /// of range or not built yet, and scenes that share an id or a folder. The first [`super::LISTED`]
 /// faults are returned in full.
-pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, Faults> {
+pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, RecipeFaults> {
     let (found, faults) = find_recipes(paths);
     read_after(&found, faults)
 }
@@ -68,12 +68,12 @@ pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, Faults> {
 ///
 /// # Errors
 /// Same as for [`read_all`].
-pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, Faults> {
+pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, RecipeFaults> {
     read_after(files, Vec::new())
 }
 
-fn read_after(files: &[RecipeFile], mut faults: Vec<Fault>) -> Result<Vec<Recipe>, Faults> {
-    let library = Library::read_defaults(files);
+fn read_after(files: &[RecipeFile], mut faults: Vec<RecipeFault>) -> Result<Vec<Recipe>, RecipeFaults> {
+    let library = DefaultsLibrary::read_defaults(files);
     let results: Vec<_> = files.par_iter().map(|file| library.recipe(file)).collect();
     let mut read = Vec::with_capacity(files.len());
     for result in results {
@@ -85,12 +85,12 @@ fn read_after(files: &[RecipeFile], mut faults: Vec<Fault>) -> Result<Vec<Recipe
     read.sort_by(|a, b| (&a.recipe.scene, &a.recipe.file.path).cmp(&(&b.recipe.scene, &b.recipe.file.path)));
     faults.extend(find_clashes(&read));
     let recipes = read.into_iter().map(|read| read.recipe).collect();
-    Faults::value_or(recipes, faults)
+    RecipeFaults::value_or(recipes, faults)
 }
 
 /// Returns the recipe files of these paths, each once.
-fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
-    let (mut found, mut faults) = (Found::default(), Vec::new());
+fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<RecipeFault>) {
+    let (mut found, mut faults) = (FoundRecipes::default(), Vec::new());
     for path in paths {
         let no_recipe = [DEFAULTS, RELEASE, SOURCES, TAKEDOWN]
             .iter()
@@ -98,7 +98,11 @@ fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
         if path.is_dir() {
             walk_folder(path, &mut found, &mut faults);
         } else if no_recipe {
-            faults.push(Fault::of_file(path, "this file is no recipe", Some("name a recipe, or its folder")));
+            faults.push(RecipeFault::of_file(
+                path,
+                "this file is no recipe",
+                Some("name a recipe, or its folder"),
+            ));
         } else {
             found.add(path.clone(), &parent_folder(path));
         }
@@ -108,7 +112,7 @@ fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
 
 /// The recipes found so far.
 #[derive(Default)]
-struct Found {
+struct FoundRecipes {
     files: Vec<RecipeFile>,
     /// Device and inode of each existing file. Links and repetitions have the same pair.
     known: BTreeSet<(u64, u64)>,
@@ -116,7 +120,7 @@ struct Found {
     defaults: BTreeMap<(PathBuf, PathBuf), Option<PathBuf>>,
 }
 
-impl Found {
+impl FoundRecipes {
     /// Adds a recipe. Its defaults are searched from its own folder up to `root`.
     fn add(&mut self, path: PathBuf, root: &Path) {
         let about = std::fs::metadata(&path);
@@ -138,10 +142,10 @@ pub(super) fn parent_folder(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-fn walk_folder(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
+fn walk_folder(root: &Path, found: &mut FoundRecipes, faults: &mut Vec<RecipeFault>) {
     let mut is_empty = true;
     let shown = |entry: &DirEntry| entry.depth() == 0 || !is_hidden(entry.path());
-    for entry in Walk::new(root).following().entries(shown) {
+    for entry in FolderWalk::new(root).following().entries(shown) {
         match entry {
             Ok(entry) if is_recipe(&entry) => {
                 is_empty = false;
@@ -154,13 +158,13 @@ fn walk_folder(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
                 is_empty = false;
                 let message = format!("cannot be searched for recipes: {}", system_words(&error.because));
                 let help = "name folders that lie elsewhere on the command line too";
-                faults.push(Fault::of_file(&error.path, &message, Some(help)));
+                faults.push(RecipeFault::of_file(&error.path, &message, Some(help)));
             }
         }
     }
     if is_empty {
         let help = "a recipe is a .yaml file other than defaults.yaml, sources.yaml and release.yaml";
-        faults.push(Fault::of_file(root, "no recipe is in this folder", Some(help)));
+        faults.push(RecipeFault::of_file(root, "no recipe is in this folder", Some(help)));
     }
 }
 
@@ -176,11 +180,11 @@ fn is_recipe(entry: &DirEntry) -> bool {
 }
 
 /// A fault where a file has the name of the takedown list in other letters: its scenes would be released.
-pub(super) fn misnamed(path: &Path) -> Option<Fault> {
+pub(super) fn misnamed(path: &Path) -> Option<RecipeFault> {
     let name = path.file_name()?.to_str()?;
     let other = name.eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;
     other.then(|| {
         let message = format!("the name is not read, wanted {TAKEDOWN}");
-        Fault::of_file(path, &message, Some("rename the file"))
+        RecipeFault::of_file(path, &message, Some("rename the file"))
     })
 }

@@ -1,27 +1,27 @@
 //! Fixed text formats: versions, addresses, days.
 
 use super::field::Field;
-use super::problem::{Problem, quote_text};
+use super::problem::{FieldProblem, quote_text};
 use super::resolve::Resolver;
 use crate::escape::is_hidden;
 
 /// A text format.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Form {
+pub(super) struct TextForm {
     holds: fn(&str) -> bool,
     /// Description, to follow "wanted".
     wanted: &'static str,
 }
 
 /// A version.
-pub(super) const VERSION: Form = Form { holds: is_version, wanted: "a version such as 1.2.0" };
+pub(super) const VERSION: TextForm = TextForm { holds: is_version, wanted: "a version such as 1.2.0" };
 /// An address.
-pub(super) const URL: Form =
-    Form { holds: is_url, wanted: "an address (http, https or doi) such as https://example.org/data" };
+pub(super) const URL: TextForm =
+    TextForm { holds: is_url, wanted: "an address (http, https or doi) such as https://example.org/data" };
 /// A day.
-pub(super) const DAY: Form = Form { holds: is_date, wanted: "a day such as 2025-05-21" };
+pub(super) const DAY: TextForm = TextForm { holds: is_date, wanted: "a day such as 2025-05-21" };
 
-impl Form {
+impl TextForm {
     /// Returns true if a text has this format.
     pub(super) fn holds(self, text: &str) -> bool {
         (self.holds)(text)
@@ -30,12 +30,14 @@ impl Form {
 
 impl Resolver<'_> {
     /// Returns a text in this format, if one is present.
-    pub(super) fn formed(&self, field: &Field<String>, form: Form) -> Option<Option<String>> {
+    pub(super) fn formed(&self, field: &Field<String>, form: TextForm) -> Option<Option<String>> {
         let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
         if form.holds(text) {
             return Some(Some(text.clone()));
         }
-        self.refuse(Problem::of_field(format!("is {}, wanted {}", quote_text(text), form.wanted)).at(place))
+        self.refuse(
+            FieldProblem::of_field(format!("is {}, wanted {}", quote_text(text), form.wanted)).at(place),
+        )
     }
 }
 

@@ -1,20 +1,20 @@
 //! Trajectories or the sensor alone, read from a recipe or from a partial file. Single steps use
 //! them.
 
-use super::fault::{Fault, Faults};
+use super::fault::{RecipeFault, RecipeFaults};
 use super::find::find_all;
-use super::load::{Library, Parts};
+use super::load::{DefaultsLibrary, RecipeParts};
 use super::{RecipeFile, TrajectoryRecipe};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
-use crate::sensor::{Sensor, Sensors};
-use crate::trajectory::sample::Summation;
+use crate::sensor::{SensorChoice, SensorSet};
+use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
 use std::path::{Path, PathBuf};
 
 /// The trajectories of a file, with the other settings that affect them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fragment {
+pub struct TrajectoryFragment {
     /// The camera, if it differs from the camera of the capture.
     pub camera: Option<CameraChoice>,
     /// The trajectories, in file order and with unique names.
@@ -22,7 +22,7 @@ pub struct Fragment {
     /// Frame rate.
     pub rate: Hertz,
     /// Summation of the speed laws.
-    pub law: Summation,
+    pub law: SummationRule,
     /// Rendering.
     pub render: RenderChoice,
 }
@@ -53,12 +53,12 @@ const STAND_IN: &str = "scene: trajectories\nsource: { procedural: {} }\n";
 ///
 /// # Errors
 /// The fragment has faults, or the path leads to no recipe or to several.
-pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
+pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     let files = find_all(&[PathBuf::from(path)])?;
-    let faulty = |faults| Faults::value_or((), faults).expect_err("there are faults");
+    let faulty = |faults| RecipeFaults::value_or((), faults).expect_err("there are faults");
     let [file] = &files[..] else {
         let message = format!("{} recipes are in this folder, wanted one", files.len());
-        return Err(faulty(vec![Fault::of_file(path, &message, Some("name the one that is meant"))]));
+        return Err(faulty(vec![RecipeFault::of_file(path, &message, Some("name the one that is meant"))]));
     };
     read_trajectories(file).map_err(faulty)
 }
@@ -93,22 +93,22 @@ const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural
 ///
 /// # Errors
 /// The fragment has faults.
-pub fn read_sensor(path: &Path) -> Result<Sensor, Faults> {
+pub fn read_sensor(path: &Path) -> Result<SensorChoice, RecipeFaults> {
     let read = || {
-        let parts = Parts::without_defaults(path)?;
+        let parts = RecipeParts::without_defaults(path)?;
         let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
         match parts.standing_in(&NOT_OF_THE_SENSOR, STAND_IN_FOR_THEM).resolved()?.sensors {
-            Sensors::One(sensor) => Ok(sensor),
-            Sensors::Named(_) => unreachable!("`sensors` is left aside"),
+            SensorSet::One(sensor) => Ok(sensor),
+            SensorSet::Named(_) => unreachable!("`sensors` is left aside"),
         }
     };
-    read().map_err(|faults| Faults::value_or((), faults).expect_err("there are faults"))
+    read().map_err(|faults| RecipeFaults::value_or((), faults).expect_err("there are faults"))
 }
 
-fn read_trajectories(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
-    let library = Library::read_defaults(std::slice::from_ref(file));
+fn read_trajectories(file: &RecipeFile) -> Result<TrajectoryFragment, Vec<RecipeFault>> {
+    let library = DefaultsLibrary::read_defaults(std::slice::from_ref(file));
     let resolved = library.parts(file)?.standing_in(&OTHERS, STAND_IN).resolved()?;
-    Ok(Fragment {
+    Ok(TrajectoryFragment {
         camera: resolved.camera,
         trajectories: resolved.trajectories,
         rate: resolved.rate,
@@ -123,7 +123,7 @@ mod tests {
     use crate::recipe::read_all;
 
     /// Reads a fragment from a file with this text.
-    fn fragment(text: &str) -> Result<Fragment, String> {
+    fn fragment(text: &str) -> Result<TrajectoryFragment, String> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.yaml");
         std::fs::write(&path, text).unwrap();
@@ -179,7 +179,7 @@ mod tests {
     }
 
     /// Reads the sensor of a file with this text.
-    fn sensor(text: &str) -> Result<Sensor, String> {
+    fn sensor(text: &str) -> Result<SensorChoice, String> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s.yaml");
         std::fs::write(&path, text).unwrap();
@@ -189,8 +189,11 @@ mod tests {
     #[test]
     fn a_sensor_is_read_alone_or_out_of_a_recipe() {
         let alone = "voltmeter: { preset: dvs240, threshold: { on: 0.5 } }\n";
-        let Ok(Sensor::Voltmeter(found)) = sensor(alone) else { panic!("it is one") };
-        assert_eq!((found.k, found.threshold_on), (crate::sensor::voltmeter::Preset::Dvs240.k(), 0.5));
+        let Ok(SensorChoice::Voltmeter(found)) = sensor(alone) else { panic!("it is one") };
+        assert_eq!(
+            (found.k, found.threshold_on),
+            (crate::sensor::voltmeter::VoltmeterPreset::Dvs240.k(), 0.5)
+        );
         let whole = format!("scene: 5\ntrajectories: gone\nsensor: {{ {} }}\n", alone.trim());
         assert_eq!(sensor(&whole), sensor(alone));
     }

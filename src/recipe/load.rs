@@ -1,18 +1,18 @@
 //! Loading of one recipe from its file and the defaults file under it.
 
-use super::fault::{Fault, shown_path};
+use super::fault::{RecipeFault, shown_path};
 use super::field::Field;
 use super::find::{RecipeFile, parent_folder};
 use super::merge::merge_nodes;
-use super::problem::Problem;
-use super::reader::{Problems, Reader};
-use super::resolve::{Resolved, Resolver};
-use super::text::{Place, Text, Texts};
-use super::tree::{self, Entry, Kind, MAX_BYTES, Node};
-use super::{NamedAt, Position, Recipe, canonical, schema};
+use super::problem::FieldProblem;
+use super::reader::{Problems, TreeReader};
+use super::resolve::{ResolvedRecipe, Resolver};
+use super::text::{SourceText, TextSpan, Texts};
+use super::tree::{self, MAX_BYTES, MappingEntry, NodeKind, TreeNode};
+use super::{NamedAt, Recipe, RecipePosition, canonical, schema};
 use crate::files;
-use crate::store::fs::Stat;
-use crate::store::stat_cache::Sighting;
+use crate::store::fs::FileStat;
+use crate::store::stat_cache::StatSighting;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,29 +22,29 @@ use std::sync::Arc;
 const VERSION: u64 = 1;
 
 /// A recipe, with the data for later messages about its scene id.
-pub(super) struct Read {
+pub(super) struct ReadRecipe {
     pub recipe: Recipe,
     pub texts: Texts,
     /// Place of the scene id.
-    pub scene: Place,
+    pub scene: TextSpan,
 }
 
 /// A file that was read and parsed.
 #[derive(Clone)]
-struct Parsed {
-    text: Arc<Text>,
+struct ParsedFile {
+    text: Arc<SourceText>,
     /// The tree; absent if the file is empty.
-    tree: Option<Node>,
+    tree: Option<TreeNode>,
     /// State of the file before it was read.
-    seen: Sighting,
+    seen: StatSighting,
 }
 
 /// The defaults files of some recipes. Many recipes can share one file.
-pub(super) struct Library {
-    defaults: BTreeMap<PathBuf, Result<Parsed, Vec<Fault>>>,
+pub(super) struct DefaultsLibrary {
+    defaults: BTreeMap<PathBuf, Result<ParsedFile, Vec<RecipeFault>>>,
 }
 
-impl Library {
+impl DefaultsLibrary {
     /// Reads the defaults of `files`.
     pub(super) fn read_defaults(files: &[RecipeFile]) -> Self {
         let mut defaults = BTreeMap::new();
@@ -56,20 +56,20 @@ impl Library {
     }
 
     /// Reads a recipe.
-    pub(super) fn recipe(&self, file: &RecipeFile) -> Result<Read, Vec<Fault>> {
+    pub(super) fn recipe(&self, file: &RecipeFile) -> Result<ReadRecipe, Vec<RecipeFault>> {
         self.parts(file)?.recipe(file)
     }
 
     /// Reads a recipe and merges it over its defaults, without resolving it.
-    pub(super) fn parts(&self, file: &RecipeFile) -> Result<Parts, Vec<Fault>> {
+    pub(super) fn parts(&self, file: &RecipeFile) -> Result<RecipeParts, Vec<RecipeFault>> {
         let RecipeFile { path, defaults } = file;
         let own = parse_file(path, 0)?;
         let tree = own.tree.ok_or_else(|| {
             let help = "a recipe has at least version, scene, source and trajectories";
-            vec![Fault::of_file(path, "the file is empty", Some(help))]
+            vec![RecipeFault::of_file(path, "the file is empty", Some(help))]
         })?;
         let seen = vec![(path.clone(), own.seen)];
-        let mut parts = Parts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
+        let mut parts = RecipeParts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
         if let Some(path) = defaults {
             let under = self.defaults[path].clone()?;
             parts.seen.push((path.clone(), under.seen));
@@ -84,19 +84,20 @@ impl Library {
 }
 
 /// The files of a recipe and their merged tree.
-pub(super) struct Parts {
+pub(super) struct RecipeParts {
     texts: Texts,
     folders: Vec<PathBuf>,
-    tree: Node,
+    tree: TreeNode,
     /// State of the files before they were read.
-    seen: Vec<(PathBuf, Sighting)>,
+    seen: Vec<(PathBuf, StatSighting)>,
 }
 
-impl Parts {
+impl RecipeParts {
     /// Reads one file without merging.
-    pub(super) fn without_defaults(file: &Path) -> Result<Self, Vec<Fault>> {
-        let Parsed { text, tree, seen } = parse_file(file, 0)?;
-        let nothing = Node { place: Place { file: 0, start: 0, end: 0 }, kind: Kind::Map(Vec::new()) };
+    pub(super) fn without_defaults(file: &Path) -> Result<Self, Vec<RecipeFault>> {
+        let ParsedFile { text, tree, seen } = parse_file(file, 0)?;
+        let nothing =
+            TreeNode { place: TextSpan { file: 0, start: 0, end: 0 }, kind: NodeKind::Map(Vec::new()) };
         let tree = tree.unwrap_or(nothing);
         let seen = vec![(file.to_owned(), seen)];
         Ok(Self { texts: vec![text], folders: vec![parent_folder(file)], tree, seen })
@@ -104,14 +105,14 @@ impl Parts {
 
     /// Returns true if the tree is a mapping with this key.
     pub(super) fn has(&self, key: &str) -> bool {
-        matches!(&self.tree.kind, Kind::Map(entries) if entries.iter().any(|entry| entry.key == key))
+        matches!(&self.tree.kind, NodeKind::Map(entries) if entries.iter().any(|entry| entry.key == key))
     }
 
     /// The text of a key at the top, if it has one.
     pub(super) fn text(&self, key: &str) -> Option<&str> {
-        let Kind::Map(entries) = &self.tree.kind else { return None };
+        let NodeKind::Map(entries) = &self.tree.kind else { return None };
         entries.iter().find(|entry| entry.key == key).and_then(|entry| match &entry.value.kind {
-            Kind::Scalar { text, .. } => Some(text.as_str()),
+            NodeKind::Scalar { text, .. } => Some(text.as_str()),
             _ => None,
         })
     }
@@ -119,8 +120,8 @@ impl Parts {
     /// The same with the whole tree as the value of one key.
     pub(super) fn under(mut self, key: &str) -> Self {
         let place = self.tree.place;
-        let entry = Entry { key: key.to_owned(), place, value: self.tree };
-        self.tree = Node { place, kind: Kind::Map(vec![entry]) };
+        let entry = MappingEntry { key: key.to_owned(), place, value: self.tree };
+        self.tree = TreeNode { place, kind: NodeKind::Map(vec![entry]) };
         self
     }
 
@@ -129,10 +130,10 @@ impl Parts {
     /// # Panics
     /// The text is no mapping.
     pub(super) fn standing_in(mut self, without: &[&str], text: &str) -> Self {
-        if let Kind::Map(entries) = &mut self.tree.kind {
+        if let NodeKind::Map(entries) = &mut self.tree.kind {
             entries.retain(|entry| !without.contains(&entry.key.as_str()));
         }
-        let text = Arc::new(Text { path: PathBuf::new(), body: text.to_owned() });
+        let text = Arc::new(SourceText { path: PathBuf::new(), body: text.to_owned() });
         let index = u32::try_from(self.texts.len()).expect("recipes are made from few files");
         let under = tree::parse_tree(&text, index).ok().flatten().expect("the text is sound");
         self.tree = merge_nodes(self.tree, &under);
@@ -142,14 +143,14 @@ impl Parts {
     }
 
     /// Resolves the recipe, without its file and its merged form.
-    pub(super) fn resolved(&self) -> Result<Resolved, Vec<Fault>> {
+    pub(super) fn resolved(&self) -> Result<ResolvedRecipe, Vec<RecipeFault>> {
         Ok(self.read()?.1)
     }
 
-    fn read(&self) -> Result<(schema::Recipe, Resolved), Vec<Fault>> {
+    fn read(&self) -> Result<(schema::RecipeSchema, ResolvedRecipe), Vec<RecipeFault>> {
         match self.other_version() {
             Some(fault) => Err(vec![fault]),
-            None => self.resolve(|raw: &schema::Recipe, resolver| resolver.recipe(raw)),
+            None => self.resolve(|raw: &schema::RecipeSchema, resolver| resolver.recipe(raw)),
         }
     }
 
@@ -158,24 +159,24 @@ impl Parts {
     pub(super) fn resolve<T: DeserializeOwned + Default, R>(
         &self,
         resolve: impl FnOnce(&T, &Resolver<'_>) -> Option<R>,
-    ) -> Result<(T, R), Vec<Fault>> {
+    ) -> Result<(T, R), Vec<RecipeFault>> {
         let problems = Problems::default();
-        let raw = T::deserialize(Reader::new(&self.tree, &problems));
+        let raw = T::deserialize(TreeReader::new(&self.tree, &problems));
         let raw = raw.map_err(|problem| problems.borrow_mut().push(problem)).unwrap_or_default();
         let resolver = Resolver { problems: &problems, folders: &self.folders, root: self.tree.place };
         let resolved = resolve(&raw, &resolver);
         let mut problems = problems.into_inner();
         // Reading and resolving report in different orders; the user reads the file from the top.
-        problems.sort_by_key(Problem::order);
+        problems.sort_by_key(FieldProblem::order);
         match resolved {
             Some(resolved) if problems.is_empty() => Ok((raw, resolved)),
             _ => Err(problems.into_iter().map(|p| p.fault(&self.texts, Some(&self.tree))).collect()),
         }
     }
 
-    fn recipe(self, file: &RecipeFile) -> Result<Read, Vec<Fault>> {
+    fn recipe(self, file: &RecipeFile) -> Result<ReadRecipe, Vec<RecipeFault>> {
         let (raw, resolved) = self.read()?;
-        let at = |field: Option<Place>| field.map(|place| self.position(place));
+        let at = |field: Option<TextSpan>| field.map(|place| self.position(place));
         let named_at = NamedAt {
             scene: at(raw.scene.place()),
             source: at(raw.source.place()),
@@ -184,21 +185,22 @@ impl Parts {
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
         let merged = canonical::canonical_recipe(&raw, &resolved);
         let recipe = Recipe { seen: self.seen, ..assemble_recipe(file, named_at, resolved, merged) };
-        Ok(Read { recipe, texts: self.texts, scene })
+        Ok(ReadRecipe { recipe, texts: self.texts, scene })
     }
 
     /// In a recipe of another version, only the version is reported.
-    fn other_version(&self) -> Option<Fault> {
+    fn other_version(&self) -> Option<RecipeFault> {
         #[derive(Default, serde::Deserialize)]
         #[serde(default)]
-        struct Versioned {
+        struct VersionedFile {
             version: Field<u64>,
         }
 
         let ignored = Problems::default();
-        let raw = <Versioned as serde::Deserialize>::deserialize(Reader::new(&self.tree, &ignored)).ok()?;
+        let raw =
+            <VersionedFile as serde::Deserialize>::deserialize(TreeReader::new(&self.tree, &ignored)).ok()?;
         let (version, place) = raw.version.given().filter(|(version, _)| **version != VERSION)?;
-        let problem = Problem::of_field(format!("is {version}, and this gs2e reads {VERSION}"));
+        let problem = FieldProblem::of_field(format!("is {version}, and this gs2e reads {VERSION}"));
         Some(
             problem
                 .help("use another gs2e, or write version: 1")
@@ -207,17 +209,17 @@ impl Parts {
         )
     }
 
-    fn position(&self, place: Place) -> Position {
+    fn position(&self, place: TextSpan) -> RecipePosition {
         let text = &self.texts[place.file as usize];
         let (line, column) = text.position(place.start as usize);
-        Position { file: shown_path(&text.path), line, column }
+        RecipePosition { file: shown_path(&text.path), line, column }
     }
 }
 
 fn assemble_recipe(
     file: &RecipeFile,
     named_at: NamedAt,
-    resolved: Resolved,
+    resolved: ResolvedRecipe,
     merged: serde_json::Value,
 ) -> Recipe {
     Recipe {
@@ -247,11 +249,11 @@ fn assemble_recipe(
 }
 
 /// Reads and parses a file. Its places carry the number `index`.
-fn parse_file(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
+fn parse_file(file: &Path, index: u32) -> Result<ParsedFile, Vec<RecipeFault>> {
     let (body, seen) = read_file(file).map_err(|fault| vec![fault])?;
-    let text = Arc::new(Text { path: file.to_owned(), body });
+    let text = Arc::new(SourceText { path: file.to_owned(), body });
     match tree::parse_tree(&text, index) {
-        Ok(tree) => Ok(Parsed { text, tree, seen }),
+        Ok(tree) => Ok(ParsedFile { text, tree, seen }),
         Err(problems) => {
             let texts = vec![text; index as usize + 1];
             Err(problems.into_iter().map(|problem| problem.fault(&texts, None)).collect())
@@ -259,29 +261,32 @@ fn parse_file(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
     }
 }
 
-fn read_file(file: &Path) -> Result<(String, Sighting), Fault> {
-    let unreadable = |error| Fault::of_file(file, &format!("cannot be read: {}", system_words(&error)), None);
+fn read_file(file: &Path) -> Result<(String, StatSighting), RecipeFault> {
+    let unreadable =
+        |error| RecipeFault::of_file(file, &format!("cannot be read: {}", system_words(&error)), None);
     let opened = files::open(file).map_err(unreadable)?;
     let about = opened.metadata().map_err(unreadable)?;
-    let seen = Sighting::seen_now(Stat::from(&about));
+    let seen = StatSighting::seen_now(FileStat::from(&about));
     if about.len() > MAX_BYTES as u64 {
         let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
-        return Err(Fault::of_file(file, &message, Some("is it a recipe?")));
+        return Err(RecipeFault::of_file(file, &message, Some("is it a recipe?")));
     }
     let bytes = files::read_open(opened, MAX_BYTES as u64).map_err(unreadable)?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         let start = u32::try_from(valid).unwrap_or(u32::MAX);
-        let text =
-            Text { path: file.to_owned(), body: String::from_utf8_lossy(error.as_bytes()).into_owned() };
-        let problem = Problem::new("a byte that is not UTF-8").help("save the file as UTF-8");
-        problem.at(Place { file: 0, start, end: start + 1 }).fault(&vec![Arc::new(text)], None)
+        let text = SourceText {
+            path: file.to_owned(),
+            body: String::from_utf8_lossy(error.as_bytes()).into_owned(),
+        };
+        let problem = FieldProblem::new("a byte that is not UTF-8").help("save the file as UTF-8");
+        problem.at(TextSpan { file: 0, start, end: start + 1 }).fault(&vec![Arc::new(text)], None)
     })?;
     Ok((text, seen))
 }
 
 /// Reads the text of a file next to the recipes that is not YAML.
-pub(super) fn read_text(file: &Path) -> Result<String, Fault> {
+pub(super) fn read_text(file: &Path) -> Result<String, RecipeFault> {
     read_file(file).map(|(body, _)| body)
 }
 

@@ -1,7 +1,7 @@
 //! Merging of a recipe over `defaults.yaml`. Mappings merge deeply, and lists replace. In an
 //! enumeration, a different key replaces the whole mapping. Every value keeps its original place.
 
-use super::tree::{Entry, Kind, Node};
+use super::tree::{MappingEntry, NodeKind, TreeNode};
 
 /// Mappings with one chosen key; `*` matches any name. Lists replace, so mappings inside lists are
 /// not listed.
@@ -22,19 +22,22 @@ const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
 ];
 
 /// Merges `over` with `under`; values of `over` win.
-pub(super) fn merge_nodes(over: Node, under: &Node) -> Node {
+pub(super) fn merge_nodes(over: TreeNode, under: &TreeNode) -> TreeNode {
     merge_at("", over, under)
 }
 
-fn merge_at(path: &str, over: Node, under: &Node) -> Node {
-    let Node { place, kind: Kind::Map(entries) } = over else { return over };
-    let Kind::Map(defaults) = &under.kind else { return Node { place, kind: Kind::Map(entries) } };
+fn merge_at(path: &str, over: TreeNode, under: &TreeNode) -> TreeNode {
+    let TreeNode { place, kind: NodeKind::Map(entries) } = over else { return over };
+    let NodeKind::Map(defaults) = &under.kind else {
+        return TreeNode { place, kind: NodeKind::Map(entries) };
+    };
     // A merge of two different choices would be neither of them.
     if is_enumeration(path) && !same_key(&entries, defaults) {
-        return Node { place, kind: Kind::Map(entries) };
+        return TreeNode { place, kind: NodeKind::Map(entries) };
     }
-    let mut merged: Vec<Entry> = Vec::with_capacity(entries.len() + defaults.len());
-    let inherited: Vec<&Entry> = defaults.iter().filter(|d| !is_overruled(path, &d.key, &entries)).collect();
+    let mut merged: Vec<MappingEntry> = Vec::with_capacity(entries.len() + defaults.len());
+    let inherited: Vec<&MappingEntry> =
+        defaults.iter().filter(|d| !is_overruled(path, &d.key, &entries)).collect();
     for mut entry in entries {
         if let Some(default) = defaults.iter().find(|d| d.key == entry.key) {
             entry.value = merge_at(&join_path(path, &entry.key), entry.value, &default.value);
@@ -42,15 +45,15 @@ fn merge_at(path: &str, over: Node, under: &Node) -> Node {
         merged.push(entry);
     }
     merged.extend(inherited.into_iter().cloned());
-    Node { place, kind: Kind::Map(merged) }
+    TreeNode { place, kind: NodeKind::Map(merged) }
 }
 
-fn same_key(a: &[Entry], b: &[Entry]) -> bool {
+fn same_key(a: &[MappingEntry], b: &[MappingEntry]) -> bool {
     matches!((a, b), ([a], [b]) if a.key == b.key)
 }
 
 /// Returns true if a default's key is overridden by the same key or by a key of another group.
-fn is_overruled(path: &str, key: &str, entries: &[Entry]) -> bool {
+fn is_overruled(path: &str, key: &str, entries: &[MappingEntry]) -> bool {
     let given = |key: &str| entries.iter().any(|e| e.key == key);
     let groups = EXCLUSIVE.iter().filter(|(at, _)| paths_match(at, path)).flat_map(|(_, groups)| groups);
     let others: Vec<&&[&str]> = groups.filter(|group| !group.contains(&key)).collect();
@@ -75,21 +78,21 @@ fn join_path(path: &str, key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::text::Text;
+    use crate::recipe::text::SourceText;
     use crate::recipe::tree;
 
-    fn parse(yaml: &str) -> Node {
-        let text = Text { path: "test.yaml".into(), body: yaml.into() };
+    fn parse(yaml: &str) -> TreeNode {
+        let text = SourceText { path: "test.yaml".into(), body: yaml.into() };
         tree::parse_tree(&text, 0).unwrap_or_else(|p| panic!("{yaml}: {p:?}")).expect("it is not empty")
     }
 
     /// Canonical form without places: keys sorted.
-    fn plain(node: &Node) -> String {
+    fn plain(node: &TreeNode) -> String {
         match &node.kind {
-            Kind::Null => "~".into(),
-            Kind::Scalar { text, .. } => text.clone(),
-            Kind::List(items) => format!("[{}]", items.iter().map(plain).collect::<Vec<_>>().join(" ")),
-            Kind::Map(entries) => {
+            NodeKind::Null => "~".into(),
+            NodeKind::Scalar { text, .. } => text.clone(),
+            NodeKind::List(items) => format!("[{}]", items.iter().map(plain).collect::<Vec<_>>().join(" ")),
+            NodeKind::Map(entries) => {
                 let mut parts: Vec<String> =
                     entries.iter().map(|e| format!("{}:{}", e.key, plain(&e.value))).collect();
                 parts.sort();

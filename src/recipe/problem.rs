@@ -1,28 +1,28 @@
 //! A fault before its files are known, as reported by readers of the value tree.
 
-use super::fault::Fault;
+use super::fault::RecipeFault;
 use super::nearest::nearest_word;
-use super::text::{Place, Texts};
-use super::tree::Node;
+use super::text::{TextSpan, Texts};
+use super::tree::TreeNode;
 use crate::escape::is_hidden;
 use serde::de;
 use std::fmt;
 
 /// A fault and its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Problem {
+pub(super) struct FieldProblem {
     message: String,
-    about: About,
+    about: FieldContext,
     help: Option<String>,
     /// The value, key or mapping with the fault.
-    place: Option<Place>,
+    place: Option<TextSpan>,
     /// The part of it to be shown, if smaller.
-    part: Option<Place>,
+    part: Option<TextSpan>,
 }
 
 /// Relation between the message and the name of the field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum About {
+enum FieldContext {
     /// The message is complete: `unknown field "treshold"`.
     Itself,
     /// The message continues the name: `"sampling.rate" is 0, wanted …`.
@@ -35,25 +35,25 @@ enum About {
     Sentence,
 }
 
-impl Problem {
+impl FieldProblem {
     /// Creates a complete message.
     pub(super) fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), about: About::Itself, help: None, place: None, part: None }
+        Self { message: message.into(), about: FieldContext::Itself, help: None, place: None, part: None }
     }
 
     /// Creates a message that continues the path of the field at the problem's place.
     pub(super) fn of_field(message: impl Into<String>) -> Self {
-        Self { about: About::Field, ..Self::new(message) }
+        Self { about: FieldContext::Field, ..Self::new(message) }
     }
 
     /// Like [`Self::of_field`], but points to the field's key.
     pub(super) fn of_key(message: impl Into<String>) -> Self {
-        Self { about: About::Key, ..Self::new(message) }
+        Self { about: FieldContext::Key, ..Self::new(message) }
     }
 
     /// Creates a problem for a field that is missing in the mapping at the problem's place.
     pub(super) fn missing_field(field: &str) -> Self {
-        Self { about: About::Missing, ..Self::new(field) }
+        Self { about: FieldContext::Missing, ..Self::new(field) }
     }
 
     /// Creates a problem for an unknown name. The help lists all known names and suggests the
@@ -74,7 +74,7 @@ impl Problem {
     }
 
     /// Sets the place, unless a place nearer to the cause is known.
-    pub(super) fn at(mut self, place: Place) -> Self {
+    pub(super) fn at(mut self, place: TextSpan) -> Self {
         self.place = self.place.or(Some(place));
         self
     }
@@ -82,34 +82,35 @@ impl Problem {
     /// Points to a part of the text at `place`, given as a byte range of `text`. The part is set
     /// only if the file contains the text unchanged: plain, or in quotes without an escape. The
     /// problem must be `at` the same place.
-    pub(super) fn in_text(mut self, place: Place, text: &str, bytes: std::ops::Range<usize>) -> Self {
+    pub(super) fn in_text(mut self, place: TextSpan, text: &str, bytes: std::ops::Range<usize>) -> Self {
         let written = (place.end - place.start) as usize;
         let quote = if written == text.len() { 0 } else { 1 };
         if written == text.len() + 2 * quote && bytes.end <= text.len() {
             let at = |byte: usize| place.start + u32::try_from(quote + byte).unwrap_or(0);
-            self.part = Some(Place { start: at(bytes.start), end: at(bytes.end), ..place });
+            self.part = Some(TextSpan { start: at(bytes.start), end: at(bytes.end), ..place });
         }
         self
     }
 
     /// Creates the fault. The name of the field is found in the tree that was read.
-    pub(super) fn fault(self, texts: &Texts, root: Option<&Node>) -> Fault {
+    pub(super) fn fault(self, texts: &Texts, root: Option<&TreeNode>) -> RecipeFault {
         let (path, key) = self.place.and_then(|p| root?.find(p)).unwrap_or_default();
-        let place = if self.about == About::Key { key.or(self.place) } else { self.part.or(self.place) };
+        let place =
+            if self.about == FieldContext::Key { key.or(self.place) } else { self.part.or(self.place) };
         let name = if path.is_empty() { "the recipe".to_owned() } else { format!("\"{path}\"") };
         let message = match self.about {
-            About::Itself => self.message,
-            About::Field | About::Key => format!("{name} {}", self.message),
-            About::Sentence => format!("{name}: {}", self.message),
-            About::Missing if path.is_empty() => format!("missing field \"{}\"", self.message),
-            About::Missing => format!("missing field \"{path}.{}\"", self.message),
+            FieldContext::Itself => self.message,
+            FieldContext::Field | FieldContext::Key => format!("{name} {}", self.message),
+            FieldContext::Sentence => format!("{name}: {}", self.message),
+            FieldContext::Missing if path.is_empty() => format!("missing field \"{}\"", self.message),
+            FieldContext::Missing => format!("missing field \"{path}.{}\"", self.message),
         };
         let text = &texts[place.map_or(0, |p| p.file as usize)];
-        Fault::new(message, self.help, text.clone(), place)
+        RecipeFault::new(message, self.help, text.clone(), place)
     }
 
     /// Order of the faults of one recipe in the output.
-    pub(super) fn order(&self) -> Option<Place> {
+    pub(super) fn order(&self) -> Option<TextSpan> {
         self.place
     }
 }
@@ -132,17 +133,17 @@ pub(super) fn bare_text(text: &str) -> String {
     short
 }
 
-impl fmt::Display for Problem {
+impl fmt::Display for FieldProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)
     }
 }
 
-impl std::error::Error for Problem {}
+impl std::error::Error for FieldProblem {}
 
-impl de::Error for Problem {
+impl de::Error for FieldProblem {
     fn custom<T: fmt::Display>(message: T) -> Self {
-        Self { about: About::Sentence, ..Self::new(message.to_string()) }
+        Self { about: FieldContext::Sentence, ..Self::new(message.to_string()) }
     }
 
     fn invalid_type(found: de::Unexpected<'_>, wanted: &dyn de::Expected) -> Self {

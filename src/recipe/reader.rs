@@ -7,79 +7,80 @@ mod access;
 mod number;
 
 use super::field::{FIELD, LITERAL};
-use super::problem::{Problem, bare_text, quote_text};
-use super::tree::{Entry, Kind, Node};
-use access::{Choice, Entries, FieldAccess, Items};
+use super::problem::{FieldProblem, bare_text, quote_text};
+use super::tree::{MappingEntry, NodeKind, TreeNode};
+use access::{EnumChoice, FieldAccess, ListItems, MapEntries};
 use serde::de::{Deserializer, Visitor};
 use std::cell::{Cell, RefCell};
 
 /// Faults found so far.
-pub(super) type Problems = RefCell<Vec<Problem>>;
+pub(super) type Problems = RefCell<Vec<FieldProblem>>;
 
 /// Reads one value of the tree.
 #[derive(Clone, Copy)]
-pub(super) struct Reader<'a> {
-    node: &'a Node,
+pub(super) struct TreeReader<'a> {
+    node: &'a TreeNode,
     problems: &'a Problems,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> TreeReader<'a> {
     /// Creates a reader of `node` that adds its faults to `problems`.
-    pub(super) fn new(node: &'a Node, problems: &'a Problems) -> Self {
+    pub(super) fn new(node: &'a TreeNode, problems: &'a Problems) -> Self {
         Self { node, problems }
     }
 
-    fn report(self, problem: Problem) {
+    fn report(self, problem: FieldProblem) {
         self.problems.borrow_mut().push(problem.at(self.node.place));
     }
 
-    fn of(self, node: &'a Node) -> Self {
+    fn of(self, node: &'a TreeNode) -> Self {
         Self { node, ..self }
     }
 
     /// Sets the place of a problem to this value, unless it has a place.
-    fn here(self) -> impl Fn(Problem) -> Problem {
+    fn here(self) -> impl Fn(FieldProblem) -> FieldProblem {
         move |problem| problem.at(self.node.place)
     }
 
     /// Creates the problem of a value that has the wrong kind.
-    fn wanted(self, what: &str) -> Problem {
-        Problem::of_field(format!("is {}, wanted {what}", self.node.kind.described())).at(self.node.place)
+    fn wanted(self, what: &str) -> FieldProblem {
+        FieldProblem::of_field(format!("is {}, wanted {what}", self.node.kind.described()))
+            .at(self.node.place)
     }
 
-    fn entries(self) -> Result<&'a [Entry], Problem> {
+    fn entries(self) -> Result<&'a [MappingEntry], FieldProblem> {
         match &self.node.kind {
-            Kind::Map(entries) => Ok(entries),
+            NodeKind::Map(entries) => Ok(entries),
             _ => Err(self.wanted("a mapping")),
         }
     }
 
-    fn items(self) -> Result<&'a [Node], Problem> {
+    fn items(self) -> Result<&'a [TreeNode], FieldProblem> {
         match &self.node.kind {
-            Kind::List(items) => Ok(items),
+            NodeKind::List(items) => Ok(items),
             _ => Err(self.wanted("a list")),
         }
     }
 
-    fn text(self, what: &str) -> Result<&'a str, Problem> {
+    fn text(self, what: &str) -> Result<&'a str, FieldProblem> {
         match &self.node.kind {
-            Kind::Scalar { text, .. } => Ok(text),
+            NodeKind::Scalar { text, .. } => Ok(text),
             _ => Err(self.wanted(what)),
         }
     }
 
     /// Returns the text of an unquoted scalar, which may be a number or a truth value.
-    fn plain(self, what: &str) -> Result<&'a str, Problem> {
+    fn plain(self, what: &str) -> Result<&'a str, FieldProblem> {
         match &self.node.kind {
-            Kind::Scalar { text, plain: true } => Ok(text),
-            Kind::Scalar { text, plain: false } if number::parse_real(text).is_some() => {
+            NodeKind::Scalar { text, plain: true } => Ok(text),
+            NodeKind::Scalar { text, plain: false } if number::parse_real(text).is_some() => {
                 Err(self.wanted(what).help("write the number without quotes"))
             }
             _ => Err(self.wanted(what)),
         }
     }
 
-    fn whole(self, low: i128, high: i128) -> Result<i128, Problem> {
+    fn whole(self, low: i128, high: i128) -> Result<i128, FieldProblem> {
         let wanted = "a whole number";
         let whole = number::parse_whole(self.plain(wanted)?).ok_or_else(|| self.wanted(wanted))?;
         let within = (low..=high).contains(&whole);
@@ -87,27 +88,27 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns the one key of an enumeration, or its bare word.
-    fn choice(self, variants: &[&str]) -> Result<Choice<'a>, Problem> {
+    fn choice(self, variants: &[&str]) -> Result<EnumChoice<'a>, FieldProblem> {
         let one_of = || format!("one of {}", variants.join(", "));
         let (name, place, value) = match &self.node.kind {
-            Kind::Scalar { text, .. } => (text, self.node.place, None),
-            Kind::Map(entries) => match entries.as_slice() {
+            NodeKind::Scalar { text, .. } => (text, self.node.place, None),
+            NodeKind::Map(entries) => match entries.as_slice() {
                 [entry] => (&entry.key, entry.place, Some(&entry.value)),
                 several => {
                     let message = format!("has {} keys, wanted {}", several.len(), one_of());
-                    return Err(Problem::of_field(message).at(self.node.place));
+                    return Err(FieldProblem::of_field(message).at(self.node.place));
                 }
             },
             _ => return Err(self.wanted(&one_of())),
         };
         if !variants.contains(&name.as_str()) {
-            return Err(Problem::unknown_name("choice", name, variants).at(place));
+            return Err(FieldProblem::unknown_name("choice", name, variants).at(place));
         }
-        Ok(Choice { reader: self, name, value })
+        Ok(EnumChoice { reader: self, name, value })
     }
 }
 
-impl Kind {
+impl NodeKind {
     /// Describes the value for a message: its kind, and its text if it has one.
     fn described(&self) -> String {
         match self {
@@ -122,15 +123,15 @@ impl Kind {
 
 macro_rules! whole_numbers {
     ($($method:ident $visit:ident $ty:ty),*) => {$(
-        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
             let n = self.whole(<$ty>::MIN.into(), <$ty>::MAX.into())?;
             visitor.$visit(<$ty>::try_from(n).expect("within the type's range")).map_err(self.here())
         }
     )*};
 }
 
-impl<'de> Deserializer<'de> for Reader<'_> {
-    type Error = Problem;
+impl<'de> Deserializer<'de> for TreeReader<'_> {
+    type Error = FieldProblem;
 
     whole_numbers!(
         deserialize_u8 visit_u8 u8, deserialize_u16 visit_u16 u16, deserialize_u32 visit_u32 u32,
@@ -138,22 +139,22 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         deserialize_i32 visit_i32 i32, deserialize_i64 visit_i64 i64
     );
 
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         match &self.node.kind {
-            Kind::Null => self.deserialize_unit(visitor),
-            Kind::List(_) => self.deserialize_seq(visitor),
-            Kind::Map(_) => self.deserialize_map(visitor),
-            Kind::Scalar { text, plain: true } => match text.as_str() {
+            NodeKind::Null => self.deserialize_unit(visitor),
+            NodeKind::List(_) => self.deserialize_seq(visitor),
+            NodeKind::Map(_) => self.deserialize_map(visitor),
+            NodeKind::Scalar { text, plain: true } => match text.as_str() {
                 "true" | "false" => self.deserialize_bool(visitor),
                 text if text.parse::<i64>().is_ok() => self.deserialize_i64(visitor),
                 text if number::parse_real(text).is_some() => self.deserialize_f64(visitor),
                 _ => self.deserialize_str(visitor),
             },
-            Kind::Scalar { plain: false, .. } => self.deserialize_str(visitor),
+            NodeKind::Scalar { plain: false, .. } => self.deserialize_str(visitor),
         }
     }
 
-    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         let value = match self.plain("true or false")? {
             "true" => true,
             "false" => false,
@@ -162,23 +163,23 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         visitor.visit_bool(value).map_err(self.here())
     }
 
-    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         let real =
             number::parse_real(self.plain("a number")?).ok_or_else(|| self.wanted("a finite number"))?;
         visitor.visit_f64(real).map_err(self.here())
     }
 
-    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         visitor.visit_str(self.text("a text")?).map_err(self.here())
     }
 
-    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         visitor.visit_some(self)
     }
 
-    fn deserialize_unit<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_unit<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         match self.node.kind {
-            Kind::Null => visitor.visit_unit().map_err(self.here()),
+            NodeKind::Null => visitor.visit_unit().map_err(self.here()),
             _ => Err(self.wanted("no value")),
         }
     }
@@ -187,7 +188,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         self,
         name: &'static str,
         visitor: V,
-    ) -> Result<V::Value, Problem> {
+    ) -> Result<V::Value, FieldProblem> {
         match name {
             FIELD => visitor.visit_seq(FieldAccess { reader: self, step: 0 }),
             LITERAL => visitor.visit_str(self.text("a number")?),
@@ -195,12 +196,12 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         }
     }
 
-    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         let items = self.items()?.iter();
-        visitor.visit_seq(Items { reader: self, items }).map_err(self.here())
+        visitor.visit_seq(ListItems { reader: self, items }).map_err(self.here())
     }
 
-    fn deserialize_tuple<V: Visitor<'de>>(self, len: usize, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_tuple<V: Visitor<'de>>(self, len: usize, visitor: V) -> Result<V::Value, FieldProblem> {
         if self.items()?.len() == len {
             self.deserialize_seq(visitor)
         } else {
@@ -208,9 +209,10 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         }
     }
 
-    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         let last = Cell::new(self.node.place);
-        let entries = Entries { reader: self, rest: self.entries()?, fields: None, value: None, last: &last };
+        let entries =
+            MapEntries { reader: self, rest: self.entries()?, fields: None, value: None, last: &last };
         visitor.visit_map(entries).map_err(|problem| problem.at(last.get()))
     }
 
@@ -220,13 +222,14 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         _: &'static str,
         fields: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Problem> {
+    ) -> Result<V::Value, FieldProblem> {
         let entries = self.entries()?;
         for entry in entries.iter().filter(|e| !fields.contains(&e.key.as_str())) {
-            self.report(Problem::unknown_name("field", &entry.key, fields).at(entry.place));
+            self.report(FieldProblem::unknown_name("field", &entry.key, fields).at(entry.place));
         }
         let last = Cell::new(self.node.place);
-        let access = Entries { reader: self, rest: entries, fields: Some(fields), value: None, last: &last };
+        let access =
+            MapEntries { reader: self, rest: entries, fields: Some(fields), value: None, last: &last };
         visitor.visit_map(access).map_err(self.here())
     }
 
@@ -235,35 +238,35 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         _: &'static str,
         variants: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Problem> {
+    ) -> Result<V::Value, FieldProblem> {
         visitor.visit_enum(self.choice(variants)?).map_err(self.here())
     }
 
-    fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         visitor.visit_unit()
     }
 
-    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_f64(visitor)
     }
 
-    fn deserialize_char<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_char<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_byte_buf<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_byte_buf<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_identifier<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
+    fn deserialize_identifier<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_str(visitor)
     }
 
@@ -271,7 +274,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         self,
         _: &'static str,
         visitor: V,
-    ) -> Result<V::Value, Problem> {
+    ) -> Result<V::Value, FieldProblem> {
         self.deserialize_unit(visitor)
     }
 
@@ -280,7 +283,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         _: &'static str,
         len: usize,
         visitor: V,
-    ) -> Result<V::Value, Problem> {
+    ) -> Result<V::Value, FieldProblem> {
         self.deserialize_tuple(len, visitor)
     }
 }

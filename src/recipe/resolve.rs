@@ -10,26 +10,27 @@ mod sensor;
 mod source;
 pub(super) mod trajectory;
 
-use super::field::{Field, Later};
-use super::problem::{Problem, quote_text};
+use super::field::{Field, UnsupportedField};
+use super::problem::{FieldProblem, quote_text};
 use super::reader::Problems;
-use super::text::Place;
+use super::text::TextSpan;
 use super::{
-    LicenceChoice, Output, Reconstruct, SceneScale, Source, Spacing, TrajectoryRecipe, names, schema,
+    LicenceChoice, OutputKind, PictureSpacing, ReconstructMethod, SceneScale, SceneSource, TrajectoryRecipe,
+    names, schema,
 };
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
-use crate::sampling::Tolerance;
-use crate::sampling::exposure::Shutter;
-use crate::sensor::Sensors;
-use crate::speed::Speed;
-use crate::trajectory::sample::Summation;
+use crate::sampling::ErrorTolerance;
+use crate::sampling::exposure::ShutterSettings;
+use crate::sensor::SensorSet;
+use crate::speed::SpeedChoice;
+use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
-use reconstruct::Ground;
+use reconstruct::ReconstructContext;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use trajectory::Setting;
+use trajectory::TrajectoryContext;
 
 /// Maximum number of frames of a trajectory (pipeline 2.10).
 const MAX_FRAMES: u64 = 20_000_000;
@@ -41,26 +42,26 @@ pub(super) struct Resolver<'a> {
     /// Folder of each file of the recipe. Relative paths start there.
     pub folders: &'a [PathBuf],
     /// Place of the whole file, for missing fields.
-    pub root: Place,
+    pub root: TextSpan,
 }
 
 /// A resolved recipe without its file and its merged form.
-pub(super) struct Resolved {
+pub(super) struct ResolvedRecipe {
     pub scene: String,
     pub seed: u64,
-    pub source: Source,
+    pub source: SceneSource,
     pub group: Option<String>,
-    pub reconstruct: Option<Reconstruct>,
+    pub reconstruct: Option<ReconstructMethod>,
     pub camera: Option<CameraChoice>,
     pub trajectories: Vec<TrajectoryRecipe>,
     pub rate: Hertz,
-    pub law: Summation,
-    pub tolerance: Option<Tolerance>,
+    pub law: SummationRule,
+    pub tolerance: Option<ErrorTolerance>,
     pub render: RenderChoice,
-    pub sensors: Sensors,
-    pub outputs: BTreeSet<Output>,
-    pub every: Spacing,
-    pub shutter: Shutter,
+    pub sensors: SensorSet,
+    pub outputs: BTreeSet<OutputKind>,
+    pub every: PictureSpacing,
+    pub shutter: ShutterSettings,
     pub scale: Option<SceneScale>,
     pub checks: Limits,
     pub licence: Option<LicenceChoice>,
@@ -68,7 +69,7 @@ pub(super) struct Resolved {
 
 impl Resolver<'_> {
     /// Resolves a recipe; `None` after reporting a fault.
-    pub(super) fn recipe(&self, raw: &schema::Recipe) -> Option<Resolved> {
+    pub(super) fn recipe(&self, raw: &schema::RecipeSchema) -> Option<ResolvedRecipe> {
         self.required(&raw.version, "version", self.root, "write version: 1");
         self.later(&raw.release, "this gs2e releases the products alone");
         let scene = self.scene(&raw.scene);
@@ -78,7 +79,7 @@ impl Resolver<'_> {
         let camera = self.camera(&raw.camera, source.as_ref());
         let rate = self.rate(&raw.sampling);
         let law = self.summation(&raw.sampling);
-        let setting = Setting { scene: scene.as_deref(), seed, source: source.as_ref(), rate, law };
+        let setting = TrajectoryContext { scene: scene.as_deref(), seed, source: source.as_ref(), rate, law };
         let trajectories = self.trajectories(&raw.trajectories, setting);
         let render = self.render(&raw.render, usual_rules(&raw.sampling));
         let between = self.between(&raw.sampling);
@@ -86,15 +87,18 @@ impl Resolver<'_> {
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
         let renders = outputs.as_ref().is_some_and(|outputs| !outputs.is_empty())
-            || trajectories.iter().flatten().any(|t: &TrajectoryRecipe| matches!(t.speed, Speed::Flow(_)));
-        let ground = Ground { source: source.as_ref(), seed, renders };
+            || trajectories
+                .iter()
+                .flatten()
+                .any(|t: &TrajectoryRecipe| matches!(t.speed, SpeedChoice::Flow(_)));
+        let ground = ReconstructContext { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let every = self.spacing(raw);
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
-        Some(Resolved {
+        Some(ResolvedRecipe {
             scene: scene?,
             seed: seed?,
             source: source?,
@@ -116,14 +120,14 @@ impl Resolver<'_> {
         })
     }
 
-    fn scene_scale(&self, field: &Field<schema::Attributes>) -> Option<Option<SceneScale>> {
-        let absent = schema::Attributes::default();
+    fn scene_scale(&self, field: &Field<schema::AttributesSection>) -> Option<Option<SceneScale>> {
+        let absent = schema::AttributesSection::default();
         let field = &self.section(field, &absent)?.scene_scale;
         let Some((scale, _)) = field.given() else { return field.is_absent().then_some(None) };
         Some(Some(match scale {
-            schema::SceneScale::Object => SceneScale::Object,
-            schema::SceneScale::Medium => SceneScale::Medium,
-            schema::SceneScale::Large => SceneScale::Large,
+            schema::SceneScaleKey::Object => SceneScale::Object,
+            schema::SceneScaleKey::Medium => SceneScale::Medium,
+            schema::SceneScaleKey::Large => SceneScale::Large,
         }))
     }
 
@@ -139,31 +143,31 @@ impl Resolver<'_> {
     }
 
     /// Returns a name if the verdict accepts it.
-    fn named(&self, name: &str, place: Place, verdict: Result<(), String>, help: &str) -> Option<String> {
+    fn named(&self, name: &str, place: TextSpan, verdict: Result<(), String>, help: &str) -> Option<String> {
         match verdict {
             Ok(()) => Some(name.to_owned()),
             Err(because) => {
-                let problem = Problem::of_field(format!("is {}, {because}", quote_text(name)));
+                let problem = FieldProblem::of_field(format!("is {}, {because}", quote_text(name)));
                 self.refuse(problem.help(help).at(place))
             }
         }
     }
 
-    fn report(&self, problem: Problem) {
+    fn report(&self, problem: FieldProblem) {
         self.problems.borrow_mut().push(problem);
     }
 
     /// Reports a problem and returns no value.
-    pub(super) fn refuse<T>(&self, problem: Problem) -> Option<T> {
+    pub(super) fn refuse<T>(&self, problem: FieldProblem) -> Option<T> {
         self.report(problem);
         None
     }
 
     /// Refuses a field whose feature is not built yet; `instead` describes the existing
     /// alternative.
-    pub(super) fn later(&self, field: &Field<Later>, instead: &str) {
+    pub(super) fn later(&self, field: &Field<UnsupportedField>, instead: &str) {
         if let Some(place) = field.place() {
-            self.report(Problem::of_key("is not built yet").help(instead).at(place));
+            self.report(FieldProblem::of_key("is not built yet").help(instead).at(place));
         }
     }
 
@@ -186,19 +190,19 @@ impl Resolver<'_> {
         &self,
         field: &'f Field<T>,
         name: &str,
-        within: Place,
+        within: TextSpan,
         help: &str,
-    ) -> Option<(&'f T, Place)> {
+    ) -> Option<(&'f T, TextSpan)> {
         if field.is_absent() {
-            self.report(Problem::missing_field(name).help(help).at(within));
+            self.report(FieldProblem::missing_field(name).help(help).at(within));
         }
         field.given()
     }
 
     /// Returns a text that is not blank.
-    pub(super) fn filled(&self, text: &str, place: Place) -> Option<String> {
+    pub(super) fn filled(&self, text: &str, place: TextSpan) -> Option<String> {
         if text.trim().is_empty() {
-            return self.refuse(Problem::of_field("is empty").at(place));
+            return self.refuse(FieldProblem::of_field("is empty").at(place));
         }
         Some(text.to_owned())
     }
@@ -207,7 +211,7 @@ impl Resolver<'_> {
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of
 /// alpha (docs/design/numerics-sampling.md, "Jumps of the renderer"). Otherwise they are the rules
 /// of the reference implementation.
-fn usual_rules(sampling: &Field<schema::Sampling>) -> schema::Rules {
+fn usual_rules(sampling: &Field<schema::SamplingSection>) -> schema::RulesKey {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
-    if tolerant { schema::Rules::Soft } else { schema::Rules::Official }
+    if tolerant { schema::RulesKey::Soft } else { schema::RulesKey::Official }
 }

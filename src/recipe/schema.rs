@@ -1,7 +1,7 @@
 //! The recipe as written, version 1: every key, including the keys of features that do not exist yet.
 //!
 //! This file defines types only; [`super::resolve`] knows which keys are required, their ranges and their defaults.
-//! [`Later`] marks a key whose feature is not built yet: the key is reserved, and refused by name.
+//! [`UnsupportedField`] marks a key whose feature is not built yet: the key is reserved, and refused by name.
 //!
 //! An enumeration whose choices hold mappings is also listed in `ENUMERATIONS` of [`super::merge`], unless it is in a
 //! list.
@@ -9,22 +9,26 @@
 //! The comments of the fields are the text of `docs/recipe.md`, which `cargo xtask docs` writes. A field's comment ends
 //! with `Unit: …`, and with `Required.` or `Default: …`. A default in backticks is YAML, and a test compares a recipe
 //! that writes it with one that leaves the key out. Ranges are not repeated here: the test reads them off the messages
-//! of the loader; `Range: …` is for those that no single number shows.
+//! of the loader; `RangeSection: …` is for those that no single number shows.
 
 mod reconstruct;
 mod sensor;
 mod trajectory;
 
-pub(super) use reconstruct::{Command, Count, Reconstruct};
-pub(super) use sensor::{Esim, FrontEnd, HotPixels, Leak, Luminance, Range, Refractory, Threshold, V2e};
+pub(super) use reconstruct::{CommandSection, CountSection, ReconstructSection};
+pub(super) use sensor::{
+    EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
+    RefractorySection, ThresholdSection, V2eSection,
+};
 pub(super) use trajectory::{
-    Bezier, Curve, Ends, Flow, Gaps, Keyframes, List, Meaning, Metric, Novel, NovelCurve, Orbit, Order, Pose,
-    Refine, Rotation, Speed, Trajectory,
+    BezierSection, CurveSection, EndsKey, FlowSection, GapsKey, KeyframesSection, ListSection, MeaningKey,
+    MetricSection, NovelCurveSection, NovelSection, OrbitSection, OrderKey, PoseSection, RefineSection,
+    RotationSection, SpeedSection, TrajectorySection,
 };
 
-use super::field::{Field, Later, Literal};
+use super::field::{Field, NumberLiteral, UnsupportedField};
 use crate::check::Limits;
-use crate::sensor::voltmeter::Units;
+use crate::sensor::voltmeter::ConstantUnits;
 use crate::source::PoseFile;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -32,7 +36,7 @@ use std::collections::BTreeMap;
 /// A recipe is one YAML mapping with these keys.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Recipe {
+pub(super) struct RecipeSchema {
     /// Version of the recipe language. Range: `1`. Required.
     pub version: Field<u64>,
     /// Scene id, which is also the scene's folder in the release: parts of letters, digits, `.`, `_` and `-`, separated by
@@ -41,62 +45,62 @@ pub(super) struct Recipe {
     /// Seed that every random draw of the scene is derived from. Default: `0`.
     pub seed: Field<u64>,
     /// Source of the camera poses, the camera and the photos. Required.
-    pub source: Field<Source>,
+    pub source: Field<SourceSection>,
     /// Name of the photographed object, the same in each recipe that shows it. Release splits with `by: object` keep a group
     /// together. Default: none.
     pub group: Field<String>,
     /// Source of the Gaussians. A procedural source brings its own; a `model` source takes the newest of its folder. Default:
     /// required for the other sources, unless nothing is rendered.
-    pub reconstruct: Field<Reconstruct>,
+    pub reconstruct: Field<ReconstructSection>,
     /// Camera that renders. Default: the source's own; required where `source` is `none`.
-    pub camera: Field<Camera>,
+    pub camera: Field<CameraSection>,
     /// Trajectories to make, at least one. Required.
-    pub trajectories: Field<Vec<Field<Trajectory>>>,
+    pub trajectories: Field<Vec<Field<TrajectorySection>>>,
     /// Times at which frames are rendered for the sensor. Default: `{}`.
-    pub sampling: Field<Sampling>,
+    pub sampling: Field<SamplingSection>,
     /// Rendering. Default: `{}`.
-    pub render: Field<Render>,
+    pub render: Field<RenderSection>,
     /// The sensor. Default: `{ voltmeter: {} }`.
-    pub sensor: Field<Sensor>,
+    pub sensor: Field<SensorSection>,
     /// Several sensors that see the same rendering, by name, instead of `sensor`. Each has its own event file and its own
     /// checks. Default: none.
-    pub sensors: Field<BTreeMap<String, Field<Sensor>>>,
+    pub sensors: Field<BTreeMap<String, Field<SensorSection>>>,
     /// Products to make for each trajectory. Steps that no product needs do not run. Default: `[events, sharp]`.
-    pub outputs: Field<Vec<Field<Output>>>,
+    pub outputs: Field<Vec<Field<OutputKey>>>,
     /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case. Default: `{}`.
-    pub sharp: Field<Every>,
+    pub sharp: Field<EverySection>,
     /// Exposure of the blurred frames. Default: `{}`.
-    pub blur: Field<Blur>,
+    pub blur: Field<BlurSection>,
     /// Spacing of the depth images. Default: `{}`.
-    pub depth: Field<Every>,
+    pub depth: Field<EverySection>,
     /// Spacing of the optical flow images. Default: `{}`.
-    pub flow: Field<Every>,
+    pub flow: Field<EverySection>,
     /// Limits that differ from the defaults, requests for optional checks, and waivers. Default: `{}`.
     pub checks: Field<Limits>,
     /// The owner's part of the licence. Default: none.
-    pub licence: Field<Licence>,
+    pub licence: Field<LicenceSection>,
     /// Contents of a release. Default: none.
-    pub release: Field<Later>,
+    pub release: Field<UnsupportedField>,
     /// Facts for catalogues that the program cannot know. Default: `{}`.
-    pub attributes: Field<Attributes>,
+    pub attributes: Field<AttributesSection>,
 }
 
 /// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Source {
+pub(super) enum SourceSection {
     /// The embedded scene, which needs no data: its own camera has 640x360 pixels.
-    Procedural(Field<Procedural>),
+    Procedural(Field<ProceduralSection>),
     /// A COLMAP model, binary or text.
-    Colmap(Field<Folder>),
+    Colmap(Field<FolderSection>),
     /// A nerfstudio `transforms.json`.
-    Nerfstudio(Field<Folder>),
+    Nerfstudio(Field<FolderSection>),
     /// An instance of MVImgNet.
-    Mvimgnet(Field<Folder>),
+    Mvimgnet(Field<FolderSection>),
     /// A scene of DL3DV-10K.
-    Dl3dv(Field<Folder>),
+    Dl3dv(Field<FolderSection>),
     /// A 3DGS model folder with a `cameras.json`.
-    Model(Field<Folder>),
+    Model(Field<FolderSection>),
     /// No capture: `source: none`. The scene file, the camera, and an orbit or key poses come from the recipe.
     None,
 }
@@ -104,9 +108,9 @@ pub(super) enum Source {
 /// Parameters of the embedded scene.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Procedural {
+pub(super) struct ProceduralSection {
     /// Embedded scene to use. Default: `still-life`.
-    pub kind: Field<Kind>,
+    pub kind: Field<KindKey>,
     /// Number of Gaussians. Default: `20000`.
     pub gaussians: Field<u64>,
     /// Number of captured views. Default: `30`.
@@ -119,7 +123,7 @@ pub(super) struct Procedural {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Kind {
+pub(super) enum KindKey {
     /// Fruit, flowers, books and brass on a table.
     StillLife,
 }
@@ -127,7 +131,7 @@ pub(super) enum Kind {
 /// A capture on disk.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Folder {
+pub(super) struct FolderSection {
     /// Folder or file of the capture, relative to the recipe. Required.
     pub path: Field<String>,
     /// Number of views to use, picked evenly in natural order of the image names. Default: all.
@@ -144,14 +148,14 @@ pub(super) struct Folder {
     pub upstream_url: Field<String>,
     /// Day of the download. Range: `YYYY-MM-DD`. Default: none.
     pub accessed: Field<String>,
-    /// Whether you accepted the dataset's terms; recorded in `scene.json`. Default: none.
+    /// True if you accepted the dataset's terms; recorded in `scene.json`. Default: none.
     pub terms_accepted: Field<bool>,
 }
 
 /// With width and height alone the camera keeps the source's horizontal field of view.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Camera {
+pub(super) struct CameraSection {
     /// Width of the image. Unit: px. Required.
     pub width: Field<u64>,
     /// Height of the image. Unit: px. Required.
@@ -170,14 +174,14 @@ pub(super) struct Camera {
 /// [sampling.md](sampling.md) explains the choice between a rate and a tolerance.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Sampling {
+pub(super) struct SamplingSection {
     /// Frames per second rendered for the sensor, and poses per second in the release. Unit: Hz. Default: `2400`.
-    pub rate: Field<Literal>,
+    pub rate: Field<NumberLiteral>,
     /// Brightness between two frames, in `ln(L + k2)`. Sensors `esim` and `v2e` and the law `official` take `linear` only.
     /// Default: `linear`; with a tolerance, the cheapest that meets it.
-    pub between: Field<Between>,
+    pub between: Field<BetweenKey>,
     /// Summation of speed laws along the path. Default: `sum`; `integral` with a tolerance.
-    pub law: Field<Summation>,
+    pub law: Field<SummationKey>,
     /// RMS interpolation error of the sensor's brightness to aim at; frames are then placed where the error needs them. For
     /// `voltmeter` with the law `exact`. Unit: contrast thresholds. Default: none.
     pub tolerance: Field<f64>,
@@ -185,7 +189,7 @@ pub(super) struct Sampling {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Between {
+pub(super) enum BetweenKey {
     /// A straight line.
     Linear,
     /// A cubic through four frames.
@@ -196,7 +200,7 @@ pub(super) enum Between {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Summation {
+pub(super) enum SummationKey {
     /// A sum over the poses, as in the paper.
     Sum,
     /// The integral of the law.
@@ -206,20 +210,20 @@ pub(super) enum Summation {
 /// Conventions of the renderer.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Render {
+pub(super) struct RenderSection {
     /// Extents, culling and stopping rules. Default: `official`; `soft` with a tolerance.
-    pub rules: Field<Rules>,
+    pub rules: Field<RulesKey>,
     /// Compensation of opacity for the screen-space dilation. Default: `auto`.
-    pub antialiased: Field<Antialiased>,
+    pub antialiased: Field<AntialiasedKey>,
     /// Colour behind the scene: red, green, blue. Default: `[0, 0, 0]`.
     pub background: Field<[Field<f64>; 3]>,
     /// Order of layers of nearly the same depth. Default: `depth`.
-    pub order: Field<Layering>,
+    pub order: Field<LayeringKey>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Rules {
+pub(super) enum RulesKey {
     /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles.
     Official,
     /// Every pixel where a layer's opacity reaches 1/255.
@@ -232,7 +236,7 @@ pub(super) enum Rules {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Layering {
+pub(super) enum LayeringKey {
     /// By the depth of their means.
     Depth,
     /// Layers cover each other in part; with the rules `soft` only.
@@ -240,7 +244,7 @@ pub(super) enum Layering {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
-pub(super) enum Antialiased {
+pub(super) enum AntialiasedKey {
     /// As the scene file says, else off.
     #[serde(rename = "auto")]
     Auto,
@@ -255,49 +259,49 @@ pub(super) enum Antialiased {
 /// One of these; [sensors.md](sensors.md) describes the models.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Sensor {
+pub(super) enum SensorSection {
     /// The stochastic process of DVS-Voltmeter.
-    Voltmeter(Field<Box<Voltmeter>>),
+    Voltmeter(Field<Box<VoltmeterSection>>),
     /// The threshold model of ESIM.
-    Esim(Field<Box<Esim>>),
+    Esim(Field<Box<EsimSection>>),
     /// The pixel model of v2e.
-    V2e(Field<Box<V2e>>),
+    V2e(Field<Box<V2eSection>>),
 }
 
 /// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a contrast in `ln(L + k2)`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Voltmeter {
+pub(super) struct VoltmeterSection {
     /// Named set of `k1` to `k6`: `dvs346`, `dvs240` or `gs2e-si`. Default: `dvs346`.
     pub preset: Field<String>,
     /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`, `k6` at least 0; at most 1e12
     /// in size. Default: the preset's.
     pub k: Field<[Field<f64>; 6]>,
     /// Units of `k`. Default: required with `k`, refused with a preset.
-    pub units: Field<Units>,
+    pub units: Field<ConstantUnits>,
     /// Contrast thresholds, in units of the preset. Default: `{ on: 1, off: 1, spread: 0 }`.
-    pub threshold: Field<Threshold>,
+    pub threshold: Field<ThresholdSection>,
     /// Sampler of the process. Default: `exact`.
-    pub law: Field<Law>,
+    pub law: Field<LawKey>,
     /// Brightness that drives the drift. Default: `log`.
-    pub gain: Field<Gain>,
+    pub gain: Field<GainKey>,
     /// Voltages at the first frame. Default: `zero`.
-    pub initial: Field<Initial>,
+    pub initial: Field<InitialKey>,
     /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
     /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
-    pub front_end: Field<FrontEnd>,
+    pub front_end: Field<FrontEndSection>,
     /// Pixels that fire whatever they see. Default: none.
-    pub hot_pixels: Field<HotPixels>,
+    pub hot_pixels: Field<HotPixelsSection>,
     /// Label each event as signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Law {
+pub(super) enum LawKey {
     /// First passages of the process, independent of the frame rate.
     Exact,
     /// The published program's sampler, whose noise depends on the frame rate; for comparisons.
@@ -306,7 +310,7 @@ pub(super) enum Law {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Gain {
+pub(super) enum GainKey {
     /// `k1 ln(L + k2)`.
     Log,
     /// The published program's midpoint form; for comparisons.
@@ -315,7 +319,7 @@ pub(super) enum Gain {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Initial {
+pub(super) enum InitialKey {
     /// All zero, as published; equal pixels then leak in step.
     Zero,
     /// As if every pixel had seen the first frame for a long time.
@@ -324,7 +328,7 @@ pub(super) enum Initial {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Output {
+pub(super) enum OutputKey {
     /// The event stream of each sensor.
     Events,
     /// Sharp frames, 8-bit sRGB PNG.
@@ -340,7 +344,7 @@ pub(super) enum Output {
 /// The same for `sharp`, `depth` and `flow`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Every {
+pub(super) struct EverySection {
     /// Poses from one picture to the next. Default: `1`.
     pub every: Field<u64>,
 }
@@ -349,16 +353,16 @@ pub(super) struct Every {
 /// linear light.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Blur {
+pub(super) struct BlurSection {
     /// Dense frames of one exposure; an odd number. Default: `15`.
     pub frames: Field<u64>,
     /// Pictures between the dense frames. Default: `auto`.
-    pub subframes: Field<Subframes>,
+    pub subframes: Field<SubframesKey>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Subframes {
+pub(super) enum SubframesKey {
     /// An odd number per dense frame, at most 33, so that the picture moves by at most 1 px between two; motion beyond is a
     /// warning. Motion is measured where there is a depth.
     Auto,
@@ -369,14 +373,14 @@ pub(super) enum Subframes {
 /// Facts for catalogues.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Attributes {
+pub(super) struct AttributesSection {
     /// Size of the scene. Default: what is known of the source.
-    pub scene_scale: Field<SceneScale>,
+    pub scene_scale: Field<SceneScaleKey>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum SceneScale {
+pub(super) enum SceneScaleKey {
     /// One thing.
     Object,
     /// A room, or a few things.
@@ -388,7 +392,7 @@ pub(super) enum SceneScale {
 /// The program adds the terms of the source. [releases.md](releases.md) explains both.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Licence {
+pub(super) struct LicenceSection {
     /// Terms of your own contribution. Range: SPDX expression. Required.
     pub expression: Field<String>,
     /// Rights holder. Required.
@@ -396,13 +400,13 @@ pub(super) struct Licence {
     /// Terms that the upstream granted to you, instead of its public terms. Range: SPDX expression. Default: none.
     pub upstream: Field<String>,
     /// Evidence of that grant. Default: required with `upstream`.
-    pub evidence: Field<Evidence>,
+    pub evidence: Field<EvidenceSection>,
 }
 
 /// Evidence of terms that an upstream granted.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Evidence {
+pub(super) struct EvidenceSection {
     /// Who granted it, and for what. Required.
     pub granted_by: Field<String>,
     /// Where the grant can be read. Range: a URL. Required.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// A file that was read. It is kept as long as a message may quote it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Text {
+pub(super) struct SourceText {
     /// Path of the file, as the user named it.
     pub path: PathBuf,
     /// Content of the file; empty if it could not be read.
@@ -13,11 +13,11 @@ pub(super) struct Text {
 }
 
 /// The files of one recipe: its own, and its defaults.
-pub(super) type Texts = Vec<Arc<Text>>;
+pub(super) type Texts = Vec<Arc<SourceText>>;
 
 /// A range of bytes in one of the files of a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
+pub(super) struct TextSpan {
     /// Index into [`Texts`].
     pub file: u32,
     /// First byte.
@@ -26,7 +26,7 @@ pub(super) struct Place {
     pub end: u32,
 }
 
-impl Text {
+impl SourceText {
     /// Returns line and column of a byte, both from 1, columns in characters. Lines end as in YAML:
     /// at `
     /// `, `\r
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn places_and_positions_are_inverse() {
-        let text = Text { path: PathBuf::new(), body: "a: é\r\n  b: 1\rc\n\nd".into() };
+        let text = SourceText { path: PathBuf::new(), body: "a: é\r\n  b: 1\rc\n\nd".into() };
         let t = |line, column, offset| {
             assert_eq!(text.offset(line, column), offset);
             assert_eq!(text.position(offset), (line, column));

@@ -5,7 +5,7 @@
 
 mod parse;
 
-use super::text::Place;
+use super::text::TextSpan;
 
 pub(super) use parse::parse_tree;
 
@@ -15,16 +15,16 @@ pub(super) const MAX_BYTES: usize = 1 << 20;
 
 /// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Node {
+pub(super) struct TreeNode {
     /// Place of the value; of a mapping or list, its first byte.
-    pub place: Place,
+    pub place: TextSpan,
     /// Kind and content.
-    pub kind: Kind,
+    pub kind: NodeKind,
 }
 
 /// Kind and content of a value.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum NodeKind {
     /// No value: `~`, `null`, or a key without a value.
     Null,
     /// A number, a word or a text.
@@ -35,27 +35,27 @@ pub(super) enum Kind {
         plain: bool,
     },
     /// A sequence.
-    List(Vec<Node>),
+    List(Vec<TreeNode>),
     /// A mapping, in file order, keys unique.
-    Map(Vec<Entry>),
+    Map(Vec<MappingEntry>),
 }
 
 /// A key of a mapping and its value.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct MappingEntry {
     /// The key.
     pub key: String,
     /// Place of the key.
-    pub place: Place,
+    pub place: TextSpan,
     /// Its value.
-    pub value: Node,
+    pub value: TreeNode,
 }
 
-impl Node {
+impl TreeNode {
     /// Returns the dotted path of the value at a place, for example `trajectories[0].name`, and the
     /// place of its key.
-    pub(super) fn find(&self, place: Place) -> Option<(String, Option<Place>)> {
-        let seek = |step: &str, key: Option<Place>, value: &Self| {
+    pub(super) fn find(&self, place: TextSpan) -> Option<(String, Option<TextSpan>)> {
+        let seek = |step: &str, key: Option<TextSpan>, value: &Self| {
             if value.place == place {
                 return Some((step.to_owned(), key));
             }
@@ -64,11 +64,11 @@ impl Node {
             Some((format!("{step}{joint}{path}"), key))
         };
         match &self.kind {
-            Kind::Map(entries) => entries.iter().find_map(|e| seek(&e.key, Some(e.place), &e.value)),
-            Kind::List(items) => {
+            NodeKind::Map(entries) => entries.iter().find_map(|e| seek(&e.key, Some(e.place), &e.value)),
+            NodeKind::List(items) => {
                 items.iter().enumerate().find_map(|(i, item)| seek(&format!("[{i}]"), None, item))
             }
-            Kind::Null | Kind::Scalar { .. } => None,
+            NodeKind::Null | NodeKind::Scalar { .. } => None,
         }
     }
 }

@@ -9,10 +9,10 @@ use std::path::PathBuf;
 
 /// A text with placeholders.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Argument(Vec<Part>);
+pub struct ArgumentTemplate(Vec<ArgumentPart>);
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Part {
+enum ArgumentPart {
     Text(String),
     Place(String),
 }
@@ -28,7 +28,7 @@ pub enum ArgumentError {
     Alone,
 }
 
-impl Argument {
+impl ArgumentTemplate {
     /// Parses a text whose placeholders must be in `known`. A placeholder with a known value is
     /// filled.
     ///
@@ -51,7 +51,7 @@ impl Argument {
                 let (name, after) = inside.ok_or(ArgumentError::Alone)?;
                 match known.get(name) {
                     Some(Some(value)) => append_text(&mut parts, value),
-                    Some(None) => parts.push(Part::Place(name.to_owned())),
+                    Some(None) => parts.push(ArgumentPart::Place(name.to_owned())),
                     None => return Err(ArgumentError::Unknown(name.to_owned())),
                 }
                 after
@@ -67,8 +67,8 @@ impl Argument {
         let mut filled = OsString::new();
         for part in &self.0 {
             match part {
-                Part::Text(text) => filled.push(text),
-                Part::Place(name) => match places.get(name.as_str()) {
+                ArgumentPart::Text(text) => filled.push(text),
+                ArgumentPart::Place(name) => match places.get(name.as_str()) {
                     Some(path) => filled.push(path),
                     None => filled.push(format!("{{{name}}}")),
                 },
@@ -80,29 +80,29 @@ impl Argument {
     /// Returns true if this placeholder is still open.
     #[must_use]
     pub fn names(&self, place: &str) -> bool {
-        self.0.iter().any(|part| matches!(part, Part::Place(name) if name == place))
+        self.0.iter().any(|part| matches!(part, ArgumentPart::Place(name) if name == place))
     }
 }
 
-fn append_text(parts: &mut Vec<Part>, text: &str) {
+fn append_text(parts: &mut Vec<ArgumentPart>, text: &str) {
     match parts.last_mut() {
-        Some(Part::Text(before)) => before.push_str(text),
+        Some(ArgumentPart::Text(before)) => before.push_str(text),
         _ if text.is_empty() => {}
-        _ => parts.push(Part::Text(text.to_owned())),
+        _ => parts.push(ArgumentPart::Text(text.to_owned())),
     }
 }
 
 /// Canonical spelling: equal arguments are displayed identically.
-impl fmt::Display for Argument {
+impl fmt::Display for ArgumentTemplate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|part| match part {
-            Part::Text(text) => f.write_str(&text.replace('{', "{{").replace('}', "}}")),
-            Part::Place(name) => write!(f, "{{{name}}}"),
+            ArgumentPart::Text(text) => f.write_str(&text.replace('{', "{{").replace('}', "}}")),
+            ArgumentPart::Place(name) => write!(f, "{{{name}}}"),
         })
     }
 }
 
-impl Serialize for Argument {
+impl Serialize for ArgumentTemplate {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
@@ -112,9 +112,9 @@ impl Serialize for Argument {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> Result<Argument, ArgumentError> {
+    fn parse(text: &str) -> Result<ArgumentTemplate, ArgumentError> {
         let known = [("out", None), ("capture", None), ("seed", Some("7".to_owned()))];
-        Argument::parse(text, &known.into_iter().collect())
+        ArgumentTemplate::parse(text, &known.into_iter().collect())
     }
 
     #[test]

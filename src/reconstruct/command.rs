@@ -1,9 +1,9 @@
 //! A trainer as named by a recipe, and the execution of one training.
 
-use super::argument::Argument;
+use super::argument::ArgumentTemplate;
 use super::layout::{LayoutError, lay_out};
-use super::trained::{self, Count};
-use crate::programs::{self, Ended, Failed, How, Invocation, Programs, quoted};
+use super::trained::{self, GaussianCount};
+use crate::programs::{self, EndKind, ProgramCall, ProgramEnd, ProgramFailure, ProgramFinder, quoted};
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use serde::Serialize;
@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 
 /// A program and its settings. The serialised fields enter the key of a training; paths do not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Command {
+pub struct TrainerCommand {
     /// A name that is looked for in the absolute folders of `PATH`, or one of `files`.
-    pub program: Argument,
+    pub program: ArgumentTemplate,
     /// Its arguments.
-    pub arguments: Vec<Argument>,
+    pub arguments: Vec<ArgumentTemplate>,
     /// Its version.
     pub version: String,
     /// Additional environment variables.
@@ -31,15 +31,15 @@ pub struct Command {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold_out: Option<u32>,
     /// Accepted number of Gaussians.
-    #[serde(skip_serializing_if = "Count::is_any")]
-    pub gaussians: Count,
+    #[serde(skip_serializing_if = "GaussianCount::is_any")]
+    pub gaussians: GaussianCount,
     /// Minimum mean PSNR on held-out views, dB, for the scene to be kept. The check `recon_psnr`
     /// judges a kept scene, so a raised limit does not train it again.
     #[serde(skip)]
     pub min_psnr: f64,
     /// Arguments that make the program print its version, if it can.
     #[serde(skip)]
-    pub probe: Option<Vec<Argument>>,
+    pub probe: Option<Vec<ArgumentTemplate>>,
     /// Files that arguments refer to. Their content enters the key, like that of sources.
     #[serde(skip)]
     pub files: BTreeMap<String, PathBuf>,
@@ -53,9 +53,9 @@ pub struct Command {
 
 /// Names of the placeholders that each training fills, in addition to those of files.
 #[derive(Debug)]
-pub struct Places;
+pub struct ArgumentPlaces;
 
-impl Places {
+impl ArgumentPlaces {
     /// The capture: a folder with `images` and `sparse/0`.
     pub const CAPTURE: &'static str = "capture";
     /// The folder of the photos.
@@ -68,7 +68,7 @@ impl Places {
 
 /// Folder, log and stop signal of a training.
 #[derive(Clone, Copy)]
-pub struct Desk<'a> {
+pub struct TrainingWorkspace<'a> {
     /// An empty folder. Its content is not needed afterwards.
     pub folder: &'a Path,
     /// The log file of the program's output. An existing file is overwritten.
@@ -76,10 +76,10 @@ pub struct Desk<'a> {
     /// Polled during the training. The program is stopped when it returns false.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
     /// The programs that can be run.
-    pub programs: &'a Programs,
+    pub programs: &'a ProgramFinder,
 }
 
-impl std::fmt::Debug for Desk<'_> {
+impl std::fmt::Debug for TrainingWorkspace<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Desk").field("folder", &self.folder).field("log", &self.log).finish_non_exhaustive()
     }
@@ -87,7 +87,7 @@ impl std::fmt::Debug for Desk<'_> {
 
 /// The result of a training.
 #[derive(Debug)]
-pub struct Trained {
+pub struct TrainedScene {
     /// The scene.
     pub gaussians: Gaussians,
     /// Number of views without a photo, which could not be used.
@@ -102,7 +102,7 @@ pub enum TrainError {
     Stopped,
     /// The program failed.
     #[error(transparent)]
-    Failed(#[from] Box<Failed>),
+    Failed(#[from] Box<ProgramFailure>),
     /// The capture could not be prepared.
     #[error(transparent)]
     Layout(#[from] LayoutError),
@@ -116,7 +116,7 @@ pub enum TrainError {
     },
 }
 
-impl Command {
+impl TrainerCommand {
     /// PSNR of plain grey against a picture with a uniform distribution of greys: `10 log10(12)`. A
     /// scene below this value is worse than plain grey, for example because its world was moved.
     pub const MIN_PSNR_DB: f64 = 10.79;
@@ -155,8 +155,8 @@ impl Command {
         &self,
         capture: &Capture,
         files: &[(String, PathBuf)],
-        desk: Desk<'_>,
-    ) -> Result<Trained, TrainError> {
+        desk: TrainingWorkspace<'_>,
+    ) -> Result<TrainedScene, TrainError> {
         let io = |path: &Path| {
             let path = path.to_owned();
             move |cause| TrainError::Io { path, cause }
@@ -175,13 +175,13 @@ impl Command {
         }
         let laid = lay_out(capture, files, self.hold_out, &given, desk.goes_on)?;
         let images = given.join("images");
-        let own = Places::ALL.into_iter().zip([given, images, out.clone()]);
+        let own = ArgumentPlaces::ALL.into_iter().zip([given, images, out.clone()]);
         let invocation = self.invocation(&self.arguments, &places.into_iter().chain(own).collect(), &work);
         let from = self.run(&invocation, desk)?;
         let gaussians = trained::read_trained(&out, self.scene.as_deref(), self.gaussians);
         let gaussians =
-            gaussians.map_err(|e| self.failed(&invocation, How::Product(e.to_string()), desk, from))?;
-        Ok(Trained { gaussians, without_photo: laid.without_photo })
+            gaussians.map_err(|e| self.failed(&invocation, EndKind::Product(e.to_string()), desk, from))?;
+        Ok(TrainedScene { gaussians, without_photo: laid.without_photo })
     }
 
     /// Returns the values of the placeholders of files.
@@ -192,11 +192,11 @@ impl Command {
 
     fn invocation(
         &self,
-        arguments: &[Argument],
+        arguments: &[ArgumentTemplate],
         places: &BTreeMap<&str, PathBuf>,
         folder: &Path,
-    ) -> Invocation {
-        Invocation {
+    ) -> ProgramCall {
+        ProgramCall {
             program: self.program.fill(places).into(),
             arguments: arguments.iter().map(|argument| argument.fill(places)).collect(),
             environment: self.environment.clone(),
@@ -205,26 +205,32 @@ impl Command {
     }
 
     /// Runs a command to its end. Returns the offset of its output in the log.
-    fn run(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<u64, TrainError> {
+    fn run(&self, invocation: &ProgramCall, desk: TrainingWorkspace<'_>) -> Result<u64, TrainError> {
         let from = programs::length(desk.log);
         match programs::run(desk.programs, invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(from),
-            Err(Ended::Stopped) => Err(TrainError::Stopped),
-            Err(Ended::Failed(how)) => Err(self.failed(invocation, how, desk, from).into()),
+            Err(ProgramEnd::Stopped) => Err(TrainError::Stopped),
+            Err(ProgramEnd::Failed(how)) => Err(self.failed(invocation, how, desk, from).into()),
         }
     }
 
     /// Runs the version command. The output must contain the version in the key.
-    fn ask_version(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<(), TrainError> {
+    fn ask_version(&self, invocation: &ProgramCall, desk: TrainingWorkspace<'_>) -> Result<(), TrainError> {
         let from = self.run(invocation, desk)?;
         if programs::says(desk.log, from, &self.version) {
             return Ok(());
         }
-        Err(self.failed(invocation, How::Version(self.version.clone()), desk, from).into())
+        Err(self.failed(invocation, EndKind::Version(self.version.clone()), desk, from).into())
     }
 
-    fn failed(&self, invocation: &Invocation, how: How, desk: Desk<'_>, from: u64) -> Box<Failed> {
-        Box::new(Failed {
+    fn failed(
+        &self,
+        invocation: &ProgramCall,
+        how: EndKind,
+        desk: TrainingWorkspace<'_>,
+        from: u64,
+    ) -> Box<ProgramFailure> {
+        Box::new(ProgramFailure {
             program: self.name(),
             command: invocation.to_text(),
             how,

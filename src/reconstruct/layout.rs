@@ -6,12 +6,12 @@
 //! the same views as this program.
 
 use crate::files;
-use crate::image::{Image, Shades, Size, jpeg, png, to_byte};
-use crate::source::colmap::write::{Taken, write_model};
-use crate::source::colmap::{Point, read_points};
+use crate::image::{GreyImage, Image, Size, jpeg, png, to_byte};
+use crate::source::colmap::write::{WrittenImage, write_model};
+use crate::source::colmap::{ColmapPoint, read_points};
 use crate::source::lens::NEGLIGIBLE_PX;
 use crate::source::undistort::undistort_photo;
-use crate::source::{Capture, SourceError, View};
+use crate::source::{Capture, CapturedView, SourceError};
 use rayon::prelude::*;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Cursor};
@@ -66,7 +66,7 @@ fn layout_error(path: &Path) -> impl FnOnce(io::Error) -> LayoutError {
 
 /// Summary of a prepared capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Laid {
+pub(super) struct LaidOutCapture {
     /// Number of views that were left out because their photos are missing.
     pub(super) without_photo: usize,
 }
@@ -77,7 +77,7 @@ pub(super) struct Laid {
 pub fn photo_memory(capture: &Capture) -> u64 {
     const COLOUR_BYTES: u64 = 12;
     const ELSE: u64 = 2 << 30;
-    let pixels = |view: &View| u64::from(view.camera.size.width) * u64::from(view.camera.size.height);
+    let pixels = |view: &CapturedView| u64::from(view.camera.size.width) * u64::from(view.camera.size.height);
     capture.views.iter().map(|view| COLOUR_BYTES * pixels(view)).fold(ELSE, u64::saturating_add)
 }
 
@@ -89,43 +89,48 @@ pub(super) fn lay_out(
     hold_out: Option<u32>,
     to: &Path,
     goes_on: &(dyn Fn() -> bool + Sync),
-) -> Result<Laid, LayoutError> {
+) -> Result<LaidOutCapture, LayoutError> {
     let (images, model) = (to.join("images"), to.join("sparse/0"));
     for folder in [&images, &model] {
         fs::create_dir_all(folder).map_err(layout_error(folder))?;
     }
     let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
-    let shown: Vec<(usize, &View)> =
+    let shown: Vec<(usize, &CapturedView)> =
         capture.views.iter().enumerate().filter(|(index, _)| !is_held_out(*index)).collect();
-    let photos: Vec<(usize, &View, &Path)> =
+    let photos: Vec<(usize, &CapturedView, &Path)> =
         shown.iter().filter_map(|(index, view)| Some((*index, *view, find_photo(view, files)?))).collect();
     let without_photo = shown.len() - photos.len();
     if photos.is_empty() {
         let views = capture.views.len();
         return Err(LayoutError::Nothing { views, without_photo, held_out: views - shown.len() });
     }
-    let put = |(index, view, photo): &(usize, &View, &Path)| {
+    let put = |(index, view, photo): &(usize, &CapturedView, &Path)| {
         if goes_on() { place_photo(*index, view, photo, &images) } else { Err(LayoutError::Stopped) }
     };
-    let taken: Vec<Taken> = photos.par_iter().map(put).collect::<Result<_, _>>()?;
+    let taken: Vec<WrittenImage> = photos.par_iter().map(put).collect::<Result<_, _>>()?;
     write_model(&model, &taken, &model_points(files)?).map_err(layout_error(&model))?;
-    Ok(Laid { without_photo })
+    Ok(LaidOutCapture { without_photo })
 }
 
 /// Returns the photo of a view, if it exists.
-fn find_photo<'f>(view: &View, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
+fn find_photo<'f>(view: &CapturedView, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
     let is_its = |name: &str| name == view.name || name.strip_prefix("images/") == Some(&view.name);
     files.iter().find(|(name, _)| is_its(name)).map(|(_, path)| path.as_path())
 }
 
 /// Returns the points of the source's COLMAP model, if it has one.
-fn model_points(files: &[(String, PathBuf)]) -> Result<Vec<Point>, SourceError> {
+fn model_points(files: &[(String, PathBuf)]) -> Result<Vec<ColmapPoint>, SourceError> {
     let file = files.iter().find(|(name, _)| ["points3D.bin", "points3D.txt"].contains(&name.as_str()));
     file.map(|(_, path)| read_points(path)).transpose().map(Option::unwrap_or_default)
 }
 
 /// Writes a photo to the folder `images`, undistorted if its lens has distortion.
-fn place_photo(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, LayoutError> {
+fn place_photo(
+    index: usize,
+    view: &CapturedView,
+    photo: &Path,
+    images: &Path,
+) -> Result<WrittenImage, LayoutError> {
     let is_bent = view.lens.max_displacement_px(&view.camera) > NEGLIGIBLE_PX;
     let name = if is_bent {
         write_undistorted(index, view, photo, images)?
@@ -139,12 +144,17 @@ fn place_photo(index: usize, view: &View, photo: &Path, images: &Path) -> Result
         File::create_new(&to).and_then(|mut to| io::copy(&mut from, &mut to)).map_err(layout_error(&to))?;
         name
     };
-    let View { world_from_camera, camera, .. } = *view;
-    Ok(Taken { name, world_from_camera, camera })
+    let CapturedView { world_from_camera, camera, .. } = *view;
+    Ok(WrittenImage { name, world_from_camera, camera })
 }
 
 /// Writes the undistorted photo and returns its file name.
-fn write_undistorted(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
+fn write_undistorted(
+    index: usize,
+    view: &CapturedView,
+    photo: &Path,
+    images: &Path,
+) -> Result<String, LayoutError> {
     let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
     let taken = decode_photo(photo, view.camera.size).map_err(unreadable)?;
     let straight = undistort_photo(&taken, &view.camera, &view.lens);
@@ -165,7 +175,7 @@ fn decode_photo(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
     } else {
         jpeg::read_colours(&bytes, Some(camera)).map_err(|e| e.to_string())?
     };
-    let Shades { luminance, colours } = shades;
+    let GreyImage { luminance, colours } = shades;
     let size = luminance.size();
     let pixels = match colours {
         Some(colours) => colours.into_pixels().into_iter().map(|rgb| rgb.map(sample_byte)).collect(),

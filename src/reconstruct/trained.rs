@@ -12,7 +12,7 @@ const MOST_NON_FINITE: f64 = 0.01;
 
 /// Accepted number of Gaussians of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Count {
+pub struct GaussianCount {
     /// Minimum, if stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min: Option<u64>,
@@ -21,7 +21,7 @@ pub struct Count {
     pub max: Option<u64>,
 }
 
-impl Count {
+impl GaussianCount {
     /// Returns true if there is no limit.
     #[must_use]
     pub fn is_any(&self) -> bool {
@@ -45,10 +45,10 @@ pub(super) enum TrainedError {
     #[error("what it made is no sound scene: {non_finite} of {read} Gaussians hold a NaN or an infinity")]
     NonFinite { read: u64, non_finite: u64 },
     #[error("it made {found} Gaussians, wanted {}", wanted_count(.limits))]
-    Count { found: u64, limits: Count },
+    Count { found: u64, limits: GaussianCount },
 }
 
-fn wanted_count(limits: &Count) -> String {
+fn wanted_count(limits: &GaussianCount) -> String {
     let min = limits.min.map(|min| format!("at least {min}"));
     let max = limits.max.map(|max| format!("at most {max}"));
     [min, max].into_iter().flatten().collect::<Vec<_>>().join(" and ")
@@ -58,7 +58,7 @@ fn wanted_count(limits: &Count) -> String {
 pub(super) fn read_trained(
     out: &Path,
     scene: Option<&str>,
-    limits: Count,
+    limits: GaussianCount,
 ) -> Result<Gaussians, TrainedError> {
     let file = match scene {
         Some(below) => out.join(below),
@@ -68,7 +68,7 @@ pub(super) fn read_trained(
         return Err(TrainedError::Absent(scene.unwrap_or_default().into()));
     }
     let gaussians = scene::read_file(&file).map_err(TrainedError::Unreadable)?;
-    let scene::Screening { read, non_finite, .. } = gaussians.screening;
+    let scene::SceneScreening { read, non_finite, .. } = gaussians.screening;
     if non_finite as f64 > MOST_NON_FINITE * read as f64 {
         return Err(TrainedError::NonFinite { read, non_finite });
     }

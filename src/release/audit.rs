@@ -2,7 +2,7 @@
 //!
 //! It needs no network and no store, trusts no stat cache, and reads every byte: once for both hashes, files in
 //! parallel, and a second time what it opens (events, poses, pictures, reports). What it finds is a list of faults,
-//! sorted, each with a code, the file or scene, and what to do. What it does not cover it says: [`Report::covers`]
+//! sorted, each with a code, the file or scene, and what to do. What it does not cover it says: [`AuditReport::covers`]
 //! is the whole list.
 
 mod again;
@@ -21,10 +21,10 @@ mod terms;
 mod walk;
 
 use super::layout;
-use super::manifest::{Manifest, ManifestScene, Owners};
+use super::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use super::published::PublishedScene;
-use super::scene::SceneFile;
-use crate::recipe::Takedown;
+use super::scene::SceneRecord;
+use crate::recipe::TakedownList;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,7 +36,7 @@ use std::path::{Path, PathBuf};
 /// What kind of fault it is. Codes are stable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Code {
+pub enum FaultCode {
     /// A listed file is not there.
     Missing,
     /// Bytes that neither the sums nor the manifest state; or a sums file that is not in its one form.
@@ -97,7 +97,7 @@ pub enum Code {
     RebuiltDiffers,
 }
 
-impl Code {
+impl FaultCode {
     /// Its name.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -156,9 +156,9 @@ impl Code {
 
 /// One fault.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-pub struct Fault {
+pub struct AuditFault {
     /// What kind it is.
-    pub code: Code,
+    pub code: FaultCode,
     /// Path below the release folder, where it is about one file.
     pub file: Option<String>,
     /// Scene id, where it is about one scene.
@@ -169,12 +169,12 @@ pub struct Fault {
     pub help: &'static str,
 }
 
-impl Fault {
-    fn of_file(code: Code, file: &str, message: impl Into<String>) -> Self {
+impl AuditFault {
+    fn of_file(code: FaultCode, file: &str, message: impl Into<String>) -> Self {
         Self { code, file: Some(file.to_owned()), scene: None, message: message.into(), help: code.help() }
     }
 
-    fn of_scene(code: Code, scene: &str, message: impl Into<String>) -> Self {
+    fn of_scene(code: FaultCode, scene: &str, message: impl Into<String>) -> Self {
         Self { code, file: None, scene: Some(scene.to_owned()), message: message.into(), help: code.help() }
     }
 
@@ -182,21 +182,21 @@ impl Fault {
         Self { scene: Some(scene.to_owned()), ..self }
     }
 
-    /// Whether it is about a scene, or a file of it.
+    /// Returns true if it is about a scene, or a file of it.
     fn concerns(&self, scene: &str) -> bool {
         let below = |file: &String| file.strip_prefix(scene).is_some_and(|rest| rest.starts_with('/'));
         self.scene.as_deref() == Some(scene) || self.file.as_ref().is_some_and(below)
     }
 
     /// With the scene that its file belongs to: the longest id that the path begins with.
-    fn placed(self, owners: &Owners<'_>) -> Self {
+    fn placed(self, owners: &FileOwners<'_>) -> Self {
         let Some(file) = self.file.as_deref().filter(|_| self.scene.is_none()) else { return self };
         let scene = owners.of(file).map(|scene| scene.id.clone());
         Self { scene, ..self }
     }
 }
 
-impl fmt::Display for Fault {
+impl fmt::Display for AuditFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let place = self.file.as_ref().or(self.scene.as_ref()).map_or("the release", String::as_str);
         write!(f, "{}: {place}: {}; help: {}", self.code.name(), self.message, self.help)
@@ -205,9 +205,9 @@ impl fmt::Display for Fault {
 
 /// What an audit found.
 #[derive(Debug, Clone)]
-pub struct Report {
+pub struct AuditReport {
     /// The faults, sorted by code, file and scene.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<AuditFault>,
     /// Files that were read.
     pub files: usize,
     /// Their bytes.
@@ -223,7 +223,7 @@ pub struct Report {
     pub made_again: usize,
 }
 
-impl Report {
+impl AuditReport {
     /// What the audit has proved, a sentence each.
     #[must_use]
     pub fn proved(&self) -> Vec<String> {
@@ -281,7 +281,7 @@ const COVERS: [&str; 13] = [
 ///
 /// # Errors
 /// When the folder cannot be listed. A file that cannot be read is a fault.
-pub fn audit_release(dir: &Path) -> io::Result<Report> {
+pub fn audit_release(dir: &Path) -> io::Result<AuditReport> {
     audit_against(dir, None)
 }
 
@@ -289,24 +289,29 @@ pub fn audit_release(dir: &Path) -> io::Result<Report> {
 ///
 /// # Errors
 /// As [`audit_release`].
-pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Report> {
+pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<AuditReport> {
     let tree = walk::walk_tree(dir)?;
     let bytes = bytes::hash_files(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
-        let tree = Tree { dir, intact: bytes::intact_files(&bytes, &sums) };
-        let manifest: Option<Manifest> = claims::parse_claims(&tree, super::manifest::NAME, &mut faults);
+        let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums) };
+        let manifest: Option<ReleaseManifest> =
+            claims::parse_claims(&tree, super::manifest::NAME, &mut faults);
         let b3 = sums::read_b3(&tree, &sums, &mut faults);
-        bytes::compare_bytes(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
+        bytes::compare_bytes(
+            &bytes,
+            &bytes::StatedBytes::new(&sums, b3.as_ref(), manifest.as_ref()),
+            &mut faults,
+        );
         if let Some(manifest) = &manifest {
             written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
             scenes = manifest.scenes.len();
             faults.extend(audit_scenes(&tree, manifest, takedown));
-            let owners = Owners::new(manifest);
+            let owners = FileOwners::new(manifest);
             faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
         } else if !tree.has(super::manifest::NAME) {
             let message = "a release has one, and it is not there, or not whole";
-            faults.push(Fault::of_file(Code::Missing, super::manifest::NAME, message));
+            faults.push(AuditFault::of_file(FaultCode::Missing, super::manifest::NAME, message));
         }
     }
     let mut faults = without_echoes(faults);
@@ -315,7 +320,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Repo
     let read = bytes.values().flatten();
     let covers = COVERS.into_iter().chain(takedown.map(|_| "scenes against the takedown list")).collect();
     let size = read.map(|hashes| hashes.size).sum();
-    Ok(Report { faults, files: bytes.len(), bytes: size, covers, written_by, scenes, made_again: 0 })
+    Ok(AuditReport { faults, files: bytes.len(), bytes: size, covers, written_by, scenes, made_again: 0 })
 }
 
 /// Reads and hashes every byte below `dir`, which is the first of the audit's two passes, and says how many there are.
@@ -333,13 +338,13 @@ pub fn read_tree(dir: &Path) -> io::Result<u64> {
 
 /// The part of a tree that can be trusted to be what was released.
 #[derive(Debug)]
-struct Tree<'a> {
+struct TrustedTree<'a> {
     dir: &'a Path,
     /// Files whose bytes are those of the sums, with their SHA-256.
     intact: BTreeMap<&'a str, &'a str>,
 }
 
-impl Tree<'_> {
+impl TrustedTree<'_> {
     fn has(&self, path: &str) -> bool {
         self.intact.contains_key(path)
     }
@@ -360,18 +365,22 @@ impl Tree<'_> {
     }
 }
 
-fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown>) -> Vec<Fault> {
+fn audit_scenes(
+    tree: &TrustedTree<'_>,
+    manifest: &ReleaseManifest,
+    takedown: Option<&TakedownList>,
+) -> Vec<AuditFault> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in &manifest.scenes {
         let path = format!("{}/{}", listed.id, layout::SCENE);
         let known = scenes.len();
         if !tree.has(&path) {
-            faults.push(Fault::of_scene(
-                Code::SceneIncomplete,
+            faults.push(AuditFault::of_scene(
+                FaultCode::SceneIncomplete,
                 &listed.id,
                 "it has no scene.json that is whole",
             ));
-        } else if let Some(scene) = claims::parse_claims::<SceneFile>(tree, &path, &mut faults) {
+        } else if let Some(scene) = claims::parse_claims::<SceneRecord>(tree, &path, &mut faults) {
             faults.extend(claims::audit_scene(manifest, listed, &scene));
             faults.extend(terms::scene_terms(&scene, tree));
             faults.extend(contents::audit_scene(tree, &scene));
@@ -391,16 +400,17 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown
 /// The scenes as their files describe them, with the faults of files that follow from others. `None` where a scene has
 /// any fault: what follows from it is then not worth a word.
 fn published(
-    tree: &Tree<'_>,
-    manifest: &Manifest,
-    scenes: &[SceneFile],
-    faults: &mut Vec<Fault>,
+    tree: &TrustedTree<'_>,
+    manifest: &ReleaseManifest,
+    scenes: &[SceneRecord],
+    faults: &mut Vec<AuditFault>,
 ) -> Option<Vec<PublishedScene>> {
     if manifest.tool != super::TOOL {
         return None;
     }
-    let scenes: BTreeMap<&str, &SceneFile> = scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect();
-    let read = |listed: &ManifestScene| -> (Option<PublishedScene>, Vec<Fault>) {
+    let scenes: BTreeMap<&str, &SceneRecord> =
+        scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect();
+    let read = |listed: &ManifestScene| -> (Option<PublishedScene>, Vec<AuditFault>) {
         let sound = faults.iter().all(|fault| !fault.concerns(&listed.id));
         let Some(scene) = scenes.get(listed.id.as_str()).filter(|_| sound) else { return (None, Vec::new()) };
         let mut found = Vec::new();
@@ -408,7 +418,7 @@ fn published(
         found.extend(read.iter().flat_map(|scene| again::scene(tree, listed, scene)));
         (read.filter(|_| found.is_empty()), found)
     };
-    let (read, found): (Vec<Option<PublishedScene>>, Vec<Vec<Fault>>) =
+    let (read, found): (Vec<Option<PublishedScene>>, Vec<Vec<AuditFault>>) =
         manifest.scenes.par_iter().map(read).unzip();
     faults.extend(found.into_iter().flatten());
     // A release of no scene has no terms to compose.
@@ -416,12 +426,12 @@ fn published(
 }
 
 /// The files at the top, as far as one look at each tells.
-fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+fn top(tree: &TrustedTree<'_>, manifest: &ReleaseManifest, scenes: &[SceneRecord]) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let index = index::read_index(tree, &mut faults);
     let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
     faults.extend(compared.flat_map(|table| index::compare_index(tree, table, scenes)));
-    faults.extend(croissant::audit_croissant(&croissant::Subject {
+    faults.extend(croissant::audit_croissant(&croissant::CroissantSubject {
         tree,
         manifest,
         index: index.as_ref(),
@@ -435,11 +445,11 @@ fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault>
 
 /// Files that are not what this version composes, where it wrote the release.
 fn composed(
-    tree: &Tree<'_>,
-    manifest: &Manifest,
+    tree: &TrustedTree<'_>,
+    manifest: &ReleaseManifest,
     scenes: Option<&[PublishedScene]>,
-    known: &[Fault],
-) -> Vec<Fault> {
+    known: &[AuditFault],
+) -> Vec<AuditFault> {
     if manifest.tool != super::TOOL {
         return Vec::new();
     }
@@ -451,14 +461,14 @@ fn composed(
 }
 
 /// Leaves out of the files that were composed otherwise those of which something more telling is said.
-fn without_echoes(faults: Vec<Fault>) -> Vec<Fault> {
+fn without_echoes(faults: Vec<AuditFault>) -> Vec<AuditFault> {
     let told: BTreeSet<String> = faults
         .iter()
-        .filter(|fault| fault.code != Code::NotComposed)
+        .filter(|fault| fault.code != FaultCode::NotComposed)
         .filter_map(|fault| fault.file.clone())
         .collect();
-    let is_echo = |fault: &Fault| {
-        fault.code == Code::NotComposed && fault.file.as_ref().is_some_and(|file| told.contains(file))
+    let is_echo = |fault: &AuditFault| {
+        fault.code == FaultCode::NotComposed && fault.file.as_ref().is_some_and(|file| told.contains(file))
     };
     faults.into_iter().filter(|fault| !is_echo(fault)).collect()
 }

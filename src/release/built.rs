@@ -1,22 +1,23 @@
 //! What was built, gathered from the store for a release.
 
-use super::left_out::{self, Row};
+use super::left_out::{self, OmissionRow};
 use super::published;
 use crate::artifact::{
-    Artifact, ArtifactError, Blurred, EventStreams, Files, Motion, Simulation, Stream, Verdicts,
+    Artifact, ArtifactError, ArtifactFiles, BlurredFrames, EventStream, EventStreams, SimulationRecord,
+    TrajectoryProduct, VerdictsRecord,
 };
 use crate::camera::{self, Camera};
 use crate::check::Finding;
-use crate::licence::Composed;
+use crate::licence::ComposedTerms;
 use crate::plan::Plan;
-use crate::plan::assess::{Product, describe_step};
+use crate::plan::assess::{StepProduct, describe_step};
 use crate::recipe::{Recipe, SourceTerms};
-use crate::render::fidelity::Fidelity;
-use crate::run::Summary;
-use crate::scene::{Gaussians, Screening};
+use crate::render::fidelity::PhotoFidelity;
+use crate::run::RunSummary;
+use crate::scene::{Gaussians, SceneScreening};
 use crate::source::Capture;
-use crate::store::description::Value;
-use crate::store::record::Output;
+use crate::store::description::DescribedValue;
+use crate::store::record::StoredOutput;
 use crate::store::{Key, Store};
 use std::path::PathBuf;
 
@@ -27,17 +28,17 @@ pub(super) struct BuiltScene<'a> {
     pub(super) capture: Capture,
     /// There where something is rendered.
     pub(super) gaussians: Option<SceneSummary>,
-    pub(super) licence: Composed,
-    pub(super) photographed: Option<Photographed>,
+    pub(super) licence: ComposedTerms,
+    pub(super) photographed: Option<PhotoFindings>,
     pub(super) trajectories: Vec<BuiltTrajectory>,
     pub(super) steps: Vec<BuiltStep>,
 }
 
 /// What was found out about a scene by its photos and its capture.
 #[derive(Debug)]
-pub(super) struct Photographed {
+pub(super) struct PhotoFindings {
     /// Where there is a scene.
-    pub(super) fidelity: Option<Fidelity>,
+    pub(super) fidelity: Option<PhotoFidelity>,
     pub(super) findings: Vec<Finding>,
 }
 
@@ -48,28 +49,28 @@ pub(super) struct SceneSummary {
     pub(super) count: u64,
     pub(super) sh_degree: u8,
     pub(super) antialiased: Option<bool>,
-    pub(super) screening: Screening,
+    pub(super) screening: SceneScreening,
 }
 
 /// A trajectory whose steps are all made.
 #[derive(Debug)]
 pub(super) struct BuiltTrajectory {
     pub(super) name: String,
-    pub(super) motion: Motion,
+    pub(super) motion: TrajectoryProduct,
     pub(super) events: Option<EventStreams>,
-    pub(super) blur: Option<Blurred>,
-    pub(super) left_out: Vec<Row>,
+    pub(super) blur: Option<BlurredFrames>,
+    pub(super) left_out: Vec<OmissionRow>,
     pub(super) findings: Vec<Finding>,
     pub(super) peaks_ev_per_ms: Vec<u64>,
 }
 
 impl BuiltTrajectory {
-    pub(super) fn simulation(&self) -> Option<&Simulation> {
+    pub(super) fn simulation(&self) -> Option<&SimulationRecord> {
         self.events.as_ref().map(|streams| &streams.simulation)
     }
 
     /// Its event streams.
-    pub(super) fn streams(&self) -> &[Stream] {
+    pub(super) fn streams(&self) -> &[EventStream] {
         self.simulation().map_or(&[], |simulation| &simulation.streams)
     }
 }
@@ -80,8 +81,8 @@ pub(super) struct BuiltStep {
     pub(super) name: String,
     pub(super) stage: &'static str,
     pub(super) key: Key,
-    pub(super) description: Value,
-    pub(super) outputs: Vec<Output>,
+    pub(super) description: DescribedValue,
+    pub(super) outputs: Vec<StoredOutput>,
 }
 
 /// Why something built cannot be gathered.
@@ -108,14 +109,14 @@ pub enum GatherError {
 }
 
 /// Finds the products of one scene's steps.
-struct Shelf<'a> {
+struct BuiltProducts<'a> {
     scene: &'a str,
     store: &'a Store,
     steps: Vec<BuiltStep>,
 }
 
-impl Shelf<'_> {
-    fn find(&self, name: &str) -> Option<&[Output]> {
+impl BuiltProducts<'_> {
+    fn find(&self, name: &str) -> Option<&[StoredOutput]> {
         self.steps.iter().find(|s| s.name == name).map(|s| s.outputs.as_slice())
     }
 
@@ -123,20 +124,20 @@ impl Shelf<'_> {
         let outputs = self
             .find(name)
             .ok_or_else(|| GatherError::NotBuilt { scene: self.scene.to_owned(), step: name.to_owned() })?;
-        A::open(&Files::from_outputs(outputs, self.store)).map_err(|e| self.unreadable(name, &e))
+        A::open(&ArtifactFiles::from_outputs(outputs, self.store)).map_err(|e| self.unreadable(name, &e))
     }
 
     /// What the steps of a trajectory left out.
-    fn left_out(&self, trajectory: &str) -> Result<Vec<Row>, GatherError> {
+    fn left_out(&self, trajectory: &str) -> Result<Vec<OmissionRow>, GatherError> {
         let own =
             |step: &&BuiltStep| step.name.strip_prefix(trajectory).is_some_and(|rest| rest.starts_with('/'));
         let mut rows = Vec::new();
         for step in self.steps.iter().filter(own) {
             let class = match &step.description {
-                Value::Record(fields) => fields.get("class").map(ToString::to_string),
+                DescribedValue::Record(fields) => fields.get("class").map(ToString::to_string),
                 _ => None,
             };
-            let files = Files::from_outputs(&step.outputs, self.store);
+            let files = ArtifactFiles::from_outputs(&step.outputs, self.store);
             let left_out = left_out::of_step(step.stage, class.as_deref(), &files);
             rows.extend(left_out.map_err(|e| self.unreadable(&step.name, &e))?);
         }
@@ -160,7 +161,7 @@ impl Shelf<'_> {
 pub(super) fn gather_scene<'a>(
     plan: &'a Plan,
     index: usize,
-    summary: &Summary,
+    summary: &RunSummary,
     (store, terms): (&Store, &SourceTerms),
 ) -> Result<BuiltScene<'a>, GatherError> {
     let recipe = &plan.scenes()[index];
@@ -168,13 +169,13 @@ pub(super) fn gather_scene<'a>(
     let mut steps = Vec::new();
     let outputs_of = |id| summary.products.get(&id).map(|product| product.outputs.clone());
     for (id, planned) in plan.steps_of(index) {
-        let Product { key, outputs, sources } =
+        let StepProduct { key, outputs, sources } =
             summary.products.get(&id).ok_or_else(|| not_built(&planned.name))?;
         let description = describe_step(planned, sources, &outputs_of);
         let (name, stage, outputs) = (planned.name.clone(), planned.step.stage(), outputs.clone());
         steps.push(BuiltStep { name, stage, key: *key, description, outputs });
     }
-    let shelf = Shelf { scene: &recipe.scene, store, steps };
+    let shelf = BuiltProducts { scene: &recipe.scene, store, steps };
     let capture = shelf.open("capture")?;
     let gaussians = match shelf.open_optional::<Gaussians>("reconstruct")? {
         None => None,
@@ -198,15 +199,15 @@ pub(super) fn gather_scene<'a>(
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }
 
-fn photo_findings(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> {
-    let Some(verdicts) = shelf.open_optional::<Verdicts>("checks")? else { return Ok(None) };
+fn photo_findings(shelf: &BuiltProducts<'_>) -> Result<Option<PhotoFindings>, GatherError> {
+    let Some(verdicts) = shelf.open_optional::<VerdictsRecord>("checks")? else { return Ok(None) };
     let fidelity = shelf.open_optional("fidelity")?;
-    Ok(Some(Photographed { fidelity, findings: verdicts.findings_of_scene(shelf.scene) }))
+    Ok(Some(PhotoFindings { fidelity, findings: verdicts.findings_of_scene(shelf.scene) }))
 }
 
-fn gather_trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
+fn gather_trajectory(shelf: &BuiltProducts<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
     let step = |step: &str| format!("{name}/{step}");
-    let verdicts: Verdicts = shelf.open(&step("checks"))?;
+    let verdicts: VerdictsRecord = shelf.open(&step("checks"))?;
     Ok(BuiltTrajectory {
         name: name.to_owned(),
         motion: shelf.open(&step("trajectory"))?,
@@ -226,7 +227,7 @@ impl BuiltScene<'_> {
     }
 
     /// The outputs of a step of a trajectory; none of a step that it does not have.
-    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[Output] {
+    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
         let name = format!("{trajectory}/{step}");
         self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }

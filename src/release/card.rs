@@ -1,20 +1,20 @@
 //! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
 //! number in it is computed.
 
-use super::facts::{Counts, Facts, breaks_line, plain_text};
+use super::facts::{FileCounts, ReleaseFacts, breaks_line, plain_text};
 use super::published::PublishedScene;
-use super::scene::{Statistics, TrajectoryPart};
+use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
 use crate::escape::{self, quoted};
 use crate::image::Size;
-use crate::licence::{Obligation, Passing};
-use crate::recipe::{By, ReleaseInfo};
-use crate::sensor::Sensor;
-use crate::sensor::voltmeter::Between;
+use crate::licence::{LicenceObligation, Redistributability};
+use crate::recipe::{ReleaseInfo, SplitUnit};
+use crate::sensor::SensorChoice;
+use crate::sensor::voltmeter::BetweenFrames;
 use std::fmt::Write as _;
 
 /// Composes the card.
-pub(super) fn compose_card(facts: &Facts<'_>) -> String {
+pub(super) fn compose_card(facts: &ReleaseFacts<'_>) -> String {
     let (scenes, info) = (facts.scenes, facts.info);
     let mut text = card_head(facts);
     for section in [
@@ -43,7 +43,7 @@ fn built_trajectories(scenes: &[PublishedScene]) -> impl Iterator<Item = (&Publi
 }
 
 /// The card's head, as dataset hubs read it.
-fn card_head(facts: &Facts<'_>) -> String {
+fn card_head(facts: &ReleaseFacts<'_>) -> String {
     let (info, licence) = (facts.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
     // A hub knows few licences by name; an expression is told as another licence with a link.
@@ -67,7 +67,7 @@ fn card_head(facts: &Facts<'_>) -> String {
 }
 
 /// What receivers are asked before they get anything, as hubs read it: who they are, and each obligation of the terms.
-fn gate_prompt(facts: &Facts<'_>) -> String {
+fn gate_prompt(facts: &ReleaseFacts<'_>) -> String {
     let mut text = String::from(
         "extra_gated_heading: \"Terms of the upstream datasets\"\n\
          extra_gated_prompt: \"Access needs your acceptance of the upstream terms in LICENSES.\"\n\
@@ -75,9 +75,9 @@ fn gate_prompt(facts: &Facts<'_>) -> String {
          \"I have read and accept the terms in LICENSES\": checkbox\n",
     );
     let asked = [
-        (Obligation::NonCommercial, "I make no commercial use of it"),
-        (Obligation::NoRedistribution, "I pass nothing of it on to others"),
-        (Obligation::DeletionOnRequest, "I delete what concerns a person when I am asked to"),
+        (LicenceObligation::NonCommercial, "I make no commercial use of it"),
+        (LicenceObligation::NoRedistribution, "I pass nothing of it on to others"),
+        (LicenceObligation::DeletionOnRequest, "I delete what concerns a person when I am asked to"),
     ];
     let obligations = facts.obligations();
     for (_, promise) in asked.iter().filter(|(obligation, _)| obligations.contains(obligation)) {
@@ -86,13 +86,13 @@ fn gate_prompt(facts: &Facts<'_>) -> String {
     text
 }
 
-fn card_introduction(facts: &Facts<'_>) -> String {
+fn card_introduction(facts: &ReleaseFacts<'_>) -> String {
     let info = facts.info;
     let mut text = format!("# {} {}\n\n", plain_text(&info.name), plain_text(&info.version));
     if !info.description.is_empty() {
         let _ = writeln!(text, "{}\n", plain_text(&info.description));
     }
-    let Counts { scenes, trajectories, events, withheld, .. } = facts.counts();
+    let FileCounts { scenes, trajectories, events, withheld, .. } = facts.counts();
     let pictures = facts.pictures();
     let _ = writeln!(
         text,
@@ -113,11 +113,11 @@ fn card_introduction(facts: &Facts<'_>) -> String {
 }
 
 /// How many scenes are in which split; empty where there are none.
-fn splits_section(facts: &Facts<'_>) -> String {
+fn splits_section(facts: &ReleaseFacts<'_>) -> String {
     let Some(rule) = &facts.info.splits else { return String::new() };
     let by = match rule.by {
-        By::Capture => "capture",
-        By::Object => "object",
+        SplitUnit::Capture => "capture",
+        SplitUnit::Object => "object",
     };
     let counts: Vec<String> =
         facts.splits().iter().map(|(name, count)| format!("`{name}` {count}")).collect();
@@ -259,11 +259,11 @@ fn making_section(scenes: &[PublishedScene]) -> String {
 }
 
 /// How a sensor takes brightness between poses.
-fn between_words(sensor: &Sensor) -> &'static str {
+fn between_words(sensor: &SensorChoice) -> &'static str {
     match sensor.between() {
-        Between::Linear => "linear",
-        Between::Catmull => "cubic (Catmull-Rom)",
-        Between::Hermite => "cubic (Hermite, with rendered rates of change)",
+        BetweenFrames::Linear => "linear",
+        BetweenFrames::Catmull => "cubic (Catmull-Rom)",
+        BetweenFrames::Hermite => "cubic (Hermite, with rendered rates of change)",
     }
 }
 
@@ -284,7 +284,7 @@ fn stream_rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
             part.duration_us as f64 * 1e-3,
         )
     };
-    let counted = |name: Option<&str>, sensor: &Sensor, statistics: &Statistics| {
+    let counted = |name: Option<&str>, sensor: &SensorChoice, statistics: &TrajectoryStatistics| {
         let (events, on) = (statistics.events.unwrap_or(0), statistics.on.unwrap_or(0));
         let pixel_seconds = size.pixels() as f64 * part.duration_us as f64 * 1e-6;
         let rate = events as f64 / pixel_seconds;
@@ -343,16 +343,16 @@ good as its reconstruction. Lengths are in the unit of each source, which is arb
 is not known. Events between poses rest on brightness that was interpolated: how far the image moves from pose to pose is \
 in `checks.json` (`sampling`). Photos are named and hashed, and are not in the release.";
 
-fn licences_section(facts: &Facts<'_>) -> String {
+fn licences_section(facts: &ReleaseFacts<'_>) -> String {
     let mut text =
         format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", facts.licence.expression);
     for scene in facts.scenes {
         let holder =
             scene.recipe.licence.as_ref().map_or_else(|| "not stated".into(), |l| plain_text(&l.holder));
         let passing = match &scene.licence.passing {
-            Passing::Free => String::new(),
-            Passing::Allowed(because) => format!("; passed on, because: {}", plain_text(because)),
-            Passing::Withheld => "; recipe, poses and reports alone".to_owned(),
+            Redistributability::Free => String::new(),
+            Redistributability::Allowed(because) => format!("; passed on, because: {}", plain_text(because)),
+            Redistributability::Withheld => "; recipe, poses and reports alone".to_owned(),
         };
         let (id, terms) = (&scene.recipe.scene, &scene.licence.expression);
         let _ = writeln!(text, "- {id}: `{terms}`, holder: {holder}{passing}");

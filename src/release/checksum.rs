@@ -34,13 +34,13 @@ pub(super) fn sha256_of_file(path: &Path) -> io::Result<String> {
 
 /// Both hashes of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Hashes {
+pub(super) struct FileHashes {
     pub(super) sha256: String,
     pub(super) blake3: Digest,
     pub(super) size: u64,
 }
 
-impl Hashes {
+impl FileHashes {
     /// Both hashes of some bytes.
     pub(super) fn of_bytes(bytes: &[u8]) -> Self {
         Self { sha256: sha256_hex(bytes), blake3: Digest::of_bytes(bytes), size: bytes.len() as u64 }
@@ -48,8 +48,8 @@ impl Hashes {
 }
 
 /// Both hashes of a file, in one pass over its bytes.
-pub(super) fn hash_file(path: &Path) -> io::Result<Hashes> {
-    let mut file = files::open_with(path, files::Links::Refuse)?;
+pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
+    let mut file = files::open_with(path, files::LinkRule::Refuse)?;
     let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
     let mut piece = vec![0; 1 << 16];
     let mut size = 0;
@@ -63,7 +63,7 @@ pub(super) fn hash_file(path: &Path) -> io::Result<Hashes> {
         size += n as u64;
     }
     let blake3 = Digest::from(blake3.finalize());
-    Ok(Hashes { sha256: hex_digits(&sha256.finalize()), blake3, size })
+    Ok(FileHashes { sha256: hex_digits(&sha256.finalize()), blake3, size })
 }
 
 /// The text of either file, from paths and sums sorted by path.

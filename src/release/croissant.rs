@@ -11,9 +11,9 @@ pub(super) use records::{SPLITS, data_type};
 use super::card;
 use super::checksum;
 use super::index;
-use super::scene::SceneFile;
+use super::scene::SceneRecord;
 use crate::licence::SourceKind;
-use crate::recipe::{ReleaseInfo, Splits};
+use crate::recipe::{ReleaseInfo, SplitPlan};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -56,7 +56,7 @@ pub(super) const RESPONSIBLE: [&str; 7] = [
     SYNTHETIC,
 ];
 
-/// Whether data are synthetic; they always are.
+/// True if data are synthetic; they always are.
 pub(super) const SYNTHETIC: &str = "rai:hasSyntheticData";
 
 /// Id of the release folder.
@@ -101,11 +101,11 @@ const JSON: &str = "application/json";
 
 /// What is described.
 #[derive(Debug)]
-pub(super) struct Described<'a> {
+pub(super) struct DescribedRelease<'a> {
     pub(super) info: &'a ReleaseInfo,
     /// SPDX expression of the whole.
     pub(super) licence: &'a str,
-    pub(super) scenes: &'a [&'a SceneFile],
+    pub(super) scenes: &'a [&'a SceneRecord],
     /// Paths of the files of all scenes.
     pub(super) paths: Vec<String>,
     /// The bytes of the index.
@@ -113,7 +113,7 @@ pub(super) struct Described<'a> {
 }
 
 /// Composes the file.
-pub(super) fn compose_croissant(of: &Described<'_>) -> Value {
+pub(super) fn compose_croissant(of: &DescribedRelease<'_>) -> Value {
     let info = of.info;
     let mut file = json!({
         "@context": json_context(), "@type": "sc:Dataset", "conformsTo": CONFORMS_TO,
@@ -131,7 +131,7 @@ pub(super) fn compose_croissant(of: &Described<'_>) -> Value {
     file
 }
 
-fn record_sets(splits: Option<&Splits>) -> Vec<Value> {
+fn record_sets(splits: Option<&SplitPlan>) -> Vec<Value> {
     let sets = [records::index_records(splits), records::scene_records(SCENE_FILES)];
     sets.into_iter().chain(splits.map(records::split_records)).collect()
 }
@@ -160,8 +160,8 @@ const IMPACT: &str = "None is known beyond that of its sources and of methods tr
     bind who receives it: see licence and gated in index.parquet.";
 
 /// The texts of [`RESPONSIBLE`], in its order.
-fn responsible_texts(scenes: &[&SceneFile]) -> [Value; RESPONSIBLE.len()] {
-    let made_up = |scene: &&SceneFile| scene.source.kind == SourceKind::Procedural.name();
+fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
+    let made_up = |scene: &&SceneRecord| scene.source.kind == SourceKind::Procedural.name();
     let personal = personal_words(scenes.iter().all(made_up));
     [
         COLLECTION.into(),
@@ -184,7 +184,7 @@ pub(super) fn personal_words(made_up: bool) -> &'static str {
 }
 
 /// What the scenes were derived from: each upstream dataset, else each kind of source, once.
-fn source_entries(scenes: &[&SceneFile]) -> Vec<Value> {
+fn source_entries(scenes: &[&SceneRecord]) -> Vec<Value> {
     let named: BTreeSet<(&str, Option<&str>, Option<&str>)> = scenes
         .iter()
         .map(|scene| &scene.source)
@@ -200,7 +200,7 @@ fn source_entries(scenes: &[&SceneFile]) -> Vec<Value> {
     named.into_iter().map(source).collect()
 }
 
-fn distribution_entries(of: &Described<'_>) -> Vec<Value> {
+fn distribution_entries(of: &DescribedRelease<'_>) -> Vec<Value> {
     let mut nodes = vec![
         json!({
             "@type": "cr:FileObject", "@id": index::NAME, "name": index::NAME, "contentUrl": index::NAME,

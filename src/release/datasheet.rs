@@ -3,8 +3,8 @@
 
 mod answers;
 
-use super::facts::{Facts, plain_text};
-use answers::Answers;
+use super::facts::{ReleaseFacts, plain_text};
+use answers::AnswerContext;
 use std::fmt::Write as _;
 
 /// Name of the file.
@@ -17,17 +17,17 @@ const UNSTATED: &str = "Not stated by the publisher.";
 const UNKNOWN: &str = "Not known.";
 
 /// A question with its answer.
-type Asked = (&'static str, String);
+type DatasheetEntry = (&'static str, String);
 
 /// Composes the file.
-pub(super) fn compose_datasheet(facts: &Facts<'_>) -> String {
+pub(super) fn compose_datasheet(facts: &ReleaseFacts<'_>) -> String {
     let info = facts.info;
     let mut text = format!("# Datasheet of {} {}\n\n", plain_text(&info.name), plain_text(&info.version));
     text.push_str(
         "The questions are those of Gebru et al., Datasheets for Datasets (2021). Answers are computed from the release, \
          or the publisher's own words, which are marked as such.\n",
     );
-    let answers = Answers { facts, info };
+    let answers = AnswerContext { facts, info };
     for (title, asked) in [
         ("Motivation", answers.motivation()),
         ("Composition", answers.composition()),

@@ -5,10 +5,10 @@
 
 mod values;
 
-pub use values::Change;
+pub use values::ValueChange;
 
-use super::manifest::{self, Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
-use super::scene::SceneFile;
+use super::manifest::{self, KeyIngredients, ManifestFile, ManifestScene, ManifestStep, ReleaseManifest};
+use super::scene::SceneRecord;
 use crate::files;
 use crate::store::Digest;
 use serde::Serialize;
@@ -19,9 +19,9 @@ use std::path::{Path, PathBuf};
 
 /// What differs between an old and a new release.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Difference {
+pub struct ReleaseDifference {
     /// What the releases say of themselves: name, version, tool, licence.
-    pub release: Vec<Change>,
+    pub release: Vec<ValueChange>,
     /// Files that belong to no scene, by path.
     pub files: Vec<FileChange>,
     /// Scenes that only the new release has, by id.
@@ -51,11 +51,11 @@ pub struct SceneChange {
     /// Scene id.
     pub id: String,
     /// Values of the merged recipe.
-    pub recipe: Vec<Change>,
+    pub recipe: Vec<ValueChange>,
     /// Photos of the source, by name and SHA-256.
-    pub photos: Vec<Change>,
+    pub photos: Vec<ValueChange>,
     /// What the manifest claims of it: kind of source, licence, checks, waivers, what was left out of rendering.
-    pub claims: Vec<Change>,
+    pub claims: Vec<ValueChange>,
     /// Steps with another key or other bytes, in the order of the new release, then those that it has not.
     pub steps: Vec<StepChange>,
     /// Its files, by path.
@@ -80,16 +80,16 @@ pub struct StepChange {
     pub step: String,
     /// Name of its stage.
     pub stage: String,
-    /// Whether it made the same bytes all the same.
+    /// True if it made the same bytes all the same.
     pub same_bytes: bool,
     /// Why it differs.
-    pub reasons: Vec<Reason>,
+    pub reasons: Vec<DiffReason>,
 }
 
 /// Why a step differs. The codes are those of `plan`, where it has them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "code", rename_all = "kebab-case")]
-pub enum Reason {
+pub enum DiffReason {
     /// Only the new release has the step.
     StepAdded,
     /// Only the old release has the step.
@@ -138,11 +138,11 @@ pub struct DiffError {
 ///
 /// # Errors
 /// When one of them is no release, or a `scene.json` that is needed to say why cannot be read.
-pub fn diff_releases(old: &Path, new: &Path) -> Result<Difference, DiffError> {
+pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffError> {
     let before = read_manifest(old)?;
     let after = read_manifest(new)?;
     let id = |scene: &ManifestScene| scene.id.clone();
-    let mut told = Difference {
+    let mut told = ReleaseDifference {
         release: values::value_changes(&claimed_values(&before), &claimed_values(&after)),
         files: file_changes(&before.files, &after.files),
         added: Vec::new(),
@@ -164,7 +164,7 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<Difference, DiffError> {
     Ok(told)
 }
 
-fn read_manifest(dir: &Path) -> Result<Manifest, DiffError> {
+fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
     const WANTED: &str = "the folder of a release";
     let no_release = |path: &Path, found: &str| DiffError {
         path: path.to_owned(),
@@ -177,7 +177,7 @@ fn read_manifest(dir: &Path) -> Result<Manifest, DiffError> {
     if !files::is_there(&dir.join(manifest::NAME)) {
         return Err(no_release(dir, "a folder without manifest.json"));
     }
-    let manifest: Manifest = read_json(dir, manifest::NAME, "the manifest of a release of format 1")?;
+    let manifest: ReleaseManifest = read_json(dir, manifest::NAME, "the manifest of a release of format 1")?;
     if manifest.format != 1 {
         let (found, wanted) = (format!("format {}", manifest.format), "format 1");
         return Err(DiffError { path: dir.join(manifest::NAME), found, wanted });
@@ -185,7 +185,7 @@ fn read_manifest(dir: &Path) -> Result<Manifest, DiffError> {
     Ok(manifest)
 }
 
-fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneFile, DiffError> {
+fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
     read_json(dir, &format!("{}/scene.json", scene.id), "what the release says of a scene")
 }
 
@@ -232,8 +232,8 @@ fn file_changes(old: &[ManifestFile], new: &[ManifestFile]) -> Vec<FileChange> {
     pairs.filter_map(change).collect()
 }
 
-fn scene_change([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneFile; 2]) -> SceneChange {
-    let photos = |file: &SceneFile| -> Value {
+fn scene_change([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneRecord; 2]) -> SceneChange {
+    let photos = |file: &SceneRecord| -> Value {
         file.images.iter().map(|photo| (photo.name.clone(), Value::from(photo.sha256.clone()))).collect()
     };
     SceneChange {
@@ -248,16 +248,16 @@ fn scene_change([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneFi
 
 fn step_changes(old: &[ManifestStep], new: &[ManifestStep]) -> Vec<StepChange> {
     let there = new.iter().filter_map(|step| match old.iter().find(|s| s.step == step.step) {
-        None => Some(StepChange::new(step, false, vec![Reason::StepAdded])),
+        None => Some(StepChange::new(step, false, vec![DiffReason::StepAdded])),
         Some(before) => step_change(before, step),
     });
     let gone = old.iter().filter(|step| new.iter().all(|s| s.step != step.step));
-    let gone = gone.map(|step| StepChange::new(step, false, vec![Reason::StepRemoved]));
+    let gone = gone.map(|step| StepChange::new(step, false, vec![DiffReason::StepRemoved]));
     there.chain(gone).collect()
 }
 
 impl StepChange {
-    fn new(step: &ManifestStep, same_bytes: bool, reasons: Vec<Reason>) -> Self {
+    fn new(step: &ManifestStep, same_bytes: bool, reasons: Vec<DiffReason>) -> Self {
         Self { step: step.step.clone(), stage: step.stage.clone(), same_bytes, reasons }
     }
 }
@@ -266,24 +266,24 @@ fn step_change(old: &ManifestStep, new: &ManifestStep) -> Option<StepChange> {
     let same_bytes = old.outputs == new.outputs;
     let reasons = match (&old.made_of, &new.made_of) {
         _ if old.key == new.key && same_bytes => return None,
-        _ if old.key == new.key => vec![Reason::Nondeterministic],
+        _ if old.key == new.key => vec![DiffReason::Nondeterministic],
         (Some(old), Some(new)) => change_reasons(old, new),
-        _ => vec![Reason::Untold],
+        _ => vec![DiffReason::Untold],
     };
     Some(StepChange::new(new, same_bytes, reasons))
 }
 
-fn change_reasons(old: &Ingredients, new: &Ingredients) -> Vec<Reason> {
-    let revision =
-        (old.revision != new.revision).then_some(Reason::Revision { old: old.revision, new: new.revision });
-    let class =
-        (old.class != new.class).then(|| Reason::Class { old: old.class.clone(), new: new.class.clone() });
-    let params = (old.params != new.params).then_some(Reason::ParamsChanged);
+fn change_reasons(old: &KeyIngredients, new: &KeyIngredients) -> Vec<DiffReason> {
+    let revision = (old.revision != new.revision)
+        .then_some(DiffReason::Revision { old: old.revision, new: new.revision });
+    let class = (old.class != new.class)
+        .then(|| DiffReason::Class { old: old.class.clone(), new: new.class.clone() });
+    let params = (old.params != new.params).then_some(DiffReason::ParamsChanged);
     let roles: BTreeSet<&String> = old.inputs.keys().chain(new.inputs.keys()).collect();
     let inputs = roles.into_iter().filter_map(|name| {
         let [old, new] = [old, new].map(|side| side.inputs.get(name).copied());
-        (old != new).then(|| Reason::InputChanged { name: name.clone(), old, new })
+        (old != new).then(|| DiffReason::InputChanged { name: name.clone(), old, new })
     });
-    let known: Vec<Reason> = revision.into_iter().chain(class).chain(params).chain(inputs).collect();
-    if known.is_empty() { vec![Reason::Untold] } else { known }
+    let known: Vec<DiffReason> = revision.into_iter().chain(class).chain(params).chain(inputs).collect();
+    if known.is_empty() { vec![DiffReason::Untold] } else { known }
 }

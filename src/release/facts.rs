@@ -1,35 +1,35 @@
 //! What card and datasheet say of a release: counted and gathered once, so that they cannot differ.
 
 use super::published::PublishedScene;
-use super::scene::{Statistics, TrajectoryPart};
+use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
 use crate::escape;
-use crate::licence::{Asset, Composed, Obligation, Part, ledger};
-use crate::recipe::{Reconstruct, ReleaseInfo, Source};
-use crate::sensor::Sensor;
+use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
+use crate::recipe::{ReconstructMethod, ReleaseInfo, SceneSource};
+use crate::sensor::SensorChoice;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 /// The streams of a trajectory, by what was counted of them.
-fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &Statistics> {
+fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics> {
     let one = part.sensor.iter().map(|_| &part.statistics);
     one.chain(part.sensors.values().map(|sensor| &sensor.statistics))
 }
 
 /// A release, as it is told to people.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Facts<'a> {
+pub(super) struct ReleaseFacts<'a> {
     pub(super) scenes: &'a [PublishedScene],
     pub(super) info: &'a ReleaseInfo,
     /// Number of scenes that are left out since they are taken down.
     pub(super) taken_down: usize,
     /// The terms of the whole.
-    pub(super) licence: &'a Composed,
+    pub(super) licence: &'a ComposedTerms,
 }
 
 /// How much of each there is in the tree: what is withheld does not count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Counts {
+pub(super) struct FileCounts {
     pub(super) scenes: usize,
     pub(super) trajectories: usize,
     pub(super) poses: usize,
@@ -45,8 +45,8 @@ pub(super) struct Counts {
     pub(super) withheld: usize,
 }
 
-impl Facts<'_> {
-    pub(super) fn counts(&self) -> Counts {
+impl ReleaseFacts<'_> {
+    pub(super) fn counts(&self) -> FileCounts {
         let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
         let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
         let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
@@ -57,7 +57,7 @@ impl Facts<'_> {
             };
             shown().map(of).sum()
         };
-        Counts {
+        FileCounts {
             scenes: self.scenes.len(),
             trajectories: paths().count(),
             poses: paths().map(|part| part.poses).sum(),
@@ -101,20 +101,20 @@ impl Facts<'_> {
     }
 
     /// Everything that receivers are asked for.
-    pub(super) fn obligations(&self) -> BTreeSet<Obligation> {
+    pub(super) fn obligations(&self) -> BTreeSet<LicenceObligation> {
         self.parts().flat_map(|part| part.obligations.iter().copied()).collect()
     }
 
     /// The pictures in words: sharp ones always, others where there are any.
     pub(super) fn pictures(&self) -> String {
-        let Counts { frames, blurred, geometry: [depth, flow], .. } = self.counts();
+        let FileCounts { frames, blurred, geometry: [depth, flow], .. } = self.counts();
         let beside = [(blurred, "blurred frames"), (depth, "depth images"), (flow, "flow images")];
         let beside = beside.into_iter().filter(|(count, _)| *count > 0);
         let words = beside.map(|(count, what)| format!(", {count} {what}")).collect::<String>();
         format!("{frames} sharp frames{words}")
     }
 
-    fn parts(&self) -> impl Iterator<Item = &Part> {
+    fn parts(&self) -> impl Iterator<Item = &HolderTerms> {
         self.scenes.iter().flat_map(|scene| &scene.licence.parts)
     }
 
@@ -124,14 +124,14 @@ impl Facts<'_> {
     }
 
     /// The datasets that scenes are of, and the programs that have to do with how they were made, in the ledger's order.
-    pub(super) fn assets(&self) -> Vec<&'static Asset> {
+    pub(super) fn assets(&self) -> Vec<&'static LedgerAsset> {
         let datasets = self.parts().filter_map(|part| part.asset).map(|asset| asset.name);
         let mut names: BTreeSet<&str> = datasets.collect();
         if self.trained().is_some() {
             names.insert("3D Gaussian Splatting");
         }
         let sensors = self.scenes.iter().flat_map(|scene| scene.recipe.sensors.iter());
-        if sensors.into_iter().any(|(_, sensor)| matches!(sensor, Sensor::Voltmeter(_))) {
+        if sensors.into_iter().any(|(_, sensor)| matches!(sensor, SensorChoice::Voltmeter(_))) {
             names.insert("DVS-Voltmeter");
         }
         ledger::LEDGER.iter().filter(|asset| names.contains(asset.name)).collect()
@@ -142,10 +142,10 @@ impl Facts<'_> {
         let mut how = BTreeSet::new();
         for scene in self.scenes {
             match &scene.recipe.reconstruct {
-                Some(Reconstruct::Command(command)) => {
+                Some(ReconstructMethod::Command(command)) => {
                     how.insert(format!("{} {} ({})", command.name(), command.version, command.licence));
                 }
-                Some(Reconstruct::Given(_) | Reconstruct::Newest(_)) => {
+                Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) => {
                     how.insert("a program that the scene files do not name".to_owned());
                 }
                 None => {}
@@ -155,9 +155,9 @@ impl Facts<'_> {
         (!how.is_empty()).then(|| how.join("; "))
     }
 
-    /// Whether every scene was made up by this program.
+    /// Returns true if every scene was made up by this program.
     pub(super) fn made_up(&self) -> bool {
-        self.scenes.iter().all(|scene| matches!(scene.recipe.source, Source::Procedural(_)))
+        self.scenes.iter().all(|scene| matches!(scene.recipe.source, SceneSource::Procedural(_)))
     }
 
     /// The ledger's rows of what this release is made of, as a table.
@@ -171,7 +171,7 @@ impl Facts<'_> {
              |---|---|---|---|---|---|\n",
         );
         for asset in assets {
-            let Asset { name, evidence, obligations, .. } = asset;
+            let LedgerAsset { name, evidence, obligations, .. } = asset;
             let asked: Vec<&str> = obligations.iter().map(|obligation| obligation.words()).collect();
             let read: Vec<String> = evidence.iter().map(|evidence| format!("<{}>", evidence.url)).collect();
             let said: Vec<&str> = evidence.iter().map(|evidence| evidence.says).collect();
@@ -234,7 +234,7 @@ pub(super) fn plain_text(text: &str) -> String {
     out
 }
 
-/// Whether a reader of text takes the character for the end of a line (Unicode UAX 14: mandatory breaks).
+/// Returns true if a reader of text takes the character for the end of a line (Unicode UAX 14: mandatory breaks).
 pub(super) fn breaks_line(c: char) -> bool {
     matches!(c, '\n' | '\r' | '\u{b}' | '\u{c}' | '\u{85}' | '\u{2028}' | '\u{2029}')
 }

@@ -4,26 +4,26 @@
 
 pub(super) mod table;
 
-use super::scene::{SceneFile, SensorPart, Statistics, TrajectoryPart};
+use super::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use crate::check::{Finding, Verdict};
-use crate::trajectory::report::Report;
+use crate::trajectory::report::SpeedReport;
 use crate::units::Hertz;
 use serde_json::Value as Json;
-use table::{Kind, Value};
+use table::{CellValue, ColumnKind};
 
 /// Name of the file.
 pub(super) const NAME: &str = "index.parquet";
 
 /// What `speed.json` and `checks.json` of a trajectory tell for the index.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Told {
+pub(super) struct IndexSources {
     speed_median_unit_s: Option<f64>,
     checks: usize,
     checks_passed: usize,
 }
 
-impl Told {
-    pub(super) fn from_files(report: &Report, findings: &[Finding]) -> Self {
+impl IndexSources {
+    pub(super) fn from_files(report: &SpeedReport, findings: &[Finding]) -> Self {
         Self {
             speed_median_unit_s: middle_mean(&report.linear_unit_s),
             checks: findings.len(),
@@ -43,15 +43,15 @@ fn middle_mean(values: &[f64]) -> Option<f64> {
 
 /// A trajectory as one sensor saw it.
 #[derive(Debug)]
-pub(super) struct Row<'a> {
-    scene: &'a SceneFile,
+pub(super) struct IndexRow<'a> {
+    scene: &'a SceneRecord,
     part: &'a TrajectoryPart,
     /// One of several sensors, with its name.
     named: Option<(&'a str, &'a SensorPart)>,
-    told: Told,
+    told: IndexSources,
 }
 
-impl Row<'_> {
+impl IndexRow<'_> {
     fn name(&self) -> Option<&str> {
         self.named.map(|(name, _)| name)
     }
@@ -60,7 +60,7 @@ impl Row<'_> {
         format!("{}/{}", self.scene.id, self.part.name)
     }
 
-    fn statistics(&self) -> &Statistics {
+    fn statistics(&self) -> &TrajectoryStatistics {
         self.named.map_or(&self.part.statistics, |(_, sensor)| &sensor.statistics)
     }
 
@@ -74,149 +74,167 @@ impl Row<'_> {
         pointers.iter().find_map(|pointer| sensor.pointer(pointer)?.as_f64())
     }
 
-    fn cells(&self) -> Vec<Value> {
+    fn cells(&self) -> Vec<CellValue> {
         COLUMNS.iter().map(|column| (column.value)(self)).collect()
     }
 }
 
 /// A column.
 #[derive(Debug)]
-pub(super) struct Column {
+pub(super) struct IndexColumn {
     pub(super) name: &'static str,
-    pub(super) kind: Kind,
+    pub(super) kind: ColumnKind,
     /// For people: what it is, with its unit.
     pub(super) description: &'static str,
-    value: fn(&Row<'_>) -> Value,
+    value: fn(&IndexRow<'_>) -> CellValue,
 }
 
 const fn index_column(
     name: &'static str,
-    kind: Kind,
+    kind: ColumnKind,
     description: &'static str,
-    value: fn(&Row<'_>) -> Value,
-) -> Column {
-    Column { name, kind, description, value }
+    value: fn(&IndexRow<'_>) -> CellValue,
+) -> IndexColumn {
+    IndexColumn { name, kind, description, value }
 }
 
 /// All columns, in the file's order.
-pub(super) const COLUMNS: [Column; 35] = [
-    index_column("id", Kind::Text, "scene/trajectory, and /sensor where there are several; unique", |r| {
-        r.name().map_or_else(|| r.path(), |name| format!("{}/{name}", r.path())).into()
-    }),
-    index_column("scene", Kind::Text, "scene id", |r| r.scene.id.as_str().into()),
-    index_column("trajectory", Kind::Text, "name of the trajectory", |r| r.part.name.as_str().into()),
-    index_column("sensor", Kind::Text, "name of the sensor, where several saw the trajectory", |r| {
+pub(super) const COLUMNS: [IndexColumn; 35] = [
+    index_column(
+        "id",
+        ColumnKind::Text,
+        "scene/trajectory, and /sensor where there are several; unique",
+        |r| r.name().map_or_else(|| r.path(), |name| format!("{}/{name}", r.path())).into(),
+    ),
+    index_column("scene", ColumnKind::Text, "scene id", |r| r.scene.id.as_str().into()),
+    index_column("trajectory", ColumnKind::Text, "name of the trajectory", |r| r.part.name.as_str().into()),
+    index_column("sensor", ColumnKind::Text, "name of the sensor, where several saw the trajectory", |r| {
         r.name().into()
     }),
-    index_column("path", Kind::Text, "folder of the trajectory in the release", |r| r.path().into()),
-    index_column("source", Kind::Text, "kind of source that the poses come from", |r| {
+    index_column("path", ColumnKind::Text, "folder of the trajectory in the release", |r| r.path().into()),
+    index_column("source", ColumnKind::Text, "kind of source that the poses come from", |r| {
         r.scene.source.kind.as_str().into()
     }),
-    index_column("upstream_id", Kind::Text, "the upstream dataset's own id of the scene", |r| {
+    index_column("upstream_id", ColumnKind::Text, "the upstream dataset's own id of the scene", |r| {
         r.scene.source.upstream_id.as_deref().into()
     }),
-    index_column("split", Kind::Text, "split that the scene belongs to", |r| {
+    index_column("split", ColumnKind::Text, "split that the scene belongs to", |r| {
         r.scene.split.as_ref().map(|split| split.name.as_str()).into()
     }),
-    index_column("licence", Kind::Text, "SPDX expression of the scene", |r| {
+    index_column("licence", ColumnKind::Text, "SPDX expression of the scene", |r| {
         r.scene.licence.expression.as_str().into()
     }),
-    index_column("gated", Kind::Flag, "whether receivers must accept the upstream terms first", |r| {
+    index_column("gated", ColumnKind::Flag, "whether receivers must accept the upstream terms first", |r| {
         r.scene.licence.gated.into()
     }),
-    index_column("width", Kind::Whole, "width of the sensor, px", |r| u64::from(r.scene.camera.width).into()),
-    index_column("height", Kind::Whole, "height of the sensor, px", |r| {
+    index_column("width", ColumnKind::Whole, "width of the sensor, px", |r| {
+        u64::from(r.scene.camera.width).into()
+    }),
+    index_column("height", ColumnKind::Whole, "height of the sensor, px", |r| {
         u64::from(r.scene.camera.height).into()
     }),
     index_column(
         "frames",
-        Kind::Whole,
+        ColumnKind::Whole,
         "number of poses; sharp/ has a picture of each, or of every n-th",
         |r| (r.part.poses as u64).into(),
     ),
-    index_column("duration_us", Kind::Whole, "stamp of the last pose, us", |r| r.part.duration_us.into()),
-    index_column("rate", Kind::Number, "poses a second, Hz", |r| {
+    index_column("duration_us", ColumnKind::Whole, "stamp of the last pose, us", |r| {
+        r.part.duration_us.into()
+    }),
+    index_column("rate", ColumnKind::Number, "poses a second, Hz", |r| {
         r.part.rate.parse().ok().map(|ratio| Hertz(ratio).to_f64()).into()
     }),
-    index_column("speed_profile", Kind::Text, "uniform or non-uniform", |r| {
+    index_column("speed_profile", ColumnKind::Text, "uniform or non-uniform", |r| {
         r.scene.attributes.speed_profile.as_str().into()
     }),
     index_column(
         "speed_min_unit_s",
-        Kind::Number,
+        ColumnKind::Number,
         "smallest speed of the camera's centre, scene units/s",
         |r| r.part.statistics.linear_unit_s.map(|range| range.min).into(),
     ),
     index_column(
         "speed_median_unit_s",
-        Kind::Number,
+        ColumnKind::Number,
         "median speed of the camera's centre, scene units/s",
         |r| r.told.speed_median_unit_s.into(),
     ),
     index_column(
         "speed_max_unit_s",
-        Kind::Number,
+        ColumnKind::Number,
         "largest speed of the camera's centre, scene units/s",
         |r| r.part.statistics.linear_unit_s.map(|range| range.max).into(),
     ),
     index_column(
         "max_step_px",
-        Kind::Number,
+        ColumnKind::Number,
         "largest optical flow from pose to pose, px, over sampled poses",
         |r| r.part.statistics.max_step_px.map(f64::from).into(),
     ),
-    index_column("blur", Kind::Flag, "whether there are blurred pictures", |r| r.part.blur.is_some().into()),
-    index_column("model", Kind::Text, "sensor model", |r| {
+    index_column("blur", ColumnKind::Flag, "whether there are blurred pictures", |r| {
+        r.part.blur.is_some().into()
+    }),
+    index_column("model", ColumnKind::Text, "sensor model", |r| {
         r.sensor().and_then(|sensor| sensor["model"].as_str()).into()
     }),
     index_column(
         "threshold_on",
-        Kind::Number,
+        ColumnKind::Number,
         "threshold of brighter events, in the model's own unit",
         |r| r.sensor_number(&["/theta_on", "/threshold/on"]).into(),
     ),
-    index_column("threshold_off", Kind::Number, "threshold of darker events, in the model's own unit", |r| {
-        r.sensor_number(&["/theta_off", "/threshold/off"]).into()
-    }),
-    index_column("c_on", Kind::Number, "contrast of brighter events, natural logarithm of brightness", |r| {
-        r.sensor_number(&["/c_on"]).into()
-    }),
-    index_column("c_off", Kind::Number, "contrast of darker events, natural logarithm of brightness", |r| {
-        r.sensor_number(&["/c_off"]).into()
-    }),
-    index_column("events", Kind::Whole, "number of events", |r| r.statistics().events.into()),
-    index_column("on_share", Kind::Number, "share of brighter events", |r| {
-        let Statistics { events, on, .. } = r.statistics();
+    index_column(
+        "threshold_off",
+        ColumnKind::Number,
+        "threshold of darker events, in the model's own unit",
+        |r| r.sensor_number(&["/theta_off", "/threshold/off"]).into(),
+    ),
+    index_column(
+        "c_on",
+        ColumnKind::Number,
+        "contrast of brighter events, natural logarithm of brightness",
+        |r| r.sensor_number(&["/c_on"]).into(),
+    ),
+    index_column(
+        "c_off",
+        ColumnKind::Number,
+        "contrast of darker events, natural logarithm of brightness",
+        |r| r.sensor_number(&["/c_off"]).into(),
+    ),
+    index_column("events", ColumnKind::Whole, "number of events", |r| r.statistics().events.into()),
+    index_column("on_share", ColumnKind::Number, "share of brighter events", |r| {
+        let TrajectoryStatistics { events, on, .. } = r.statistics();
         events.filter(|events| *events > 0).zip(*on).map(|(events, on)| on as f64 / events as f64).into()
     }),
-    index_column("rate_ev_px_s", Kind::Number, "events per pixel and second", |r| {
+    index_column("rate_ev_px_s", ColumnKind::Number, "events per pixel and second", |r| {
         r.statistics().rate_ev_px_s.into()
     }),
-    index_column("peak_ev_per_ms", Kind::Whole, "most events in one millisecond", |r| {
+    index_column("peak_ev_per_ms", ColumnKind::Whole, "most events in one millisecond", |r| {
         r.statistics().peak_ev_per_ms.into()
     }),
-    index_column("seed", Kind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
+    index_column("seed", ColumnKind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
         r.scene.seed.to_string().into()
     }),
-    index_column("gaussians", Kind::Whole, "number of Gaussians of the scene", |r| {
+    index_column("gaussians", ColumnKind::Whole, "number of Gaussians of the scene", |r| {
         r.scene.reconstruction.as_ref().map(|it| it.gaussians).into()
     }),
-    index_column("checks", Kind::Whole, "number of records in checks.json", |r| {
+    index_column("checks", ColumnKind::Whole, "number of records in checks.json", |r| {
         (r.told.checks as u64).into()
     }),
-    index_column("checks_passed", Kind::Whole, "number of them that passed", |r| {
+    index_column("checks_passed", ColumnKind::Whole, "number of them that passed", |r| {
         (r.told.checks_passed as u64).into()
     }),
-    index_column("recipe_sha256", Kind::Text, "SHA-256 of the recipe as compact JSON", |r| {
+    index_column("recipe_sha256", ColumnKind::Text, "SHA-256 of the recipe as compact JSON", |r| {
         r.scene.recipe_sha256.as_str().into()
     }),
 ];
 
 /// The rows of a scene; `told` is of each of its trajectories in their order.
-pub(super) fn scene_rows<'a>(scene: &'a SceneFile, told: &[Told]) -> Vec<Row<'a>> {
+pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, told: &[IndexSources]) -> Vec<IndexRow<'a>> {
     let mut rows = Vec::new();
     for (part, told) in scene.trajectories.iter().zip(told) {
-        let mut add = |named| rows.push(Row { scene, part, named, told: *told });
+        let mut add = |named| rows.push(IndexRow { scene, part, named, told: *told });
         if part.sensors.is_empty() {
             add(None);
         }
@@ -226,14 +244,15 @@ pub(super) fn scene_rows<'a>(scene: &'a SceneFile, told: &[Told]) -> Vec<Row<'a>
 }
 
 /// The cells of all rows, sorted by scene, trajectory and sensor.
-pub(super) fn sorted_cells(mut rows: Vec<Row<'_>>) -> Vec<Vec<Value>> {
-    let place = |row: &Row<'_>| (row.scene.id.clone(), row.part.name.clone(), row.name().map(str::to_owned));
+pub(super) fn sorted_cells(mut rows: Vec<IndexRow<'_>>) -> Vec<Vec<CellValue>> {
+    let place =
+        |row: &IndexRow<'_>| (row.scene.id.clone(), row.part.name.clone(), row.name().map(str::to_owned));
     rows.sort_by_cached_key(place);
-    rows.iter().map(Row::cells).collect()
+    rows.iter().map(IndexRow::cells).collect()
 }
 
 /// The file.
-pub(super) fn compose_index(rows: Vec<Row<'_>>) -> Vec<u8> {
+pub(super) fn compose_index(rows: Vec<IndexRow<'_>>) -> Vec<u8> {
     let columns = COLUMNS.each_ref().map(|column| (column.name, column.kind));
     table::write_table(&columns, &sorted_cells(rows), super::TOOL)
 }

@@ -1,9 +1,9 @@
 //! Which files a release has, and which step's output each of them is. A file of any other name has no place in the tree.
 
 use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse};
-use crate::artifact::Stream;
+use crate::artifact::EventStream;
 use crate::check;
-use crate::store::record::Output;
+use crate::store::record::StoredOutput;
 use std::collections::BTreeMap;
 
 /// Name of the card.
@@ -49,7 +49,7 @@ pub(super) fn licence_id(path: &str) -> Option<&str> {
     path.strip_prefix(LICENCES)?.strip_suffix(".txt").filter(|id| !id.contains('/'))
 }
 
-/// Whether a release may have a file of this path outside its scenes.
+/// Returns true if a release may have a file of this path outside its scenes.
 pub(super) fn is_top(path: &str) -> bool {
     TOP.contains(&path) || licence_id(path).is_some()
 }
@@ -62,9 +62,9 @@ pub(super) fn top() -> impl Iterator<Item = &'static str> {
 /// The files in a trajectory's folder that steps made, by name, with the outputs that they are. `outputs` are those of a
 /// step of the trajectory; `streams` are the names of its event streams.
 pub(super) fn made<'o>(
-    outputs: impl Fn(&str) -> &'o [Output],
+    outputs: impl Fn(&str) -> &'o [StoredOutput],
     streams: &[Option<&str>],
-) -> BTreeMap<String, &'o Output> {
+) -> BTreeMap<String, &'o StoredOutput> {
     let mut files = BTreeMap::new();
     files.extend(
         outputs("trajectory")
@@ -73,8 +73,8 @@ pub(super) fn made<'o>(
             .map(|o| (o.name.clone(), o)),
     );
     for name in streams {
-        let stored = outputs("events").iter().filter(|o| o.name == Stream::stored_name(*name));
-        files.extend(stored.map(|o| (Stream::released_name(*name), o)));
+        let stored = outputs("events").iter().filter(|o| o.name == EventStream::stored_name(*name));
+        files.extend(stored.map(|o| (EventStream::released_name(*name), o)));
     }
     for (kind, end) in PICTURES {
         let pictures = outputs(kind).iter().filter(|o| o.name.ends_with(end));
@@ -85,7 +85,7 @@ pub(super) fn made<'o>(
     files
 }
 
-/// Whether a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.
+/// Returns true if a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.
 fn is_picture_of_check(name: &str, streams: &[Option<&str>]) -> bool {
     let Some(stem) = name.strip_suffix(".png") else { return false };
     let of = |sensor: &Option<&str>| match sensor {

@@ -4,23 +4,23 @@
 //! Rows of identical bytes are those that `--no-omit` computes after all: by construction, and by the tests that hold both
 //! against each other, they change no bit. The other rows stay: they belong to the law of the sensor or to the recipe.
 
-use crate::artifact::{ArtifactError, Files, Simulation, Stream};
-use crate::render::Work;
+use crate::artifact::{ArtifactError, ArtifactFiles, EventStream, SimulationRecord};
+use crate::render::RenderWork;
 use crate::render::backend::Backend;
 use crate::scene::sh;
-use crate::sensor::Sensor;
-use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::SensorChoice;
+use crate::sensor::voltmeter::VoltmeterModel;
 use crate::stage::Stage as _;
-use crate::stage::blur::Exposing;
-use crate::stage::events::Simulating;
-use crate::stage::geometry::{Depth, Flow, Quantity as _};
-use crate::stage::sharp::Photographing;
+use crate::stage::blur::BlurStage;
+use crate::stage::events::EventsStage;
+use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+use crate::stage::sharp::SharpStage;
 use serde::{Deserialize, Serialize};
 
 /// One of the rows.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Row {
+pub struct OmissionRow {
     /// Stage whose work it is.
     pub step: String,
     /// What was left out.
@@ -37,7 +37,7 @@ pub struct Row {
 
 /// The stages that render frames, and so leave something out.
 pub const RENDER: [&str; 5] =
-    [Simulating::NAME, Photographing::NAME, Exposing::NAME, Depth::NAME, Flow::NAME];
+    [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
 
 /// What a row's bytes are without it.
 const IDENTICAL: &str = "identical bytes";
@@ -46,9 +46,13 @@ const IDENTICAL: &str = "identical bytes";
 ///
 /// # Errors
 /// When its files cannot be read.
-pub fn of_step(stage: &str, class: Option<&str>, files: &Files) -> Result<Vec<Row>, ArtifactError> {
+pub fn of_step(
+    stage: &str,
+    class: Option<&str>,
+    files: &ArtifactFiles,
+) -> Result<Vec<OmissionRow>, ArtifactError> {
     match stage {
-        Simulating::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
+        EventsStage::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
         other if RENDER.contains(&other) => Ok(of_work(stage, &files.json("work.json")?, None)),
         _ => Ok(Vec::new()),
     }
@@ -59,13 +63,13 @@ fn omission_row(
     what: &str,
     (how_much, of, unit): (u64, Option<u64>, &str),
     proof: &str,
-) -> Option<Row> {
+) -> Option<OmissionRow> {
     let [step, what, unit, proof] = [step, what, unit, proof].map(str::to_owned);
-    (how_much > 0).then_some(Row { step, what, how_much, of, unit, proof })
+    (how_much > 0).then_some(OmissionRow { step, what, how_much, of, unit, proof })
 }
 
 /// What a renderer left out; `sh_degree` is the scene's, where it is known.
-fn of_work(step: &str, work: &Work, sh_degree: Option<u8>) -> Vec<Row> {
+fn of_work(step: &str, work: &RenderWork, sh_degree: Option<u8>) -> Vec<OmissionRow> {
     let harmonics = sh_degree.map(|degree| work.drawn() * sh::function_count(degree) as u64);
     [
         omission_row(
@@ -92,15 +96,16 @@ fn of_work(step: &str, work: &Work, sh_degree: Option<u8>) -> Vec<Row> {
     .collect()
 }
 
-fn of_events(simulation: &Simulation, class: &str) -> Vec<Row> {
-    let step = Simulating::NAME;
+fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
+    let step = EventsStage::NAME;
     let mut rows = of_work(step, &simulation.work, Some(simulation.sh_degree));
     rows.extend(colour_row(simulation, class));
     for stream in &simulation.streams {
         let of = |what: &str| stream.name.as_ref().map_or(what.to_owned(), |name| format!("{what}, {name}"));
-        if let Sensor::Voltmeter(sensor) = &stream.sensor {
+        if let SensorChoice::Voltmeter(sensor) = &stream.sensor {
             let cells = quiet_row(simulation, stream, sensor);
-            let proof = format!("error: an event of probability below e^-{} a cell", Voltmeter::MISSED_LN);
+            let proof =
+                format!("error: an event of probability below e^-{} a cell", VoltmeterModel::MISSED_LN);
             let what = of("cells of the sensor's clock far from any threshold");
             rows.extend(
                 cells.and_then(|[quiet, all]| omission_row(step, &what, (quiet, Some(all), "cells"), &proof)),
@@ -119,7 +124,7 @@ fn of_events(simulation: &Simulation, class: &str) -> Vec<Row> {
 }
 
 /// Frames whose colours were not blended, since no sensor sees them. The reference blends them all the same.
-fn colour_row(simulation: &Simulation, class: &str) -> Option<Row> {
+fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow> {
     let seen = !simulation.omit.is_needless() || simulation.front_ends().iter().any(|f| f.needs_colour());
     let proof = match class {
         class if Backend::is_cpu(class) => IDENTICAL,
@@ -127,11 +132,15 @@ fn colour_row(simulation: &Simulation, class: &str) -> Option<Row> {
         _ => return None,
     };
     let frames = simulation.work.gaussians.checked_div(simulation.gaussians as u64).filter(|_| !seen)?;
-    omission_row(Simulating::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
+    omission_row(EventsStage::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
 }
 
 /// Cells of a pixel's clock that were not looked into, and all of them.
-fn quiet_row(simulation: &Simulation, stream: &Stream, sensor: &Voltmeter) -> Option<[u64; 2]> {
+fn quiet_row(
+    simulation: &SimulationRecord,
+    stream: &EventStream,
+    sensor: &VoltmeterModel,
+) -> Option<[u64; 2]> {
     let stamps = &simulation.brightness_stamps_us;
     let span_us = stamps.last()? - stamps.first()?;
     sensor.quiet_cells(&stream.account, simulation.camera.size, span_us)

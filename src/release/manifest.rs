@@ -2,12 +2,12 @@
 //! what a later build is held against.
 
 use super::built::{BuiltScene, BuiltStep};
-use super::left_out::Row;
+use super::left_out::OmissionRow;
 use crate::check::{Finding, Verdict};
-use crate::recipe::{ReleaseInfo, Splits};
-use crate::render::Work;
-use crate::store::description::Value;
-use crate::store::record::Output;
+use crate::recipe::{ReleaseInfo, SplitPlan};
+use crate::render::RenderWork;
+use crate::store::description::DescribedValue;
+use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ pub(super) const NAME: &str = "manifest.json";
 /// The file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct ReleaseManifest {
     /// 1.
     pub format: u32,
     /// Name of the release.
@@ -38,7 +38,7 @@ pub struct Manifest {
     pub taken_down: usize,
     /// How scenes are dealt into splits, where they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub splits: Option<Splits>,
+    pub splits: Option<SplitPlan>,
     /// The scenes, sorted by id.
     pub scenes: Vec<ManifestScene>,
     /// Files that belong to no scene, sorted by path; this file and the sums are not listed.
@@ -49,7 +49,7 @@ fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 
-impl Manifest {
+impl ReleaseManifest {
     /// The paths of all files that it lists.
     pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
         let of_scenes = self.scenes.iter().flat_map(|scene| &scene.files);
@@ -74,21 +74,21 @@ pub struct ManifestScene {
     /// Faults that its recipe accepts, with the reason.
     pub waivers: Vec<Finding>,
     /// What was left out of rendering for the events of each trajectory, over all frames.
-    pub left_out: BTreeMap<String, Work>,
+    pub left_out: BTreeMap<String, RenderWork>,
     /// The same in words, and what sensors and sharp frames left out beside it, with the proof that nothing is lost by
     /// it; absent in a release of a program that did not write it.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub omitted: BTreeMap<String, Vec<Row>>,
+    pub omitted: BTreeMap<String, Vec<OmissionRow>>,
     /// Its files, sorted by path.
     pub files: Vec<ManifestFile>,
 }
 
 /// The scenes of a manifest by id, to find whose a file is.
 #[derive(Debug)]
-pub(super) struct Owners<'m>(BTreeMap<&'m str, &'m ManifestScene>);
+pub(super) struct FileOwners<'m>(BTreeMap<&'m str, &'m ManifestScene>);
 
-impl<'m> Owners<'m> {
-    pub(super) fn new(manifest: &'m Manifest) -> Self {
+impl<'m> FileOwners<'m> {
+    pub(super) fn new(manifest: &'m ReleaseManifest) -> Self {
         Self(manifest.scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect())
     }
 
@@ -105,7 +105,7 @@ impl<'m> Owners<'m> {
 
 impl ManifestScene {
     /// The outputs of a step of a trajectory; none of a step that is absent.
-    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[Output] {
+    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
         let name = format!("{trajectory}/{step}");
         self.steps.iter().find(|step| step.step == name).map_or(&[], |step| &step.outputs)
     }
@@ -123,41 +123,41 @@ pub struct ManifestStep {
     pub key: Digest,
     /// What the key is made of; absent in a release of a program that did not write it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub made_of: Option<Ingredients>,
+    pub made_of: Option<KeyIngredients>,
     /// Its outputs.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<StoredOutput>,
 }
 
 /// The ingredients of a step's key: a reader can compute the key again, and two releases can say why it differs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ingredients {
+pub struct KeyIngredients {
     /// Revision of the stage.
     pub revision: u32,
     /// Numerical class, where the stage has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<String>,
     /// The parameters that the key holds.
-    pub params: Value,
+    pub params: DescribedValue,
     /// Digest of each input by its role; a file of the source is `file NAME`.
     pub inputs: BTreeMap<String, Digest>,
 }
 
-impl Ingredients {
+impl KeyIngredients {
     /// From the description of a step; `None` for any other value.
-    pub(super) fn from_lines(description: &Value) -> Option<Self> {
-        let Value::Record(fields) = description else { return None };
-        let (Value::Unsigned(revision), Value::Record(inputs)) =
+    pub(super) fn from_lines(description: &DescribedValue) -> Option<Self> {
+        let DescribedValue::Record(fields) = description else { return None };
+        let (DescribedValue::Unsigned(revision), DescribedValue::Record(inputs)) =
             (fields.get("revision")?, fields.get("inputs")?)
         else {
             return None;
         };
-        let input = |(role, digest): (&String, &Value)| match digest {
-            Value::Digest(digest) => Some((role.clone(), *digest)),
+        let input = |(role, digest): (&String, &DescribedValue)| match digest {
+            DescribedValue::Digest(digest) => Some((role.clone(), *digest)),
             _ => None,
         };
         let class = match fields.get("class") {
-            Some(Value::Text(class)) => Some(class.clone()),
+            Some(DescribedValue::Text(class)) => Some(class.clone()),
             _ => None,
         };
         Some(Self {
@@ -171,18 +171,21 @@ impl Ingredients {
     /// The key of a step of this stage.
     #[must_use]
     pub fn key(&self, stage: &str) -> Digest {
-        let inputs =
-            self.inputs.iter().map(|(role, digest)| (role.clone(), Value::Digest(*digest))).collect();
+        let inputs = self
+            .inputs
+            .iter()
+            .map(|(role, digest)| (role.clone(), DescribedValue::Digest(*digest)))
+            .collect();
         let mut fields = BTreeMap::from([
-            ("stage".to_owned(), Value::Text(stage.to_owned())),
-            ("revision".to_owned(), Value::Unsigned(self.revision.into())),
+            ("stage".to_owned(), DescribedValue::Text(stage.to_owned())),
+            ("revision".to_owned(), DescribedValue::Unsigned(self.revision.into())),
             ("params".to_owned(), self.params.clone()),
-            ("inputs".to_owned(), Value::Record(inputs)),
+            ("inputs".to_owned(), DescribedValue::Record(inputs)),
         ]);
         if let Some(class) = &self.class {
-            fields.insert("class".to_owned(), Value::Text(class.clone()));
+            fields.insert("class".to_owned(), DescribedValue::Text(class.clone()));
         }
-        Key::of_description(&Value::Record(fields)).0
+        Key::of_description(&DescribedValue::Record(fields)).0
     }
 }
 
@@ -231,7 +234,7 @@ impl Publisher {
     }
 }
 
-impl Manifest {
+impl ReleaseManifest {
     /// The `release.yaml` behind the release; `None` where the publisher's words are absent.
     pub(super) fn info(&self) -> Option<ReleaseInfo> {
         let publisher = self.publisher.clone()?;
@@ -300,7 +303,7 @@ fn manifest_step(built: &BuiltStep) -> ManifestStep {
         step: built.name.clone(),
         stage: built.stage.to_owned(),
         key: built.key.0,
-        made_of: Ingredients::from_lines(&built.description),
+        made_of: KeyIngredients::from_lines(&built.description),
         outputs: built.outputs.clone(),
     }
 }

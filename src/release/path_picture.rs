@@ -1,7 +1,7 @@
 //! `trajectory.png`: the path from above and from the side, for whoever has no reader of SVG at hand. The scale and the
 //! speed over time are in `trajectory.svg`.
 
-use crate::artifact::Motion;
+use crate::artifact::TrajectoryProduct;
 use crate::image::{Image, Size, png};
 use crate::trajectory::picture::sketch;
 
@@ -16,12 +16,12 @@ const PATH: [f64; 3] = [153.0; 3];
 const BAR: [f64; 3] = [51.0; 3];
 
 /// The picture; `None` where there is no pose.
-pub(super) fn compose_picture(motion: &Motion) -> Option<Vec<u8>> {
+pub(super) fn compose_picture(motion: &TrajectoryProduct) -> Option<Vec<u8>> {
     let [width, height] = VIEW;
     let (poses, speeds) = (&motion.trajectory.world_from_camera, &motion.report.linear_unit_s);
     let views = sketch(poses, speeds, [f64::from(width), f64::from(height)], DRAWN)?;
     let size = Size { width: 2 * width, height };
-    let mut canvas = Canvas { size, pixels: vec![[255.0; 3]; size.pixels()] };
+    let mut canvas = PathCanvas { size, pixels: vec![[255.0; 3]; size.pixels()] };
     for (view, left) in views.iter().zip([0.0, f64::from(width)]) {
         let place = |[x, y]: [f64; 2]| [x + left, y];
         let mut stroke = |points: &[[f64; 2]], colour, thick| {
@@ -48,12 +48,12 @@ fn parse_colour(text: &str) -> [f64; 3] {
     })
 }
 
-struct Canvas {
+struct PathCanvas {
     size: Size,
     pixels: Vec<[f64; 3]>,
 }
 
-impl Canvas {
+impl PathCanvas {
     /// A straight line: each pixel takes the colour by how much of it, to half a pixel, lies within the line.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn line(&mut self, [a, b]: [[f64; 2]; 2], colour: [f64; 3], thick: f64) {
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn a_line_covers_what_it_covers() {
         let size = Size { width: 8, height: 5 };
-        let mut canvas = Canvas { size, pixels: vec![[255.0; 3]; 40] };
+        let mut canvas = PathCanvas { size, pixels: vec![[255.0; 3]; 40] };
         // Two px thick along the edge of rows 1 and 2, and beyond the picture on the right.
         canvas.line([[2.0, 2.0], [20.0, 2.0]], [0.0; 3], 2.0);
         let grey: Vec<u8> = canvas.image().pixels().iter().map(|p| p[1]).collect();

@@ -2,28 +2,28 @@
 //! this alone, by the release that writes them and by the audit that compares them.
 
 use super::built::BuiltScene;
-use super::left_out::Row;
+use super::left_out::OmissionRow;
 use super::manifest::ManifestFile;
-use super::scene::{SceneFile, TrajectoryPart};
-use crate::artifact::Motion;
+use super::scene::{SceneRecord, TrajectoryPart};
+use crate::artifact::TrajectoryProduct;
 use crate::check::Finding;
-use crate::licence::{self, Composed, Passing, Stated};
-use crate::recipe::{Faults, Recipe, RecipeFile, Source, read_files};
+use crate::licence::{self, ComposedTerms, Redistributability, StatedTerms};
+use crate::recipe::{Recipe, RecipeFaults, RecipeFile, SceneSource, read_files};
 use crate::sampling::exposure;
-use crate::sensor::Sensor;
+use crate::sensor::SensorChoice;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Where the bytes of a file of the tree lie, by its path; `None` for a file that is absent.
-pub(super) type Places<'a> = &'a (dyn Fn(&str) -> Option<PathBuf> + Sync);
+pub(super) type StoredPlaces<'a> = &'a (dyn Fn(&str) -> Option<PathBuf> + Sync);
 
 /// A scene.
 #[derive(Debug)]
 pub(super) struct PublishedScene {
     /// The recipe in `scene.json`.
     pub(super) recipe: Recipe,
-    pub(super) licence: Composed,
-    pub(super) file: SceneFile,
+    pub(super) licence: ComposedTerms,
+    pub(super) file: SceneRecord,
     /// The findings of its own `checks.json`, where it has one.
     pub(super) findings: Option<Vec<Finding>>,
     /// In the order of `scene.json`.
@@ -36,16 +36,16 @@ pub(super) struct PublishedScene {
 #[derive(Debug)]
 pub(super) struct PublishedTrajectory {
     /// `poses.txt` and `speed.json`.
-    pub(super) motion: Motion,
+    pub(super) motion: TrajectoryProduct,
     /// `checks.json`.
     pub(super) findings: Vec<Finding>,
     /// `omitted` of `manifest.json`.
-    pub(super) left_out: Vec<Row>,
+    pub(super) left_out: Vec<OmissionRow>,
 }
 
 impl PublishedScene {
     /// A scene that was just composed, with the listing of its files.
-    pub(super) fn of(built: BuiltScene<'_>, file: SceneFile, files: Vec<ManifestFile>) -> Self {
+    pub(super) fn of(built: BuiltScene<'_>, file: SceneRecord, files: Vec<ManifestFile>) -> Self {
         let trajectories = built.trajectories.into_iter().map(|built| PublishedTrajectory {
             motion: built.motion,
             findings: built.findings,
@@ -67,9 +67,9 @@ impl PublishedScene {
         own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
     }
 
-    /// Whether upstream forbids passing on anything that shows the scene.
+    /// Returns true if upstream forbids passing on anything that shows the scene.
     pub(super) fn is_withheld(&self) -> bool {
-        self.licence.passing == Passing::Withheld
+        self.licence.passing == Redistributability::Withheld
     }
 
     /// Its trajectories, with their parts of `scene.json`.
@@ -84,7 +84,7 @@ impl PublishedScene {
     }
 
     /// The sensors whose events were simulated along a trajectory, by name where there are several.
-    pub(super) fn streams(&self, part: &TrajectoryPart) -> Vec<(Option<&str>, &Sensor)> {
+    pub(super) fn streams(&self, part: &TrajectoryPart) -> Vec<(Option<&str>, &SensorChoice)> {
         let made = |name: Option<&str>| match name {
             None => part.sensor.is_some(),
             Some(name) => part.sensors.contains_key(name),
@@ -100,7 +100,7 @@ pub(super) fn stream_names(part: &TrajectoryPart) -> Vec<Option<&str>> {
 }
 
 /// When the shutter was open for each blurred frame of a trajectory, microseconds, by the number of its pose.
-pub(super) fn exposures(part: &TrajectoryPart, motion: &Motion) -> BTreeMap<usize, [i64; 2]> {
+pub(super) fn exposures(part: &TrajectoryPart, motion: &TrajectoryProduct) -> BTreeMap<usize, [i64; 2]> {
     let frames = part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
     let Some(frames) = frames.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0) else {
         return BTreeMap::new();
@@ -114,12 +114,12 @@ pub(super) fn exposures(part: &TrajectoryPart, motion: &Motion) -> BTreeMap<usiz
 ///
 /// # Panics
 /// As [`licence::compose_terms`].
-pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> Composed {
+pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTerms {
     let url = match &recipe.source {
-        Source::Captured(_, upstream) => upstream.url.as_deref(),
-        Source::Procedural(_) | Source::None => None,
+        SceneSource::Captured(_, upstream) => upstream.url.as_deref(),
+        SceneSource::Procedural(_) | SceneSource::None => None,
     };
-    licence::compose_terms(&Stated {
+    licence::compose_terms(&StatedTerms {
         kind: recipe.source.kind(),
         url,
         owner: recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str())),
@@ -136,11 +136,11 @@ pub(super) enum RecipeError {
     Io(#[from] std::io::Error),
     /// It is not a valid recipe.
     #[error(transparent)]
-    Faults(#[from] Faults),
+    Faults(#[from] RecipeFaults),
 }
 
 /// The recipe that a scene carries: JSON is YAML.
-pub(super) fn recipe(scene: &SceneFile) -> Result<Recipe, RecipeError> {
+pub(super) fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeError> {
     let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
     serde_json::to_writer(&file, &scene.recipe).map_err(std::io::Error::from)?;
     // Defaults that lie in the folder for temporary files are not the scene's.

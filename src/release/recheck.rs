@@ -4,16 +4,16 @@
 //! simulation) say so; the others judge the released bytes by the limits of the recipe in `scene.json`.
 
 use super::published::{self, RecipeError};
-use super::{Manifest, SceneFile};
-use crate::artifact::Stream;
-use crate::check::tally::{Against, Observer};
-use crate::check::{Finding, Subject, Tally, judge_trajectory};
+use super::{ReleaseManifest, SceneRecord};
+use crate::artifact::EventStream;
+use crate::check::tally::{StreamObserver, TallyReference};
+use crate::check::{Finding, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
 use crate::files;
 use crate::image::Size;
-use crate::recipe::{Faults, Recipe};
+use crate::recipe::{Recipe, RecipeFaults};
 use crate::trajectory::Trajectory;
-use crate::trajectory::report::Report;
+use crate::trajectory::report::SpeedReport;
 use crate::units::{Hertz, Ratio};
 use serde::de::DeserializeOwned;
 use std::io;
@@ -39,7 +39,7 @@ pub enum RecheckError {
         /// Scene id.
         scene: String,
         /// What is wrong with it.
-        faults: Faults,
+        faults: RecipeFaults,
     },
 }
 
@@ -53,8 +53,8 @@ fn unreadable_file(path: &Path, because: impl std::fmt::Display) -> RecheckError
 /// When there is no such scene, or a file of it cannot be read. Events that cannot be read are for the audit to name; here
 /// they are an error too.
 pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
-    let tree = ReleaseTree { dir };
-    let manifest: Manifest = tree.json(super::manifest::NAME)?;
+    let tree = AuditedTree { dir };
+    let manifest: ReleaseManifest = tree.json(super::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
     }
@@ -67,11 +67,11 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
 
 /// The files of a release that somebody else may have made: nothing outside its folder is read for it.
 #[derive(Clone, Copy)]
-struct ReleaseTree<'a> {
+struct AuditedTree<'a> {
     dir: &'a Path,
 }
 
-impl ReleaseTree<'_> {
+impl AuditedTree<'_> {
     fn path_of(self, name: &str) -> PathBuf {
         self.dir.join(name)
     }
@@ -96,8 +96,8 @@ impl ReleaseTree<'_> {
     }
 }
 
-fn of_scene(tree: ReleaseTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
-    let scene: SceneFile = tree.json(&format!("{id}/scene.json"))?;
+fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
+    let scene: SceneRecord = tree.json(&format!("{id}/scene.json"))?;
     let recipe = recipe_of(&scene)?;
     let size = Size { width: scene.camera.width, height: scene.camera.height };
     let mut findings = Vec::new();
@@ -110,7 +110,7 @@ fn of_scene(tree: ReleaseTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
 }
 
 fn of_trajectory(
-    (tree, folder): (ReleaseTree<'_>, &str),
+    (tree, folder): (AuditedTree<'_>, &str),
     name: &str,
     (recipe, size): (&Recipe, Size),
 ) -> Result<Vec<Finding>, RecheckError> {
@@ -118,22 +118,22 @@ fn of_trajectory(
     let trajectory = Trajectory::read_poses(tree.read(&poses)?.as_slice())
         .map_err(|e| unreadable_file(&tree.path_of(&poses), e))?;
     let speed = format!("{folder}/speed.json");
-    let report: Report = tree.json(&speed)?;
+    let report: SpeedReport = tree.json(&speed)?;
     let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable_file(&tree.path_of(&speed), e))?);
     let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
     let mut counted = Vec::new();
     for (stream, sensor) in recipe.sensors.iter() {
-        let events = format!("{folder}/{}", Stream::released_name(stream));
+        let events = format!("{folder}/{}", EventStream::released_name(stream));
         if tree.has(&events)? {
             let path = tree.path_of(&events);
-            let against = Against { dead_us: sensor.dead_us(), ..Against::default() };
-            let tally = count_stream(&path, Observer::new(size, rate, end_us, against))
+            let against = TallyReference { dead_us: sensor.dead_us(), ..TallyReference::default() };
+            let tally = count_stream(&path, StreamObserver::new(size, rate, end_us, against))
                 .map_err(|e| unreadable_file(&path, e))?;
             let name = stream.map_or_else(|| name.to_owned(), |stream| format!("{name}/{stream}"));
             counted.push((name, sensor, tally));
         }
     }
-    let whole = Subject {
+    let whole = TrajectorySubject {
         name,
         rate,
         trajectory: &trajectory,
@@ -147,13 +147,14 @@ fn of_trajectory(
         doubtful_share: None,
         limits: &recipe.checks.of_trajectory(),
     };
-    let of = |(name, sensor, tally)| Subject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
-    let streams: Vec<Subject<'_>> =
+    let of =
+        |(name, sensor, tally)| TrajectorySubject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
+    let streams: Vec<TrajectorySubject<'_>> =
         counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
     Ok(judge_trajectory(&whole, &streams))
 }
 
-fn count_stream(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String> {
+fn count_stream(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {
     let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
     let mut chunk = Vec::new();
     while reader.next_chunk(&mut chunk).map_err(|e| e.to_string())? {
@@ -162,7 +163,7 @@ fn count_stream(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String
     Ok(observer.finish())
 }
 
-fn recipe_of(scene: &SceneFile) -> Result<Recipe, RecheckError> {
+fn recipe_of(scene: &SceneRecord) -> Result<Recipe, RecheckError> {
     published::recipe(scene).map_err(|e| match e {
         RecipeError::Io(e) => unreadable_file(Path::new("a temporary file"), e),
         RecipeError::Faults(faults) => RecheckError::Recipe { scene: scene.id.clone(), faults },

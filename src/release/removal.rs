@@ -43,7 +43,7 @@ pub(super) fn remove_if_empty(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether anything lies at `path`, a link to nothing included.
+/// Returns true if anything lies at `path`, a link to nothing included.
 pub(super) fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }

@@ -14,15 +14,15 @@ mod section;
 mod seen;
 mod trajectory;
 
-use super::facts::Facts;
-use super::published::Places;
+use super::facts::ReleaseFacts;
+use super::published::StoredPlaces;
 use crate::check::Finding;
-use crate::licence::Composed;
+use crate::licence::ComposedTerms;
 use crate::recipe::ReleaseInfo;
-use depth::Depth;
-use html::Html;
+use depth::DetailLevel;
+use html::HtmlFragment;
 use rayon::prelude::*;
-use section::{Entry, Part};
+use section::{SceneEntry, SceneSection};
 use sha2::{Digest as _, Sha256};
 
 /// Name of the file.
@@ -32,17 +32,17 @@ pub(super) const NAME: &str = "report.html";
 const STYLE: &str = include_str!("report/style.css");
 
 /// The page while it is written.
-struct Page<'a> {
+struct ReportPage<'a> {
     info: &'a ReleaseInfo,
-    licence: &'a Composed,
-    entries: Vec<Entry<'a>>,
+    licence: &'a ComposedTerms,
+    entries: Vec<SceneEntry<'a>>,
     taken_down: usize,
     top: Vec<String>,
-    places: Places<'a>,
-    depth: Depth,
+    places: StoredPlaces<'a>,
+    depth: DetailLevel,
 }
 
-impl<'a> Page<'a> {
+impl<'a> ReportPage<'a> {
     fn findings(&self) -> impl Iterator<Item = &'a Finding> {
         self.entries.iter().flat_map(|entry| entry.scene.all_findings())
     }
@@ -51,7 +51,7 @@ impl<'a> Page<'a> {
         self.entries.iter().map(|entry| entry.scene.file.trajectories.len()).sum()
     }
 
-    /// Whether there are so few scenes that they are shown unfolded.
+    /// Returns true if there are so few scenes that they are shown unfolded.
     fn is_short(&self) -> bool {
         self.entries.len() <= UNFOLDED
     }
@@ -62,14 +62,14 @@ const UNFOLDED: usize = 2;
 
 /// Composes the page; `top` are the files at the top of the tree. Scenes are read in parallel, and only what the page
 /// shows of them stays in memory.
-pub(super) fn compose_page(facts: &Facts<'_>, top: Vec<String>, places: Places<'_>) -> String {
-    let entries: Vec<Entry<'_>> = facts.scenes.iter().map(|scene| Entry { scene }).collect();
-    let depth = Depth::for_trajectories(facts.counts().trajectories);
-    let Facts { info, licence, taken_down, .. } = *facts;
-    let page = Page { info, licence, entries, taken_down, top, places, depth };
-    let parts: Vec<Part> =
+pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: StoredPlaces<'_>) -> String {
+    let entries: Vec<SceneEntry<'_>> = facts.scenes.iter().map(|scene| SceneEntry { scene }).collect();
+    let depth = DetailLevel::for_trajectories(facts.counts().trajectories);
+    let ReleaseFacts { info, licence, taken_down, .. } = *facts;
+    let page = ReportPage { info, licence, entries, taken_down, top, places, depth };
+    let parts: Vec<SceneSection> =
         page.entries.par_iter().map(|entry| section::compose_section(&page, entry)).collect();
-    Html::whole_page(|html| {
+    HtmlFragment::whole_page(|html| {
         html.within("head", &[], |html| page_head(html, page.info));
         html.within("body", &[], |html| {
             overview::write_head(html, &page);
@@ -88,7 +88,7 @@ pub(super) fn compose_page(facts: &Facts<'_>, top: Vec<String>, places: Places<'
     })
 }
 
-fn page_head(html: &mut Html, info: &ReleaseInfo) {
+fn page_head(html: &mut HtmlFragment, info: &ReleaseInfo) {
     html.empty("meta", &[("charset", "utf-8")]);
     html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
     html.empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);

@@ -2,7 +2,7 @@
 //! `reuse lint` passes. It is told from `scene.json` alone, and an audit tells it again.
 
 use super::loader;
-use super::scene::SceneFile;
+use super::scene::SceneRecord;
 use crate::escape::quoted;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -15,7 +15,7 @@ const NOBODY: &str = "not stated";
 
 /// Composes the file. Where several entries are of one file the last one counts; what files say of themselves never does,
 /// since texts of users stand in them.
-pub(super) fn compose_reuse(scenes: &[&SceneFile], whole: &str) -> String {
+pub(super) fn compose_reuse(scenes: &[&SceneRecord], whole: &str) -> String {
     let mut text = String::from("version = 1\n");
     let everybody: BTreeSet<&str> = scenes.iter().flat_map(|scene| scene_holders(scene)).collect();
     write_annotation(&mut text, "**", &everybody, whole);
@@ -31,7 +31,7 @@ pub(super) fn compose_reuse(scenes: &[&SceneFile], whole: &str) -> String {
     text
 }
 
-fn scene_holders(scene: &SceneFile) -> impl Iterator<Item = &str> {
+fn scene_holders(scene: &SceneRecord) -> impl Iterator<Item = &str> {
     scene.licence.parts.iter().map(|part| part.attribution.as_str()).filter(|name| !name.is_empty())
 }
 

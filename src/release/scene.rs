@@ -11,16 +11,16 @@ pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::licence::{Composed, Passing};
-use crate::recipe::{Output, Recipe, Reconstruct, SceneScale, Source, Upstream};
-use crate::reconstruct::Command;
-use crate::render::fidelity::Psnr;
-use crate::seed::{Purpose, Seed};
-use crate::source::kind::Kind;
-use crate::source::{Capture, Unused, View, natural};
-use crate::speed::Meaning;
-use crate::trajectory::path::Path;
-use crate::trajectory::report::Report;
+use crate::licence::{ComposedTerms, Redistributability};
+use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneScale, SceneSource, UpstreamOrigin};
+use crate::reconstruct::TrainerCommand;
+use crate::render::fidelity::PsnrFigures;
+use crate::seed::{Seed, StreamPurpose};
+use crate::source::kind::CaptureKind;
+use crate::source::{Capture, CapturedView, UnusedPhoto, natural};
+use crate::speed::SpeedMeaning;
+use crate::trajectory::path::CameraPath;
+use crate::trajectory::report::SpeedReport;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ use std::collections::BTreeMap;
 /// The file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SceneFile {
+pub struct SceneRecord {
     /// 1.
     pub schema: u32,
     /// Scene id.
@@ -42,7 +42,7 @@ pub struct SceneFile {
     /// The camera that was rendered.
     pub camera: CameraPart,
     /// How numbers are to be read.
-    pub conventions: Conventions,
+    pub conventions: SceneConventions,
     /// Where the Gaussians come from.
     /// Null where nothing is rendered.
     pub reconstruction: Option<ReconstructionPart>,
@@ -62,7 +62,7 @@ pub struct SceneFile {
     /// The trajectories, in recipe order.
     pub trajectories: Vec<TrajectoryPart>,
     /// The axes of the paper's appendix D.
-    pub attributes: Attributes,
+    pub attributes: SceneAttributes,
 }
 
 /// The split of a scene.
@@ -87,7 +87,7 @@ pub struct SourcePart {
     pub upstream_url: Option<String>,
     /// When it was accessed.
     pub accessed: Option<String>,
-    /// Whether its terms were accepted.
+    /// True if its terms were accepted.
     pub terms_accepted: Option<bool>,
 }
 
@@ -103,7 +103,7 @@ pub struct ImagePart {
     pub width: Option<u32>,
     /// Height in pixels, likewise.
     pub height: Option<u32>,
-    /// Whether its pose was used.
+    /// True if its pose was used.
     pub used: bool,
     /// Why not.
     pub why_not: Option<String>,
@@ -132,7 +132,7 @@ pub struct CameraPart {
 /// How numbers are to be read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Conventions {
+pub struct SceneConventions {
     camera_axes: String,
     pose: String,
     quaternion: String,
@@ -143,7 +143,7 @@ pub struct Conventions {
     brightness: String,
 }
 
-impl Conventions {
+impl SceneConventions {
     /// Those of a scene of this recipe: its sensors see brightness as it is encoded for a display, or in proportion to
     /// light (`front_end: { decode: srgb }`), or some this way and some that.
     #[must_use]
@@ -183,7 +183,7 @@ pub struct ReconstructionPart {
     pub gaussians: u64,
     /// Degree of their harmonics.
     pub sh_degree: u8,
-    /// Whether the scene file says that it was trained with the antialiased rule.
+    /// True if the scene file says that it was trained with the antialiased rule.
     pub antialiased: Option<bool>,
     /// Gaussians of the file that were left out, because a field was not finite.
     pub dropped: u64,
@@ -192,7 +192,7 @@ pub struct ReconstructionPart {
     /// Training command, the places of a training in braces.
     pub command: Option<String>,
     /// PSNR against photos.
-    pub psnr: Option<Psnr>,
+    pub psnr: Option<PsnrFigures>,
     /// Mean SSIM against photos.
     pub ssim: Option<f64>,
     /// LPIPS against photos.
@@ -229,7 +229,7 @@ pub struct TrajectoryPart {
     /// Blur, where there is any.
     pub blur: Option<Value>,
     /// What was counted.
-    pub statistics: Statistics,
+    pub statistics: TrajectoryStatistics,
 }
 
 /// One of several sensors.
@@ -242,13 +242,13 @@ pub struct SensorPart {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twin_of: Option<String>,
     /// What was counted of its stream; what is the trajectory's is null.
-    pub statistics: Statistics,
+    pub statistics: TrajectoryStatistics,
 }
 
 /// What was counted on a trajectory.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Statistics {
+pub struct TrajectoryStatistics {
     /// Events.
     pub events: Option<u64>,
     /// Brighter.
@@ -264,9 +264,9 @@ pub struct Statistics {
     /// Largest optical flow between neighbouring poses, px, over sampled poses.
     pub max_step_px: Option<f32>,
     /// Linear speed, units per second.
-    pub linear_unit_s: Option<Range>,
+    pub linear_unit_s: Option<QuantityExtent>,
     /// Angular speed, radians per second.
-    pub angular_rad_s: Option<Range>,
+    pub angular_rad_s: Option<QuantityExtent>,
     /// Depth, units: 5 %, 50 % and 95 % quantile over sampled poses.
     pub depth_unit: Option<DepthQuantiles>,
 }
@@ -274,7 +274,7 @@ pub struct Statistics {
 /// Extent of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Range {
+pub struct QuantityExtent {
     /// Smallest.
     pub min: f64,
     /// Mean.
@@ -283,7 +283,7 @@ pub struct Range {
     pub max: f64,
 }
 
-impl Range {
+impl QuantityExtent {
     pub(super) fn from_values(values: &[f64]) -> Option<Self> {
         let (min, max) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
@@ -307,7 +307,7 @@ pub struct DepthQuantiles {
 /// The axes of the paper's appendix D.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Attributes {
+pub struct SceneAttributes {
     /// `sharp`, `blurry`: what is in the tree.
     pub data_type: Vec<String>,
     /// `object`, `medium`, `large` or `unknown`.
@@ -316,7 +316,7 @@ pub struct Attributes {
     pub gt_poses: bool,
     /// `uniform` where the speed varies by at most 1 %.
     pub speed_profile: String,
-    /// Whether there is more than one trajectory.
+    /// True if there is more than one trajectory.
     pub multi_trajectory: bool,
     /// What stands in for a device.
     pub device: String,
@@ -328,17 +328,17 @@ pub struct Attributes {
 ///
 /// # Errors
 /// When a blob cannot be read to be hashed.
-pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
+pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
-    Ok(SceneFile {
+    Ok(SceneRecord {
         schema: 1,
         id: recipe.scene.clone(),
         gs2e_version: env!("CARGO_PKG_VERSION").into(),
         source: source_part(recipe),
         images: capture_images(scene),
         camera: camera_part(scene),
-        conventions: Conventions::for_brightness(&recipe.merged),
+        conventions: SceneConventions::for_brightness(&recipe.merged),
         reconstruction: reconstruction_part(scene)?,
         licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
@@ -357,8 +357,8 @@ pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile
 
 fn source_part(recipe: &Recipe) -> SourcePart {
     let upstream = match &recipe.source {
-        Source::Captured(_, upstream) => upstream.clone(),
-        Source::Procedural(_) | Source::None => Upstream::default(),
+        SceneSource::Captured(_, upstream) => upstream.clone(),
+        SceneSource::Procedural(_) | SceneSource::None => UpstreamOrigin::default(),
     };
     SourcePart {
         kind: recipe.source.kind().into(),
@@ -375,7 +375,7 @@ fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
         // The embedded scene has views, but there are no photos.
         return Vec::new();
     }
-    let image = |view: &View| ImagePart {
+    let image = |view: &CapturedView| ImagePart {
         name: view.name.clone(),
         sha256: view.sha256.clone(),
         width: Some(view.camera.size.width),
@@ -383,7 +383,7 @@ fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
         used: true,
         why_not: None,
     };
-    let other = |photo: &Unused| ImagePart {
+    let other = |photo: &UnusedPhoto| ImagePart {
         name: photo.name.clone(),
         sha256: photo.sha256.clone(),
         width: photo.size.map(|size| size.width),
@@ -400,7 +400,7 @@ fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
 fn camera_part(scene: &BuiltScene<'_>) -> CameraPart {
     let Camera { size, fx, fy, cx, cy } = scene.camera();
     let lens =
-        scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::Lens::Pinhole);
+        scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::LensModel::Pinhole);
     let undistorted_from = lens.map(|lens| json!(lens));
     CameraPart { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
 }
@@ -417,7 +417,7 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
         antialiased: summary.antialiased,
         dropped: summary.screening.non_finite,
         iterations: command.and_then(|command| command.iterations),
-        command: command.map(Command::written),
+        command: command.map(TrainerCommand::written),
         psnr: fidelity.and_then(|fidelity| fidelity.psnr()),
         ssim: fidelity.and_then(|fidelity| fidelity.ssim()),
         lpips: None,
@@ -427,33 +427,33 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
 /// Where the Gaussians of a recipe come from.
 fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
     match (&recipe.source, training_command(recipe)) {
-        (Source::Procedural(_), _) => "procedural",
+        (SceneSource::Procedural(_), _) => "procedural",
         (_, Some(_)) => "command",
         (_, None) => "given",
     }
 }
 
 /// The program that trained the scene.
-fn training_command(recipe: &Recipe) -> Option<&Command> {
+fn training_command(recipe: &Recipe) -> Option<&TrainerCommand> {
     match &recipe.reconstruct {
-        Some(Reconstruct::Command(command)) => Some(command),
-        Some(Reconstruct::Given(_) | Reconstruct::Newest(_)) | None => None,
+        Some(ReconstructMethod::Command(command)) => Some(command),
+        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => None,
     }
 }
 
 /// The groups of a novel trajectory share the seeds of its draws, which derive from its name as the recipe has it.
 fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
     let mut seeds = BTreeMap::new();
-    let mut add = |name: &str, purpose: Purpose, seed: Seed| {
+    let mut add = |name: &str, purpose: StreamPurpose, seed: Seed| {
         seeds.insert(format!("{name}/{}", purpose.name()), seed.0.to_string());
     };
     for asked in &recipe.trajectories {
-        if let Path::Novel(novel) = &asked.path {
-            add(&asked.written, Purpose::Keyframes, novel.keyframes_seed);
-            add(&asked.written, Purpose::Curve, novel.curve_seed);
+        if let CameraPath::Novel(novel) = &asked.path {
+            add(&asked.written, StreamPurpose::Keyframes, novel.keyframes_seed);
+            add(&asked.written, StreamPurpose::Curve, novel.curve_seed);
         }
-        if recipe.outputs.contains(&Output::Events) {
-            add(&asked.name, Purpose::Sensor, sensor_seed(recipe, &asked.name));
+        if recipe.outputs.contains(&OutputKind::Events) {
+            add(&asked.name, StreamPurpose::Sensor, sensor_seed(recipe, &asked.name));
         }
     }
     seeds
@@ -461,34 +461,34 @@ fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
 
 /// The seed of the sensors' noise along a trajectory.
 fn sensor_seed(recipe: &Recipe, trajectory: &str) -> Seed {
-    Seed::for_stream(recipe.seed, &recipe.scene, trajectory, Purpose::Sensor)
+    Seed::for_stream(recipe.seed, &recipe.scene, trajectory, StreamPurpose::Sensor)
 }
 
 fn scene_attributes<'r>(
     recipe: &Recipe,
-    licence: &Composed,
-    mut reports: impl Iterator<Item = &'r Report>,
-) -> Attributes {
-    let shown = licence.passing != Passing::Withheld;
+    licence: &ComposedTerms,
+    mut reports: impl Iterator<Item = &'r SpeedReport>,
+) -> SceneAttributes {
+    let shown = licence.passing != Redistributability::Withheld;
     let has = |output| shown && recipe.outputs.contains(&output);
-    let data_type = [("sharp", has(Output::Sharp)), ("blurry", has(Output::Blur))];
+    let data_type = [("sharp", has(OutputKind::Sharp)), ("blurry", has(OutputKind::Blur))];
     // Where the frame rate varies in the speed's place, steps are as short as they are quick.
-    let is_uniform = |report: &Report| {
-        report.meaning == Meaning::FrameRate
-            || Range::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
+    let is_uniform = |report: &SpeedReport| {
+        report.meaning == SpeedMeaning::FrameRate
+            || QuantityExtent::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
     };
     let captured = match &recipe.source {
-        Source::Captured(captured, _) => Some(captured.kind),
-        Source::Procedural(_) | Source::None => None,
+        SceneSource::Captured(captured, _) => Some(captured.kind),
+        SceneSource::Procedural(_) | SceneSource::None => None,
     };
     // Scales of captures are arbitrary: only what a dataset is of says how large things are.
     let (scale, data_source) = match captured {
-        Some(Kind::Mvimgnet) => ("object", "MVImgNet"),
-        Some(Kind::Dl3dv) => ("large", "DL3DV-10K"),
+        Some(CaptureKind::Mvimgnet) => ("object", "MVImgNet"),
+        Some(CaptureKind::Dl3dv) => ("large", "DL3DV-10K"),
         _ => ("unknown", recipe.source.kind()),
     };
     let uniform = reports.all(is_uniform);
-    Attributes {
+    SceneAttributes {
         data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
         scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),
         gt_poses: true,

@@ -2,22 +2,22 @@
 //! two splits have something in common all the same.
 
 use super::checksum;
-use super::scene::{SceneFile, SplitPart};
-use crate::recipe::{By, Splits};
+use super::scene::{SceneRecord, SplitPart};
+use crate::recipe::{SplitPlan, SplitUnit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// The split of a scene by a rule.
-pub(super) fn split_part(scene: &SceneFile, splits: &Splits) -> SplitPart {
+pub(super) fn split_part(scene: &SceneRecord, splits: &SplitPlan) -> SplitPart {
     let group = split_key(scene, splits.by);
     SplitPart { name: splits.of(&group).to_owned(), group }
 }
 
 /// What keeps scenes together: the recipe's own word where objects are meant; else the upstream's id of the capture; else
 /// the photos of the source, whichever of them are used; else the Gaussians; else the scene is by itself.
-fn split_key(scene: &SceneFile, by: By) -> String {
+fn split_key(scene: &SceneRecord, by: SplitUnit) -> String {
     let group = scene.recipe.get("group").and_then(serde_json::Value::as_str);
-    if let (By::Object, Some(group)) = (by, group) {
+    if let (SplitUnit::Object, Some(group)) = (by, group) {
         return format!("group/{group}");
     }
     if let Some(id) = &scene.source.upstream_id {
@@ -34,24 +34,24 @@ fn split_key(scene: &SceneFile, by: By) -> String {
     }
 }
 
-fn split_photos(scene: &SceneFile) -> impl Iterator<Item = &str> {
+fn split_photos(scene: &SceneRecord) -> impl Iterator<Item = &str> {
     scene.images.iter().filter_map(|image| image.sha256.as_deref())
 }
 
-fn scene_digest(scene: &SceneFile) -> Option<&str> {
+fn scene_digest(scene: &SceneRecord) -> Option<&str> {
     scene.reconstruction.as_ref().map(|made| made.scene_sha256.as_str())
 }
 
 /// Something that two splits have in common.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Leak {
+pub struct SplitLeak {
     /// The scenes, with their splits: the first of each split that has it.
     pub scenes: [(String, String); 2],
     /// What it is.
     pub what: String,
 }
 
-impl fmt::Display for Leak {
+impl fmt::Display for SplitLeak {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [(a, of_a), (b, of_b)] = &self.scenes;
         write!(f, "{} is in {a} ({of_a}) and in {b} ({of_b})", self.what)
@@ -60,7 +60,7 @@ impl fmt::Display for Leak {
 
 /// What scenes of two splits have in common: a group, a photo by its SHA-256, or the Gaussians. One of each kind for two
 /// scenes.
-pub(super) fn find_leaks(scenes: &[SceneFile]) -> Vec<Leak> {
+pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
     // The first scene of each split that has a thing.
     let mut holders: BTreeMap<(&str, &str), BTreeMap<&str, &str>> = BTreeMap::new();
     for (scene, part) in scenes.iter().filter_map(|scene| Some((scene, scene.split.as_ref()?))) {
@@ -79,7 +79,7 @@ pub(super) fn find_leaks(scenes: &[SceneFile]) -> Vec<Leak> {
         for (split, scene) in of.filter(|(_, scene)| told.insert((kind, first, *scene))).collect::<Vec<_>>() {
             let scenes =
                 [(first, first_split), (scene, split)].map(|(id, of)| (id.to_owned(), of.to_owned()));
-            leaks.push(Leak { scenes, what: format!("{kind} {value}") });
+            leaks.push(SplitLeak { scenes, what: format!("{kind} {value}") });
         }
     }
     leaks

@@ -5,10 +5,10 @@
 //! their one form and list what it lists. Only files with the stated bytes count as sound, and only
 //! sound files are ever removed.
 
-use super::manifest::{self, Manifest};
+use super::manifest::{self, ReleaseManifest};
 use super::removal::remove_ours;
 use super::{ReleaseError, checksum};
-use crate::files::{self, Links, MAX_DOCUMENT};
+use crate::files::{self, LinkRule, MAX_DOCUMENT};
 use crate::store::Digest;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -72,7 +72,7 @@ impl StandingTree {
         let failed = |source: io::Error| ReleaseError::Io { path: folder.to_owned(), source };
         let mut tree =
             Self { folder: folder.to_owned(), b3: None, sound: BTreeMap::new(), oddities: Vec::new() };
-        let lists = match Lists::read(folder) {
+        let lists = match ReleaseLists::read(folder) {
             Ok(lists) => lists,
             Err(because) => {
                 tree.oddities.push(because);
@@ -106,7 +106,7 @@ impl StandingTree {
         Ok(tree)
     }
 
-    /// Whether it is a release of this program, with or without edited and additional files.
+    /// Returns true if it is a release of this program, with or without edited and additional files.
     pub(super) fn is_release(&self) -> bool {
         self.b3.is_some()
     }
@@ -116,13 +116,13 @@ impl StandingTree {
         &self.oddities
     }
 
-    /// Whether it is whole and its `B3SUMS` is this text, so that every other file is that of the
+    /// Returns true if it is whole and its `B3SUMS` is this text, so that every other file is that of the
     /// release with it.
     pub(super) fn is_the_release_of(&self, b3: &str) -> bool {
         self.oddities.is_empty() && self.b3.as_deref() == Some(b3)
     }
 
-    /// Whether a file of it has another name, such as one in the store.
+    /// Returns true if a file of it has another name, such as one in the store.
     pub(super) fn shares_files(&self) -> bool {
         self.sound.values().any(|file| file.links > 1)
     }
@@ -182,7 +182,7 @@ fn is_same(file: &SoundFile, entry: &walkdir::DirEntry) -> bool {
 }
 
 /// The listed files that are there, and what has no place in a release.
-fn list(folder: &Path, lists: &Lists) -> io::Result<(BTreeSet<String>, Vec<String>)> {
+fn list(folder: &Path, lists: &ReleaseLists) -> io::Result<(BTreeSet<String>, Vec<String>)> {
     let (mut found, mut oddities) = (BTreeSet::new(), Vec::new());
     for entry in WalkDir::new(folder).min_depth(1).sort_by_file_name() {
         let entry = entry?;
@@ -205,24 +205,24 @@ fn list(folder: &Path, lists: &Lists) -> io::Result<(BTreeSet<String>, Vec<Strin
 }
 
 /// The lists of a release, which agree with each other.
-struct Lists {
+struct ReleaseLists {
     b3_text: String,
     b3: BTreeMap<String, String>,
     sums: BTreeMap<String, String>,
 }
 
-impl Lists {
+impl ReleaseLists {
     /// Reads the lists; the error says why the folder is not a release.
     fn read(folder: &Path) -> Result<Self, String> {
         let read = |name: &str| {
-            let bytes = files::read_with(&folder.join(name), Links::Refuse, MAX_DOCUMENT);
+            let bytes = files::read_with(&folder.join(name), LinkRule::Refuse, MAX_DOCUMENT);
             bytes.map_err(|e| match e.kind() {
                 io::ErrorKind::NotFound => format!("it has no {name}"),
                 _ => format!("its {name} cannot be read: {e}"),
             })
         };
         let manifest_bytes = read(manifest::NAME)?;
-        let manifest: Manifest = serde_json::from_slice(&manifest_bytes)
+        let manifest: ReleaseManifest = serde_json::from_slice(&manifest_bytes)
             .map_err(|e| format!("its {} is not that of a release: {e}", manifest::NAME))?;
         if manifest.format != FORMAT {
             return Err(format!("its {} has format {}, not {FORMAT}", manifest::NAME, manifest.format));
@@ -243,7 +243,7 @@ impl Lists {
         }
     }
 
-    fn agree(&self, manifest: &Manifest, manifest_bytes: &[u8]) -> bool {
+    fn agree(&self, manifest: &ReleaseManifest, manifest_bytes: &[u8]) -> bool {
         let stated = manifest.scenes.iter().flat_map(|scene| &scene.files).chain(&manifest.files);
         let mut stated: BTreeMap<&str, String> =
             stated.map(|file| (file.path.as_str(), file.blake3.to_string())).collect();
@@ -259,7 +259,7 @@ impl Lists {
 
     /// Reads a file that is listed; the error says what is wrong with it.
     fn judge(&self, folder: &Path, path: &str) -> Result<SoundFile, String> {
-        let file = files::open_with(&folder.join(path), Links::Refuse);
+        let file = files::open_with(&folder.join(path), LinkRule::Refuse);
         let about = file.and_then(|file| file.metadata());
         let about = about.map_err(|e| format!("cannot be read: {e}"))?;
         let hashes = checksum::hash_file(&folder.join(path)).map_err(|e| format!("cannot be read: {e}"))?;

@@ -4,7 +4,7 @@ use super::removal::is_there;
 use super::standing::StandingTree;
 use super::work::{WorkFolder, clear_leftovers};
 use super::{ReleaseError, failed};
-use crate::store::{Claim, Lock, StoreError};
+use crate::store::{LockClaim, StoreError, StoreLock};
 use rustix::fs::{AtFlags, CWD, StatxAttributes, StatxFlags};
 use std::ffi::OsString;
 use std::fs;
@@ -19,7 +19,7 @@ pub struct GuardedPath {
     pub what: String,
     /// The file or folder.
     pub path: PathBuf,
-    /// Whether a release may not lie in it either.
+    /// True if a release may not lie in it either.
     pub whole: bool,
 }
 
@@ -31,7 +31,7 @@ pub struct TargetClaim<'a> {
     /// What the target may neither be nor hold.
     pub guarded: &'a [GuardedPath],
     /// Who claims it, for others who wait.
-    pub claim: Claim,
+    pub claim: LockClaim,
     /// Wait for another process that writes there.
     pub wait: bool,
     /// Set to stop waiting and reading.
@@ -49,7 +49,7 @@ pub struct ReleaseTarget {
     /// What stands there, unless that is nothing or an empty folder.
     standing: Option<StandingTree>,
     notes: Vec<String>,
-    _lock: Lock,
+    _lock: StoreLock,
     _parents: MadeFolders,
 }
 
@@ -75,7 +75,7 @@ impl ReleaseTarget {
         }
         let parents = MadeFolders::make(path.parent().expect("a resolved path has a parent"))?;
         let lock_path = path.with_file_name(lock_name(&path));
-        let lock = Lock::take_temporary(&lock_path, to, (&claim, wait), cancel, waiting);
+        let lock = StoreLock::take_temporary(&lock_path, to, (&claim, wait), cancel, waiting);
         let lock = lock.map_err(|error| match error {
             StoreError::Io { source, .. } if source.kind() == io::ErrorKind::Interrupted => {
                 ReleaseError::Interrupted
@@ -84,8 +84,8 @@ impl ReleaseTarget {
         })?;
         let notes = clear_leftovers(&path, cancel)?;
         let standing = stands(&path).map_err(|e| match e {
-            Unfit::Foreign(because) => foreign(because.to_owned()),
-            Unfit::Io(source) => failed(to)(source),
+            TargetFault::Foreign(because) => foreign(because.to_owned()),
+            TargetFault::Io(source) => failed(to)(source),
         })?;
         let standing = if standing { Some(StandingTree::read(&path, cancel)?) } else { None };
         let refusal = standing.as_ref().filter(|_| !replace).and_then(refusal);
@@ -121,7 +121,7 @@ impl ReleaseTarget {
         Ok(())
     }
 
-    /// Whether the release with this `B3SUMS` stands there, unchanged since it was read.
+    /// Returns true if the release with this `B3SUMS` stands there, unchanged since it was read.
     pub(super) fn holds(&self, b3: &str) -> Result<bool, ReleaseError> {
         let stands = self.standing.as_ref().is_some_and(|standing| standing.is_the_release_of(b3));
         Ok(stands && self.change()?.is_none())
@@ -178,24 +178,26 @@ fn refusal(standing: &StandingTree) -> Option<String> {
 }
 
 /// Why a path cannot be a release folder.
-enum Unfit {
+enum TargetFault {
     Foreign(&'static str),
     Io(io::Error),
 }
 
-/// Whether a folder that is not empty stands at `path`.
-fn stands(path: &Path) -> Result<bool, Unfit> {
+/// Returns true if a folder that is not empty stands at `path`.
+fn stands(path: &Path) -> Result<bool, TargetFault> {
     match fs::symlink_metadata(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
-        Err(e) => Err(Unfit::Io(e)),
-        Ok(about) if about.is_symlink() => Err(Unfit::Foreign("is a link; name the folder that it leads to")),
-        Ok(about) if !about.is_dir() => Err(Unfit::Foreign("is not a folder")),
-        Ok(_) if is_mount_point(path) => Err(Unfit::Foreign("is a mount point")),
-        Ok(_) => Ok(fs::read_dir(path).map_err(Unfit::Io)?.next().is_some()),
+        Err(e) => Err(TargetFault::Io(e)),
+        Ok(about) if about.is_symlink() => {
+            Err(TargetFault::Foreign("is a link; name the folder that it leads to"))
+        }
+        Ok(about) if !about.is_dir() => Err(TargetFault::Foreign("is not a folder")),
+        Ok(_) if is_mount_point(path) => Err(TargetFault::Foreign("is a mount point")),
+        Ok(_) => Ok(fs::read_dir(path).map_err(TargetFault::Io)?.next().is_some()),
     }
 }
 
-/// Whether the kernel says that another file system is mounted at `path`. Where it says nothing, a
+/// Returns true if the kernel says that another file system is mounted at `path`. Where it says nothing, a
 /// rename of the mount point fails, and nothing is changed.
 fn is_mount_point(path: &Path) -> bool {
     let about = rustix::fs::statx(CWD, path, AtFlags::SYMLINK_NOFOLLOW, StatxFlags::BASIC_STATS);

@@ -6,9 +6,9 @@ use super::manifest::ManifestFile;
 use super::standing::StandingTree;
 use super::target::ReleaseTarget;
 use super::work::{WorkFolder, write_new};
-use super::{Link, ReleaseError, audit, checksum, failed};
-use crate::files::{self, Links};
-use crate::recipe::Takedown;
+use super::{LinkMode, ReleaseError, audit, checksum, failed};
+use crate::files::{self, LinkRule};
+use crate::recipe::TakedownList;
 use crate::store::{Digest, Store};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -19,14 +19,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Where a file's bytes come from.
 #[derive(Debug)]
-pub(super) enum Content {
+pub(super) enum FileContent {
     /// Made for the release.
     Bytes(Vec<u8>),
     /// A blob of the store.
     Blob { path: PathBuf, digest: Digest, size: u64 },
 }
 
-impl Content {
+impl FileContent {
     /// A JSON document: indented, with a final newline.
     pub(super) fn json<T: serde::Serialize>(value: &T) -> Self {
         Self::Bytes(Self::json_bytes(value))
@@ -42,13 +42,13 @@ impl Content {
 
 /// Files by path, `/`-separated, below the release folder.
 #[derive(Debug, Default)]
-pub(super) struct Tree {
-    files: BTreeMap<String, Content>,
+pub(super) struct ReleaseTree {
+    files: BTreeMap<String, FileContent>,
 }
 
-impl Tree {
+impl ReleaseTree {
     /// Adds a file. Recipes are refused where two scenes would write one path, so a path is new.
-    pub(super) fn add(&mut self, path: String, content: Content) {
+    pub(super) fn add(&mut self, path: String, content: FileContent) {
         let before = self.files.insert(path, content);
         assert!(before.is_none(), "scene ids and trajectory names do not clash in valid recipes");
     }
@@ -65,21 +65,21 @@ impl Tree {
     /// The blobs that files are made from, one for each file.
     fn blobs(&self) -> impl Iterator<Item = &Digest> {
         self.files.values().filter_map(|content| match content {
-            Content::Blob { digest, .. } => Some(digest),
-            Content::Bytes(_) => None,
+            FileContent::Blob { digest, .. } => Some(digest),
+            FileContent::Bytes(_) => None,
         })
     }
 
     /// The file in the store that a file of the tree is.
     pub(super) fn place(&self, path: &str) -> Option<&Path> {
         match self.files.get(path)? {
-            Content::Blob { path, .. } => Some(path),
-            Content::Bytes(_) => None,
+            FileContent::Blob { path, .. } => Some(path),
+            FileContent::Bytes(_) => None,
         }
     }
 
     /// The files with their contents, sorted by path.
-    pub(super) fn into_files(self) -> BTreeMap<String, Content> {
+    pub(super) fn into_files(self) -> BTreeMap<String, FileContent> {
         self.files
     }
 
@@ -87,8 +87,8 @@ impl Tree {
     pub(super) fn listing(&self) -> Vec<ManifestFile> {
         let list = self.files.iter().map(|(path, content)| {
             let (size, blake3) = match content {
-                Content::Bytes(bytes) => (bytes.len() as u64, Digest::of_bytes(bytes)),
-                Content::Blob { digest, size, .. } => (*size, *digest),
+                FileContent::Bytes(bytes) => (bytes.len() as u64, Digest::of_bytes(bytes)),
+                FileContent::Blob { digest, size, .. } => (*size, *digest),
             };
             ManifestFile { path: path.clone(), size, blake3 }
         });
@@ -98,33 +98,33 @@ impl Tree {
 
 /// What was written.
 #[derive(Debug)]
-pub(super) struct Outcome {
+pub(super) struct TreeOutcome {
     /// Number of files, the sums included.
     pub(super) files: usize,
     /// Their bytes.
     pub(super) bytes: u64,
-    /// Whether the release stood there already, so that nothing was written.
+    /// True if the release stood there already, so that nothing was written.
     pub(super) stood: bool,
 }
 
 /// Writes the tree and its sums, and puts it in place, unless it stands there already.
 pub(super) fn write_tree(
     target: &mut ReleaseTarget,
-    tree: &Tree,
-    (store, takedown): (&Store, &Takedown),
-    link: Link,
+    tree: &ReleaseTree,
+    (store, takedown): (&Store, &TakedownList),
+    link: LinkMode,
     cancel: &AtomicBool,
-) -> Result<Outcome, ReleaseError> {
+) -> Result<TreeOutcome, ReleaseError> {
     let listing = tree.listing();
     let shares = target.standing().is_some_and(StandingTree::shares_files);
-    if (link == Link::Hard || !shares) && target.holds(&b3_sums(&listing))? {
+    if (link == LinkMode::Hard || !shares) && target.holds(&b3_sums(&listing))? {
         let (files, bytes) = target.standing().map(StandingTree::size).unwrap_or_default();
-        return Ok(Outcome { files, bytes, stood: true });
+        return Ok(TreeOutcome { files, bytes, stood: true });
     }
     let work = WorkFolder::create(target.path(), &sizes(&listing))?;
     let root = work.tree();
-    let placing = Placing { root: &root, standing: target.standing(), store, link, cancel };
-    let mut written: BTreeMap<&str, checksum::Hashes> = tree
+    let placing = FilePlacing { root: &root, standing: target.standing(), store, link, cancel };
+    let mut written: BTreeMap<&str, checksum::FileHashes> = tree
         .files
         .par_iter()
         .map(|(path, content)| Ok((path.as_str(), placing.place(path, content)?)))
@@ -137,12 +137,12 @@ pub(super) fn write_tree(
     }
     placing.go_on()?;
     target.put(work)?;
-    if link == Link::Hard {
+    if link == LinkMode::Hard {
         // The names that were removed with the old release moved the blobs' ctimes once more.
         tree.blobs().try_for_each(|digest| store.settle(digest))?;
     }
     let bytes = written.values().map(|hashes| hashes.size).sum();
-    Ok(Outcome { files: written.len(), bytes, stood: false })
+    Ok(TreeOutcome { files: written.len(), bytes, stood: false })
 }
 
 /// The text of `B3SUMS`, which follows from the listing alone.
@@ -162,46 +162,49 @@ fn sizes(listing: &[ManifestFile]) -> BTreeMap<String, u64> {
 }
 
 /// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
-fn write_sums(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Result<(), ReleaseError> {
+fn write_sums(
+    partial: &Path,
+    written: &mut BTreeMap<&str, checksum::FileHashes>,
+) -> Result<(), ReleaseError> {
     for name in [checksum::B3_NAME, checksum::NAME] {
-        let sum = |of: &checksum::Hashes| match name {
+        let sum = |of: &checksum::FileHashes| match name {
             checksum::B3_NAME => of.blake3.to_string(),
             _ => of.sha256.clone(),
         };
         let text = checksum::sums_text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
         let path = partial.join(name);
         write_new(&path, text.as_bytes()).map_err(failed(&path))?;
-        written.insert(name, checksum::Hashes::of_bytes(text.as_bytes()));
+        written.insert(name, checksum::FileHashes::of_bytes(text.as_bytes()));
     }
     Ok(())
 }
 
 /// The making of files below a new tree.
-struct Placing<'a> {
+struct FilePlacing<'a> {
     root: &'a Path,
     /// The release that is about to be replaced.
     standing: Option<&'a StandingTree>,
     store: &'a Store,
-    link: Link,
+    link: LinkMode,
     cancel: &'a AtomicBool,
 }
 
-impl Placing<'_> {
+impl FilePlacing<'_> {
     fn go_on(&self) -> Result<(), ReleaseError> {
         if self.cancel.load(Ordering::Relaxed) { Err(ReleaseError::Interrupted) } else { Ok(()) }
     }
 
     /// Brings one file to its place and hashes it there.
-    fn place(&self, name: &str, content: &Content) -> Result<checksum::Hashes, ReleaseError> {
+    fn place(&self, name: &str, content: &FileContent) -> Result<checksum::FileHashes, ReleaseError> {
         self.go_on()?;
         let path = self.root.join(name);
         let hash = || checksum::hash_file(&path).map_err(failed(&path));
         let (blob, digest) = match content {
-            Content::Bytes(bytes) => {
+            FileContent::Bytes(bytes) => {
                 fs::write(&path, bytes).map_err(failed(&path))?;
                 return hash();
             }
-            Content::Blob { path, digest, .. } => (path, digest),
+            FileContent::Blob { path, digest, .. } => (path, digest),
         };
         let remove = || fs::remove_file(&path).map_err(failed(&path));
         if self.take_over(name, digest, &path) {
@@ -224,20 +227,20 @@ impl Placing<'_> {
     /// Gives the file a second name in the new tree if the release there has the same one. The first name
     /// goes when the tree is in place, so the new release shares it with nothing.
     fn take_over(&self, name: &str, digest: &Digest, path: &Path) -> bool {
-        let standing = self.standing.filter(|_| self.link != Link::Hard);
+        let standing = self.standing.filter(|_| self.link != LinkMode::Hard);
         let file = standing.and_then(|standing| standing.unshared(name, digest));
         file.is_some_and(|file| fs::hard_link(file, path).is_ok())
     }
 }
 
 /// Brings a blob to `path`.
-fn materialise_blob(blob: &Path, path: &Path, link: Link) -> io::Result<()> {
-    if link == Link::Hard && fs::hard_link(blob, path).is_ok() {
+fn materialise_blob(blob: &Path, path: &Path, link: LinkMode) -> io::Result<()> {
+    if link == LinkMode::Hard && fs::hard_link(blob, path).is_ok() {
         return Ok(());
     }
-    let mut from = files::open_with(blob, Links::Refuse)?;
+    let mut from = files::open_with(blob, LinkRule::Refuse)?;
     let mut to = File::create_new(path)?;
-    if link != Link::Copy && rustix::fs::ioctl_ficlone(&to, &from).is_ok() {
+    if link != LinkMode::Copy && rustix::fs::ioctl_ficlone(&to, &from).is_ok() {
         return Ok(());
     }
     io::copy(&mut from, &mut to).map(drop)

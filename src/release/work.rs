@@ -16,7 +16,7 @@
 use super::removal::{is_there, remove_if_empty, remove_ours};
 use super::standing::StandingTree;
 use super::{ReleaseError, checksum, failed};
-use crate::files::{self, Links, MAX_DOCUMENT};
+use crate::files::{self, LinkRule, MAX_DOCUMENT};
 use crate::store::Digest;
 use rustix::fs::{CWD, RenameFlags};
 use rustix::io::Errno;
@@ -79,7 +79,7 @@ impl WorkFolder {
     /// Puts the tree in the target's place in one step, and moves what stood there into the work folder.
     pub(super) fn place(&mut self, stood: Option<&StandingTree>) -> Result<(), ReleaseError> {
         let parent = self.target.parent().expect("a target has a parent");
-        let placing = Placing::before_swap(&self.tree(), stood).map_err(failed(&self.tree()))?;
+        let placing = SwapNote::before_swap(&self.tree(), stood).map_err(failed(&self.tree()))?;
         let path = self.folder.join(PLACING);
         write_new(&path, placing.text().as_bytes()).map_err(failed(&path))?;
         for folder in [&self.tree(), &self.folder] {
@@ -195,7 +195,7 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
     if !fs::symlink_metadata(folder)?.is_dir() {
         return Err(foreign("it is not a folder of gs2e"));
     }
-    let about = match files::read_with(&folder.join(ABOUT), Links::Refuse, MAX_DOCUMENT) {
+    let about = match files::read_with(&folder.join(ABOUT), LinkRule::Refuse, MAX_DOCUMENT) {
         Ok(bytes) => String::from_utf8(bytes).map_err(|_| foreign("its `about` is not of gs2e"))?,
         // A process that was killed before it wrote the file left an empty folder.
         Err(e) if e.kind() == io::ErrorKind::NotFound => {
@@ -210,7 +210,7 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
     };
     let files = parse_listing(&about).ok_or_else(|| foreign("its `about` is not of gs2e"))?;
     let work = WorkFolder { folder: folder.to_owned(), target: target.to_owned(), placed: true };
-    let Some(placing) = Placing::read(&folder.join(PLACING))? else {
+    let Some(placing) = SwapNote::read(&folder.join(PLACING))? else {
         return work.clear_unplaced(&files).map(|()| Vec::new());
     };
     let old = folder.join(OLD);
@@ -225,14 +225,14 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
 }
 
 /// What the file `placing` says.
-struct Placing {
+struct SwapNote {
     /// Device and inode of the folder that is to become the release.
     tree: [u64; 2],
     /// The sound files of what stands at the target, by their paths.
     sound: BTreeMap<String, Digest>,
 }
 
-impl Placing {
+impl SwapNote {
     /// The last line: without it the text was cut off, and the swap has not begun.
     const END: &str = "end\n";
 
@@ -264,7 +264,7 @@ impl Placing {
 
     /// Reads the file; `None` if the swap has not begun.
     fn read(path: &Path) -> io::Result<Option<Self>> {
-        match files::read_with(path, Links::Refuse, MAX_DOCUMENT) {
+        match files::read_with(path, LinkRule::Refuse, MAX_DOCUMENT) {
             Ok(bytes) => Ok(str::from_utf8(&bytes).ok().and_then(Self::parse)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(e),
@@ -466,7 +466,7 @@ mod tests {
     #[test]
     fn a_swap_that_was_cut_off_is_undone() {
         let (place, target, folder) = killed();
-        let placing = Placing::before_swap(&folder.join(TREE), None).unwrap();
+        let placing = SwapNote::before_swap(&folder.join(TREE), None).unwrap();
         fs::write(folder.join(PLACING), placing.text()).unwrap();
         fs::create_dir(folder.join(OLD)).unwrap();
         fs::write(folder.join("old/thesis"), "mine").unwrap();
@@ -483,7 +483,7 @@ mod tests {
             let (place, target, folder) = killed();
             let sound = files.map(|path| (path.to_owned(), Digest::of_bytes(path.as_bytes()))).into();
             fs::rename(folder.join(TREE), &target).unwrap();
-            let placing = Placing { tree: identity(&target).unwrap(), sound };
+            let placing = SwapNote { tree: identity(&target).unwrap(), sound };
             fs::write(folder.join(PLACING), placing.text()).unwrap();
             fs::create_dir_all(folder.join("old/a")).unwrap();
             for path in &files[removed..] {
@@ -498,9 +498,9 @@ mod tests {
     fn a_list_that_was_cut_off_is_none() {
         let sound =
             [("end".to_owned(), Digest::of_bytes(b"")), ("x y".to_owned(), Digest::of_bytes(b"1"))].into();
-        let text = Placing { tree: [1, 2], sound }.text();
-        assert!((0..text.len()).all(|n| Placing::parse(&text[..n]).is_none()));
-        assert_eq!(Placing::parse(&text).unwrap().text(), text);
+        let text = SwapNote { tree: [1, 2], sound }.text();
+        assert!((0..text.len()).all(|n| SwapNote::parse(&text[..n]).is_none()));
+        assert_eq!(SwapNote::parse(&text).unwrap().text(), text);
     }
 
     #[test]

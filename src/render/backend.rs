@@ -1,9 +1,9 @@
 //! Choice of a back end, and the numerical class that it adds to the keys of steps.
 
-use super::cpu::{self, Cpu};
-use super::gpu::{self, Device, Gpu, GpuError};
-use super::reference::{self, Reference};
-use super::{RenderError, Renderer, Style};
+use super::cpu::{self, CpuRenderer};
+use super::gpu::{self, GpuDevice, GpuError, GpuRenderer};
+use super::reference::{self, ReferenceRenderer};
+use super::{RenderError, RenderStyle, Renderer};
 use crate::image::Size;
 use crate::scene::Gaussians;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ pub enum Backend {
     /// The CPU in f64: slow.
     Reference,
     /// A GPU.
-    Gpu(Device),
+    Gpu(GpuDevice),
     /// A GPU that was not opened, known by its numerical class. It is enough for keys, but it
     /// cannot render.
     Unopened(String),
@@ -39,11 +39,15 @@ impl Backend {
     ///
     /// # Errors
     /// The back end cannot hold the scene, or cannot render in this style.
-    pub fn renderer(&self, scene: Arc<Gaussians>, style: Style) -> Result<Box<dyn Renderer>, RenderError> {
+    pub fn renderer(
+        &self,
+        scene: Arc<Gaussians>,
+        style: RenderStyle,
+    ) -> Result<Box<dyn Renderer>, RenderError> {
         Ok(match self {
-            Self::Cpu => Box::new(Cpu::new(scene, style)?),
-            Self::Reference => Box::new(Reference::new(scene, style)?),
-            Self::Gpu(device) => Box::new(Gpu::new(device.clone(), &scene, style)?),
+            Self::Cpu => Box::new(CpuRenderer::new(scene, style)?),
+            Self::Reference => Box::new(ReferenceRenderer::new(scene, style)?),
+            Self::Gpu(device) => Box::new(GpuRenderer::new(device.clone(), &scene, style)?),
             Self::Unopened(class) => return Err(GpuError::None(format!("{class} was not opened")).into()),
         })
     }
@@ -58,25 +62,25 @@ impl Backend {
         }
     }
 
-    /// Whether the back end can render both with and without leaving work out.
+    /// Returns true if the back end can render both with and without leaving work out.
     #[must_use]
     pub fn has_choice(&self) -> bool {
         matches!(self, Self::Cpu)
     }
 
-    /// Whether the back end uses a GPU.
+    /// Returns true if the back end uses a GPU.
     #[must_use]
     pub fn takes_gpu(&self) -> bool {
         matches!(self, Self::Gpu(_) | Self::Unopened(_))
     }
 
-    /// Whether a numerical class is one of the CPU in f32, of any revision.
+    /// Returns true if a numerical class is one of the CPU in f32, of any revision.
     #[must_use]
     pub fn is_cpu(class: &str) -> bool {
         class.starts_with("cpu/")
     }
 
-    /// Whether a numerical class is one of a GPU.
+    /// Returns true if a numerical class is one of a GPU.
     #[must_use]
     pub fn is_gpu(class: &str) -> bool {
         class.starts_with("gpu/")

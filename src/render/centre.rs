@@ -8,7 +8,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use super::flow::Quantiles;
+use super::flow::FlowQuantiles;
 use crate::camera::Camera;
 use crate::se3::Se3;
 use crate::se3::rotation::log_vector;
@@ -18,7 +18,7 @@ use glam::DVec3;
 /// `distance` (units) moves, px of `camera` along x, to first order in the turn; `None` where there is no
 /// step.
 #[must_use]
-pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<Quantiles> {
+pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<FlowQuantiles> {
     let across = |v: DVec3| v.truncate().length();
     let step = |pair: &[Se3]| {
         let camera_from_world = pair[0].rotation.conjugate();
@@ -26,14 +26,14 @@ pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<Quanti
         let turn = log_vector(camera_from_world * pair[1].rotation);
         (camera.fx * (across(shift) / distance + across(turn))) as f32
     };
-    Quantiles::from_values(poses.windows(2).map(step).collect())
+    FlowQuantiles::from_values(poses.windows(2).map(step).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::{Image, Size};
-    use crate::render::View;
+    use crate::render::CameraView;
     use crate::render::flow::flow_displacement;
     use crate::se3::rotation::exp_vector;
     use glam::DQuat;
@@ -50,7 +50,7 @@ mod tests {
             rotation: start.rotation * exp_vector(turn),
             translation: start.translation + start.rotation * shift,
         };
-        let [from, to] = [start, end].map(|pose| View::at_rest(CAMERA, pose));
+        let [from, to] = [start, end].map(|pose| CameraView::at_rest(CAMERA, pose));
         let moved = flow_displacement(&Image::filled(CAMERA.size, DISTANCE), &from, &to);
         let px = centre_px(&[start, end], &CAMERA, DISTANCE.into()).unwrap();
         [px.max, moved.pixels()[15 * 41 + 20]]

@@ -19,40 +19,43 @@ mod sort;
 mod splat;
 mod unseen;
 
-pub use level::Instructions;
+pub use level::InstructionSet;
 
-use super::{Channels, Omit, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use super::{
+    CameraView, ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
+    RenderedImages, Renderer, flow,
+};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::scene::{Gaussians, sh};
 use crate::se3::Se3;
-use activate::Block;
-use bin::{Grid, Lists, Ordered};
-use eye::Eye;
-use project::{Projected, Projection};
-use raster::Frame;
-use resolve::Blended;
-use sort::Sorter;
-use splat::{Rates, Splat};
+use activate::GaussianBlock;
+use bin::{OrderedSplats, TileGrid, TileLists};
+use eye::ViewTransform;
+use project::{ProjectedChunk, ProjectionInput};
+use raster::RasterInput;
+use resolve::BlendedTiles;
+use sort::DepthSorter;
+use splat::{Splat, SplatRates};
 use std::sync::Arc;
 
 /// A scene ready for rendering, and the buffers of its last frame.
 #[derive(Debug)]
-pub struct Cpu {
+pub struct CpuRenderer {
     scene: Arc<Gaussians>,
     /// Gaussians that some view may see, in activated form.
-    blocks: Vec<Block>,
+    blocks: Vec<GaussianBlock>,
     /// Highest degree of harmonics that is evaluated. If work is left out, it is the highest degree
     /// that is not all zero.
     sh_degree: u8,
-    style: Style,
-    omit: Omit,
-    instructions: Instructions,
+    style: RenderStyle,
+    omit: OmissionPolicy,
+    instructions: InstructionSet,
     splats: Vec<Splat>,
-    rates: Vec<Rates>,
-    chunks: Vec<Projected>,
-    sorter: Sorter,
-    lists: Lists,
+    rates: Vec<SplatRates>,
+    chunks: Vec<ProjectedChunk>,
+    sorter: DepthSorter,
+    lists: TileLists,
     tiles: Vec<f32>,
 }
 
@@ -68,12 +71,12 @@ pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
     2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
 
-impl Cpu {
+impl CpuRenderer {
     /// Prepares a scene. Gaussians with a value that is not finite are excluded from every image.
     ///
     /// # Errors
     /// The scene has more than 2^32 - 1 Gaussians, or the background is not finite.
-    pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
+    pub fn new(scene: Arc<Gaussians>, style: RenderStyle) -> Result<Self, RenderError> {
         if u32::try_from(scene.len()).is_err() {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
@@ -86,13 +89,13 @@ impl Cpu {
             blocks,
             sh_degree,
             style,
-            omit: Omit::default(),
-            instructions: Instructions::widest_set(),
+            omit: OmissionPolicy::default(),
+            instructions: InstructionSet::widest_set(),
             splats: Vec::new(),
             rates: Vec::new(),
             chunks: Vec::new(),
-            sorter: Sorter::default(),
-            lists: Lists::new(bin::BUDGET),
+            sorter: DepthSorter::default(),
+            lists: TileLists::new(bin::BUDGET),
             tiles: Vec::new(),
         })
     }
@@ -100,7 +103,7 @@ impl Cpu {
 
 /// One pass over the scene or the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pass {
+pub enum PassKind {
     /// Projection of every Gaussian.
     Project,
     /// Sort by depth.
@@ -113,16 +116,16 @@ pub enum Pass {
     Resolve,
 }
 
-impl Cpu {
+impl CpuRenderer {
     /// Sets the instruction set for later frames: the same bits at another speed.
-    pub fn set_instructions(&mut self, instructions: Instructions) {
+    pub fn set_instructions(&mut self, instructions: InstructionSet) {
         self.instructions = instructions;
     }
 
     /// Sets the maximum number of (Gaussian, tile) pairs that are listed at once: the same bits
     /// with more or less memory. A single tile may exceed it.
     pub fn set_list_budget(&mut self, pairs: usize) {
-        self.lists = Lists::new(pairs);
+        self.lists = TileLists::new(pairs);
     }
 
     /// [`Renderer::render`] with a callback at the end of each pass. If the lists exceed their
@@ -132,15 +135,15 @@ impl Cpu {
     /// The view cannot be rendered.
     pub fn render_in_passes(
         &mut self,
-        view: &View,
-        want: Channels,
-        out: &mut Rendered,
-        done: &mut dyn FnMut(Pass),
-    ) -> Result<Work, RenderError> {
+        view: &CameraView,
+        want: ChannelSet,
+        out: &mut RenderedImages,
+        done: &mut dyn FnMut(PassKind),
+    ) -> Result<RenderWork, RenderError> {
         super::check_view(view)?;
-        let asked = Channels { depth: want.depth || want.flow, ..want };
-        let eye = Eye::new(view, self.scene.origin, self.style.rules);
-        let projection = Projection {
+        let asked = ChannelSet { depth: want.depth || want.flow, ..want };
+        let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
+        let projection = ProjectionInput {
             scene: &self.scene,
             blocks: &self.blocks,
             sh_degree: self.sh_degree,
@@ -150,27 +153,28 @@ impl Cpu {
             level: self.instructions.level,
         };
         projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
-        let mut work = Work { gaussians: self.scene.len() as u64, ..Work::default() };
+        let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
         work.unseen = work.gaussians - self.splats.len() as u64;
         work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
-        done(Pass::Project);
+        done(PassKind::Project);
 
         let sorted = self.sorter.run(&self.splats, &self.chunks);
-        done(Pass::Sort);
-        let grid = Grid::new(view.camera.size);
+        done(PassKind::Sort);
+        let grid = TileGrid::new(view.camera.size);
         let (splats, rates, tiles) = (&self.splats, &self.rates, &mut self.tiles);
-        let (Style { rules, order, .. }, level, omit) = (self.style, self.instructions.level, self.omit);
+        let (RenderStyle { rules, order, .. }, level, omit) =
+            (self.style, self.instructions.level, self.omit);
         let features = feature_count(asked);
-        work.tile_pairs = self.lists.run(Ordered { order: sorted, splats, grid }, |lists| {
-            done(Pass::Bin);
-            let frame = Frame { splats, rates, lists, grid, rules, order, omit, level };
+        work.tile_pairs = self.lists.run(OrderedSplats { order: sorted, splats, grid }, |lists| {
+            done(PassKind::Bin);
+            let frame = RasterInput { splats, rates, lists, grid, rules, order, omit, level };
             work += raster_pass(features, asked.luminance_rate, frame, tiles);
-            done(Pass::Raster);
+            done(PassKind::Raster);
         });
         resolve::resolve_tiles(
-            Blended { tiles: &self.tiles, features, grid },
+            BlendedTiles { tiles: &self.tiles, features, grid },
             asked,
             self.style.background,
             out,
@@ -178,12 +182,12 @@ impl Cpu {
         out.flow =
             if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
-        done(Pass::Resolve);
+        done(PassKind::Resolve);
         Ok(work)
     }
 }
 
-impl Cpu {
+impl CpuRenderer {
     /// Restricts later frames to the Gaussians with these indices. Blocks are rebuilt in place, so
     /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {
@@ -192,39 +196,44 @@ impl Cpu {
     }
 }
 
-impl Renderer for Cpu {
+impl Renderer for CpuRenderer {
     fn fingerprint(&self) -> &str {
         FINGERPRINT
     }
 
-    fn omit(&mut self, omit: Omit) {
+    fn omit(&mut self, omit: OmissionPolicy) {
         if omit == self.omit {
             return;
         }
         self.omit = omit;
         self.sh_degree = match omit {
-            Omit::Needless => activate::sh_degree(&self.scene),
-            Omit::Nothing => self.scene.sh_degree,
+            OmissionPolicy::Needless => activate::sh_degree(&self.scene),
+            OmissionPolicy::Nothing => self.scene.sh_degree,
         };
         let kept: usize = self.blocks.iter().map(|block| block.len).sum();
-        if omit == Omit::Nothing && kept < self.scene.len() {
+        if omit == OmissionPolicy::Nothing && kept < self.scene.len() {
             self.keep(&unseen::all_indices(&self.scene));
         }
     }
 
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
-        if self.omit == Omit::Needless {
+        if self.omit == OmissionPolicy::Needless {
             self.keep(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
         }
     }
 
-    fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+    fn render(
+        &mut self,
+        view: &CameraView,
+        want: ChannelSet,
+        out: &mut RenderedImages,
+    ) -> Result<RenderWork, RenderError> {
         self.render_in_passes(view, want, out, &mut |_| ())
     }
 }
 
 /// Number of feature values per splat for these channels. Alpha needs none.
-fn feature_count(want: Channels) -> usize {
+fn feature_count(want: ChannelSet) -> usize {
     3 * usize::from(want.rgb)
         + usize::from(want.luminance)
         + usize::from(want.depth)
@@ -232,10 +241,10 @@ fn feature_count(want: Channels) -> usize {
 }
 
 /// The raster pass for this number of features, with or without rates.
-fn raster_pass(features: usize, rate: bool, frame: Frame<'_>, out: &mut Vec<f32>) -> Work {
+fn raster_pass(features: usize, rate: bool, frame: RasterInput<'_>, out: &mut Vec<f32>) -> RenderWork {
     macro_rules! with {
         ($($n:literal)+) => {
-            match (features, frame.rules == Rules::Soft, rate) {
+            match (features, frame.rules == RenderRules::Soft, rate) {
                 $(($n, false, false) => raster::raster_tiles::<$n, false, false>(frame, out),
                 ($n, true, false) => raster::raster_tiles::<$n, true, false>(frame, out),
                 ($n, false, true) => raster::raster_tiles::<$n, false, true>(frame, out),

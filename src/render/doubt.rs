@@ -1,19 +1,19 @@
 //! The share of images that comes from Gaussians too deep for their distance, for which the affine
 //! approximation of the projection is doubtful.
 
-use super::Rendered;
+use super::RenderedImages;
 use crate::image::Image;
 
 /// Sums of blended weight over images.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Doubt {
+pub struct BlendDoubt {
     weight: f64,
     doubtful: f64,
 }
 
-impl Doubt {
+impl BlendDoubt {
     /// Adds an image with the channels opacity and doubtful weight.
-    pub fn add(&mut self, rendered: &Rendered) {
+    pub fn add(&mut self, rendered: &RenderedImages) {
         let sum = |image: &Option<Image<f32>>| -> f64 {
             image.iter().flat_map(Image::pixels).map(|v| f64::from(*v)).sum()
         };

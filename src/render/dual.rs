@@ -1,7 +1,7 @@
 //! Dual numbers: values with their derivative in time, for forward-mode differentiation.
 //!
 //! Every operation computes the exact derivative of its result next to the value. The value's bits
-//! are those of the same operation on plain numbers. Code written over [`Real`] is therefore both a
+//! are those of the same operation on plain numbers. Code written over [`RealNumber`] is therefore both a
 //! computation and its derivative, without a second formula.
 //!
 //! Everything is inlined into loops over many Gaussians, which are compiled for each instruction
@@ -12,7 +12,7 @@ use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number, or a number with its rate.
-pub(super) trait Real: Scalar + Div<Output = Self> + Neg<Output = Self> + PartialOrd {
+pub(super) trait RealNumber: Scalar + Div<Output = Self> + Neg<Output = Self> + PartialOrd {
     /// The type of the plain number.
     type Plain: Copy;
 
@@ -46,7 +46,7 @@ pub(super) trait Real: Scalar + Div<Output = Self> + Neg<Output = Self> + Partia
 
 macro_rules! plain {
     ($($t:ty)+) => {$(
-        impl Real for $t {
+        impl RealNumber for $t {
             type Plain = Self;
 
             #[inline(always)]
@@ -80,12 +80,12 @@ plain!(f32 f64);
 
 /// A value and its rate. Comparisons use the value only.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Dual<T> {
+pub(super) struct DualNumber<T> {
     pub(super) value: T,
     pub(super) rate: T,
 }
 
-impl<T: Real<Plain = T>> Real for Dual<T> {
+impl<T: RealNumber<Plain = T>> RealNumber for DualNumber<T> {
     type Plain = T;
 
     #[inline(always)]
@@ -120,7 +120,7 @@ impl<T: Real<Plain = T>> Real for Dual<T> {
     }
 }
 
-impl Dual<f64> {
+impl DualNumber<f64> {
     /// The exponential function.
     #[inline(always)]
     pub(super) fn exponential(self) -> Self {
@@ -137,7 +137,7 @@ impl Dual<f64> {
     }
 }
 
-impl<T: Real<Plain = T>> Add for Dual<T> {
+impl<T: RealNumber<Plain = T>> Add for DualNumber<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -146,7 +146,7 @@ impl<T: Real<Plain = T>> Add for Dual<T> {
     }
 }
 
-impl<T: Real<Plain = T>> Sub for Dual<T> {
+impl<T: RealNumber<Plain = T>> Sub for DualNumber<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -155,7 +155,7 @@ impl<T: Real<Plain = T>> Sub for Dual<T> {
     }
 }
 
-impl<T: Real<Plain = T>> Mul for Dual<T> {
+impl<T: RealNumber<Plain = T>> Mul for DualNumber<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -164,7 +164,7 @@ impl<T: Real<Plain = T>> Mul for Dual<T> {
     }
 }
 
-impl<T: Real<Plain = T>> Div for Dual<T> {
+impl<T: RealNumber<Plain = T>> Div for DualNumber<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -174,7 +174,7 @@ impl<T: Real<Plain = T>> Div for Dual<T> {
     }
 }
 
-impl<T: Real<Plain = T>> Neg for Dual<T> {
+impl<T: RealNumber<Plain = T>> Neg for DualNumber<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -183,21 +183,21 @@ impl<T: Real<Plain = T>> Neg for Dual<T> {
     }
 }
 
-impl<T: PartialEq> PartialEq for Dual<T> {
+impl<T: PartialEq> PartialEq for DualNumber<T> {
     #[inline(always)]
     fn eq(&self, o: &Self) -> bool {
         self.value == o.value
     }
 }
 
-impl<T: PartialOrd> PartialOrd for Dual<T> {
+impl<T: PartialOrd> PartialOrd for DualNumber<T> {
     #[inline(always)]
     fn partial_cmp(&self, o: &Self) -> Option<Ordering> {
         self.value.partial_cmp(&o.value)
     }
 }
 
-impl<T: Real<Plain = T>> Scalar for Dual<T> {
+impl<T: RealNumber<Plain = T>> Scalar for DualNumber<T> {
     #[inline(always)]
     fn nearest(x: f64) -> Self {
         Self { value: T::nearest(x), rate: T::nearest(0.0) }
@@ -206,13 +206,13 @@ impl<T: Real<Plain = T>> Scalar for Dual<T> {
 
 /// The scalar product of two vectors.
 #[inline(always)]
-pub(super) fn dot_product<S: Real>(a: [S; 3], b: [S; 3]) -> S {
+pub(super) fn dot_product<S: RealNumber>(a: [S; 3], b: [S; 3]) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The vector product of two vectors.
 #[inline(always)]
-pub(super) fn cross_product<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
+pub(super) fn cross_product<S: RealNumber>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -220,7 +220,7 @@ pub(super) fn cross_product<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
 mod tests {
     use super::*;
 
-    type D = Dual<f64>;
+    type D = DualNumber<f64>;
 
     #[test]
     fn rates_are_derivatives() {

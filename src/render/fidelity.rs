@@ -9,7 +9,7 @@
 //! official trainer (GitHub graphdeco-inria/gaussian-splatting, `--eval`) does not train on these.
 //! Whether the trainer of this scene held them out is unknown.
 
-use super::{Channels, RenderError, Rendered, Renderer, View};
+use super::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use crate::image::Image;
 use crate::image::likeness::{mean_square, psnr_db, ssim};
 use crate::source;
@@ -24,9 +24,9 @@ const HELD_OUT: usize = 8;
 /// Result of the comparison.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Fidelity {
+pub struct PhotoFidelity {
     /// Compared views, in natural order of their names.
-    pub views: Vec<Compared>,
+    pub views: Vec<ComparedView>,
     /// Views that could not be compared.
     pub not_compared: Vec<NotCompared>,
 }
@@ -34,14 +34,14 @@ pub struct Fidelity {
 /// A compared view and its figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Compared {
+pub struct ComparedView {
     /// Name of the view.
     pub name: String,
     /// PSNR, dB.
     pub psnr: f64,
     /// SSIM.
     pub ssim: f64,
-    /// Whether the view is held out by the convention of the official trainer.
+    /// True if the view is held out by the convention of the official trainer.
     pub held_out: bool,
 }
 
@@ -58,7 +58,7 @@ pub struct NotCompared {
 /// Figures over all compared views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Psnr {
+pub struct PsnrFigures {
     /// Mean PSNR, dB.
     pub mean: f64,
     /// Smallest PSNR, dB.
@@ -75,7 +75,7 @@ pub struct Psnr {
     "its mean PSNR over {views} of the views is {mean:.2} dB, wanted at least {least}; a trainer that moves, turns or \
      scales the world must be told not to"
 )]
-pub struct Untrue {
+pub struct LowFidelity {
     /// Mean PSNR, dB.
     pub mean: f64,
     /// The limit, dB.
@@ -84,23 +84,23 @@ pub struct Untrue {
     pub views: usize,
 }
 
-impl Fidelity {
+impl PhotoFidelity {
     /// Compares the mean PSNR with a limit, dB.
     ///
     /// # Errors
     /// The mean is below the limit. Without compared views there is no error.
-    pub fn hold(&self, least: f64) -> Result<(), Untrue> {
+    pub fn hold(&self, least: f64) -> Result<(), LowFidelity> {
         match self.psnr() {
-            Some(psnr) if psnr.mean < least => Err(Untrue { mean: psnr.mean, least, views: psnr.views }),
+            Some(psnr) if psnr.mean < least => Err(LowFidelity { mean: psnr.mean, least, views: psnr.views }),
             _ => Ok(()),
         }
     }
 
     /// PSNR over the views; `None` without compared views.
     #[must_use]
-    pub fn psnr(&self) -> Option<Psnr> {
+    pub fn psnr(&self) -> Option<PsnrFigures> {
         let held_out = self.views.iter().filter(|view| view.held_out).map(|view| view.psnr);
-        Some(Psnr {
+        Some(PsnrFigures {
             mean: mean_value(self.views.iter().map(|view| view.psnr))?,
             min: self.worst()?.psnr,
             views: self.views.len(),
@@ -116,7 +116,7 @@ impl Fidelity {
 
     /// The view with the smallest PSNR.
     #[must_use]
-    pub fn worst(&self) -> Option<&Compared> {
+    pub fn worst(&self) -> Option<&ComparedView> {
         self.views.iter().min_by(|a, b| a.psnr.total_cmp(&b.psnr))
     }
 }
@@ -126,7 +126,7 @@ fn mean_value(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
-/// Whether the view at this index in natural order is held out.
+/// Returns true if the view at this index in natural order is held out.
 #[must_use]
 pub fn held_out(index: usize) -> bool {
     index.is_multiple_of(HELD_OUT)
@@ -150,12 +150,12 @@ pub fn picked_indices(count: usize) -> Vec<usize> {
 /// The view cannot be rendered.
 pub fn compare_view(
     renderer: &mut dyn Renderer,
-    view: &source::View,
+    view: &source::CapturedView,
     photo: &Image<[u8; 3]>,
 ) -> Result<[f64; 2], RenderError> {
-    let mut rendered = Rendered::default();
-    let want = Channels { rgb: true, ..Channels::default() };
-    renderer.render(&View::at_rest(view.camera, view.world_from_camera), want, &mut rendered)?;
+    let mut rendered = RenderedImages::default();
+    let want = ChannelSet { rgb: true, ..ChannelSet::default() };
+    renderer.render(&CameraView::at_rest(view.camera, view.world_from_camera), want, &mut rendered)?;
     let mut shown = rendered.rgb.expect("colour was asked for");
     let straight = undistort_photo(photo, &view.camera, &view.lens);
     let colours = straight.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
@@ -180,9 +180,9 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::image::Size;
-    use crate::render::Work;
+    use crate::render::RenderWork;
     use crate::se3::Se3;
-    use crate::source::Lens;
+    use crate::source::LensModel;
     use glam::{DQuat, DVec3};
 
     /// A renderer of one colour, for any view.
@@ -193,16 +193,21 @@ mod tests {
             "wall"
         }
 
-        fn render(&mut self, view: &View, _: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+        fn render(
+            &mut self,
+            view: &CameraView,
+            _: ChannelSet,
+            out: &mut RenderedImages,
+        ) -> Result<RenderWork, RenderError> {
             out.rgb = Some(Image::filled(view.camera.size, self.0));
-            Ok(Work::default())
+            Ok(RenderWork::default())
         }
     }
 
     const SIZE: Size = Size { width: 40, height: 30 };
 
-    fn view(lens: Lens) -> source::View {
-        source::View {
+    fn view(lens: LensModel) -> source::CapturedView {
+        source::CapturedView {
             name: "a.jpg".into(),
             world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO },
             camera: Camera { size: SIZE, fx: 30.0, fy: 30.0, cx: 20.0, cy: 15.0 },
@@ -211,17 +216,17 @@ mod tests {
         }
     }
 
-    fn compared(colour: [f32; 3], lens: Lens, photo: [u8; 3]) -> [f64; 2] {
+    fn compared(colour: [f32; 3], lens: LensModel, photo: [u8; 3]) -> [f64; 2] {
         compare_view(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap()
     }
 
     #[test]
     fn renderings_are_clipped_and_held_against_the_photo() {
         // Above white, and NaN: white and black.
-        let [psnr, ssim] = compared([1.6, f32::NAN, -0.5], Lens::Pinhole, [255, 0, 0]);
+        let [psnr, ssim] = compared([1.6, f32::NAN, -0.5], LensModel::Pinhole, [255, 0, 0]);
         assert!((psnr - 100.0).abs() < 1e-9 && (ssim - 1.0).abs() < 1e-9, "{psnr} {ssim}");
         // One of three channels differs by 51 of 255: a mean square of 0.04 / 3.
-        let [psnr, ssim] = compared([0.2, 0.6, 0.6], Lens::Pinhole, [102, 153, 153]);
+        let [psnr, ssim] = compared([0.2, 0.6, 0.6], LensModel::Pinhole, [102, 153, 153]);
         assert!((psnr - 18.750_612).abs() < 1e-4, "{psnr}");
         assert!(ssim < 1.0);
     }
@@ -229,7 +234,7 @@ mod tests {
     #[test]
     fn pixels_beyond_the_photo_do_not_count() {
         // The visible part of the border lies outside the photo.
-        let lens = Lens::SimpleRadial { k1: 0.3 };
+        let lens = LensModel::SimpleRadial { k1: 0.3 };
         let outside = covered_pixels(&view(lens.clone()).camera, &lens).unwrap();
         assert!(outside.pixels().iter().filter(|is_covered| !**is_covered).count() > 100);
         let [psnr, ssim] = compared([1.0; 3], lens.clone(), [255; 3]);
@@ -256,14 +261,15 @@ mod tests {
 
     #[test]
     fn figures_are_over_all_views_and_over_those_held_out() {
-        let view = |name: &str, psnr, ssim, held_out| Compared { name: name.into(), psnr, ssim, held_out };
+        let view =
+            |name: &str, psnr, ssim, held_out| ComparedView { name: name.into(), psnr, ssim, held_out };
         let views = vec![view("a", 30.0, 0.9, true), view("b", 20.0, 0.5, false), view("c", 26.0, 0.7, true)];
-        let fidelity = Fidelity { views, not_compared: Vec::new() };
+        let fidelity = PhotoFidelity { views, not_compared: Vec::new() };
         let psnr = fidelity.psnr().unwrap();
         assert!((psnr.mean - 76.0 / 3.0).abs() < 1e-12 && (psnr.min - 20.0).abs() < 1e-12);
         assert!((psnr.held_out.unwrap() - 28.0).abs() < 1e-12 && psnr.views == 3);
         assert!((fidelity.ssim().unwrap() - 0.7).abs() < 1e-12);
         assert_eq!(fidelity.worst().unwrap().name, "b");
-        assert_eq!(Fidelity::default().psnr(), None);
+        assert_eq!(PhotoFidelity::default().psnr(), None);
     }
 }

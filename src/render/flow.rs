@@ -5,7 +5,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use super::{Channels, RenderError, Rendered, Renderer, Velocity, View};
+use super::{CameraVelocity, CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::{Se3, Twist};
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 /// # Panics
 /// If `depth` does not have the size of `from`'s camera.
 #[must_use]
-pub fn flow_displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
+pub fn flow_displacement(depth: &Image<f32>, from: &CameraView, to: &CameraView) -> Image<f32> {
     let size = from.camera.size;
     assert_eq!(depth.size(), size, "the depth image is that of the view");
     // Centres are subtracted before anything is rotated: far from the world's origin, the
@@ -42,18 +42,18 @@ pub fn flow_displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f3
 }
 
 /// Measures the flow of a moving camera on small images.
-pub struct Meter {
+pub struct PixelFlowMeter {
     renderer: Box<dyn Renderer>,
     small: Camera,
     /// Pixels of the full image per pixel of the small one.
     pixels: f64,
-    rendered: Rendered,
+    rendered: RenderedImages,
 }
 
 /// Width of the small images, px. Enough for a quantile over their pixels.
 const METER_WIDTH: u32 = 160;
 
-impl Meter {
+impl PixelFlowMeter {
     /// A meter for the views of `camera`. Results are in pixels of `camera`.
     #[must_use]
     pub fn new(renderer: Box<dyn Renderer>, camera: Camera) -> Self {
@@ -65,12 +65,12 @@ impl Meter {
             renderer,
             small,
             pixels: f64::from(width) / f64::from(small.size.width),
-            rendered: Rendered::default(),
+            rendered: RenderedImages::default(),
         }
     }
 }
 
-impl std::fmt::Debug for Meter {
+impl std::fmt::Debug for PixelFlowMeter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let fingerprint = self.renderer.fingerprint();
         f.debug_struct("Meter")
@@ -80,7 +80,7 @@ impl std::fmt::Debug for Meter {
     }
 }
 
-impl Meter {
+impl PixelFlowMeter {
     /// Quantile of the image speed of a moving camera, px per unit of the velocity's time: this
     /// percentage of the pixels moves no faster. `None` if no pixel has a depth.
     ///
@@ -89,11 +89,11 @@ impl Meter {
     pub fn speed_px(
         &mut self,
         world_from_camera: &Se3,
-        velocity: Velocity,
+        velocity: CameraVelocity,
         percent: usize,
     ) -> Result<Option<f64>, RenderError> {
-        let view = View { camera: self.small, world_from_camera: *world_from_camera, velocity };
-        let want = Channels { flow: true, ..Channels::default() };
+        let view = CameraView { camera: self.small, world_from_camera: *world_from_camera, velocity };
+        let want = ChannelSet { flow: true, ..ChannelSet::default() };
         self.renderer.render(&view, want, &mut self.rendered)?;
         let flow = self.rendered.flow.as_ref().expect("flow was asked for").pixels();
         let speeds = flow.iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
@@ -101,10 +101,10 @@ impl Meter {
     }
 }
 
-impl FlowMeter for Meter {
+impl FlowMeter for PixelFlowMeter {
     fn median_px(&mut self, world_from_camera: &Se3, twist: &Twist) -> Result<Option<f64>, String> {
         let linear = world_from_camera.rotation.conjugate() * twist.linear;
-        let velocity = Velocity { linear, angular: twist.angular };
+        let velocity = CameraVelocity { linear, angular: twist.angular };
         self.speed_px(world_from_camera, velocity, 50).map_err(|e| e.to_string())
     }
 }
@@ -115,7 +115,7 @@ impl FlowMeter for Meter {
 /// # Panics
 /// If `depth` does not have the size of the view's camera.
 #[must_use]
-pub fn flow_rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
+pub fn flow_rates(depth: &Image<f32>, view: &CameraView) -> Image<[f32; 2]> {
     let (camera, size) = (&view.camera, view.camera.size);
     assert_eq!(depth.size(), size, "the depth image is that of the view");
     let width = size.width as usize;
@@ -132,7 +132,7 @@ pub fn flow_rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
 /// Quantiles of a set of values.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Quantiles {
+pub struct FlowQuantiles {
     /// The median: half of the values are at most this.
     pub median: f32,
     /// 95 % of the values are at most this.
@@ -141,7 +141,7 @@ pub struct Quantiles {
     pub max: f32,
 }
 
-impl Quantiles {
+impl FlowQuantiles {
     /// Quantiles of the values that are not NaN, by [`nearest_ranks`]; `None` if there are no such
     /// values.
     #[must_use]
@@ -180,9 +180,9 @@ mod tests {
 
     const SIZE: Size = Size { width: 40, height: 30 };
 
-    fn view(translation: DVec3, rotation: DQuat) -> View {
+    fn view(translation: DVec3, rotation: DQuat) -> CameraView {
         let camera = Camera { size: SIZE, fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0 };
-        View::at_rest(camera, Se3 { rotation, translation })
+        CameraView::at_rest(camera, Se3 { rotation, translation })
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn quantiles_are_values_of_nearest_rank() {
         let t = |values: Vec<f32>, wanted: Option<[f32; 3]>| {
-            let found = Quantiles::from_values(values).map(|q| [q.median, q.p95, q.max]);
+            let found = FlowQuantiles::from_values(values).map(|q| [q.median, q.p95, q.max]);
             assert_eq!(found, wanted);
         };
         t((1..=100).rev().map(|v| v as f32).collect(), Some([50.0, 95.0, 100.0]));

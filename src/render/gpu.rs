@@ -19,63 +19,65 @@ mod readback;
 mod scene;
 mod shader;
 
-pub use clock::Stage;
-pub use device::{Choice, Device, GpuError};
+pub use clock::TimedStage;
+pub use device::{DeviceChoice, GpuDevice, GpuError};
 
 use super::shared::TILE;
-use super::{Channels, Layering, RenderError, Rendered, Renderer, Style, View, Work, flow};
+use super::{
+    CameraView, ChannelSet, LayerOrder, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow,
+};
 use crate::image::Size;
 use crate::scene::Gaussians;
-use buffers::{Buffers, Room, most_pairs, most_splats};
-use clock::Clock;
+use buffers::{BufferCapacity, FrameBuffers, most_pairs, most_splats};
+use clock::DeviceClock;
 use glam::DVec3;
-use passes::{Layouts, Passes, Pipelines};
+use passes::{BindingLayouts, FramePipelines, RegionPasses};
 use readback::{Copy, Ring};
-use scene::Part;
-use shader::{Layout, Total, Variant, splat_rows};
+use scene::ScenePart;
+use shader::{ImageLayout, ShaderVariant, Total, splat_rows};
 use std::collections::VecDeque;
 use std::time::Duration;
 
 /// A scene on a device.
 #[derive(Debug)]
-pub struct Gpu {
-    device: Device,
-    style: Style,
+pub struct GpuRenderer {
+    device: GpuDevice,
+    style: RenderStyle,
     origin: DVec3,
     gaussians: usize,
     sh_degree: u8,
-    parts: Vec<Part>,
-    layouts: Layouts,
-    pipelines: Vec<(Layout, Pipelines)>,
-    buffers: Buffers,
+    parts: Vec<ScenePart>,
+    layouts: BindingLayouts,
+    pipelines: Vec<(ImageLayout, FramePipelines)>,
+    buffers: FrameBuffers,
     ring: Ring,
-    clock: Option<Clock>,
-    times: Option<[Duration; Stage::ALL.len()]>,
+    clock: Option<DeviceClock>,
+    times: Option<[Duration; TimedStage::ALL.len()]>,
     /// Announced views, in order.
-    expected: VecDeque<Expected>,
+    expected: VecDeque<ExpectedView>,
 }
 
 /// A view that was announced.
 #[derive(Debug)]
-struct Expected {
-    view: View,
-    want: Channels,
-    begun: Result<Pending, RenderError>,
+struct ExpectedView {
+    view: CameraView,
+    want: ChannelSet,
+    begun: Result<PendingView, RenderError>,
 }
 
 /// A view that the device is rendering.
 #[derive(Debug)]
-struct Pending {
-    view: View,
-    want: Channels,
-    shots: Vec<Shot>,
+struct PendingView {
+    view: CameraView,
+    want: ChannelSet,
+    shots: Vec<GpuShot>,
 }
 
 /// One region of a view.
 #[derive(Debug)]
-struct Shot {
-    region: Region,
-    room: Room,
+struct GpuShot {
+    region: TileRegion,
+    room: BufferCapacity,
     copy: Copy,
 }
 
@@ -91,34 +93,34 @@ pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
     2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
 
-/// Whether layers can be blended in this order.
+/// Returns true if layers can be blended in this order.
 #[must_use]
-pub fn supports_order(order: Layering) -> bool {
-    order == Layering::Depth
+pub fn supports_order(order: LayerOrder) -> bool {
+    order == LayerOrder::Depth
 }
 
-impl Gpu {
+impl GpuRenderer {
     /// Uploads a scene to a device.
     ///
     /// # Errors
     /// The style cannot be rendered, or the device has no memory for the scene.
-    pub fn new(device: Device, scene: &Gaussians, style: Style) -> Result<Self, RenderError> {
+    pub fn new(device: GpuDevice, scene: &Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
         super::check_style(&style)?;
         if !supports_order(style.order) {
             let because = "this gs2e blends orders on the CPU alone: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }
         let parts = scene::upload_scene(scene, &device)?;
-        let layouts = Layouts::new(&device);
+        let layouts = BindingLayouts::new(&device);
         let splat_rows = splat_rows(false);
-        let room = Room {
+        let room = BufferCapacity {
             splats: FIRST_SPLATS.min(most_splats(device.limit, splat_rows)),
             pairs: FIRST_PAIRS.min(most_pairs(device.limit)),
             splat_rows,
-            ..Room::default()
+            ..BufferCapacity::default()
         };
-        let buffers = Buffers::new(&device, &layouts, &parts, room)?;
-        let clock = Clock::new(&device);
+        let buffers = FrameBuffers::new(&device, &layouts, &parts, room)?;
+        let clock = DeviceClock::new(&device);
         Ok(Self {
             device,
             style,
@@ -136,27 +138,27 @@ impl Gpu {
         })
     }
 
-    /// Durations of [`Stage::ALL`] for the last frame, or for its last region. `None` before the
+    /// Durations of [`TimedStage::ALL`] for the last frame, or for its last region. `None` before the
     /// first frame, and for a device without a clock.
     #[must_use]
-    pub fn times(&self) -> Option<[Duration; Stage::ALL.len()]> {
+    pub fn times(&self) -> Option<[Duration; TimedStage::ALL.len()]> {
         self.times
     }
 
     /// Submits a view.
-    fn begin(&mut self, view: &View, want: Channels) -> Result<Pending, RenderError> {
+    fn begin(&mut self, view: &CameraView, want: ChannelSet) -> Result<PendingView, RenderError> {
         super::check_view(view)?;
         let mut shots = Vec::new();
-        self.shoot(view, want, Region::whole_image(view.camera.size), &mut shots)?;
-        Ok(Pending { view: *view, want, shots })
+        self.shoot(view, want, TileRegion::whole_image(view.camera.size), &mut shots)?;
+        Ok(PendingView { view: *view, want, shots })
     }
 
     /// Waits for a view, and returns its images.
-    fn finish(&mut self, pending: Pending, out: &mut Rendered) -> Result<Work, RenderError> {
-        let Pending { view, want, mut shots } = pending;
-        let (size, layout) = (view.camera.size, Layout::new(want));
-        let mut work: Option<Work> = None;
-        while let Some(Shot { region, room, copy }) = shots.pop() {
+    fn finish(&mut self, pending: PendingView, out: &mut RenderedImages) -> Result<RenderWork, RenderError> {
+        let PendingView { view, want, mut shots } = pending;
+        let (size, layout) = (view.camera.size, ImageLayout::new(want));
+        let mut work: Option<RenderWork> = None;
+        while let Some(GpuShot { region, room, copy }) = shots.pop() {
             let floats = region.pixels(size) as u64 * u64::from(layout.floats);
             let gaussians = self.gaussians;
             let clock = self.clock.as_ref();
@@ -185,12 +187,12 @@ impl Gpu {
     /// Submits a region, or its halves if its images exceed a binding.
     fn shoot(
         &mut self,
-        view: &View,
-        want: Channels,
-        region: Region,
-        shots: &mut Vec<Shot>,
+        view: &CameraView,
+        want: ChannelSet,
+        region: TileRegion,
+        shots: &mut Vec<GpuShot>,
     ) -> Result<(), RenderError> {
-        let layout = Layout::new(want);
+        let layout = ImageLayout::new(want);
         let pixels = region.pixels(view.camera.size) as u64;
         let needed = buffers::room_of(region, pixels, layout.floats);
         if readback::transfer_bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
@@ -199,7 +201,7 @@ impl Gpu {
             return self.shoot(view, want, one, shots);
         }
         let splat_rows = splat_rows(want.luminance_rate);
-        self.make_room(Room { splat_rows, ..needed })?;
+        self.make_room(BufferCapacity { splat_rows, ..needed })?;
         let at = self.compiled(layout)?;
         let room = self.buffers.room;
         let bytes = frame::frame_bytes(view, self.origin, &self.style, region, [room.splats, room.pairs]);
@@ -208,19 +210,19 @@ impl Gpu {
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let (pipelines, buffers) = (&self.pipelines[at].1, &self.buffers);
         let clock = self.clock.as_ref();
-        Passes { pipelines, buffers, parts: &self.parts, region, clock }.record(&mut encoder);
+        RegionPasses { pipelines, buffers, parts: &self.parts, region, clock }.record(&mut encoder);
         let copy = self.ring.submit(&self.device, encoder, (buffers, needed.floats), clock)?;
-        shots.push(Shot { region, room, copy });
+        shots.push(GpuShot { region, room, copy });
         Ok(())
     }
 
     /// Submits a region again that exceeded the capacity: with more, or in halves.
     fn again(
         &mut self,
-        view: &View,
-        want: Channels,
-        (region, totals): (Region, readback::Totals),
-        shots: &mut Vec<Shot>,
+        view: &CameraView,
+        want: ChannelSet,
+        (region, totals): (TileRegion, readback::Totals),
+        shots: &mut Vec<GpuShot>,
     ) -> Result<(), RenderError> {
         let (splats, pairs) = (totals.of_count(Total::Splats), totals.of_count(Total::Pairs));
         let splat_rows = self.buffers.room.splat_rows;
@@ -232,46 +234,55 @@ impl Gpu {
         }
         // A margin, so that the next view does not exceed it again.
         let more = |count: u32, most: u32| (count + count / 4).min(most);
-        let room = Room { splats: more(splats, most[0]), pairs: more(pairs, most[1]), ..Room::default() };
+        let room = BufferCapacity {
+            splats: more(splats, most[0]),
+            pairs: more(pairs, most[1]),
+            ..BufferCapacity::default()
+        };
         self.make_room(room)?;
         self.shoot(view, want, region, shots)
     }
 
     /// Makes sure that the capacities suffice. Frames under way keep the buffers with which they
     /// were submitted.
-    fn make_room(&mut self, needed: Room) -> Result<(), RenderError> {
+    fn make_room(&mut self, needed: BufferCapacity) -> Result<(), RenderError> {
         let mut room = self.buffers.room.or(needed);
         // Larger splats: fewer may fit a binding.
         room.splats = room.splats.min(most_splats(self.device.limit, room.splat_rows));
         if room != self.buffers.room {
-            self.buffers = Buffers::new(&self.device, &self.layouts, &self.parts, room)?;
+            self.buffers = FrameBuffers::new(&self.device, &self.layouts, &self.parts, room)?;
         }
         Ok(())
     }
 
     /// Index of the pipelines for these channels.
-    fn compiled(&mut self, layout: Layout) -> Result<usize, RenderError> {
+    fn compiled(&mut self, layout: ImageLayout) -> Result<usize, RenderError> {
         if let Some(at) = self.pipelines.iter().position(|(l, _)| *l == layout) {
             return Ok(at);
         }
-        let variant = Variant { style: self.style, sh_degree: self.sh_degree, layout };
-        self.pipelines.push((layout, Pipelines::new(&self.device, &self.layouts, &variant)));
+        let variant = ShaderVariant { style: self.style, sh_degree: self.sh_degree, layout };
+        self.pipelines.push((layout, FramePipelines::new(&self.device, &self.layouts, &variant)));
         self.device.check()?;
         Ok(self.pipelines.len() - 1)
     }
 }
 
-impl Renderer for Gpu {
+impl Renderer for GpuRenderer {
     fn fingerprint(&self) -> &str {
         self.device.fingerprint()
     }
 
-    fn expect(&mut self, view: &View, want: Channels) {
+    fn expect(&mut self, view: &CameraView, want: ChannelSet) {
         let begun = self.begin(view, want);
-        self.expected.push_back(Expected { view: *view, want, begun });
+        self.expected.push_back(ExpectedView { view: *view, want, begun });
     }
 
-    fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+    fn render(
+        &mut self,
+        view: &CameraView,
+        want: ChannelSet,
+        out: &mut RenderedImages,
+    ) -> Result<RenderWork, RenderError> {
         let expected = self.expected.pop_front().filter(|e| e.view == *view && e.want == want);
         let pending = match expected {
             Some(expected) => expected.begun?,
@@ -285,8 +296,8 @@ impl Renderer for Gpu {
 }
 
 /// Adds the work of two regions of a view. Both count what was left out of the whole image.
-fn join_work(a: Work, b: Work) -> Work {
-    Work {
+fn join_work(a: RenderWork, b: RenderWork) -> RenderWork {
+    RenderWork {
         tile_pairs: a.tile_pairs + b.tile_pairs,
         blended: a.blended + b.blended,
         stopped: a.stopped + b.stopped,
@@ -296,7 +307,7 @@ fn join_work(a: Work, b: Work) -> Work {
 
 /// A rectangle of tiles: first and end, columns and rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Region {
+struct TileRegion {
     first: [u32; 2],
     end: [u32; 2],
 }
@@ -304,7 +315,7 @@ struct Region {
 #[expect(clippy::cast_possible_truncation, reason = "a tile's edge is small")]
 const EDGE: u32 = TILE as u32;
 
-impl Region {
+impl TileRegion {
     /// All tiles of an image.
     fn whole_image(size: Size) -> Self {
         Self { first: [0; 2], end: [size.width.div_ceil(EDGE), size.height.div_ceil(EDGE)] }

@@ -8,12 +8,15 @@
 
 mod project;
 
-use super::dual::{Dual, Real};
+use super::dual::{DualNumber, RealNumber};
 use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
-use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use super::{
+    CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages,
+    Renderer, flow,
+};
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
-use project::{Culled, Eye, Layer, least_alpha};
+use project::{CullReason, ReferenceLayer, ReferenceView, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -33,21 +36,21 @@ pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
 const STOP_SLACK: f64 = 1.000_001;
 
 /// A value with its rate.
-type D = Dual<f64>;
+type D = DualNumber<f64>;
 
 /// A scene for rendering.
 #[derive(Debug)]
-pub struct Reference {
+pub struct ReferenceRenderer {
     scene: Arc<Gaussians>,
-    style: Style,
+    style: RenderStyle,
 }
 
-impl Reference {
+impl ReferenceRenderer {
     /// Takes a scene.
     ///
     /// # Errors
     /// The background is not finite.
-    pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
+    pub fn new(scene: Arc<Gaussians>, style: RenderStyle) -> Result<Self, RenderError> {
         super::check_style(&style)?;
         Ok(Self { scene, style })
     }
@@ -56,24 +59,24 @@ impl Reference {
     ///
     /// # Errors
     /// The view cannot be rendered.
-    pub fn luminance(&self, view: &View) -> Result<Vec<[f64; 2]>, RenderError> {
+    pub fn luminance(&self, view: &CameraView) -> Result<Vec<[f64; 2]>, RenderError> {
         let (pixels, _) = self.pixels(view)?;
-        Ok(pixels.iter().map(Pixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
+        Ok(pixels.iter().map(ReferencePixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
     }
 
     /// All pixels, row by row, and the counts of Gaussians.
-    fn pixels(&self, view: &View) -> Result<(Vec<Pixel>, Work), RenderError> {
+    fn pixels(&self, view: &CameraView) -> Result<(Vec<ReferencePixel>, RenderWork), RenderError> {
         super::check_view(view)?;
-        let eye = Eye::new(view, self.style, self.scene.origin);
-        let all: Vec<Result<Layer, Culled>> =
+        let eye = ReferenceView::new(view, self.style, self.scene.origin);
+        let all: Vec<Result<ReferenceLayer, CullReason>> =
             (0..self.scene.len()).into_par_iter().map(|i| eye.layer(&self.scene, i)).collect();
         let mut work = count_outcomes(&all);
-        let mut layers: Vec<Layer> = all.into_iter().flatten().collect();
+        let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
         layers.sort_by_key(|layer| layer.order);
         let [width, height] = [view.camera.size.width, view.camera.size.height].map(|edge| edge as usize);
-        let rows: Vec<Vec<Pixel>> =
+        let rows: Vec<Vec<ReferencePixel>> =
             (0..height).into_par_iter().map(|y| self.row(&layers, y, width)).collect();
-        let pixels: Vec<Pixel> = rows.into_iter().flatten().collect();
+        let pixels: Vec<ReferencePixel> = rows.into_iter().flatten().collect();
         work.blended = pixels.iter().map(|p| p.blended).sum();
         work.stopped = pixels.iter().filter(|p| p.stopped).count() as u64;
         Ok((pixels, work))
@@ -81,29 +84,35 @@ impl Reference {
 }
 
 /// Counts of all Gaussians, and of those left out by reason.
-fn count_outcomes(all: &[Result<Layer, Culled>]) -> Work {
+fn count_outcomes(all: &[Result<ReferenceLayer, CullReason>]) -> RenderWork {
     let culled = |why| all.iter().filter(|one| one.as_ref().err() == Some(&why)).count() as u64;
-    let drawn = |is: fn(&Layer) -> bool| all.iter().flatten().filter(|layer| is(layer)).count() as u64;
-    Work {
+    let drawn =
+        |is: fn(&ReferenceLayer) -> bool| all.iter().flatten().filter(|layer| is(layer)).count() as u64;
+    RenderWork {
         gaussians: all.len() as u64,
-        behind: culled(Culled::Behind),
-        degenerate: culled(Culled::Degenerate),
-        outside: culled(Culled::Outside),
+        behind: culled(CullReason::Behind),
+        degenerate: culled(CullReason::Degenerate),
+        outside: culled(CullReason::Outside),
         affine_doubtful: drawn(|layer| layer.doubtful),
         affine_invalid: drawn(|layer| layer.invalid),
-        ..Work::default()
+        ..RenderWork::default()
     }
 }
 
-impl Renderer for Reference {
+impl Renderer for ReferenceRenderer {
     fn fingerprint(&self) -> &str {
         FINGERPRINT
     }
 
-    fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+    fn render(
+        &mut self,
+        view: &CameraView,
+        want: ChannelSet,
+        out: &mut RenderedImages,
+    ) -> Result<RenderWork, RenderError> {
         let (pixels, work) = self.pixels(view)?;
         let size = view.camera.size;
-        let image = |value: &dyn Fn(&Pixel) -> f64| {
+        let image = |value: &dyn Fn(&ReferencePixel) -> f64| {
             Image::from_vec(size, pixels.iter().map(|pixel| value(pixel) as f32).collect())
         };
         out.rgb = want.rgb.then(|| {
@@ -113,7 +122,7 @@ impl Renderer for Reference {
         out.doubtful = want.doubtful.then(|| image(&|p| p.doubtful));
         out.luminance_rate = want.luminance_rate.then(|| image(&|p| p.luminance().rate));
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
-        let depth = (want.depth || want.flow).then(|| image(&Pixel::depth));
+        let depth = (want.depth || want.flow).then(|| image(&ReferencePixel::depth));
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::flow_rates(depth, view));
         out.depth = depth.filter(|_| want.depth);
         Ok(work)
@@ -121,7 +130,7 @@ impl Renderer for Reference {
 }
 
 /// The blended values of a pixel.
-struct Pixel {
+struct ReferencePixel {
     colour: [D; 3],
     rest: D,
     depth: f64,
@@ -130,7 +139,7 @@ struct Pixel {
     stopped: bool,
 }
 
-impl Pixel {
+impl ReferencePixel {
     fn luminance(&self) -> D {
         let [r, g, b] = self.colour;
         let weighted = |weight: f64, c: D| D::constant(weight) * c;
@@ -143,17 +152,18 @@ impl Pixel {
     }
 }
 
-impl Reference {
-    fn row(&self, layers: &[Layer], y: usize, width: usize) -> Vec<Pixel> {
-        let here: Vec<&Layer> = layers.iter().filter(|layer| layer.rows.contains(&y)).collect();
+impl ReferenceRenderer {
+    fn row(&self, layers: &[ReferenceLayer], y: usize, width: usize) -> Vec<ReferencePixel> {
+        let here: Vec<&ReferenceLayer> = layers.iter().filter(|layer| layer.rows.contains(&y)).collect();
         (0..width).map(|x| self.pixel(&here, x, y)).collect()
     }
 
-    fn pixel(&self, layers: &[&Layer], x: usize, y: usize) -> Pixel {
+    fn pixel(&self, layers: &[&ReferenceLayer], x: usize, y: usize) -> ReferencePixel {
         let (seen, rest, stopped) = self.seen(layers, [x, y]);
         let nothing = D::constant(0.0);
         let blended = seen.len() as u64;
-        let mut pixel = Pixel { colour: [nothing; 3], rest, depth: 0.0, doubtful: 0.0, blended, stopped };
+        let mut pixel =
+            ReferencePixel { colour: [nothing; 3], rest, depth: 0.0, doubtful: 0.0, blended, stopped };
         for (layer, weight) in self.weights(&seen) {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
@@ -169,7 +179,11 @@ impl Reference {
 
     /// The layers blended at a pixel with their opacities, front to back; the transmittance behind
     /// them; and whether more layers would have followed.
-    fn seen<'a>(&self, layers: &[&'a Layer], [x, y]: [usize; 2]) -> (Vec<(&'a Layer, D)>, D, bool) {
+    fn seen<'a>(
+        &self,
+        layers: &[&'a ReferenceLayer],
+        [x, y]: [usize; 2],
+    ) -> (Vec<(&'a ReferenceLayer, D)>, D, bool) {
         let mut seen = Vec::new();
         let mut rest = D::constant(1.0);
         for &layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
@@ -185,10 +199,10 @@ impl Reference {
     }
 
     /// The weight of each layer at the pixel: its opacity times the transmittance in front of it.
-    fn weights<'a>(&self, seen: &[(&'a Layer, D)]) -> Vec<(&'a Layer, D)> {
+    fn weights<'a>(&self, seen: &[(&'a ReferenceLayer, D)]) -> Vec<(&'a ReferenceLayer, D)> {
         let mut before = D::constant(1.0);
         let mut first = 0;
-        let weight = |(i, &(layer, alpha)): (usize, &(&'a Layer, D))| {
+        let weight = |(i, &(layer, alpha)): (usize, &(&'a ReferenceLayer, D))| {
             while first < i && self.cover(seen[first].0, layer).value >= 1.0 {
                 before = before * (D::constant(1.0) - seen[first].1);
                 first += 1;
@@ -204,10 +218,10 @@ impl Reference {
     }
 
     /// The share of its opacity with which one layer dims another.
-    fn cover(&self, of: &Layer, other: &Layer) -> D {
+    fn cover(&self, of: &ReferenceLayer, other: &ReferenceLayer) -> D {
         match self.style.order {
-            Layering::Depth => D::constant(f64::from(u8::from(of.order < other.order))),
-            Layering::Blended => {
+            LayerOrder::Depth => D::constant(f64::from(u8::from(of.order < other.order))),
+            LayerOrder::Blended => {
                 let ahead = (other.depth - of.depth) / (D::constant(2.0 * BLENDED_DEPTHS) * other.depth);
                 smooth_step(ahead + D::constant(0.5))
             }
@@ -215,7 +229,7 @@ impl Reference {
     }
 
     /// The opacity of a layer at a pixel; `None` if it is skipped.
-    fn alpha(&self, layer: &Layer, pixel: [usize; 2]) -> Option<D> {
+    fn alpha(&self, layer: &ReferenceLayer, pixel: [usize; 2]) -> Option<D> {
         let [dx, dy] = [0, 1].map(|k| D::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
         let [w1, w2, w3] = layer.w;
         let power = D::constant(-0.5) * ((w1 * dx + w2 * dy).squared() + (w3 * dy).squared());
@@ -223,12 +237,12 @@ impl Reference {
         if alpha.value < least_alpha(self.style.rules) {
             return None;
         }
-        Some(if self.style.rules == Rules::Soft { alpha * soft_ramp(alpha) } else { alpha })
+        Some(if self.style.rules == RenderRules::Soft { alpha * soft_ramp(alpha) } else { alpha })
     }
 
     fn stops(&self, rest: f64) -> bool {
         let stop = f64::from(STOP) * STOP_SLACK;
-        if self.style.rules == Rules::Gsplat { rest <= stop } else { rest < stop }
+        if self.style.rules == RenderRules::Gsplat { rest <= stop } else { rest < stop }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Constants of all back ends, each defined once. Sources:
 //! graphdeco-inria/diff-gaussian-rasterization, `cuda_rasterizer/forward.cu` and `auxiliary.h`.
 
-use super::Rules;
+use super::RenderRules;
 
 /// Edge of a square tile, px.
 pub const TILE: usize = 16;
@@ -27,10 +27,10 @@ pub const SOFT_MIN_ALPHA: f32 = 0.5 / 255.0;
 
 /// Opacity below which a layer is skipped under these rules.
 #[must_use]
-pub fn least_alpha(rules: Rules) -> f32 {
+pub fn least_alpha(rules: RenderRules) -> f32 {
     match rules {
-        Rules::Official | Rules::Exact | Rules::Gsplat => MIN_ALPHA,
-        Rules::Soft => SOFT_MIN_ALPHA,
+        RenderRules::Official | RenderRules::Exact | RenderRules::Gsplat => MIN_ALPHA,
+        RenderRules::Soft => SOFT_MIN_ALPHA,
     }
 }
 

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 
 /// The estimate of a run. Its clock counts seconds since the start.
 #[derive(Debug)]
-pub struct Estimate {
-    steps: Vec<Step>,
+pub struct RunEstimate {
+    steps: Vec<EstimatedStep>,
     /// Cores for all steps together.
     cores: f64,
     /// By stage: core-seconds and number of the steps made in this run.
@@ -21,14 +21,14 @@ pub struct Estimate {
 }
 
 #[derive(Debug)]
-struct Step {
+struct EstimatedStep {
     stage: &'static str,
     expected: Option<f64>,
-    state: State,
+    state: StepState,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum State {
+enum StepState {
     Waiting,
     Running { since: f64, cores: f64 },
     Ended,
@@ -37,23 +37,23 @@ enum State {
 /// A step that exceeds its expected time is expected to need this share of its time more.
 const OVERTIME: f64 = 0.1;
 
-impl Estimate {
+impl RunEstimate {
     /// A run of `steps`, each with its stage and its earlier core-seconds, on `cores`.
     pub fn new(steps: impl IntoIterator<Item = (&'static str, Option<f64>)>, cores: usize) -> Self {
-        let step = |(stage, expected)| Step { stage, expected, state: State::Waiting };
+        let step = |(stage, expected)| EstimatedStep { stage, expected, state: StepState::Waiting };
         let steps = steps.into_iter().map(step).collect();
         Self { steps, cores: cores.max(1) as f64, stages: BTreeMap::new(), before_and_now: [0.0; 2] }
     }
 
     /// A step starts at `now` on `cores`.
     pub fn started(&mut self, step: StepId, now: f64, cores: usize) {
-        self.steps[step.0].state = State::Running { since: now, cores: cores.max(1) as f64 };
+        self.steps[step.0].state = StepState::Running { since: now, cores: cores.max(1) as f64 };
     }
 
     /// A step was made in this many core-seconds.
     pub fn made(&mut self, step: StepId, core_seconds: f64) {
         let step = &mut self.steps[step.0];
-        step.state = State::Ended;
+        step.state = StepState::Ended;
         let (sum, count) = self.stages.entry(step.stage).or_default();
         *sum += core_seconds;
         *count += 1.0;
@@ -66,30 +66,30 @@ impl Estimate {
 
     /// A step is up to date, or failed, or can no longer be reached.
     pub fn ended(&mut self, step: StepId) {
-        self.steps[step.0].state = State::Ended;
+        self.steps[step.0].state = StepState::Ended;
     }
 
     /// Seconds from `now` to the end of the run; `None` if nothing is known about a remaining step.
     #[must_use]
     pub fn remaining(&self, now: f64) -> Option<f64> {
         let (mut all, mut longest) = (0.0, 0.0_f64);
-        for step in self.steps.iter().filter(|step| step.state != State::Ended) {
+        for step in self.steps.iter().filter(|step| step.state != StepState::Ended) {
             let whole = self.core_seconds(step)?;
             all += match step.state {
-                State::Running { since, cores } => {
+                StepState::Running { since, cores } => {
                     let used = (now - since) * cores;
                     let left = (whole - used).max(OVERTIME * used);
                     longest = longest.max(left / cores);
                     left
                 }
-                State::Waiting | State::Ended => whole,
+                StepState::Waiting | StepState::Ended => whole,
             };
         }
         // Free cores do not shorten the step that runs longest.
         Some(longest.max(all / self.cores))
     }
 
-    fn core_seconds(&self, step: &Step) -> Option<f64> {
+    fn core_seconds(&self, step: &EstimatedStep) -> Option<f64> {
         let [before, now] = self.before_and_now;
         let scale = if before > 0.0 { now / before } else { 1.0 };
         let mean = || self.stages.get(step.stage).map(|(sum, count)| sum / count);
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn nothing_is_told_of_what_nobody_knows() {
-        let mut estimate = Estimate::new([("events", None), ("events", None), ("sharp", Some(4.0))], 2);
+        let mut estimate = RunEstimate::new([("events", None), ("events", None), ("sharp", Some(4.0))], 2);
         assert_eq!(estimate.remaining(0.0), None);
         estimate.started(StepId(0), 0.0, 2);
         estimate.made(StepId(0), 6.0);
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn what_a_step_took_before_counts_as_this_run_compares() {
-        let mut estimate = Estimate::new([("a", Some(10.0)), ("a", Some(20.0)), ("b", Some(30.0))], 1);
+        let mut estimate = RunEstimate::new([("a", Some(10.0)), ("a", Some(20.0)), ("b", Some(30.0))], 1);
         close(estimate.remaining(0.0), 60.0);
         // Twice as slow as before, so the rest is expected to be.
         estimate.made(StepId(0), 20.0);
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_running_step_counts_less_the_longer_it_runs_and_never_nothing() {
-        let mut estimate = Estimate::new([("a", Some(10.0))], 4);
+        let mut estimate = RunEstimate::new([("a", Some(10.0))], 4);
         estimate.started(StepId(0), 100.0, 1);
         // It has one core only, however many are free.
         close(estimate.remaining(100.0), 10.0);
@@ -142,6 +142,6 @@ mod tests {
 
     #[test]
     fn nothing_left_takes_no_time() {
-        close(Estimate::new([], 1).remaining(7.0), 0.0);
+        close(RunEstimate::new([], 1).remaining(7.0), 0.0);
     }
 }

@@ -1,13 +1,15 @@
 //! Scheduling of steps: ready, stale and running ones.
 
-use super::job::{Job, Made, Stale};
-use super::order::Rank;
-use super::resources::Grant;
-use super::{Budget, Event, Failure, Observer, Options, StepError, Summary};
-use crate::artifact::Files;
+use super::job::{StaleStep, StepJob, StepResult};
+use super::order::StepRank;
+use super::resources::ResourceGrant;
+use super::{ResourceBudget, RunEvent, RunObserver, RunOptions, RunSummary, StepError, StepFailure};
+use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
-use crate::plan::assess::{Action, Assessment, PlanError, Product, Reason, Sources, step_alone};
-use crate::stage::{Need, StageError, StepId};
+use crate::plan::assess::{
+    PlanError, SourceFiles, StepAction, StepAssessment, StepProduct, StepReason, step_alone,
+};
+use crate::stage::{StageError, StepId, StepNeed};
 use crate::store::{BlobState, Key, Store, StoreError};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -16,45 +18,45 @@ use std::sync::mpsc;
 use std::thread::{self, Scope, ScopedJoinHandle};
 
 /// A finished step.
-pub(super) struct Finished {
+pub(super) struct FinishedStep {
     step: StepId,
     key: Key,
-    sources: Sources,
-    /// Whether it was up to date.
+    sources: SourceFiles,
+    /// True if it was up to date.
     is_recheck: bool,
     /// `Err` where the step panicked.
-    result: thread::Result<Result<Made, StepError>>,
+    result: thread::Result<Result<StepResult, StepError>>,
 }
 
 /// A run that goes on.
-pub(super) struct Executor<'scope, 'a> {
+pub(super) struct RunExecutor<'scope, 'a> {
     plan: &'a Plan,
     store: &'a Store,
-    options: Options,
+    options: RunOptions,
     cancel: &'a AtomicBool,
-    observer: &'a dyn Observer,
+    observer: &'a dyn RunObserver,
     /// For each step, the number of inputs that are not there yet.
     missing: Vec<usize>,
     /// For each step, the consumers of its product.
     followers: Vec<Vec<StepId>>,
     /// Steps with all inputs present that are not assessed yet.
     ready: BTreeSet<StepId>,
-    ranks: Vec<Rank>,
+    ranks: Vec<StepRank>,
     /// Steps that must run, in the order of their turn.
-    stale: BTreeMap<Rank, Stale>,
+    stale: BTreeMap<StepRank, StaleStep>,
     /// Running steps with their key, resources and threads.
-    pub(super) running: BTreeMap<StepId, (Key, Grant, ScopedJoinHandle<'scope, ()>)>,
-    pub(super) summary: Summary,
+    pub(super) running: BTreeMap<StepId, (Key, ResourceGrant, ScopedJoinHandle<'scope, ()>)>,
+    pub(super) summary: RunSummary,
 }
 
-impl<'scope, 'a> Executor<'scope, 'a> {
+impl<'scope, 'a> RunExecutor<'scope, 'a> {
     pub(super) fn new(
         plan: &'a Plan,
         store: &'a Store,
-        options: Options,
+        options: RunOptions,
         cancel: &'a AtomicBool,
-        observer: &'a dyn Observer,
-        ranks: Vec<Rank>,
+        observer: &'a dyn RunObserver,
+        ranks: Vec<StepRank>,
     ) -> Self {
         let inputs: Vec<_> = plan.steps().iter().map(|s| s.step.inputs()).collect();
         let mut followers = vec![Vec::new(); inputs.len()];
@@ -75,7 +77,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
             ranks,
             stale: BTreeMap::new(),
             running: BTreeMap::new(),
-            summary: Summary::default(),
+            summary: RunSummary::default(),
         }
     }
 
@@ -85,13 +87,16 @@ impl<'scope, 'a> Executor<'scope, 'a> {
         failed || self.summary.is_full() || self.cancel.load(Ordering::Relaxed)
     }
 
-    fn left(&self) -> Budget {
+    fn left(&self) -> ResourceBudget {
         self.options.budget.left(self.running.values().map(|(_, grant, _)| grant))
     }
 
     /// Settles every ready step that is up to date, and starts others while cores are free.
-    pub(super) fn start_ready(&mut self, scope: &'scope Scope<'scope, '_>, sender: &mpsc::Sender<Finished>)
-    where
+    pub(super) fn start_ready(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        sender: &mpsc::Sender<FinishedStep>,
+    ) where
         'a: 'scope,
     {
         while !self.stopped()
@@ -120,16 +125,16 @@ impl<'scope, 'a> Executor<'scope, 'a> {
 
     /// The next step to start. A step whose key is being made waits, and will find the record. A
     /// step that is too large for the whole budget runs alone.
-    fn next_stale(&self) -> Option<Rank> {
+    fn next_stale(&self) -> Option<StepRank> {
         let left = self.left();
         let at_work = |key: &Key| self.running.values().any(|(running, ..)| running == key);
-        let fits = |stale: &Stale| left.holds(&stale.need) || self.running.is_empty();
+        let fits = |stale: &StaleStep| left.holds(&stale.need) || self.running.is_empty();
         self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
     }
 
-    /// Whether another step has meanwhile made the lost bytes for which this step was to run.
-    fn is_mended(&self, stale: &Stale) -> Result<bool, StoreError> {
-        if !matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. }) {
+    /// Returns true if another step has meanwhile made the lost bytes for which this step was to run.
+    fn is_mended(&self, stale: &StaleStep) -> Result<bool, StoreError> {
+        if !matches!(stale.reason, StepReason::BlobMissing { .. } | StepReason::BlobAltered { .. }) {
             return Ok(false);
         }
         let Some(record) = self.store.record(&stale.key)? else { return Ok(false) };
@@ -142,28 +147,28 @@ impl<'scope, 'a> Executor<'scope, 'a> {
     }
 
     /// Assesses a ready step. Returns `None` if it is up to date, which is then noted.
-    fn assess(&mut self, step: StepId) -> Result<Option<Stale>, PlanError> {
+    fn assess(&mut self, step: StepId) -> Result<Option<StaleStep>, PlanError> {
         let planned = &self.plan.steps()[step.0];
         let outputs_of = |id| Some(self.summary.products[&id].outputs.clone());
-        let Assessment { action, reason, key, description, sources, outputs } =
+        let StepAssessment { action, reason, key, description, sources, outputs } =
             step_alone(self.plan, self.store, planned, &outputs_of)?;
         let key = key.expect("a step has a key once its inputs and its programs are known");
         let may_run = self.options.allow_commands || planned.step.programs().is_empty();
         let chosen = || may_run && self.options.recheck.is_some_and(|r| r.chooses(&key));
         let recheck = outputs.clone().filter(|_| chosen());
-        if action != Action::Keep || recheck.is_some() {
+        if action != StepAction::Keep || recheck.is_some() {
             let files = self.open_inputs(step);
             let need = planned.step.need(&files);
-            return Ok(Some(Stale { key, description, sources, reason, recheck, files, need }));
+            return Ok(Some(StaleStep { key, description, sources, reason, recheck, files, need }));
         }
         let outputs = outputs.expect("a step that is kept has outputs");
         self.summary.kept += 1;
-        self.observer.tell(&Event::Kept { step, key: &key, outputs: &outputs });
-        self.done(step, Product { key, outputs, sources });
+        self.observer.tell(&RunEvent::Kept { step, key: &key, outputs: &outputs });
+        self.done(step, StepProduct { key, outputs, sources });
         Ok(None)
     }
 
-    fn done(&mut self, step: StepId, product: Product) {
+    fn done(&mut self, step: StepId, product: StepProduct) {
         let planned = &self.plan.steps()[step.0];
         self.store.note_last(self.plan.scene_of(planned), &planned.name, product.key);
         self.summary.products.insert(step, product);
@@ -178,63 +183,69 @@ impl<'scope, 'a> Executor<'scope, 'a> {
     fn start(
         &mut self,
         step: StepId,
-        stale: Stale,
+        stale: StaleStep,
         scope: &'scope Scope<'scope, '_>,
-        sender: &mpsc::Sender<Finished>,
+        sender: &mpsc::Sender<FinishedStep>,
     ) where
         'a: 'scope,
     {
-        let Need { memory, .. } = stale.need;
+        let StepNeed { memory, .. } = stale.need;
         let whole = self.options.budget;
         let cores = self.left().cores.div_ceil(self.stale.len() + 1).max(1);
-        let (at_work, grant) = (stale.key, Grant { cores, need: stale.need });
-        self.observer.tell(&Event::Started { step, reason: &stale.reason, cores });
+        let (at_work, grant) = (stale.key, ResourceGrant { cores, need: stale.need });
+        self.observer.tell(&RunEvent::Started { step, reason: &stale.reason, cores });
         if memory > whole.memory {
-            self.observer.tell(&Event::TooLarge { step, memory, budget: whole.memory });
+            self.observer.tell(&RunEvent::TooLarge { step, memory, budget: whole.memory });
         }
         let allows_commands = self.options.allow_commands;
         let programs = self.options.programs.clone();
-        let job =
-            Job { plan: self.plan, store: self.store, cancel: self.cancel, cores, allows_commands, programs };
+        let job = StepJob {
+            plan: self.plan,
+            store: self.store,
+            cancel: self.cancel,
+            cores,
+            allows_commands,
+            programs,
+        };
         let sender = sender.clone();
         let thread = scope.spawn(move || {
             // A panic is passed to the waiting thread, which would otherwise wait forever.
             let result = catch_unwind(AssertUnwindSafe(|| job.run(step, &stale)));
             // The receiver outlives the scope, so sending cannot fail.
-            let Stale { key, sources, recheck, .. } = stale;
-            let _ = sender.send(Finished { step, key, sources, is_recheck: recheck.is_some(), result });
+            let StaleStep { key, sources, recheck, .. } = stale;
+            let _ = sender.send(FinishedStep { step, key, sources, is_recheck: recheck.is_some(), result });
         });
         self.running.insert(step, (at_work, grant, thread));
     }
 
-    fn open_inputs(&self, step: StepId) -> Vec<Files> {
+    fn open_inputs(&self, step: StepId) -> Vec<ArtifactFiles> {
         let inputs = self.plan.steps()[step.0].step.inputs();
         inputs
             .iter()
-            .map(|(_, id)| Files::from_outputs(&self.summary.products[id].outputs, self.store))
+            .map(|(_, id)| ArtifactFiles::from_outputs(&self.summary.products[id].outputs, self.store))
             .collect()
     }
 
-    pub(super) fn finish(&mut self, finished: Finished) {
-        let Finished { step, key, sources, is_recheck, result } = finished;
+    pub(super) fn finish(&mut self, finished: FinishedStep) {
+        let FinishedStep { step, key, sources, is_recheck, result } = finished;
         if let Some((.., thread)) = self.running.remove(&step) {
             thread.join().expect("the thread has told, and told last, what became of its step");
         }
-        let twins: Vec<Rank> =
+        let twins: Vec<StepRank> =
             self.stale.iter().filter(|(_, s)| s.key == key).map(|(rank, _)| *rank).collect();
         for twin in twins {
             self.stale.remove(&twin);
             self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(Made { outputs, seconds, cores, warnings, remark, saving }) => {
+            Ok(StepResult { outputs, seconds, cores, warnings, remark, saving }) => {
                 if is_recheck {
                     self.summary.kept += 1;
                     self.summary.rechecked += 1;
                 } else {
                     self.summary.made += 1;
                 }
-                self.observer.tell(&Event::Made {
+                self.observer.tell(&RunEvent::Made {
                     step,
                     key: &key,
                     outputs: &outputs,
@@ -244,7 +255,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
                     remark: remark.as_deref(),
                     saving,
                 });
-                self.done(step, Product { key, outputs, sources });
+                self.done(step, StepProduct { key, outputs, sources });
             }
             Err(StepError::Stage(StageError::Cancelled)) => self.summary.interrupted = true,
             Err(error) => self.fail(step, error),
@@ -252,12 +263,12 @@ impl<'scope, 'a> Executor<'scope, 'a> {
     }
 
     fn fail(&mut self, step: StepId, error: StepError) {
-        let failure = Failure { step, error };
-        self.observer.tell(&Event::Failed { failure: &failure });
+        let failure = StepFailure { step, error };
+        self.observer.tell(&RunEvent::Failed { failure: &failure });
         self.summary.failures.push(failure);
     }
 
-    pub(super) fn close(mut self) -> Summary {
+    pub(super) fn close(mut self) -> RunSummary {
         self.summary.interrupted |= self.cancel.load(Ordering::Relaxed);
         let ended = self.summary.products.len() + self.summary.failures.len();
         self.summary.unreached = self.plan.steps().len() - ended;

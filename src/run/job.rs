@@ -1,16 +1,16 @@
 //! The work of one step on its own thread, from its inputs to a record.
 
 use super::StepError;
-use crate::artifact::Files;
-use crate::frames::rendered::Saving;
-use crate::plan::assess::{Reason, Sources, read_sources};
+use crate::artifact::ArtifactFiles;
+use crate::frames::rendered::TimeSaved;
+use crate::plan::assess::{SourceFiles, StepReason, read_sources};
 use crate::plan::{Plan, PlannedStep};
-use crate::programs::Programs;
-use crate::stage::{Context, Need, StageError, StepId};
-use crate::store::description::Value;
-use crate::store::record::{Output, Provenance, Record};
-use crate::store::space::{Space, is_full};
-use crate::store::{Key, Store, StoreError, Workspace};
+use crate::programs::ProgramFinder;
+use crate::stage::{StageContext, StageError, StepId, StepNeed};
+use crate::store::description::DescribedValue;
+use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
+use crate::store::space::{DiskSpace, is_full};
+use crate::store::{Key, StepWorkspace, Store, StoreError};
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 use std::thread;
@@ -23,51 +23,56 @@ fn monotonic_seconds() -> f64 {
 }
 
 /// A step that must run.
-pub(super) struct Stale {
+pub(super) struct StaleStep {
     pub(super) key: Key,
-    pub(super) description: Value,
+    pub(super) description: DescribedValue,
     /// The files outside the store, as in the key.
-    pub(super) sources: Sources,
-    pub(super) reason: Reason,
-    /// Whether the step is up to date and only compared with its record.
-    pub(super) recheck: Option<Vec<Output>>,
-    pub(super) files: Vec<Files>,
-    pub(super) need: Need,
+    pub(super) sources: SourceFiles,
+    pub(super) reason: StepReason,
+    /// True if the step is up to date and only compared with its record.
+    pub(super) recheck: Option<Vec<StoredOutput>>,
+    pub(super) files: Vec<ArtifactFiles>,
+    pub(super) need: StepNeed,
 }
 
 /// The result of a step.
-pub(super) struct Made {
-    pub(super) outputs: Vec<Output>,
+pub(super) struct StepResult {
+    pub(super) outputs: Vec<StoredOutput>,
     pub(super) seconds: f64,
     pub(super) cores: usize,
     pub(super) warnings: Vec<String>,
     pub(super) remark: Option<String>,
-    pub(super) saving: Option<Saving>,
+    pub(super) saving: Option<TimeSaved>,
 }
 
 /// One step's work, on its own thread.
-pub(super) struct Job<'a> {
+pub(super) struct StepJob<'a> {
     pub(super) plan: &'a Plan,
     pub(super) store: &'a Store,
     pub(super) cancel: &'a AtomicBool,
     pub(super) cores: usize,
     pub(super) allows_commands: bool,
-    pub(super) programs: Programs,
+    pub(super) programs: ProgramFinder,
 }
 
-impl Job<'_> {
-    pub(super) fn run(&self, step: StepId, stale: &Stale) -> Result<Made, StepError> {
-        if let Reason::BlobAltered { digest } = &stale.reason {
+impl StepJob<'_> {
+    pub(super) fn run(&self, step: StepId, stale: &StaleStep) -> Result<StepResult, StepError> {
+        if let StepReason::BlobAltered { digest } = &stale.reason {
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
         let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
         self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
     }
 
-    fn make(&self, step: StepId, stale: &Stale, workspace: &Workspace<'_>) -> Result<Made, StepError> {
+    fn make(
+        &self,
+        step: StepId,
+        stale: &StaleStep,
+        workspace: &StepWorkspace<'_>,
+    ) -> Result<StepResult, StepError> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
-        let mut cx = Context::new(workspace.path(), self.cancel);
+        let mut cx = StageContext::new(workspace.path(), self.cancel);
         cx.clock = Some(monotonic_seconds);
         cx.allows_commands = self.allows_commands;
         cx.programs = self.programs.clone();
@@ -82,20 +87,20 @@ impl Job<'_> {
             self.refuse_moved(planned, &stale.sources)?;
         }
         worked?;
-        let Context { warnings, remark, saving, .. } = cx;
-        let provenance = Provenance {
+        let StageContext { warnings, remark, saving, .. } = cx;
+        let provenance = StepProvenance {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
             threads: self.cores,
             memory: stale.need.memory,
             warnings: warnings.clone(),
         };
-        let record = Record::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
+        let record = StepRecord::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
         let outputs = match &stale.recheck {
             None => self.store.publish(workspace, record)?,
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
-        Ok(Made { outputs, seconds, cores: self.cores, warnings, remark, saving })
+        Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving })
     }
 
     /// The error, or the lack of disk space if that is the cause: known from the chain of errors,
@@ -109,7 +114,7 @@ impl Job<'_> {
             _ => false,
         };
         let space = self.store.space().ok();
-        let is_used_up = may_have_written && space.as_ref().is_some_and(Space::is_used_up);
+        let is_used_up = may_have_written && space.as_ref().is_some_and(DiskSpace::is_used_up);
         if !is_used_up && !is_full(&error) {
             return error;
         }
@@ -118,7 +123,7 @@ impl Job<'_> {
 
     /// The bytes that were read must be those of the key: the step may have waited long for its
     /// start.
-    fn refuse_moved(&self, planned: &PlannedStep, then: &Sources) -> Result<(), StepError> {
+    fn refuse_moved(&self, planned: &PlannedStep, then: &SourceFiles) -> Result<(), StepError> {
         let now = read_sources(self.plan, self.store, planned)?;
         now.moved_since(then).map_or(Ok(()), |name| Err(StepError::Moved(name)))
     }

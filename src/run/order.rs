@@ -1,18 +1,18 @@
 //! The order of ready steps: the longest chain of later work first, then the order of the plan.
 
 use crate::plan::Plan;
-use crate::plan::past::Past;
+use crate::plan::past::PastCosts;
 use crate::stage::StepId;
 use std::cmp::Reverse;
 use std::time::Duration;
 
 /// The place of a step in the order: the smallest comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Rank(Reverse<u64>, pub(super) StepId);
+pub(super) struct StepRank(Reverse<u64>, pub(super) StepId);
 
 /// The rank of each step. A step without a known duration counts as zero. Results do not depend on
 /// ranks.
-pub(super) fn step_ranks(plan: &Plan, past: &[Option<Past>]) -> Vec<Rank> {
+pub(super) fn step_ranks(plan: &Plan, past: &[Option<PastCosts>]) -> Vec<StepRank> {
     // Milliseconds, so that ranks compare exactly. Invalid durations in a damaged record are
     // ignored.
     let own = |step: usize| {
@@ -26,5 +26,5 @@ pub(super) fn step_ranks(plan: &Plan, past: &[Option<Past>]) -> Vec<Rank> {
             chains[input.0] = chains[input.0].max(own(input.0).saturating_add(chains[step]));
         }
     }
-    chains.into_iter().enumerate().map(|(step, chain)| Rank(Reverse(chain), StepId(step))).collect()
+    chains.into_iter().enumerate().map(|(step, chain)| StepRank(Reverse(chain), StepId(step))).collect()
 }

@@ -1,10 +1,10 @@
 //! Resources that running steps share: cores, memory and GPUs.
 
-use crate::stage::Need;
+use crate::stage::StepNeed;
 
 /// The total for all running steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Budget {
+pub struct ResourceBudget {
     /// Threads, at least 1.
     pub cores: usize,
     /// Bytes of memory.
@@ -15,14 +15,14 @@ pub struct Budget {
 
 /// What a running step holds.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Grant {
+pub(super) struct ResourceGrant {
     pub(super) cores: usize,
-    pub(super) need: Need,
+    pub(super) need: StepNeed,
 }
 
-impl Budget {
+impl ResourceBudget {
     /// The remaining resources.
-    pub(super) fn left<'g>(mut self, granted: impl Iterator<Item = &'g Grant>) -> Self {
+    pub(super) fn left<'g>(mut self, granted: impl Iterator<Item = &'g ResourceGrant>) -> Self {
         for grant in granted {
             self.cores = self.cores.saturating_sub(grant.cores);
             self.memory = self.memory.saturating_sub(grant.need.memory);
@@ -31,8 +31,8 @@ impl Budget {
         self
     }
 
-    /// Whether a step may start with the remaining resources.
-    pub(super) fn holds(&self, need: &Need) -> bool {
+    /// Returns true if a step may start with the remaining resources.
+    pub(super) fn holds(&self, need: &StepNeed) -> bool {
         self.cores > 0 && self.memory >= need.memory && self.gpus >= usize::from(need.gpu)
     }
 }
@@ -43,11 +43,11 @@ mod tests {
 
     #[test]
     fn a_step_starts_when_all_it_needs_is_left() {
-        let budget = Budget { cores: 4, memory: 100, gpus: 1 };
-        let grant = |cores, memory, gpu| Grant { cores, need: Need { memory, gpu } };
-        let t = |running: &[Grant], memory, gpu, holds| {
+        let budget = ResourceBudget { cores: 4, memory: 100, gpus: 1 };
+        let grant = |cores, memory, gpu| ResourceGrant { cores, need: StepNeed { memory, gpu } };
+        let t = |running: &[ResourceGrant], memory, gpu, holds| {
             let left = budget.left(running.iter());
-            assert_eq!(left.holds(&Need { memory, gpu }), holds, "{running:?}, {memory}, {gpu}");
+            assert_eq!(left.holds(&StepNeed { memory, gpu }), holds, "{running:?}, {memory}, {gpu}");
         };
         t(&[], 100, true, true);
         t(&[], 101, false, false);

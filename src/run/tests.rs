@@ -1,10 +1,10 @@
 //! The executor on toy stages.
 
 use super::*;
-use crate::artifact::{Artifact, ArtifactError, Files};
+use crate::artifact::{Artifact, ArtifactError, ArtifactFiles};
 use crate::recipe;
-use crate::stage::{Context, SourceFile, Stage, Target};
-use crate::store::Access;
+use crate::stage::{SourceFile, Stage, StageContext, StepTarget};
+use crate::store::StoreAccess;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ struct Note;
 impl Artifact for Note {
     const KIND: &'static str = "note";
 
-    fn open(_: &Files) -> Result<Self, ArtifactError> {
+    fn open(_: &ArtifactFiles) -> Result<Self, ArtifactError> {
         Ok(Self)
     }
 }
@@ -49,7 +49,7 @@ struct Toy {
 impl Stage for Toy {
     const NAME: &'static str = "toy";
     const REVISION: u32 = 1;
-    type Inputs = Option<Target<Note>>;
+    type Inputs = Option<StepTarget<Note>>;
     type Output = Note;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
@@ -57,7 +57,7 @@ impl Stage for Toy {
         Ok(self.source.iter().map(file).collect())
     }
 
-    fn run(&self, _: Option<Note>, cx: &mut Context<'_>) -> Result<(), StageError> {
+    fn run(&self, _: Option<Note>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         match &self.act {
             Act::Nothing => {}
             Act::Overwrite(path) => std::fs::write(path, "moved").map_err(StageError::io_error(path))?,
@@ -79,8 +79,8 @@ impl Stage for Toy {
 
 struct Silent;
 
-impl Observer for Silent {
-    fn tell(&self, _: &Event<'_>) {}
+impl RunObserver for Silent {
+    fn tell(&self, _: &RunEvent<'_>) {}
 }
 
 /// Steps by name, each with the index of the step before it.
@@ -93,22 +93,27 @@ fn plan(folder: &Path, steps: Steps) -> Plan {
     std::fs::write(&file, text).unwrap();
     let recipes = recipe::read_all(&[file]).unwrap_or_else(|faults| panic!("{}", faults.render_text()));
     Plan::of_steps(recipes, |wiring| {
-        let mut targets: Vec<Target<Note>> = Vec::new();
+        let mut targets: Vec<StepTarget<Note>> = Vec::new();
         for (i, (toy, before)) in steps.into_iter().enumerate() {
             targets.push(wiring.add(format!("step{i}"), toy, before.map(|b| targets[b])));
         }
     })
 }
 
-fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> Summary {
-    let store = Store::open(&folder.join("store"), Access::Write, &mut |_| {}).unwrap();
-    let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
-    let options =
-        Options { budget, keep_going, recheck: None, allow_commands: false, programs: Programs::default() };
+fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> RunSummary {
+    let store = Store::open(&folder.join("store"), StoreAccess::Write, &mut |_| {}).unwrap();
+    let budget = ResourceBudget { cores: 1, memory: u64::MAX, gpus: 0 };
+    let options = RunOptions {
+        budget,
+        keep_going,
+        recheck: None,
+        allow_commands: false,
+        programs: ProgramFinder::default(),
+    };
     run_plan(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()
 }
 
-fn counts(summary: &Summary) -> [usize; 4] {
+fn counts(summary: &RunSummary) -> [usize; 4] {
     [summary.made, summary.kept, summary.failures.len(), summary.unreached]
 }
 

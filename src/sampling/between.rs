@@ -1,30 +1,37 @@
 //! Brightness between frames, `V = ln(L + k2)` of one pixel at one moment: the sensor's
 //! interpolation, written for single moments.
 
-use crate::sensor::voltmeter::Between;
+use crate::sensor::voltmeter::BetweenFrames;
 
 /// The values of a pixel at a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Knot {
+pub struct BetweenKnot {
     /// Time, s.
     pub seconds: f64,
     /// `V` at the frame.
     pub v: f64,
-    /// Slope of `V`, 1/s; used by [`Between::Hermite`] only.
+    /// Slope of `V`, 1/s; used by [`BetweenFrames::Hermite`] only.
     pub slope: f64,
 }
 
 /// `V` of a pixel between two frames at time `at`, s. `outer` are the frames before and after them,
-/// if there are any; [`Between::Catmull`] computes its slopes from them.
+/// if there are any; [`BetweenFrames::Catmull`] computes its slopes from them.
 #[must_use]
-pub fn interpolated_value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], at: f64) -> f64 {
+pub fn interpolated_value(
+    between: BetweenFrames,
+    outer: [Option<BetweenKnot>; 2],
+    [from, to]: [BetweenKnot; 2],
+    at: f64,
+) -> f64 {
     let h = to.seconds - from.seconds;
     let s = (at - from.seconds) / h;
     let rise = to.v - from.v;
     let slopes = match between {
-        Between::Linear => return from.v + s * rise,
-        Between::Hermite => [from.slope, to.slope],
-        Between::Catmull => [end_slope(outer[0], from, rise / h, h), end_slope(outer[1], to, rise / h, h)],
+        BetweenFrames::Linear => return from.v + s * rise,
+        BetweenFrames::Hermite => [from.slope, to.slope],
+        BetweenFrames::Catmull => {
+            [end_slope(outer[0], from, rise / h, h), end_slope(outer[1], to, rise / h, h)]
+        }
     };
     let [a, b] = slopes.map(|m| m * h);
     from.v + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
@@ -32,7 +39,7 @@ pub fn interpolated_value(between: Between, outer: [Option<Knot>; 2], [from, to]
 
 /// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by
 /// the length of the other.
-fn end_slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
+fn end_slope(beyond: Option<BetweenKnot>, end: BetweenKnot, own: f64, h: f64) -> f64 {
     let Some(beyond) = beyond else { return own };
     let secant = (beyond.v - end.v) / (beyond.seconds - end.seconds);
     let other = (beyond.seconds - end.seconds).abs();
@@ -43,14 +50,14 @@ fn end_slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+    const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
 
     /// Error of each method for a signal, given as value and slope, at the middle of the second of
     /// three intervals.
     fn misses(times: [f64; 4], signal: impl Fn(f64) -> (f64, f64)) -> [f64; 3] {
         let knot = |seconds: f64| {
             let (v, slope) = signal(seconds);
-            Knot { seconds, v, slope }
+            BetweenKnot { seconds, v, slope }
         };
         let middle = f64::midpoint(times[1], times[2]);
         let [before, from, to, after] = times.map(knot);
@@ -75,9 +82,13 @@ mod tests {
     fn at_an_end_the_slope_is_the_secant() {
         // For a parabola, the one-sided slope has an error of q h, the middle of q h^2/8.
         let (q, h) = (2000.0, 2e-3);
-        let knot = |t: f64| Knot { seconds: t, v: q * t * t, slope: 0.0 };
-        let found =
-            interpolated_value(Between::Catmull, [None, Some(knot(2.0 * h))], [knot(0.0), knot(h)], h / 2.0);
+        let knot = |t: f64| BetweenKnot { seconds: t, v: q * t * t, slope: 0.0 };
+        let found = interpolated_value(
+            BetweenFrames::Catmull,
+            [None, Some(knot(2.0 * h))],
+            [knot(0.0), knot(h)],
+            h / 2.0,
+        );
         assert!((found - q * h * h / 4.0 - q * h * h / 8.0).abs() < 1e-12, "{found}");
     }
 

@@ -1,12 +1,12 @@
 //! The cheapest frames that meet a tolerance: a pilot at some places of the path, and a check at
 //! others.
 
-use super::flow::{Flow, SHORTEST_US};
-use super::law::Law;
-use super::measure::{Interval, Scale, Viewer, measure_intervals};
-use super::{Candidate, Chosen, Tolerance};
-use crate::seed::{Cell, Seed, Space};
-use crate::sensor::voltmeter::Between;
+use super::flow::{PathFlow, SHORTEST_US};
+use super::law::ErrorLaw;
+use super::measure::{PathViewer, SampledInterval, SensorScale, measure_intervals};
+use super::{BetweenCandidate, ErrorTolerance, SamplingChoice};
+use crate::seed::{DrawSpace, Seed, SeedCell};
+use crate::sensor::voltmeter::BetweenFrames;
 
 /// Cost of a frame with rates divided by that of a frame without, as measured with the CPU
 /// renderer.
@@ -58,7 +58,7 @@ pub enum ChooseError<E: std::error::Error + 'static> {
         /// The tolerance.
         wanted: f64,
         /// The method with the smallest error.
-        best: Box<Candidate>,
+        best: Box<BetweenCandidate>,
         /// A suggestion as a clause, or an empty text.
         advice: &'static str,
     },
@@ -74,7 +74,7 @@ pub enum ChooseError<E: std::error::Error + 'static> {
         /// The last measured error, thresholds.
         achieved: f64,
         /// The method.
-        between: Between,
+        between: BetweenFrames,
         /// The step.
         step_px: f64,
     },
@@ -82,36 +82,36 @@ pub enum ChooseError<E: std::error::Error + 'static> {
 
 /// The inputs of a choice.
 #[derive(Debug, Clone, Copy)]
-pub struct Question<'a> {
+pub struct ChoiceQuestion<'a> {
     /// The tolerance.
-    pub tolerance: Tolerance,
+    pub tolerance: ErrorTolerance,
     /// The image motion along the path.
-    pub flow: &'a Flow,
+    pub flow: &'a PathFlow,
     /// Number of steps between poses of the path.
     pub intervals: usize,
     /// The sensors.
-    pub scales: &'a [Scale],
+    pub scales: &'a [SensorScale],
     /// The methods that all sensors support.
-    pub between: &'a [Between],
+    pub between: &'a [BetweenFrames],
     /// The seed of the places.
     pub seed: Seed,
     /// A suggestion to reduce the error from jumps, as a clause, or an empty text.
     pub advice: &'static str,
 }
 
-impl Question<'_> {
+impl ChoiceQuestion<'_> {
     /// The cheapest frames that meet the tolerance, according to a pilot and to a check at other
     /// places.
     ///
     /// # Errors
     /// A frame cannot be rendered, or no frames meet the tolerance.
-    pub fn answer<V: Viewer<Error: std::error::Error + 'static>>(
+    pub fn answer<V: PathViewer<Error: std::error::Error + 'static>>(
         &self,
         viewer: &mut V,
-    ) -> Result<(Chosen, Vec<i64>), ChooseError<V::Error>> {
+    ) -> Result<(SamplingChoice, Vec<i64>), ChooseError<V::Error>> {
         let wanted = self.tolerance.rms;
         let (candidates, mut frames) = self.pilot(viewer)?;
-        let cost = |c: &Candidate| c.frames.map(|n| n as f64 * cost_of_frame(c.between));
+        let cost = |c: &BetweenCandidate| c.frames.map(|n| n as f64 * cost_of_frame(c.between));
         let cheapest = candidates.iter().filter_map(|c| Some((c, cost(c)?, c.step_px?)));
         let Some((best, _, mut step_px)) = cheapest.min_by(|a, b| a.1.total_cmp(&b.1)) else {
             let best = candidates.into_iter().min_by(|a, b| a.finest.total_cmp(&b.finest));
@@ -125,7 +125,7 @@ impl Question<'_> {
             let checked = self.check(viewer, &moments, between)?;
             frames += checked.frames;
             if checked.bound <= wanted {
-                let chosen = Chosen {
+                let chosen = SamplingChoice {
                     tolerance: wanted,
                     between,
                     step_px,
@@ -152,24 +152,26 @@ impl Question<'_> {
 
     /// The requirement of each method by the law of its errors at some places, and the number of
     /// frames rendered.
-    fn pilot<V: Viewer<Error: std::error::Error + 'static>>(
+    fn pilot<V: PathViewer<Error: std::error::Error + 'static>>(
         &self,
         viewer: &mut V,
-    ) -> Result<(Vec<Candidate>, usize), ChooseError<V::Error>> {
+    ) -> Result<(Vec<BetweenCandidate>, usize), ChooseError<V::Error>> {
         let longest = LONGEST_PX.min(LONGEST_SHARE * self.flow.total_px());
         if longest <= 0.0 {
             // Nothing moves: every method is exact, and the smallest number of steps is sufficient.
             let frames = self.flow.steps(LONGEST_PX).len();
-            let still =
-                self.between.iter().map(|between| Candidate::without_motion(*between, LONGEST_PX, frames));
+            let still = self
+                .between
+                .iter()
+                .map(|between| BetweenCandidate::without_motion(*between, LONGEST_PX, frames));
             return Ok((still.collect(), 0));
         }
         let steps: Vec<f64> = (0..STEPS).map(|k| longest / libm::pow(RATIO, f64::from(k))).collect();
-        let mut tried: Vec<(usize, Interval)> = Vec::new();
+        let mut tried: Vec<(usize, SampledInterval)> = Vec::new();
         for place in self.places() {
             tried.extend(self.stencils(place, &steps));
         }
-        let intervals: Vec<Interval> = tried.iter().map(|(_, interval)| *interval).collect();
+        let intervals: Vec<SampledInterval> = tried.iter().map(|(_, interval)| *interval).collect();
         let measured =
             measure_intervals(viewer, self.scales, &intervals, self.between).map_err(ChooseError::View)?;
         let mut candidates = Vec::new();
@@ -187,16 +189,16 @@ impl Question<'_> {
     }
 
     /// A method by its errors at steps in px, the longest first; `None` if there are too few.
-    fn candidate(&self, between: Between, mut points: Vec<(f64, f64)>) -> Option<Candidate> {
+    fn candidate(&self, between: BetweenFrames, mut points: Vec<(f64, f64)>) -> Option<BetweenCandidate> {
         // A step with a smaller error than a finer one owes it to chance.
         for k in (1..points.len()).rev() {
             points[k - 1].1 = points[k - 1].1.max(points[k].1);
         }
         let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
-        let law = Law::fit_points(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
+        let law = ErrorLaw::fit_points(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
         let (finest_px, _) = *points.last()?;
         let step_px = law.step(MARGIN * self.tolerance.rms, [finest_px, points[0].0]);
-        Some(Candidate {
+        Some(BetweenCandidate {
             between,
             law,
             finest_px,
@@ -211,7 +213,7 @@ impl Question<'_> {
     /// shares of the path.
     fn places(&self) -> Vec<f64> {
         let count = (self.intervals / STEPS_A_PLACE).clamp(PLACES[0], PLACES[1]);
-        let mut draws = self.seed.draws(CHOICE, Space::Choice);
+        let mut draws = self.seed.draws(CHOICE, DrawSpace::Choice);
         let drawn = (0..count - 2).map(|k| (k as f64 + draws.uniform()) / (count - 2) as f64);
         let drawn: Vec<f64> = drawn.map(|share| self.flow.past_us(share)).collect();
         [0.0, self.flow.fastest_us()].into_iter().chain(drawn).collect()
@@ -220,7 +222,7 @@ impl Question<'_> {
     /// The intervals around a place with this image motion, for all steps for which the path is
     /// long enough, with the index of the step. The finest come first, so that frames are released
     /// early.
-    fn stencils(&self, place: f64, steps: &[f64]) -> Vec<(usize, Interval)> {
+    fn stencils(&self, place: f64, steps: &[f64]) -> Vec<(usize, SampledInterval)> {
         let end = self.flow.end_us();
         // If the longest step does not fit around the place, the place moves.
         let room = 1.5 * self.flow.length_about(place, steps[0]);
@@ -238,46 +240,47 @@ impl Question<'_> {
             shorter = Some(h);
             let [before, from, to, after] = [-3, -1, 1, 3].map(|k| center + k * h / 2);
             if before >= 0 && after <= end {
-                found.push((number, Interval { ends: [from, to], outer: [Some(before), Some(after)] }));
+                found
+                    .push((number, SampledInterval { ends: [from, to], outer: [Some(before), Some(after)] }));
             }
         }
         found
     }
 
     /// The error of a choice on some of its own intervals.
-    fn check<V: Viewer<Error: std::error::Error + 'static>>(
+    fn check<V: PathViewer<Error: std::error::Error + 'static>>(
         &self,
         viewer: &mut V,
         moments: &[i64],
-        between: Between,
-    ) -> Result<Checked, ChooseError<V::Error>> {
+        between: BetweenFrames,
+    ) -> Result<ChoiceCheck, ChooseError<V::Error>> {
         let all = moments.len() - 1;
         let count = all.min(HELD_OUT);
-        let mut draws = self.seed.draws(Cell { index: CHOICE.index + 1, ..CHOICE }, Space::Choice);
-        let intervals: Vec<Interval> = (0..count)
+        let mut draws = self.seed.draws(SeedCell { index: CHOICE.index + 1, ..CHOICE }, DrawSpace::Choice);
+        let intervals: Vec<SampledInterval> = (0..count)
             .map(|k| {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below `all`")]
                 let j = ((k as f64 + draws.uniform()) * all as f64 / count as f64) as usize;
                 let outer = [j.checked_sub(1), Some(j + 2)].map(|j| moments.get(j?).copied());
-                Interval { ends: [moments[j], moments[j + 1]], outer }
+                SampledInterval { ends: [moments[j], moments[j + 1]], outer }
             })
             .collect();
         let measured =
             measure_intervals(viewer, self.scales, &intervals, &[between]).map_err(ChooseError::View)?;
         let squares: Vec<f64> = measured.squares.iter().map(|squares| squares[0]).collect();
-        Ok(Checked::from_squares(&squares, count == all, measured.frames))
+        Ok(ChoiceCheck::from_squares(&squares, count == all, measured.frames))
     }
 }
 
 /// Index of the draws of places. Those of the check are next to it.
-const CHOICE: Cell = Cell { x: 0, y: 0, level: 0, index: 1 };
+const CHOICE: SeedCell = SeedCell { x: 0, y: 0, level: 0, index: 1 };
 
-fn cost_of_frame(between: Between) -> f64 {
-    if between == Between::Hermite { RATED_COST } else { 1.0 }
+fn cost_of_frame(between: BetweenFrames) -> f64 {
+    if between == BetweenFrames::Hermite { RATED_COST } else { 1.0 }
 }
 
 /// The result of a check.
-struct Checked {
+struct ChoiceCheck {
     rms: f64,
     /// Upper bound, with 95 % confidence, of the error over all intervals.
     bound: f64,
@@ -285,7 +288,7 @@ struct Checked {
     frames: usize,
 }
 
-impl Checked {
+impl ChoiceCheck {
     /// The bound from squared errors. If `all` intervals were measured, there is no uncertainty.
     fn from_squares(squares: &[f64], all: bool, frames: usize) -> Self {
         let n = squares.len() as f64;
@@ -303,8 +306,8 @@ mod tests {
     use crate::image::Size;
 
     const SIZE: Size = Size { width: 16, height: 8 };
-    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
-    const SCALE: Scale = Scale { front_end: 0, k2: K2, thresholds: 5.0 };
+    const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
+    const SCALE: SensorScale = SensorScale { front_end: 0, k2: K2, thresholds: 5.0 };
     /// Amplitude of the planted waves, and radians per px of motion.
     const A: f64 = 0.5;
     const K: f64 = 0.2;
@@ -317,14 +320,14 @@ mod tests {
         (4.0 + A * libm::sin(phase), A * K * PX_S * libm::cos(phase))
     }
 
-    fn flow() -> Flow {
-        Flow::planted(vec![PX_S; 100], 500_000)
+    fn flow() -> PathFlow {
+        PathFlow::planted(vec![PX_S; 100], 500_000)
     }
 
-    fn question<'a>(rms: f64, flow: &'a Flow, between: &'a [Between]) -> Question<'a> {
-        let tolerance = Tolerance { rms, between: None };
+    fn question<'a>(rms: f64, flow: &'a PathFlow, between: &'a [BetweenFrames]) -> ChoiceQuestion<'a> {
+        let tolerance = ErrorTolerance { rms, between: None };
         let advice = "; try something else";
-        Question { tolerance, flow, intervals: 400, scales: &[SCALE], between, seed: Seed(7), advice }
+        ChoiceQuestion { tolerance, flow, intervals: 400, scales: &[SCALE], between, seed: Seed(7), advice }
     }
 
     /// At the middle of a step of `h` px, the chord of a sine misses `1 - cos(K h / 2)` of it. Over
@@ -354,10 +357,10 @@ mod tests {
         let flow = flow();
         let question = question(0.003, &flow, &ALL);
         let (chosen, _) = question.answer(&mut Planted::new(SIZE, waves)).unwrap();
-        let cost = |c: &Candidate| c.frames.unwrap() as f64 * cost_of_frame(c.between);
+        let cost = |c: &BetweenCandidate| c.frames.unwrap() as f64 * cost_of_frame(c.between);
         let least = chosen.candidates.iter().map(cost).fold(f64::INFINITY, f64::min);
         let own = chosen.candidates.iter().find(|c| c.between == chosen.between).unwrap();
-        assert!((cost(own) - least).abs() < 1e-9 && chosen.between == Between::Hermite, "{chosen:?}");
+        assert!((cost(own) - least).abs() < 1e-9 && chosen.between == BetweenFrames::Hermite, "{chosen:?}");
         assert!(chosen.bound_95 <= 0.003 && chosen.candidates.len() == 3);
         // Orders of the three methods on a smooth signal.
         for (candidate, order) in chosen.candidates.iter().zip([2.0, 4.0, 4.0]) {
@@ -409,22 +412,22 @@ mod tests {
 
     #[test]
     fn a_picture_that_stands_still_needs_the_fewest_frames() {
-        let still = Flow::planted(vec![0.0; 64], 90_000);
+        let still = PathFlow::planted(vec![0.0; 64], 90_000);
         let question = question(0.001, &still, &ALL);
         let mut viewer = Planted::new(SIZE, |i, _| (4.0 + 0.01 * i as f64, 0.0));
         let (chosen, moments) = question.answer(&mut viewer).unwrap();
-        assert_eq!((chosen.between, moments.len()), (Between::Linear, 9));
+        assert_eq!((chosen.between, moments.len()), (BetweenFrames::Linear, 9));
         assert!(chosen.achieved < 1e-5);
     }
 
     #[test]
     fn the_bound_is_students() {
         let squares: Vec<f64> = (0..12).map(|k| 1.0 + 0.1 * f64::from(k)).collect();
-        let checked = Checked::from_squares(&squares, false, 0);
+        let checked = ChoiceCheck::from_squares(&squares, false, 0);
         // Mean 1.55, variance 0.13: 1.55 + 1.795885 sqrt(0.13 / 12).
         assert!((checked.rms - 1.55_f64.sqrt()).abs() < 1e-12);
         assert!((checked.bound * checked.bound - 1.736_922).abs() < 1e-6, "{}", checked.bound);
-        let all = Checked::from_squares(&squares, true, 0);
+        let all = ChoiceCheck::from_squares(&squares, true, 0);
         assert!((all.bound - all.rms).abs() < 1e-15);
     }
 }

@@ -4,29 +4,31 @@
 //! the dense frames around a pose. If the image moves by more than a pixel per step, sub-frames are
 //! added: a mean of frames that are ten pixels apart is a row of ghosts, not blur.
 
-use super::path::Path;
+use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::image::Image;
-use crate::image::light::Light;
-use crate::render::{Channels, RenderError, Rendered, Renderer, Velocity, View, Work};
+use crate::image::light::LinearLightSum;
+use crate::render::{
+    CameraVelocity, CameraView, ChannelSet, RenderError, RenderWork, RenderedImages, Renderer,
+};
 use crate::se3::Se3;
-use crate::se3::rotation_spline::Unsettled;
+use crate::se3::rotation_spline::SplineDiverged;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of blurred frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Shutter {
+pub struct ShutterSettings {
     /// Dense frames per exposure. The number is odd, so that one is in the middle. Exposures follow
     /// one another without a gap.
     pub frames: u32,
     /// Number of sub-frames.
-    pub subframes: Subframes,
+    pub subframes: SubframeRule,
 }
 
 /// The number of sub-frames per dense frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Subframes {
+pub enum SubframeRule {
     /// As many as keep the largest motion between two of them at a pixel.
     Auto,
     /// None: the dense frames alone.
@@ -46,7 +48,7 @@ const SAME: f64 = 1e-9;
 /// Record of a blurred frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Exposure {
+pub struct ExposureRecord {
     /// Index of the pose in the middle.
     pub pose: usize,
     /// Opening time of the shutter.
@@ -60,7 +62,7 @@ pub struct Exposure {
     pub step_px: Option<f32>,
 }
 
-impl Exposure {
+impl ExposureRecord {
     /// The pose and the times of the shutter.
     #[must_use]
     pub fn times(&self) -> (usize, [i64; 2]) {
@@ -124,7 +126,7 @@ pub struct TooShort {
 
 /// A warning for sub-frames that are so far apart that edges appear separately.
 #[must_use]
-pub fn ghost_warning(exposures: &[Exposure]) -> Option<String> {
+pub fn ghost_warning(exposures: &[ExposureRecord]) -> Option<String> {
     let apart: Vec<(f32, usize)> =
         exposures.iter().filter_map(|e| Some((e.step_px?, e.pose))).filter(|(px, _)| *px > 1.0).collect();
     let (px, pose) = apart.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -138,9 +140,9 @@ pub fn ghost_warning(exposures: &[Exposure]) -> Option<String> {
 
 /// A blurred frame.
 #[derive(Debug, Clone)]
-pub struct Exposed {
+pub struct ExposedFrame {
     /// The record of its exposure.
-    pub exposure: Exposure,
+    pub exposure: ExposureRecord,
     /// The mean of its sub-frames, display-encoded, 0..1.
     pub picture: Image<[f32; 3]>,
 }
@@ -158,7 +160,7 @@ pub enum ExposeError {
 
 /// The camera of an exposure and its motion.
 #[derive(Debug)]
-pub struct Course<'a> {
+pub struct ExposureCourse<'a> {
     /// The camera.
     pub camera: Camera,
     /// Its pose at each dense frame.
@@ -168,17 +170,17 @@ pub struct Course<'a> {
 }
 
 /// Exposes the blurred frames of a course one after another.
-pub struct Exposer<'a> {
+pub struct FrameExposer<'a> {
     renderer: &'a mut dyn Renderer,
-    course: Course<'a>,
-    path: Path,
-    shutter: Shutter,
-    rendered: Rendered,
+    course: ExposureCourse<'a>,
+    path: SampledPath,
+    shutter: ShutterSettings,
+    rendered: RenderedImages,
     /// The work of the renderer so far.
-    pub work: Work,
+    pub work: RenderWork,
 }
 
-impl std::fmt::Debug for Exposer<'_> {
+impl std::fmt::Debug for FrameExposer<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Exposer")
             .field("renderer", &self.renderer.fingerprint())
@@ -188,7 +190,7 @@ impl std::fmt::Debug for Exposer<'_> {
     }
 }
 
-impl<'a> Exposer<'a> {
+impl<'a> FrameExposer<'a> {
     /// Prepares the exposure of a course as seen by a renderer.
     ///
     /// # Errors
@@ -198,35 +200,42 @@ impl<'a> Exposer<'a> {
     /// There are fewer than two poses, or there is not one strictly increasing time per pose.
     pub fn new(
         renderer: &'a mut dyn Renderer,
-        course: Course<'a>,
-        shutter: Shutter,
-    ) -> Result<Self, Unsettled> {
-        let path = Path::through_poses(course.poses, course.seconds.to_vec())?;
-        Ok(Self { renderer, course, path, shutter, rendered: Rendered::default(), work: Work::default() })
+        course: ExposureCourse<'a>,
+        shutter: ShutterSettings,
+    ) -> Result<Self, SplineDiverged> {
+        let path = SampledPath::through_poses(course.poses, course.seconds.to_vec())?;
+        Ok(Self {
+            renderer,
+            course,
+            path,
+            shutter,
+            rendered: RenderedImages::default(),
+            work: RenderWork::default(),
+        })
     }
 
     /// Exposes the frame around one of [`exposure_centres`], while `go_on` returns true.
     ///
     /// # Errors
     /// The renderer fails, or `go_on` returns false.
-    pub fn expose(&mut self, pose: usize, go_on: &dyn Fn() -> bool) -> Result<Exposed, ExposeError> {
+    pub fn expose(&mut self, pose: usize, go_on: &dyn Fn() -> bool) -> Result<ExposedFrame, ExposeError> {
         let [start, end] = self.open(pose);
         let frames = self.shutter.frames;
-        let mut light = Light::empty_sum(self.course.camera.size);
-        let sees_motion = self.shutter.subframes == Subframes::Auto;
-        let dense: Vec<Moment> = (0..frames).map(|k| self.moment(pose, k, 1)).collect();
+        let mut light = LinearLightSum::empty_sum(self.course.camera.size);
+        let sees_motion = self.shutter.subframes == SubframeRule::Auto;
+        let dense: Vec<SubframeTime> = (0..frames).map(|k| self.moment(pose, k, 1)).collect();
         let fastest = self.add(&dense, sees_motion, &mut light, go_on)?;
         let moved = f64::from(fastest) * (end - start) / f64::from(frames);
         let subframes = subframe_count(moved);
         // Each dense frame is in the middle of its sub-frames, because their number is odd.
         let between = (0..frames * subframes).filter(|k| k % subframes != subframes / 2);
-        let between: Vec<Moment> = between.map(|k| self.moment(pose, k, subframes)).collect();
+        let between: Vec<SubframeTime> = between.map(|k| self.moment(pose, k, subframes)).collect();
         self.add(&between, false, &mut light, go_on)?;
         #[expect(clippy::cast_possible_truncation, reason = "pixels, told with a few digits")]
         let step_px = sees_motion.then_some((moved / f64::from(subframes)) as f32);
         let [start_us, end_us] = open_us(self.course.seconds, pose, frames);
-        let exposure = Exposure { pose, start_us, end_us, subframes, step_px };
-        Ok(Exposed { exposure, picture: light.mean() })
+        let exposure = ExposureRecord { pose, start_us, end_us, subframes, step_px };
+        Ok(ExposedFrame { exposure, picture: light.mean() })
     }
 
     fn open(&self, pose: usize) -> [f64; 2] {
@@ -234,36 +243,41 @@ impl<'a> Exposer<'a> {
     }
 
     /// Time of the `k`-th sub-frame of an exposure, at `subframes` per dense frame.
-    fn moment(&self, pose: usize, k: u32, subframes: u32) -> Moment {
+    fn moment(&self, pose: usize, k: u32, subframes: u32) -> SubframeTime {
         let first = pose - self.shutter.frames as usize / 2;
         let frame = first + (k / subframes) as usize;
-        if self.shutter.subframes == Subframes::Literal {
-            return Moment::Pose(frame);
+        if self.shutter.subframes == SubframeRule::Literal {
+            return SubframeTime::Pose(frame);
         }
         let [start, end] = self.open(pose);
         let all = f64::from(self.shutter.frames * subframes);
         let at = start + (f64::from(k) + 0.5) / all * (end - start);
-        if (self.course.seconds[frame] - at).abs() < SAME { Moment::Pose(frame) } else { Moment::Between(at) }
+        if (self.course.seconds[frame] - at).abs() < SAME {
+            SubframeTime::Pose(frame)
+        } else {
+            SubframeTime::Between(at)
+        }
     }
 
     /// Adds the pictures at these moments. Returns the largest flow there, px/s, or 0 if it is not
     /// requested.
     fn add(
         &mut self,
-        moments: &[Moment],
+        moments: &[SubframeTime],
         sees_motion: bool,
-        light: &mut Light,
+        light: &mut LinearLightSum,
         go_on: &dyn Fn() -> bool,
     ) -> Result<f32, ExposeError> {
-        let (poses, velocities): (Vec<Se3>, Vec<Velocity>) = moments.iter().map(|m| self.at(*m)).unzip();
+        let (poses, velocities): (Vec<Se3>, Vec<CameraVelocity>) =
+            moments.iter().map(|m| self.at(*m)).unzip();
         self.renderer.keep_to(&self.course.camera, &poses);
-        let want = Channels { rgb: true, flow: sees_motion, ..Channels::default() };
+        let want = ChannelSet { rgb: true, flow: sees_motion, ..ChannelSet::default() };
         let mut fastest = 0.0_f32;
         for (world_from_camera, velocity) in poses.into_iter().zip(velocities) {
             if !go_on() {
                 return Err(ExposeError::Interrupted);
             }
-            let view = View { camera: self.course.camera, world_from_camera, velocity };
+            let view = CameraView { camera: self.course.camera, world_from_camera, velocity };
             self.work += self.renderer.render(&view, want, &mut self.rendered)?;
             light.add(self.rendered.rgb.as_ref().expect("colour was asked for"));
             let flow = self.rendered.flow.iter().flat_map(Image::pixels);
@@ -274,18 +288,18 @@ impl<'a> Exposer<'a> {
     }
 
     /// The camera's pose and motion.
-    fn at(&self, moment: Moment) -> (Se3, Velocity) {
+    fn at(&self, moment: SubframeTime) -> (Se3, CameraVelocity) {
         let seconds = self.course.seconds;
         match moment {
-            Moment::Pose(j) => (self.course.poses[j], self.path.at(seconds[j] - seconds[0]).1),
-            Moment::Between(at) => self.path.at(at - seconds[0]),
+            SubframeTime::Pose(j) => (self.course.poses[j], self.path.at(seconds[j] - seconds[0]).1),
+            SubframeTime::Between(at) => self.path.at(at - seconds[0]),
         }
     }
 }
 
 /// The time of a sub-frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Moment {
+enum SubframeTime {
     /// At a pose.
     Pose(usize),
     /// At this time, s.
@@ -325,7 +339,12 @@ mod tests {
         }
 
         #[expect(clippy::cast_possible_truncation, reason = "colours have 32 bits")]
-        fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+        fn render(
+            &mut self,
+            view: &CameraView,
+            want: ChannelSet,
+            out: &mut RenderedImages,
+        ) -> Result<RenderWork, RenderError> {
             assert!(self.promised.contains(&view.world_from_camera), "it was promised to be seen from here");
             let x = view.world_from_camera.translation.x;
             self.seen.push(x);
@@ -337,7 +356,7 @@ mod tests {
                 flow
             };
             out.flow = want.flow.then(flow);
-            Ok(Work { gaussians: 1, ..Work::default() })
+            Ok(RenderWork { gaussians: 1, ..RenderWork::default() })
         }
     }
 
@@ -348,17 +367,17 @@ mod tests {
         (seconds.iter().map(at).collect(), seconds)
     }
 
-    fn exposed(px_s: f32, shutter: Shutter) -> (Exposed, Dawn, Work) {
+    fn exposed(px_s: f32, shutter: ShutterSettings) -> (ExposedFrame, Dawn, RenderWork) {
         let (poses, seconds) = walk(40);
         let mut dawn = Dawn { light: 2.0, px_s, seen: Vec::new(), promised: Vec::new() };
-        let course = Course { camera: CAMERA, poses: &poses, seconds: &seconds };
-        let mut exposer = Exposer::new(&mut dawn, course, shutter).unwrap();
+        let course = ExposureCourse { camera: CAMERA, poses: &poses, seconds: &seconds };
+        let mut exposer = FrameExposer::new(&mut dawn, course, shutter).unwrap();
         let exposed = exposer.expose(20, &|| true).unwrap();
         let work = exposer.work;
         (exposed, dawn, work)
     }
 
-    const SEVEN: Shutter = Shutter { frames: 7, subframes: Subframes::Auto };
+    const SEVEN: ShutterSettings = ShutterSettings { frames: 7, subframes: SubframeRule::Auto };
 
     /// A case like the paper's: 150 poses and 15 frames. The first centre is 8, then every 15th.
     #[test]
@@ -381,7 +400,7 @@ mod tests {
         for (px_s, subframes, step_px) in
             [(0.0, 1, 0.0), (99.0, 1, 0.99), (101.0, 3, 1.01 / 3.0), (640.0, 7, 6.4 / 7.0)]
         {
-            let (Exposed { exposure, picture }, dawn, work) = exposed(px_s, SEVEN);
+            let (ExposedFrame { exposure, picture }, dawn, work) = exposed(px_s, SEVEN);
             assert_eq!((exposure.pose, exposure.start_us, exposure.end_us), (20, 165_000, 235_000));
             assert_eq!(exposure.subframes, subframes, "{px_s} px/s");
             assert!((exposure.step_px.unwrap() - step_px).abs() < 1e-4, "{exposure:?}");
@@ -405,12 +424,13 @@ mod tests {
     fn dense_frames_are_seen_from_the_very_poses() {
         let (poses, _) = walk(40);
         for (px_s, subframes) in
-            [(0.0, Subframes::Auto), (640.0, Subframes::Auto), (640.0, Subframes::Literal)]
+            [(0.0, SubframeRule::Auto), (640.0, SubframeRule::Auto), (640.0, SubframeRule::Literal)]
         {
-            let (Exposed { exposure, .. }, dawn, _) = exposed(px_s, Shutter { subframes, ..SEVEN });
+            let (ExposedFrame { exposure, .. }, dawn, _) =
+                exposed(px_s, ShutterSettings { subframes, ..SEVEN });
             let wanted: Vec<f64> = poses[17..24].iter().map(|pose| pose.translation.x).collect();
             assert_eq!(dawn.seen[..7], wanted);
-            if subframes == Subframes::Literal {
+            if subframes == SubframeRule::Literal {
                 assert_eq!((dawn.seen.len(), exposure.subframes, exposure.step_px), (7, 1, None));
             }
         }
@@ -418,9 +438,9 @@ mod tests {
 
     #[test]
     fn motion_beyond_what_is_rendered_is_told() {
-        let (Exposed { exposure, .. }, ..) = exposed(5000.0, SEVEN);
+        let (ExposedFrame { exposure, .. }, ..) = exposed(5000.0, SEVEN);
         assert_eq!(exposure.subframes, MOST);
-        let told = ghost_warning(&[exposure, Exposure { step_px: Some(0.5), ..exposure }]).unwrap();
+        let told = ghost_warning(&[exposure, ExposureRecord { step_px: Some(0.5), ..exposure }]).unwrap();
         assert!(
             told.starts_with("1 of 2 blurred frames")
                 && told.contains("at pose 20 some pixel moves by 1.5 px"),
@@ -428,8 +448,8 @@ mod tests {
         );
         assert_eq!(
             ghost_warning(&[
-                Exposure { step_px: Some(1.0), ..exposure },
-                Exposure { step_px: None, ..exposure }
+                ExposureRecord { step_px: Some(1.0), ..exposure },
+                ExposureRecord { step_px: None, ..exposure }
             ]),
             None
         );
@@ -439,8 +459,8 @@ mod tests {
     fn a_shutter_can_be_closed_early() {
         let (poses, seconds) = walk(40);
         let mut dawn = Dawn { light: 1.0, px_s: 0.0, seen: Vec::new(), promised: Vec::new() };
-        let course = Course { camera: CAMERA, poses: &poses, seconds: &seconds };
-        let mut exposer = Exposer::new(&mut dawn, course, SEVEN).unwrap();
+        let course = ExposureCourse { camera: CAMERA, poses: &poses, seconds: &seconds };
+        let mut exposer = FrameExposer::new(&mut dawn, course, SEVEN).unwrap();
         assert!(matches!(exposer.expose(20, &|| false), Err(ExposeError::Interrupted)));
     }
 }

@@ -4,11 +4,11 @@
 //! its start. Depth is rendered at some places. The flow between them follows from the depth and
 //! from the camera's motion at each moment, so a burst of motion between two places is noticed.
 
-use super::path::Path;
+use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::render::flow::{flow_rates, nearest_ranks};
-use crate::render::{Channels, RenderError, Rendered, Renderer, View};
+use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use rayon::prelude::*;
 
 /// Number of parts of a path, each with one flow: as many as steps between its poses, within these
@@ -28,20 +28,20 @@ const FEWEST: i64 = 8;
 
 /// The flow along a path.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Flow {
+pub struct PathFlow {
     /// The highest flow in each of equal parts, px/s.
     px_s: Vec<f64>,
     end_us: i64,
 }
 
-impl Flow {
+impl PathFlow {
     /// Measures the flow seen by `camera` along a path with `intervals` steps between its poses
     /// that ends at `end_us`. Any promise of poses to the renderer is replaced.
     ///
     /// # Errors
     /// A place cannot be rendered.
     pub fn measure_path(
-        path: &Path,
+        path: &SampledPath,
         (intervals, end_us): (usize, i64),
         camera: Camera,
         renderer: &mut dyn Renderer,
@@ -57,10 +57,10 @@ impl Flow {
         let time = |share: f64| share * path.seconds();
         let place = |k: usize| k as f64 / (places - 1) as f64;
         renderer.keep_to(&small, &[]);
-        let (mut rendered, mut depths) = (Rendered::default(), Vec::with_capacity(places));
+        let (mut rendered, mut depths) = (RenderedImages::default(), Vec::with_capacity(places));
         for k in 0..places {
-            let want = Channels { depth: true, ..Channels::default() };
-            renderer.render(&View::at_rest(small, path.at(time(place(k))).0), want, &mut rendered)?;
+            let want = ChannelSet { depth: true, ..ChannelSet::default() };
+            renderer.render(&CameraView::at_rest(small, path.at(time(place(k))).0), want, &mut rendered)?;
             depths.push(rendered.depth.take().expect("depth was asked for"));
         }
         // At both ends and in the middle of each part.
@@ -69,7 +69,7 @@ impl Flow {
             .map(|m| {
                 let share = m as f64 / (2 * parts) as f64;
                 let (world_from_camera, velocity) = path.at(time(share));
-                let view = View { camera: small, world_from_camera, velocity };
+                let view = CameraView { camera: small, world_from_camera, velocity };
                 let nearest = ((m * (places - 1)) / (2 * parts)).min(places - 2);
                 pixels * quickest_flow(&depths[nearest..=nearest + 1], &view)
             })
@@ -189,7 +189,7 @@ impl Flow {
 
 /// The flow of a moving camera, px/s of its own pixels, from the depth images of the places before
 /// and after: the higher of both.
-fn quickest_flow(depths: &[Image<f32>], view: &View) -> f64 {
+fn quickest_flow(depths: &[Image<f32>], view: &CameraView) -> f64 {
     let of = |depth: &Image<f32>| {
         let flow = flow_rates(depth, view);
         let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
@@ -203,8 +203,8 @@ mod tests {
     use super::*;
 
     /// 1 s: slow, then eight times as fast.
-    fn uneven() -> Flow {
-        Flow::planted((0..100).map(|part| if part < 50 { 100.0 } else { 800.0 }).collect(), 1_000_000)
+    fn uneven() -> PathFlow {
+        PathFlow::planted((0..100).map(|part| if part < 50 { 100.0 } else { 800.0 }).collect(), 1_000_000)
     }
 
     #[test]
@@ -226,10 +226,10 @@ mod tests {
 
     #[test]
     fn steps_have_their_bounds() {
-        let still = Flow::planted(vec![0.0; 64], 90_000);
+        let still = PathFlow::planted(vec![0.0; 64], 90_000);
         assert_eq!(still.steps(0.5).len(), 9);
         assert!(still.total_px().abs() < 1e-12);
-        let racing = Flow::planted(vec![1e9; 64], 1000);
+        let racing = PathFlow::planted(vec![1e9; 64], 1000);
         let steps = racing.steps(0.1);
         assert!(steps.windows(2).all(|pair| pair[1] - pair[0] >= 10), "{steps:?}");
         assert!((50..=52).contains(&steps.len()), "{}", steps.len());

@@ -2,13 +2,13 @@
 //! effect.
 
 use crate::image::Image;
-use crate::sensor::Account;
-use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::SimulationAccount;
+use crate::sensor::voltmeter::VoltmeterModel;
 use serde::Serialize;
 
 /// The noise of a pixel between two events.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Jitter {
+pub struct IntervalNoise {
     /// Mean time between the events of a pixel that has any, us.
     pub interval_us: f64,
     /// Standard deviation of the noise over this time, thresholds.
@@ -17,12 +17,12 @@ pub struct Jitter {
     pub us: f64,
 }
 
-impl Jitter {
+impl IntervalNoise {
     /// The jitter of a noisy sensor with a stream of this duration, event count and pixel count:
     /// `sigma sqrt(Ti) / Th`, with sigma at this grey. `None` without events.
     #[must_use]
     pub fn for_sensor(
-        sensor: &Voltmeter,
+        sensor: &VoltmeterModel,
         grey: f64,
         [events, active_pixels]: [u64; 2],
         seconds: f64,
@@ -45,14 +45,14 @@ impl Jitter {
 #[must_use]
 pub fn lost_in_noise(
     tolerance: f64,
-    sensor: &Voltmeter,
+    sensor: &VoltmeterModel,
     first: &Image<f32>,
-    account: &Account,
+    account: &SimulationAccount,
     duration_us: i64,
 ) -> Option<String> {
     let grey = first.pixels().iter().map(|l| f64::from(*l)).sum::<f64>() / first.pixels().len() as f64;
     let counts = [account.events, account.active_pixels];
-    let jitter = Jitter::for_sensor(sensor, grey, counts, duration_us as f64 * 1e-6)?;
+    let jitter = IntervalNoise::for_sensor(sensor, grey, counts, duration_us as f64 * 1e-6)?;
     (tolerance < jitter.rms_th).then(|| {
         format!(
             "sampling.tolerance {tolerance} is below the sensor's own jitter of {:.2e} thresholds, {:.1} us: its noise hides \
@@ -66,28 +66,28 @@ pub fn lost_in_noise(
 mod tests {
     use super::*;
     use crate::image::Size;
-    use crate::sensor::voltmeter::Preset;
+    use crate::sensor::voltmeter::VoltmeterPreset;
 
     #[test]
     fn jitter_is_the_noise_over_the_time_between_events() {
         // dvs346, 10 ms between events: 1.8e-3 thresholds, which is 17.6 us.
-        let sensor = Voltmeter::new(Preset::Dvs346.k());
-        let jitter = Jitter::for_sensor(&sensor, 100.0, [100, 1], 1.0).unwrap();
+        let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
+        let jitter = IntervalNoise::for_sensor(&sensor, 100.0, [100, 1], 1.0).unwrap();
         assert!((jitter.interval_us - 1e4).abs() < 1e-6);
         assert!((1.5e-3..2.2e-3).contains(&jitter.rms_th), "{jitter:?}");
         assert!((jitter.us / 1e4 - jitter.rms_th).abs() < 1e-12);
-        assert_eq!(Jitter::for_sensor(&sensor, 100.0, [0, 0], 1.0), None);
+        assert_eq!(IntervalNoise::for_sensor(&sensor, 100.0, [0, 0], 1.0), None);
     }
 
     #[test]
     fn a_tolerance_below_the_jitter_is_told() {
-        let sensor = Voltmeter::new(Preset::Dvs346.k());
+        let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
         let grey = Image::filled(Size { width: 2, height: 1 }, 100.0);
-        let account = Account { events: 100, active_pixels: 1, ..Account::default() };
+        let account = SimulationAccount { events: 100, active_pixels: 1, ..SimulationAccount::default() };
         let told = |tolerance| lost_in_noise(tolerance, &sensor, &grey, &account, 1_000_000);
         assert_eq!(told(0.03), None);
         assert!(told(0.001).unwrap().contains("below the sensor's own jitter"));
-        let quiet = Voltmeter::new([5.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
+        let quiet = VoltmeterModel::new([5.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(lost_in_noise(1e-9, &quiet, &grey, &account, 1_000_000), None);
     }
 }

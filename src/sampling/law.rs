@@ -18,7 +18,7 @@ const NARROWINGS: u32 = 50;
 /// Constants of the law. For errors that are all 0, it is the law without error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Law {
+pub struct ErrorLaw {
     /// Error of a step of one unit without jumps; at least 0.
     pub c: f64,
     /// Order, 1 to 4.
@@ -27,7 +27,7 @@ pub struct Law {
     pub jumps: f64,
 }
 
-impl Law {
+impl ErrorLaw {
     /// The law through points `(step, error)` with the least sum of squared relative deviations of
     /// the squared error. `None` for fewer than three points, which do not determine the constants;
     /// if a step is not above 0; or if some errors are 0 and others not.
@@ -149,7 +149,7 @@ mod tests {
         let steps = [9.0, 3.0, 1.0, 1.0 / 3.0, 1.0 / 9.0];
         for (c, p, jumps) in [(0.02, 2.0, 1e-4), (0.001, 3.3, 0.0), (0.4, 1.0, 1e-3), (1e-4, 4.0, 1e-6)] {
             let points = planted(c, p, jumps, &steps);
-            let found = Law::fit_points(&points).unwrap();
+            let found = ErrorLaw::fit_points(&points).unwrap();
             for (h, e) in points {
                 // The order is known to 1e-9, and to the root of the rounding of the squares.
                 assert!((found.error(h) / e - 1.0).abs() < 1e-6, "{found:?} {c} {p} {jumps}");
@@ -162,36 +162,36 @@ mod tests {
     #[test]
     fn constants_stay_in_their_range() {
         // Faster than the fourth order: jumps must not become negative to compensate for it.
-        let fast = Law::fit_points(&planted(1.0, 6.0, 0.0, &[1.0, 0.5, 0.25])).unwrap();
+        let fast = ErrorLaw::fit_points(&planted(1.0, 6.0, 0.0, &[1.0, 0.5, 0.25])).unwrap();
         assert!(fast.jumps >= 0.0 && fast.p <= 4.0 && fast.c >= 0.0, "{fast:?}");
         // Errors that do not shrink with the step have no order: they are attributed to jumps.
-        let flat = Law::fit_points(&[(1.0, 1.0), (0.5, 1.0), (0.25, 1.0)]).unwrap();
+        let flat = ErrorLaw::fit_points(&[(1.0, 1.0), (0.5, 1.0), (0.25, 1.0)]).unwrap();
         assert!(flat.c.abs() < 1e-12 && flat.jumps > 0.5, "{flat:?}");
-        let none = Law::fit_points(&[(1.0, 0.0), (0.5, 0.0), (0.25, 0.0)]).unwrap();
+        let none = ErrorLaw::fit_points(&[(1.0, 0.0), (0.5, 0.0), (0.25, 0.0)]).unwrap();
         assert_eq!((none.error(7.0), none.share_of_jumps(7.0)), (0.0, 0.0));
     }
 
     #[test]
     fn too_little_is_no_law() {
-        assert_eq!(Law::fit_points(&[(1.0, 1.0), (0.5, 0.5)]), None);
-        assert_eq!(Law::fit_points(&[(1.0, 1.0), (0.5, 0.5), (0.25, 0.0)]), None);
-        assert_eq!(Law::fit_points(&[(1.0, 1.0), (0.5, 0.5), (0.0, 0.2)]), None);
+        assert_eq!(ErrorLaw::fit_points(&[(1.0, 1.0), (0.5, 0.5)]), None);
+        assert_eq!(ErrorLaw::fit_points(&[(1.0, 1.0), (0.5, 0.5), (0.25, 0.0)]), None);
+        assert_eq!(ErrorLaw::fit_points(&[(1.0, 1.0), (0.5, 0.5), (0.0, 0.2)]), None);
     }
 
     /// Twenty intervals of a path contain a jump of 1, and the middle misses half of it.
     #[test]
     fn jumps_are_of_order_one_half() {
         let rms = |intervals: f64| (0.25 * 20.0 / intervals).sqrt();
-        let law = Law::fit_points(&[1000.0, 2000.0, 4000.0].map(|n| (1.0 / n, rms(n)))).unwrap();
+        let law = ErrorLaw::fit_points(&[1000.0, 2000.0, 4000.0].map(|n| (1.0 / n, rms(n)))).unwrap();
         assert!((law.jumps - 5.0).abs() < 1e-9 && law.c.abs() < 1e-6, "{law:?}");
         assert!((law.order(1e-3) - 0.5).abs() < 1e-6 && (law.share_of_jumps(1e-3) - 1.0).abs() < 1e-6);
-        let smooth = Law { c: 1.0, p: 3.0, jumps: 0.0 };
+        let smooth = ErrorLaw { c: 1.0, p: 3.0, jumps: 0.0 };
         assert!((smooth.order(0.1) - 3.0).abs() < 1e-12);
     }
 
     #[test]
     fn the_step_for_an_error_is_the_largest() {
-        let law = Law { c: 0.02, p: 2.0, jumps: 1e-4 };
+        let law = ErrorLaw { c: 0.02, p: 2.0, jumps: 1e-4 };
         let step = law.step(0.03, [0.1, 9.0]).unwrap();
         assert!((law.error(step) - 0.03).abs() < 1e-12 && law.error(step * 1.0001) > 0.03);
         assert_eq!(law.step(1e-4, [0.1, 9.0]), None);

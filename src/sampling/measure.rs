@@ -1,14 +1,14 @@
 //! Difference between interpolated and rendered brightness between two frames, in thresholds.
 
-use super::between::{Knot, interpolated_value};
-use crate::frames::Frame;
-use crate::sensor::voltmeter::{Between, Voltmeter};
+use super::between::{BetweenKnot, interpolated_value};
+use crate::frames::DenseFrame;
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// The properties of a sensor that matter for brightness between frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
+pub struct SensorScale {
     /// Index of its front end in the viewer.
     pub front_end: usize,
     /// Offset of the logarithm, in grey.
@@ -17,17 +17,17 @@ pub struct Scale {
     pub thresholds: f64,
 }
 
-impl Scale {
+impl SensorScale {
     /// The scale of a sensor behind the front end of this index.
     #[must_use]
-    pub fn for_sensor(sensor: &Voltmeter, front_end: usize) -> Self {
+    pub fn for_sensor(sensor: &VoltmeterModel, front_end: usize) -> Self {
         let [k1, k2, ..] = sensor.k;
         Self { front_end, k2, thresholds: k1 / sensor.threshold_on.min(sensor.threshold_off) }
     }
 }
 
 /// Renders frames at any moment of a path.
-pub trait Viewer {
+pub trait PathViewer {
     /// The error of a frame.
     type Error;
 
@@ -40,43 +40,43 @@ pub trait Viewer {
         &mut self,
         moments_us: &[i64],
         rated: bool,
-        look: &mut dyn FnMut(&[Frame]),
+        look: &mut dyn FnMut(&[DenseFrame]),
     ) -> Result<(), Self::Error>;
 }
 
 /// Two neighbouring frames, a moment between them that is rendered for comparison, and the frames
 /// beyond, if there are any; us.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Interval {
+pub struct SampledInterval {
     /// The two frames.
     pub ends: [i64; 2],
     /// The frames before and after.
     pub outer: [Option<i64>; 2],
 }
 
-impl Interval {
+impl SampledInterval {
     /// The moment of comparison.
     fn middle(&self) -> i64 {
         i64::midpoint(self.ends[0], self.ends[1])
     }
 
-    fn moments(&self, between: &[Between]) -> impl Iterator<Item = i64> {
-        let outer = if between.contains(&Between::Catmull) { self.outer } else { [None; 2] };
+    fn moments(&self, between: &[BetweenFrames]) -> impl Iterator<Item = i64> {
+        let outer = if between.contains(&BetweenFrames::Catmull) { self.outer } else { [None; 2] };
         let [from, to] = self.ends;
         [Some(from), Some(to), Some(self.middle())].into_iter().chain(outer).flatten()
     }
 }
 
 /// `V` of a frame and its slope for one sensor. 32 bits give them to 3e-7, far below any threshold.
-struct Seen {
+struct SampledVoltage {
     seconds: f64,
     v: Vec<f32>,
     slope: Vec<f32>,
 }
 
-impl Seen {
+impl SampledVoltage {
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-    fn new(frame: &Frame, k2: f64) -> Self {
+    fn new(frame: &DenseFrame, k2: f64) -> Self {
         let luminance = frame.luminance.pixels();
         let level = |l: &f32| f64::from(l.max(0.0)) + k2;
         let v = luminance.par_iter().map(|l| libm::log(level(l)) as f32).collect();
@@ -90,15 +90,15 @@ impl Seen {
         Self { seconds: frame.t.seconds(), v, slope }
     }
 
-    fn knot(&self, i: usize) -> Knot {
+    fn knot(&self, i: usize) -> BetweenKnot {
         let slope = self.slope.get(i).copied().unwrap_or(0.0);
-        Knot { seconds: self.seconds, v: f64::from(self.v[i]), slope: f64::from(slope) }
+        BetweenKnot { seconds: self.seconds, v: f64::from(self.v[i]), slope: f64::from(slope) }
     }
 }
 
 /// The measurement of some intervals.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Measured {
+pub struct MeasuredIntervals {
     /// The mean over pixels of the squared error at the middle, thresholds squared, by interval and
     /// method. For several sensors, the largest.
     pub squares: Vec<Vec<f64>>,
@@ -111,12 +111,12 @@ pub struct Measured {
 ///
 /// # Errors
 /// A frame cannot be rendered.
-pub fn measure_intervals<V: Viewer>(
+pub fn measure_intervals<V: PathViewer>(
     viewer: &mut V,
-    scales: &[Scale],
-    intervals: &[Interval],
-    between: &[Between],
-) -> Result<Measured, V::Error> {
+    scales: &[SensorScale],
+    intervals: &[SampledInterval],
+    between: &[BetweenFrames],
+) -> Result<MeasuredIntervals, V::Error> {
     let mut last_use = BTreeMap::new();
     let mut order = Vec::new();
     for (number, interval) in intervals.iter().enumerate() {
@@ -126,12 +126,13 @@ pub fn measure_intervals<V: Viewer>(
             }
         }
     }
-    let mut held: BTreeMap<i64, Vec<Seen>> = BTreeMap::new();
+    let mut held: BTreeMap<i64, Vec<SampledVoltage>> = BTreeMap::new();
     let mut squares: Vec<Vec<f64>> = Vec::with_capacity(intervals.len());
     let mut coming = order.iter();
-    let rated = between.contains(&Between::Hermite);
+    let rated = between.contains(&BetweenFrames::Hermite);
     viewer.show(&order, rated, &mut |frames| {
-        let seen = scales.iter().map(|scale| Seen::new(&frames[scale.front_end], scale.k2)).collect();
+        let seen =
+            scales.iter().map(|scale| SampledVoltage::new(&frames[scale.front_end], scale.k2)).collect();
         held.insert(*coming.next().expect("as many frames as were asked for"), seen);
         while let Some(next) = intervals.get(squares.len()) {
             if !next.moments(between).all(|moment| held.contains_key(&moment)) {
@@ -141,17 +142,17 @@ pub fn measure_intervals<V: Viewer>(
             held.retain(|moment, _| last_use[moment] >= squares.len());
         }
     })?;
-    Ok(Measured { squares, frames: order.len() })
+    Ok(MeasuredIntervals { squares, frames: order.len() })
 }
 
 /// The largest mean square error of any sensor.
 fn worst_square(
-    interval: &Interval,
-    between: Between,
-    scales: &[Scale],
-    held: &BTreeMap<i64, Vec<Seen>>,
+    interval: &SampledInterval,
+    between: BetweenFrames,
+    scales: &[SensorScale],
+    held: &BTreeMap<i64, Vec<SampledVoltage>>,
 ) -> f64 {
-    let mean = |(number, scale): (usize, &Scale)| {
+    let mean = |(number, scale): (usize, &SensorScale)| {
         let seen = |moment: i64| held.get(&moment).map(|seen| &seen[number]);
         let outer = interval.outer.map(|moment| moment.and_then(seen));
         let [from, to, middle] = [interval.ends[0], interval.ends[1], interval.middle()]
@@ -164,7 +165,12 @@ fn worst_square(
 /// Number of pixels in one partial sum. The total is then the same with any number of threads.
 const CHUNK: usize = 4096;
 
-fn mean_square(between: Between, outer: [Option<&Seen>; 2], ends: [&Seen; 2], middle: &Seen) -> f64 {
+fn mean_square(
+    between: BetweenFrames,
+    outer: [Option<&SampledVoltage>; 2],
+    ends: [&SampledVoltage; 2],
+    middle: &SampledVoltage,
+) -> f64 {
     let error = |i: usize| {
         let outer = outer.map(|seen| seen.map(|seen| seen.knot(i)));
         interpolated_value(between, outer, ends.map(|seen| seen.knot(i)), middle.seconds)
@@ -200,7 +206,7 @@ pub(super) mod planted {
         }
     }
 
-    impl<S: Fn(usize, f64) -> (f64, f64)> Viewer for Planted<S> {
+    impl<S: Fn(usize, f64) -> (f64, f64)> PathViewer for Planted<S> {
         type Error = Infallible;
 
         #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
@@ -208,7 +214,7 @@ pub(super) mod planted {
             &mut self,
             moments_us: &[i64],
             rated: bool,
-            look: &mut dyn FnMut(&[Frame]),
+            look: &mut dyn FnMut(&[DenseFrame]),
         ) -> Result<(), Infallible> {
             for moment in moments_us {
                 let of = |i: usize| (self.signal)(i, *moment as f64 * 1e-6);
@@ -219,7 +225,7 @@ pub(super) mod planted {
                     };
                     Image::from_vec(self.size, (0..self.size.pixels()).map(pixel).collect())
                 };
-                look(&[Frame {
+                look(&[DenseFrame {
                     index: 0,
                     t: Timestamp::from_micros(*moment),
                     luminance: image(&|level, _| level - K2),
@@ -238,9 +244,9 @@ mod tests {
     use super::*;
     use crate::image::Size;
 
-    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+    const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
     const SIZE: Size = Size { width: 3, height: 2 };
-    const SCALE: Scale = Scale { front_end: 0, k2: K2, thresholds: 5.0 };
+    const SCALE: SensorScale = SensorScale { front_end: 0, k2: K2, thresholds: 5.0 };
 
     #[test]
     fn planted_errors_are_measured_in_thresholds() {
@@ -248,7 +254,7 @@ mod tests {
         let (h_us, h) = (2000, 2e-3);
         let signal = |i: usize, t: f64| (4.5 + 1000.0 * i as f64 * t * t, 2000.0 * i as f64 * t);
         let mut viewer = Planted::new(SIZE, signal);
-        let interval = Interval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)] };
+        let interval = SampledInterval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)] };
         let found = measure_intervals(&mut viewer, &[SCALE], &[interval], &ALL).unwrap();
         let mean = (0..6).map(|i| f64::from(i) * 1000.0 * h * h / 4.0).map(|e| e * e).sum::<f64>() / 6.0;
         let [linear, catmull, hermite] = found.squares[0][..] else { panic!() };
@@ -262,14 +268,14 @@ mod tests {
     fn frames_are_shown_once_and_only_where_a_method_wants_them() {
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
         let nested = [
-            Interval { ends: [90, 110], outer: [Some(70), Some(130)] },
-            Interval { ends: [70, 130], outer: [Some(10), None] },
-            Interval { ends: [500, 520], outer: [None, None] },
+            SampledInterval { ends: [90, 110], outer: [Some(70), Some(130)] },
+            SampledInterval { ends: [70, 130], outer: [Some(10), None] },
+            SampledInterval { ends: [500, 520], outer: [None, None] },
         ];
         measure_intervals(&mut viewer, &[SCALE], &nested, &ALL).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
-        let found = measure_intervals(&mut viewer, &[SCALE], &nested, &[Between::Linear]).unwrap();
+        let found = measure_intervals(&mut viewer, &[SCALE], &nested, &[BetweenFrames::Linear]).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 500, 520, 510]);
         assert_eq!((found.squares.len(), found.squares[0].len()), (3, 1));
     }
@@ -277,9 +283,9 @@ mod tests {
     #[test]
     fn of_several_sensors_the_most_sensitive_counts() {
         let mut viewer = Planted::new(SIZE, |_, t| (4.5 + 1000.0 * t * t, 0.0));
-        let interval = Interval { ends: [0, 2000], outer: [None, None] };
-        let scales = [SCALE, Scale { thresholds: 10.0, ..SCALE }];
-        let found = measure_intervals(&mut viewer, &scales, &[interval], &[Between::Linear]).unwrap();
+        let interval = SampledInterval { ends: [0, 2000], outer: [None, None] };
+        let scales = [SCALE, SensorScale { thresholds: 10.0, ..SCALE }];
+        let found = measure_intervals(&mut viewer, &scales, &[interval], &[BetweenFrames::Linear]).unwrap();
         assert!((found.squares[0][0].sqrt() - 10.0 * 1e-3).abs() < 4e-6);
     }
 }

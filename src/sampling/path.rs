@@ -1,20 +1,20 @@
 //! A trajectory as continuous motion, so that every sampling of it follows the same path.
 
-use crate::render::Velocity;
+use crate::render::CameraVelocity;
 use crate::se3::Se3;
-use crate::se3::rotation_spline::Unsettled;
-use crate::se3::spline::Place;
+use crate::se3::rotation_spline::SplineDiverged;
+use crate::se3::spline::CurvePlace;
 use crate::trajectory::Trajectory;
-use crate::trajectory::curve::{Cubic, PoseCurve as _};
+use crate::trajectory::curve::{CubicPair, PoseCurve as _};
 
 /// The C2 spline over time through the poses of a trajectory.
 #[derive(Debug, Clone)]
-pub struct Path {
-    curve: Cubic,
+pub struct SampledPath {
+    curve: CubicPair,
     seconds: Vec<f64>,
 }
 
-impl Path {
+impl SampledPath {
     /// The spline through these poses at these times.
     ///
     /// # Errors
@@ -22,9 +22,9 @@ impl Path {
     ///
     /// # Panics
     /// There are fewer than two poses, or there is not one strictly increasing time per pose.
-    pub fn through_poses(poses: &[Se3], seconds: Vec<f64>) -> Result<Self, Unsettled> {
+    pub fn through_poses(poses: &[Se3], seconds: Vec<f64>) -> Result<Self, SplineDiverged> {
         let steps = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        Ok(Self { curve: Cubic::through_knots(steps, poses)?, seconds })
+        Ok(Self { curve: CubicPair::through_knots(steps, poses)?, seconds })
     }
 
     /// Duration from the first pose to the last, s.
@@ -36,20 +36,20 @@ impl Path {
     /// The pose `world_from_camera` and the velocity of the camera in its own axes, at this time
     /// after the first pose, s.
     #[must_use]
-    pub fn at(&self, seconds: f64) -> (Se3, Velocity) {
+    pub fn at(&self, seconds: f64) -> (Se3, CameraVelocity) {
         let t = self.seconds[0] + seconds;
         let last = self.seconds.len() - 2;
         let segment = self.seconds[1..=last].partition_point(|start| *start <= t);
-        let at = Place { segment, x: t - self.seconds[segment] };
+        let at = CurvePlace { segment, x: t - self.seconds[segment] };
         let (pose, twist) = (self.curve.pose(at), self.curve.twist(at));
         let linear = pose.rotation.conjugate() * twist.linear;
-        (pose, Velocity { linear, angular: twist.angular })
+        (pose, CameraVelocity { linear, angular: twist.angular })
     }
 
     /// Poses and velocities at these microseconds after the first pose. Times beyond the last pose,
     /// whose stamp is rounded, are clamped to it.
     #[must_use]
-    pub fn sampled(&self, moments_us: &[i64]) -> (Trajectory, Vec<Velocity>) {
+    pub fn sampled(&self, moments_us: &[i64]) -> (Trajectory, Vec<CameraVelocity>) {
         let at = |us: &i64| self.at((*us as f64 * 1e-6).min(self.seconds()));
         let (world_from_camera, velocities) = moments_us.iter().map(at).unzip();
         (Trajectory { world_from_camera, stamps_us: moments_us.to_vec() }, velocities)
@@ -72,7 +72,7 @@ mod tests {
         };
         let seconds: Vec<f64> = vec![1.0, 1.2, 1.3, 1.7, 2.0, 2.1];
         let poses: Vec<Se3> = seconds.iter().map(|t| pose(*t)).collect();
-        let path = Path::through_poses(&poses, seconds).unwrap();
+        let path = SampledPath::through_poses(&poses, seconds).unwrap();
         assert!((path.seconds() - 1.1).abs() < 1e-12);
         for t in [1.0f64, 1.1, 1.3, 1.55, 1.99, 2.1] {
             let (found, velocity) = path.at(t - 1.0);

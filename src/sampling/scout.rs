@@ -1,24 +1,24 @@
 //! Frames at any moment of a path, for the pilot only.
 
-use super::measure::Viewer;
-use super::path::Path;
+use super::measure::PathViewer;
+use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedFrames;
-use crate::frames::{Frame, FrameError, Frames as _};
+use crate::frames::{DenseFrame, FrameError, FrameSequence as _};
 use crate::render::Renderer;
 use crate::sensor::front_end::FrontEnd;
 
 /// The renderer and its state.
-pub struct Scout<'a> {
+pub struct ScoutRenderer<'a> {
     /// `None` during a rendering.
     renderer: Option<Box<dyn Renderer>>,
     camera: Camera,
-    path: &'a Path,
+    path: &'a SampledPath,
     front_ends: &'a [FrontEnd],
     go_on: &'a dyn Fn() -> bool,
 }
 
-impl std::fmt::Debug for Scout<'_> {
+impl std::fmt::Debug for ScoutRenderer<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Scout").field("camera", &self.camera).finish_non_exhaustive()
     }
@@ -35,13 +35,13 @@ pub enum ScoutError {
     Interrupted,
 }
 
-impl<'a> Scout<'a> {
+impl<'a> ScoutRenderer<'a> {
     /// Renders the views of `camera` along a path through these front ends, while `go_on` returns
     /// true.
     pub fn new(
         renderer: Box<dyn Renderer>,
         camera: Camera,
-        path: &'a Path,
+        path: &'a SampledPath,
         front_ends: &'a [FrontEnd],
         go_on: &'a dyn Fn() -> bool,
     ) -> Self {
@@ -58,14 +58,14 @@ impl<'a> Scout<'a> {
     }
 }
 
-impl Viewer for Scout<'_> {
+impl PathViewer for ScoutRenderer<'_> {
     type Error = ScoutError;
 
     fn show(
         &mut self,
         moments_us: &[i64],
         rated: bool,
-        look: &mut dyn FnMut(&[Frame]),
+        look: &mut dyn FnMut(&[DenseFrame]),
     ) -> Result<(), ScoutError> {
         let (trajectory, velocities) = self.path.sampled(moments_us);
         let renderer = self.renderer.take().expect("it came back from the last frames");

@@ -1,6 +1,6 @@
 //! Collects Gaussians from a file: those that are not finite are dropped and counted.
 
-use super::{Gaussians, SceneError, Screening, sh};
+use super::{Gaussians, SceneError, SceneScreening, sh};
 use crate::budget::try_with_room;
 use glam::DVec3;
 
@@ -28,11 +28,11 @@ impl Gaussian<'_> {
 
 /// Gaussians that are being read.
 #[derive(Debug)]
-pub(super) struct Collector {
+pub(super) struct GaussianCollector {
     scene: Gaussians,
 }
 
-impl Collector {
+impl GaussianCollector {
     /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the file's size; an error where
     /// there is no memory for them.
     pub(super) fn new(sh_degree: u8, capacity: usize) -> Result<Self, SceneError> {
@@ -45,7 +45,7 @@ impl Collector {
             sh: try_with_room(capacity.saturating_mul(sh::function_count(sh_degree)))?,
             sh_degree,
             antialiased: None,
-            screening: Screening::default(),
+            screening: SceneScreening::default(),
         };
         Ok(Self { scene })
     }
@@ -71,7 +71,7 @@ impl Collector {
 
     /// The scene, unless no Gaussian remains.
     pub(super) fn finish(self, origin: DVec3, antialiased: Option<bool>) -> Result<Gaussians, SceneError> {
-        let Screening { read, non_finite, .. } = self.scene.screening;
+        let SceneScreening { read, non_finite, .. } = self.scene.screening;
         if self.scene.is_empty() {
             return Err(SceneError::Empty { read, non_finite });
         }

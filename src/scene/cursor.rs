@@ -6,13 +6,13 @@ use std::borrow::Cow;
 /// Bytes of a scene file, and the position up to which they are read. All numbers are little
 /// endian.
 #[derive(Debug, Clone)]
-pub(super) struct Cursor<'a> {
+pub(super) struct ByteCursor<'a> {
     format: &'static str,
     bytes: &'a [u8],
     offset: usize,
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> ByteCursor<'a> {
     /// A cursor at the start of `bytes`. Errors use `format` as its name.
     pub(super) fn new(format: &'static str, bytes: &'a [u8]) -> Self {
         Self { format, bytes, offset: 0 }

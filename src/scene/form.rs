@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// A file format that can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
+pub enum SceneFormat {
     /// Floats, without loss.
     Ply,
     /// Bytes and fixed-point numbers, with harmonics.
@@ -16,7 +16,7 @@ pub enum Form {
 
 /// A part of a scene that a format loses.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Loss {
+pub struct FormatLoss {
     /// The field.
     pub field: &'static str,
     /// The effect of the loss.
@@ -26,7 +26,7 @@ pub struct Loss {
     pub largest: Option<f64>,
 }
 
-impl Form {
+impl SceneFormat {
     /// All formats.
     pub const ALL: [Self; 3] = [Self::Ply, Self::Spz, Self::Splat];
 
@@ -52,7 +52,7 @@ impl Form {
     ///
     /// # Errors
     /// [`WriteError`] if the format cannot hold the scene at all.
-    pub fn write(self, scene: &Gaussians) -> Result<(Vec<u8>, Vec<Loss>), WriteError> {
+    pub fn write(self, scene: &Gaussians) -> Result<(Vec<u8>, Vec<FormatLoss>), WriteError> {
         let mut bytes = Vec::new();
         let back = match self {
             Self::Ply => {
@@ -79,7 +79,7 @@ impl Form {
         Ok((bytes, losses))
     }
 
-    fn losses(self, scene: &Gaussians, back: &Gaussians) -> Result<Vec<Loss>, WriteError> {
+    fn losses(self, scene: &Gaussians, back: &Gaussians) -> Result<Vec<FormatLoss>, WriteError> {
         let all = 0..scene.len();
         let largest = |of: &dyn Fn(usize) -> f64| all.clone().map(of).fold(0.0, f64::max);
         let [position, scale, turn, opacity, colour, harmonic] = self.steps(scene)?;
@@ -121,10 +121,12 @@ impl Form {
             ),
         ];
         let rounded =
-            rounded.into_iter().filter(|(.., largest)| *largest > 0.0).map(|(field, step, largest)| Loss {
-                field,
-                what: format!("rounded to {step}, at most {largest:.2e} off"),
-                largest: Some(largest),
+            rounded.into_iter().filter(|(.., largest)| *largest > 0.0).map(|(field, step, largest)| {
+                FormatLoss {
+                    field,
+                    what: format!("rounded to {step}, at most {largest:.2e} off"),
+                    largest: Some(largest),
+                }
             });
         Ok(rounded.chain(dropped_fields(scene, back)).collect())
     }
@@ -166,8 +168,8 @@ fn largest_difference(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// Fields that are missing entirely.
-fn dropped_fields(scene: &Gaussians, back: &Gaussians) -> Vec<Loss> {
-    let loss = |field, what: String| Loss { field, what, largest: None };
+fn dropped_fields(scene: &Gaussians, back: &Gaussians) -> Vec<FormatLoss> {
+    let loss = |field, what: String| FormatLoss { field, what, largest: None };
     let mut losses = Vec::new();
     if back.sh_degree < scene.sh_degree {
         let what = format!("dropped above degree {}, which was {}", back.sh_degree, scene.sh_degree);

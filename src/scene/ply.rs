@@ -12,12 +12,12 @@ mod packed;
 mod position;
 mod write;
 
-use super::collector::{Collector, Gaussian};
-use super::cursor::Cursor;
-use super::{Gaussians, SceneError, Screening, sh};
-use body::{Column, Rows};
+use super::collector::{Gaussian, GaussianCollector};
+use super::cursor::ByteCursor;
+use super::{Gaussians, SceneError, SceneScreening, sh};
+use body::{ElementRows, VertexColumn};
 use glam::DVec3;
-use header::{Element, Encoding, Header};
+use header::{BodyEncoding, PlyElement, PlyHeader};
 pub use write::write_ply;
 
 /// Reads a `.ply` scene. Positions of 32 bits are kept unchanged; positions of 64 bits are taken
@@ -26,18 +26,18 @@ pub use write::write_ply;
 /// # Errors
 /// [`SceneError`] if the bytes are not such a file, a property is missing, or no Gaussian remains.
 pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    let mut cursor = Cursor::new(".ply", bytes);
-    let header = Header::read(&mut cursor)?;
+    let mut cursor = ByteCursor::new(".ply", bytes);
+    let header = PlyHeader::read(&mut cursor)?;
     let vertices = header.element("vertex", &cursor)?;
     if packed::is_packed(vertices) {
         return packed::read_packed(&header, cursor);
     }
-    let columns = Columns::find_columns(vertices, header.encoding, &cursor)?;
+    let columns = GaussianColumns::find_columns(vertices, header.encoding, &cursor)?;
     let mut buffer = Vec::new();
     let mut cursor = body::binary_body(&header, cursor, &mut buffer)?;
-    let [Rows { bytes: rows, .. }] = body::element_rows(&header, ["vertex"], &mut cursor)?;
+    let [ElementRows { bytes: rows, .. }] = body::element_rows(&header, ["vertex"], &mut cursor)?;
     let origin = columns.origin(rows, header.notes.origin);
-    let mut collector = Collector::new(columns.sh_degree, rows.len() / columns.stride)?;
+    let mut collector = GaussianCollector::new(columns.sh_degree, rows.len() / columns.stride)?;
     let mut harmonics = vec![[0.0; 3]; sh::function_count(columns.sh_degree)];
     for row in rows.chunks_exact(columns.stride) {
         collector.push(&columns.gaussian(row, origin, &mut harmonics));
@@ -45,7 +45,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut scene = collector.finish(origin, header.notes.antialiased)?;
     if let Some(noted) = header.notes.screening {
         let non_finite = noted.non_finite.saturating_add(scene.screening.non_finite);
-        scene.screening = Screening { non_finite, ..noted };
+        scene.screening = SceneScreening { non_finite, ..noted };
     }
     Ok(scene)
 }
@@ -57,7 +57,7 @@ pub const MAX_HEADER: usize = header::MAX_LEN;
 /// scenes have as zeros), and elements. Empty for a file without a header.
 #[must_use]
 pub fn left_out(bytes: &[u8]) -> Vec<String> {
-    let Ok(header) = Header::read(&mut Cursor::new(".ply", bytes)) else { return Vec::new() };
+    let Ok(header) = PlyHeader::read(&mut ByteCursor::new(".ply", bytes)) else { return Vec::new() };
     let packed = header.elements.iter().any(packed::is_packed);
     let known = |name: &str| if packed { packed::knows_property(name) } else { knows_property(name) };
     let mut names = Vec::new();
@@ -77,21 +77,25 @@ fn knows_property(name: &str) -> bool {
 
 /// Places of a Gaussian's numbers in a row.
 #[derive(Debug)]
-struct Columns {
+struct GaussianColumns {
     stride: usize,
-    position: [Column; 3],
-    log_scale: [Column; 3],
-    rotation: [Column; 4],
-    opacity: Column,
+    position: [VertexColumn; 3],
+    log_scale: [VertexColumn; 3],
+    rotation: [VertexColumn; 4],
+    opacity: VertexColumn,
     /// The coefficients in memory order: `[r, g, b]` of each function.
-    sh: Vec<[Column; 3]>,
+    sh: Vec<[VertexColumn; 3]>,
     sh_degree: u8,
 }
 
-impl Columns {
-    fn find_columns(vertices: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
+impl GaussianColumns {
+    fn find_columns(
+        vertices: &PlyElement,
+        encoding: BodyEncoding,
+        at: &ByteCursor,
+    ) -> Result<Self, SceneError> {
         let stride = vertices.flat_stride(at)?;
-        let optional = |name: &str| Column::find_column(vertices, name, encoding, at);
+        let optional = |name: &str| VertexColumn::find_column(vertices, name, encoding, at);
         let column = |name: &str| {
             optional(name)?.ok_or_else(|| {
                 let wanted = "x y z, f_dc_0..2, opacity, scale_0..2 and rot_0..3";
@@ -132,7 +136,7 @@ impl Columns {
 
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
     fn gaussian<'a>(&self, row: &[u8], origin: DVec3, harmonics: &'a mut [[f32; 3]]) -> Gaussian<'a> {
-        let get = |column: Column| column.get(row) as f32;
+        let get = |column: VertexColumn| column.get(row) as f32;
         for (coefficient, columns) in harmonics.iter_mut().zip(&self.sh) {
             *coefficient = columns.map(get);
         }
@@ -147,7 +151,7 @@ impl Columns {
     }
 }
 
-fn degree_of(rest_len: usize, at: &Cursor) -> Result<u8, SceneError> {
+fn degree_of(rest_len: usize, at: &ByteCursor) -> Result<u8, SceneError> {
     match rest_len {
         0 => Ok(0),
         9 => Ok(1),
@@ -316,7 +320,7 @@ mod tests {
         bytes[start..start + 4].copy_from_slice(b"none");
         let read = read_ply(&bytes).unwrap();
         assert_eq!(read.rotations[1..], [[0.0; 4]]);
-        assert_eq!(read.screening, Screening { read: 2, non_finite: 0, zero_quaternions: 1 });
+        assert_eq!(read.screening, SceneScreening { read: 2, non_finite: 0, zero_quaternions: 1 });
     }
 
     #[test]
@@ -403,7 +407,7 @@ mod tests {
                 sh: harmonics.chunks_exact(3).map(three).collect(),
                 sh_degree: degree,
                 antialiased,
-                screening: Screening { read: n as u64 + dropped, non_finite: dropped, zero_quaternions: 0 },
+                screening: SceneScreening { read: n as u64 + dropped, non_finite: dropped, zero_quaternions: 0 },
             }
         }
     }

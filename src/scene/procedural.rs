@@ -18,15 +18,15 @@ mod shape;
 mod texture;
 
 use super::Gaussians;
-use super::collector::{Collector, Gaussian};
+use super::collector::{Gaussian, GaussianCollector};
 use super::sh;
 use crate::source::Capture;
-use draw::Draws;
+use draw::SceneDraws;
 use glam::DVec3;
-use light::Lit;
-use object::{Arrangement, Finish, Part};
+use light::LitPoint;
+use object::{ObjectPart, SurfaceFinish, TableArrangement};
 use serde::{Deserialize, Serialize};
-use shape::{Shape, Spot};
+use shape::{PartShape, SurfelSpot};
 pub(crate) use texture::{STEP, finalise_bits};
 
 /// Parameters of the still life.
@@ -89,10 +89,10 @@ pub fn still_life(life: &StillLife) -> Gaussians {
     let arrangement = arrange_table(life.seed);
     let weights: Vec<f64> = arrangement.parts.iter().map(|p| p.detail * p.shape.area()).collect();
     let counts = shape::split_count(life.gaussians as usize, &weights);
-    let mut collector =
-        Collector::new(light::DEGREE, life.gaussians as usize).expect("a valid still life has few Gaussians");
+    let mut collector = GaussianCollector::new(light::DEGREE, life.gaussians as usize)
+        .expect("a valid still life has few Gaussians");
     for (stream, (part, count)) in (0_u64..).zip(arrangement.parts.iter().zip(counts)) {
-        let mut draws = Draws::new(life.seed, stream);
+        let mut draws = SceneDraws::new(life.seed, stream);
         part.shape.spots(count, &mut draws, |spot| paint_spot(part, spot, &arrangement, &mut collector));
     }
     collector.finish(DVec3::ZERO, Some(false)).expect("a valid still life has Gaussians, all of them finite")
@@ -108,8 +108,8 @@ pub fn still_capture(life: &StillLife) -> Capture {
     capture::arc_capture(life)
 }
 
-fn arrange_table(seed: u64) -> Arrangement {
-    let mut arrangement = Arrangement::default();
+fn arrange_table(seed: u64) -> TableArrangement {
+    let mut arrangement = TableArrangement::default();
     room::add_room(seed, &mut arrangement);
     fruit::add_fruit(seed.wrapping_add(200), &mut arrangement);
     bouquet::add_bouquet(seed.wrapping_add(300), &mut arrangement);
@@ -119,22 +119,27 @@ fn arrange_table(seed: u64) -> Arrangement {
 }
 
 /// Floaters: faint blobs in the air in front of the table, as in every captured scene.
-fn dust_part() -> Part {
+fn dust_part() -> ObjectPart {
     let shape =
-        Shape::Blobs { low: DVec3::new(-1.8, -1.5, -1.3), high: DVec3::new(1.9, -0.3, 1.2), share: 0.05 };
-    let look = |s: &Spot| {
+        PartShape::Blobs { low: DVec3::new(-1.8, -1.5, -1.3), high: DVec3::new(1.9, -0.3, 1.2), share: 0.05 };
+    let look = |s: &SurfelSpot| {
         let warm = DVec3::new(0.62, 0.58, 0.50);
-        Finish { albedo: warm * (0.4 + 0.6 * s.u), gloss: 0.0, opacity: 0.05 + 0.13 * s.v }
+        SurfaceFinish { albedo: warm * (0.4 + 0.6 * s.u), gloss: 0.0, opacity: 0.05 + 0.13 * s.v }
     };
-    Part { object: "dust", shape, look: Box::new(look), detail: 1.0, thin: true }
+    ObjectPart { object: "dust", shape, look: Box::new(look), detail: 1.0, thin: true }
 }
 
 /// Lights a spot, and passes it on as a Gaussian.
-fn paint_spot(part: &Part, spot: &Spot, arrangement: &Arrangement, collector: &mut Collector) {
+fn paint_spot(
+    part: &ObjectPart,
+    spot: &SurfelSpot,
+    arrangement: &TableArrangement,
+    collector: &mut GaussianCollector,
+) {
     let finish = (part.look)(spot);
     let away = part.thin && spot.normal.dot(DVec3::new(0.1, -0.5, -0.85)) < 0.0;
     let normal = if away { -spot.normal } else { spot.normal };
-    let lit = Lit { object: part.object, position: spot.position, normal };
+    let lit = LitPoint { object: part.object, position: spot.position, normal };
     let colour = light::display_light(light::shade_point(lit, finish.albedo, &arrangement.occluders));
     let mut coefficients = [DVec3::ZERO; sh::function_count(light::DEGREE)];
     coefficients[0] = (colour - DVec3::splat(0.5)) / sh::C0;
@@ -159,7 +164,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::se3::Se3;
-    use crate::source::Lens;
+    use crate::source::LensModel;
 
     fn life(gaussians: u32) -> StillLife {
         StillLife { gaussians, ..StillLife::default() }
@@ -188,7 +193,7 @@ mod tests {
             assert_eq!(scene.len(), count as usize);
             assert_eq!(
                 scene.screening,
-                crate::scene::Screening { read: u64::from(count), ..Default::default() }
+                crate::scene::SceneScreening { read: u64::from(count), ..Default::default() }
             );
         }
     }
@@ -242,7 +247,7 @@ mod tests {
             assert!((x - 320.0).abs() < 40.0 && (y - 180.0).abs() < 40.0, "{}: {x}, {y}", view.name);
             assert!((pose.rotation.length() - 1.0).abs() < 1e-15);
             assert!((pose.rotation * DVec3::Y).y > 0.9, "down is down");
-            assert_eq!((&view.lens, &view.sha256), (&Lens::Pinhole, &None));
+            assert_eq!((&view.lens, &view.sha256), (&LensModel::Pinhole, &None));
             let from = pose.translation - middle;
             angles.push(from.x.atan2(-from.z).to_degrees());
         }
@@ -263,7 +268,11 @@ mod tests {
         assert!(total / 149.0 < 0.85, "{} px a pose", total / 149.0);
     }
 
-    fn flow_quantile(scene: &Gaussians, a: &crate::source::View, b: &crate::source::View) -> f64 {
+    fn flow_quantile(
+        scene: &Gaussians,
+        a: &crate::source::CapturedView,
+        b: &crate::source::CapturedView,
+    ) -> f64 {
         let (pose_a, pose_b) = (a.world_from_camera.inverse(), b.world_from_camera.inverse());
         let mut flow: Vec<f64> = scene
             .positions

@@ -10,15 +10,15 @@ mod meta;
 mod parts;
 mod pixels;
 
-use super::collector::{Collector, Gaussian};
-use super::cursor::Cursor;
+use super::collector::{Gaussian, GaussianCollector};
+use super::cursor::ByteCursor;
 use super::opacity::logit_of_byte;
 use super::{Gaussians, SceneError, sh};
-use crate::budget::Budget;
+use crate::budget::ByteBudget;
 use glam::DVec3;
-use meta::{Codebook, Meta};
-use parts::{Archive, Folder, Parts};
-use pixels::{Pixels, Room};
+use meta::{Codebook, SogMeta};
+use parts::{ArchiveParts, FolderParts, SogParts};
+use pixels::{DecodedPixels, PixelRoom};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub const META: &str = "meta.json";
 /// # Errors
 /// Returns a [`SceneError`] if the bytes are not a `.sog` archive.
 pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    read_parts(&mut Archive::open(bytes)?, Budget::of(bytes.len()))
+    read_parts(&mut ArchiveParts::open(bytes)?, ByteBudget::of(bytes.len()))
 }
 
 /// Reads a folder of `meta.json` and images.
@@ -40,17 +40,17 @@ pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 /// # Errors
 /// Returns a [`SceneError`] if a file cannot be read or is invalid.
 pub fn read_sog_folder(folder: &Path) -> Result<Gaussians, SceneError> {
-    read_parts(&mut Folder(folder), Budget::of(0))
+    read_parts(&mut FolderParts(folder), ByteBudget::of(0))
 }
 
 /// Reads what the parts hold; `budget` is that of the archive, and grows with each file of a folder.
-fn read_parts(parts: &mut impl Parts, mut budget: Budget) -> Result<Gaussians, SceneError> {
-    let meta = Meta::parse_meta(&parts.part(META, meta::PART, &mut budget)?)?;
-    let files = Files::read_all(&meta, parts, &mut budget)?;
-    let images = Images::decode_all(&meta, &files, &mut budget)?;
+fn read_parts(parts: &mut impl SogParts, mut budget: ByteBudget) -> Result<Gaussians, SceneError> {
+    let meta = SogMeta::parse_meta(&parts.part(META, meta::PART, &mut budget)?)?;
+    let files = SogFiles::read_all(&meta, parts, &mut budget)?;
+    let images = SogImages::decode_all(&meta, &files, &mut budget)?;
     images.check(meta.count)?;
     let sh_degree = images.palette.as_ref().map_or(0, |palette| palette.sh_degree);
-    let mut collector = Collector::new(sh_degree, meta.count)?;
+    let mut collector = GaussianCollector::new(sh_degree, meta.count)?;
     let mut coefficients = vec![[0.0; 3]; sh::function_count(sh_degree)];
     for i in 0..meta.count {
         let [r, g, b, alpha] = images.sh0.rgba(i);
@@ -70,7 +70,7 @@ fn read_parts(parts: &mut impl Parts, mut budget: Budget) -> Result<Gaussians, S
 }
 
 /// The images as stored.
-struct Files {
+struct SogFiles {
     means: [Vec<u8>; 2],
     scales: Vec<u8>,
     quats: Vec<u8>,
@@ -78,13 +78,17 @@ struct Files {
     palette: Option<[Vec<u8>; 2]>,
 }
 
-impl Files {
-    fn read_all(meta: &Meta, parts: &mut impl Parts, budget: &mut Budget) -> Result<Self, SceneError> {
+impl SogFiles {
+    fn read_all(
+        meta: &SogMeta,
+        parts: &mut impl SogParts,
+        budget: &mut ByteBudget,
+    ) -> Result<Self, SceneError> {
         let mut part = |name: &str, part| parts.part(name, part, budget);
         let [low, high] = &meta.means.files;
         let palette = match &meta.palette {
             None => None,
-            Some(meta::Palette { files: [centroids, labels], .. }) => {
+            Some(meta::PaletteMeta { files: [centroids, labels], .. }) => {
                 Some([part(centroids, PALETTE)?, part(labels, ".sog (labels of harmonics)")?])
             }
         };
@@ -102,27 +106,29 @@ const ROTATIONS: &str = ".sog (rotations)";
 const PALETTE: &str = ".sog (palette of harmonics)";
 
 /// The decoded images. Each except the palette has one pixel per Gaussian.
-struct Images {
-    means: [Pixels; 2],
-    scales: Pixels,
-    quats: Pixels,
-    sh0: Pixels,
-    palette: Option<Palette>,
+struct SogImages {
+    means: [DecodedPixels; 2],
+    scales: DecodedPixels,
+    quats: DecodedPixels,
+    sh0: DecodedPixels,
+    palette: Option<HarmonicsPalette>,
 }
 
-impl Images {
-    fn decode_all(meta: &Meta, files: &Files, budget: &mut Budget) -> Result<Self, SceneError> {
+impl SogImages {
+    fn decode_all(meta: &SogMeta, files: &SogFiles, budget: &mut ByteBudget) -> Result<Self, SceneError> {
         let palette = match (&meta.palette, &files.palette) {
-            (Some(meta), Some([centroids, labels])) => {
-                Some((meta, Pixels::decode_webp(centroids, PALETTE, Room::of_palette(meta), budget)?, labels))
-            }
+            (Some(meta), Some([centroids, labels])) => Some((
+                meta,
+                DecodedPixels::decode_webp(centroids, PALETTE, PixelRoom::of_palette(meta), budget)?,
+                labels,
+            )),
             _ => None,
         };
-        let one_each = Room::of_scene(meta.count);
+        let one_each = PixelRoom::of_scene(meta.count);
         let mut decode =
-            |bytes: &[u8], part: &'static str| Pixels::decode_webp(bytes, part, one_each, budget);
+            |bytes: &[u8], part: &'static str| DecodedPixels::decode_webp(bytes, part, one_each, budget);
         let palette = palette.map(|(meta, centroids, labels)| {
-            Palette::new(meta, centroids, decode(labels, ".sog (labels of harmonics)")?)
+            HarmonicsPalette::new(meta, centroids, decode(labels, ".sog (labels of harmonics)")?)
         });
         let palette = palette.transpose()?;
         let [low, high] = &files.means;
@@ -148,7 +154,7 @@ impl Images {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
-    fn position(&self, i: usize, means: &meta::Means) -> [f32; 3] {
+    fn position(&self, i: usize, means: &meta::MeansMeta) -> [f32; 3] {
         let [low, high] = self.means.each_ref().map(|image| image.rgb(i));
         [0, 1, 2].map(|k| {
             let share = f64::from(u16::from_le_bytes([low[k], high[k]])) / 65535.0;
@@ -162,7 +168,7 @@ impl Images {
     fn rotation(&self, i: usize) -> Result<[f32; 4], SceneError> {
         let [a, b, c, tag] = self.quats.rgba(i);
         let Some(largest) = tag.checked_sub(252).map(usize::from) else {
-            let at = Cursor::new(ROTATIONS, &[]).at(4 * i + 3);
+            let at = ByteCursor::new(ROTATIONS, &[]).at(4 * i + 3);
             let found = format!("{tag} as the largest component of Gaussian {i}");
             return Err(at.malformed(found, "252 to 255"));
         };
@@ -180,20 +186,24 @@ impl Images {
 const PALETTE_WIDTH: usize = 64;
 
 /// Sets of harmonics, and the set of each Gaussian.
-struct Palette {
+struct HarmonicsPalette {
     sh_degree: u8,
     /// Number of functions above degree 0.
     functions: usize,
     count: usize,
     codebook: Codebook,
     /// A row contains [`PALETTE_WIDTH`] sets; a set has one pixel per function.
-    centroids: Pixels,
+    centroids: DecodedPixels,
     /// 16 bits per Gaussian, the low byte in red.
-    labels: Pixels,
+    labels: DecodedPixels,
 }
 
-impl Palette {
-    fn new(meta: &meta::Palette, centroids: Pixels, labels: Pixels) -> Result<Self, SceneError> {
+impl HarmonicsPalette {
+    fn new(
+        meta: &meta::PaletteMeta,
+        centroids: DecodedPixels,
+        labels: DecodedPixels,
+    ) -> Result<Self, SceneError> {
         let functions = sh::function_count(meta.bands) - 1;
         let wanted = PALETTE_WIDTH * functions;
         if centroids.width != wanted {

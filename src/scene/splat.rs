@@ -5,8 +5,8 @@
 //! blue and opacity as bytes of the displayed colour, and the quaternion `w x y z` as bytes
 //! `(b - 128) / 128`; all little endian.
 
-use super::collector::{Collector, Gaussian};
-use super::cursor::Cursor;
+use super::collector::{Gaussian, GaussianCollector};
+use super::cursor::ByteCursor;
 use super::opacity::{byte_of_logit, logit_of_byte};
 use super::rotation::unit_quaternion;
 use super::{Gaussians, SceneError, nearest_byte, sh};
@@ -22,9 +22,9 @@ const RECORD_LEN: usize = 32;
 /// Returns a [`SceneError`] if the length is not a multiple of 32 bytes or no finite Gaussian is
 /// left.
 pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    let mut cursor = Cursor::new(".splat", bytes);
+    let mut cursor = ByteCursor::new(".splat", bytes);
     let count = bytes.len() / RECORD_LEN;
-    let mut collector = Collector::new(0, count)?;
+    let mut collector = GaussianCollector::new(0, count)?;
     for _ in 0..count {
         push_record(cursor.array("a record")?, &mut collector);
     }
@@ -63,7 +63,7 @@ fn splat_record(scene: &Gaussians, i: usize) -> [u8; RECORD_LEN] {
     record
 }
 
-fn push_record(record: [u8; RECORD_LEN], collector: &mut Collector) {
+fn push_record(record: [u8; RECORD_LEN], collector: &mut GaussianCollector) {
     let float = |k: usize| {
         f32::from_le_bytes([record[4 * k], record[4 * k + 1], record[4 * k + 2], record[4 * k + 3]])
     };

@@ -10,10 +10,10 @@ mod container;
 mod planes;
 mod write;
 
-use super::collector::Collector;
-use super::cursor::Cursor;
+use super::collector::GaussianCollector;
+use super::cursor::ByteCursor;
 use super::{Gaussians, SceneError, sh};
-use axes::Flip;
+use axes::AxisFlip;
 use glam::DVec3;
 pub(super) use write::fractional_bits;
 pub use write::write_spz;
@@ -36,7 +36,7 @@ const MAX_FRACTIONAL_BITS: u8 = 24;
 
 /// The common part of the header of all versions.
 #[derive(Debug, Clone, Copy)]
-struct Header {
+struct SpzHeader {
     version: u32,
     count: usize,
     sh_degree: u8,
@@ -45,9 +45,9 @@ struct Header {
     has_extensions: bool,
 }
 
-impl Header {
+impl SpzHeader {
     /// Reads the 15 bytes that all versions share.
-    fn read(cursor: &mut Cursor) -> Result<Self, SceneError> {
+    fn read(cursor: &mut ByteCursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         let magic: [u8; 4] = cursor.array("signature")?;
         if magic != MAGIC {
@@ -78,15 +78,15 @@ impl Header {
         [9, 1, 3, 3, rotation, 3 * (sh::function_count(self.sh_degree) - 1)].map(|bytes| bytes * self.count)
     }
 
-    fn scene(&self, planes: &planes::Planes, flip: Flip) -> Result<Gaussians, SceneError> {
-        let mut collector = Collector::new(self.sh_degree, self.count)?;
+    fn scene(&self, planes: &planes::AttributePlanes, flip: AxisFlip) -> Result<Gaussians, SceneError> {
+        let mut collector = GaussianCollector::new(self.sh_degree, self.count)?;
         planes.collect(self, flip, &mut collector);
         collector.finish(DVec3::ZERO, Some(self.antialiased))
     }
 }
 
 /// Reads the degree of the harmonics and the fractional bits of the positions.
-fn read_layout(cursor: &mut Cursor) -> Result<(u8, u8), SceneError> {
+fn read_layout(cursor: &mut ByteCursor) -> Result<(u8, u8), SceneError> {
     let at = cursor.clone();
     let [sh_degree] = cursor.array("degree of the harmonics")?;
     if sh_degree == 4 {

@@ -10,7 +10,7 @@
 //! Lengths come from adaptive 5-point Gauss-Legendre quadrature. A panel is accepted when the rule
 //! over it agrees with the sum of the rules over its halves; the halves are then kept.
 //!
-//! Only the length before each segment is stored. A [`Walk`] along the curve rebuilds the panels of
+//! Only the length before each segment is stored. A [`ArcWalk`] along the curve rebuilds the panels of
 //! the segment that it is in, so a path of millions of segments needs memory for their lengths
 //! alone.
 //!
@@ -20,8 +20,8 @@
 //! never the curve.
 
 use super::series::power_sum;
-use super::spline::Place;
-use super::sum::Sum;
+use super::spline::CurvePlace;
+use super::sum::NeumaierSum;
 
 /// Number of panels with which every segment starts.
 const PANELS: usize = 4;
@@ -52,27 +52,27 @@ const SHORT: f64 = 1e-8;
 const ROUNDS: u32 = 60;
 
 /// A curve's speed against its parameter: `|dP/ds|` at a place.
-pub trait Pace {
+pub trait CurveSpeed {
     /// The speed at a place, finite and not negative.
-    fn pace(&self, at: Place) -> f64;
+    fn pace(&self, at: CurvePlace) -> f64;
 }
 
-impl<F: Fn(Place) -> f64> Pace for F {
-    fn pace(&self, at: Place) -> f64 {
+impl<F: Fn(CurvePlace) -> f64> CurveSpeed for F {
+    fn pace(&self, at: CurvePlace) -> f64 {
         self(at)
     }
 }
 
 /// Part of a segment with the speeds at the nodes of the 5-point Gauss-Legendre rule over it.
 #[derive(Debug, Clone, Copy)]
-struct Span {
+struct SegmentSpan {
     segment: usize,
     from: f64,
     to: f64,
     speeds: [f64; 5],
 }
 
-impl Span {
+impl SegmentSpan {
     /// The length of the span by the rule.
     fn length(&self) -> f64 {
         let [a, b, c, d, e] = self.speeds;
@@ -96,11 +96,11 @@ pub struct ArcLength<P> {
     before: Vec<f64>,
 }
 
-impl<P: Pace> ArcLength<P> {
+impl<P: CurveSpeed> ArcLength<P> {
     /// Measures a curve. Segment `i` covers `steps[i] > 0` of the parameter.
     pub fn measure_curve(steps: &[f64], pace: P) -> Self {
         let mut measured = Self { pace, steps: steps.to_vec(), before: Vec::with_capacity(steps.len() + 1) };
-        let (mut sum, mut halves) = (Sum::default(), Vec::new());
+        let (mut sum, mut halves) = (NeumaierSum::default(), Vec::new());
         measured.before.push(0.0);
         for segment in 0..steps.len() {
             measured.settle_segment(segment, &mut halves);
@@ -118,31 +118,31 @@ impl<P: Pace> ArcLength<P> {
 
     /// The curve's speed at a place.
     #[must_use]
-    pub fn pace(&self, at: Place) -> f64 {
+    pub fn pace(&self, at: CurvePlace) -> f64 {
         self.pace.pace(at)
     }
 
     /// The place at which the curve has reached `length`. Lengths outside `0..=total` give the
-    /// ends. For many lengths in growing order, a [`Walk`] is faster.
+    /// ends. For many lengths in growing order, a [`ArcWalk`] is faster.
     #[must_use]
-    pub fn invert(&self, length: f64) -> Place {
+    pub fn invert(&self, length: f64) -> CurvePlace {
         self.walk().to(length)
     }
 
     /// A walk along the curve from its start.
     #[must_use]
-    pub fn walk(&self) -> Walk<'_, P> {
-        Walk { arc: self, segment: None, halves: Vec::new(), before: Vec::new(), panel: None }
+    pub fn walk(&self) -> ArcWalk<'_, P> {
+        ArcWalk { arc: self, segment: None, halves: Vec::new(), before: Vec::new(), panel: None }
     }
 
     /// The length between two places, `a` before `b`. The quadrature is independent: it shares no
     /// panel with a walk.
     #[must_use]
-    pub fn between(&self, a: Place, b: Place) -> f64 {
+    pub fn between(&self, a: CurvePlace, b: CurvePlace) -> f64 {
         if a.segment == b.segment {
             return self.settle_part(a.segment, a.x, b.x);
         }
-        let mut sum = Sum::default();
+        let mut sum = NeumaierSum::default();
         sum.add(self.settle_part(a.segment, a.x, self.steps[a.segment]));
         let mut halves = Vec::new();
         for segment in a.segment + 1..b.segment {
@@ -157,19 +157,20 @@ impl<P: Pace> ArcLength<P> {
         let mut halves = Vec::new();
         let whole = self.span(segment, from, to);
         self.subdivide(&mut halves, whole, whole.length() * FLOOR, DEPTH);
-        Sum::sum_of(halves.iter().map(Span::length))
+        NeumaierSum::sum_of(halves.iter().map(SegmentSpan::length))
     }
 
     /// The halves of a segment's panels, in order.
-    fn settle_segment(&self, segment: usize, halves: &mut Vec<Span>) {
+    fn settle_segment(&self, segment: usize, halves: &mut Vec<SegmentSpan>) {
         let bound = |k: usize| self.steps[segment] * (k as f64 / PANELS as f64);
-        let spans: [Span; PANELS] = std::array::from_fn(|k| self.span(segment, bound(k), bound(k + 1)));
-        let floor = spans.iter().map(Span::length).sum::<f64>() * FLOOR;
+        let spans: [SegmentSpan; PANELS] =
+            std::array::from_fn(|k| self.span(segment, bound(k), bound(k + 1)));
+        let floor = spans.iter().map(SegmentSpan::length).sum::<f64>() * FLOOR;
         halves.clear();
         spans.into_iter().for_each(|span| self.subdivide(halves, span, floor, DEPTH));
     }
 
-    fn subdivide(&self, halves: &mut Vec<Span>, whole: Span, floor: f64, depth: u32) {
+    fn subdivide(&self, halves: &mut Vec<SegmentSpan>, whole: SegmentSpan, floor: f64, depth: u32) {
         let middle = f64::midpoint(whole.from, whole.to);
         let left = self.span(whole.segment, whole.from, middle);
         let right = self.span(whole.segment, middle, whole.to);
@@ -185,17 +186,17 @@ impl<P: Pace> ArcLength<P> {
         self.subdivide(halves, right, floor, depth - 1);
     }
 
-    fn span(&self, segment: usize, from: f64, to: f64) -> Span {
+    fn span(&self, segment: usize, from: f64, to: f64) -> SegmentSpan {
         let (centre, half) = (f64::midpoint(from, to), (to - from) / 2.0);
-        let speeds = NODES.map(|node| self.pace.pace(Place { segment, x: centre + half * node }));
-        Span { segment, from, to, speeds }
+        let speeds = NODES.map(|node| self.pace.pace(CurvePlace { segment, x: centre + half * node }));
+        SegmentSpan { segment, from, to, speeds }
     }
 
-    /// Whether the polynomial through a span's nodes predicts the speeds at both ends.
-    fn sees_ends(&self, span: &Span) -> bool {
+    /// Returns true if the polynomial through a span's nodes predicts the speeds at both ends.
+    fn sees_ends(&self, span: &SegmentSpan) -> bool {
         let mean = span.length() / (span.to - span.from);
         let meets = |x: f64, predicted: f64| {
-            let found = self.pace.pace(Place { segment: span.segment, x });
+            let found = self.pace.pace(CurvePlace { segment: span.segment, x });
             let share = if found > 0.0 && found < SEEN * mean { SEEN_AT_A_STOP } else { SEEN };
             (predicted - found).abs() <= share * mean
         };
@@ -206,7 +207,7 @@ impl<P: Pace> ArcLength<P> {
 
 /// Half of a panel, ready to be inverted.
 #[derive(Debug, Clone, Copy)]
-struct Panel {
+struct HalfPanel {
     from: f64,
     width: f64,
     /// Length of the curve up to the panel's start.
@@ -222,12 +223,12 @@ struct Panel {
     bends: [f64; 2],
 }
 
-impl Panel {
+impl HalfPanel {
     /// Fits the polynomial to a span. The two values at the ends make it continuous over panel
     /// borders.
-    fn new<P: Pace>(span: &Span, pace: &P, before: f64) -> Self {
+    fn new<P: CurveSpeed>(span: &SegmentSpan, pace: &P, before: f64) -> Self {
         let length = span.length();
-        let at = |x: f64| pace.pace(Place { segment: span.segment, x });
+        let at = |x: f64| pace.pace(CurvePlace { segment: span.segment, x });
         let [a, b, c, d, e] = span.speeds;
         let mean = length / (span.to - span.from);
         let values = [at(span.from), a, b, c, d, e, at(span.to)].map(|speed| speed / mean - 1.0);
@@ -277,29 +278,29 @@ impl Panel {
 
 /// A walk along a curve that finds places for growing lengths. Going back is possible but slow.
 #[derive(Debug)]
-pub struct Walk<'a, P> {
+pub struct ArcWalk<'a, P> {
     arc: &'a ArcLength<P>,
     /// The present segment.
     segment: Option<usize>,
     /// Half panels of the present segment.
-    halves: Vec<Span>,
+    halves: Vec<SegmentSpan>,
     /// Length of the curve before each half panel.
     before: Vec<f64>,
     /// The half panel of the last place, with its index.
-    panel: Option<(usize, Panel)>,
+    panel: Option<(usize, HalfPanel)>,
 }
 
-impl<P: Pace> Walk<'_, P> {
+impl<P: CurveSpeed> ArcWalk<'_, P> {
     /// The place at which the curve has reached `length`. Lengths outside `0..=total` give the
     /// ends.
-    pub fn to(&mut self, length: f64) -> Place {
+    pub fn to(&mut self, length: f64) -> CurvePlace {
         let segments = self.arc.steps.len();
         if segments == 0 {
-            return Place { segment: 0, x: 0.0 };
+            return CurvePlace { segment: 0, x: 0.0 };
         }
         if length >= self.arc.total() {
             let last = segments - 1;
-            return Place { segment: last, x: self.arc.steps[last] };
+            return CurvePlace { segment: last, x: self.arc.steps[last] };
         }
         let near = self.segment.unwrap_or(0);
         let segment = index_of(&self.arc.before[..segments], near, length);
@@ -307,18 +308,18 @@ impl<P: Pace> Walk<'_, P> {
             self.enter(segment);
         }
         self.find_panel(length);
-        let Some((_, panel)) = &self.panel else { return Place { segment, x: 0.0 } };
+        let Some((_, panel)) = &self.panel else { return CurvePlace { segment, x: 0.0 } };
         let share = ((length - panel.before) / panel.length).clamp(0.0, 1.0);
         // A panel of length 0 has no inverse. All its places are the same point of the curve.
         let x = if share.is_nan() { panel.from } else { panel.invert(share) };
-        Place { segment, x }
+        CurvePlace { segment, x }
     }
 
     /// The length from `from` to `to`, where `to` is the place found last. Inside one half panel a
     /// single rule over the part is accurate, because it is accurate over the whole half. Elsewhere
     /// this is [`ArcLength::between`].
-    pub fn since(&self, from: Place, to: Place) -> f64 {
-        let inside = |panel: &Panel| panel.from <= from.x && to.x <= panel.from + panel.width;
+    pub fn since(&self, from: CurvePlace, to: CurvePlace) -> f64 {
+        let inside = |panel: &HalfPanel| panel.from <= from.x && to.x <= panel.from + panel.width;
         match &self.panel {
             Some((_, panel)) if from.segment == to.segment && inside(panel) => {
                 self.arc.span(to.segment, from.x, to.x).length()
@@ -330,7 +331,7 @@ impl<P: Pace> Walk<'_, P> {
     fn enter(&mut self, segment: usize) {
         self.arc.settle_segment(segment, &mut self.halves);
         self.before.clear();
-        let mut sum = Sum::default();
+        let mut sum = NeumaierSum::default();
         for half in &self.halves {
             self.before.push(self.arc.before[segment] + sum.value());
             sum.add(half.length());
@@ -343,7 +344,7 @@ impl<P: Pace> Walk<'_, P> {
         let at_hand = self.panel.as_ref().map(|(k, _)| *k);
         let k = index_of(&self.before, at_hand.unwrap_or(0), length);
         if at_hand != Some(k) {
-            self.panel = Some((k, Panel::new(&self.halves[k], &self.arc.pace, self.before[k])));
+            self.panel = Some((k, HalfPanel::new(&self.halves[k], &self.arc.pace, self.before[k])));
         }
     }
 }
@@ -420,8 +421,8 @@ mod tests {
     use super::*;
 
     /// A curve of speed `speed(x)` over one segment of length 1.
-    fn measure(speed: impl Fn(f64) -> f64) -> ArcLength<impl Pace> {
-        ArcLength::measure_curve(&[1.0], move |at: Place| speed(at.x))
+    fn measure(speed: impl Fn(f64) -> f64) -> ArcLength<impl CurveSpeed> {
+        ArcLength::measure_curve(&[1.0], move |at: CurvePlace| speed(at.x))
     }
 
     fn relative(got: f64, want: f64) -> f64 {
@@ -431,7 +432,7 @@ mod tests {
     #[test]
     fn the_rule_integrates_polynomials_to_degree_nine() {
         for degree in 0..10 {
-            let arc = ArcLength::measure_curve(&[2.0], |at: Place| libm::pow(at.x, f64::from(degree)));
+            let arc = ArcLength::measure_curve(&[2.0], |at: CurvePlace| libm::pow(at.x, f64::from(degree)));
             let whole = arc.span(0, 0.0, 2.0);
             let exact = libm::pow(2.0, f64::from(degree + 1)) / f64::from(degree + 1);
             // Weights and nodes carry one rounding each.
@@ -482,19 +483,19 @@ mod tests {
 
     #[test]
     fn lengths_outside_the_curve_name_its_ends() {
-        let arc = ArcLength::measure_curve(&[0.5, 2.0], |_: Place| 3.0);
-        assert_eq!(arc.invert(-1.0), Place { segment: 0, x: 0.0 });
-        assert_eq!(arc.invert(0.0), Place { segment: 0, x: 0.0 });
-        assert_eq!(arc.invert(arc.total()), Place { segment: 1, x: 2.0 });
-        assert_eq!(arc.invert(1e9), Place { segment: 1, x: 2.0 });
+        let arc = ArcLength::measure_curve(&[0.5, 2.0], |_: CurvePlace| 3.0);
+        assert_eq!(arc.invert(-1.0), CurvePlace { segment: 0, x: 0.0 });
+        assert_eq!(arc.invert(0.0), CurvePlace { segment: 0, x: 0.0 });
+        assert_eq!(arc.invert(arc.total()), CurvePlace { segment: 1, x: 2.0 });
+        assert_eq!(arc.invert(1e9), CurvePlace { segment: 1, x: 2.0 });
         assert!((arc.total() - 7.5).abs() < 1e-14);
-        let (a, b) = (Place { segment: 0, x: 0.25 }, Place { segment: 1, x: 1.0 });
+        let (a, b) = (CurvePlace { segment: 0, x: 0.25 }, CurvePlace { segment: 1, x: 1.0 });
         assert!((arc.between(a, b) - 3.75).abs() < 1e-14);
     }
 
     #[test]
     fn a_curve_that_never_moves_has_no_length_and_no_trouble() {
-        let arc = ArcLength::measure_curve(&[1.0, 1.0], |_: Place| 0.0);
+        let arc = ArcLength::measure_curve(&[1.0, 1.0], |_: CurvePlace| 0.0);
         assert!(arc.total() == 0.0 && arc.invert(0.0).x.is_finite());
     }
 }

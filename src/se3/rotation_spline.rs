@@ -14,7 +14,7 @@
 
 use super::rotation::{exp_vector, log_vector, renormalised};
 use super::series::{alternating_series, power_sum};
-use super::spline::{Cubic, Place};
+use super::spline::{CubicSegment, CurvePlace};
 use glam::{DMat3, DQuat, DVec3};
 use libm::{cos, sin};
 use std::f64::consts::PI;
@@ -45,7 +45,7 @@ pub fn turn_between(a: DQuat, b: DQuat) -> (DVec3, bool) {
 /// The iteration for the spline's rates does not converge.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the rates of the rotation spline did not settle: they still change by {change:.3e} of their size")]
-pub struct Unsettled {
+pub struct SplineDiverged {
     /// Largest relative change of a rate in the last round.
     pub change: f64,
 }
@@ -54,7 +54,7 @@ pub struct Unsettled {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RotationSpline {
     starts: Vec<DQuat>,
-    turns: Vec<Cubic>,
+    turns: Vec<CubicSegment>,
 }
 
 impl RotationSpline {
@@ -67,17 +67,17 @@ impl RotationSpline {
     ///
     /// # Panics
     /// There are fewer than two rotations, or their number is not one more than that of steps.
-    pub fn new(steps: &[f64], rotations: &[DQuat]) -> Result<Self, Unsettled> {
+    pub fn new(steps: &[f64], rotations: &[DQuat]) -> Result<Self, SplineDiverged> {
         assert!(
             rotations.len() >= 2 && steps.len() + 1 == rotations.len(),
             "a spline needs a step between any two rotations"
         );
         let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn_between(r[0], r[1]).0).collect();
-        let rates = System::new(steps, &vectors).solve()?;
+        let rates = RateEquations::new(steps, &vectors).solve()?;
         let turns = (0..steps.len())
             .map(|i| {
                 let end_slope = slope_from_rate(vectors[i]) * rates[i + 1];
-                Cubic::from_hermite(steps[i], [DVec3::ZERO, vectors[i]], [rates[i], end_slope])
+                CubicSegment::from_hermite(steps[i], [DVec3::ZERO, vectors[i]], [rates[i], end_slope])
             })
             .collect();
         Ok(Self { starts: rotations[..steps.len()].to_vec(), turns })
@@ -86,20 +86,20 @@ impl RotationSpline {
     /// The rotation at a place, a unit quaternion.
     #[must_use]
     #[inline]
-    pub fn rotation(&self, at: Place) -> DQuat {
+    pub fn rotation(&self, at: CurvePlace) -> DQuat {
         renormalised(self.starts[at.segment] * exp_vector(self.turns[at.segment].value(at.x)))
     }
 
     /// The body rate at a place, rad per parameter, in the body's axes.
     #[must_use]
-    pub fn rate(&self, at: Place) -> DVec3 {
+    pub fn rate(&self, at: CurvePlace) -> DVec3 {
         let turn = &self.turns[at.segment];
         rate_from_slope_times(turn.value(at.x), turn.slope(at.x))
     }
 
     /// The derivative of the body rate at a place, rad per parameter squared.
     #[must_use]
-    pub fn acceleration(&self, at: Place) -> DVec3 {
+    pub fn acceleration(&self, at: CurvePlace) -> DVec3 {
         let turn = &self.turns[at.segment];
         let (r, slope) = (turn.value(at.x), turn.slope(at.x));
         rate_from_slope_times(r, turn.bend(at.x)) + quadratic_part(r, slope)
@@ -114,21 +114,21 @@ impl RotationSpline {
 /// ```
 /// with `w` the rates, `r` the turns, `h` the steps, `J` the right Jacobian and `q` the quadratic part of the
 /// angular acceleration at the end of segment k, whose slope is `J_k^-1 w_{k+1}`.
-struct System<'a> {
+struct RateEquations<'a> {
     steps: &'a [f64],
     turns: &'a [DVec3],
     /// `J^-1(r_k)` for every segment.
     slope_from_rate: Vec<DMat3>,
 }
 
-impl<'a> System<'a> {
+impl<'a> RateEquations<'a> {
     fn new(steps: &'a [f64], turns: &'a [DVec3]) -> Self {
         Self { steps, turns, slope_from_rate: turns.iter().map(|r| slope_from_rate(*r)).collect() }
     }
 
     /// Rates at all knots. Those at the ends are fixed; those at the inner knots start from the
     /// mean turns.
-    fn solve(&self) -> Result<Vec<DVec3>, Unsettled> {
+    fn solve(&self) -> Result<Vec<DVec3>, SplineDiverged> {
         let mean: Vec<DVec3> = self.turns.iter().zip(self.steps).map(|(r, h)| *r / *h).collect();
         let mut change = f64::INFINITY;
         for (rounds, damping) in ROUNDS {
@@ -143,7 +143,7 @@ impl<'a> System<'a> {
                 return Ok(rates);
             }
         }
-        Err(Unsettled { change })
+        Err(SplineDiverged { change })
     }
 
     /// One Newton step. Returns the largest change of a rate, relative to 1 + its size.
@@ -217,13 +217,13 @@ impl<'a> System<'a> {
 
 /// The right Jacobian `J(r)`: the body rate is `J(r)` times the derivative of the rotation vector.
 fn rate_from_slope(r: DVec3) -> DMat3 {
-    let (skew, c) = (skew_matrix(r), Coefficients::for_angle(r.length_squared()));
+    let (skew, c) = (skew_matrix(r), LogCoefficients::for_angle(r.length_squared()));
     DMat3::IDENTITY - skew * c.versine + skew * skew * c.sine
 }
 
 /// [`rate_from_slope`] times a slope, for every finite `r`.
 pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
-    let c = Coefficients::for_angle(r.length_squared());
+    let c = LogCoefficients::for_angle(r.length_squared());
     let once = r.cross(slope);
     slope - once * c.versine + r.cross(once) * c.sine
 }
@@ -237,7 +237,7 @@ fn slope_from_rate(r: DVec3) -> DMat3 {
 
 /// The part of the angular acceleration that is quadratic in the slope of the rotation vector.
 pub(crate) fn quadratic_part(r: DVec3, slope: DVec3) -> DVec3 {
-    let c = Quadratic::for_angle(r.length_squared());
+    let c = LogQuadratic::for_angle(r.length_squared());
     let once = r.cross(slope);
     (once * c.k1 + r.cross(once) * c.k2) * r.dot(slope) + slope.cross(once) * c.k3
 }
@@ -247,12 +247,12 @@ fn skew_matrix(r: DVec3) -> DMat3 {
 }
 
 /// `(1 - cos t) / t^2` and `(t - sin t) / t^3`.
-struct Coefficients {
+struct LogCoefficients {
     versine: f64,
     sine: f64,
 }
 
-impl Coefficients {
+impl LogCoefficients {
     fn for_angle(t2: f64) -> Self {
         if t2 < 1.0 {
             return Self { versine: power_sum(t2, &VERSINE), sine: power_sum(t2, &SINE) };
@@ -263,13 +263,13 @@ impl Coefficients {
 }
 
 /// `(2 (1 - cos t) - t sin t) / t^4`, `(3 sin t - 2t - t cos t) / t^5` and `(t - sin t) / t^3`.
-struct Quadratic {
+struct LogQuadratic {
     k1: f64,
     k2: f64,
     k3: f64,
 }
 
-impl Quadratic {
+impl LogQuadratic {
     fn for_angle(t2: f64) -> Self {
         if t2 < 1.0 {
             return Self { k1: power_sum(t2, &K1), k2: power_sum(t2, &K2), k3: power_sum(t2, &SINE) };

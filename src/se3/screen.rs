@@ -10,10 +10,10 @@ const TOLD: f64 = 1e-6;
 
 /// A rotation read from a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Screened {
+pub struct ScreenedRotation {
     /// The nearest rotation, a unit quaternion with `w >= 0`.
     pub rotation: DQuat,
-    /// Whether the numbers deviate by more than 1e-6, so that a warning is due.
+    /// True if the numbers deviate by more than 1e-6, so that a warning is due.
     pub projected: bool,
     /// Deviation of the numbers from a rotation: `max |R^T R - I|`, or `| |q|^2 - 1 |`.
     pub deviation: f64,
@@ -43,7 +43,7 @@ pub enum RotationError {
 ///
 /// # Errors
 /// A number is not finite, `max |R^T R - I|` exceeds 1e-3, or the determinant is negative.
-pub fn rotation_from_matrix(matrix: &DMat3) -> Result<Screened, RotationError> {
+pub fn rotation_from_matrix(matrix: &DMat3) -> Result<ScreenedRotation, RotationError> {
     if !matrix.is_finite() {
         return Err(RotationError::NotFinite);
     }
@@ -55,21 +55,21 @@ pub fn rotation_from_matrix(matrix: &DMat3) -> Result<Screened, RotationError> {
         return Err(RotationError::Mirrors { determinant });
     }
     let rotation = super::rotation::canonical_sign(DQuat::from_mat3(&nearest_rotation(*matrix)).normalize());
-    Ok(Screened { rotation, projected: deviation > TOLD, deviation })
+    Ok(ScreenedRotation { rotation, projected: deviation > TOLD, deviation })
 }
 
 /// Normalises a quaternion.
 ///
 /// # Errors
 /// A number is not finite, or `|q|^2` differs from 1 by more than 1e-3.
-pub fn rotation_from_quaternion(q: DQuat) -> Result<Screened, RotationError> {
+pub fn rotation_from_quaternion(q: DQuat) -> Result<ScreenedRotation, RotationError> {
     if !q.is_finite() {
         return Err(RotationError::NotFinite);
     }
     let deviation = (q.length_squared() - 1.0).abs();
     refuse_above_limit(deviation)?;
     let rotation = super::rotation::canonical_sign(q.normalize());
-    Ok(Screened { rotation, projected: deviation > TOLD, deviation })
+    Ok(ScreenedRotation { rotation, projected: deviation > TOLD, deviation })
 }
 
 /// Written so that infinity and NaN are refused too.

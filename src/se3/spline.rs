@@ -7,7 +7,7 @@ use glam::DVec3;
 
 /// A place on a piecewise curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct CurvePlace {
     /// Index of the segment, from 0.
     pub segment: usize,
     /// Parameter since the segment's start, from 0 to its length.
@@ -16,11 +16,11 @@ pub struct Place {
 
 /// Coefficients of `c[0] + c[1] x + c[2] x^2 + c[3] x^3` on one segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cubic {
+pub struct CubicSegment {
     c: [DVec3; 4],
 }
 
-impl Cubic {
+impl CubicSegment {
     /// The cubic on `[0, h]` with the given values and derivatives at both ends (Hermite).
     ///
     /// The end derivatives are taken relative to the mean slope, so that a straight line has
@@ -56,7 +56,7 @@ impl Cubic {
 /// A C2 cubic spline through points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CubicSpline {
-    segments: Vec<Cubic>,
+    segments: Vec<CubicSegment>,
 }
 
 impl CubicSpline {
@@ -83,7 +83,9 @@ impl CubicSpline {
             _ => spline_slopes(steps, &chords),
         };
         let segments = (0..steps.len())
-            .map(|i| Cubic::from_hermite(steps[i], [points[i], points[i + 1]], [slopes[i], slopes[i + 1]]))
+            .map(|i| {
+                CubicSegment::from_hermite(steps[i], [points[i], points[i + 1]], [slopes[i], slopes[i + 1]])
+            })
             .collect();
         Self { segments }
     }
@@ -91,7 +93,7 @@ impl CubicSpline {
     /// The cubic of a segment.
     #[must_use]
     #[inline]
-    pub fn segment(&self, segment: usize) -> &Cubic {
+    pub fn segment(&self, segment: usize) -> &CubicSegment {
         &self.segments[segment]
     }
 }
@@ -102,7 +104,7 @@ fn parabola_slopes(steps: &[f64], chords: &[DVec3]) -> Vec<DVec3> {
 }
 
 /// One row of a tridiagonal system for the slopes.
-struct Row {
+struct TridiagonalRow {
     below: f64,
     diagonal: f64,
     above: f64,
@@ -117,21 +119,26 @@ fn spline_slopes(h: &[f64], d: &[DVec3]) -> Vec<DVec3> {
         (d0 * (h1 * (h0 + 2.0 * (h0 + h1))) + d1 * (h0 * h0)) / (h0 + h1)
     };
     let mut rows = Vec::with_capacity(n + 1);
-    rows.push(Row { below: 0.0, diagonal: h[1], above: h[0] + h[1], right: end(h[0], h[1], d[0], d[1]) });
-    rows.extend((1..n).map(|i| Row {
+    rows.push(TridiagonalRow {
+        below: 0.0,
+        diagonal: h[1],
+        above: h[0] + h[1],
+        right: end(h[0], h[1], d[0], d[1]),
+    });
+    rows.extend((1..n).map(|i| TridiagonalRow {
         below: h[i],
         diagonal: 2.0 * (h[i - 1] + h[i]),
         above: h[i - 1],
         right: (d[i - 1] * h[i] + d[i] * h[i - 1]) * 3.0,
     }));
     let (a, b) = (h[n - 1], h[n - 2]);
-    rows.push(Row { below: a + b, diagonal: b, above: 0.0, right: end(a, b, d[n - 1], d[n - 2]) });
+    rows.push(TridiagonalRow { below: a + b, diagonal: b, above: 0.0, right: end(a, b, d[n - 1], d[n - 2]) });
     solve_tridiagonal(rows)
 }
 
 /// Elimination without pivoting. Row 0 has a positive pivot, and every later pivot keeps at least
 /// half its diagonal.
-fn solve_tridiagonal(mut rows: Vec<Row>) -> Vec<DVec3> {
+fn solve_tridiagonal(mut rows: Vec<TridiagonalRow>) -> Vec<DVec3> {
     for i in 1..rows.len() {
         let factor = rows[i].below / rows[i - 1].diagonal;
         rows[i].diagonal -= factor * rows[i - 1].above;

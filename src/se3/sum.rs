@@ -3,12 +3,12 @@
 /// A running sum with Neumaier's compensation (Neumaier 1974), the variant of Kahan's that
 /// tolerates terms larger than the sum.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Sum {
+pub struct NeumaierSum {
     sum: f64,
     lost: f64,
 }
 
-impl Sum {
+impl NeumaierSum {
     /// Adds `term`.
     pub fn add(&mut self, term: f64) {
         let next = self.sum + term;
@@ -37,8 +37,8 @@ mod tests {
 
     #[test]
     fn small_terms_survive_large_ones() {
-        assert_eq!(Sum::sum_of([1.0, 1e100, 1.0, -1e100]).to_bits(), 2.0f64.to_bits());
-        let million = Sum::sum_of(std::iter::repeat_n(0.1, 1_000_000));
+        assert_eq!(NeumaierSum::sum_of([1.0, 1e100, 1.0, -1e100]).to_bits(), 2.0f64.to_bits());
+        let million = NeumaierSum::sum_of(std::iter::repeat_n(0.1, 1_000_000));
         // 0.1 itself is 5.6e-18 too large, which adds up to 5.6e-12: below the spacing of doubles
         // at 1e5.
         assert_eq!(million.to_bits(), 100_000.0f64.to_bits());

@@ -1,19 +1,19 @@
 //! Eight draws at a time, with the same bits as `Seed::draws` one by one.
 
-use super::{Cell, Draws, Seed, Space, normal, philox, space_tag};
+use super::{CellDraws, DrawSpace, Seed, SeedCell, normal, philox, space_tag};
 use crate::elementary::{self, load_eight, mask_bits, set_lanes, store_eight, to_float};
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8, u64x8};
 
 /// Cells of eight pixels that differ in the pixel only.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Cells {
+pub(crate) struct SeedCells {
     pub(crate) seed: Seed,
-    pub(crate) space: Space,
+    pub(crate) space: DrawSpace,
     pub(crate) level: u8,
     pub(crate) index: u64,
 }
 
-impl Cells {
+impl SeedCells {
     /// Draws `2 block` and `2 block + 1` for the cells of these pixels (`y << 16 | x`).
     #[inline(always)]
     pub(crate) fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
@@ -26,10 +26,10 @@ impl Cells {
 
     /// The draws of one of these cells, with the first four computed in advance.
     #[inline(always)]
-    pub(crate) fn go_on(self, pixel: u64, first: [u64; 4]) -> Draws {
+    pub(crate) fn go_on(self, pixel: u64, first: [u64; 4]) -> CellDraws {
         let Self { seed, space, level, index } = self;
-        let cell = Cell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
-        Draws { first, known: 4, ..seed.draws(cell, space) }
+        let cell = SeedCell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
+        CellDraws { first, known: 4, ..seed.draws(cell, space) }
     }
 }
 
@@ -104,8 +104,8 @@ mod tests {
     #[test]
     fn draws_are_those_of_one_at_a_time() {
         let (level, index) = (3, 0x0012_3456_789a);
-        for space in [Space::Tree, Space::Leaf] {
-            let cells = Cells { seed: Seed(0xfeed_0123_4567), space, level, index };
+        for space in [DrawSpace::Tree, DrawSpace::Leaf] {
+            let cells = SeedCells { seed: Seed(0xfeed_0123_4567), space, level, index };
             let pixels: [u64; 8] = [0, 1, 0xffff, 0xffff_ffff, 7 << 16, 0x1234_5678, 42, 3];
             let pairs: [[[u64; 8]; 2]; 2] = dispatch!(Level::new(), simd => {
                 let pixels = u64x8::from_slice(simd, &pixels);
@@ -113,7 +113,7 @@ mod tests {
             });
             for (i, pixel) in pixels.into_iter().enumerate() {
                 let cell =
-                    Cell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
+                    SeedCell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
                 let mut draws = cells.seed.draws(cell, space);
                 let first = pairs.as_flattened().iter().map(|draw| draw[i]).collect::<Vec<_>>();
                 let mut going_on = cells.go_on(pixel, first.clone().try_into().unwrap());

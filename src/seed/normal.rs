@@ -120,7 +120,7 @@ pub(super) fn polynomial_eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Cell, Seed, Space, rival};
+    use crate::seed::{DrawSpace, Seed, SeedCell, rival};
 
     #[test]
     fn it_inverts_the_distribution_function() {
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn normal_draws_are_distributed_as_those_of_rand_distr() {
-        let mut draws = Seed(3).draws(Cell { x: 1, y: 2, level: 0, index: 3 }, Space::Leaf);
+        let mut draws = Seed(3).draws(SeedCell { x: 1, y: 2, level: 0, index: 3 }, DrawSpace::Leaf);
         let ours: Vec<f64> = (0..rival::N).map(|_| draws.normal()).collect();
         rival::compare("normal", &ours, &rival::theirs(&rand_distr::StandardNormal), |z| 1.1 * z);
     }

@@ -1,34 +1,34 @@
 //! The cap of a sensor with `allow_cap`: the first events of each pixel between two frames are
 //! kept, the others are counted and dropped.
 
-use super::{Account, Pixels, SensorError};
+use super::{SensorError, SensorPixels, SimulationAccount};
 use crate::event::{Event, EventSink, Polarity};
-use crate::frames::Frame;
+use crate::frames::DenseFrame;
 use crate::image::Size;
 
 /// Pixels of which at most `cap` events between two frames are passed on.
-pub(super) struct Capped {
-    pixels: Box<dyn Pixels>,
+pub(super) struct CappedPixels {
+    pixels: Box<dyn SensorPixels>,
     first: FirstOnes,
 }
 
-impl Capped {
+impl CappedPixels {
     /// Wraps `pixels`, which have no cap of their own.
-    pub(super) fn new(pixels: Box<dyn Pixels>, cap: u32, size: Size) -> Self {
+    pub(super) fn new(pixels: Box<dyn SensorPixels>, cap: u32, size: Size) -> Self {
         Self { pixels, first: FirstOnes::new(cap, size) }
     }
 }
 
-impl Pixels for Capped {
-    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+impl SensorPixels for CappedPixels {
+    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.first.stamps.push(frame.t.0);
-        self.pixels.advance(frame, &mut Kept { sink, by: &mut self.first })
+        self.pixels.advance(frame, &mut KeptEvents { sink, by: &mut self.first })
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
-        let account = self.pixels.finish(&mut Kept { sink, by: &mut self.first })?;
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
+        let account = self.pixels.finish(&mut KeptEvents { sink, by: &mut self.first })?;
         let FirstOnes { on, off, cap, .. } = self.first;
-        Ok(Account {
+        Ok(SimulationAccount {
             events: account.events - on - off,
             on: account.on - on,
             off: account.off - off,
@@ -62,7 +62,7 @@ impl FirstOnes {
         Self { cap, width, stamps: Vec::new(), frame: 1, seen, on: 0, off: 0, kept: Vec::new() }
     }
 
-    /// Whether the event is among the first of its pixel and interval.
+    /// Returns true if the event is among the first of its pixel and interval.
     fn keeps(&mut self, event: &Event) -> bool {
         while self.stamps.get(self.frame).is_some_and(|&end| end < event.t.0) {
             self.frame += 1;
@@ -77,12 +77,12 @@ impl FirstOnes {
 }
 
 /// A sink that passes on the selected events.
-struct Kept<'a> {
+struct KeptEvents<'a> {
     sink: &'a mut dyn EventSink,
     by: &'a mut FirstOnes,
 }
 
-impl EventSink for Kept<'_> {
+impl EventSink for KeptEvents<'_> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         let mut kept = std::mem::take(&mut self.by.kept);
         kept.clear();
@@ -104,7 +104,7 @@ impl EventSink for Kept<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
+    use crate::event::EventLabel;
     use crate::units::Timestamp;
 
     #[test]
@@ -112,8 +112,9 @@ mod tests {
         let mut all = Vec::new();
         let mut first_ones = FirstOnes::new(2, Size { width: 2, height: 1 });
         first_ones.stamps = vec![0, 10_000, 20_000, 90_000];
-        let mut capped = Kept { sink: &mut all, by: &mut first_ones };
-        let event = |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: Label::Signal };
+        let mut capped = KeptEvents { sink: &mut all, by: &mut first_ones };
+        let event =
+            |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: EventLabel::Signal };
         let (on, off) = (Polarity::On, Polarity::Off);
         // The third event of pixel 0 in the first interval is at its very end; the next one is in
         // the second interval.

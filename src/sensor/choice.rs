@@ -1,8 +1,8 @@
 //! The sensor of a recipe, one of a closed family, and the set of sensors that share one rendering.
 
-use super::screening::{ScreenError, Screening};
-use super::voltmeter::{self, Between};
-use super::{Model, esim, noise, v2e};
+use super::screening::{ScreenError, SensorScreening};
+use super::voltmeter::{self, BetweenFrames};
+use super::{SensorModel, esim, noise, v2e};
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,19 +10,19 @@ use std::collections::BTreeMap;
 /// A sensor, as chosen by a recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Sensor {
+pub enum SensorChoice {
     /// The stochastic model of DVS-Voltmeter.
-    Voltmeter(voltmeter::Voltmeter),
+    Voltmeter(voltmeter::VoltmeterModel),
     /// Thresholds on the logarithm, as in ESIM.
-    Esim(esim::Esim),
+    Esim(esim::EsimModel),
     /// A low-pass filter, leak and shot noise, as in v2e.
-    V2e(v2e::V2e),
+    V2e(v2e::V2eModel),
 }
 
-impl Sensor {
+impl SensorChoice {
     /// The model of the chosen sensor.
     #[must_use]
-    pub fn as_model(&self) -> &dyn Model {
+    pub fn as_model(&self) -> &dyn SensorModel {
         match self {
             Self::Voltmeter(sensor) => sensor,
             Self::Esim(sensor) => sensor,
@@ -42,10 +42,10 @@ impl Sensor {
 
     /// The interpolation of brightness between frames.
     #[must_use]
-    pub fn between(&self) -> Between {
+    pub fn between(&self) -> BetweenFrames {
         match self {
             Self::Voltmeter(sensor) => sensor.between,
-            Self::Esim(_) | Self::V2e(_) => Between::Linear,
+            Self::Esim(_) | Self::V2e(_) => BetweenFrames::Linear,
         }
     }
 
@@ -63,7 +63,7 @@ impl Sensor {
 
     /// The pixels that fire by themselves.
     #[must_use]
-    pub fn hot_pixels(&self) -> noise::HotPixels {
+    pub fn hot_pixels(&self) -> noise::HotPixelNoise {
         match self {
             Self::Voltmeter(sensor) => sensor.hot_pixels,
             Self::Esim(sensor) => sensor.hot_pixels,
@@ -75,17 +75,17 @@ impl Sensor {
     /// mismatch. Labels are removed as well; they change no event.
     #[must_use]
     pub fn without_noise(&self) -> Self {
-        let (hot_pixels, labels) = (noise::HotPixels::default(), false);
+        let (hot_pixels, labels) = (noise::HotPixelNoise::default(), false);
         match self {
             Self::Voltmeter(sensor) => {
                 let [k1, k2, ..] = sensor.k;
                 let k = [k1, k2, 0.0, 0.0, 0.0, 0.0];
-                Self::Voltmeter(voltmeter::Voltmeter { k, hot_pixels, labels, ..sensor.clone() })
+                Self::Voltmeter(voltmeter::VoltmeterModel { k, hot_pixels, labels, ..sensor.clone() })
             }
-            Self::Esim(sensor) => Self::Esim(esim::Esim { hot_pixels, labels, ..sensor.clone() }),
+            Self::Esim(sensor) => Self::Esim(esim::EsimModel { hot_pixels, labels, ..sensor.clone() }),
             Self::V2e(sensor) => {
-                let leak = v2e::Leak::default();
-                Self::V2e(v2e::V2e { leak, shot: 0.0, hot_pixels, labels, ..sensor.clone() })
+                let leak = v2e::LeakNoise::default();
+                Self::V2e(v2e::V2eModel { leak, shot: 0.0, hot_pixels, labels, ..sensor.clone() })
             }
         }
     }
@@ -95,9 +95,11 @@ impl Sensor {
     pub fn without_labels(&self) -> Self {
         let labels = false;
         match self {
-            Self::Voltmeter(sensor) => Self::Voltmeter(voltmeter::Voltmeter { labels, ..sensor.clone() }),
-            Self::Esim(sensor) => Self::Esim(esim::Esim { labels, ..sensor.clone() }),
-            Self::V2e(sensor) => Self::V2e(v2e::V2e { labels, ..sensor.clone() }),
+            Self::Voltmeter(sensor) => {
+                Self::Voltmeter(voltmeter::VoltmeterModel { labels, ..sensor.clone() })
+            }
+            Self::Esim(sensor) => Self::Esim(esim::EsimModel { labels, ..sensor.clone() }),
+            Self::V2e(sensor) => Self::V2e(v2e::V2eModel { labels, ..sensor.clone() }),
         }
     }
 
@@ -105,7 +107,7 @@ impl Sensor {
     ///
     /// # Errors
     /// The parameters make no usable stream.
-    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         match self {
             Self::Voltmeter(sensor) => sensor.screen(rate),
             Self::Esim(sensor) => sensor.screen(rate),
@@ -116,16 +118,16 @@ impl Sensor {
 
 /// The sensors that share one rendering.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Sensors {
+pub enum SensorSet {
     /// One sensor, without a name.
-    One(Sensor),
+    One(SensorChoice),
     /// Several sensors by name.
-    Named(BTreeMap<String, Sensor>),
+    Named(BTreeMap<String, SensorChoice>),
 }
 
-impl Sensors {
+impl SensorSet {
     /// Each sensor with its name, if it has one, in the order of names.
-    pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
+    pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &SensorChoice)> {
         let (one, named) = match self {
             Self::One(sensor) => (Some((None, sensor)), None),
             Self::Named(sensors) => (None, Some(sensors.iter().map(|(name, s)| (Some(name.as_str()), s)))),

@@ -7,7 +7,7 @@
 
 /// Brightness as a function of time between two frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Course {
+pub(super) struct BrightnessCourse {
     from: f64,
     to: f64,
     slope: f64,
@@ -20,7 +20,7 @@ pub(super) struct Course {
 
 /// The state of the filter between two frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Filtered {
+pub(super) struct FilteredCourse {
     /// Output at the earlier frame.
     pub(super) output: f64,
     /// Input at both frames.
@@ -29,15 +29,15 @@ pub(super) struct Filtered {
     pub(super) rate: f64,
 }
 
-impl Course {
+impl BrightnessCourse {
     /// A straight line, `length` ns long.
     pub(super) fn straight_line(from: f64, to: f64, length: f64) -> Self {
         Self { from, to, slope: (to - from) / length, pull: 0.0, rate: 0.0, length, tilt: 0.0 }
     }
 
     /// The output of the filter over `length` ns.
-    pub(super) fn filter_output(filter: &Filtered, length: f64) -> Self {
-        let Filtered { output, input: [from, to], rate } = *filter;
+    pub(super) fn filter_output(filter: &FilteredCourse, length: f64) -> Self {
+        let FilteredCourse { output, input: [from, to], rate } = *filter;
         let slope = (to - from) / length;
         let pull = rate * (output - from) + slope;
         let mut course = Self { from: output, to: output, slope, pull, rate, length, tilt: 0.0 };
@@ -113,11 +113,17 @@ mod tests {
     fn a_step_decays_exponentially_and_a_ramp_lags() {
         // A constant input gives f + (y - f) e^-at. After the filter has settled, a ramp lags by
         // m/a.
-        let step = Course::filter_output(&Filtered { output: 1.0, input: [3.0, 3.0], rate: 2e-6 }, 1e6);
+        let step = BrightnessCourse::filter_output(
+            &FilteredCourse { output: 1.0, input: [3.0, 3.0], rate: 2e-6 },
+            1e6,
+        );
         for t in [0.0, 1.0, 1e3, 3e5, 9e5, 1e6] {
             assert!((step.at(t) - (3.0 - 2.0 * (-2e-6 * t).exp())).abs() < 1e-15, "{t}");
         }
-        let ramp = Course::filter_output(&Filtered { output: -0.5, input: [0.0, 1.0], rate: 2e-6 }, 1e6);
+        let ramp = BrightnessCourse::filter_output(
+            &FilteredCourse { output: -0.5, input: [0.0, 1.0], rate: 2e-6 },
+            1e6,
+        );
         for t in [0.0, 1e3, 5e5, 1e6] {
             assert!((ramp.at(t) - (t * 1e-6 - 0.5)).abs() < 1e-15, "{t}");
         }
@@ -125,7 +131,9 @@ mod tests {
 
     #[test]
     fn a_fast_filter_is_none_and_a_slow_one_stays() {
-        let filter = |rate| Course::filter_output(&Filtered { output: 0.0, input: [0.0, 1.0], rate }, 1e6);
+        let filter = |rate| {
+            BrightnessCourse::filter_output(&FilteredCourse { output: 0.0, input: [0.0, 1.0], rate }, 1e6)
+        };
         assert!((filter(1e3).at(5e5) - 0.5).abs() < 2e-9 && filter(1e-22).at(1e6).abs() < 1e-15);
         assert!((filter(0.0).at(1e6)).abs() < 1e-15);
     }
@@ -133,15 +141,20 @@ mod tests {
     #[test]
     fn levels_are_found_on_both_sides_of_the_turn() {
         // The output falls from 1 towards an input that rises.
-        let course = Course::filter_output(&Filtered { output: 1.0, input: [0.0, 1.0], rate: 5e-6 }, 1e6);
+        let course = BrightnessCourse::filter_output(
+            &FilteredCourse { output: 1.0, input: [0.0, 1.0], rate: 5e-6 },
+            1e6,
+        );
         let turn = course.turn().unwrap();
         assert!(course.at(turn) < course.at(turn - 1.0) && course.at(turn) < course.at(turn + 1.0));
         for (level, within) in [(0.7, [0.0, turn]), (0.6, [turn, 1e6])] {
             let t = course.reaches(level, within);
             assert!(t > within[0] && t < within[1] && (course.at(t) - level).abs() < 1e-14, "{level} {t}");
         }
-        assert_eq!(Course::straight_line(0.0, 1.0, 10.0).turn(), None);
-        assert!((Course::straight_line(0.0, 1.0, 10.0).reaches(0.25, [0.0, 10.0]) - 2.5).abs() < 1e-15);
-        assert_eq!(Course::straight_line(1.0, 1.0, 10.0).turn(), None);
+        assert_eq!(BrightnessCourse::straight_line(0.0, 1.0, 10.0).turn(), None);
+        assert!(
+            (BrightnessCourse::straight_line(0.0, 1.0, 10.0).reaches(0.25, [0.0, 10.0]) - 2.5).abs() < 1e-15
+        );
+        assert_eq!(BrightnessCourse::straight_line(1.0, 1.0, 10.0).turn(), None);
     }
 }

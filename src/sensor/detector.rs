@@ -1,18 +1,18 @@
 //! A change detector: a pixel that stores a reference brightness and makes an event when its
 //! brightness differs from it by a threshold. ESIM and v2e share this part.
 
-use super::course::Course;
+use super::course::BrightnessCourse;
 use super::label;
-use super::noise::poisson::{Rates, Train};
-use super::noise::{Reference, Refractory, Site};
-use super::pairs::Writer;
-use crate::event::{Label, Polarity};
-use crate::seed::Space;
+use super::noise::poisson::{LinearRate, PoissonTrain};
+use super::noise::{PixelSite, ReferenceRule, RefractoryPeriod};
+use super::pairs::PairWriter;
+use crate::event::{EventLabel, Polarity};
+use crate::seed::DrawSpace;
 use std::ops::ControlFlow;
 
 /// State of one pixel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Detector {
+pub(super) struct DetectorPixel {
     /// Thresholds of ON and OFF.
     pub(super) thresholds: [f64; 2],
     /// The reference brightness.
@@ -27,25 +27,25 @@ pub(super) struct Detector {
 
 /// Events that do not depend on brightness.
 #[derive(Debug)]
-pub(super) struct Source<'a> {
-    pub(super) train: &'a mut Train,
-    pub(super) rates: Rates,
-    pub(super) site: Site,
-    pub(super) space: Space,
+pub(super) struct OwnEventKind<'a> {
+    pub(super) train: &'a mut PoissonTrain,
+    pub(super) rates: LinearRate,
+    pub(super) site: PixelSite,
+    pub(super) space: DrawSpace,
     /// Probability of ON.
     pub(super) on_share: f64,
-    /// Whether such an event sets the reference to the present brightness.
+    /// True if such an event sets the reference to the present brightness.
     pub(super) resets: bool,
 }
 
-impl Source<'_> {
+impl OwnEventKind<'_> {
     /// Time of the next event after `start`; infinite if it is not before the later frame.
     fn due(&mut self, start: f64) -> f64 {
         self.train.advance(&self.rates, start).unwrap_or(f64::INFINITY)
     }
 }
 
-impl Detector {
+impl DetectorPixel {
     pub(super) fn new(thresholds: [f64; 2], reference: f64) -> Self {
         Self { thresholds, reference, leaked: 0.0, dead: 0 }
     }
@@ -53,10 +53,10 @@ impl Detector {
     /// Follows the course to the later frame and makes events in order of time.
     pub(super) fn cross(
         &mut self,
-        course: &Course,
-        refractory: &Refractory,
-        sources: &mut [Source<'_>; 2],
-        writer: &mut Writer<'_>,
+        course: &BrightnessCourse,
+        refractory: &RefractoryPeriod,
+        sources: &mut [OwnEventKind<'_>; 2],
+        writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
         let length = course.length();
         let mut due = [0, 1].map(|i: usize| sources[i].due(0.0));
@@ -72,11 +72,11 @@ impl Detector {
             let source = &mut sources[which];
             let mark = source.train.wait(source.site, source.space);
             due[which] = source.due(now);
-            let ns = Writer::nanosecond(now);
+            let ns = PairWriter::nanosecond(now);
             if ns >= self.dead {
                 let on = mark < source.on_share;
                 let polarity = if on { Polarity::On } else { Polarity::Off };
-                self.note(now, (polarity, Label::Noise), refractory, writer)?;
+                self.note(now, (polarity, EventLabel::Noise), refractory, writer)?;
                 if source.resets {
                     self.remember(course, now);
                 }
@@ -92,10 +92,10 @@ impl Detector {
     /// Follows the brightness between two instants.
     fn watch(
         &mut self,
-        course: &Course,
+        course: &BrightnessCourse,
         [from, until]: [f64; 2],
-        refractory: &Refractory,
-        writer: &mut Writer<'_>,
+        refractory: &RefractoryPeriod,
+        writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
         let mut now = from;
         let turn = course.turn().filter(|turn| *turn > from && *turn < until);
@@ -104,7 +104,7 @@ impl Detector {
                 let label = self.pass(course, t, polarity);
                 now = t;
                 // Only a crossing inside the dead time is too early.
-                if Writer::nanosecond(t) >= self.dead {
+                if PairWriter::nanosecond(t) >= self.dead {
                     self.note(t, (polarity, label), refractory, writer)?;
                 }
             }
@@ -114,14 +114,14 @@ impl Detector {
     }
 
     /// Sets the reference to the brightness at `t`.
-    fn remember(&mut self, course: &Course, t: f64) {
+    fn remember(&mut self, course: &BrightnessCourse, t: f64) {
         self.reference = course.at(t);
         self.leaked = -course.added(t);
     }
 
     /// Moves the reference by the threshold that is crossed at `t`. The part of the threshold that
     /// leak did not cover is brightness.
-    fn pass(&mut self, course: &Course, t: f64, polarity: Polarity) -> Label {
+    fn pass(&mut self, course: &BrightnessCourse, t: f64, polarity: Polarity) -> EventLabel {
         let (threshold, way) = match polarity {
             Polarity::On => (self.thresholds[0], 1.0),
             Polarity::Off => (self.thresholds[1], -1.0),
@@ -144,17 +144,17 @@ impl Detector {
     /// look, unless crossed thresholds move its reference.
     fn next(
         &mut self,
-        course: &Course,
+        course: &BrightnessCourse,
         [mut now, end]: [f64; 2],
-        refractory: &Refractory,
+        refractory: &RefractoryPeriod,
     ) -> Option<(f64, Polarity)> {
         let dead = self.dead as f64;
-        if refractory.reference != Reference::Passing && dead > now {
+        if refractory.reference != ReferenceRule::Passing && dead > now {
             if dead > end {
                 return None;
             }
             now = dead;
-            if refractory.reference == Reference::AtEnd {
+            if refractory.reference == ReferenceRule::AtEnd {
                 self.remember(course, now);
             }
         }
@@ -180,9 +180,9 @@ impl Detector {
     fn note(
         &mut self,
         t: f64,
-        (polarity, label): (Polarity, Label),
-        refractory: &Refractory,
-        writer: &mut Writer<'_>,
+        (polarity, label): (Polarity, EventLabel),
+        refractory: &RefractoryPeriod,
+        writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
         let ns = writer.event(t, polarity, label)?;
         let period = refractory.period_ns();
@@ -195,7 +195,7 @@ impl Detector {
 
 /// Difference between a pixel's event balance and the `change` of its brightness, in larger
 /// thresholds.
-pub(super) fn event_imbalance(detector: &Detector, change: f64, on: u32, off: u32) -> f64 {
+pub(super) fn event_imbalance(detector: &DetectorPixel, change: f64, on: u32, off: u32) -> f64 {
     let [up, down] = detector.thresholds;
     let balance = up * f64::from(on) - down * f64::from(off) - change;
     // Each event rounds the reference once, in the last of 53 bits of numbers below about 100

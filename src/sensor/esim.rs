@@ -19,16 +19,16 @@
 //! With thresholds drawn once and no hot pixels, the stream of a signal that is linear in `V` does
 //! not depend on the frame rate. With `mismatch: per-frame` it does.
 
-use super::course::Course;
-use super::detector::{Detector, Source};
+use super::course::BrightnessCourse;
+use super::detector::{DetectorPixel, OwnEventKind};
 use super::front_end::FrontEnd;
-use super::noise::poisson::{Rates, Train};
-use super::noise::{HotPixels, Redraw, Refractory, Site, Threshold};
-use super::pairs::{Cap, Law, Pair, Pairs, Writer};
-use super::screening::{Noise, ScreenError, Screening};
-use super::{Model, Pixels, SensorError, check_extent};
+use super::noise::poisson::{LinearRate, PoissonTrain};
+use super::noise::{HotPixelNoise, PixelSite, RedrawRule, RefractoryPeriod, ThresholdMismatch};
+use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
+use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
+use super::{SensorError, SensorModel, SensorPixels, check_extent};
 use crate::image::Size;
-use crate::seed::{Seed, Space};
+use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -38,28 +38,28 @@ const VERSION: u32 = 1;
 
 /// Parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Esim {
+pub struct EsimModel {
     /// `C+` and `C-` as differences of natural logarithms (of `L/255` if the intensity is linear),
     /// and their spread.
-    pub threshold: Threshold,
+    pub threshold: ThresholdMismatch,
     /// When thresholds are drawn.
-    pub mismatch: Redraw,
+    pub mismatch: RedrawRule,
     /// The quantity that pixels compare.
-    pub intensity: Intensity,
+    pub intensity: IntensityScale,
     /// Added to `L/255` before the logarithm, above 0; 0.001 is usual.
     pub eps: f64,
     /// The dead time after an event.
-    pub refractory: Refractory,
+    pub refractory: RefractoryPeriod,
     /// Pixels with an event process of their own.
-    pub hot_pixels: HotPixels,
+    pub hot_pixels: HotPixelNoise,
     /// Maximum number of events of one pixel between two frames. More fail the step.
     pub max_events_per_pixel_frame: u32,
-    /// Whether further events are dropped and counted, and the step goes on.
+    /// True if further events are dropped and counted, and the step goes on.
     pub allow_cap: bool,
     /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
-    /// Whether events are labelled as signal or noise.
+    /// True if events are labelled as signal or noise.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub labels: bool,
 }
@@ -67,7 +67,7 @@ pub struct Esim {
 /// The quantity that pixels compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Intensity {
+pub enum IntensityScale {
     /// `ln(eps + L/255)`.
     #[default]
     Log,
@@ -78,17 +78,17 @@ pub enum Intensity {
 /// White, on the grey scale.
 const WHITE: f64 = 255.0;
 
-impl Default for Esim {
+impl Default for EsimModel {
     /// Thresholds of 0.2, the logarithm with an eps of 0.001, equal pixels, no refractory period, a
     /// cap of 1000.
     fn default() -> Self {
         Self {
-            threshold: Threshold { on: 0.2, off: 0.2, spread: 0.0 },
-            mismatch: Redraw::PerSensor,
-            intensity: Intensity::Log,
+            threshold: ThresholdMismatch { on: 0.2, off: 0.2, spread: 0.0 },
+            mismatch: RedrawRule::PerSensor,
+            intensity: IntensityScale::Log,
             eps: 1e-3,
-            refractory: Refractory::default(),
-            hot_pixels: HotPixels::default(),
+            refractory: RefractoryPeriod::default(),
+            hot_pixels: HotPixelNoise::default(),
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
             front_end: FrontEnd::default(),
@@ -97,13 +97,13 @@ impl Default for Esim {
     }
 }
 
-impl Esim {
-    /// Whether the event balance of a pixel must equal the change of its brightness to less than a
+impl EsimModel {
+    /// Returns true if the event balance of a pixel must equal the change of its brightness to less than a
     /// threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
         self.refractory.period_us == 0.0
-            && (self.mismatch == Redraw::PerSensor || self.threshold.spread == 0.0)
+            && (self.mismatch == RedrawRule::PerSensor || self.threshold.spread == 0.0)
             && self.hot_pixels.is_absent()
             && !self.allow_cap
     }
@@ -113,14 +113,14 @@ impl Esim {
     ///
     /// # Errors
     /// When a parameter is outside its range, or a hot pixel makes more than 50 events per frame interval.
-    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let quantity = match self.intensity {
-            Intensity::Log => "ln(L/255 + eps)",
-            Intensity::Linear => "L/255",
+            IntensityScale::Log => "ln(L/255 + eps)",
+            IntensityScale::Linear => "L/255",
         };
-        let quiet = |grey| Noise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
-        Screening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), quiet)
+        let quiet = |grey| ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
+        SensorScreening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), quiet)
     }
 
     fn validate(&self) -> Result<(), ScreenError> {
@@ -140,13 +140,13 @@ impl Esim {
 
     fn seen(&self, luminance: f64) -> f64 {
         match self.intensity {
-            Intensity::Log => libm::log(self.eps + luminance / WHITE),
-            Intensity::Linear => luminance / WHITE,
+            IntensityScale::Log => libm::log(self.eps + luminance / WHITE),
+            IntensityScale::Linear => luminance / WHITE,
         }
     }
 }
 
-impl Model for Esim {
+impl SensorModel for EsimModel {
     fn law_version(&self) -> u32 {
         VERSION
     }
@@ -162,52 +162,58 @@ impl Model for Esim {
     /// The thresholds as contrast. If the intensity is linear, they are given at half of white.
     fn contrast(&self) -> (f64, f64) {
         let [on, off] = match self.intensity {
-            Intensity::Log => self.threshold.sides(),
-            Intensity::Linear => self.threshold.sides().map(|threshold| libm::log1p(2.0 * threshold)),
+            IntensityScale::Log => self.threshold.sides(),
+            IntensityScale::Linear => self.threshold.sides().map(|threshold| libm::log1p(2.0 * threshold)),
         };
         (on, off)
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError> {
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
-        let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        Ok(Box::new(Pairs::new(self.clone(), cap, size, origin, seed)))
+        let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
+        Ok(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)))
     }
 }
 
 /// State of one pixel.
 #[derive(Debug)]
-pub(super) struct Pixel {
-    detector: Detector,
+pub(super) struct EsimPixel {
+    detector: DetectorPixel,
     /// Brightness at the first frame.
     first: f64,
     /// Present brightness.
     seen: f64,
-    own: Train,
-    shot: Train,
+    own: PoissonTrain,
+    shot: PoissonTrain,
 }
 
-impl Law for Esim {
-    type Pixel = Pixel;
+impl FrameLaw for EsimModel {
+    type Pixel = EsimPixel;
 
-    fn begin(&self, site: Site, luminance: f64) -> Pixel {
+    fn begin(&self, site: PixelSite, luminance: f64) -> EsimPixel {
         let seen = self.seen(luminance);
-        let detector = Detector::new(self.threshold.at(site, 0), seen);
-        Pixel { detector, first: seen, seen, own: self.hot_pixels.train(site), shot: Train::silent() }
+        let detector = DetectorPixel::new(self.threshold.at(site, 0), seen);
+        EsimPixel {
+            detector,
+            first: seen,
+            seen,
+            own: self.hot_pixels.train(site),
+            shot: PoissonTrain::silent(),
+        }
     }
 
-    fn cross(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
-        let Pair { site, frame, length, luminance } = *pair;
+    fn cross(&self, pixel: &mut EsimPixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
+        let PixelPair { site, frame, length, luminance } = *pair;
         let seen = self.seen(luminance[1]);
-        let course = Course::straight_line(pixel.seen, seen, length);
+        let course = BrightnessCourse::straight_line(pixel.seen, seen, length);
         pixel.seen = seen;
-        if self.mismatch == Redraw::PerFrame {
+        if self.mismatch == RedrawRule::PerFrame {
             pixel.detector.thresholds = self.threshold.at(site, frame);
         }
-        let rates = Rates { ends: [self.hot_pixels.per_ns(); 2], length };
-        let source = |train, space| Source { train, rates, site, space, on_share: 1.0, resets: false };
-        let mut sources = [source(&mut pixel.own, Space::Hot), source(&mut pixel.shot, Space::Shot)];
+        let rates = LinearRate { ends: [self.hot_pixels.per_ns(); 2], length };
+        let source = |train, space| OwnEventKind { train, rates, site, space, on_share: 1.0, resets: false };
+        let mut sources = [source(&mut pixel.own, DrawSpace::Hot), source(&mut pixel.shot, DrawSpace::Shot)];
         pixel.detector.cross(&course, &self.refractory, &mut sources, writer)
     }
 
@@ -215,7 +221,7 @@ impl Law for Esim {
         self.labels
     }
 
-    fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {
+    fn imbalance(&self, pixel: &EsimPixel, on: u32, off: u32) -> Option<f64> {
         let balance = super::detector::event_imbalance(&pixel.detector, pixel.seen - pixel.first, on, off);
         self.keeps_balance().then_some(balance)
     }

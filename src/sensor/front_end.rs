@@ -14,9 +14,9 @@
 //! and is 0 where L is clamped. The rate of one weighted sum of colours does not determine the rate
 //! of another sum, or of linear light; in those cases there is no rate.
 
-use super::Model;
+use super::SensorModel;
 use super::is_default;
-use crate::frames::{Frame, FrameError, Frames};
+use crate::frames::{DenseFrame, FrameError, FrameSequence};
 use crate::image::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
 use rayon::prelude::*;
@@ -35,23 +35,23 @@ const SUM: f64 = 1e-6;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrontEnd {
     /// Weights of the channels.
-    pub luminance: Luminance,
+    pub luminance: LuminanceWeights,
     /// Decoding of a channel before it is weighted.
-    pub decode: Decode,
+    pub decode: ChannelDecode,
     /// Factor on the brightness, above 0.
     pub exposure: f64,
     /// Bounds of the brightness.
-    pub range: Range,
+    pub range: GreyRange,
 }
 
 impl Default for FrontEnd {
     /// The encoded luminance of BT.601, unchanged.
     fn default() -> Self {
         Self {
-            luminance: Luminance::default(),
-            decode: Decode::default(),
+            luminance: LuminanceWeights::default(),
+            decode: ChannelDecode::default(),
             exposure: 1.0,
-            range: Range::default(),
+            range: GreyRange::default(),
         }
     }
 }
@@ -59,25 +59,25 @@ impl Default for FrontEnd {
 /// Weights of red, green and blue.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Luminance {
+pub enum LuminanceWeights {
     /// 0.299, 0.587, 0.114 of ITU-R BT.601: the published simulators read their frames with them.
     #[default]
     Rec601,
     /// 0.2126, 0.7152, 0.0722 of ITU-R BT.709: the luminance of sRGB light.
     Rec709,
     /// Weights given as numbers.
-    Weights(Weights),
+    Weights(ColourWeights),
 }
 
 /// Three finite numbers of at least 0 with a sum of 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "[f64; 3]", into = "[f64; 3]")]
-pub struct Weights([f64; 3]);
+pub struct ColourWeights([f64; 3]);
 
 /// Decoding of a channel before it is weighted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Decode {
+pub enum ChannelDecode {
     /// None: brightness is display-encoded.
     #[default]
     None,
@@ -87,7 +87,7 @@ pub enum Decode {
 
 /// Bounds of the brightness, in grey.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Range {
+pub struct GreyRange {
     /// Lower bound, at least 0.
     pub min: f64,
     /// Upper bound, above `min`; none if absent.
@@ -114,7 +114,7 @@ pub enum FrontEndError {
     },
 }
 
-impl Luminance {
+impl LuminanceWeights {
     /// Weights from numbers; the named ones if the numbers are theirs.
     ///
     /// # Errors
@@ -123,7 +123,7 @@ impl Luminance {
         let bits = |weights: [f64; 3]| weights.map(f64::to_bits);
         let mut named = [Self::Rec601, Self::Rec709].into_iter();
         let named = named.find(|named| bits(named.weights()) == bits(weights));
-        named.map_or_else(|| Weights::try_from(weights).map(Self::Weights), Ok)
+        named.map_or_else(|| ColourWeights::try_from(weights).map(Self::Weights), Ok)
     }
 
     /// Weights of red, green and blue.
@@ -132,7 +132,7 @@ impl Luminance {
         match self {
             Self::Rec601 => [0.299, 0.587, 0.114],
             Self::Rec709 => [0.2126, 0.7152, 0.0722],
-            Self::Weights(Weights(weights)) => weights,
+            Self::Weights(ColourWeights(weights)) => weights,
         }
     }
 }
@@ -142,7 +142,7 @@ pub(crate) fn told_sum(weights: &[f64; 3]) -> f64 {
     libm::round(weights.iter().sum::<f64>() * 1e9) / 1e9
 }
 
-impl TryFrom<[f64; 3]> for Weights {
+impl TryFrom<[f64; 3]> for ColourWeights {
     type Error = FrontEndError;
 
     fn try_from(weights: [f64; 3]) -> Result<Self, FrontEndError> {
@@ -156,13 +156,13 @@ impl TryFrom<[f64; 3]> for Weights {
     }
 }
 
-impl From<Weights> for [f64; 3] {
-    fn from(Weights(weights): Weights) -> Self {
+impl From<ColourWeights> for [f64; 3] {
+    fn from(ColourWeights(weights): ColourWeights) -> Self {
         weights
     }
 }
 
-impl Decode {
+impl ChannelDecode {
     fn of(self, v: f64) -> f64 {
         match self {
             Self::None => v,
@@ -186,14 +186,14 @@ impl Decode {
     }
 }
 
-impl Range {
+impl GreyRange {
     /// Clamps a brightness to the bounds.
     fn hold(self, grey: f64) -> f64 {
         let least = if self.min > 0.0 { grey.max(self.min) } else { grey };
         self.max.map_or(least, |max| least.min(max))
     }
 
-    /// Whether clamping changes `grey`.
+    /// Returns true if clamping changes `grey`.
     fn holds(self, grey: f64) -> bool {
         self.min > 0.0 && grey < self.min || self.max.is_some_and(|max| grey > max)
     }
@@ -204,17 +204,17 @@ impl fmt::Display for FrontEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [r, g, b] = self.luminance.weights();
         let of = match self.decode {
-            Decode::None => "display-encoded",
-            Decode::Srgb => "of linear light",
+            ChannelDecode::None => "display-encoded",
+            ChannelDecode::Srgb => "of linear light",
         };
         write!(f, "{r} R + {g} G + {b} B, {of}")?;
         if !(1.0..=1.0).contains(&self.exposure) {
             write!(f, ", times {}", self.exposure)?;
         }
         match self.range {
-            Range { min, max: Some(max) } => write!(f, ", held within {min} to {max}"),
-            Range { min, max: None } if min > 0.0 => write!(f, ", held at {min} or more"),
-            Range { .. } => Ok(()),
+            GreyRange { min, max: Some(max) } => write!(f, ", held within {min} to {max}"),
+            GreyRange { min, max: None } if min > 0.0 => write!(f, ", held at {min} or more"),
+            GreyRange { .. } => Ok(()),
         }
     }
 }
@@ -228,7 +228,7 @@ impl FrontEnd {
         if !(self.exposure.is_finite() && self.exposure > 0.0) {
             return Err(FrontEndError::Exposure(self.exposure));
         }
-        let Range { min, max } = self.range;
+        let GreyRange { min, max } = self.range;
         let ordered = max.is_none_or(|max| max.is_finite() && max > min);
         if !(min.is_finite() && min >= 0.0 && ordered) {
             return Err(FrontEndError::Range { min, max: max.unwrap_or(f64::INFINITY) });
@@ -236,28 +236,28 @@ impl FrontEnd {
         Ok(())
     }
 
-    /// Whether the luminance of a frame passes unchanged.
+    /// Returns true if the luminance of a frame passes unchanged.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         is_default(self)
     }
 
-    /// Whether the brightness needs the colours of a frame, because its luminance does not
+    /// Returns true if the brightness needs the colours of a frame, because its luminance does not
     /// determine it.
     #[must_use]
     pub fn needs_colour(&self) -> bool {
-        self.luminance != Luminance::Rec601 || self.decode != Decode::None
+        self.luminance != LuminanceWeights::Rec601 || self.decode != ChannelDecode::None
     }
 
     /// The frame as the pixels see it. `colour` holds the channels from which the luminance was
     /// made, on the same scale, unless the frame is grey.
     #[must_use]
-    pub fn see(&self, frame: &Frame, colour: Option<&Image<[f32; 3]>>) -> Frame {
+    pub fn see(&self, frame: &DenseFrame, colour: Option<&Image<[f32; 3]>>) -> DenseFrame {
         let (luminance, rate) = match colour.filter(|_| self.needs_colour()) {
             Some(colour) => (self.of_colour(colour), None),
             None => (self.of_grey(&frame.luminance), self.rate_of_grey(frame)),
         };
-        Frame { index: frame.index, t: frame.t, luminance, rate }
+        DenseFrame { index: frame.index, t: frame.t, luminance, rate }
     }
 
     fn of_colour(&self, colour: &Image<[f32; 3]>) -> Image<f32> {
@@ -302,12 +302,12 @@ impl FrontEnd {
     fn free(&self, grey: f64) -> f64 {
         match self.decode {
             // Not scaled to 0..1 and back: an exposure of 1 must keep every bit.
-            Decode::None => self.exposure * grey,
+            ChannelDecode::None => self.exposure * grey,
             decode => self.exposure * WHITE * decode.of(grey / WHITE),
         }
     }
 
-    fn rate_of_grey(&self, frame: &Frame) -> Option<Image<f32>> {
+    fn rate_of_grey(&self, frame: &DenseFrame) -> Option<Image<f32>> {
         let rate = frame.rate.as_ref()?;
         let seen = |(rate, grey): (&f32, &f32)| {
             let (grey, free) = (f64::from(*grey), self.free(f64::from(*grey)));
@@ -326,9 +326,9 @@ fn to_single(v: f64) -> f32 {
 }
 
 /// The distinct front ends of these sensors, in the order of their first use.
-pub fn distinct_front_ends<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>) -> Vec<FrontEnd> {
+pub fn distinct_front_ends<'a>(sensors: impl IntoIterator<Item = &'a dyn SensorModel>) -> Vec<FrontEnd> {
     let mut found: Vec<FrontEnd> = Vec::new();
-    for front_end in sensors.into_iter().map(Model::front_end) {
+    for front_end in sensors.into_iter().map(SensorModel::front_end) {
         if !found.contains(&front_end) {
             found.push(front_end);
         }
@@ -337,20 +337,20 @@ pub fn distinct_front_ends<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>)
 }
 
 /// Frames as seen through a front end.
-pub struct Seen<'a> {
-    frames: &'a mut dyn Frames,
+pub struct FrontEndFrames<'a> {
+    frames: &'a mut dyn FrameSequence,
     front_end: FrontEnd,
 }
 
-impl fmt::Debug for Seen<'_> {
+impl fmt::Debug for FrontEndFrames<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Seen").field("front_end", &self.front_end).finish_non_exhaustive()
     }
 }
 
-impl<'a> Seen<'a> {
+impl<'a> FrontEndFrames<'a> {
     /// Wraps frames from which none was taken yet.
-    pub fn new(frames: &'a mut dyn Frames, front_end: FrontEnd) -> Self {
+    pub fn new(frames: &'a mut dyn FrameSequence, front_end: FrontEnd) -> Self {
         if front_end.needs_colour() {
             frames.want_colour();
         }
@@ -358,7 +358,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-impl Frames for Seen<'_> {
+impl FrameSequence for FrontEndFrames<'_> {
     fn size(&self) -> Size {
         self.frames.size()
     }
@@ -367,7 +367,7 @@ impl Frames for Seen<'_> {
         self.frames.len()
     }
 
-    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let Some(frame) = self.frames.next()? else { return Ok(None) };
         if self.front_end.is_plain() {
             return Ok(Some(frame));
@@ -383,9 +383,9 @@ mod tests {
 
     const SIZE: Size = Size { width: 5, height: 4 };
 
-    fn grey(values: impl IntoIterator<Item = f32>, rate: Option<f32>) -> Frame {
+    fn grey(values: impl IntoIterator<Item = f32>, rate: Option<f32>) -> DenseFrame {
         let luminance = Image::from_vec(SIZE, values.into_iter().collect());
-        Frame { index: 3, t: Timestamp(7), luminance, rate: rate.map(|rate| Image::filled(SIZE, rate)) }
+        DenseFrame { index: 3, t: Timestamp(7), luminance, rate: rate.map(|rate| Image::filled(SIZE, rate)) }
     }
 
     fn ramp() -> Vec<f32> {
@@ -393,7 +393,7 @@ mod tests {
     }
 
     fn decoded() -> FrontEnd {
-        FrontEnd { decode: Decode::Srgb, ..FrontEnd::default() }
+        FrontEnd { decode: ChannelDecode::Srgb, ..FrontEnd::default() }
     }
 
     /// What is seen of a frame all of one colour; 20 pixels are two eights and a rest.
@@ -408,13 +408,15 @@ mod tests {
     #[test]
     fn colours_are_weighed() {
         let t = |weights: [f64; 3], rgb: [f32; 3], wanted: f32| {
-            let front_end =
-                FrontEnd { luminance: Luminance::from_weights(weights).unwrap(), ..FrontEnd::default() };
+            let front_end = FrontEnd {
+                luminance: LuminanceWeights::from_weights(weights).unwrap(),
+                ..FrontEnd::default()
+            };
             let found = seen(front_end, rgb);
             // Three products and two sums in 64 bits, then rounded to the 24 of a float below 512.
             assert!((found - wanted).abs() <= 512.0 * f32::EPSILON, "{weights:?} {rgb:?}: {found}");
         };
-        let rec709 = Luminance::Rec709.weights();
+        let rec709 = LuminanceWeights::Rec709.weights();
         t(rec709, [255.0, 0.0, 0.0], 54.213);
         t(rec709, [0.0, 255.0, 0.0], 182.376);
         t(rec709, [0.0, 0.0, 255.0], 18.411);
@@ -422,7 +424,7 @@ mod tests {
         t([1.0, 0.0, 0.0], [300.0, 10.0, 10.0], 300.0);
         for v in [0.0, 1.0, 77.0, 128.0, 255.0] {
             // Weights that sum to 1 make nothing of grey but itself, to the last bit.
-            let rec709 = FrontEnd { luminance: Luminance::Rec709, ..FrontEnd::default() };
+            let rec709 = FrontEnd { luminance: LuminanceWeights::Rec709, ..FrontEnd::default() };
             assert_eq!(seen(rec709, [v; 3]).to_bits(), f32::to_bits(v));
         }
     }
@@ -434,7 +436,7 @@ mod tests {
             let found = seen(front_end, rgb) / 255.0;
             assert!((found - light).abs() <= 0.5e-6 + f32::EPSILON, "{rgb:?}: {found}, wanted {light}");
         };
-        let rec709 = FrontEnd { luminance: Luminance::Rec709, ..decoded() };
+        let rec709 = FrontEnd { luminance: LuminanceWeights::Rec709, ..decoded() };
         for (v, light) in [(0.0, 0.0), (10.0, 0.003_035), (55.0, 0.038_204), (88.0, 0.097_587), (255.0, 1.0)]
         {
             t(decoded(), [v; 3], light);
@@ -449,7 +451,7 @@ mod tests {
 
     #[test]
     fn exposure_and_range_are_those_of_grey() {
-        let range = Range { min: 20.0, max: Some(150.0) };
+        let range = GreyRange { min: 20.0, max: Some(150.0) };
         let frame = FrontEnd { exposure: 2.0, range, ..FrontEnd::default() }.see(&grey(ramp(), None), None);
         for (found, before) in frame.luminance.pixels().iter().zip(ramp()) {
             let wanted = (2.0 * before).clamp(20.0, 150.0);
@@ -468,7 +470,7 @@ mod tests {
         assert!(plain.is_plain() && !plain.needs_colour());
         assert_eq!(
             plain,
-            FrontEnd { luminance: Luminance::from_weights([0.299, 0.587, 0.114]).unwrap(), ..plain }
+            FrontEnd { luminance: LuminanceWeights::from_weights([0.299, 0.587, 0.114]).unwrap(), ..plain }
         );
         let same = plain.see(&frame, Some(&Image::filled(SIZE, [9.0; 3])));
         assert_eq!((same.luminance.pixels(), same.rate), (&values[..], frame.rate));
@@ -478,7 +480,7 @@ mod tests {
     /// curvature of `h^2/6` times a third derivative of at most 1e-4, and `2^-18` of rounding of each over `2h`.
     #[test]
     fn the_rate_of_a_grey_goes_through_the_same_map() {
-        let range = Range { min: 5.0, max: Some(300.0) };
+        let range = GreyRange { min: 5.0, max: Some(300.0) };
         for front_end in [
             FrontEnd { exposure: 1.5, range, ..decoded() },
             FrontEnd { exposure: 1.5, range, ..FrontEnd::default() },
@@ -499,7 +501,7 @@ mod tests {
     #[test]
     fn numbers_that_are_none_are_told() {
         let t = |weights: [f64; 3], wanted: &str| {
-            assert_eq!(Luminance::from_weights(weights).unwrap_err().to_string(), wanted);
+            assert_eq!(LuminanceWeights::from_weights(weights).unwrap_err().to_string(), wanted);
         };
         t(
             [0.3, 0.6, 0.2],
@@ -509,24 +511,24 @@ mod tests {
             [1.5, -0.5, 0.0],
             "the weights [1.5, -0.5, 0.0] sum to 1, wanted three of at least 0 that sum to 1",
         );
-        assert!(Luminance::from_weights([f64::NAN, 0.5, 0.5]).is_err());
-        assert!(Luminance::from_weights([0.333_333_3, 0.333_333_3, 0.333_333_4]).is_ok());
+        assert!(LuminanceWeights::from_weights([f64::NAN, 0.5, 0.5]).is_err());
+        assert!(LuminanceWeights::from_weights([0.333_333_3, 0.333_333_3, 0.333_333_4]).is_ok());
         let plain = FrontEnd::default();
         for exposure in [0.0, -1.0, f64::INFINITY, f64::NAN] {
             let error = FrontEnd { exposure, ..plain }.validate().unwrap_err();
             assert!(matches!(error, FrontEndError::Exposure(_)), "{error}");
         }
         for (min, max) in [(-1.0, None), (5.0, Some(5.0)), (f64::NAN, None), (0.0, Some(f64::NAN))] {
-            assert!(FrontEnd { range: Range { min, max }, ..plain }.validate().is_err(), "{min} {max:?}");
+            assert!(FrontEnd { range: GreyRange { min, max }, ..plain }.validate().is_err(), "{min} {max:?}");
         }
     }
 
     #[test]
     fn a_record_is_what_a_recipe_says() {
         let front_end = FrontEnd {
-            luminance: Luminance::from_weights([0.25, 0.5, 0.25]).unwrap(),
+            luminance: LuminanceWeights::from_weights([0.25, 0.5, 0.25]).unwrap(),
             exposure: 2.0,
-            range: Range { min: 0.0, max: Some(255.0) },
+            range: GreyRange { min: 0.0, max: Some(255.0) },
             ..decoded()
         };
         let text = r#"{"luminance":{"weights":[0.25,0.5,0.25]},"decode":"srgb","exposure":2.0,"range":{"min":0.0,"max":255.0}}"#;
@@ -534,6 +536,6 @@ mod tests {
         assert_eq!(serde_json::from_str::<FrontEnd>(text).unwrap(), front_end);
         let words = "0.25 R + 0.5 G + 0.25 B, of linear light, times 2, held within 0 to 255";
         assert_eq!(front_end.to_string(), words);
-        assert!(serde_json::from_str::<Luminance>(r#"{"weights":[1,1,1]}"#).is_err());
+        assert!(serde_json::from_str::<LuminanceWeights>(r#"{"weights":[1,1,1]}"#).is_err());
     }
 }

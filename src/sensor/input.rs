@@ -1,7 +1,7 @@
 //! Checks of frames: one size, ascending stamps, finite values.
 
 use super::SensorError;
-use crate::frames::Frame;
+use crate::frames::DenseFrame;
 use crate::image::Size;
 
 /// Latest stamp. Beyond it, the number of a clock cell would overflow the counter of the draws: 2.3
@@ -9,7 +9,7 @@ use crate::image::Size;
 const LAST_STAMP: i64 = 1 << 56;
 
 /// Checks that a frame may follow the one stamped `before`, and counts its values below zero.
-pub(super) fn admit_frame(before: Option<i64>, frame: &Frame, size: Size) -> Result<u64, SensorError> {
+pub(super) fn admit_frame(before: Option<i64>, frame: &DenseFrame, size: Size) -> Result<u64, SensorError> {
     check_order(before, frame, size)?;
     match frame.luminance.pixels().iter().any(|l| !l.is_finite()) {
         true => Err(not_finite(frame)),
@@ -18,7 +18,7 @@ pub(super) fn admit_frame(before: Option<i64>, frame: &Frame, size: Size) -> Res
 }
 
 /// Checks that the size and stamp of a frame allow it to follow the one stamped `before`.
-pub(super) fn check_order(before: Option<i64>, frame: &Frame, size: Size) -> Result<(), SensorError> {
+pub(super) fn check_order(before: Option<i64>, frame: &DenseFrame, size: Size) -> Result<(), SensorError> {
     let refuse = |because| Err(SensorError::Frame { frame: frame.index, because });
     let (found, t) = (frame.luminance.size(), frame.t.0);
     if found != size {
@@ -33,7 +33,7 @@ pub(super) fn check_order(before: Option<i64>, frame: &Frame, size: Size) -> Res
 }
 
 /// Names the first pixel with a luminance that is not finite.
-pub(super) fn not_finite(frame: &Frame) -> SensorError {
+pub(super) fn not_finite(frame: &DenseFrame) -> SensorError {
     let (luminance, width) = (frame.luminance.pixels(), frame.luminance.size().width as usize);
     let bad = luminance.iter().position(|l| !l.is_finite()).unwrap_or_default();
     let (x, y, found) = (bad % width, bad / width, luminance[bad]);

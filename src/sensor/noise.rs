@@ -7,23 +7,23 @@ pub mod mismatch;
 pub(super) mod poisson;
 pub mod refractory;
 
-pub use hot_pixels::HotPixels;
-pub use mismatch::{Redraw, Threshold};
-pub use refractory::{Reference, Refractory};
+pub use hot_pixels::HotPixelNoise;
+pub use mismatch::{RedrawRule, ThresholdMismatch};
+pub use refractory::{ReferenceRule, RefractoryPeriod};
 
-use crate::seed::{Cell, Draws, Seed, Space};
+use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 
 /// A pixel's position on the sensor, and the seed of the sensor's noise.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Site {
+pub(super) struct PixelSite {
     pub(super) seed: Seed,
     pub(super) x: u16,
     pub(super) y: u16,
 }
 
-impl Site {
+impl PixelSite {
     /// The pixel's draws for this purpose and index.
-    pub(super) fn draws(self, space: Space, index: u64) -> Draws {
-        self.seed.draws(Cell { x: self.x, y: self.y, level: 0, index }, space)
+    pub(super) fn draws(self, space: DrawSpace, index: u64) -> CellDraws {
+        self.seed.draws(SeedCell { x: self.x, y: self.y, level: 0, index }, space)
     }
 }

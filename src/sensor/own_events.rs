@@ -2,50 +2,51 @@
 //!
 //! The two processes do not interact: an own event does not change the pixel's voltage.
 
-use super::noise::poisson::Train;
-use super::noise::{HotPixels, Site};
-use super::{Account, Pixels, SensorError};
-use crate::event::{Event, EventSink, Label, Polarity};
-use crate::frames::Frame;
+use super::noise::poisson::PoissonTrain;
+use super::noise::{HotPixelNoise, PixelSite};
+use super::{SensorError, SensorPixels, SimulationAccount};
+use crate::event::{Event, EventLabel, EventSink, Polarity};
+use crate::frames::DenseFrame;
 use crate::image::Size;
-use crate::seed::{Seed, Space};
+use crate::seed::{DrawSpace, Seed};
 use crate::units::Timestamp;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Pixels with hot ones among them.
 pub(super) struct WithHot {
-    pixels: Box<dyn Pixels>,
-    hot: Hot,
+    pixels: Box<dyn SensorPixels>,
+    hot: HotPixelQueue,
 }
 
 impl WithHot {
     /// Adds hot pixels to `pixels`, with the top-left pixel at `origin` on the sensor. Their own
     /// events get this label.
     pub(super) fn new(
-        pixels: Box<dyn Pixels>,
-        hot: &HotPixels,
+        pixels: Box<dyn SensorPixels>,
+        hot: &HotPixelNoise,
         size: Size,
         origin: [u16; 2],
         seed: Seed,
-        label: Label,
+        label: EventLabel,
     ) -> Self {
-        Self { pixels, hot: Hot::new(hot, size, origin, seed, label) }
+        Self { pixels, hot: HotPixelQueue::new(hot, size, origin, seed, label) }
     }
 }
 
-impl Pixels for WithHot {
-    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+impl SensorPixels for WithHot {
+    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.hot.last = frame.t;
-        self.pixels.advance(frame, &mut Merged { sink, hot: &mut self.hot })
+        self.pixels.advance(frame, &mut MergedEvents { sink, hot: &mut self.hot })
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
-        let account = self.pixels.finish(&mut Merged { sink, hot: &mut self.hot })?;
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
+        let account = self.pixels.finish(&mut MergedEvents { sink, hot: &mut self.hot })?;
         self.hot.append_rest(sink)?;
-        let Hot { made, pairs, fired, .. } = &self.hot;
-        let alone = fired.iter().filter(|fired| **fired == Fired { by_law: false, by_itself: true }).count();
-        Ok(Account {
+        let HotPixelQueue { made, pairs, fired, .. } = &self.hot;
+        let alone =
+            fired.iter().filter(|fired| **fired == FiredCause { by_law: false, by_itself: true }).count();
+        Ok(SimulationAccount {
             events: account.events + made,
             on: account.on + made,
             same_us_same_pixel: account.same_us_same_pixel + pairs,
@@ -55,37 +56,37 @@ impl Pixels for WithHot {
     }
 }
 
-/// Whether a pixel fired, and the cause.
+/// True if a pixel fired, and the cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct Fired {
+struct FiredCause {
     by_law: bool,
     by_itself: bool,
 }
 
 /// The next event of a hot pixel, ordered as in files.
-struct Next {
+struct NextHotEvent {
     event: Event,
     /// Time of the event, ns.
     at: f64,
-    site: Site,
-    train: Train,
+    site: PixelSite,
+    train: PoissonTrain,
 }
 
-impl PartialEq for Next {
+impl PartialEq for NextHotEvent {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Next {}
+impl Eq for NextHotEvent {}
 
-impl PartialOrd for Next {
+impl PartialOrd for NextHotEvent {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Next {
+impl Ord for NextHotEvent {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         let key = |next: &Self| (next.event.file_order(), next.event.t);
         key(self).cmp(&key(other))
@@ -94,55 +95,55 @@ impl Ord for Next {
 
 /// Events of one pixel in one microsecond, the latest that were passed on.
 #[derive(Default)]
-struct Together {
+struct CoincidentEvents {
     place: Option<(i64, u16, u16)>,
     all: u64,
     own: u64,
 }
 
 /// The hot pixels, in order of their next events.
-struct Hot {
+struct HotPixelQueue {
     /// Rate of each hot pixel, events per ns.
     rate: f64,
     /// Label of their own events.
-    label: Label,
-    waiting: BinaryHeap<Reverse<Next>>,
+    label: EventLabel,
+    waiting: BinaryHeap<Reverse<NextHotEvent>>,
     width: usize,
-    fired: Vec<Fired>,
+    fired: Vec<FiredCause>,
     /// Stamp of the last frame.
     last: Timestamp,
     made: u64,
-    together: Together,
+    together: CoincidentEvents,
     /// Number of pairs in one pixel and microsecond with at least one own event.
     pairs: u64,
     out: Vec<Event>,
 }
 
-impl Hot {
-    fn new(hot: &HotPixels, size: Size, [left, top]: [u16; 2], seed: Seed, label: Label) -> Self {
+impl HotPixelQueue {
+    fn new(hot: &HotPixelNoise, size: Size, [left, top]: [u16; 2], seed: Seed, label: EventLabel) -> Self {
         let mut all = Self {
             rate: hot.per_ns(),
             label,
             waiting: BinaryHeap::new(),
             width: size.width as usize,
-            fired: vec![Fired::default(); size.pixels()],
+            fired: vec![FiredCause::default(); size.pixels()],
             last: Timestamp(0),
             made: 0,
-            together: Together::default(),
+            together: CoincidentEvents::default(),
             pairs: 0,
             out: Vec::new(),
         };
         #[expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
         let places = (0..size.height as u16).flat_map(|y| (0..size.width as u16).map(move |x| (x, y)));
         for (x, y) in places {
-            let site = Site { seed, x: x + left, y: y + top };
+            let site = PixelSite { seed, x: x + left, y: y + top };
             all.wait(x, y, 0.0, site, hot.train(site));
         }
         all
     }
 
     /// Schedules the next event of a pixel after `from`.
-    fn wait(&mut self, x: u16, y: u16, from: f64, site: Site, train: Train) {
+    fn wait(&mut self, x: u16, y: u16, from: f64, site: PixelSite, train: PoissonTrain) {
         let Some(gap) = train.gap(self.rate) else { return };
         let at = from + gap;
         #[expect(
@@ -150,7 +151,7 @@ impl Hot {
             reason = "nanoseconds; what is beyond 64 bits is beyond any stamp"
         )]
         let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On, label: self.label };
-        self.waiting.push(Reverse(Next { event, at, site, train }));
+        self.waiting.push(Reverse(NextHotEvent { event, at, site, train }));
     }
 
     /// Adds the own events up to this place in file order to the output.
@@ -159,10 +160,12 @@ impl Hot {
             if !holds(&next.event) {
                 break;
             }
-            let Some(Reverse(Next { event, at, site, mut train })) = self.waiting.pop() else { break };
+            let Some(Reverse(NextHotEvent { event, at, site, mut train })) = self.waiting.pop() else {
+                break;
+            };
             self.take(event, true);
             self.made += 1;
-            train.wait(site, Space::Hot);
+            train.wait(site, DrawSpace::Hot);
             self.wait(event.x, event.y, at, site, train);
         }
     }
@@ -170,7 +173,7 @@ impl Hot {
     fn take(&mut self, event: Event, own: bool) {
         let place = Some((event.t.floor_micros(), event.y, event.x));
         if self.together.place != place {
-            self.together = Together { place, ..Together::default() };
+            self.together = CoincidentEvents { place, ..CoincidentEvents::default() };
         }
         self.pairs += if own { self.together.all } else { self.together.own };
         self.together.all += 1;
@@ -191,12 +194,12 @@ impl Hot {
 }
 
 /// A sink that merges own events into the stream of a law.
-struct Merged<'a> {
+struct MergedEvents<'a> {
     sink: &'a mut dyn EventSink,
-    hot: &'a mut Hot,
+    hot: &'a mut HotPixelQueue,
 }
 
-impl EventSink for Merged<'_> {
+impl EventSink for MergedEvents<'_> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.hot.out.clear();
         for event in events {
@@ -211,29 +214,29 @@ impl EventSink for Merged<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::array::{ArrayFrames, FullScale, Samples};
+    use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
     use crate::sensor::simulate_one;
-    use crate::sensor::voltmeter::{Preset, Voltmeter};
+    use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
     use std::ops::ControlFlow;
 
     const SIZE: Size = Size { width: 40, height: 30 };
     const FRAMES: usize = 50;
     const STEP_US: i64 = 1000;
 
-    fn run(sensor: &Voltmeter, grey: impl Fn(usize, usize) -> f32) -> (Vec<Event>, Account) {
+    fn run(sensor: &VoltmeterModel, grey: impl Fn(usize, usize) -> f32) -> (Vec<Event>, SimulationAccount) {
         let samples = (0..FRAMES).flat_map(|j| (0..SIZE.pixels()).map(move |p| (j, p)));
-        let samples = Samples::Floats(samples.map(|(j, p)| grey(j, p)).collect(), FullScale::Grey255);
+        let samples = ArraySamples::Floats(samples.map(|(j, p)| grey(j, p)).collect(), FullScale::Grey255);
         let stamps: Vec<i64> = (0..).map(|j| STEP_US * j).take(FRAMES).collect();
         let mut frames = ArrayFrames::new(SIZE, samples, &stamps).unwrap();
         let mut events = Vec::new();
-        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
         let account = simulate_one(&mut frames, sensor, Seed(5), &mut events, &mut go_on).unwrap();
         (events, account)
     }
 
-    fn quiet(hot_pixels: HotPixels) -> Voltmeter {
-        let [k1, k2, ..] = Preset::Dvs346.k();
-        Voltmeter { hot_pixels, ..Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) }
+    fn quiet(hot_pixels: HotPixelNoise) -> VoltmeterModel {
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+        VoltmeterModel { hot_pixels, ..VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) }
     }
 
     fn wave(j: usize, p: usize) -> f32 {
@@ -242,7 +245,7 @@ mod tests {
 
     #[test]
     fn in_constant_light_only_hot_pixels_fire_as_often_as_stated() {
-        let hot = HotPixels { share: 0.2, rate: 5000.0 };
+        let hot = HotPixelNoise { share: 0.2, rate: 5000.0 };
         let (events, account) = run(&quiet(hot), |_, _| 90.0);
         // 1200 pixels, 49 ms: the binomial spread of the share times 245 events each, and the
         // Poisson spread.
@@ -264,8 +267,8 @@ mod tests {
 
     #[test]
     fn the_law_goes_on_beside_them_and_all_is_in_order() {
-        let hot = HotPixels { share: 0.1, rate: 3000.0 };
-        let (alone, without) = run(&quiet(HotPixels::default()), wave);
+        let hot = HotPixelNoise { share: 0.1, rate: 3000.0 };
+        let (alone, without) = run(&quiet(HotPixelNoise::default()), wave);
         let (merged, with) = run(&quiet(hot), wave);
         assert!(merged.is_sorted_by_key(Event::file_order));
         assert!(with.events > without.events && with.events == merged.len() as u64);

@@ -9,11 +9,11 @@
     reason = "pixel coordinates are below 2^16; times between two frames are below 2^56 ns"
 )]
 
-use super::noise::Site;
-use super::window::{LONGEST, Packed, Windows};
-use super::{Account, Pixels, SensorError, input};
-use crate::event::{EventSink, Label, Polarity};
-use crate::frames::Frame;
+use super::noise::PixelSite;
+use super::window::{EventWindow, LONGEST, PackedEvent};
+use super::{SensorError, SensorPixels, SimulationAccount, input};
+use crate::event::{EventLabel, EventSink, Polarity};
+use crate::frames::DenseFrame;
 use crate::image::Size;
 use crate::seed::Seed;
 use rayon::prelude::*;
@@ -24,18 +24,23 @@ use std::ops::ControlFlow;
 const BAND: usize = 4096;
 
 /// A sensor's law between two frames.
-pub(super) trait Law: Debug + Send + Sync {
+pub(super) trait FrameLaw: Debug + Send + Sync {
     /// State of one pixel.
     type Pixel: Debug + Send + Sync;
 
     /// The pixel at its first frame.
-    fn begin(&self, site: Site, luminance: f64) -> Self::Pixel;
+    fn begin(&self, site: PixelSite, luminance: f64) -> Self::Pixel;
 
     /// Moves a pixel from one frame to the next, and notes its events in order of time. Breaks if
     /// the writer breaks.
-    fn cross(&self, pixel: &mut Self::Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()>;
+    fn cross(
+        &self,
+        pixel: &mut Self::Pixel,
+        pair: &PixelPair,
+        writer: &mut PairWriter<'_>,
+    ) -> ControlFlow<()>;
 
-    /// Whether events are labelled. If not, the label given to the writer is ignored.
+    /// Returns true if events are labelled. If not, the label given to the writer is ignored.
     fn labels(&self) -> bool;
 
     /// Difference between the pixel's event balance and the change of its brightness, relative to
@@ -45,8 +50,8 @@ pub(super) trait Law: Debug + Send + Sync {
 
 /// One pixel between two frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pair {
-    pub(super) site: Site,
+pub(super) struct PixelPair {
+    pub(super) site: PixelSite,
     /// Index of the earlier frame.
     pub(super) frame: u64,
     /// Time between the frames, ns, as a whole number.
@@ -57,42 +62,47 @@ pub(super) struct Pair {
 
 /// Limit on the events of a pixel between two frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cap {
+pub(super) struct EventCap {
     pub(super) most: u32,
-    /// Whether further events are dropped and counted. Otherwise they fail the run.
+    /// True if further events are dropped and counted. Otherwise they fail the run.
     pub(super) leave_out: bool,
 }
 
 /// An event between two frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Noted {
+pub(super) struct NotedEvent {
     /// ns since the earlier frame.
     pub(super) ns: i64,
     at: [u16; 2],
     pub(super) polarity: Polarity,
-    label: Label,
+    label: EventLabel,
 }
 
 /// A pixel's event counts so far.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Tally {
+pub(super) struct EventTally {
     on: u32,
     off: u32,
 }
 
 /// Notes the events of one pixel between two frames.
 #[derive(Debug)]
-pub(super) struct Writer<'a> {
-    events: &'a mut Vec<Noted>,
-    tally: &'a mut Tally,
-    cap: Cap,
+pub(super) struct PairWriter<'a> {
+    events: &'a mut Vec<NotedEvent>,
+    tally: &'a mut EventTally,
+    cap: EventCap,
     at: [u16; 2],
     made: u32,
     left_out: u64,
 }
 
-impl<'a> Writer<'a> {
-    pub(super) fn new(events: &'a mut Vec<Noted>, tally: &'a mut Tally, cap: Cap, at: [u16; 2]) -> Self {
+impl<'a> PairWriter<'a> {
+    pub(super) fn new(
+        events: &'a mut Vec<NotedEvent>,
+        tally: &'a mut EventTally,
+        cap: EventCap,
+        at: [u16; 2],
+    ) -> Self {
         Self { events, tally, cap, at, made: 0, left_out: 0 }
     }
 
@@ -104,7 +114,7 @@ impl<'a> Writer<'a> {
 
     /// Notes an event `t` ns after the earlier frame, and returns its nanosecond. Breaks at the
     /// cap.
-    pub(super) fn event(&mut self, t: f64, polarity: Polarity, label: Label) -> ControlFlow<(), i64> {
+    pub(super) fn event(&mut self, t: f64, polarity: Polarity, label: EventLabel) -> ControlFlow<(), i64> {
         let ns = Self::nanosecond(t);
         if self.made == self.cap.most {
             if !self.cap.leave_out {
@@ -118,30 +128,30 @@ impl<'a> Writer<'a> {
             Polarity::On => self.tally.on += 1,
             Polarity::Off => self.tally.off += 1,
         }
-        self.events.push(Noted { ns, at: self.at, polarity, label });
+        self.events.push(NotedEvent { ns, at: self.at, polarity, label });
         ControlFlow::Continue(ns)
     }
 }
 
 /// State of a sensor with a frame-to-frame law.
 #[derive(Debug)]
-pub(super) struct Pairs<L: Law> {
+pub(super) struct PairPixels<L: FrameLaw> {
     law: L,
-    cap: Cap,
+    cap: EventCap,
     size: Size,
     origin: [u16; 2],
     seed: Seed,
-    before: Option<Stored>,
+    before: Option<LatestFrame>,
     pixels: Vec<L::Pixel>,
-    tally: Vec<Tally>,
-    bands: Vec<Band>,
-    windows: Windows,
+    tally: Vec<EventTally>,
+    bands: Vec<PairBand>,
+    windows: EventWindow,
     negative_luminance: u64,
 }
 
 /// The latest frame.
 #[derive(Debug)]
-struct Stored {
+struct LatestFrame {
     index: usize,
     t: i64,
     luminance: Vec<f32>,
@@ -149,8 +159,8 @@ struct Stored {
 
 /// Working memory of one thread, and its results.
 #[derive(Debug, Default)]
-struct Band {
-    events: Vec<Noted>,
+struct PairBand {
+    events: Vec<NotedEvent>,
     most: u32,
     left_out: u64,
     /// The first pixel above the cap.
@@ -158,16 +168,16 @@ struct Band {
 }
 
 /// A run of neighbouring pixels.
-struct Slice<'a, P> {
+struct PixelRun<'a, P> {
     /// Index of the first pixel.
     first: usize,
     pixels: &'a mut [P],
-    tally: &'a mut [Tally],
+    tally: &'a mut [EventTally],
     luminance: [&'a [f32]; 2],
 }
 
-impl<L: Law> Pairs<L> {
-    pub(super) fn new(law: L, cap: Cap, size: Size, origin: [u16; 2], seed: Seed) -> Self {
+impl<L: FrameLaw> PairPixels<L> {
+    pub(super) fn new(law: L, cap: EventCap, size: Size, origin: [u16; 2], seed: Seed) -> Self {
         let n = size.pixels();
         Self {
             law,
@@ -177,9 +187,9 @@ impl<L: Law> Pairs<L> {
             seed,
             before: None,
             pixels: Vec::new(),
-            tally: vec![Tally::default(); n],
-            bands: std::iter::repeat_with(Band::default).take(n.div_ceil(BAND)).collect(),
-            windows: Windows::default(),
+            tally: vec![EventTally::default(); n],
+            bands: std::iter::repeat_with(PairBand::default).take(n.div_ceil(BAND)).collect(),
+            windows: EventWindow::default(),
             negative_luminance: 0,
         }
     }
@@ -190,9 +200,9 @@ impl<L: Law> Pairs<L> {
         [(pixel % width) as u16, (pixel / width) as u16]
     }
 
-    fn site(&self, pixel: usize) -> Site {
+    fn site(&self, pixel: usize) -> PixelSite {
         let ([x, y], [left, top]) = (self.at(pixel), self.origin);
-        Site { seed: self.seed, x: x + left, y: y + top }
+        PixelSite { seed: self.seed, x: x + left, y: y + top }
     }
 
     fn begin(&mut self, luminance: &[f32]) {
@@ -201,7 +211,7 @@ impl<L: Law> Pairs<L> {
     }
 
     /// Crosses the time between two frames.
-    fn cross(&mut self, before: &Stored, frame: &Frame) -> Result<(), SensorError> {
+    fn cross(&mut self, before: &LatestFrame, frame: &DenseFrame) -> Result<(), SensorError> {
         let (mut pixels, mut tally) = (std::mem::take(&mut self.pixels), std::mem::take(&mut self.tally));
         let mut bands = std::mem::take(&mut self.bands);
         let after = frame.luminance.pixels();
@@ -214,7 +224,7 @@ impl<L: Law> Pairs<L> {
             bands.par_iter_mut(),
         );
         chunks.into_par_iter().enumerate().for_each(|(i, (pixels, tally, from, to, band))| {
-            let slice = Slice { first: i * BAND, pixels, tally, luminance: [from, to] };
+            let slice = PixelRun { first: i * BAND, pixels, tally, luminance: [from, to] };
             self.cross_band(slice, before.index as u64, length, band);
         });
         let over = bands.iter().find_map(|band| band.over);
@@ -225,12 +235,12 @@ impl<L: Law> Pairs<L> {
         Err(SensorError::Cap { x, y, frame, before: before.luminance[pixel], after: after[pixel], cap })
     }
 
-    fn cross_band(&self, slice: Slice<'_, L::Pixel>, frame: u64, length: f64, band: &mut Band) {
-        let Slice { first, pixels, tally, luminance: [from, to] } = slice;
+    fn cross_band(&self, slice: PixelRun<'_, L::Pixel>, frame: u64, length: f64, band: &mut PairBand) {
+        let PixelRun { first, pixels, tally, luminance: [from, to] } = slice;
         for (i, (pixel, tally)) in pixels.iter_mut().zip(tally).enumerate() {
             let luminance = [from[i], to[i]].map(|l| f64::from(l.max(0.0)));
-            let pair = Pair { site: self.site(first + i), frame, length, luminance };
-            let mut writer = Writer::new(&mut band.events, tally, self.cap, self.at(first + i));
+            let pair = PixelPair { site: self.site(first + i), frame, length, luminance };
+            let mut writer = PairWriter::new(&mut band.events, tally, self.cap, self.at(first + i));
             let broken = self.law.cross(pixel, &pair, &mut writer).is_break();
             band.most = band.most.max(writer.made);
             band.left_out += writer.left_out;
@@ -243,10 +253,10 @@ impl<L: Law> Pairs<L> {
 
     /// Passes on the events between two frames, up to the microsecond of the later one.
     fn hand_over(&mut self, from: i64, to: i64, sink: &mut dyn EventSink) -> Result<(), SensorError> {
-        let mut noted: Vec<Noted> = Vec::new();
+        let mut noted: Vec<NotedEvent> = Vec::new();
         self.bands.iter_mut().for_each(|band| noted.append(&mut band.events));
         if !self.law.labels() {
-            noted.iter_mut().for_each(|event| event.label = Label::Signal);
+            noted.iter_mut().for_each(|event| event.label = EventLabel::Signal);
         }
         if to - from > LONGEST {
             noted.sort_unstable_by_key(|event| event.ns);
@@ -258,8 +268,8 @@ impl<L: Law> Pairs<L> {
             let count = if end == to { rest.len() } else { rest.partition_point(|e| from + e.ns <= end) };
             let (now, later) = rest.split_at(count);
             let since = start.div_euclid(1000) * 1000;
-            let ns = |e: &Noted| (from + e.ns - since).cast_unsigned();
-            let pack = |e: &Noted| Packed::new(ns(e), e.at, e.polarity, e.label);
+            let ns = |e: &NotedEvent| (from + e.ns - since).cast_unsigned();
+            let pack = |e: &NotedEvent| PackedEvent::new(ns(e), e.at, e.polarity, e.label);
             self.windows.add(&mut now.iter().map(pack).collect());
             self.windows.close(end.div_euclid(1000), sink)?;
             (rest, start) = (later, end);
@@ -272,8 +282,9 @@ impl<L: Law> Pairs<L> {
     }
 
     /// The counts of the run.
-    fn settle(&self) -> Account {
-        let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
+    fn settle(&self) -> SimulationAccount {
+        let mut account =
+            SimulationAccount { negative_luminance: self.negative_luminance, ..SimulationAccount::default() };
         for (tally, pixel) in self.tally.iter().zip(&self.pixels) {
             account.on += u64::from(tally.on);
             account.off += u64::from(tally.off);
@@ -292,15 +303,15 @@ impl<L: Law> Pairs<L> {
     }
 }
 
-impl<L: Law> Pixels for Pairs<L> {
-    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+impl<L: FrameLaw> SensorPixels for PairPixels<L> {
+    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         let before = self.before.take();
         self.negative_luminance += input::admit_frame(before.as_ref().map(|b| b.t), frame, self.size)?;
         let luminance = frame.luminance.pixels();
         let mut stored = match before {
             None => {
                 self.begin(luminance);
-                Stored { index: 0, t: 0, luminance: Vec::new() }
+                LatestFrame { index: 0, t: 0, luminance: Vec::new() }
             }
             Some(before) => {
                 self.cross(&before, frame)?;
@@ -315,7 +326,7 @@ impl<L: Law> Pixels for Pairs<L> {
         Ok(())
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
         let last = self.before.as_ref().map_or(0, |before| before.t);
         self.windows.close(last.div_euclid(1000) + 1, sink)?;
         Ok(self.settle())

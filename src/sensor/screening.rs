@@ -1,7 +1,7 @@
 //! Prediction of a sensor's behaviour before anything runs: contrast, leak and noise at a few
 //! greys. Sensors that make no usable stream are refused.
 
-use super::noise::HotPixels;
+use super::noise::HotPixelNoise;
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fmt;
@@ -21,7 +21,7 @@ const INSENSITIVE: f64 = 1.0;
 
 /// Noise of a pixel at constant brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Noise {
+pub struct ConstantLightNoise {
     /// Grey, 0..255.
     pub grey: f64,
     /// Events per second from drift alone; negative for OFF.
@@ -34,21 +34,21 @@ pub struct Noise {
 
 /// The table that every build prints.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Screening {
+pub struct SensorScreening {
     /// The quantity that the sensor compares, as a function of the grey `L`.
     pub quantity: &'static str,
     /// Change of that quantity for one ON and one OFF event.
     pub contrast: [f64; 2],
     /// Noise at greys 0, 16, 64, 128 and 255.
-    pub noise: [Noise; 5],
+    pub noise: [ConstantLightNoise; 5],
     /// Warnings for the user.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ScreeningWarning>,
 }
 
 /// A remark that does not stop the build.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Warning {
+pub enum ScreeningWarning {
     /// One event needs a large change of brightness.
     Insensitive {
         /// Change of the logarithm for one event, the larger of ON and OFF.
@@ -63,7 +63,7 @@ pub enum Warning {
     UncertainUnits,
 }
 
-impl fmt::Display for Warning {
+impl fmt::Display for ScreeningWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Insensitive { contrast } => {
@@ -150,7 +150,7 @@ pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), Screen
     Err(ScreenError::Parameter { name, found, wanted: "a finite number of at least 0" })
 }
 
-impl Screening {
+impl SensorScreening {
     /// The table of a sensor that does `noise` at each grey and has these hot pixels, with frames at this rate.
     ///
     /// # Errors
@@ -159,8 +159,8 @@ impl Screening {
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],
-        (rate, hot_pixels): (Hertz, HotPixels),
-        noise: impl Fn(f64) -> Noise,
+        (rate, hot_pixels): (Hertz, HotPixelNoise),
+        noise: impl Fn(f64) -> ConstantLightNoise,
     ) -> Result<Self, ScreenError> {
         let frames_per_second = rate.to_f64();
         let per_frame = hot_pixels.rate / frames_per_second;
@@ -173,19 +173,20 @@ impl Screening {
             .fold(noise(DARKEST), |worst, noise| if noise.total_hz > worst.total_hz { noise } else { worst });
         let per_frame = worst.total_hz / frames_per_second;
         if per_frame > LIMIT_PER_FRAME {
-            let Noise { grey, total_hz: hz, .. } = worst;
+            let ConstantLightNoise { grey, total_hz: hz, .. } = worst;
             return Err(ScreenError::Impossible { grey, hz, per_frame, frames_per_second });
         }
         let (largest, hz) = (contrast[0].max(contrast[1]), noise(MIDDLE).total_hz);
-        let insensitive = (largest > INSENSITIVE).then_some(Warning::Insensitive { contrast: largest });
-        let noisy = (hz > NOISY_HZ).then_some(Warning::Noisy { hz });
+        let insensitive =
+            (largest > INSENSITIVE).then_some(ScreeningWarning::Insensitive { contrast: largest });
+        let noisy = (hz > NOISY_HZ).then_some(ScreeningWarning::Noisy { hz });
         let warnings = insensitive.into_iter().chain(noisy).collect();
         Ok(Self { quantity, contrast, noise: at_greys, warnings })
     }
 }
 
 /// One line on contrast, then a table of leak, noise and ON share by grey.
-impl fmt::Display for Screening {
+impl fmt::Display for SensorScreening {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let factor = self.contrast.map(libm::exp);
         writeln!(
@@ -197,7 +198,7 @@ impl fmt::Display for Screening {
             1.0 / factor[1]
         )?;
         write!(f, "{:>5} {:>10} {:>10} {:>8}", "grey", "leak Hz", "noise Hz", "ON share")?;
-        for Noise { grey, leak_hz, total_hz, on_share } in self.noise {
+        for ConstantLightNoise { grey, leak_hz, total_hz, on_share } in self.noise {
             let share = on_share.map_or_else(|| "-".to_owned(), |share| format!("{share:.3}"));
             write!(f, "\n{grey:>5} {leak_hz:>10.4} {total_hz:>10.4} {share:>8}")?;
         }

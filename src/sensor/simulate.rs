@@ -2,9 +2,9 @@
 //! its own sink.
 
 use super::front_end::FrontEnd;
-use super::{Account, Model, Pixels, SensorError};
+use super::{SensorError, SensorModel, SensorPixels, SimulationAccount};
 use crate::event::EventSink;
-use crate::frames::{Frame, FrameError, Frames};
+use crate::frames::{DenseFrame, FrameError, FrameSequence};
 use crate::seed::Seed;
 use std::ops::ControlFlow;
 
@@ -23,16 +23,16 @@ pub enum SimulateError {
 }
 
 /// A sensor during a simulation, and the sink of its events.
-pub struct Channel<'a> {
-    pixels: Box<dyn Pixels>,
+pub struct SensorChannel<'a> {
+    pixels: Box<dyn SensorPixels>,
     sink: &'a mut dyn EventSink,
     front_end: FrontEnd,
-    watch: Option<&'a mut dyn FnMut(&Frame)>,
+    watch: Option<&'a mut dyn FnMut(&DenseFrame)>,
 }
 
-impl<'a> Channel<'a> {
+impl<'a> SensorChannel<'a> {
     /// Pixels at rest that see the frames as they are and write to `sink`.
-    pub fn new(pixels: Box<dyn Pixels>, sink: &'a mut dyn EventSink) -> Self {
+    pub fn new(pixels: Box<dyn SensorPixels>, sink: &'a mut dyn EventSink) -> Self {
         Self { pixels, sink, front_end: FrontEnd::default(), watch: None }
     }
 
@@ -44,18 +44,18 @@ impl<'a> Channel<'a> {
 
     /// The same with an observer of each frame as the pixels see it.
     #[must_use]
-    pub fn watched(self, watch: &'a mut dyn FnMut(&Frame)) -> Self {
+    pub fn watched(self, watch: &'a mut dyn FnMut(&DenseFrame)) -> Self {
         Self { watch: Some(watch), ..self }
     }
 
-    fn see(&mut self, frame: &Frame) -> Result<(), SensorError> {
+    fn see(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
         self.pixels.advance(frame, self.sink)?;
         self.watch.iter_mut().for_each(|watch| watch(frame));
         Ok(())
     }
 }
 
-impl std::fmt::Debug for Channel<'_> {
+impl std::fmt::Debug for SensorChannel<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Channel").finish_non_exhaustive()
     }
@@ -68,10 +68,10 @@ impl std::fmt::Debug for Channel<'_> {
 /// # Errors
 /// A frame cannot be read, a sensor fails, or `tap` stops.
 pub fn simulate_all(
-    frames: &mut dyn Frames,
-    channels: &mut [Channel<'_>],
-    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
-) -> Result<Vec<Account>, SimulateError> {
+    frames: &mut dyn FrameSequence,
+    channels: &mut [SensorChannel<'_>],
+    tap: &mut dyn FnMut(&DenseFrame) -> ControlFlow<()>,
+) -> Result<Vec<SimulationAccount>, SimulateError> {
     let front_ends: Vec<FrontEnd> = channels.iter().map(|channel| channel.front_end).collect();
     for front_end in &front_ends {
         front_end.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
@@ -94,7 +94,7 @@ pub fn simulate_all(
             return Err(SimulateError::Interrupted);
         }
     }
-    channels.iter_mut().map(|Channel { pixels, sink, .. }| Ok(pixels.finish(*sink)?)).collect()
+    channels.iter_mut().map(|SensorChannel { pixels, sink, .. }| Ok(pixels.finish(*sink)?)).collect()
 }
 
 /// Passes a whole sequence of frames to one sensor. See [`simulate_all`].
@@ -102,51 +102,56 @@ pub fn simulate_all(
 /// # Errors
 /// As [`simulate_all`].
 pub fn simulate_one(
-    frames: &mut dyn Frames,
-    model: &dyn Model,
+    frames: &mut dyn FrameSequence,
+    model: &dyn SensorModel,
     seed: Seed,
     sink: &mut dyn EventSink,
-    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
-) -> Result<Account, SimulateError> {
+    tap: &mut dyn FnMut(&DenseFrame) -> ControlFlow<()>,
+) -> Result<SimulationAccount, SimulateError> {
     let pixels = model.start(frames.size(), [0, 0], seed)?;
-    let channel = Channel::new(pixels, sink).behind(model.front_end());
+    let channel = SensorChannel::new(pixels, sink).behind(model.front_end());
     let mut accounts = simulate_all(frames, &mut [channel], tap)?;
     Ok(accounts.pop().expect("an account a sensor"))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Sensor, esim, front_end, noise, v2e, voltmeter};
+    use super::super::{SensorChoice, esim, front_end, noise, v2e, voltmeter};
     use super::*;
     use crate::event::Event;
-    use crate::frames::array::{ArrayFrames, FullScale, Samples};
+    use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
     use crate::image::{Image, Size};
 
     /// All members of the family, without noise.
-    fn quiet() -> Vec<Sensor> {
-        let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
-        let voltmeter = voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
-        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..voltmeter.clone() };
+    fn quiet() -> Vec<SensorChoice> {
+        let [k1, k2, ..] = voltmeter::VoltmeterPreset::Dvs346.k();
+        let voltmeter = voltmeter::VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let official =
+            voltmeter::VoltmeterModel { law: voltmeter::SamplerKind::Official, ..voltmeter.clone() };
         vec![
-            Sensor::Voltmeter(voltmeter),
-            Sensor::Voltmeter(official),
-            Sensor::Esim(esim::Esim::default()),
-            Sensor::V2e(v2e::V2e::from(v2e::Preset::Clean)),
+            SensorChoice::Voltmeter(voltmeter),
+            SensorChoice::Voltmeter(official),
+            SensorChoice::Esim(esim::EsimModel::default()),
+            SensorChoice::V2e(v2e::V2eModel::from(v2e::V2ePreset::Clean)),
         ]
     }
 
     /// All members of the family, with noise.
-    fn usual() -> Vec<Sensor> {
-        let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
-        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..presets[0].clone() };
-        let threshold = noise::Threshold { on: 0.15, off: 0.2, spread: 0.03 };
-        let refractory = noise::Refractory { period_us: 50.0, reference: noise::Reference::AtEnd };
-        let hot_pixels = noise::HotPixels { share: 0.1, rate: 1000.0 };
-        let esim = esim::Esim { threshold, refractory, hot_pixels, ..esim::Esim::default() };
-        let redrawn = esim::Esim { mismatch: noise::Redraw::PerFrame, ..esim.clone() };
-        let noisy = v2e::V2e { hot_pixels, ..v2e::V2e::from(v2e::Preset::Noisy) };
-        let voltmeters = presets.into_iter().chain([official]).map(Sensor::Voltmeter);
-        voltmeters.chain([Sensor::Esim(esim), Sensor::Esim(redrawn), Sensor::V2e(noisy)]).collect()
+    fn usual() -> Vec<SensorChoice> {
+        let presets =
+            voltmeter::VoltmeterPreset::ALL.map(|preset| voltmeter::VoltmeterModel::new(preset.k()));
+        let official =
+            voltmeter::VoltmeterModel { law: voltmeter::SamplerKind::Official, ..presets[0].clone() };
+        let threshold = noise::ThresholdMismatch { on: 0.15, off: 0.2, spread: 0.03 };
+        let refractory = noise::RefractoryPeriod { period_us: 50.0, reference: noise::ReferenceRule::AtEnd };
+        let hot_pixels = noise::HotPixelNoise { share: 0.1, rate: 1000.0 };
+        let esim = esim::EsimModel { threshold, refractory, hot_pixels, ..esim::EsimModel::default() };
+        let redrawn = esim::EsimModel { mismatch: noise::RedrawRule::PerFrame, ..esim.clone() };
+        let noisy = v2e::V2eModel { hot_pixels, ..v2e::V2eModel::from(v2e::V2ePreset::Noisy) };
+        let voltmeters = presets.into_iter().chain([official]).map(SensorChoice::Voltmeter);
+        voltmeters
+            .chain([SensorChoice::Esim(esim), SensorChoice::Esim(redrawn), SensorChoice::V2e(noisy)])
+            .collect()
     }
 
     fn clip(grey: impl Fn(usize, usize) -> f32) -> ArrayFrames {
@@ -154,16 +159,16 @@ mod tests {
         let stamps: Vec<i64> = (0..12).map(|i| 417 * i).collect();
         let samples = (0..12).flat_map(|i| (0..size.pixels()).map(move |p| (i, p)));
         let samples = samples.map(|(i, p)| grey(i, p)).collect();
-        ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
+        ArrayFrames::new(size, ArraySamples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
     }
 
     fn moving() -> ArrayFrames {
         clip(|i, p| 128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin())
     }
 
-    fn run(sensor: &Sensor, mut frames: ArrayFrames) -> (Vec<Event>, Account) {
+    fn run(sensor: &SensorChoice, mut frames: ArrayFrames) -> (Vec<Event>, SimulationAccount) {
         let mut events = Vec::new();
-        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
         let account = simulate_one(&mut frames, sensor.as_model(), Seed(1), &mut events, &mut go_on).unwrap();
         (events, account)
     }
@@ -171,7 +176,7 @@ mod tests {
     #[test]
     fn constant_light_without_noise_makes_no_event() {
         for sensor in quiet() {
-            assert_eq!(run(&sensor, clip(|_, p| p as f32)).1, Account::default(), "{sensor:?}");
+            assert_eq!(run(&sensor, clip(|_, p| p as f32)).1, SimulationAccount::default(), "{sensor:?}");
         }
     }
 
@@ -198,14 +203,14 @@ mod tests {
         let sensors = usual();
         let mut streams: Vec<Vec<Event>> = vec![Vec::new(); sensors.len()];
         let size = moving().size();
-        let start = |sensor: &Sensor| sensor.as_model().start(size, [0, 0], Seed(1)).unwrap();
-        let channel = |(sensor, stream)| Channel::new(start(sensor), stream);
-        let mut channels: Vec<Channel<'_>> = sensors
+        let start = |sensor: &SensorChoice| sensor.as_model().start(size, [0, 0], Seed(1)).unwrap();
+        let channel = |(sensor, stream)| SensorChannel::new(start(sensor), stream);
+        let mut channels: Vec<SensorChannel<'_>> = sensors
             .iter()
             .zip(streams.iter_mut().map(|s| -> &mut dyn EventSink { s }))
             .map(channel)
             .collect();
-        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
         let accounts = simulate_all(&mut moving(), &mut channels, &mut go_on).unwrap();
         for ((sensor, stream), account) in sensors.iter().zip(streams).zip(accounts) {
             assert_eq!((stream, account), run(sensor, moving()), "{sensor:?}");
@@ -219,7 +224,7 @@ mod tests {
         colour: Option<Image<[f32; 3]>>,
     }
 
-    impl Frames for Coloured {
+    impl FrameSequence for Coloured {
         fn size(&self) -> Size {
             self.greys.size()
         }
@@ -228,7 +233,7 @@ mod tests {
             self.greys.len()
         }
 
-        fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
             let frame = self.greys.next()?;
             let colours = frame.as_ref().map(|frame| {
                 let colours = frame.luminance.pixels().iter().map(|l| [*l, 0.5 * l, 255.0 - l]).collect();
@@ -249,7 +254,7 @@ mod tests {
 
     #[test]
     fn each_sees_the_frames_through_its_own_front_end() {
-        let weights = |rgb| front_end::Luminance::from_weights(rgb).unwrap();
+        let weights = |rgb| front_end::LuminanceWeights::from_weights(rgb).unwrap();
         let plain = FrontEnd::default();
         let front_ends = [
             FrontEnd { luminance: weights([1.0, 0.0, 0.0]), ..plain },
@@ -261,14 +266,14 @@ mod tests {
         let mut streams: [Vec<Event>; 4] = Default::default();
         let mut seen: [Vec<f32>; 4] = Default::default();
         let mut watchers: Vec<_> =
-            seen.iter_mut().map(|seen| |frame: &Frame| seen.extend(frame.luminance.pixels())).collect();
+            seen.iter_mut().map(|seen| |frame: &DenseFrame| seen.extend(frame.luminance.pixels())).collect();
         let sensor = &usual()[0];
         let mut channels = Vec::new();
         for ((stream, watch), front_end) in streams.iter_mut().zip(&mut watchers).zip(front_ends) {
             let pixels = sensor.as_model().start(frames.size(), [0, 0], Seed(1)).unwrap();
-            channels.push(Channel::new(pixels, stream).behind(front_end).watched(watch));
+            channels.push(SensorChannel::new(pixels, stream).behind(front_end).watched(watch));
         }
-        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
         simulate_all(&mut frames, &mut channels, &mut go_on).unwrap();
         drop(channels);
         drop(watchers);
@@ -286,8 +291,8 @@ mod tests {
         let pixels = usual()[0].as_model().start(moving().size(), [0, 0], Seed(1)).unwrap();
         let mut events = Vec::new();
         let front_end = FrontEnd { exposure: 0.0, ..FrontEnd::default() };
-        let mut channel = [Channel::new(pixels, &mut events).behind(front_end)];
-        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let mut channel = [SensorChannel::new(pixels, &mut events).behind(front_end)];
+        let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
         let error = simulate_all(&mut moving(), &mut channel, &mut go_on).unwrap_err().to_string();
         assert_eq!(error, "the exposure is 0, wanted a finite number above 0");
     }
@@ -295,7 +300,7 @@ mod tests {
     #[test]
     fn a_run_can_be_broken_off() {
         let mut seen = Vec::new();
-        let mut stop = |frame: &Frame| {
+        let mut stop = |frame: &DenseFrame| {
             seen.push(frame.index);
             if frame.index == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };

@@ -5,7 +5,7 @@
 /// The voltage of a pixel at constant brightness: drift and variance per unit time, and both
 /// thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Renewal {
+pub struct RenewalProcess {
     /// Drift, thresholds per unit time.
     pub drift: f64,
     /// Variance of the noise, squared thresholds per unit time.
@@ -16,7 +16,7 @@ pub struct Renewal {
     pub down: f64,
 }
 
-impl Renewal {
+impl RenewalProcess {
     /// Probability that an event is ON; NaN if there are no events.
     #[must_use]
     pub fn on_share(self) -> f64 {
@@ -142,8 +142,8 @@ mod tests {
         assert!((found - wanted).abs() <= relative * wanted.abs(), "{found:e}, wanted {wanted:e}");
     }
 
-    fn renewal(drift: f64, variance: f64) -> Renewal {
-        Renewal { drift, variance, up: 1.0, down: 1.0 }
+    fn renewal(drift: f64, variance: f64) -> RenewalProcess {
+        RenewalProcess { drift, variance, up: 1.0, down: 1.0 }
     }
 
     #[test]
@@ -173,7 +173,7 @@ mod tests {
     fn net_rate_is_the_drift() {
         // Wald's identity: E x(tau) = drift E tau, for any thresholds.
         for drift in [-30.0, -1.0, -1e-5, 1e-5, 0.3, 4.0] {
-            let r = Renewal { drift, variance: 0.7, up: 1.2, down: 0.7 };
+            let r = RenewalProcess { drift, variance: 0.7, up: 1.2, down: 0.7 };
             let net = (r.on_share() * r.up - (1.0 - r.on_share()) * r.down) * r.rate();
             assert!((net - drift).abs() < 1e-8 * drift.abs().max(1e-3), "{drift}: {net}");
         }
@@ -183,13 +183,13 @@ mod tests {
     fn without_noise_or_without_anything() {
         let silent = renewal(0.0, 0.0);
         assert!(silent.mean_interval().is_infinite() && silent.on_share().is_nan());
-        let clock = Renewal { drift: -2.0, variance: 0.0, up: 1.0, down: 3.0 };
+        let clock = RenewalProcess { drift: -2.0, variance: 0.0, up: 1.0, down: 3.0 };
         near(clock.mean_interval(), 1.5, 1e-15);
         assert_eq!(clock.on_share().to_bits(), 0.0f64.to_bits());
     }
 
     /// Mean of a function over the residual law, by the midpoint rule over its quantiles.
-    fn residual_mean(process: Renewal, f: impl Fn(f64) -> f64) -> f64 {
+    fn residual_mean(process: RenewalProcess, f: impl Fn(f64) -> f64) -> f64 {
         let n = 10_000;
         (0..n).map(|i| f(process.residual((f64::from(i) + 0.5) / f64::from(n)))).sum::<f64>() / f64::from(n)
     }
@@ -202,7 +202,7 @@ mod tests {
         for (drift, variance) in
             [(0.0, 1.0), (1e-9, 1.0), (0.01, 1.0), (0.3, 1.0), (-2.0, 1.0), (40.0, 1.0), (-1.0, 1e-4)]
         {
-            let process = Renewal { drift, variance, up: 1.2, down: 0.7 };
+            let process = RenewalProcess { drift, variance, up: 1.2, down: 0.7 };
             let on = process.on_share();
             let found = residual_mean(process, |v| variance + 2.0 * drift * v);
             let wanted = process.rate() * (on * 1.44 + (1.0 - on) * 0.49);
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn residuals_without_noise_are_uniform_and_without_anything_zero() {
-        let at = |drift, u| Renewal { drift, variance: 0.0, up: 1.2, down: 0.7 }.residual(u);
+        let at = |drift, u| RenewalProcess { drift, variance: 0.0, up: 1.2, down: 0.7 }.residual(u);
         assert!((at(2.0, 0.25) - 0.3).abs() < 1e-15 && (at(-2.0, 0.5) + 0.35).abs() < 1e-15);
         assert_eq!(at(0.0, 0.3).to_bits(), 0.0f64.to_bits());
     }
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn residuals_of_pure_noise_are_triangular() {
         // Density 2(A-v)/(AW) above 0 and 2(B+v)/(BW) below.
-        let process = Renewal { drift: 0.0, variance: 0.3, up: 1.2, down: 0.7 };
+        let process = RenewalProcess { drift: 0.0, variance: 0.3, up: 1.2, down: 0.7 };
         assert!((process.residual(0.7 / 1.9)).abs() < 1e-8);
         assert!((process.residual(0.7 / 1.9 / 4.0) + 0.35).abs() < 1e-12);
         assert!((process.residual(1.0 - 1.2 / 1.9 / 4.0) - 0.6).abs() < 1e-12);

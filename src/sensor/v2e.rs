@@ -31,18 +31,18 @@
 
 mod presets;
 
-pub use presets::Preset;
+pub use presets::V2ePreset;
 
-use super::course::{Course, Filtered};
-use super::detector::{Detector, Source, event_imbalance};
+use super::course::{BrightnessCourse, FilteredCourse};
+use super::detector::{DetectorPixel, OwnEventKind, event_imbalance};
 use super::front_end::FrontEnd;
-use super::noise::poisson::{Rates, Train};
-use super::noise::{HotPixels, Refractory, Site, Threshold};
-use super::pairs::{Cap, Law, Pair, Pairs, Writer};
-use super::screening::{LIMIT_PER_FRAME, Noise, ScreenError, Screening, at_least_zero};
-use super::{Model, Pixels, SensorError, check_extent};
+use super::noise::poisson::{LinearRate, PoissonTrain};
+use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
+use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
+use super::screening::{ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, at_least_zero};
+use super::{SensorError, SensorModel, SensorPixels, check_extent};
 use crate::image::Size;
-use crate::seed::{Seed, Space};
+use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
@@ -53,29 +53,29 @@ const VERSION: u32 = 1;
 
 /// Parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct V2e {
+pub struct V2eModel {
     /// `C+` and `C-` as differences of natural logarithms, and their spread.
-    pub threshold: Threshold,
+    pub threshold: ThresholdMismatch,
     /// Cutoff of the low-pass filter at white, Hz; 0 means no filter.
     pub cutoff: f64,
     /// The filter's step from frame to frame.
-    pub filter: Filter,
+    pub filter: FilterSteps,
     /// Leak of the reference level.
-    pub leak: Leak,
+    pub leak: LeakNoise,
     /// Shot noise of both polarities together in the dark, Hz.
     pub shot: f64,
     /// The dead time after an event.
-    pub refractory: Refractory,
+    pub refractory: RefractoryPeriod,
     /// Pixels with an event process of their own.
-    pub hot_pixels: HotPixels,
+    pub hot_pixels: HotPixelNoise,
     /// Maximum number of events of one pixel between two frames. More fail the step.
     pub max_events_per_pixel_frame: u32,
-    /// Whether further events are dropped and counted, and the step goes on.
+    /// True if further events are dropped and counted, and the step goes on.
     pub allow_cap: bool,
     /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
-    /// Whether events are labelled as signal or noise.
+    /// True if events are labelled as signal or noise.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub labels: bool,
 }
@@ -83,7 +83,7 @@ pub struct V2e {
 /// The filter's step from frame to frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Filter {
+pub enum FilterSteps {
     /// The exact response to an input that is linear between frames.
     #[default]
     Exact,
@@ -93,7 +93,7 @@ pub enum Filter {
 
 /// Leak of the reference level, which makes ON events.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Leak {
+pub struct LeakNoise {
     /// ON events per second.
     pub rate: f64,
     /// Standard deviation of the rate from frame to frame, as a share.
@@ -121,8 +121,8 @@ fn rate_intensity(luminance: f64) -> f64 {
     (luminance + LINEAR) / (WHITE + LINEAR)
 }
 
-impl V2e {
-    /// Whether the event balance of a pixel must equal the change of its brightness to less than a
+impl V2eModel {
+    /// Returns true if the event balance of a pixel must equal the change of its brightness to less than a
     /// threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
@@ -134,13 +134,13 @@ impl V2e {
     /// undisturbed interval since the last shot. With shots at rate `s`, a leak of period `T`
     /// therefore has the rate `s/(e^(sT) - 1)`.
     #[must_use]
-    pub fn noise(&self, grey: f64) -> Noise {
+    pub fn noise(&self, grey: f64) -> ConstantLightNoise {
         let shots = self.shots_per_second(grey);
         let leak = self.leak.rate;
         let leaks = if shots == 0.0 || leak == 0.0 { leak } else { shots / libm::expm1(shots / leak) };
         let total = shots + leaks;
         let share = (leaks + 0.5 * shots) / total;
-        Noise { grey, leak_hz: leak, total_hz: total, on_share: (total > 0.0).then_some(share) }
+        ConstantLightNoise { grey, leak_hz: leak, total_hz: total, on_share: (total > 0.0).then_some(share) }
     }
 
     /// Predicts this sensor's behaviour with frames at this rate, without hot pixels.
@@ -148,13 +148,15 @@ impl V2e {
     /// # Errors
     /// A parameter is outside its range, or noise alone would make more than 50 events per pixel
     /// and frame interval.
-    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let sides = self.threshold.sides();
         let screened =
-            Screening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| self.noise(grey))?;
+            SensorScreening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| {
+                self.noise(grey)
+            })?;
         // The table is of a nominal pixel; the leak of the others is spread, and their mean is what a stream holds.
-        let Leak { rate: leak, jitter, cov } = self.leak;
+        let LeakNoise { rate: leak, jitter, cov } = self.leak;
         let (frames_per_second, share) = (rate.to_f64(), jitter.max(1.0));
         let hz = leak * share * libm::exp(0.5 * (cov * LN_10) * (cov * LN_10));
         let per_frame = hz / frames_per_second;
@@ -168,7 +170,7 @@ impl V2e {
         self.threshold.validate()?;
         self.refractory.validate()?;
         self.hot_pixels.validate()?;
-        let Leak { rate, jitter, cov } = self.leak;
+        let LeakNoise { rate, jitter, cov } = self.leak;
         at_least_zero("cutoff", self.cutoff)?;
         at_least_zero("leak.rate", rate)?;
         at_least_zero("leak.jitter", jitter)?;
@@ -187,37 +189,37 @@ impl V2e {
     }
 
     /// The brightness of a pixel between two frames, without leak.
-    fn course(&self, pixel: &Pixel, input: f64, pair: &Pair) -> Course {
-        let Pair { length, luminance: [before, after], .. } = *pair;
+    fn course(&self, pixel: &V2ePixel, input: f64, pair: &PixelPair) -> BrightnessCourse {
+        let PixelPair { length, luminance: [before, after], .. } = *pair;
         if self.cutoff == 0.0 {
-            return Course::straight_line(pixel.seen, input, length);
+            return BrightnessCourse::straight_line(pixel.seen, input, length);
         }
         let rate = |luminance| TAU * self.cutoff / NS * rate_intensity(luminance);
         match self.filter {
-            Filter::Exact => {
+            FilterSteps::Exact => {
                 let rate = rate(0.5 * (before + after));
-                let filter = Filtered { output: pixel.seen, input: [pixel.input, input], rate };
-                Course::filter_output(&filter, length)
+                let filter = FilteredCourse { output: pixel.seen, input: [pixel.input, input], rate };
+                BrightnessCourse::filter_output(&filter, length)
             }
-            Filter::Euler => {
+            FilterSteps::Euler => {
                 let step = (rate(after) * length).min(1.0);
-                Course::straight_line(pixel.seen, pixel.seen + step * (input - pixel.seen), length)
+                BrightnessCourse::straight_line(pixel.seen, pixel.seen + step * (input - pixel.seen), length)
             }
         }
     }
 
     /// The fall of a pixel's reference level between two frames.
-    fn leaked(&self, pixel: &Pixel, pair: &Pair) -> f64 {
-        let Leak { rate, jitter, .. } = self.leak;
+    fn leaked(&self, pixel: &V2ePixel, pair: &PixelPair) -> f64 {
+        let LeakNoise { rate, jitter, .. } = self.leak;
         if rate == 0.0 {
             return 0.0;
         }
-        let z = if jitter == 0.0 { 0.0 } else { pair.site.draws(Space::Leak, pair.frame).normal() };
+        let z = if jitter == 0.0 { 0.0 } else { pair.site.draws(DrawSpace::Leak, pair.frame).normal() };
         rate * pixel.leakiness * (1.0 - jitter * z) * pixel.detector.thresholds[0] * (pair.length / NS)
     }
 }
 
-impl Model for V2e {
+impl SensorModel for V2eModel {
     fn law_version(&self) -> u32 {
         VERSION
     }
@@ -235,18 +237,18 @@ impl Model for V2e {
         (self.threshold.on, self.threshold.off)
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError> {
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
-        let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        Ok(Box::new(Pairs::new(self.clone(), cap, size, origin, seed)))
+        let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
+        Ok(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)))
     }
 }
 
 /// State of one pixel.
 #[derive(Debug)]
-pub(super) struct Pixel {
-    detector: Detector,
+pub(super) struct V2ePixel {
+    detector: DetectorPixel,
     /// Output of the filter at the first frame.
     first: f64,
     /// Present output of the filter.
@@ -255,33 +257,37 @@ pub(super) struct Pixel {
     input: f64,
     /// The pixel's leak, relative to the nominal leak.
     leakiness: f64,
-    shot: Train,
-    own: Train,
+    shot: PoissonTrain,
+    own: PoissonTrain,
 }
 
-impl Law for V2e {
-    type Pixel = Pixel;
+impl FrameLaw for V2eModel {
+    type Pixel = V2ePixel;
 
-    fn begin(&self, site: Site, luminance: f64) -> Pixel {
+    fn begin(&self, site: PixelSite, luminance: f64) -> V2ePixel {
         let seen = lin_log(luminance);
         let leakiness = if self.leak.cov == 0.0 {
             1.0
         } else {
-            libm::exp(LN_10 * self.leak.cov * site.draws(Space::Initial, 0).normal())
+            libm::exp(LN_10 * self.leak.cov * site.draws(DrawSpace::Initial, 0).normal())
         };
-        Pixel {
-            detector: Detector::new(self.threshold.at(site, 0), seen),
+        V2ePixel {
+            detector: DetectorPixel::new(self.threshold.at(site, 0), seen),
             first: seen,
             seen,
             input: seen,
             leakiness,
-            shot: if self.shot == 0.0 { Train::silent() } else { Train::new(site, Space::Shot) },
+            shot: if self.shot == 0.0 {
+                PoissonTrain::silent()
+            } else {
+                PoissonTrain::new(site, DrawSpace::Shot)
+            },
             own: self.hot_pixels.train(site),
         }
     }
 
-    fn cross(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
-        let Pair { site, length, luminance, .. } = *pair;
+    fn cross(&self, pixel: &mut V2ePixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
+        let PixelPair { site, length, luminance, .. } = *pair;
         let input = lin_log(luminance[1]);
         let (plain, leaked) = (self.course(pixel, input, pair), self.leaked(pixel, pair));
         let [on, off] = pixel.detector.thresholds;
@@ -289,19 +295,19 @@ impl Law for V2e {
         let shots = luminance.map(|l| 0.5 * (on + off) * self.shots_per_second(l) / NS);
         let own = [self.hot_pixels.per_ns(); 2];
         let mut sources = [
-            Source {
+            OwnEventKind {
                 train: &mut pixel.shot,
-                rates: Rates { ends: shots, length },
+                rates: LinearRate { ends: shots, length },
                 site,
-                space: Space::Shot,
+                space: DrawSpace::Shot,
                 on_share: on / (on + off),
                 resets: true,
             },
-            Source {
+            OwnEventKind {
                 train: &mut pixel.own,
-                rates: Rates { ends: own, length },
+                rates: LinearRate { ends: own, length },
                 site,
-                space: Space::Hot,
+                space: DrawSpace::Hot,
                 on_share: 1.0,
                 resets: false,
             },
@@ -318,7 +324,7 @@ impl Law for V2e {
         self.labels
     }
 
-    fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {
+    fn imbalance(&self, pixel: &V2ePixel, on: u32, off: u32) -> Option<f64> {
         self.keeps_balance().then(|| event_imbalance(&pixel.detector, pixel.seen - pixel.first, on, off))
     }
 }

@@ -35,17 +35,17 @@ mod window;
 mod writer;
 
 pub(crate) use bridge::{Barriers, touch_time};
-pub(crate) use leaf::{Emit, Leaf, Span};
-pub use presets::Preset;
-pub use units::Units;
+pub(crate) use leaf::{ClockLeaf, EmitEvents, LeafSpan};
+pub use presets::VoltmeterPreset;
+pub use units::ConstantUnits;
 
-use super::cap::Capped;
+use super::cap::CappedPixels;
 use super::front_end::FrontEnd;
-use super::noise::HotPixels;
+use super::noise::HotPixelNoise;
 use super::own_events::WithHot;
-use super::pairs::{Cap, Pairs};
-use super::{Account, Model, Pixels, SensorError, check_extent};
-use crate::event::Label;
+use super::pairs::{EventCap, PairPixels};
+use super::{SensorError, SensorModel, SensorPixels, SimulationAccount, check_extent};
+use crate::event::EventLabel;
 use crate::image::Size;
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
@@ -53,7 +53,7 @@ use serde::{Deserialize, Serialize};
 /// Parameters in the official unit system: microseconds, grey 0..255, and voltages in thresholds of
 /// the preset. k1, k2 and the thresholds are above 0; k3 and k6 are at least 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Voltmeter {
+pub struct VoltmeterModel {
     /// k1 to k6: pure number, grey, grey^.5/us^.5, 1/us, 1/(grey us), 1/us^.5.
     pub k: [f64; 6],
     /// Threshold of ON events.
@@ -61,16 +61,16 @@ pub struct Voltmeter {
     /// Threshold of OFF events.
     pub threshold_off: f64,
     /// The sampler.
-    pub law: Law,
+    pub law: SamplerKind,
     /// The map from brightness to drift.
-    pub gain: Gain,
+    pub gain: DriftGain,
     /// Voltages at the first frame.
-    pub initial: Initial,
+    pub initial: InitialVoltage,
     /// Interpolation of brightness between frames.
-    pub between: Between,
+    pub between: BetweenFrames,
     /// Maximum number of events of one pixel between two frames. More fail the step.
     pub max_events_per_pixel_frame: u32,
-    /// Whether further events are dropped and counted, and the step goes on.
+    /// True if further events are dropped and counted, and the step goes on.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub allow_cap: bool,
     /// Standard deviation of the thresholds over the pixels.
@@ -78,11 +78,11 @@ pub struct Voltmeter {
     pub threshold_spread: f64,
     /// Pixels with an event process of their own.
     #[serde(default, skip_serializing_if = "super::is_default")]
-    pub hot_pixels: HotPixels,
+    pub hot_pixels: HotPixelNoise,
     /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
-    /// Whether events are labelled as signal or noise.
+    /// True if events are labelled as signal or noise.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub labels: bool,
 }
@@ -90,7 +90,7 @@ pub struct Voltmeter {
 /// The sampler of the process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Law {
+pub enum SamplerKind {
     /// First passages of the process, independent of the frame rate.
     Exact,
     /// The published program's sampler, for comparisons. Its noise depends on the frame rate.
@@ -100,7 +100,7 @@ pub enum Law {
 /// The map from brightness to drift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Gain {
+pub enum DriftGain {
     /// `k1 ln(L + k2)`.
     Log,
     /// The published program's midpoint form; for comparisons only.
@@ -110,7 +110,7 @@ pub enum Gain {
 /// Voltages at the first frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Initial {
+pub enum InitialVoltage {
     /// All zero, as published. Equal pixels then leak in step.
     Zero,
     /// The stationary state: every pixel has seen the first frame for a long time.
@@ -120,7 +120,7 @@ pub enum Initial {
 /// Brightness between two frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Between {
+pub enum BetweenFrames {
     /// Linear in `ln(L + k2)`.
     Linear,
     /// Cubic in `ln(L + k2)`, with slopes from the frames before and after.
@@ -129,7 +129,7 @@ pub enum Between {
     Hermite,
 }
 
-impl Between {
+impl BetweenFrames {
     /// The name in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -141,7 +141,7 @@ impl Between {
     }
 }
 
-impl Voltmeter {
+impl VoltmeterModel {
     /// Thresholds of 1, the law `exact`, log gain, voltages from zero, linear between frames, a cap of 1000.
     #[must_use]
     pub fn new(k: [f64; 6]) -> Self {
@@ -149,30 +149,30 @@ impl Voltmeter {
             k,
             threshold_on: 1.0,
             threshold_off: 1.0,
-            law: Law::Exact,
-            gain: Gain::Log,
-            initial: Initial::Zero,
-            between: Between::Linear,
+            law: SamplerKind::Exact,
+            gain: DriftGain::Log,
+            initial: InitialVoltage::Zero,
+            between: BetweenFrames::Linear,
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
             threshold_spread: 0.0,
-            hot_pixels: HotPixels::default(),
+            hot_pixels: HotPixelNoise::default(),
             front_end: FrontEnd::default(),
             labels: false,
         }
     }
 }
 
-impl Voltmeter {
+impl VoltmeterModel {
     /// The number of clock cells that the law `exact` did not look into because no threshold was
     /// within reach, and the number of all cells over a clip of this length. Cells are as long as
     /// the longest leaf. `None` for sensors without such a clock. The first number is a lower
     /// bound: where leaves are shorter, more than one is counted per cell.
     #[must_use]
-    pub fn quiet_cells(&self, account: &Account, size: Size, span_us: i64) -> Option<[u64; 2]> {
+    pub fn quiet_cells(&self, account: &SimulationAccount, size: Size, span_us: i64) -> Option<[u64; 2]> {
         let cells = u64::try_from(span_us).ok()? * 1000 / u64::from(tree::LEAF);
         let all = cells * size.pixels() as u64;
-        let has_clock = self.law == Law::Exact && !drift::Process::new(self).is_noiseless();
+        let has_clock = self.law == SamplerKind::Exact && !drift::DriftProcess::new(self).is_noiseless();
         has_clock.then(|| [all.saturating_sub(account.leaves), all])
     }
 
@@ -181,27 +181,31 @@ impl Voltmeter {
     pub const MISSED_LN: f64 = bridge::NEGLIGIBLE;
 
     /// Pixels of the law `exact`, with the hot pixels and the cap around them.
-    fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
+    fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn SensorPixels> {
         let cap = self.max_events_per_pixel_frame;
-        let mut pixels: Box<dyn Pixels> = if self.allow_cap {
+        let mut pixels: Box<dyn SensorPixels> = if self.allow_cap {
             let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
-            Box::new(Capped::new(Box::new(exact::Exact::new(&free, size, origin, seed)), cap, size))
+            Box::new(CappedPixels::new(
+                Box::new(exact::ExactSampler::new(&free, size, origin, seed)),
+                cap,
+                size,
+            ))
         } else {
-            Box::new(exact::Exact::new(self, size, origin, seed))
+            Box::new(exact::ExactSampler::new(self, size, origin, seed))
         };
         if !self.hot_pixels.is_absent() {
-            let own = if self.labels { Label::Noise } else { Label::Signal };
+            let own = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
             pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed, own));
         }
         pixels
     }
 }
 
-impl Model for Voltmeter {
+impl SensorModel for VoltmeterModel {
     fn law_version(&self) -> u32 {
         match self.law {
-            Law::Exact => exact::VERSION,
-            Law::Official => official::VERSION,
+            SamplerKind::Exact => exact::VERSION,
+            SamplerKind::Official => official::VERSION,
         }
     }
 
@@ -218,14 +222,14 @@ impl Model for Voltmeter {
         (self.threshold_on / self.k[0], self.threshold_off / self.k[0])
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError> {
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         match self.law {
-            Law::Exact => Ok(self.exact(size, origin, seed)),
-            Law::Official => {
-                let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-                Ok(Box::new(Pairs::new(official::Official::new(self), cap, size, origin, seed)))
+            SamplerKind::Exact => Ok(self.exact(size, origin, seed)),
+            SamplerKind::Official => {
+                let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
+                Ok(Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed)))
             }
         }
     }
@@ -239,26 +243,26 @@ mod tests {
     #[test]
     fn cells_that_were_not_looked_into_are_what_the_leaves_leave_of_all() {
         let size = Size { width: 3, height: 2 };
-        let account = Account { leaves: 100, ..Account::default() };
-        let noisy = Voltmeter::new(Preset::Dvs346.k());
+        let account = SimulationAccount { leaves: 100, ..SimulationAccount::default() };
+        let noisy = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
         assert_eq!(noisy.quiet_cells(&account, size, 8192), Some([5900, 6000]));
-        let official = Voltmeter { law: Law::Official, ..noisy };
+        let official = VoltmeterModel { law: SamplerKind::Official, ..noisy };
         assert_eq!(official.quiet_cells(&account, size, 8192), None);
-        let quiet = Voltmeter::new([1.0, 2.0, 0.0, 4.0, 5.0, 0.0]);
+        let quiet = VoltmeterModel::new([1.0, 2.0, 0.0, 4.0, 5.0, 0.0]);
         assert_eq!(quiet.quiet_cells(&account, size, 8192), None);
     }
 
     /// A key from before these options existed stays the same.
     #[test]
     fn options_that_are_not_used_are_in_no_record() {
-        let described = |sensor: &Voltmeter| serde_json::to_string(sensor).unwrap();
-        let plain = Voltmeter::new([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let described = |sensor: &VoltmeterModel| serde_json::to_string(sensor).unwrap();
+        let plain = VoltmeterModel::new([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         let wanted = r#"{"k":[1.0,2.0,3.0,4.0,5.0,6.0],"threshold_on":1.0,"threshold_off":1.0,"law":"exact","gain":"log","initial":"zero","between":"linear","max_events_per_pixel_frame":1000}"#;
         assert_eq!(described(&plain), wanted);
-        assert_eq!(serde_json::from_str::<Voltmeter>(wanted).unwrap(), plain);
-        let account = serde_json::to_string(&crate::sensor::Account::default()).unwrap();
+        assert_eq!(serde_json::from_str::<VoltmeterModel>(wanted).unwrap(), plain);
+        let account = serde_json::to_string(&crate::sensor::SimulationAccount::default()).unwrap();
         assert!(!account.contains("capped"), "{account}");
-        let imperfect = Voltmeter { threshold_spread: 0.1, allow_cap: true, labels: true, ..plain };
+        let imperfect = VoltmeterModel { threshold_spread: 0.1, allow_cap: true, labels: true, ..plain };
         assert!(described(&imperfect).ends_with(r#""allow_cap":true,"threshold_spread":0.1,"labels":true}"#));
     }
 }

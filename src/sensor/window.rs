@@ -3,7 +3,7 @@
 //! Windows may end inside a microsecond, and files are also sorted within a microsecond. Events in
 //! the last, incomplete microsecond of a window therefore wait for the next window.
 
-use crate::event::{Event, EventSink, Label, Polarity};
+use crate::event::{Event, EventLabel, EventSink, Polarity};
 use crate::units::Timestamp;
 
 /// An event as one number that sorts in file order and then by nanoseconds: microseconds since the
@@ -11,9 +11,9 @@ use crate::units::Timestamp;
 /// made of polarity, nanoseconds in the microsecond, and label. The label is last, so it does not
 /// change the order of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Packed(u64);
+pub(super) struct PackedEvent(u64);
 
-/// Longest window, ns. Its events fit [`Packed`], including the partial microseconds at both ends.
+/// Longest window, ns. Its events fit [`PackedEvent`], including the partial microseconds at both ends.
 pub(super) const LONGEST: i64 = 1000 << 20;
 
 /// Two polarities, 1000 nanoseconds, two labels.
@@ -26,9 +26,9 @@ const MICRO: u64 = REST << 32;
 // A window of the longest kind may begin and end inside microseconds, so it can touch one more.
 const _: () = assert!(u64::MAX / MICRO > LONGEST.cast_unsigned() / 1000 + 1);
 
-impl Packed {
+impl PackedEvent {
     /// An event `ns` nanoseconds after the start of the window's first microsecond.
-    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity, label: Label) -> Self {
+    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity, label: EventLabel) -> Self {
         let (us, rest) = (ns / 1000, ns % 1000);
         debug_assert!(us < u64::MAX / MICRO, "an event {ns} ns after the window's start is within it");
         let place = us << 32 | u64::from(y) << 16 | u64::from(x);
@@ -52,28 +52,28 @@ impl Packed {
             x: place as u16,
             y: (place >> 16) as u16,
             polarity: if rest >= POLARITY { Polarity::On } else { Polarity::Off },
-            label: if self.0 & 1 == 1 { Label::Signal } else { Label::Noise },
+            label: if self.0 & 1 == 1 { EventLabel::Signal } else { EventLabel::Noise },
         }
     }
 }
 
 /// The events of the open window, and those that wait for it to end.
 #[derive(Debug, Default)]
-pub(super) struct Windows {
+pub(super) struct EventWindow {
     /// First microsecond of the open window.
     first_us: i64,
-    events: Vec<Packed>,
+    events: Vec<PackedEvent>,
     chunk: Vec<Event>,
-    sorted: Vec<Packed>,
+    sorted: Vec<PackedEvent>,
     /// Number of events per microsecond; then the place of the next event of each.
     places: Vec<u32>,
     /// Number of pairs of events of one pixel in one microsecond.
     pub(super) same_us_same_pixel: u64,
 }
 
-impl Windows {
+impl EventWindow {
     /// Adds events of the open window in any order, and leaves `events` empty.
-    pub(super) fn add(&mut self, events: &mut Vec<Packed>) {
+    pub(super) fn add(&mut self, events: &mut Vec<PackedEvent>) {
         self.events.append(events);
     }
 
@@ -88,12 +88,12 @@ impl Windows {
         }
         places.clear();
         places.resize(last + 2, 0);
-        let micros = |event: &Packed| event.micros().cast_unsigned() as usize;
+        let micros = |event: &PackedEvent| event.micros().cast_unsigned() as usize;
         events.iter().for_each(|event| places[micros(event) + 1] += 1);
         for i in 1..places.len() {
             places[i] += places[i - 1];
         }
-        sorted.resize(events.len(), Packed(0));
+        sorted.resize(events.len(), PackedEvent(0));
         for event in &*events {
             let place = &mut places[micros(event)];
             sorted[*place as usize] = *event;
@@ -134,8 +134,8 @@ const MOST_MICROS: usize = 4096;
 const CHUNK: usize = 1 << 16;
 
 /// Pairs in one microsecond and pixel: two events are one pair, three are three.
-fn coincident_pairs(sorted: &[Packed]) -> u64 {
-    let same = |a: &Packed, b: &Packed| a.place() == b.place();
+fn coincident_pairs(sorted: &[PackedEvent]) -> u64 {
+    let same = |a: &PackedEvent, b: &PackedEvent| a.place() == b.place();
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }
 
@@ -144,18 +144,18 @@ mod tests {
     use super::*;
 
     fn event(ns: i64, x: u16, y: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp(ns), x, y, polarity, label: Label::Signal }
+        Event { t: Timestamp(ns), x, y, polarity, label: EventLabel::Signal }
     }
 
     /// Closes windows at these times, each with its events, and returns the events that were passed
     /// on.
     fn run(windows: &[(i64, &[Event])], end_us: i64) -> (Vec<Vec<Event>>, u64) {
-        let mut state = Windows::default();
+        let mut state = EventWindow::default();
         let mut outputs = Vec::new();
         for &(end, events) in windows {
             let base = state.first_us * 1000;
             let ns = |e: &Event| (e.t.0 - base).cast_unsigned();
-            let pack = |e: &Event| Packed::new(ns(e), [e.x, e.y], e.polarity, e.label);
+            let pack = |e: &Event| PackedEvent::new(ns(e), [e.x, e.y], e.polarity, e.label);
             state.add(&mut events.iter().map(pack).collect());
             let mut sink = Vec::new();
             state.close(end.div_euclid(1000), &mut sink).unwrap();
@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn labels_go_along_and_order_nothing_that_files_tell_apart() {
         let at = |ns, x, label| Event { label, ..event(ns, x, 0, Polarity::On) };
-        let (signal, noise) = (Label::Signal, Label::Noise);
+        let (signal, noise) = (EventLabel::Signal, EventLabel::Noise);
         let sorted = [at(7100, 1, signal), at(7200, 1, noise), at(7100, 2, noise), at(8000, 0, signal)];
         let [a, b, c, d] = sorted;
         assert_eq!(run(&[(1 << 20, &[d, b, c, a])], 1049).0[0], sorted);
@@ -191,7 +191,7 @@ mod tests {
         // The window begins in the last nanosecond of a microsecond, so its end is farthest from
         // the start of that microsecond.
         let last = LONGEST.cast_unsigned() + 999;
-        let event = Packed::new(last, [65_535; 2], Polarity::On, Label::Signal).event(0);
+        let event = PackedEvent::new(last, [65_535; 2], Polarity::On, EventLabel::Signal).event(0);
         assert_eq!(event.t, Timestamp(last.cast_signed()));
     }
 

@@ -1,9 +1,12 @@
 //! A capture on disk as a recipe names it: kind, path, and selection of views.
 
-use super::colmap::Model;
-use super::kind::Kind;
-use super::photo::Look;
-use super::{Capture, SourceError, Unused, View, Warning, Why, colmap, dl3dv, model, mvimgnet, nerfstudio};
+use super::colmap::ColmapModel;
+use super::kind::CaptureKind;
+use super::photo::PhotoScrutiny;
+use super::{
+    Capture, CapturedView, SourceError, SourceWarning, UnusedPhoto, UnusedReason, colmap, dl3dv, model,
+    mvimgnet, nerfstudio,
+};
 use glob::Pattern;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
@@ -11,18 +14,18 @@ use std::path::PathBuf;
 /// A capture on disk. Only the kind and the selection are serialised, because they change the
 /// meaning of the files.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Captured {
+pub struct DiskCapture {
     /// Layout of its files.
-    pub kind: Kind,
+    pub kind: CaptureKind,
     /// The folder or file.
     pub path: PathBuf,
     /// The views in use.
-    pub selection: Selection,
+    pub selection: ViewSelection,
 }
 
 /// Selection of views; all views by default.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
-pub struct Selection {
+pub struct ViewSelection {
     /// Number of views, picked evenly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub views: Option<u32>,
@@ -45,17 +48,17 @@ pub enum PoseFile {
     Transforms,
 }
 
-impl Serialize for Captured {
+impl Serialize for DiskCapture {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_newtype_variant("Captured", 0, self.kind.name(), &self.selection)
     }
 }
 
-impl Captured {
+impl DiskCapture {
     /// Selects all views of the capture at `path`.
     #[must_use]
-    pub fn all_views(kind: Kind, path: PathBuf) -> Self {
-        Self { kind, path, selection: Selection::default() }
+    pub fn all_views(kind: CaptureKind, path: PathBuf) -> Self {
+        Self { kind, path, selection: ViewSelection::default() }
     }
 
     /// Returns the id of the capture in its dataset, derived from its folders: `class/instance`, or
@@ -65,13 +68,13 @@ impl Captured {
         let mut names = self.path.iter().rev().map(|name| name.to_str());
         let mut name = || names.next().flatten();
         match self.kind {
-            Kind::Mvimgnet => {
+            CaptureKind::Mvimgnet => {
                 let (instance, class) = (name()?, name()?);
                 let known = mvimgnet::is_instance(instance) && mvimgnet::is_class(class);
                 known.then(|| format!("{class}/{instance}"))
             }
-            Kind::Dl3dv => name().filter(|name| dl3dv::is_scene(name)).map(str::to_owned),
-            Kind::Colmap | Kind::Nerfstudio | Kind::Model => None,
+            CaptureKind::Dl3dv => name().filter(|name| dl3dv::is_scene(name)).map(str::to_owned),
+            CaptureKind::Colmap | CaptureKind::Nerfstudio | CaptureKind::Model => None,
         }
     }
 
@@ -79,78 +82,79 @@ impl Captured {
     ///
     /// # Errors
     /// The reader of its kind fails, or no view is left.
-    pub fn read(&self) -> Result<(Capture, Vec<Warning>), SourceError> {
-        self.look(Look::Bytes)
+    pub fn read(&self) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        self.look(PhotoScrutiny::Bytes)
     }
 
     /// Reads the capture without the bytes of the photos. Their hashes are then unknown.
     ///
     /// # Errors
-    /// Same as for [`Captured::read`].
-    pub fn glance(&self) -> Result<(Capture, Vec<Warning>), SourceError> {
-        self.look(Look::Sizes)
+    /// Same as for [`DiskCapture::read`].
+    pub fn glance(&self) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        self.look(PhotoScrutiny::Sizes)
     }
 
-    fn look(&self, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
+    fn look(&self, look: PhotoScrutiny) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
         let (capture, mut warnings) = match self.kind {
-            Kind::Colmap => colmap::look_at(&self.path, look),
-            Kind::Nerfstudio => nerfstudio::look_at(&self.path, look),
-            Kind::Model => model::read_capture(&self.path),
-            Kind::Mvimgnet => mvimgnet::read_capture(&self.path, look),
-            Kind::Dl3dv => dl3dv::read_capture(&self.path, self.selection.poses, look),
+            CaptureKind::Colmap => colmap::look_at(&self.path, look),
+            CaptureKind::Nerfstudio => nerfstudio::look_at(&self.path, look),
+            CaptureKind::Model => model::read_capture(&self.path),
+            CaptureKind::Mvimgnet => mvimgnet::read_capture(&self.path, look),
+            CaptureKind::Dl3dv => dl3dv::read_capture(&self.path, self.selection.poses, look),
         }?;
         let capture = self.select(capture, &mut warnings)?;
         warnings.extend(capture.distortion());
         Ok((capture, warnings))
     }
 
-    /// Returns the files that [`Captured::read`] reads, each with its name within the source.
+    /// Returns the files that [`DiskCapture::read`] reads, each with its name within the source.
     ///
     /// # Errors
-    /// Same as for [`Captured::read`], if the files contain the names of the photos.
+    /// Same as for [`DiskCapture::read`], if the files contain the names of the photos.
     pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
         match self.kind {
-            Kind::Colmap => colmap::source_files(&self.path),
-            Kind::Nerfstudio => nerfstudio::source_files(&self.path),
-            Kind::Model => model::source_files(&self.path),
-            Kind::Mvimgnet => mvimgnet::source_files(&self.path),
-            Kind::Dl3dv => dl3dv::source_files(&self.path, self.selection.poses),
+            CaptureKind::Colmap => colmap::source_files(&self.path),
+            CaptureKind::Nerfstudio => nerfstudio::source_files(&self.path),
+            CaptureKind::Model => model::source_files(&self.path),
+            CaptureKind::Mvimgnet => mvimgnet::source_files(&self.path),
+            CaptureKind::Dl3dv => dl3dv::source_files(&self.path, self.selection.poses),
         }
     }
 
     /// Returns the COLMAP model of its poses, if they come from a model.
     #[must_use]
-    pub fn model(&self) -> Option<Model> {
+    pub fn model(&self) -> Option<ColmapModel> {
         match self.kind {
-            Kind::Colmap => Model::find_model(&self.path).ok(),
-            Kind::Mvimgnet => mvimgnet::instance_model(&self.path).ok(),
-            Kind::Dl3dv => dl3dv::pose_model(&self.path, self.selection.poses),
-            Kind::Nerfstudio | Kind::Model => None,
+            CaptureKind::Colmap => ColmapModel::find_model(&self.path).ok(),
+            CaptureKind::Mvimgnet => mvimgnet::instance_model(&self.path).ok(),
+            CaptureKind::Dl3dv => dl3dv::pose_model(&self.path, self.selection.poses),
+            CaptureKind::Nerfstudio | CaptureKind::Model => None,
         }
     }
 
-    /// Returns the existing folders whose listing determines [`Captured::files`].
+    /// Returns the existing folders whose listing determines [`DiskCapture::files`].
     #[must_use]
     pub fn folders(&self) -> Vec<PathBuf> {
         match self.kind {
-            Kind::Colmap => colmap::source_folders(&self.path),
-            Kind::Nerfstudio => nerfstudio::source_folders(&self.path),
-            Kind::Model => model::source_folders(&self.path),
-            Kind::Mvimgnet => mvimgnet::source_folders(&self.path),
-            Kind::Dl3dv => dl3dv::source_folders(&self.path),
+            CaptureKind::Colmap => colmap::source_folders(&self.path),
+            CaptureKind::Nerfstudio => nerfstudio::source_folders(&self.path),
+            CaptureKind::Model => model::source_folders(&self.path),
+            CaptureKind::Mvimgnet => mvimgnet::source_folders(&self.path),
+            CaptureKind::Dl3dv => dl3dv::source_folders(&self.path),
         }
     }
 
     /// Moves views that are not selected to the unused photos.
-    fn select(&self, capture: Capture, warnings: &mut Vec<Warning>) -> Result<Capture, SourceError> {
+    fn select(&self, capture: Capture, warnings: &mut Vec<SourceWarning>) -> Result<Capture, SourceError> {
         let Capture { views, mut unused } = capture;
         let is_excluded = self.selection.excludes();
         for photo in unused.iter_mut().filter(|photo| is_excluded(&photo.name)) {
-            photo.why = Why::Excluded;
+            photo.why = UnusedReason::Excluded;
         }
-        let (excluded, views): (Vec<View>, Vec<View>) = views.into_iter().partition(|v| is_excluded(&v.name));
+        let (excluded, views): (Vec<CapturedView>, Vec<CapturedView>) =
+            views.into_iter().partition(|v| is_excluded(&v.name));
         // Exclusion precedes picking, so that the picked views are even among the remaining views.
-        unused.extend(excluded.into_iter().map(|view| Unused::from_view(view, Why::Excluded)));
+        unused.extend(excluded.into_iter().map(|view| UnusedPhoto::from_view(view, UnusedReason::Excluded)));
         if views.is_empty() {
             let because = "no view is left of it: the names of all are left out".to_owned();
             return Err(SourceError::Absent { dir: self.path.clone(), because });
@@ -160,14 +164,14 @@ impl Captured {
         warnings.extend(
             wanted
                 .filter(|&wanted| (wanted as usize) > views.len())
-                .map(|wanted| Warning::FewViews { found: views.len(), wanted }),
+                .map(|wanted| SourceWarning::FewViews { found: views.len(), wanted }),
         );
         let picked = spread_evenly(views.len(), wanted.map_or(usize::MAX, |wanted| wanted as usize));
         for (i, view) in views.into_iter().enumerate() {
             if picked.binary_search(&i).is_ok() {
                 capture.views.push(view);
             } else {
-                capture.unused.push(Unused::from_view(view, Why::NotPicked));
+                capture.unused.push(UnusedPhoto::from_view(view, UnusedReason::NotPicked));
             }
         }
         capture.unused.sort_by(|a, b| super::natural::compare_names(&a.name, &b.name));
@@ -175,7 +179,7 @@ impl Captured {
     }
 }
 
-impl Selection {
+impl ViewSelection {
     /// Returns a test for excluded names. Patterns are already validated; an invalid pattern
     /// matches nothing.
     pub(super) fn excludes(&self) -> impl Fn(&str) -> bool {
@@ -205,9 +209,9 @@ fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
     (0..wanted).map(|i| if gaps == 0 { 0 } else { (2 * i * (count - 1) + gaps) / (2 * gaps) }).collect()
 }
 
-impl Unused {
+impl UnusedPhoto {
     /// Converts a view that is not used.
-    fn from_view(view: View, why: Why) -> Self {
+    fn from_view(view: CapturedView, why: UnusedReason) -> Self {
         Self { name: view.name, sha256: view.sha256, size: Some(view.camera.size), why }
     }
 }
@@ -239,7 +243,7 @@ mod tests {
     #[test]
     fn names_are_left_out_by_pattern() {
         let exclude = vec!["*_bg_removed.png".to_owned(), "left/*".to_owned()];
-        let selection = Selection { exclude, ..Selection::default() };
+        let selection = ViewSelection { exclude, ..ViewSelection::default() };
         let is_excluded = selection.excludes();
         let t = |name, wanted| assert_eq!(is_excluded(name), wanted, "{name}");
         t("001_bg_removed.png", true);

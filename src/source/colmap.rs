@@ -10,12 +10,14 @@ mod reprojection;
 mod text;
 pub mod write;
 
-pub use reprojection::Reprojection;
+pub use reprojection::ReprojectionStats;
 
-use super::photo::{self, Look, Photo, SCALED};
-use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect_views};
+use super::photo::{self, PhotoInfo, PhotoScrutiny, SCALED};
+use super::{
+    Capture, CapturedView, FoundView, SourceError, SourcePlace, SourceWarning, UnusedPhoto, collect_views,
+};
 use crate::camera::Camera;
-use crate::files::{MAX_DEPTH, Walk, is_there};
+use crate::files::{FolderWalk, MAX_DEPTH, is_there};
 use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DQuat, DVec3};
@@ -29,29 +31,29 @@ pub struct ModelCamera {
     /// Pinhole part.
     pub camera: Camera,
     /// Lens distortion.
-    pub lens: super::Lens,
+    pub lens: super::LensModel,
 }
 
 /// A registered image of a model.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Image {
+pub struct ColmapImage {
     /// Name, which may contain folders.
     pub name: String,
     /// Id of its camera.
     pub camera_id: u32,
     /// Rotation, unit quaternion, world to camera, with the deviation of the stored rotation.
-    pub rotation: se3::Screened,
+    pub rotation: se3::ScreenedRotation,
     /// Translation, world to camera.
     pub translation: DVec3,
     /// Key points.
-    pub observations: Vec<Observation>,
+    pub observations: Vec<KeyPoint>,
     /// Place in the file.
-    pub place: Place,
+    pub place: SourcePlace,
 }
 
 /// A key point of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Observation {
+pub struct KeyPoint {
     /// Position, px.
     pub xy: [f64; 2],
     /// Id of its point, if one was triangulated.
@@ -60,7 +62,7 @@ pub struct Observation {
 
 /// A triangulated point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct ColmapPoint {
     /// Position in the world.
     pub xyz: DVec3,
     /// Colour.
@@ -74,12 +76,12 @@ const DEEPEST: usize = 3;
 
 /// The two forms that models have on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Form {
+enum ModelForm {
     Binary,
     Text,
 }
 
-impl Form {
+impl ModelForm {
     fn file(self, dir: &Path, stem: &str) -> PathBuf {
         dir.join(stem).with_extension(match self {
             Self::Binary => "bin",
@@ -94,12 +96,12 @@ impl Form {
 
 /// The folder of a model that was found but not yet read.
 #[derive(Debug, Clone)]
-pub struct Model {
+pub struct ColmapModel {
     dir: PathBuf,
-    form: Form,
+    form: ModelForm,
 }
 
-impl Model {
+impl ColmapModel {
     /// Finds the model in `dir`: in `dir` itself, in `sparse/0` or `sparse` below it, or in the
     /// only `sparse/0` up to three folders further down.
     ///
@@ -126,7 +128,7 @@ impl Model {
     /// Finds the only `sparse/0` further down.
     pub(super) fn model_below(dir: &Path) -> Result<Option<Self>, SourceError> {
         let mut models = Vec::new();
-        for entry in Walk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
+        for entry in FolderWalk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
             let entry = entry?;
             models.extend(Self::model_at(entry.path().join("sparse/0")).filter(|_| entry.depth() > 0));
         }
@@ -143,7 +145,7 @@ impl Model {
 
     /// Finds the model whose files are in `dir` itself.
     pub(super) fn model_at(dir: PathBuf) -> Option<Self> {
-        let form = [Form::Binary, Form::Text].into_iter().find(|form| form.is_in(&dir))?;
+        let form = [ModelForm::Binary, ModelForm::Text].into_iter().find(|form| form.is_in(&dir))?;
         Some(Self { dir, form })
     }
 
@@ -157,8 +159,8 @@ impl Model {
     /// The file is damaged, or the model of a camera is not supported.
     pub fn cameras(&self) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
         match self.form {
-            Form::Binary => binary::read_cameras(&self.file("cameras")),
-            Form::Text => text::read_cameras(&self.file("cameras")),
+            ModelForm::Binary => binary::read_cameras(&self.file("cameras")),
+            ModelForm::Text => text::read_cameras(&self.file("cameras")),
         }
     }
 
@@ -166,10 +168,10 @@ impl Model {
     ///
     /// # Errors
     /// The file is damaged, or a pose is invalid.
-    pub fn images(&self) -> Result<Vec<Image>, SourceError> {
+    pub fn images(&self) -> Result<Vec<ColmapImage>, SourceError> {
         match self.form {
-            Form::Binary => binary::read_images(&self.file("images")),
-            Form::Text => text::read_images(&self.file("images")),
+            ModelForm::Binary => binary::read_images(&self.file("images")),
+            ModelForm::Text => text::read_images(&self.file("images")),
         }
     }
 
@@ -177,10 +179,10 @@ impl Model {
     ///
     /// # Errors
     /// The file is absent or damaged.
-    pub fn points(&self) -> Result<BTreeMap<u64, Point>, SourceError> {
+    pub fn points(&self) -> Result<BTreeMap<u64, ColmapPoint>, SourceError> {
         match self.form {
-            Form::Binary => binary::read_points(&self.file("points3D")),
-            Form::Text => text::read_points(&self.file("points3D")),
+            ModelForm::Binary => binary::read_points(&self.file("points3D")),
+            ModelForm::Text => text::read_points(&self.file("points3D")),
         }
     }
 
@@ -213,15 +215,16 @@ impl Model {
     }
 
     /// Compares the numbers of records if both forms exist.
-    fn disagreements(&self) -> Result<Vec<Warning>, SourceError> {
+    fn disagreements(&self) -> Result<Vec<SourceWarning>, SourceError> {
         let mut warnings = Vec::new();
         for (stem, lines_a_record) in [("cameras", 1), ("images", 2), ("points3D", 1)] {
-            let (binary, text) = (Form::Binary.file(&self.dir, stem), Form::Text.file(&self.dir, stem));
+            let (binary, text) =
+                (ModelForm::Binary.file(&self.dir, stem), ModelForm::Text.file(&self.dir, stem));
             if is_there(&binary) && is_there(&text) {
                 let (found, other) =
                     (binary::count_records(&binary)?, text::count_records(&text, lines_a_record)?);
                 if found != other {
-                    warnings.push(Warning::CountsDiffer { binary, found, text, other });
+                    warnings.push(SourceWarning::CountsDiffer { binary, found, text, other });
                 }
             }
         }
@@ -233,7 +236,7 @@ impl Model {
 ///
 /// # Errors
 /// The file is absent or damaged.
-pub fn read_points(file: &Path) -> Result<Vec<Point>, SourceError> {
+pub fn read_points(file: &Path) -> Result<Vec<ColmapPoint>, SourceError> {
     let is_text = file.extension().is_some_and(|extension| extension == "txt");
     let points = if is_text { text::read_points(file) } else { binary::read_points(file) }?;
     Ok(points.into_values().collect())
@@ -248,7 +251,7 @@ fn is_number(name: &str) -> bool {
 pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
     // A model lies in `sparse/0` of the deepest folder that is looked into, and no deeper.
     let mut folders: Vec<PathBuf> = folders_below(dir, DEEPEST + 2).collect();
-    if let Ok(model) = Model::find_model(dir) {
+    if let Ok(model) = ColmapModel::find_model(dir) {
         folders.extend(model.bases().into_iter().map(photo::or_here));
         let photos = model.photos().into_iter();
         folders.extend(photos.flat_map(|images| folders_below(&images, MAX_DEPTH).collect::<Vec<_>>()));
@@ -261,7 +264,7 @@ pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
 /// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the
 /// files that would be in them are not found.
 pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
-    let entries = Walk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
+    let entries = FolderWalk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
 }
 
@@ -270,31 +273,31 @@ pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = P
 /// # Errors
 /// No model or more than one is found, a file is damaged, the model of a camera is not supported,
 /// or two images have the same name.
-pub fn read_capture(dir: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-    look_at(dir, Look::Bytes)
+pub fn read_capture(dir: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    look_at(dir, PhotoScrutiny::Bytes)
 }
 
 /// Reads the model found in `dir`, with the given depth of reading for photos.
-pub(super) fn look_at(dir: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let model = Model::find_model(dir)?;
+pub(super) fn look_at(dir: &Path, look: PhotoScrutiny) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    let model = ColmapModel::find_model(dir)?;
     let folder = model.photos();
-    read_model(&model, Photos { folder: folder.as_deref(), sizing: Sizing::AsStated, look })
+    read_model(&model, ModelPhotos { folder: folder.as_deref(), sizing: PhotoSizing::AsStated, look })
 }
 
 /// The photos of a model.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Photos<'a> {
+pub(super) struct ModelPhotos<'a> {
     /// The folder to which their names are relative, if there is one.
     pub(super) folder: Option<&'a Path>,
     /// Treatment of photos whose size differs from the size of their camera.
-    pub(super) sizing: Sizing,
+    pub(super) sizing: PhotoSizing,
     /// Depth of reading.
-    pub(super) look: Look,
+    pub(super) look: PhotoScrutiny,
 }
 
 /// Treatment of a photo whose size differs from the size of its camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sizing {
+pub(super) enum PhotoSizing {
     /// The camera is kept, and a warning is returned.
     AsStated,
     /// The camera is scaled.
@@ -302,18 +305,21 @@ pub(super) enum Sizing {
 }
 
 /// Reads a model with its photos.
-pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let Photos { folder, sizing, look } = photos;
+pub(super) fn read_model(
+    model: &ColmapModel,
+    photos: ModelPhotos<'_>,
+) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    let ModelPhotos { folder, sizing, look } = photos;
     let mut warnings = model.disagreements()?;
     let (cameras, images) = (model.cameras()?, model.images()?);
     let find = |name: &str| {
         folder.and_then(|f| photo::find_photo(f, name)).map(|p| photo::read_photo(&p, look)).transpose()
     };
-    let photos: Vec<Option<Photo>> =
+    let photos: Vec<Option<PhotoInfo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
-    let unused: Vec<Unused> = unregistered_photos(folder, &images)?
+    let unused: Vec<UnusedPhoto> = unregistered_photos(folder, &images)?
         .into_par_iter()
-        .map(|name| Ok(Unused::not_registered(find(&name)?, name)))
+        .map(|name| Ok(UnusedPhoto::not_registered(find(&name)?, name)))
         .collect::<Result<_, SourceError>>()?;
     let of_views = images.iter().map(|image| image.name.as_str()).zip(photos.iter().map(Option::as_ref));
     warnings.extend(folder.and_then(|folder| photo::missing_warning(folder, of_views)));
@@ -331,43 +337,49 @@ pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, 
         };
         let mut camera = taken.camera;
         let other = photo.as_ref().and_then(|p| p.size).filter(|&size| size != camera.size);
-        if let Some(size) = other.filter(|_| sizing == Sizing::ToPhoto) {
+        if let Some(size) = other.filter(|_| sizing == PhotoSizing::ToPhoto) {
             camera = photo::fit_camera(&camera, size).map_err(|e| fault(format!("`{}`: {e}", image.name)))?;
         }
         warnings.extend(image_warnings(&image, taken, other, sizing));
-        let view = View { camera, ..image_view(&image, taken, photo) };
-        found.push(Found { view, place: image.place });
+        let view = CapturedView { camera, ..image_view(&image, taken, photo) };
+        found.push(FoundView { view, place: image.place });
     }
     Ok((Capture { unused, ..collect_views(&path, found)? }, warnings))
 }
 
 /// The photos of a folder that a model has no pose for.
-fn unregistered_photos(folder: Option<&Path>, images: &[Image]) -> Result<Vec<String>, SourceError> {
+fn unregistered_photos(folder: Option<&Path>, images: &[ColmapImage]) -> Result<Vec<String>, SourceError> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
     let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list_photos)?;
     names.retain(|name| !registered.contains(name.as_str()));
     Ok(names)
 }
 
-fn image_warnings(image: &Image, taken: &ModelCamera, other: Option<Size>, sizing: Sizing) -> Vec<Warning> {
+fn image_warnings(
+    image: &ColmapImage,
+    taken: &ModelCamera,
+    other: Option<Size>,
+    sizing: PhotoSizing,
+) -> Vec<SourceWarning> {
     let name = || image.name.clone();
-    let size = other.map(|photo| Warning::PhotoSize {
+    let size = other.map(|photo| SourceWarning::PhotoSize {
         image: name(),
         photo,
         stated: taken.camera.size,
         action: match sizing {
-            Sizing::AsStated => "the camera is taken as the model states it",
-            Sizing::ToPhoto => SCALED,
+            PhotoSizing::AsStated => "the camera is taken as the model states it",
+            PhotoSizing::ToPhoto => SCALED,
         },
     });
     let turned = image.rotation;
-    let turned = turned.projected.then(|| Warning::Projected { image: name(), deviation: turned.deviation });
+    let turned =
+        turned.projected.then(|| SourceWarning::Projected { image: name(), deviation: turned.deviation });
     size.into_iter().chain(turned).collect()
 }
 
-fn image_view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
+fn image_view(image: &ColmapImage, taken: &ModelCamera, photo: Option<PhotoInfo>) -> CapturedView {
     let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
-    View {
+    CapturedView {
         name: image.name.clone(),
         world_from_camera: camera_from_world.inverse(),
         camera: taken.camera,
@@ -382,13 +394,16 @@ fn image_view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View 
 /// # Errors
 /// Same as for [`read_capture`], as far as the names of the photos need the model.
 pub fn source_files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let model = Model::find_model(dir)?;
+    let model = ColmapModel::find_model(dir)?;
     let folder = model.photos();
     files_of(&model, folder.as_deref())
 }
 
 /// Returns the files that [`read_model`] reads.
-pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(String, PathBuf)>, SourceError> {
+pub(super) fn files_of(
+    model: &ColmapModel,
+    folder: Option<&Path>,
+) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let mut files = model.files();
     if let Some(folder) = folder {
         let images = model.images()?;
@@ -402,7 +417,7 @@ pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(Stri
 }
 
 /// Converts the seven numbers of a pose that COLMAP stores.
-fn image_pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::Screened, DVec3), String> {
+fn image_pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::ScreenedRotation, DVec3), String> {
     let translation = DVec3::new(tx, ty, tz);
     if !translation.is_finite() {
         return Err(format!("the translation is {translation}, wanted finite numbers"));

@@ -9,10 +9,10 @@
 //! The two forms of the poses may have different world frames. The Gaussians of a scene belong to
 //! one of them.
 
-use super::colmap::{self, Model, Sizing};
+use super::colmap::{self, ColmapModel, PhotoSizing};
 use super::nerfstudio;
-use super::photo::{Look, or_here};
-use super::{Capture, PoseFile, SourceError, Warning};
+use super::photo::{PhotoScrutiny, or_here};
+use super::{Capture, PoseFile, SourceError, SourceWarning};
 use crate::files::{MAX_DEPTH, is_there};
 use std::path::{Path, PathBuf};
 
@@ -28,30 +28,30 @@ pub(super) fn is_scene(name: &str) -> bool {
 }
 
 /// The files of a scene, found but not yet read.
-struct Files {
-    poses: Poses,
+struct Dl3dvFiles {
+    poses: PoseSource,
     photos: Option<PathBuf>,
 }
 
-enum Poses {
-    Colmap(Model),
+enum PoseSource {
+    Colmap(ColmapModel),
     Transforms(PathBuf),
 }
 
-impl Files {
+impl Dl3dvFiles {
     /// Finds the requested poses; by default the COLMAP model, and otherwise `transforms.json`.
     fn find_files(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
         std::fs::read_dir(scene).map_err(SourceError::io_error(scene))?;
         let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
         let transforms = homes().map(|home| home.join("transforms.json")).find(|file| is_there(file));
-        let model = match (wanted, Model::model_near(scene)) {
+        let model = match (wanted, ColmapModel::model_near(scene)) {
             (Some(PoseFile::Transforms), _) => None,
             (_, Some(model)) => Some(model),
-            (_, None) => Model::model_below(scene)?,
+            (_, None) => ColmapModel::model_below(scene)?,
         };
         let poses = match (wanted, model, transforms) {
-            (_, Some(model), _) => Poses::Colmap(model),
-            (None | Some(PoseFile::Transforms), None, Some(file)) => Poses::Transforms(file),
+            (_, Some(model), _) => PoseSource::Colmap(model),
+            (None | Some(PoseFile::Transforms), None, Some(file)) => PoseSource::Transforms(file),
             (wanted, ..) => {
                 let what = match wanted {
                     Some(PoseFile::Colmap) => {
@@ -73,18 +73,19 @@ impl Files {
 pub(super) fn read_capture(
     scene: &Path,
     wanted: Option<PoseFile>,
-    look: Look,
-) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let Files { poses, photos } = Files::find_files(scene, wanted)?;
+    look: PhotoScrutiny,
+) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    let Dl3dvFiles { poses, photos } = Dl3dvFiles::find_files(scene, wanted)?;
     let (capture, mut warnings) = match poses {
-        Poses::Colmap(model) => {
-            let photos = colmap::Photos { folder: photos.as_deref(), sizing: Sizing::ToPhoto, look };
+        PoseSource::Colmap(model) => {
+            let photos =
+                colmap::ModelPhotos { folder: photos.as_deref(), sizing: PhotoSizing::ToPhoto, look };
             colmap::read_model(&model, photos)
         }
-        Poses::Transforms(file) => nerfstudio::read_file(&file, named_photos(photos.as_deref()), look),
+        PoseSource::Transforms(file) => nerfstudio::read_file(&file, named_photos(photos.as_deref()), look),
     }?;
     // The layout of the dataset always has this difference, so a warning would be noise.
-    warnings.retain(|warning| !matches!(warning, Warning::PhotoSize { .. }));
+    warnings.retain(|warning| !matches!(warning, SourceWarning::PhotoSize { .. }));
     Ok((capture, warnings))
 }
 
@@ -92,18 +93,18 @@ pub(super) fn source_files(
     scene: &Path,
     wanted: Option<PoseFile>,
 ) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let Files { poses, photos } = Files::find_files(scene, wanted)?;
+    let Dl3dvFiles { poses, photos } = Dl3dvFiles::find_files(scene, wanted)?;
     match poses {
-        Poses::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
-        Poses::Transforms(file) => nerfstudio::files_of(&file, named_photos(photos.as_deref())),
+        PoseSource::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
+        PoseSource::Transforms(file) => nerfstudio::files_of(&file, named_photos(photos.as_deref())),
     }
 }
 
 /// Returns the COLMAP model of the poses, if they come from a model.
-pub(super) fn pose_model(scene: &Path, wanted: Option<PoseFile>) -> Option<Model> {
-    match Files::find_files(scene, wanted).ok()?.poses {
-        Poses::Colmap(model) => Some(model),
-        Poses::Transforms(_) => None,
+pub(super) fn pose_model(scene: &Path, wanted: Option<PoseFile>) -> Option<ColmapModel> {
+    match Dl3dvFiles::find_files(scene, wanted).ok()?.poses {
+        PoseSource::Colmap(model) => Some(model),
+        PoseSource::Transforms(_) => None,
     }
 }
 
@@ -111,6 +112,6 @@ pub(super) fn source_folders(scene: &Path) -> Vec<PathBuf> {
     colmap::folders_below(scene, MAX_DEPTH).collect()
 }
 
-fn named_photos(photos: Option<&Path>) -> nerfstudio::Photos<'_> {
-    photos.map_or(nerfstudio::Photos::AsNamed, nerfstudio::Photos::In)
+fn named_photos(photos: Option<&Path>) -> nerfstudio::PhotoLocation<'_> {
+    photos.map_or(nerfstudio::PhotoLocation::AsNamed, nerfstudio::PhotoLocation::In)
 }

@@ -1,9 +1,10 @@
 //! Inventory of a dataset tree: the folders that are scenes of a kind, and the reasons why some
 //! cannot be used.
 
-use super::kind::Kind;
+use super::kind::CaptureKind;
 use super::{
-    Capture, Captured, Selection, SourceError, Warning, colmap, dl3dv, model, mvimgnet, natural, nerfstudio,
+    Capture, DiskCapture, SourceError, SourceWarning, ViewSelection, colmap, dl3dv, model, mvimgnet, natural,
+    nerfstudio,
 };
 use crate::files::is_there;
 use rayon::prelude::*;
@@ -17,31 +18,31 @@ const DEEPEST: usize = 3;
 
 /// Requirements on a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rules {
+pub struct AcceptanceRules {
     /// Minimum of the shorter side of every view, px.
     pub min_side: u32,
     /// Minimum number of registered views.
     pub min_views: usize,
     /// The views in use.
-    pub selection: Selection,
+    pub selection: ViewSelection,
     /// The classes to search, if scenes have classes; all classes if empty.
     pub classes: BTreeSet<String>,
 }
 
 /// A scene of the tree.
 #[derive(Debug)]
-pub struct Entry {
+pub struct InventoryScene {
     /// Id within the dataset: `class/instance`, 64 hexadecimal digits, or the path in the tree.
     pub name: String,
     /// Its folder.
     pub path: PathBuf,
     /// Warnings for the user, or the reason why the scene cannot be used.
-    pub verdict: Result<Vec<Warning>, Rejection>,
+    pub verdict: Result<Vec<SourceWarning>, RejectionReason>,
 }
 
 /// The reason why a scene cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum Rejection {
+pub enum RejectionReason {
     /// The scene cannot be read.
     #[error(transparent)]
     Unreadable(#[from] SourceError),
@@ -71,7 +72,7 @@ pub enum Rejection {
     Twice(PathBuf),
 }
 
-impl Rejection {
+impl RejectionReason {
     /// Stable name of the reason, for programs.
     #[must_use]
     pub fn code(&self) -> &'static str {
@@ -90,75 +91,85 @@ impl Rejection {
 ///
 /// # Errors
 /// The tree cannot be listed.
-pub fn take_inventory(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, SourceError> {
+pub fn take_inventory(
+    kind: CaptureKind,
+    root: &Path,
+    rules: &AcceptanceRules,
+) -> Result<Vec<InventoryScene>, SourceError> {
     let mut found = match kind {
-        Kind::Mvimgnet => instance_folders(root, &rules.classes)?,
-        Kind::Dl3dv => hash_folders(root)?,
-        Kind::Colmap => capture_folders(root, &|dir| colmap::Model::model_near(dir).is_some())?,
-        Kind::Nerfstudio => capture_folders(root, &|dir| is_there(&nerfstudio::locate_transforms(dir)))?,
-        Kind::Model => capture_folders(root, &|dir| is_there(&model::locate_cameras(dir)))?,
+        CaptureKind::Mvimgnet => instance_folders(root, &rules.classes)?,
+        CaptureKind::Dl3dv => hash_folders(root)?,
+        CaptureKind::Colmap => capture_folders(root, &|dir| colmap::ColmapModel::model_near(dir).is_some())?,
+        CaptureKind::Nerfstudio => {
+            capture_folders(root, &|dir| is_there(&nerfstudio::locate_transforms(dir)))?
+        }
+        CaptureKind::Model => capture_folders(root, &|dir| is_there(&model::locate_cameras(dir)))?,
     };
     found.sort_by(|a, b| natural::compare_names(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
-    let mut entries: Vec<Entry> = found.into_par_iter().map(|found| found.judged(kind, rules)).collect();
+    let mut entries: Vec<InventoryScene> =
+        found.into_par_iter().map(|found| found.judged(kind, rules)).collect();
     for i in 1..entries.len() {
         if entries[i].name == entries[i - 1].name {
-            entries[i].verdict = Err(Rejection::Twice(entries[i - 1].path.clone()));
+            entries[i].verdict = Err(RejectionReason::Twice(entries[i - 1].path.clone()));
         }
     }
     Ok(entries)
 }
 
 /// A folder that may be a scene.
-struct Found {
+struct ScenePath {
     name: String,
     path: PathBuf,
     /// The fault of its name, if there is one.
-    misnamed: Option<Rejection>,
+    misnamed: Option<RejectionReason>,
 }
 
-impl Found {
-    fn judged(self, kind: Kind, rules: &Rules) -> Entry {
+impl ScenePath {
+    fn judged(self, kind: CaptureKind, rules: &AcceptanceRules) -> InventoryScene {
         let Self { name, path, misnamed } = self;
-        let captured = Captured { kind, path: path.clone(), selection: rules.selection.clone() };
+        let captured = DiskCapture { kind, path: path.clone(), selection: rules.selection.clone() };
         let verdict = match misnamed {
             Some(rejection) => Err(rejection),
-            None => captured.glance().map_err(Rejection::from).and_then(|(capture, told)| {
+            None => captured.glance().map_err(RejectionReason::from).and_then(|(capture, told)| {
                 rules.hold(&capture)?;
                 Ok(told)
             }),
         };
-        Entry { name, path, verdict }
+        InventoryScene { name, path, verdict }
     }
 }
 
-impl Rules {
+impl AcceptanceRules {
     /// Checks a capture against the rules.
-    fn hold(&self, capture: &Capture) -> Result<(), Rejection> {
+    fn hold(&self, capture: &Capture) -> Result<(), RejectionReason> {
         // Views that the selection dropped are registered too.
-        let others = capture.unused.iter().filter(|photo| photo.why == super::Why::NotPicked).count();
+        let others =
+            capture.unused.iter().filter(|photo| photo.why == super::UnusedReason::NotPicked).count();
         let found = capture.views.len() + others;
         if found < self.min_views {
-            return Err(Rejection::FewViews { found, wanted: self.min_views });
+            return Err(RejectionReason::FewViews { found, wanted: self.min_views });
         }
-        let side = |view: &super::View| view.camera.size.width.min(view.camera.size.height);
+        let side = |view: &super::CapturedView| view.camera.size.width.min(view.camera.size.height);
         match capture.views.iter().find(|view| side(view) < self.min_side) {
             None => Ok(()),
-            Some(view) => {
-                Err(Rejection::Small { image: view.name.clone(), found: side(view), wanted: self.min_side })
-            }
+            Some(view) => Err(RejectionReason::Small {
+                image: view.name.clone(),
+                found: side(view),
+                wanted: self.min_side,
+            }),
         }
     }
 }
 
 /// Finds `class/instance` folders. Classes are numbers; other folders are ignored.
-fn instance_folders(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, SourceError> {
+fn instance_folders(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
     let wanted = |class: &str| mvimgnet::is_class(class) && (classes.is_empty() || classes.contains(class));
     let mut found = Vec::new();
     for (class, dir) in list_subfolders(root)?.into_iter().filter(|(class, _)| wanted(class)) {
         found.extend(list_subfolders(&dir)?.into_iter().map(|(instance, path)| {
             let known = mvimgnet::is_instance(&instance);
-            let misnamed = (!known).then_some(Rejection::Name("8 hexadecimal digits"));
-            Found { name: format!("{class}/{instance}"), path, misnamed }
+            let misnamed = (!known).then_some(RejectionReason::Name("8 hexadecimal digits"));
+            ScenePath { name: format!("{class}/{instance}"), path, misnamed }
         }));
     }
     Ok(found)
@@ -166,9 +177,9 @@ fn instance_folders(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found
 
 /// Finds folders with a hash as their name, in the tree or one level below; other folders are
 /// ignored.
-fn hash_folders(root: &Path) -> Result<Vec<Found>, SourceError> {
+fn hash_folders(root: &Path) -> Result<Vec<ScenePath>, SourceError> {
     let mut found = Vec::new();
-    let mut add = |name: String, path| found.push(Found { name, path, misnamed: None });
+    let mut add = |name: String, path| found.push(ScenePath { name, path, misnamed: None });
     for (name, path) in list_subfolders(root)? {
         if dl3dv::is_scene(&name) {
             add(name, path);
@@ -183,7 +194,7 @@ fn hash_folders(root: &Path) -> Result<Vec<Found>, SourceError> {
 }
 
 /// Finds folders that contain a capture, without descending into them. The root itself may be one.
-fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, SourceError> {
+fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<ScenePath>, SourceError> {
     std::fs::read_dir(root).map_err(SourceError::io_error(root))?;
     let mut found = Vec::new();
     let mut walk =
@@ -199,7 +210,7 @@ fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<
         let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));
         let named = if below.as_os_str().is_empty() { own.unwrap_or_default() } else { below.to_owned() };
         let parts: Vec<_> = named.iter().map(|part| part.to_string_lossy()).collect();
-        found.push(Found { name: parts.join("/"), path: entry.into_path(), misnamed: None });
+        found.push(ScenePath { name: parts.join("/"), path: entry.into_path(), misnamed: None });
     }
     Ok(found)
 }

@@ -1,12 +1,12 @@
 //! Layouts of captures on disk, and detection of the layout from the files at a path.
 
-use super::{Capture, Captured, SourceError, Warning, colmap, model, nerfstudio};
+use super::{Capture, DiskCapture, SourceError, SourceWarning, colmap, model, nerfstudio};
 use crate::files::is_there;
 use std::path::Path;
 
 /// The kinds of captures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum CaptureKind {
     /// A COLMAP model.
     Colmap,
     /// A nerfstudio `transforms.json`.
@@ -23,7 +23,7 @@ pub enum Kind {
 const WANTED: &str = "wanted a COLMAP model (cameras and images, .bin or .txt, here or in sparse/0), a transforms.json, \
                       or a 3DGS model folder (cameras.json)";
 
-impl Kind {
+impl CaptureKind {
     /// Detects the kind of the file or folder at `path`. Files in the folder itself or in its
     /// `sparse/0` take precedence over a COLMAP model further down.
     ///
@@ -36,14 +36,14 @@ impl Kind {
         }
         std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
         let kinds = [
-            (Self::Colmap, colmap::Model::model_near(path).is_some()),
+            (Self::Colmap, colmap::ColmapModel::model_near(path).is_some()),
             (Self::Nerfstudio, is_there(&nerfstudio::locate_transforms(path))),
             (Self::Model, is_there(&model::locate_cameras(path))),
         ];
         let found: Vec<Self> = kinds.into_iter().filter_map(|(kind, is)| is.then_some(kind)).collect();
         match found[..] {
             [kind] => Ok(kind),
-            [] if colmap::Model::model_below(path)?.is_some() => Ok(Self::Colmap),
+            [] if colmap::ColmapModel::model_below(path)?.is_some() => Ok(Self::Colmap),
             [] => Err(absent(format!("nothing of a capture is in it, {WANTED}"))),
             _ => {
                 let names: Vec<&str> = found.iter().map(|kind| kind.words()).collect();
@@ -85,8 +85,8 @@ impl Kind {
     ///
     /// # Errors
     /// The reader of this kind fails.
-    pub fn read(self, path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-        Captured::all_views(self, path.to_owned()).read()
+    pub fn read(self, path: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        DiskCapture::all_views(self, path.to_owned()).read()
     }
 }
 
@@ -97,14 +97,15 @@ mod tests {
     const COLMAP: [&str; 2] = ["cameras.txt", "images.txt"];
 
     /// Detects the kind of a folder with these empty files, or returns the message.
-    fn kind(files: &[String]) -> Result<Kind, String> {
+    fn kind(files: &[String]) -> Result<CaptureKind, String> {
         let dir = tempfile::tempdir().unwrap();
         for file in files {
             let path = dir.path().join(file);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, "").unwrap();
         }
-        Kind::kind_of(dir.path()).map_err(|e| e.to_string().replace(dir.path().to_str().unwrap(), "DIR"))
+        CaptureKind::kind_of(dir.path())
+            .map_err(|e| e.to_string().replace(dir.path().to_str().unwrap(), "DIR"))
     }
 
     fn model_in(folder: &str) -> Vec<String> {
@@ -113,16 +114,17 @@ mod tests {
 
     #[test]
     fn a_folder_is_known_by_its_files() {
-        let t =
-            |files: &[Vec<String>], wanted: Kind| assert_eq!(kind(&files.concat()), Ok(wanted), "{files:?}");
+        let t = |files: &[Vec<String>], wanted: CaptureKind| {
+            assert_eq!(kind(&files.concat()), Ok(wanted), "{files:?}")
+        };
         let transforms = || vec!["transforms.json".to_owned()];
-        t(&[model_in("")], Kind::Colmap);
-        t(&[model_in("sparse/0/")], Kind::Colmap);
-        t(&[model_in("a/b/sparse/0/")], Kind::Colmap);
-        t(&[transforms()], Kind::Nerfstudio);
+        t(&[model_in("")], CaptureKind::Colmap);
+        t(&[model_in("sparse/0/")], CaptureKind::Colmap);
+        t(&[model_in("a/b/sparse/0/")], CaptureKind::Colmap);
+        t(&[transforms()], CaptureKind::Nerfstudio);
         // The layout of ns-process-data: the nearer file wins.
-        t(&[transforms(), model_in("colmap/sparse/0/")], Kind::Nerfstudio);
-        t(&[vec!["cameras.json".to_owned(), "cfg_args".to_owned()]], Kind::Model);
+        t(&[transforms(), model_in("colmap/sparse/0/")], CaptureKind::Nerfstudio);
+        t(&[vec!["cameras.json".to_owned(), "cfg_args".to_owned()]], CaptureKind::Model);
     }
 
     #[test]
@@ -146,13 +148,13 @@ mod tests {
     #[test]
     fn a_file_is_known_by_its_name() {
         let dir = tempfile::tempdir().unwrap();
-        let t = |name: &str, wanted: Option<Kind>| {
+        let t = |name: &str, wanted: Option<CaptureKind>| {
             std::fs::write(dir.path().join(name), "").unwrap();
-            assert_eq!(Kind::kind_of(&dir.path().join(name)).ok(), wanted, "{name}");
+            assert_eq!(CaptureKind::kind_of(&dir.path().join(name)).ok(), wanted, "{name}");
         };
-        t("transforms_train.json", Some(Kind::Nerfstudio));
-        t("cameras.json", Some(Kind::Model));
+        t("transforms_train.json", Some(CaptureKind::Nerfstudio));
+        t("cameras.json", Some(CaptureKind::Model));
         t("images.bin", None);
-        assert!(matches!(Kind::kind_of(&dir.path().join("gone")), Err(SourceError::Io { .. })));
+        assert!(matches!(CaptureKind::kind_of(&dir.path().join("gone")), Err(SourceError::Io { .. })));
     }
 }

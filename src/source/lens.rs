@@ -12,7 +12,7 @@
 //! (OpenCV, "Camera Calibration and 3D Reconstruction", detailed description; COLMAP
 //! `sensor/models.h`.)
 
-use super::Lens;
+use super::LensModel;
 use crate::camera::Camera;
 
 /// Displacement in pixels below which distortion is ignored.
@@ -21,7 +21,7 @@ pub const NEGLIGIBLE_PX: f64 = 0.1;
 /// Points along each side of the grid on which displacements are measured, border included.
 const GRID: u32 = 65;
 
-impl Lens {
+impl LensModel {
     /// k1, k2, p1, p2, k3, k4, k5, k6.
     #[must_use]
     pub fn coefficients(&self) -> [f64; 8] {
@@ -81,19 +81,22 @@ mod tests {
     fn distortion_is_opencvs() {
         // Reference values: cv2.projectPoints of OpenCV 4 with an identity camera matrix, on (0.3,
         // -0.2, 1).
-        let t = |lens: Lens, wanted: [f64; 2]| {
+        let t = |lens: LensModel, wanted: [f64; 2]| {
             let got = lens.distort([0.3, -0.2]);
             assert!(
                 (got[0] - wanted[0]).abs() < 1e-14 && (got[1] - wanted[1]).abs() < 1e-14,
                 "{lens:?}: {got:?}"
             );
         };
-        t(Lens::Pinhole, [0.3, -0.2]);
-        t(Lens::SimpleRadial { k1: -0.08 }, [0.29688, -0.19792]);
-        t(Lens::Radial { k1: 0.05, k2: -0.12 }, [0.3013416, -0.20089440000000003]);
-        t(Lens::OpenCv { k: [0.0578, -0.0805, -0.00098, 0.000156] }, [0.302012025, -0.20145523000000004]);
+        t(LensModel::Pinhole, [0.3, -0.2]);
+        t(LensModel::SimpleRadial { k1: -0.08 }, [0.29688, -0.19792]);
+        t(LensModel::Radial { k1: 0.05, k2: -0.12 }, [0.3013416, -0.20089440000000003]);
         t(
-            Lens::FullOpenCv { k: [0.2, -0.1, 0.003, -0.002, 0.05, 0.11, -0.07, 0.02] },
+            LensModel::OpenCv { k: [0.0578, -0.0805, -0.00098, 0.000156] },
+            [0.302012025, -0.20145523000000004],
+        );
+        t(
+            LensModel::FullOpenCv { k: [0.2, -0.1, 0.003, -0.002, 0.05, 0.11, -0.07, 0.02] },
             [0.3023537970964415, -0.2013525313976277],
         );
     }
@@ -102,10 +105,10 @@ mod tests {
     fn radial_displacement_is_largest_in_the_corners() {
         // r = 400 px at the corners, 0.8 at focal length 1: displaced by k r^3 f = 0.01 * 0.512 *
         // 500 px.
-        let lens = Lens::SimpleRadial { k1: -0.01 };
+        let lens = LensModel::SimpleRadial { k1: -0.01 };
         assert!((lens.max_displacement_px(&CAMERA) - 2.56).abs() < 1e-9);
-        assert!(Lens::Pinhole.max_displacement_px(&CAMERA) < NEGLIGIBLE_PX);
-        let pole = Lens::FullOpenCv { k: [0.0, 0.0, 0.0, 0.0, 0.0, -1.0 / 0.16, 0.0, 0.0] };
+        assert!(LensModel::Pinhole.max_displacement_px(&CAMERA) < NEGLIGIBLE_PX);
+        let pole = LensModel::FullOpenCv { k: [0.0, 0.0, 0.0, 0.0, 0.0, -1.0 / 0.16, 0.0, 0.0] };
         assert!(pole.max_displacement_px(&Camera { cy: 0.0, ..CAMERA }) > 1e6);
     }
 }

@@ -11,9 +11,11 @@
 //! of 3x4. It is read only to report that exposures were trained. `cfg_args` is Python text about
 //! the training without poses, and is not read.
 
-use super::node::{Node, load_document};
+use super::node::{JsonNode, load_document};
 use super::photo::or_here;
-use super::{Capture, Found, Lens, SourceError, View, Warning, collect_views, screen_camera};
+use super::{
+    Capture, CapturedView, FoundView, LensModel, SourceError, SourceWarning, collect_views, screen_camera,
+};
 use crate::camera::Camera;
 use crate::files::is_there;
 use crate::image::Size;
@@ -47,15 +49,15 @@ pub(super) fn locate_cameras(path: &Path) -> PathBuf {
 /// # Errors
 /// The folder is no model folder, a value is missing or wrong, a pose is invalid, or two images
 /// have the same name.
-pub fn read_capture(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+pub fn read_capture(path: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
     let file = locate_cameras(path);
     let document = load_document(&file)?;
     let mut warnings = Vec::new();
     let mut found = Vec::new();
-    for camera in Node::top_node(&file, &document).elements()? {
+    for camera in JsonNode::top_node(&file, &document).elements()? {
         let (view, warning) = read_camera(&camera)?;
         warnings.extend(warning);
-        found.push(Found { view, place: camera.place() });
+        found.push(FoundView { view, place: camera.place() });
     }
     let exposures = file.with_file_name(EXPOSURES);
     if is_there(&exposures) {
@@ -124,33 +126,36 @@ fn list_iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
 }
 
 /// Reads a view, with a warning if there is one.
-fn read_camera(camera: &Node<'_>) -> Result<(View, Option<Warning>), SourceError> {
+fn read_camera(camera: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarning>), SourceError> {
     let name = camera.text("img_name")?.to_owned();
     let size = Size { width: camera.get("width")?.side()?, height: camera.get("height")?.side()? };
     let [fx, fy] = [camera.get("fx")?.number()?, camera.get("fy")?.number()?];
     let [cx, cy] = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
     let pinhole = Camera { size, fx, fy, cx, cy };
-    screen_camera(&pinhole, &Lens::Pinhole).map_err(|e| camera.fault(e))?;
+    screen_camera(&pinhole, &LensModel::Pinhole).map_err(|e| camera.fault(e))?;
     let translation = DVec3::from_array(camera.get("position")?.numbers()?);
     let rows = camera.get("rotation")?;
     let screened = se3::rotation_from_matrix(&DMat3::from_cols_array_2d(&rows.matrix()?).transpose())
         .map_err(|e| rows.fault(e.to_string()))?;
     let deviation = screened.deviation;
-    let warning = screened.projected.then(|| Warning::Projected { image: name.clone(), deviation });
+    let warning = screened.projected.then(|| SourceWarning::Projected { image: name.clone(), deviation });
     let world_from_camera = Se3 { rotation: screened.rotation, translation };
-    Ok((View { name, world_from_camera, camera: pinhole, lens: Lens::Pinhole, sha256: None }, warning))
+    Ok((
+        CapturedView { name, world_from_camera, camera: pinhole, lens: LensModel::Pinhole, sha256: None },
+        warning,
+    ))
 }
 
 /// Returns a warning if colour transforms were trained, because trajectories do not apply them.
-fn exposure_warning(file: &Path) -> Result<Option<Warning>, SourceError> {
+fn exposure_warning(file: &Path) -> Result<Option<SourceWarning>, SourceError> {
     let document = load_document(file)?;
     let mut count = 0;
-    for exposure in Node::top_node(file, &document).members()? {
+    for exposure in JsonNode::top_node(file, &document).members()? {
         let transform: [[f64; 4]; 3] = exposure.matrix()?;
         let parts = transform.as_flattened().iter().zip(NEUTRAL.as_flattened());
         count += usize::from(parts.into_iter().any(|(found, neutral)| (found - neutral).abs() > NEAR));
     }
-    Ok((count > 0).then_some(Warning::Exposure { count }))
+    Ok((count > 0).then_some(SourceWarning::Exposure { count }))
 }
 
 #[cfg(test)]
@@ -188,7 +193,7 @@ mod tests {
         assert_eq!(second.world_from_camera.translation, DVec3::new(1.0, 2.0, 3.0));
         let wanted =
             Camera { size: Size { width: 1600, height: 899 }, fx: 1000.25, fy: 1001.5, cx: 800.0, cy: 449.5 };
-        assert_eq!((second.camera, &second.lens), (wanted, &Lens::Pinhole));
+        assert_eq!((second.camera, &second.lens), (wanted, &LensModel::Pinhole));
         // The camera's own axes in the world: the columns of the matrix, which is stored in rows.
         for (view, axes) in
             [(first, [DVec3::Y, -DVec3::X, DVec3::Z]), (second, [-DVec3::Z, DVec3::Y, DVec3::X])]
@@ -250,7 +255,7 @@ mod tests {
             let found = read_capture(dir.path()).unwrap().1;
             assert_eq!(
                 found,
-                wanted.map(|count| Warning::Exposure { count }).into_iter().collect::<Vec<_>>()
+                wanted.map(|count| SourceWarning::Exposure { count }).into_iter().collect::<Vec<_>>()
             );
         };
         t(json!({}), None);
@@ -313,7 +318,7 @@ mod tests {
         cameras[0]["rotation"][1][1] = json!(1.0 + 1e-5);
         let dir = folder(&cameras.to_string(), None);
         let warnings = read_capture(dir.path()).unwrap().1;
-        let [Warning::Projected { image, deviation }] = &warnings[..] else { panic!("{warnings:?}") };
+        let [SourceWarning::Projected { image, deviation }] = &warnings[..] else { panic!("{warnings:?}") };
         // |R^T R - I| is (1 + e)^2 - 1.
         assert!(image == "img 10" && (deviation - 2e-5).abs() < 2e-10, "{deviation}");
     }

@@ -4,9 +4,9 @@
 //! The same folder contains photos with the background removed, as `*_bg_removed.png`. They are no
 //! views. Some instances have no model.
 
-use super::colmap::{self, Model, Photos, Sizing};
-use super::photo::Look;
-use super::{Capture, SourceError, Warning};
+use super::colmap::{self, ColmapModel, ModelPhotos, PhotoSizing};
+use super::photo::PhotoScrutiny;
+use super::{Capture, SourceError, SourceWarning};
 use crate::files::{MAX_DEPTH, is_there};
 use std::path::{Path, PathBuf};
 
@@ -24,10 +24,10 @@ pub(super) fn is_instance(name: &str) -> bool {
 }
 
 /// Returns the model of an instance.
-pub(super) fn instance_model(instance: &Path) -> Result<Model, SourceError> {
+pub(super) fn instance_model(instance: &Path) -> Result<ColmapModel, SourceError> {
     std::fs::read_dir(instance).map_err(SourceError::io_error(instance))?;
     let dir = instance.join("sparse/0");
-    Model::model_at(dir.clone()).ok_or_else(|| {
+    ColmapModel::model_at(dir.clone()).ok_or_else(|| {
         let is_there =
             |name: &str| ["bin", "txt"].iter().any(|form| is_there(&dir.join(name).with_extension(form)));
         let because = match (is_there("cameras"), is_there("images")) {
@@ -46,11 +46,14 @@ fn photo_folder(instance: &Path) -> PathBuf {
     instance.join("images")
 }
 
-pub(super) fn read_capture(instance: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
+pub(super) fn read_capture(
+    instance: &Path,
+    look: PhotoScrutiny,
+) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
     let folder = photo_folder(instance);
     colmap::read_model(
         &instance_model(instance)?,
-        Photos { folder: Some(&folder), sizing: Sizing::AsStated, look },
+        ModelPhotos { folder: Some(&folder), sizing: PhotoSizing::AsStated, look },
     )
 }
 

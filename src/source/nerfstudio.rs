@@ -6,9 +6,11 @@
 //! half-integers, as in this program, unless the file has `pixel_center: 0`. `applied_transform` is
 //! already part of the poses; the world is that of the file.
 
-use super::node::{Node, load_document};
-use super::photo::{self, Look, Photo, SCALED};
-use super::{Capture, Found, Lens, SourceError, View, Warning, collect_views, screen_camera};
+use super::node::{JsonNode, load_document};
+use super::photo::{self, PhotoInfo, PhotoScrutiny, SCALED};
+use super::{
+    Capture, CapturedView, FoundView, LensModel, SourceError, SourceWarning, collect_views, screen_camera,
+};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::{self, Se3};
@@ -26,25 +28,28 @@ pub(super) fn locate_transforms(path: &Path) -> PathBuf {
 /// # Errors
 /// The file is no `transforms.json`, a value is missing or wrong, a pose is invalid, the camera
 /// model is not supported, or the aspect ratio of a photo differs from the file's.
-pub fn read_capture(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-    look_at(path, Look::Bytes)
+pub fn read_capture(path: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    look_at(path, PhotoScrutiny::Bytes)
 }
 
 /// Reads a `transforms.json`, with the given depth of reading for photos.
-pub(super) fn look_at(path: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
-    read_file(&locate_transforms(path), Photos::AsNamed, look)
+pub(super) fn look_at(
+    path: &Path,
+    look: PhotoScrutiny,
+) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    read_file(&locate_transforms(path), PhotoLocation::AsNamed, look)
 }
 
 /// Location of the photos that a file names.
 #[derive(Clone, Copy)]
-pub(super) enum Photos<'a> {
+pub(super) enum PhotoLocation<'a> {
     /// At the named path.
     AsNamed,
     /// In this folder, whatever folder the file names.
     In(&'a Path),
 }
 
-impl Photos<'_> {
+impl PhotoLocation<'_> {
     /// Finds the photo of `file_path`. Blender's form omits the extension.
     fn find(self, file: &Path, name: &str) -> Option<PathBuf> {
         let (folder, name) = match self {
@@ -55,7 +60,7 @@ impl Photos<'_> {
     }
 
     /// Reads the photo of a frame, if it exists.
-    fn of(self, frame: &Node<'_>, look: Look) -> Result<Option<Photo>, SourceError> {
+    fn of(self, frame: &JsonNode<'_>, look: PhotoScrutiny) -> Result<Option<PhotoInfo>, SourceError> {
         let path = self.find(frame.path(), frame.text("file_path")?);
         path.map(|path| photo::read_photo(&path, look)).transpose()
     }
@@ -64,13 +69,13 @@ impl Photos<'_> {
 /// Reads this `transforms.json`.
 pub(super) fn read_file(
     file: &Path,
-    photos: Photos<'_>,
-    look: Look,
-) -> Result<(Capture, Vec<Warning>), SourceError> {
+    photos: PhotoLocation<'_>,
+    look: PhotoScrutiny,
+) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
     let document = load_document(file)?;
-    let top = Node::top_node(file, &document);
+    let top = JsonNode::top_node(file, &document);
     let frames = top.list("frames")?;
-    let taken: Vec<Option<Photo>> =
+    let taken: Vec<Option<PhotoInfo>> =
         frames.par_iter().map(|frame| photos.of(frame, look)).collect::<Result<_, _>>()?;
     let (mut found, mut warnings) = (Vec::new(), Vec::new());
     for (frame, photo) in frames.iter().zip(&taken) {
@@ -79,8 +84,8 @@ pub(super) fn read_file(
         warnings.extend(told);
     }
     let home = match photos {
-        Photos::AsNamed => photo::or_here(file.parent().unwrap_or(Path::new(""))),
-        Photos::In(folder) => folder.to_owned(),
+        PhotoLocation::AsNamed => photo::or_here(file.parent().unwrap_or(Path::new(""))),
+        PhotoLocation::In(folder) => folder.to_owned(),
     };
     let names = found.iter().map(|found| found.view.name.as_str());
     warnings.extend(photo::missing_warning(&home, names.zip(taken.iter().map(Option::as_ref))));
@@ -93,14 +98,17 @@ pub(super) fn read_file(
 /// # Errors
 /// Same as for [`read_capture`], as far as the names of the photos need the frames.
 pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    files_of(&locate_transforms(path), Photos::AsNamed)
+    files_of(&locate_transforms(path), PhotoLocation::AsNamed)
 }
 
 /// Returns the files that [`read_file`] reads.
-pub(super) fn files_of(file: &Path, photos: Photos<'_>) -> Result<Vec<(String, PathBuf)>, SourceError> {
+pub(super) fn files_of(
+    file: &Path,
+    photos: PhotoLocation<'_>,
+) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let document = load_document(file)?;
     let mut files = vec![("transforms.json".to_owned(), file.to_owned())];
-    for frame in Node::top_node(file, &document).list("frames")? {
+    for frame in JsonNode::top_node(file, &document).list("frames")? {
         let name = frame.text("file_path")?;
         files.extend(photos.find(file, name).map(|path| (name.to_owned(), path)));
     }
@@ -115,7 +123,7 @@ pub fn source_folders(path: &Path) -> Vec<PathBuf> {
     let home = photo::or_here(file.parent().unwrap_or(Path::new("")));
     let mut folders = vec![home.clone()];
     let document = load_document(&file).unwrap_or_default();
-    let top = Node::top_node(&file, &document);
+    let top = JsonNode::top_node(&file, &document);
     for frame in top.list("frames").unwrap_or_default() {
         let photo = home.join(frame.text("file_path").unwrap_or_default());
         folders.extend(photo.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned));
@@ -126,32 +134,32 @@ pub fn source_folders(path: &Path) -> Vec<PathBuf> {
 }
 
 fn read_frame(
-    top: &Node<'_>,
-    frame: &Node<'_>,
-    photo: Option<&Photo>,
-) -> Result<(Found, Vec<Warning>), SourceError> {
+    top: &JsonNode<'_>,
+    frame: &JsonNode<'_>,
+    photo: Option<&PhotoInfo>,
+) -> Result<(FoundView, Vec<SourceWarning>), SourceError> {
     let name = frame.text("file_path")?.to_owned();
     let size = photo.and_then(|p| p.size);
-    let own = Own { frame, top };
+    let own = FrameValues { frame, top };
     let stated = own.camera(size)?;
     let lens = own.lens()?;
     let camera = fit_camera(frame, &stated, size)?;
     screen_camera(&camera, &lens).map_err(|e| frame.fault(e))?;
     let (world_from_camera, projected) = matrix_pose(&frame.get("transform_matrix")?)?;
-    let rescaled = size.filter(|&photo| photo != stated.size).map(|photo| Warning::PhotoSize {
+    let rescaled = size.filter(|&photo| photo != stated.size).map(|photo| SourceWarning::PhotoSize {
         image: name.clone(),
         photo,
         stated: stated.size,
         action: SCALED,
     });
-    let projected = projected.map(|deviation| Warning::Projected { image: name.clone(), deviation });
+    let projected = projected.map(|deviation| SourceWarning::Projected { image: name.clone(), deviation });
     let sha256 = photo.and_then(|p| p.sha256.clone());
-    let view = View { name, world_from_camera, camera, lens, sha256 };
-    Ok((Found { view, place: frame.place() }, rescaled.into_iter().chain(projected).collect()))
+    let view = CapturedView { name, world_from_camera, camera, lens, sha256 };
+    Ok((FoundView { view, place: frame.place() }, rescaled.into_iter().chain(projected).collect()))
 }
 
 /// Returns the camera, scaled to its photo if `w` and `h` state another size.
-fn fit_camera(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
+fn fit_camera(frame: &JsonNode<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
     let other = photo.filter(|&photo| photo != stated.size);
     other
         .map_or(Ok(*stated), |photo| photo::fit_camera(stated, photo))
@@ -159,13 +167,13 @@ fn fit_camera(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<
 }
 
 /// Values of a frame, with the file's values as a fallback.
-struct Own<'a> {
-    frame: &'a Node<'a>,
-    top: &'a Node<'a>,
+struct FrameValues<'a> {
+    frame: &'a JsonNode<'a>,
+    top: &'a JsonNode<'a>,
 }
 
-impl Own<'_> {
-    fn find(&self, key: &str) -> Option<Node<'_>> {
+impl FrameValues<'_> {
+    fn find(&self, key: &str) -> Option<JsonNode<'_>> {
         self.frame.find(key).or_else(|| self.top.find(key))
     }
 
@@ -220,7 +228,7 @@ impl Own<'_> {
         }
     }
 
-    fn lens(&self) -> Result<Lens, SourceError> {
+    fn lens(&self) -> Result<LensModel, SourceError> {
         if let Some(node) = self.find("camera_model") {
             let model = node.string()?;
             if !["OPENCV", "PINHOLE"].contains(&model) {
@@ -238,15 +246,15 @@ impl Own<'_> {
                 .field_fault("k4", format!("{k4}, wanted 0: its models have no eighth-order term")));
         }
         Ok(match [k1, k2, p1, p2, k3] {
-            [0.0, 0.0, 0.0, 0.0, 0.0] => Lens::Pinhole,
-            [_, _, _, _, 0.0] => Lens::OpenCv { k: [k1, k2, p1, p2] },
-            _ => Lens::FullOpenCv { k: [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0] },
+            [0.0, 0.0, 0.0, 0.0, 0.0] => LensModel::Pinhole,
+            [_, _, _, _, 0.0] => LensModel::OpenCv { k: [k1, k2, p1, p2] },
+            _ => LensModel::FullOpenCv { k: [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0] },
         })
     }
 }
 
 /// Returns the pose of a matrix, and its deviation from a rotation if it must be reported.
-fn matrix_pose(node: &Node<'_>) -> Result<(Se3, Option<f64>), SourceError> {
+fn matrix_pose(node: &JsonNode<'_>) -> Result<(Se3, Option<f64>), SourceError> {
     let m: [[f64; 4]; 4] = node.matrix()?;
     if m[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, wanted)| (found - wanted).abs() > 1e-9) {
         return Err(node.fault(format!("its last row is {:?}, wanted 0, 0, 0, 1", m[3])));

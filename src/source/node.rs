@@ -1,6 +1,6 @@
 //! Values of a JSON document with their place in it.
 
-use super::{Place, SourceError};
+use super::{SourceError, SourcePlace};
 use crate::budget::check_json;
 use crate::files;
 use serde_json::Value;
@@ -9,20 +9,23 @@ use std::path::Path;
 /// Reads the document in a file.
 pub(super) fn load_document(file: &Path) -> Result<Value, SourceError> {
     let text = files::read_text(file, files::MAX_DOCUMENT).map_err(SourceError::io_error(file))?;
-    let fault =
-        |line, because| SourceError::Content { path: file.to_owned(), place: Place::Line(line), because };
+    let fault = |line, because| SourceError::Content {
+        path: file.to_owned(),
+        place: SourcePlace::Line(line),
+        because,
+    };
     check_json(text.as_bytes()).map_err(|e| fault(1, format!("a document that takes {e}")))?;
     serde_json::from_str(&text).map_err(|e| fault(e.line(), e.to_string()))
 }
 
 /// A value, its file and its name within the file.
-pub(super) struct Node<'a> {
+pub(super) struct JsonNode<'a> {
     path: &'a Path,
     name: String,
     value: &'a Value,
 }
 
-impl<'a> Node<'a> {
+impl<'a> JsonNode<'a> {
     pub(super) fn top_node(path: &'a Path, value: &'a Value) -> Self {
         Self { path, name: String::new(), value }
     }
@@ -32,8 +35,8 @@ impl<'a> Node<'a> {
     }
 
     /// The root of the document has no name; its place is line 1.
-    pub(super) fn place(&self) -> Place {
-        if self.name.is_empty() { Place::Line(1) } else { Place::Field(self.name.clone()) }
+    pub(super) fn place(&self) -> SourcePlace {
+        if self.name.is_empty() { SourcePlace::Line(1) } else { SourcePlace::Field(self.name.clone()) }
     }
 
     pub(super) fn fault(&self, because: String) -> SourceError {
@@ -42,7 +45,7 @@ impl<'a> Node<'a> {
 
     /// Creates a fault for the value of `key`, present or not.
     pub(super) fn field_fault(&self, key: &str, because: String) -> SourceError {
-        let place = Place::Field(self.name_of(key));
+        let place = SourcePlace::Field(self.name_of(key));
         SourceError::Content { path: self.path.to_owned(), place, because }
     }
 
@@ -55,22 +58,22 @@ impl<'a> Node<'a> {
     }
 
     /// Returns the value of `key`, if it is present and not null.
-    pub(super) fn find(&self, key: &str) -> Option<Node<'a>> {
+    pub(super) fn find(&self, key: &str) -> Option<JsonNode<'a>> {
         let value = self.value.get(key).filter(|v| !v.is_null())?;
-        Some(Node { path: self.path, name: self.name_of(key), value })
+        Some(JsonNode { path: self.path, name: self.name_of(key), value })
     }
 
-    pub(super) fn get(&self, key: &str) -> Result<Node<'a>, SourceError> {
+    pub(super) fn get(&self, key: &str) -> Result<JsonNode<'a>, SourceError> {
         self.find(key).ok_or_else(|| self.missing(key, "a value"))
     }
 
-    pub(super) fn list(&self, key: &str) -> Result<Vec<Node<'a>>, SourceError> {
+    pub(super) fn list(&self, key: &str) -> Result<Vec<JsonNode<'a>>, SourceError> {
         self.get(key)?.elements()
     }
 
-    pub(super) fn elements(&self) -> Result<Vec<Node<'a>>, SourceError> {
+    pub(super) fn elements(&self) -> Result<Vec<JsonNode<'a>>, SourceError> {
         let Value::Array(values) = self.value else { return Err(self.other("a list")) };
-        let node = |(i, value)| Node { path: self.path, name: format!("{}[{i}]", self.name), value };
+        let node = |(i, value)| JsonNode { path: self.path, name: format!("{}[{i}]", self.name), value };
         Ok(values.iter().enumerate().map(node).collect())
     }
 
@@ -102,7 +105,8 @@ impl<'a> Node<'a> {
     /// Reads a list of `N` numbers.
     pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N], SourceError> {
         let elements = self.elements()?;
-        let elements: [Node<'a>; N] = elements.try_into().map_err(|_| self.other(&format!("{N} numbers")))?;
+        let elements: [JsonNode<'a>; N] =
+            elements.try_into().map_err(|_| self.other(&format!("{N} numbers")))?;
         let mut numbers = [0.0; N];
         for (element, out) in elements.iter().zip(&mut numbers) {
             *out = element.number()?;
@@ -115,7 +119,7 @@ impl<'a> Node<'a> {
         &self,
     ) -> Result<[[f64; COLUMNS]; ROWS], SourceError> {
         let rows = self.elements()?;
-        let rows: [Node<'a>; ROWS] =
+        let rows: [JsonNode<'a>; ROWS] =
             rows.try_into().map_err(|_| self.other(&format!("{ROWS} rows of {COLUMNS} numbers")))?;
         let mut matrix = [[0.0; COLUMNS]; ROWS];
         for (row, out) in rows.iter().zip(&mut matrix) {
@@ -125,10 +129,10 @@ impl<'a> Node<'a> {
     }
 
     /// Returns the values of a mapping in the order of their keys, with the keys as names.
-    pub(super) fn members(&self) -> Result<Vec<Node<'a>>, SourceError> {
+    pub(super) fn members(&self) -> Result<Vec<JsonNode<'a>>, SourceError> {
         let Value::Object(values) = self.value else { return Err(self.other("a mapping")) };
         let node =
-            |(key, value): (&String, &'a Value)| Node { path: self.path, name: self.name_of(key), value };
+            |(key, value): (&String, &'a Value)| JsonNode { path: self.path, name: self.name_of(key), value };
         Ok(values.iter().map(node).collect())
     }
 

@@ -1,9 +1,9 @@
 //! Photos of a source, found by name and never outside the source's folder. Only their hash and
 //! size are used.
 
-use super::{SourceError, Unused, Warning, Why, natural};
+use super::{SourceError, SourceWarning, UnusedPhoto, UnusedReason, natural};
 use crate::camera::Camera;
-use crate::files::{self, Walk};
+use crate::files::{self, FolderWalk};
 use crate::image::Size;
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -11,26 +11,26 @@ use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
 
 /// Properties of an existing photo.
-pub(super) struct Photo {
+pub(super) struct PhotoInfo {
     /// SHA-256 of its bytes, hexadecimal, if they were read.
     pub(super) sha256: Option<String>,
     /// Size; `None` for a format whose size cannot be read.
     pub(super) size: Option<Size>,
 }
 
-impl Unused {
+impl UnusedPhoto {
     /// Creates the entry of a photo without a pose in the source.
-    pub(super) fn not_registered(photo: Option<Photo>, name: String) -> Self {
+    pub(super) fn not_registered(photo: Option<PhotoInfo>, name: String) -> Self {
         let (sha256, size) = photo.map_or((None, None), |photo| (photo.sha256, photo.size));
-        Self { name, sha256, size, why: Why::NotRegistered }
+        Self { name, sha256, size, why: UnusedReason::NotRegistered }
     }
 }
 
 /// Returns a warning if some photos of views exist in `folder` and others do not.
 pub(super) fn missing_warning<'a>(
     folder: &Path,
-    photos: impl Iterator<Item = (&'a str, Option<&'a Photo>)>,
-) -> Option<Warning> {
+    photos: impl Iterator<Item = (&'a str, Option<&'a PhotoInfo>)>,
+) -> Option<SourceWarning> {
     let (mut count, mut of, mut first) = (0, 0, None);
     for (name, photo) in photos {
         of += 1;
@@ -40,12 +40,12 @@ pub(super) fn missing_warning<'a>(
         }
     }
     let first = first.filter(|_| count < of)?.to_owned();
-    Some(Warning::PhotosMissing { dir: folder.to_owned(), count, of, first })
+    Some(SourceWarning::PhotosMissing { dir: folder.to_owned(), count, of, first })
 }
 
 /// Depth of reading for photos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Look {
+pub(super) enum PhotoScrutiny {
     /// Only the sizes, from the first bytes.
     Sizes,
     /// Every byte, for the hash.
@@ -79,7 +79,7 @@ pub(super) fn list_photos(folder: &Path) -> Result<Vec<String>, SourceError> {
         Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
     };
     let mut names = Vec::new();
-    for entry in Walk::new(folder).entries(|_| true) {
+    for entry in FolderWalk::new(folder).entries(|_| true) {
         let entry = entry.map_err(SourceError::from)?;
         let path = entry.path();
         if is_photo(path) && !path.is_dir() {
@@ -122,13 +122,13 @@ pub(super) fn or_here(folder: &Path) -> PathBuf {
 }
 
 /// Reads a photo.
-pub(super) fn read_photo(path: &Path, look: Look) -> Result<Photo, SourceError> {
+pub(super) fn read_photo(path: &Path, look: PhotoScrutiny) -> Result<PhotoInfo, SourceError> {
     let sha256 = match look {
-        Look::Sizes => None,
-        Look::Bytes => Some(file_sha256(path)?),
+        PhotoScrutiny::Sizes => None,
+        PhotoScrutiny::Bytes => Some(file_sha256(path)?),
     };
     let file = open(path)?;
-    Ok(Photo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(image_size) })
+    Ok(PhotoInfo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(image_size) })
 }
 
 fn open(path: &Path) -> Result<File, SourceError> {
@@ -169,7 +169,8 @@ mod tests {
         {
             assert_eq!(find_photo(&folder, name), None, "{name}");
         }
-        let photo = read_photo(&find_photo(&folder, "./sub folder/a b.jpg").unwrap(), Look::Bytes).unwrap();
+        let photo =
+            read_photo(&find_photo(&folder, "./sub folder/a b.jpg").unwrap(), PhotoScrutiny::Bytes).unwrap();
         // The test vector of FIPS 180-2 for "abc".
         let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(photo.sha256.as_deref(), Some(wanted));

@@ -6,7 +6,7 @@
 //! is not rounded to 1/32 px. Pixel centres lie at half-integers, as everywhere in this program;
 //! OpenCV has them at integers, so its principal point is `cx - 0.5`, `cy - 0.5`.
 
-use super::Lens;
+use super::LensModel;
 use super::lens::NEGLIGIBLE_PX;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
@@ -23,7 +23,7 @@ use std::borrow::Cow;
 pub fn undistort_photo<'a>(
     photo: &'a Image<[u8; 3]>,
     camera: &Camera,
-    lens: &Lens,
+    lens: &LensModel,
 ) -> Cow<'a, Image<[u8; 3]>> {
     assert_eq!(photo.size(), camera.size, "a photo has the size of its camera");
     if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
@@ -42,7 +42,7 @@ pub fn undistort_photo<'a>(
 /// Returns the mask of the pixels of [`undistort_photo`] that show only the photo, without black from
 /// outside its border. Returns `None` if all pixels do.
 #[must_use]
-pub fn covered_pixels(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
+pub fn covered_pixels(camera: &Camera, lens: &LensModel) -> Option<Image<bool>> {
     if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
         return None;
     }
@@ -55,7 +55,7 @@ pub fn covered_pixels(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
 
 /// Returns the position in the photo, px, that corresponds to the centre of pixel `[i, j]` of the
 /// pinhole image.
-fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
+fn seen_at(camera: &Camera, lens: &LensModel, [i, j]: [u32; 2]) -> [f64; 2] {
     let x = (f64::from(i) + 0.5 - camera.cx) / camera.fx;
     let y = (f64::from(j) + 0.5 - camera.cy) / camera.fy;
     let [x, y] = lens.distort([x, y]);
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn a_lens_that_moves_nothing_leaves_the_photo_alone() {
         let photo = picture(waves);
-        for lens in [Lens::Pinhole, Lens::SimpleRadial { k1: 1e-4 }] {
+        for lens in [LensModel::Pinhole, LensModel::SimpleRadial { k1: 1e-4 }] {
             assert!(matches!(undistort_photo(&photo, &CAMERA, &lens), Cow::Borrowed(same) if same == &photo));
             assert_eq!(covered_pixels(&CAMERA, &lens), None);
         }
@@ -136,13 +136,13 @@ mod tests {
     /// `k1 / k4`.
     #[test]
     fn a_lens_that_scales_is_undone_about_the_principal_point() {
-        let lens = Lens::FullOpenCv { k: [0.5e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
+        let lens = LensModel::FullOpenCv { k: [0.5e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
         let photo = picture(|u, v| waves(50.25 + 2.0 * (u - 50.25), 29.5 + 2.0 * (v - 29.5)));
         let straight = undistort_photo(&photo, &CAMERA, &lens);
         // Waves of half the length have four times the curvature: below one level, with the
         // rounding.
         assert!(largest_difference(&straight, &picture(waves)) <= 2);
-        let lens = Lens::FullOpenCv { k: [4e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
+        let lens = LensModel::FullOpenCv { k: [4e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
         let white = Image::filled(SIZE, [255; 3]);
         // The distance from the principal point is four times as large. A pixel centre at distance
         // d of an edge at D is inside for 4 d <= D - 1/2, and black for 4 d >= D + 1/2.
@@ -188,7 +188,7 @@ mod tests {
             let scale = straight_radius(x.hypot(y)) / x.hypot(y);
             waves(50.25 + 90.0 * x * scale, 29.5 + 80.0 * y * scale)
         });
-        let lens = Lens::SimpleRadial { k1 };
+        let lens = LensModel::SimpleRadial { k1 };
         assert!(lens.max_displacement_px(&CAMERA) > 5.0);
         assert!(largest_difference(&undistort_photo(&photo, &CAMERA, &lens), &picture(waves)) <= 1);
         // The photo as taken is a different picture, so the comparison above can fail.

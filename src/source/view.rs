@@ -4,9 +4,9 @@
 //! pixels, and the motion from world to camera axes, `x_camera = R x_world + t`, `R` row by row.
 //! Axes and pixels are the program's own. Other fields are not read.
 
-use super::kind::Kind;
-use super::node::{Node, load_document};
-use super::{Capture, Lens, SourceError, View, Warning, model, nerfstudio, screen_camera};
+use super::kind::CaptureKind;
+use super::node::{JsonNode, load_document};
+use super::{Capture, CapturedView, LensModel, SourceError, SourceWarning, model, nerfstudio, screen_camera};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::{self, Se3};
@@ -18,12 +18,12 @@ use std::path::Path;
 ///
 /// # Errors
 /// The reader of the kind fails, or a folder contains no capture or two.
-pub fn read_views(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+pub fn read_views(path: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
     if super::is_folder(path)? {
-        return Kind::kind_of(path)?.read(path);
+        return CaptureKind::kind_of(path)?.read(path);
     }
     let document = load_document(path)?;
-    let top = Node::top_node(path, &document);
+    let top = JsonNode::top_node(path, &document);
     if document.is_array() {
         return model::read_capture(path);
     }
@@ -39,28 +39,30 @@ pub fn read_views(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
 /// Returns `None` if the index is out of range.
 #[must_use]
 pub fn choose_view(
-    (capture, warnings): (Capture, Vec<Warning>),
+    (capture, warnings): (Capture, Vec<SourceWarning>),
     index: usize,
-) -> Option<(View, Vec<Warning>)> {
+) -> Option<(CapturedView, Vec<SourceWarning>)> {
     let view = capture.views.into_iter().nth(index)?;
-    let concerns = |warning: &Warning| match warning {
-        Warning::Projected { image, .. } | Warning::PhotoSize { image, .. } => *image == view.name,
+    let concerns = |warning: &SourceWarning| match warning {
+        SourceWarning::Projected { image, .. } | SourceWarning::PhotoSize { image, .. } => {
+            *image == view.name
+        }
         // These warnings concern all views together. The warning for this view is added below.
-        Warning::DistortionIgnored { .. } | Warning::CamerasDiffer { .. } => false,
-        Warning::PhotosMissing { .. } | Warning::FewViews { .. } => false,
-        Warning::CountsDiffer { .. } | Warning::Exposure { .. } => true,
+        SourceWarning::DistortionIgnored { .. } | SourceWarning::CamerasDiffer { .. } => false,
+        SourceWarning::PhotosMissing { .. } | SourceWarning::FewViews { .. } => false,
+        SourceWarning::CountsDiffer { .. } | SourceWarning::Exposure { .. } => true,
     };
-    let mut told: Vec<Warning> = warnings.into_iter().filter(concerns).collect();
+    let mut told: Vec<SourceWarning> = warnings.into_iter().filter(concerns).collect();
     let alone = Capture::from(vec![view.clone()]);
     told.extend(alone.distortion());
     Some((view, told))
 }
 
-fn read_camera(top: &Node<'_>) -> Result<(View, Option<Warning>), SourceError> {
+fn read_camera(top: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarning>), SourceError> {
     let size = Size { width: top.get("W")?.side()?, height: top.get("H")?.side()? };
     let [fx, fy, cx, cy] = ["fx", "fy", "cx", "cy"].map(|key| top.get(key)?.number());
     let camera = Camera { size, fx: fx?, fy: fy?, cx: cx?, cy: cy? };
-    screen_camera(&camera, &Lens::Pinhole).map_err(|e| top.fault(e))?;
+    screen_camera(&camera, &LensModel::Pinhole).map_err(|e| top.fault(e))?;
     let rows = top.get("R")?;
     let screened = se3::rotation_from_matrix(&DMat3::from_cols_array_2d(&rows.matrix()?).transpose())
         .map_err(|e| rows.fault(e.to_string()))?;
@@ -69,9 +71,9 @@ fn read_camera(top: &Node<'_>) -> Result<(View, Option<Warning>), SourceError> {
     let file = top.path().file_name().unwrap_or_default();
     let name = file.to_string_lossy().into_owned();
     let deviation = screened.deviation;
-    let warning = screened.projected.then(|| Warning::Projected { image: name.clone(), deviation });
+    let warning = screened.projected.then(|| SourceWarning::Projected { image: name.clone(), deviation });
     let world_from_camera = camera_from_world.inverse();
-    Ok((View { name, world_from_camera, camera, lens: Lens::Pinhole, sha256: None }, warning))
+    Ok((CapturedView { name, world_from_camera, camera, lens: LensModel::Pinhole, sha256: None }, warning))
 }
 
 #[cfg(test)]
@@ -98,7 +100,7 @@ mod tests {
         let (view, told) = choose_view(read_views(&path).unwrap(), 0).unwrap();
         let size = Size { width: 64, height: 48 };
         assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0 });
-        assert_eq!((view.name.as_str(), view.lens, told), ("camera.json", Lens::Pinhole, Vec::new()));
+        assert_eq!((view.name.as_str(), view.lens, told), ("camera.json", LensModel::Pinhole, Vec::new()));
         // Images of three points, world to camera, computed by hand: (z + 1, y + 2, -x + 3).
         // Entries of 1 and 0 pass through a quaternion with roundings of 1e-16 each.
         let camera_from_world = view.world_from_camera.inverse();
@@ -120,7 +122,7 @@ mod tests {
         let (_dir, path) = written("camera.json", &camera);
         let told = choose_view(read_views(&path).unwrap(), 0).unwrap().1;
         assert!(
-            matches!(&told[..], [Warning::Projected { image, .. }] if image == "camera.json"),
+            matches!(&told[..], [SourceWarning::Projected { image, .. }] if image == "camera.json"),
             "{told:?}"
         );
     }

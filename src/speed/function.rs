@@ -15,37 +15,37 @@ mod interval;
 mod parse;
 mod proof;
 
-use super::Law;
+use super::SpeedLaw;
 use crate::se3::arc_length::ArcLength;
-use crate::se3::spline::Place;
-use crate::se3::sum::Sum;
+use crate::se3::spline::CurvePlace;
+use crate::se3::sum::NeumaierSum;
 use serde::Serialize;
 
 /// An expression in `t`, stored as its syntax tree: spaces do not change a key, the order of
 /// operations does.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
-pub struct Expression {
-    root: Node,
+pub struct SpeedExpression {
+    root: SyntaxNode,
 }
 
 /// A node of the tree.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Node {
+enum SyntaxNode {
     T,
     Pi,
     E,
     Number(f64),
-    Negated(Box<Node>),
-    Binary(Binary, Box<[Node; 2]>),
-    Call(Function, Box<Node>),
+    Negated(Box<SyntaxNode>),
+    Binary(BinaryOperator, Box<[SyntaxNode; 2]>),
+    Call(UnaryFunction, Box<SyntaxNode>),
 }
 
 /// A binary operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Binary {
+enum BinaryOperator {
     Add,
     Subtract,
     Multiply,
@@ -58,7 +58,7 @@ enum Binary {
 /// A unary function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Function {
+enum UnaryFunction {
     Sin,
     Cos,
     Tan,
@@ -154,7 +154,7 @@ impl ExpressionError {
     }
 }
 
-impl Expression {
+impl SpeedExpression {
     /// Parses `text`, and proves that the value is positive and finite over [0, 1].
     ///
     /// # Errors
@@ -167,15 +167,15 @@ impl Expression {
     }
 }
 
-impl Law for Expression {
+impl SpeedLaw for SpeedExpression {
     fn speed(&self, t: f64) -> f64 {
         self.root.value(t)
     }
 
     fn distances(&self, steps: usize) -> Vec<f64> {
-        let arc = ArcLength::measure_curve(&[1.0], |at: Place| self.root.value(at.x));
-        let place = |k: usize| Place { segment: 0, x: k as f64 / steps as f64 };
-        let mut sum = Sum::default();
+        let arc = ArcLength::measure_curve(&[1.0], |at: CurvePlace| self.root.value(at.x));
+        let place = |k: usize| CurvePlace { segment: 0, x: k as f64 / steps as f64 };
+        let mut sum = NeumaierSum::default();
         let parts = (1..=steps).map(|k| {
             sum.add(arc.between(place(k - 1), place(k)));
             sum.value()
@@ -190,7 +190,7 @@ impl Law for Expression {
     }
 }
 
-impl Node {
+impl SyntaxNode {
     fn value(&self, t: f64) -> f64 {
         match self {
             Self::T => t,
@@ -213,21 +213,21 @@ impl Node {
             Self::Binary(op, operands) => {
                 operands.iter().for_each(|a| a.rough_functions(names));
                 match op {
-                    Binary::Min => Some("min"),
-                    Binary::Max => Some("max"),
+                    BinaryOperator::Min => Some("min"),
+                    BinaryOperator::Max => Some("max"),
                     _ => None,
                 }
             }
             Self::Call(f, a) => {
                 a.rough_functions(names);
-                (*f == Function::Abs).then_some("abs")
+                (*f == UnaryFunction::Abs).then_some("abs")
             }
         };
         names.extend(name.filter(|n| !names.contains(n)));
     }
 }
 
-impl Binary {
+impl BinaryOperator {
     fn value(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Add => a + b,
@@ -241,7 +241,7 @@ impl Binary {
     }
 }
 
-impl Function {
+impl UnaryFunction {
     fn value(self, a: f64) -> f64 {
         match self {
             Self::Sin => libm::sin(a),
@@ -260,7 +260,7 @@ mod tests {
     use super::*;
 
     fn value(text: &str, t: f64) -> f64 {
-        Expression::parse(text).unwrap_or_else(|e| panic!("{text}: {e}")).speed(t)
+        SpeedExpression::parse(text).unwrap_or_else(|e| panic!("{text}: {e}")).speed(t)
     }
 
     #[test]
@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn syntax_errors_name_the_byte_and_what_was_expected() {
         let t = |text: &str, at: usize, words: &str| {
-            let error = Expression::parse(text).expect_err(text);
+            let error = SpeedExpression::parse(text).expect_err(text);
             assert_eq!(error.position(), Some(at), "{text}: {error}");
             assert!(error.to_string().contains(words), "{text}: {error}");
         };
@@ -323,13 +323,13 @@ mod tests {
 
     #[test]
     fn hostile_texts_are_refused_before_they_cost() {
-        assert!(matches!(Expression::parse(&"1+".repeat(600)), Err(ExpressionError::TooLong { .. })));
+        assert!(matches!(SpeedExpression::parse(&"1+".repeat(600)), Err(ExpressionError::TooLong { .. })));
         for text in
             ["(".repeat(999), "-".repeat(999), "2^".repeat(400), "sin(".repeat(240), "1+".repeat(400) + "1"]
         {
-            assert!(matches!(Expression::parse(&text), Err(ExpressionError::TooDeep { .. })), "{text}");
+            assert!(matches!(SpeedExpression::parse(&text), Err(ExpressionError::TooDeep { .. })), "{text}");
         }
-        assert!(Expression::parse(&("1+".repeat(90) + "1")).is_ok());
+        assert!(SpeedExpression::parse(&("1+".repeat(90) + "1")).is_ok());
     }
 
     #[test]
@@ -352,14 +352,14 @@ mod tests {
             "1e-300 + t^2",
             "1e300",
         ] {
-            assert!(Expression::parse(text).is_ok(), "{text}: {:?}", Expression::parse(text));
+            assert!(SpeedExpression::parse(text).is_ok(), "{text}: {:?}", SpeedExpression::parse(text));
         }
     }
 
     #[test]
     fn laws_that_fail_somewhere_name_the_t() {
         let t = |text: &str, where_: f64, kind: fn(&ExpressionError) -> Option<(f64, f64)>| {
-            let error = Expression::parse(text).expect_err(text);
+            let error = SpeedExpression::parse(text).expect_err(text);
             let (from, to) = kind(&error).unwrap_or_else(|| panic!("{text}: {error:?}"));
             assert!(from <= where_ && where_ <= to && error.position().is_none(), "{text}: {error}");
         };
@@ -397,7 +397,7 @@ mod tests {
 
     #[test]
     fn the_tree_ignores_spelling_but_not_order() {
-        let json = |text: &str| serde_json::to_string(&Expression::parse(text).unwrap()).unwrap();
+        let json = |text: &str| serde_json::to_string(&SpeedExpression::parse(text).unwrap()).unwrap();
         assert_eq!(json("0.25*sin(t)+1.1"), json(" 0.250 * sin( t ) + 11e-1 "));
         assert_eq!(json("2^t"), json("2 ** t"));
         assert_eq!(json("(1 + t) + 2"), json("1 + t + 2"));
@@ -411,7 +411,7 @@ mod tests {
 
     #[test]
     fn corners_are_told() {
-        let rough = |text: &str| Expression::parse(text).unwrap().roughness();
+        let rough = |text: &str| SpeedExpression::parse(text).unwrap().roughness();
         assert_eq!(rough("1 + sin(t)"), None);
         assert_eq!(rough("max(t, 1) + abs(t) + max(t, 2)").as_deref(), Some("it uses max, abs"));
     }

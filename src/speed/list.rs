@@ -10,16 +10,16 @@
 //! windows overlap, so `v` lies between neighbouring levels, and its integral over [0, 1] is the
 //! mean of the levels.
 
-use super::{Law, Meaning};
-use crate::se3::sum::Sum;
+use super::{SpeedLaw, SpeedMeaning};
+use crate::se3::sum::NeumaierSum;
 use serde::Serialize;
 
 /// Positive levels and the width of the blend between them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct List {
+pub struct SpeedLevels {
     multipliers: Vec<f64>,
     blend: f64,
-    meaning: Meaning,
+    meaning: SpeedMeaning,
 }
 
 /// The reason why levels are not a speed law.
@@ -44,13 +44,13 @@ pub enum ListError {
     },
 }
 
-impl List {
+impl SpeedLevels {
     /// The law of `multipliers`. Each window extends over `blend` of a segment on both sides of its
     /// boundary.
     ///
     /// # Errors
     /// There are no levels, one is not positive and finite, or `blend` is not in [0, 0.5].
-    pub fn new(multipliers: Vec<f64>, blend: f64, meaning: Meaning) -> Result<Self, ListError> {
+    pub fn new(multipliers: Vec<f64>, blend: f64, meaning: SpeedMeaning) -> Result<Self, ListError> {
         if multipliers.is_empty() {
             return Err(ListError::Empty);
         }
@@ -67,7 +67,7 @@ impl List {
 
     /// The effect of large multipliers.
     #[must_use]
-    pub fn meaning(&self) -> Meaning {
+    pub fn meaning(&self) -> SpeedMeaning {
         self.meaning
     }
 
@@ -80,7 +80,7 @@ impl List {
         let (before, after) = (self.multipliers[k - 1], self.multipliers[k]);
         // Before the middle of the previous segment, all windows are complete and count as plain
         // steps.
-        let whole = Sum::sum_of(self.multipliers[..k - 1].iter().copied()) + before / 2.0;
+        let whole = NeumaierSum::sum_of(self.multipliers[..k - 1].iter().copied()) + before / 2.0;
         let from_boundary = t - k as f64 / segments;
         let tau = self.blend / segments;
         let blended =
@@ -100,7 +100,7 @@ impl List {
     }
 }
 
-impl Law for List {
+impl SpeedLaw for SpeedLevels {
     fn speed(&self, t: f64) -> f64 {
         let Some(k) = self.boundary(t) else { return self.multipliers[0] };
         let segments = self.multipliers.len() as f64;
@@ -154,8 +154,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn list(multipliers: &[f64], blend: f64) -> List {
-        List::new(multipliers.to_vec(), blend, Meaning::Speed).unwrap()
+    fn list(multipliers: &[f64], blend: f64) -> SpeedLevels {
+        SpeedLevels::new(multipliers.to_vec(), blend, SpeedMeaning::Speed).unwrap()
     }
 
     #[test]
@@ -205,15 +205,18 @@ mod tests {
 
     #[test]
     fn what_is_no_law_is_refused() {
-        assert_eq!(List::new(vec![], 0.1, Meaning::Speed), Err(ListError::Empty));
+        assert_eq!(SpeedLevels::new(vec![], 0.1, SpeedMeaning::Speed), Err(ListError::Empty));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(matches!(
-                List::new(vec![1.0, bad], 0.1, Meaning::Speed),
+                SpeedLevels::new(vec![1.0, bad], 0.1, SpeedMeaning::Speed),
                 Err(ListError::Level { index: 1, .. })
             ));
         }
         for bad in [-0.1, 0.500_001, f64::NAN] {
-            assert!(matches!(List::new(vec![1.0], bad, Meaning::Speed), Err(ListError::Blend { .. })));
+            assert!(matches!(
+                SpeedLevels::new(vec![1.0], bad, SpeedMeaning::Speed),
+                Err(ListError::Blend { .. })
+            ));
         }
     }
 

@@ -1,18 +1,18 @@
 //! Stage `capture`: reads and normalises a source.
 
-use super::{Context, SourceFile, Stage, StageError};
+use super::{SourceFile, Stage, StageContext, StageError};
 use crate::artifact::write_json;
 use crate::files::is_there;
 use crate::scene::procedural::{self, StillLife};
-use crate::source::colmap::Model;
-use crate::source::{Capture, Captured};
+use crate::source::colmap::ColmapModel;
+use crate::source::{Capture, DiskCapture};
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// Parameters: the source. Paths stay out of the key; the content of the files enters it.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Capturing {
+pub enum CaptureStage {
     /// The capture of the embedded scene, for any number of Gaussians.
     Procedural {
         /// Number of key views.
@@ -26,10 +26,10 @@ pub enum Capturing {
     None,
     /// A capture on disk: its kind and selection. The content of its files enters by digest.
     #[serde(untagged)]
-    Captured(Captured),
+    Captured(DiskCapture),
 }
 
-impl Capturing {
+impl CaptureStage {
     /// The capture of an embedded scene.
     #[must_use]
     pub fn procedural(still_life: &StillLife) -> Self {
@@ -41,7 +41,7 @@ impl Capturing {
 /// Endings of files that are not photos.
 const NO_PHOTOS: [&str; 3] = ["bin", "txt", "json"];
 
-impl Capturing {
+impl CaptureStage {
     /// The photos among its files.
     ///
     /// # Errors
@@ -53,9 +53,9 @@ impl Capturing {
     }
 }
 
-impl Capturing {
+impl CaptureStage {
     /// The COLMAP model from which its poses come, if there is one.
-    pub(super) fn model(&self) -> Option<Model> {
+    pub(super) fn model(&self) -> Option<ColmapModel> {
         match self {
             Self::Captured(captured) => captured.model(),
             Self::Procedural { .. } | Self::None => None,
@@ -63,7 +63,7 @@ impl Capturing {
     }
 }
 
-impl Stage for Capturing {
+impl Stage for CaptureStage {
     const NAME: &'static str = "capture";
     const REVISION: u32 = 1;
     type Inputs = ();
@@ -86,7 +86,7 @@ impl Stage for Capturing {
         }
     }
 
-    fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
+    fn run(&self, (): (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let (capture, warnings) = match self {
             Self::Procedural { views, arc, seed } => {
                 let still_life = StillLife { views: *views, arc: *arc, seed: *seed, ..StillLife::default() };

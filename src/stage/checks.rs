@@ -6,16 +6,18 @@
 
 mod pictures;
 
-use super::{Context, Need, Stage, StageError, Target};
-use crate::artifact::{EventStreams, Files, Motion, Stream, Verdicts, write_json};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{
+    ArtifactFiles, EventStream, EventStreams, TrajectoryProduct, VerdictsRecord, write_json,
+};
 use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::FlowAt;
-use crate::check::tally::{Against, Observer};
-use crate::check::{Limits, Subject, Tally, judge_trajectory};
+use crate::check::tally::{StreamObserver, TallyReference};
+use crate::check::{Limits, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
-use crate::foreign::Foreign;
+use crate::foreign::ExternalReport;
 use crate::image::Image;
-use crate::render::View;
+use crate::render::CameraView;
 use crate::render::flow::flow_rates;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
@@ -26,21 +28,22 @@ pub const NAME: &str = "checks";
 
 /// Parameters: limits and waivers of the recipe.
 #[derive(Debug, Serialize)]
-pub struct Checking {
+pub struct ChecksStage {
     /// Limits and waivers.
     pub limits: Limits,
 }
 
-impl Stage for Checking {
+impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
     const REVISION: u32 = 6;
-    type Inputs = (Target<Motion>, Option<Target<EventStreams>>, Option<Target<Foreign>>);
-    type Output = Verdicts;
+    type Inputs =
+        (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
+    type Output = VerdictsRecord;
 
-    fn need(&self, files: &[Files]) -> Need {
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         // The stream is read in chunks. Some frames as the sensor saw them, and the counts of each
         // pixel, are in memory.
-        let brightness = |files: &Files| -> u64 {
+        let brightness = |files: &ArtifactFiles| -> u64 {
             let held = |name: &str| name.starts_with("brightness") || name == EventStreams::DEPTH;
             let images = files.iter().filter(|(name, _)| held(name));
             images.map(|(name, _)| files.size(name)).sum()
@@ -48,13 +51,13 @@ impl Stage for Checking {
         // The flow computed from a depth takes two numbers per pixel.
         let flows = files.iter().map(|files| 2 * files.size(EventStreams::DEPTH)).sum::<u64>();
         let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
-        Need::for_parts([held, held, held])
+        StepNeed::for_parts([held, held, held])
     }
 
     fn run(
         &self,
-        (motion, events, foreign): (Motion, Option<EventStreams>, Option<Foreign>),
-        cx: &mut Context<'_>,
+        (motion, events, foreign): (TrajectoryProduct, Option<EventStreams>, Option<ExternalReport>),
+        cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let rate: Ratio =
             motion.report.rate.parse().map_err(StageError::work_failed("read the frame rate"))?;
@@ -64,7 +67,7 @@ impl Stage for Checking {
             None => Vec::new(),
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
-        let whole = Subject {
+        let whole = TrajectorySubject {
             name: "",
             rate,
             trajectory: &motion.trajectory,
@@ -80,11 +83,11 @@ impl Stage for Checking {
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
         let named: Vec<String> = streams.iter().map(|s| stream_suffix(s.name.as_deref())).collect();
-        let streams: Vec<Subject<'_>> = streams
+        let streams: Vec<TrajectorySubject<'_>> = streams
             .iter()
             .zip(&tallies)
             .zip(&named)
-            .map(|((Stream { sensor, account, resampled, .. }, tally), name)| Subject {
+            .map(|((EventStream { sensor, account, resampled, .. }, tally), name)| TrajectorySubject {
                 name,
                 sensor: Some(sensor),
                 account: Some(account),
@@ -98,7 +101,7 @@ impl Stage for Checking {
             pictures::write_pictures(subject.name, tally, cx)?;
         }
         let verdicts =
-            Verdicts { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
+            VerdictsRecord { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
         let out = cx.out.join("verdicts.json");
         write_json(&out, &verdicts).map_err(StageError::io_error(&out))
     }
@@ -111,7 +114,7 @@ fn stream_suffix(name: Option<&str>) -> String {
 
 /// The image motion at the instants with a known depth, from the poses and stamps of the
 /// trajectory. The pose is the one with the nearest stamp, which is within half a frame.
-fn measured_flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
+fn measured_flows(streams: &EventStreams, motion: &TrajectoryProduct) -> Vec<FlowAt> {
     let (stamps, velocities) = (&motion.trajectory.stamps_us, motion.velocities());
     let at = |(t_us, depth): (&i64, &Image<f32>)| {
         let after = stamps.partition_point(|t| t < t_us).min(stamps.len() - 1);
@@ -119,7 +122,7 @@ fn measured_flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
             if after > 0 && t_us - stamps[after - 1] < stamps[after] - t_us { after - 1 } else { after };
         let camera = streams.simulation.camera;
         let pose = motion.trajectory.world_from_camera[near];
-        let view = View { camera, world_from_camera: pose, velocity: velocities[near] };
+        let view = CameraView { camera, world_from_camera: pose, velocity: velocities[near] };
         FlowAt { t_us: *t_us, px_s: flow_rates(depth, &view) }
     };
     streams.simulation.depth_stamps_us.iter().zip(&streams.depths).map(at).collect()
@@ -128,20 +131,20 @@ fn measured_flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
 /// Counts each stream in one pass.
 fn count_streams(
     streams: &EventStreams,
-    motion: &Motion,
+    motion: &TrajectoryProduct,
     rate: Hertz,
-    cx: &Context<'_>,
-) -> Result<Vec<Tally>, StageError> {
+    cx: &StageContext<'_>,
+) -> Result<Vec<StreamTally>, StageError> {
     let simulation = &streams.simulation;
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
     let flows = measured_flows(streams, motion);
-    let count = |(stream, file): (&Stream, &PathBuf)| {
-        let against = Against {
+    let count = |(stream, file): (&EventStream, &PathBuf)| {
+        let against = TallyReference {
             seen: DriftLaw::for_sensor(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream))),
             flows: &flows,
             dead_us: stream.sensor.dead_us(),
         };
-        let mut observer = Observer::new(simulation.camera.size, rate, end_us, against);
+        let mut observer = StreamObserver::new(simulation.camera.size, rate, end_us, against);
         let mut reader = h5::Reader::open(file).map_err(StageError::work_failed("read events"))?;
         let mut chunk = Vec::new();
         while reader.next_chunk(&mut chunk).map_err(StageError::work_failed("read events"))? {

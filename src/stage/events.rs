@@ -4,28 +4,30 @@
 mod resample;
 mod sampling;
 
-use super::{Context, Need, Stage, StageError, Target};
-use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{
+    ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, write_json,
+};
 use crate::camera::{Camera, CameraChoice};
-use crate::event::{Header, LawStamp, h5};
-use crate::frames::anchors::{Anchors, Choice};
+use crate::event::{LawStamp, StreamHeader, h5};
+use crate::frames::anchors::{AnchorChoice, AnchorFrames};
 use crate::frames::rendered::RenderedFrames;
-use crate::frames::{Frame, Frames};
+use crate::frames::{DenseFrame, FrameSequence};
 use crate::image::{Image, Size, npy};
 use crate::render::backend::Backend;
-use crate::render::doubt::Doubt;
-use crate::render::flow::{self, Quantiles};
-use crate::render::{Channels, Omit, RenderChoice, Rendered, Renderer, View};
-use crate::sampling::Tolerance;
-use crate::sampling::path::Path;
+use crate::render::doubt::BlendDoubt;
+use crate::render::flow::{self, FlowQuantiles};
+use crate::render::{CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderedImages, Renderer};
+use crate::sampling::ErrorTolerance;
+use crate::sampling::path::SampledPath;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
-use crate::sensor::voltmeter::Between;
-use crate::sensor::{Account, Channel, Sensor, Sensors, SimulateError, simulate_all};
+use crate::sensor::voltmeter::BetweenFrames;
+use crate::sensor::{SensorChannel, SensorChoice, SensorSet, SimulateError, SimulationAccount, simulate_all};
 use crate::source::Capture;
 use crate::trajectory::Trajectory;
-use sampling::Sampled;
+use sampling::SampledFrames;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -34,7 +36,7 @@ use std::sync::Arc;
 
 /// Parameters: camera, rendering, sensors, and the seed of their noise.
 #[derive(Debug, Serialize)]
-pub struct Simulating {
+pub struct EventsStage {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
@@ -42,20 +44,20 @@ pub struct Simulating {
     pub render: RenderChoice,
     /// The sensor, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub sensor: Option<Sensor>,
+    pub sensor: Option<SensorChoice>,
     /// The sensors by name, if there are several.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub sensors: BTreeMap<String, Sensor>,
+    pub sensors: BTreeMap<String, SensorChoice>,
     /// Seed of the sensors' noise.
     pub seed: Seed,
     /// Tolerance of the error between frames. If it is set, frames are where it requires them;
     /// otherwise at the poses.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub tolerance: Option<Tolerance>,
+    pub tolerance: Option<ErrorTolerance>,
     /// Work that the renderer leaves out. The stored counts depend on it; pictures and events do
     /// not.
-    #[serde(skip_serializing_if = "Omit::is_needless")]
-    pub omit: Omit,
+    #[serde(skip_serializing_if = "OmissionPolicy::is_needless")]
+    pub omit: OmissionPolicy,
     /// The back end.
     #[serde(skip)]
     pub backend: Backend,
@@ -71,19 +73,20 @@ const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
 /// Maximum number of pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
-impl Stage for Simulating {
+impl Stage for EventsStage {
     const NAME: &'static str = "events";
     const REVISION: u32 = 5;
-    type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
+    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = EventStreams;
 
     fn class(&self) -> Option<String> {
         Some(self.backend.class())
     }
 
-    fn need(&self, files: &[Files]) -> Need {
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         let sensors = self.sensors().count() as u64;
-        let is_coloured = |front_end: &&FrontEnd| self.omit == Omit::Nothing || !front_end.is_plain();
+        let is_coloured =
+            |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
         let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
         let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends;
         super::rendering_need(&self.backend, self.camera, files, others)
@@ -91,8 +94,8 @@ impl Stage for Simulating {
 
     fn run(
         &self,
-        (capture, gaussians, motion): (Capture, Gaussians, Motion),
-        cx: &mut Context<'_>,
+        (capture, gaussians, motion): (Capture, Gaussians, TrajectoryProduct),
+        cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let camera = super::choose_camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
@@ -104,14 +107,14 @@ impl Stage for Simulating {
             Ok::<_, StageError>(renderer)
         };
         let path = continuous_path(&motion)?;
-        let Sampled { trajectory, velocities, chosen, renderer } =
+        let SampledFrames { trajectory, velocities, chosen, renderer } =
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
         let own = chosen_own.as_ref().unwrap_or(self);
         let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
-        let choice = Choice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
+        let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
         let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
-        if own.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
+        if own.sensors().any(|(_, sensor)| sensor.between() == BetweenFrames::Hermite) {
             frames = frames.with_rates(velocities);
         }
         if self.sees_colour() {
@@ -129,7 +132,7 @@ impl Stage for Simulating {
             streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
         own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
-        let simulation = Simulation {
+        let simulation = SimulationRecord {
             camera,
             gaussians: gaussians.len(),
             sh_degree: gaussians.sh_degree,
@@ -155,24 +158,24 @@ impl Stage for Simulating {
     }
 }
 
-impl Simulating {
+impl EventsStage {
     /// The parameters for these sensors.
     #[must_use]
     pub fn new(
-        sensors: &Sensors,
+        sensors: &SensorSet,
         seed: Seed,
         (camera, render): (Option<CameraChoice>, RenderChoice),
     ) -> Self {
         let (sensor, sensors) = match sensors.clone() {
-            Sensors::One(sensor) => (Some(sensor), BTreeMap::new()),
-            Sensors::Named(sensors) => (None, sensors),
+            SensorSet::One(sensor) => (Some(sensor), BTreeMap::new()),
+            SensorSet::Named(sensors) => (None, sensors),
         };
-        let (omit, tolerance, backend) = (Omit::default(), None, Backend::default());
+        let (omit, tolerance, backend) = (OmissionPolicy::default(), None, Backend::default());
         Self { camera, render, sensor, sensors, seed, tolerance, omit, backend }
     }
 
     /// Each sensor, with its name if there are several.
-    fn sensors(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
+    fn sensors(&self) -> impl Iterator<Item = (Option<&str>, &SensorChoice)> {
         let one = self.sensor.iter().map(|sensor| (None, sensor));
         one.chain(self.sensors.iter().map(|(name, sensor)| (Some(name.as_str()), sensor)))
     }
@@ -181,9 +184,9 @@ impl Simulating {
         front_end::distinct_front_ends(self.sensors().map(|(_, sensor)| sensor.as_model()))
     }
 
-    /// Whether colours are rendered: a sensor needs them, or nothing is left out.
+    /// Returns true if colours are rendered: a sensor needs them, or nothing is left out.
     fn sees_colour(&self) -> bool {
-        self.omit == Omit::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
+        self.omit == OmissionPolicy::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
     }
 
     /// Streams the frames through the sensors into their files, and keeps some frames as each front
@@ -191,18 +194,18 @@ impl Simulating {
     fn simulate(
         &self,
         frames: &mut RenderedFrames,
-        (stamps_us, choice): (&[i64], &Choice),
+        (stamps_us, choice): (&[i64], &AnchorChoice),
         size: Size,
-        cx: &Context<'_>,
-    ) -> Result<(Vec<Stream>, Vec<Anchors>), StageError> {
-        let mut anchors = vec![Anchors::without_frames(choice); self.front_ends().len()];
-        let keep = |anchors: &mut Anchors, frame: &Frame| {
+        cx: &StageContext<'_>,
+    ) -> Result<(Vec<EventStream>, Vec<AnchorFrames>), StageError> {
+        let mut anchors = vec![AnchorFrames::without_frames(choice); self.front_ends().len()];
+        let keep = |anchors: &mut AnchorFrames, frame: &DenseFrame| {
             if choice.frames.binary_search(&frame.index).is_ok() {
                 anchors.keep(frame, stamps_us[frame.index]);
             }
         };
-        let mut keepers: Vec<_> = anchors.iter_mut().map(|a| |frame: &Frame| keep(a, frame)).collect();
-        let mut tap = |_: &Frame| match cx.go_on() {
+        let mut keepers: Vec<_> = anchors.iter_mut().map(|a| |frame: &DenseFrame| keep(a, frame)).collect();
+        let mut tap = |_: &DenseFrame| match cx.go_on() {
             Ok(()) => ControlFlow::Continue(()),
             Err(_) => ControlFlow::Break(()),
         };
@@ -216,7 +219,7 @@ impl Simulating {
         for ((_, sensor), sink) in self.sensors().zip(&mut sinks) {
             let model = sensor.as_model();
             let pixels = model.start(size, [0, 0], self.seed).map_err(|e| failed(e.into()))?;
-            let mut channel = Channel::new(pixels, sink).behind(model.front_end());
+            let mut channel = SensorChannel::new(pixels, sink).behind(model.front_end());
             if let Some(at) = unwatched.iter().position(|(front_end, _)| *front_end == model.front_end()) {
                 channel = channel.watched(unwatched.swap_remove(at).1);
             }
@@ -228,24 +231,21 @@ impl Simulating {
         for sink in sinks {
             sink.finish(last).map_err(StageError::work_failed("write events"))?;
         }
-        let stream = |((name, sensor), account): ((Option<&str>, &Sensor), Account)| Stream {
-            name: name.map(str::to_owned),
-            sensor: sensor.clone(),
-            account,
-            resampled: None,
+        let stream = |((name, sensor), account): ((Option<&str>, &SensorChoice), SimulationAccount)| {
+            EventStream { name: name.map(str::to_owned), sensor: sensor.clone(), account, resampled: None }
         };
         Ok((self.sensors().zip(accounts).map(stream).collect(), anchors))
     }
 
     /// The file of each sensor's events.
-    fn sinks(&self, size: Size, cx: &Context<'_>) -> Result<Vec<h5::Writer>, StageError> {
-        let sink = |(name, sensor): (Option<&str>, &Sensor)| {
+    fn sinks(&self, size: Size, cx: &StageContext<'_>) -> Result<Vec<h5::Writer>, StageError> {
+        let sink = |(name, sensor): (Option<&str>, &SensorChoice)| {
             let model = sensor.as_model();
             let (c_on, c_off) = model.contrast();
             let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
             h5::Writer::create(
-                &cx.out.join(Stream::stored_name(name)),
-                &Header { size, law, labelled: model.labels() },
+                &cx.out.join(EventStream::stored_name(name)),
+                &StreamHeader { size, law, labelled: model.labels() },
             )
         };
         self.sensors().map(sink).collect::<Result<_, _>>().map_err(StageError::work_failed("write events"))
@@ -253,9 +253,9 @@ impl Simulating {
 }
 
 /// The result of a sample of the path.
-struct Seen {
+struct PathSample {
     /// Image motion between neighbouring poses.
-    flow_px: Option<Quantiles>,
+    flow_px: Option<FlowQuantiles>,
     doubtful_share: Option<f64>,
     depth_unit: Option<[f32; 3]>,
     /// Stamps of the first poses of the pairs.
@@ -263,16 +263,18 @@ struct Seen {
 }
 
 /// The trajectory as continuous motion; `None` for a single pose.
-fn continuous_path(motion: &Motion) -> Result<Option<Path>, StageError> {
+fn continuous_path(motion: &TrajectoryProduct) -> Result<Option<SampledPath>, StageError> {
     let poses = &motion.trajectory.world_from_camera;
-    let path =
-        || Path::through_poses(poses, motion.seconds()).map_err(StageError::work_failed("follow the path"));
+    let path = || {
+        SampledPath::through_poses(poses, motion.seconds())
+            .map_err(StageError::work_failed("follow the path"))
+    };
     (poses.len() > 1).then(path).transpose()
 }
 
 /// Number of frames in which the median image motion is about a pixel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of frames, saturating")]
-fn span_frames(flow_px: Option<Quantiles>) -> usize {
+fn span_frames(flow_px: Option<FlowQuantiles>) -> usize {
     flow_px.map_or(1, |flow| (1.0 / flow.median).round() as usize)
 }
 
@@ -281,16 +283,16 @@ fn sample_path(
     renderer: &mut dyn Renderer,
     camera: Camera,
     trajectory: &Trajectory,
-    cx: &Context<'_>,
-) -> Result<Seen, StageError> {
+    cx: &StageContext<'_>,
+) -> Result<PathSample, StageError> {
     let poses = &trajectory.world_from_camera;
-    let want = Channels { depth: true, alpha: true, doubtful: true, ..Channels::default() };
+    let want = ChannelSet { depth: true, alpha: true, doubtful: true, ..ChannelSet::default() };
     let (mut moved_px, mut stamps_us, mut depths) = (Vec::new(), Vec::new(), Vec::new());
-    let mut doubt = Doubt::default();
+    let mut doubt = BlendDoubt::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
-        let [from, to] = [a, b].map(|j| View::at_rest(camera, poses[j]));
-        let mut rendered = Rendered::default();
+        let [from, to] = [a, b].map(|j| CameraView::at_rest(camera, poses[j]));
+        let mut rendered = RenderedImages::default();
         renderer
             .render(&from, want, &mut rendered)
             .map_err(StageError::work_failed("measure the optical flow"))?;
@@ -301,10 +303,10 @@ fn sample_path(
         depths.push(depth);
     }
     write_product(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&depths, file))?;
-    let flow_px = Quantiles::from_values(moved_px);
+    let flow_px = FlowQuantiles::from_values(moved_px);
     let depths = depths.into_iter().flat_map(Image::into_pixels).collect();
     let depth_unit = flow::nearest_ranks(depths, [5, 50, 95]);
-    Ok(Seen { flow_px, doubtful_share: doubt.share(), depth_unit, stamps_us })
+    Ok(PathSample { flow_px, doubtful_share: doubt.share(), depth_unit, stamps_us })
 }
 
 fn write_product(

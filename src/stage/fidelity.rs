@@ -1,28 +1,30 @@
 //! Stage `fidelity`: compares renderings of a scene with the photos of its capture. Without photos,
 //! it does nothing and creates no renderer.
 
-use super::capture::Capturing;
-use super::{Context, Need, SourceFile, Stage, StageError, Target};
-use crate::artifact::{Files, write_json};
+use super::capture::CaptureStage;
+use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{ArtifactFiles, write_json};
 use crate::files;
 use crate::image::photo;
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
-use crate::render::fidelity::{Compared, Fidelity, NotCompared, compare_view, held_out, picked_indices};
+use crate::render::fidelity::{
+    ComparedView, NotCompared, PhotoFidelity, compare_view, held_out, picked_indices,
+};
 use crate::scene::Gaussians;
-use crate::source::{Capture, View};
+use crate::source::{Capture, CapturedView};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Parameters: the rendering. The camera is that of each photo.
 #[derive(Debug, Serialize)]
-pub struct Comparing {
+pub struct FidelityStage {
     /// The rendering.
     pub render: RenderChoice,
     /// The photos.
     #[serde(skip)]
-    pub capturing: Capturing,
+    pub capturing: CaptureStage,
     /// The back end.
     #[serde(skip)]
     pub backend: Backend,
@@ -32,11 +34,11 @@ pub struct Comparing {
 /// decoder.
 const BYTES_A_PIXEL: u64 = 48;
 
-impl Stage for Comparing {
+impl Stage for FidelityStage {
     const NAME: &'static str = "fidelity";
     const REVISION: u32 = 1;
-    type Inputs = (Target<Capture>, Target<Gaussians>);
-    type Output = Fidelity;
+    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>);
+    type Output = PhotoFidelity;
 
     fn class(&self) -> Option<String> {
         Some(self.backend.class())
@@ -50,14 +52,14 @@ impl Stage for Comparing {
         self.capturing.source_folders()
     }
 
-    fn need(&self, files: &[Files]) -> Need {
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         super::rendering_need(&self.backend, None, files, BYTES_A_PIXEL)
     }
 
     fn run(
         &self,
         (capture, gaussians): (Capture, Gaussians),
-        cx: &mut Context<'_>,
+        cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let photos = self.capturing.photos()?;
         let taken = views_taken(&capture, &photos);
@@ -69,7 +71,7 @@ impl Stage for Comparing {
 }
 
 /// A view with its index and its photo.
-pub(super) type Taken<'a> = (usize, &'a View, &'a SourceFile);
+pub(super) type Taken<'a> = (usize, &'a CapturedView, &'a SourceFile);
 
 /// The views with a photo.
 pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<Taken<'a>> {
@@ -82,9 +84,9 @@ pub(super) fn measure_fidelity(
     gaussians: &Arc<Gaussians>,
     (render, backend): (RenderChoice, &Backend),
     taken: &[Taken<'_>],
-    cx: &Context<'_>,
-) -> Result<Fidelity, StageError> {
-    let mut fidelity = Fidelity::default();
+    cx: &StageContext<'_>,
+) -> Result<PhotoFidelity, StageError> {
+    let mut fidelity = PhotoFidelity::default();
     if taken.is_empty() {
         return Ok(fidelity);
     }
@@ -98,7 +100,7 @@ pub(super) fn measure_fidelity(
             Ok(photo) => {
                 let [psnr, ssim] = compare_view(renderer.as_mut(), view, &photo)
                     .map_err(StageError::work_failed("render"))?;
-                fidelity.views.push(Compared { name, psnr, ssim, held_out: held_out(i) });
+                fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out(i) });
             }
             Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
         }
@@ -107,7 +109,7 @@ pub(super) fn measure_fidelity(
 }
 
 /// The file of a view's photo: sources name it like the view, or by its place among `images`.
-fn photo_of<'a>(view: &View, photos: &'a [SourceFile]) -> Option<&'a SourceFile> {
+fn photo_of<'a>(view: &CapturedView, photos: &'a [SourceFile]) -> Option<&'a SourceFile> {
     photos.iter().find(|photo| {
         let name = photo.name.strip_prefix("images/");
         photo.name == view.name || name == Some(&view.name)
@@ -117,7 +119,7 @@ fn photo_of<'a>(view: &View, photos: &'a [SourceFile]) -> Option<&'a SourceFile>
 type Photo = crate::image::Image<[u8; 3]>;
 
 /// The photo of a view, or the problem with it.
-fn read_photo(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
+fn read_photo(view: &CapturedView, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
     let bytes = files::read(&photo.path, files::MAX_PICTURE).map_err(StageError::io_error(&photo.path))?;
     Ok(photo::read_photo(&bytes, view.camera.size).map_err(|because| because.to_string()))
 }

@@ -1,48 +1,50 @@
 //! Stage `foreign`: asks other programs about a trajectory. It exists where a recipe asks for `pose_colmap`, `pose_opencv` or
 //! `readback`. Its class holds the versions of the programs, so a program that is installed later is asked.
 
-use super::{Context, Need, Stage, StageError, Target};
-use crate::artifact::{EventStreams, Files, Motion, Pictures, write_json};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct, write_json};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::foreign::versions::Asked;
-use crate::foreign::{Foreign, ForeignError, Picture, Told, colmap, opencv, readback, spread_evenly};
-use crate::reconstruct::Desk;
+use crate::foreign::versions::VersionQuery;
+use crate::foreign::{
+    ExternalReport, ForeignError, Told, TrajectoryPicture, colmap, opencv, readback, spread_evenly,
+};
+use crate::reconstruct::TrainingWorkspace;
 use crate::source::Capture;
 use serde::Serialize;
 use std::path::Path;
 
 /// Parameters: who is asked.
 #[derive(Debug, Clone, Serialize)]
-pub struct Asking {
+pub struct ExternalToolsStage {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
     /// Number of pictures that COLMAP registers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colmap: Option<u32>,
-    /// Whether OpenCV is asked about poses.
+    /// True if OpenCV is asked about poses.
     pub opencv: bool,
-    /// Whether other programs read the released files.
+    /// True if other programs read the released files.
     pub readback: bool,
     /// The versions of the programs, or the first program whose version is not known.
     #[serde(skip)]
-    pub versions: Result<String, Asked>,
+    pub versions: Result<String, VersionQuery>,
 }
 
-impl Asking {
+impl ExternalToolsStage {
     /// Who is asked where a recipe has these checks; `None` where nobody is. `version` gives the version of a program that
     /// is known.
     #[must_use]
     pub fn for_limits(
         checks: &Limits,
         camera: Option<CameraChoice>,
-        version: &dyn Fn(Asked) -> Option<String>,
+        version: &dyn Fn(VersionQuery) -> Option<String>,
     ) -> Option<Self> {
         let colmap = checks.pose_colmap.map(|limits| limits.frames.unwrap_or(colmap::PICTURES));
         let (opencv, readback) = (checks.pose_opencv.is_some(), checks.readback.is_some());
-        let python = (opencv || readback).then_some(Asked::Python);
-        let asked = colmap.map(|_| Asked::Colmap).into_iter().chain(python);
+        let python = (opencv || readback).then_some(VersionQuery::Python);
+        let asked = colmap.map(|_| VersionQuery::Colmap).into_iter().chain(python);
         let versions = asked.map(|program| version(program).ok_or(program)).collect::<Result<Vec<_>, _>>();
         let versions = versions.map(|versions| versions.join("; "));
         checks.asks_programs().then_some(Self { camera, colmap, opencv, readback, versions })
@@ -55,11 +57,16 @@ const BYTES: u64 = 600 << 20;
 /// index are expanded.
 const BYTES_A_STORED_BYTE: u64 = 16;
 
-impl Stage for Asking {
+impl Stage for ExternalToolsStage {
     const NAME: &'static str = "foreign";
     const REVISION: u32 = 1;
-    type Inputs = (Target<Capture>, Target<Motion>, Option<Target<Pictures>>, Option<Target<EventStreams>>);
-    type Output = Foreign;
+    type Inputs = (
+        StepTarget<Capture>,
+        StepTarget<TrajectoryProduct>,
+        Option<StepTarget<PictureSet>>,
+        Option<StepTarget<EventStreams>>,
+    );
+    type Output = ExternalReport;
 
     fn class(&self) -> Option<String> {
         self.versions.clone().ok()
@@ -69,10 +76,10 @@ impl Stage for Asking {
         self.versions.as_ref().err().map(|program| program.name())
     }
 
-    fn need(&self, files: &[Files]) -> Need {
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         let events =
             files.last().map_or(0, |files| files.iter().map(|(name, _)| of_events(files, name)).sum());
-        Need::for_parts([BYTES, BYTES_A_STORED_BYTE * events])
+        StepNeed::for_parts([BYTES, BYTES_A_STORED_BYTE * events])
     }
 
     fn runs_known_programs(&self) -> bool {
@@ -81,24 +88,30 @@ impl Stage for Asking {
 
     fn run(
         &self,
-        (capture, motion, pictures, events): (Capture, Motion, Option<Pictures>, Option<EventStreams>),
-        cx: &mut Context<'_>,
+        (capture, motion, pictures, events): (
+            Capture,
+            TrajectoryProduct,
+            Option<PictureSet>,
+            Option<EventStreams>,
+        ),
+        cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let camera = super::choose_camera(self.camera, &capture, cx);
         let pictures = pictures.map_or_else(Vec::new, numbered_pictures);
         let trajectory = &motion.trajectory;
-        let mut foreign = Foreign::default();
+        let mut foreign = ExternalReport::default();
         if let Some(frames) = self.colmap {
             let chosen =
                 spread_evenly(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
-            let chosen: Vec<Picture> = chosen.collect();
+            let chosen: Vec<TrajectoryPicture> = chosen.collect();
             let found = at_desk("colmap", cx, |desk| colmap::register_pictures(&chosen, &camera, desk))?;
             foreign.colmap = Some(found.map(|found| found.against(&trajectory.world_from_camera)));
         }
         if self.opencv {
-            let released = opencv::Released::from_trajectory(&camera, trajectory, &pictures);
-            let ask =
-                |desk: Desk<'_>| opencv::measure_released(&released, (&camera, trajectory), &pictures, desk);
+            let released = opencv::ReleasedPoses::from_trajectory(&camera, trajectory, &pictures);
+            let ask = |desk: TrainingWorkspace<'_>| {
+                opencv::measure_released(&released, (&camera, trajectory), &pictures, desk)
+            };
             foreign.opencv = Some(at_desk("opencv", cx, ask)?);
         }
         if self.readback {
@@ -112,15 +125,15 @@ impl Stage for Asking {
 }
 
 /// Bytes of an event file; 0 for other files.
-fn of_events(files: &Files, name: &str) -> u64 {
+fn of_events(files: &ArtifactFiles, name: &str) -> u64 {
     if Path::new(name).extension().is_some_and(|e| e == "h5") { files.size(name) } else { 0 }
 }
 
 /// Pictures by the indices in their names.
-fn numbered_pictures(pictures: Pictures) -> Vec<Picture> {
+fn numbered_pictures(pictures: PictureSet) -> Vec<TrajectoryPicture> {
     let picture = |(name, file): (String, _)| {
         let pose = name.strip_suffix(".png")?.parse().ok()?;
-        Some(Picture { pose, file })
+        Some(TrajectoryPicture { pose, file })
     };
     pictures.files.into_iter().filter_map(picture).collect()
 }
@@ -128,14 +141,19 @@ fn numbered_pictures(pictures: Pictures) -> Vec<Picture> {
 /// Runs the programs in a separate folder that is not part of the product.
 fn at_desk<T>(
     name: &str,
-    cx: &Context<'_>,
-    ask: impl FnOnce(Desk<'_>) -> Result<Told<T>, ForeignError>,
+    cx: &StageContext<'_>,
+    ask: impl FnOnce(TrainingWorkspace<'_>) -> Result<Told<T>, ForeignError>,
 ) -> Result<Told<T>, StageError> {
     cx.go_on()?;
     let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
     std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
     let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
-    let desk = Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
+    let desk = TrainingWorkspace {
+        folder: &folder,
+        log: &log,
+        goes_on: &|| !cx.is_cancelled(),
+        programs: &cx.programs,
+    };
     let told = ask(desk).map_err(stage_failure)?;
     std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
     Ok(told)

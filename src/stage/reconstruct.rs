@@ -3,13 +3,13 @@
 
 mod command;
 
-pub use command::Training;
+pub use command::TrainingStage;
 
-use super::capture::Capturing;
-use super::{Context, Need, SourceFile, Stage, StageError, Target, small_stage_memory};
-use crate::artifact::{Artifact, Files};
+use super::capture::CaptureStage;
+use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, small_stage_memory};
+use crate::artifact::{Artifact, ArtifactFiles};
 use crate::files::is_there;
-use crate::reconstruct::{self, Command};
+use crate::reconstruct::{self, TrainerCommand};
 use crate::render::RenderChoice;
 use crate::scene::ply::write_ply;
 use crate::scene::procedural::{self, StillLife};
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// Parameters: the origin of the Gaussians.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Reconstructing {
+pub enum ReconstructStage {
     /// The embedded scene, for any capture of it.
     Procedural {
         /// Number of Gaussians.
@@ -37,22 +37,22 @@ pub enum Reconstructing {
         form: Option<&'static str>,
         /// Its location.
         #[serde(skip)]
-        file: SceneFile,
+        file: SceneLocation,
     },
     /// A program that trains on the capture.
-    Command(Box<Training>),
+    Command(Box<TrainingStage>),
 }
 
 /// Location of a scene file.
 #[derive(Debug)]
-pub enum SceneFile {
+pub enum SceneLocation {
     /// This path.
     At(PathBuf),
     /// The newest scene of a 3DGS model folder.
     NewestOf(PathBuf),
 }
 
-impl SceneFile {
+impl SceneLocation {
     fn find(&self) -> Result<PathBuf, StageError> {
         match self {
             Self::At(file) => Ok(file.clone()),
@@ -64,7 +64,7 @@ impl SceneFile {
     }
 }
 
-impl Reconstructing {
+impl ReconstructStage {
     /// The Gaussians of an embedded scene.
     #[must_use]
     pub fn procedural(still_life: &StillLife) -> Self {
@@ -76,27 +76,27 @@ impl Reconstructing {
     #[must_use]
     pub fn from_file(file: &Path) -> Self {
         let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
-        Self::Given { form: is_splat.then_some("splat"), file: SceneFile::At(file.to_owned()) }
+        Self::Given { form: is_splat.then_some("splat"), file: SceneLocation::At(file.to_owned()) }
     }
 
     /// The newest scene of a 3DGS model folder.
     #[must_use]
     pub fn newest_of(model: &Path) -> Self {
-        Self::Given { form: None, file: SceneFile::NewestOf(model.to_owned()) }
+        Self::Given { form: None, file: SceneLocation::NewestOf(model.to_owned()) }
     }
 
     /// The scene that a program trains on the photos of a source.
     #[must_use]
-    pub fn from_command(command: &Command, source: Capturing, render: RenderChoice) -> Self {
-        Self::Command(Box::new(Training::new(command, source, render)))
+    pub fn from_command(command: &TrainerCommand, source: CaptureStage, render: RenderChoice) -> Self {
+        Self::Command(Box::new(TrainingStage::new(command, source, render)))
     }
 }
 
-impl Stage for Reconstructing {
+impl Stage for ReconstructStage {
     const NAME: &'static str = "reconstruct";
     const REVISION: u32 = 1;
     /// The capture, if the scene is trained on it.
-    type Inputs = Option<Target<Capture>>;
+    type Inputs = Option<StepTarget<Capture>>;
     type Output = Gaussians;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
@@ -109,18 +109,20 @@ impl Stage for Reconstructing {
 
     fn source_folders(&self) -> Vec<PathBuf> {
         match self {
-            Self::Given { file: SceneFile::NewestOf(path), .. } => model::scene_folders(path),
+            Self::Given { file: SceneLocation::NewestOf(path), .. } => model::scene_folders(path),
             Self::Command(training) => training.source_folders(),
             Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
         }
     }
 
-    fn need(&self, files: &[Files]) -> Need {
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         let capture = files.first().filter(|_| matches!(self, Self::Command(_)));
         match capture.and_then(|files| Capture::open(files).ok()) {
             // Trainings use the GPU one after another.
-            Some(capture) => Need { gpu: true, ..Need::for_parts([reconstruct::photo_memory(&capture)]) },
-            None => Need::for_parts([small_stage_memory(files)]),
+            Some(capture) => {
+                StepNeed { gpu: true, ..StepNeed::for_parts([reconstruct::photo_memory(&capture)]) }
+            }
+            None => StepNeed::for_parts([small_stage_memory(files)]),
         }
     }
 
@@ -131,7 +133,7 @@ impl Stage for Reconstructing {
         }
     }
 
-    fn run(&self, capture: Option<Capture>, cx: &mut Context<'_>) -> Result<(), StageError> {
+    fn run(&self, capture: Option<Capture>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let gaussians = match self {
             Self::Command(training) => {
                 training.run(&capture.expect("a training is wired to the capture"), cx)?

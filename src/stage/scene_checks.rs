@@ -3,15 +3,15 @@
 //! The scene id is not part of the input, so findings are stored with an empty subject, as those of
 //! [`super::checks`].
 
-use super::capture::Capturing;
-use super::{Context, SourceFile, Stage, StageError, Target};
-use crate::artifact::{Verdicts, write_json};
-use crate::check::{Limits, Photos, SceneSubject, judge_scene};
-use crate::render::fidelity::Fidelity;
-use crate::source::colmap::{Model, Reprojection};
-use crate::source::{Capture, Why};
+use super::capture::CaptureStage;
+use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
+use crate::artifact::{VerdictsRecord, write_json};
+use crate::check::{CapturePhotos, Limits, SceneSubject, judge_scene};
+use crate::render::fidelity::PhotoFidelity;
+use crate::source::colmap::{ColmapModel, ReprojectionStats};
+use crate::source::{Capture, UnusedReason};
 use crate::trajectory::NamedPose;
-use crate::trajectory::walk::Walk;
+use crate::trajectory::walk::CaptureEvenness;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ pub struct CheckingScene {
     pub limits: Limits,
     /// Location of the capture.
     #[serde(skip)]
-    pub capturing: Capturing,
+    pub capturing: CaptureStage,
 }
 
 const NO_MODEL: &str = "the source is no COLMAP model";
@@ -33,8 +33,8 @@ const NO_MODEL: &str = "the source is no COLMAP model";
 impl Stage for CheckingScene {
     const NAME: &'static str = NAME;
     const REVISION: u32 = 1;
-    type Inputs = (Target<Capture>, Option<Target<Fidelity>>);
-    type Output = Verdicts;
+    type Inputs = (StepTarget<Capture>, Option<StepTarget<PhotoFidelity>>);
+    type Output = VerdictsRecord;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let files = self.capturing.model().map(|model| model.files()).unwrap_or_default();
@@ -47,8 +47,8 @@ impl Stage for CheckingScene {
 
     fn run(
         &self,
-        (capture, fidelity): (Capture, Option<Fidelity>),
-        cx: &mut Context<'_>,
+        (capture, fidelity): (Capture, Option<PhotoFidelity>),
+        cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let model = self.capturing.model();
         let subject = SceneSubject {
@@ -59,31 +59,35 @@ impl Stage for CheckingScene {
             fidelity: fidelity.as_ref(),
             limits: &self.limits,
         };
-        let verdicts = Verdicts { findings: judge_scene(&subject), peaks_ev_per_ms: Vec::new() };
+        let verdicts = VerdictsRecord { findings: judge_scene(&subject), peaks_ev_per_ms: Vec::new() };
         let out = cx.out.join("verdicts.json");
         write_json(&out, &verdicts).map_err(StageError::io_error(&out))
     }
 }
 
-fn model_reprojection(model: Option<Model>) -> Result<Result<Reprojection, String>, StageError> {
+fn model_reprojection(model: Option<ColmapModel>) -> Result<Result<ReprojectionStats, String>, StageError> {
     let Some(model) = model else { return Ok(Err(NO_MODEL.to_owned())) };
     let found = model.reprojection().map_err(StageError::work_failed("measure the model"))?;
     Ok(found.ok_or_else(|| "the model has no points that its images see".to_owned()))
 }
 
 /// Photos excluded by name do not count; photos that were not selected count like the others.
-fn count_photos(capture: &Capture, model: Option<&Model>) -> Result<Photos, String> {
+fn count_photos(capture: &Capture, model: Option<&ColmapModel>) -> Result<CapturePhotos, String> {
     model.ok_or(NO_MODEL)?;
     let unused = |why| capture.unused.iter().filter(move |photo| photo.why == why);
     let hashes = capture.views.iter().map(|view| &view.sha256);
-    let hashes = hashes.chain(unused(Why::NotPicked).map(|photo| &photo.sha256));
+    let hashes = hashes.chain(unused(UnusedReason::NotPicked).map(|photo| &photo.sha256));
     let registered = hashes.clone().flatten().count();
-    Ok(Photos { there: registered + unused(Why::NotRegistered).count(), registered, views: hashes.count() })
+    Ok(CapturePhotos {
+        there: registered + unused(UnusedReason::NotRegistered).count(),
+        registered,
+        views: hashes.count(),
+    })
 }
 
-fn capture_walk(capture: &Capture) -> Result<Walk, String> {
-    let pose = |view: &crate::source::View| view.world_from_camera;
+fn capture_walk(capture: &Capture) -> Result<CaptureEvenness, String> {
+    let pose = |view: &crate::source::CapturedView| view.world_from_camera;
     let views = capture.views.iter().map(|v| NamedPose { name: &v.name, world_from_camera: pose(v) });
-    let walk = Walk::measure_views(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
+    let walk = CaptureEvenness::measure_views(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
     walk.ok_or_else(|| "no two views are apart".to_owned())
 }

@@ -1,11 +1,14 @@
 //! Common part of the stages that render pictures for a release: camera, rules, and the loop over
 //! poses.
 
-use super::{Context, Need, StageError};
-use crate::artifact::{Files, Motion, write_json};
+use super::{StageContext, StageError, StepNeed};
+use crate::artifact::{ArtifactFiles, TrajectoryProduct, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::render::backend::Backend;
-use crate::render::{Channels, Omit, RenderChoice, Rendered, Renderer, Velocity, View, Work};
+use crate::render::{
+    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages,
+    Renderer,
+};
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use rayon::prelude::*;
@@ -16,15 +19,15 @@ use std::sync::Arc;
 
 /// Parameters: the camera and the rendering.
 #[derive(Debug, Clone, Serialize)]
-pub struct Shot {
+pub struct ShotParameters {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
     /// Work that the renderer leaves out. The stored counts depend on it; pictures do not.
-    #[serde(skip_serializing_if = "Omit::is_needless")]
-    pub omit: Omit,
+    #[serde(skip_serializing_if = "OmissionPolicy::is_needless")]
+    pub omit: OmissionPolicy,
     /// The back end.
     #[serde(skip)]
     pub backend: Backend,
@@ -34,13 +37,13 @@ pub struct Shot {
 const BATCH: usize = 8;
 
 /// A camera and its renderer.
-pub(super) struct Ready {
+pub(super) struct ReadyShot {
     pub(super) camera: Camera,
     pub(super) renderer: Box<dyn Renderer>,
 }
 
-impl Shot {
-    pub(super) fn need(&self, files: &[Files], bytes_a_pixel: u64) -> Need {
+impl ShotParameters {
+    pub(super) fn need(&self, files: &[ArtifactFiles], bytes_a_pixel: u64) -> StepNeed {
         super::rendering_need(&self.backend, self.camera, files, bytes_a_pixel)
     }
 
@@ -49,30 +52,30 @@ impl Shot {
         &self,
         capture: &Capture,
         gaussians: Gaussians,
-        motion: &Motion,
-        cx: &mut Context<'_>,
-    ) -> Result<Ready, StageError> {
+        motion: &TrajectoryProduct,
+        cx: &mut StageContext<'_>,
+    ) -> Result<ReadyShot, StageError> {
         let camera = super::choose_camera(self.camera, capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
         let mut renderer =
             self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work_failed("render"))?;
         renderer.omit(self.omit);
         renderer.keep_to(&camera, &motion.trajectory.world_from_camera);
-        Ok(Ready { camera, renderer })
+        Ok(ReadyShot { camera, renderer })
     }
 }
 
-impl Ready {
+impl ReadyShot {
     /// The views from these poses, of a camera at rest or in motion.
     pub(super) fn views(
         &self,
-        motion: &Motion,
+        motion: &TrajectoryProduct,
         poses: &[usize],
-        velocities: Option<&[Velocity]>,
-    ) -> Vec<(usize, View)> {
+        velocities: Option<&[CameraVelocity]>,
+    ) -> Vec<(usize, CameraView)> {
         let view = |j: usize| {
-            let still = View::at_rest(self.camera, motion.trajectory.world_from_camera[j]);
-            velocities.map_or(still, |all| View { velocity: all[j], ..still })
+            let still = CameraView::at_rest(self.camera, motion.trajectory.world_from_camera[j]);
+            velocities.map_or(still, |all| CameraView { velocity: all[j], ..still })
         };
         poses.iter().map(|j| (*j, view(*j))).collect()
     }
@@ -81,17 +84,17 @@ impl Ready {
     /// `work.json`.
     pub(super) fn take(
         &mut self,
-        views: &[(usize, View)],
-        want: Channels,
-        (extension, write): (&str, impl Fn(&Rendered, BufWriter<File>) -> io::Result<()> + Sync),
-        cx: &Context<'_>,
+        views: &[(usize, CameraView)],
+        want: ChannelSet,
+        (extension, write): (&str, impl Fn(&RenderedImages, BufWriter<File>) -> io::Result<()> + Sync),
+        cx: &StageContext<'_>,
     ) -> Result<(), StageError> {
-        let mut work = Work::default();
+        let mut work = RenderWork::default();
         for batch in views.chunks(BATCH) {
             let mut pictures = Vec::with_capacity(batch.len());
             for (j, view) in batch {
                 cx.go_on()?;
-                let mut rendered = Rendered::default();
+                let mut rendered = RenderedImages::default();
                 work += self
                     .renderer
                     .render(view, want, &mut rendered)
@@ -109,7 +112,7 @@ impl Ready {
 }
 
 /// Writes the counts of the rendering.
-pub(super) fn record_work(work: &Work, cx: &Context<'_>) -> Result<(), StageError> {
+pub(super) fn record_work(work: &RenderWork, cx: &StageContext<'_>) -> Result<(), StageError> {
     let out = cx.out.join("work.json");
     write_json(&out, work).map_err(StageError::io_error(&out))
 }

@@ -1,21 +1,21 @@
 //! Stage `trajectory`: makes a dense path at the prescribed speed, from captured views or other
 //! inputs.
 
-use super::{Context, Need, Stage, StageError, Target};
-use crate::artifact::{Files, Motion, write_json};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{ArtifactFiles, TrajectoryProduct, write_json};
 use crate::camera::CameraChoice;
 use crate::image::Size;
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
-use crate::render::flow::Meter;
+use crate::render::flow::PixelFlowMeter;
 use crate::scene::Gaussians;
 use crate::source::Capture;
-use crate::speed::Speed;
+use crate::speed::SpeedChoice;
 use crate::trajectory::flow::FlowMeter;
-use crate::trajectory::novel::Base;
-use crate::trajectory::path::{Ground, Path};
-use crate::trajectory::sample::Summation;
-use crate::trajectory::{NamedPose, Timing, picture};
+use crate::trajectory::novel::BaseTrajectory;
+use crate::trajectory::path::{CameraPath, PathInputs};
+use crate::trajectory::sample::SummationRule;
+use crate::trajectory::{NamedPose, PoseTiming, picture};
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fs::File;
@@ -24,23 +24,23 @@ use std::sync::Arc;
 
 /// Parameters: path, speed, and frame rate.
 #[derive(Debug, Serialize)]
-pub struct Moving {
+pub struct TrajectoryStage {
     /// The path.
-    pub path: Path,
+    pub path: CameraPath,
     /// The speed.
-    pub speed: Speed,
+    pub speed: SpeedChoice,
     /// Summation of the speed law.
-    pub law: Summation,
+    pub law: SummationRule,
     /// Poses per second.
     pub rate: Hertz,
     /// Camera and rendering for a speed that is an image motion.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub seeing: Option<Seeing>,
+    pub seeing: Option<ViewingSetup>,
 }
 
 /// A camera and its rendering.
 #[derive(Debug, Serialize)]
-pub struct Seeing {
+pub struct ViewingSetup {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
@@ -51,51 +51,52 @@ pub struct Seeing {
     pub backend: Backend,
 }
 
-impl Stage for Moving {
+impl Stage for TrajectoryStage {
     const NAME: &'static str = "trajectory";
     const REVISION: u32 = 2;
     /// The capture, the base trajectory of key poses, and the scene: each if path or speed needs
     /// it.
-    type Inputs = (Option<Target<Capture>>, Option<Target<Motion>>, Option<Target<Gaussians>>);
-    type Output = Motion;
+    type Inputs =
+        (Option<StepTarget<Capture>>, Option<StepTarget<TrajectoryProduct>>, Option<StepTarget<Gaussians>>);
+    type Output = TrajectoryProduct;
 
     fn class(&self) -> Option<String> {
         self.seeing.as_ref().map(|seeing| seeing.backend.class())
     }
 
-    fn need(&self, files: &[Files]) -> Need {
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         /// The images for the flow are small, whatever the camera.
         const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
             (Some(seeing), [others @ .., scene]) => {
-                let need = Need::for_parts([
+                let need = StepNeed::for_parts([
                     super::small_stage_memory(others),
                     seeing.backend.memory(scene.bytes(), SMALL),
                 ]);
-                Need { gpu: seeing.backend.takes_gpu(), ..need }
+                StepNeed { gpu: seeing.backend.takes_gpu(), ..need }
             }
-            _ => Need::for_parts([super::small_stage_memory(files)]),
+            _ => StepNeed::for_parts([super::small_stage_memory(files)]),
         }
     }
 
     fn run(
         &self,
-        (capture, base, gaussians): (Option<Capture>, Option<Motion>, Option<Gaussians>),
-        cx: &mut Context<'_>,
+        (capture, base, gaussians): (Option<Capture>, Option<TrajectoryProduct>, Option<Gaussians>),
+        cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let views = capture.as_ref().map_or(&[][..], |capture| &capture.views);
         let views: Vec<NamedPose<'_>> = views
             .iter()
             .map(|v| NamedPose { name: &v.name, world_from_camera: v.world_from_camera })
             .collect();
-        let base = base.as_ref().map(|motion| Base {
+        let base = base.as_ref().map(|motion| BaseTrajectory {
             poses: &motion.trajectory.world_from_camera,
             scale: motion.report.scale_distance,
         });
         let mut meter = self.meter(capture.as_ref(), gaussians, cx)?;
         let meter = meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
-        let timing = Timing { speed: &self.speed, rate: self.rate, law: self.law };
-        let made = self.path.make(Ground { views: &views, base }, timing, meter);
+        let timing = PoseTiming { speed: &self.speed, rate: self.rate, law: self.law };
+        let made = self.path.make(PathInputs { views: &views, base }, timing, meter);
         let made = made.map_err(StageError::work_failed("make the trajectory"))?;
         cx.warnings.extend(made.report.warnings.iter().cloned());
         let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
@@ -116,14 +117,14 @@ impl Stage for Moving {
     }
 }
 
-impl Moving {
+impl TrajectoryStage {
     /// The meter of optical flow, if the speed is an image motion.
     fn meter(
         &self,
         capture: Option<&Capture>,
         gaussians: Option<Gaussians>,
-        cx: &mut Context<'_>,
-    ) -> Result<Option<Meter>, StageError> {
+        cx: &mut StageContext<'_>,
+    ) -> Result<Option<PixelFlowMeter>, StageError> {
         let (Some(seeing), Some(capture), Some(gaussians)) = (&self.seeing, capture, gaussians) else {
             return Ok(None);
         };
@@ -131,6 +132,6 @@ impl Moving {
         let style = seeing.render.resolve(gaussians.antialiased);
         let renderer =
             seeing.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work_failed("render"))?;
-        Ok(Some(Meter::new(renderer, camera)))
+        Ok(Some(PixelFlowMeter::new(renderer, camera)))
     }
 }

@@ -1,7 +1,7 @@
 //! Blobs: files named by the BLAKE3 of their bytes, mode 0444, never changed in place.
 
-use super::disk::{Disk, disk_error};
-use super::record::Output;
+use super::disk::{StoreDisk, disk_error};
+use super::record::StoredOutput;
 use super::{Digest, StoreError};
 use crate::files::is_no_file;
 use std::path::{Path, PathBuf};
@@ -10,9 +10,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The folders `cas/`, `tmp/` and `trash/`.
 #[derive(Debug)]
-pub struct Blobs {
+pub struct BlobFolders {
     root: PathBuf,
-    disk: Disk,
+    disk: StoreDisk,
     next: AtomicU64,
     /// Held while a taken name changes hands: between the check of its bytes and the move, no other
     /// thread may put the sound blob there.
@@ -20,13 +20,13 @@ pub struct Blobs {
 }
 
 /// A finished file in a workspace, with its digest.
-pub(super) struct Finished {
-    pub(super) output: Output,
+pub(super) struct FinishedBlob {
+    pub(super) output: StoredOutput,
     path: PathBuf,
 }
 
-impl Blobs {
-    pub(super) fn new(root: &Path, disk: Disk) -> Self {
+impl BlobFolders {
+    pub(super) fn new(root: &Path, disk: StoreDisk) -> Self {
         Self { root: root.to_owned(), disk, next: AtomicU64::new(0), replacing: Mutex::new(()) }
     }
 
@@ -62,22 +62,22 @@ impl Blobs {
     }
 
     /// Hashes every file of a workspace, after making it read-only.
-    pub(super) fn finish(&self, workspace: &Path) -> Result<Vec<Finished>, StoreError> {
+    pub(super) fn finish(&self, workspace: &Path) -> Result<Vec<FinishedBlob>, StoreError> {
         let files = self.disk.files_below(workspace)?.into_iter();
         files.map(|(name, path)| self.hash(name, path)).collect()
     }
 
-    fn hash(&self, name: String, path: PathBuf) -> Result<Finished, StoreError> {
+    fn hash(&self, name: String, path: PathBuf) -> Result<FinishedBlob, StoreError> {
         self.disk.make_read_only(&path)?;
         let digest = self.disk.digest(&path).map_err(disk_error("reading", &path))?;
         let size = self.disk.stat(&path).map_err(disk_error("reading", &path))?.size;
-        Ok(Finished { output: Output { name, digest, size }, path })
+        Ok(FinishedBlob { output: StoredOutput { name, digest, size }, path })
     }
 
     /// Publishes a finished file; the first writer wins. Returns whether this file now lies there.
     /// Its name in the workspace is removed at once: removing it later would change the blob's
     /// ctime, and the blob would be read again.
-    pub(super) fn publish(&self, file: &Finished) -> Result<bool, StoreError> {
+    pub(super) fn publish(&self, file: &FinishedBlob) -> Result<bool, StoreError> {
         let to = self.path(&file.output.digest);
         if let Some(folder) = to.parent() {
             self.disk.create_dir(folder)?;

@@ -1,7 +1,7 @@
 //! The description of a step, from which both its key and its explanation are made.
 //!
 //! The parameters of a stage implement [`serde::Serialize`]; [`describe_value`] turns them into a
-//! [`Value`]. The key hashes the encoding of the value, and `gs2e why` prints its lines, so an
+//! [`DescribedValue`]. The key hashes the encoding of the value, and `gs2e why` prints its lines, so an
 //! explanation cannot disagree with a key.
 //!
 //! The encoding is typed and length-prefixed: a tag byte, the length of the payload as a
@@ -13,14 +13,14 @@ mod describer;
 mod typed;
 
 use super::Digest;
-use describer::Describer;
+use describer::ValueDescriber;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
 
 /// A described value.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub enum DescribedValue {
     /// Truth value.
     Bool(bool),
     /// Signed integer.
@@ -34,20 +34,20 @@ pub enum Value {
     /// Bytes.
     Bytes(Vec<u8>),
     /// Values in order.
-    List(Vec<Value>),
+    List(Vec<DescribedValue>),
     /// Named values.
-    Record(BTreeMap<String, Value>),
+    Record(BTreeMap<String, DescribedValue>),
     /// One choice among several, with its content.
-    Variant(String, Box<Value>),
+    Variant(String, Box<DescribedValue>),
     /// Digest of an input.
     Digest(Digest),
     /// A value that is shown, but left out of the encoding of its record.
-    Implied(Box<Value>),
+    Implied(Box<DescribedValue>),
     /// The encoding of a value, where a reader has nothing else.
     Encoded(Vec<u8>),
 }
 
-impl Value {
+impl DescribedValue {
     /// A record without fields.
     #[must_use]
     pub fn empty_record() -> Self {
@@ -118,13 +118,13 @@ impl Value {
 
     /// The value as lines `path = text`, in the order of the encoding.
     #[must_use]
-    pub fn lines(&self) -> Vec<Line> {
+    pub fn lines(&self) -> Vec<ExplanationLine> {
         let mut lines = Vec::new();
         self.walk("", &mut lines);
         lines
     }
 
-    fn walk(&self, path: &str, lines: &mut Vec<Line>) {
+    fn walk(&self, path: &str, lines: &mut Vec<ExplanationLine>) {
         let below = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
         match self {
             Self::List(values) if !values.is_empty() => {
@@ -139,14 +139,14 @@ impl Value {
             }
             Self::Variant(name, value) if **value != Self::empty_record() => value.walk(&below(name), lines),
             Self::Implied(value) => value.walk(path, lines),
-            leaf => lines.push(Line { path: path.to_owned(), text: leaf.to_string() }),
+            leaf => lines.push(ExplanationLine { path: path.to_owned(), text: leaf.to_string() }),
         }
     }
 }
 
 /// One line of an explanation.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Line {
+pub struct ExplanationLine {
     /// Path in the description, with parts joined by dots.
     pub path: String,
     /// The value as text.
@@ -154,7 +154,7 @@ pub struct Line {
 }
 
 /// A leaf as text. Lists and records have a text only if they are empty.
-impl fmt::Display for Value {
+impl fmt::Display for DescribedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bool(v) => write!(f, "{v}"),
@@ -191,9 +191,9 @@ fn write_nested(out: &mut Vec<u8>, tag: u8, fill: impl FnOnce(&mut Vec<u8>)) {
 /// A number is NaN or infinite, a map key is not text, or `None` stands outside a record. Stages
 /// hold valid values, so each of these is an error in the definition of a stage.
 #[must_use]
-pub fn describe_value<T: Serialize + ?Sized>(parameters: &T) -> Value {
+pub fn describe_value<T: Serialize + ?Sized>(parameters: &T) -> DescribedValue {
     parameters
-        .serialize(Describer)
+        .serialize(ValueDescriber)
         .expect("stage parameters hold finite numbers and named fields")
         .expect("stage parameters are not an absent option")
 }
@@ -222,7 +222,7 @@ mod tests {
         WithNumber(u8),
     }
 
-    fn bytes(value: &Value) -> Vec<u8> {
+    fn bytes(value: &DescribedValue) -> Vec<u8> {
         let mut out = Vec::new();
         value.encode(&mut out);
         out

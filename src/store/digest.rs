@@ -83,7 +83,7 @@ pub struct Key(pub Digest);
 impl Key {
     /// The key of a description.
     #[must_use]
-    pub fn of_description(description: &description::Value) -> Self {
+    pub fn of_description(description: &description::DescribedValue) -> Self {
         let mut bytes = Vec::new();
         description.encode(&mut bytes);
         Self(Digest(blake3::derive_key("gs2e 2026 step key v1", &bytes)))

@@ -1,7 +1,7 @@
 //! File operations of the store, with errors that name the file, and with writes that are whole or
 //! absent.
 
-use super::fs::{Fs, Stat};
+use super::fs::{FileStat, Fs};
 use super::{Digest, StoreError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ pub(super) fn disk_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Er
     move |source| StoreError::Io { doing, path, source }
 }
 
-/// Whether a path does not exist: the file itself, or a folder on the way.
+/// Returns true if a path does not exist: the file itself, or a folder on the way.
 pub(super) fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
@@ -33,18 +33,18 @@ fn retry_interrupted<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Res
 
 /// File operations with errors that name the file.
 #[derive(Debug, Clone)]
-pub(super) struct Disk {
+pub(super) struct StoreDisk {
     fs: Arc<dyn Fs>,
-    /// Whether each file is synced before the next is written, or a whole batch at once.
+    /// True if each file is synced before the next is written, or a whole batch at once.
     sync_each: bool,
 }
 
-impl Disk {
+impl StoreDisk {
     pub(super) fn new(fs: Arc<dyn Fs>, sync_each: bool) -> Self {
         Self { fs, sync_each }
     }
 
-    pub(super) fn stat(&self, path: &Path) -> io::Result<Stat> {
+    pub(super) fn stat(&self, path: &Path) -> io::Result<FileStat> {
         retry_interrupted(|| self.fs.stat(path))
     }
 

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// The stat fields of a file at one moment. Two equal values for one path mean that the file was
 /// not written in between, within the resolution of the clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Stat {
+pub struct FileStat {
     /// Device.
     pub dev: u64,
     /// Inode.
@@ -28,7 +28,7 @@ pub struct Stat {
     pub ctime_ns: i64,
 }
 
-impl From<&fs::Metadata> for Stat {
+impl From<&fs::Metadata> for FileStat {
     fn from(m: &fs::Metadata) -> Self {
         let ns = |s: i64, n: i64| s.saturating_mul(1_000_000_000).saturating_add(n);
         Self {
@@ -43,10 +43,10 @@ impl From<&fs::Metadata> for Stat {
 
 /// An entry of a folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Entry {
+pub struct FolderEntry {
     /// Path.
     pub path: PathBuf,
-    /// Whether it is a folder. Links are not followed.
+    /// True if it is a folder. Links are not followed.
     pub is_dir: bool,
 }
 
@@ -66,10 +66,10 @@ pub trait Fs: fmt::Debug + Send + Sync {
     fn digest(&self, path: &Path) -> io::Result<Digest>;
 
     /// The stat fields of a path. Links are followed.
-    fn stat(&self, path: &Path) -> io::Result<Stat>;
+    fn stat(&self, path: &Path) -> io::Result<FileStat>;
 
     /// The entries of a folder, sorted by path.
-    fn list(&self, path: &Path) -> io::Result<Vec<Entry>>;
+    fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>>;
 
     /// Removes write permission for all users.
     fn protect(&self, path: &Path) -> io::Result<()>;
@@ -97,9 +97,9 @@ pub trait Fs: fmt::Debug + Send + Sync {
 
 /// The file operations of the system.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Real;
+pub struct SystemFs;
 
-impl Fs for Real {
+impl Fs for SystemFs {
     fn create_dir_all(&self, path: &Path) -> io::Result<()> {
         fs::create_dir_all(path)
     }
@@ -116,14 +116,14 @@ impl Fs for Real {
         Digest::of_file(path)
     }
 
-    fn stat(&self, path: &Path) -> io::Result<Stat> {
-        Ok(Stat::from(&fs::metadata(path)?))
+    fn stat(&self, path: &Path) -> io::Result<FileStat> {
+        Ok(FileStat::from(&fs::metadata(path)?))
     }
 
-    fn list(&self, path: &Path) -> io::Result<Vec<Entry>> {
+    fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>> {
         let entries = fs::read_dir(path)?.map(|entry| {
             let entry = entry?;
-            Ok(Entry { path: entry.path(), is_dir: entry.file_type()?.is_dir() })
+            Ok(FolderEntry { path: entry.path(), is_dir: entry.file_type()?.is_dir() })
         });
         let mut entries = entries.collect::<io::Result<Vec<_>>>()?;
         entries.sort();

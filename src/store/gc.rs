@@ -5,8 +5,8 @@
 //! `trash/`, where the next collection finds it if this one ends early.
 
 use super::disk::disk_error;
-use super::fs::Stat;
-use super::state::Table;
+use super::fs::FileStat;
+use super::state::StateTable;
 use super::{Digest, Key, LOG, LOGS, Store, StoreError};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -15,16 +15,16 @@ use std::path::PathBuf;
 
 /// Options of a garbage collection.
 #[derive(Debug, Clone, Copy)]
-pub struct Sweep {
+pub struct GcSweep {
     /// Files written after this time stay, ns since the epoch.
     pub until_ns: i64,
-    /// Whether to report only.
+    /// True if to report only.
     pub dry_run: bool,
 }
 
 /// The result of a garbage collection, or of its dry run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Swept {
+pub struct SweepSummary {
     /// Number of records deleted.
     pub records: usize,
     /// Number of blobs deleted.
@@ -43,10 +43,10 @@ pub struct Swept {
 }
 
 /// A file of `cas/` or `ac/`.
-struct Stored {
+struct SweepFile {
     name: Digest,
     path: PathBuf,
-    stat: Stat,
+    stat: FileStat,
 }
 
 /// Prefix of a collection's own files in `trash/`.
@@ -58,8 +58,8 @@ impl Store {
     ///
     /// # Errors
     /// The disk or the database fails. Everything marked is intact even then.
-    pub fn sweep(&self, marked: &BTreeSet<Key>, sweep: Sweep) -> Result<Swept, StoreError> {
-        let is_old = |stat: &Stat| stat.mtime_ns <= sweep.until_ns;
+    pub fn sweep(&self, marked: &BTreeSet<Key>, sweep: GcSweep) -> Result<SweepSummary, StoreError> {
+        let is_old = |stat: &FileStat| stat.mtime_ns <= sweep.until_ns;
         let (gone, kept): (Vec<_>, Vec<_>) = self
             .stored("ac", ".json")?
             .into_iter()
@@ -78,8 +78,8 @@ impl Store {
             .partition(|blob| !named.contains(&blob.name) && is_old(&blob.stat));
         let mut trash = self.old_trash(sweep.until_ns)?;
         trash.extend(self.old_logs(marked, sweep.until_ns)?);
-        let bytes = |files: &[Stored]| files.iter().map(|file| file.stat.size).sum();
-        let swept = Swept {
+        let bytes = |files: &[SweepFile]| files.iter().map(|file| file.stat.size).sum();
+        let swept = SweepSummary {
             records: gone.len(),
             blobs: blobs.len(),
             bytes: bytes(&blobs),
@@ -106,7 +106,7 @@ impl Store {
     }
 
     /// The files of a folder with names that this program gives.
-    fn stored(&self, folder: &str, suffix: &str) -> Result<Vec<Stored>, StoreError> {
+    fn stored(&self, folder: &str, suffix: &str) -> Result<Vec<SweepFile>, StoreError> {
         let mut stored = Vec::new();
         for (name, path) in self.files_of(folder)? {
             let digest = name.strip_suffix(suffix).and_then(|name| name.split_once('/'));
@@ -114,7 +114,7 @@ impl Store {
                 digest.filter(|(head, name)| name.starts_with(head)).and_then(|(_, d)| d.parse().ok());
             let Some(name) = digest else { continue };
             match self.disk.stat(&path) {
-                Ok(stat) => stored.push(Stored { name, path, stat }),
+                Ok(stat) => stored.push(SweepFile { name, path, stat }),
                 // Without the lock, a file may vanish during the scan.
                 Err(e) if e.kind() == ErrorKind::NotFound => {}
                 Err(e) => return Err(disk_error("reading", &path)(e)),
@@ -153,27 +153,27 @@ impl Store {
     }
 
     /// Deletes rows from the index and syncs: a row must not outlive its record.
-    fn forget(&self, records: &[Stored], blobs: &[Stored]) -> Result<(), StoreError> {
+    fn forget(&self, records: &[SweepFile], blobs: &[SweepFile]) -> Result<(), StoreError> {
         if records.is_empty() && blobs.is_empty() {
             return Ok(());
         }
         {
             let mut state = self.state();
             for record in records {
-                state.delete(Table::Record, &record.name.to_string());
+                state.delete(StateTable::Record, &record.name.to_string());
             }
             for path in blobs.iter().filter_map(|blob| blob.path.to_str()) {
-                state.delete(Table::Stat, path);
+                state.delete(StateTable::Stat, path);
             }
             // A memo may depend on blobs that stay and on a record that is deleted.
-            for memo in state.all(Table::Memo).into_keys() {
-                state.delete(Table::Memo, &memo);
+            for memo in state.all(StateTable::Memo).into_keys() {
+                state.delete(StateTable::Memo, &memo);
             }
         }
         self.flush()
     }
 
-    fn delete<'a>(&self, files: impl Iterator<Item = &'a Stored>) -> Result<(), StoreError> {
+    fn delete<'a>(&self, files: impl Iterator<Item = &'a SweepFile>) -> Result<(), StoreError> {
         let mut moved = Vec::new();
         for (number, file) in files.enumerate() {
             let to = self.root.join("trash").join(format!("{OWN}{}.{number}", std::process::id()));

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// The process that wants the lock, and its patience.
 #[derive(Debug, Clone)]
-pub struct Claim {
+pub struct LockClaim {
     /// The command, shown to others who wait.
     pub command: String,
     /// Start time: `YYYY-MM-DDThh:mm:ssZ`.
@@ -22,7 +22,7 @@ pub struct Claim {
     pub remind: Duration,
 }
 
-impl Default for Claim {
+impl Default for LockClaim {
     fn default() -> Self {
         Self { command: String::new(), since: String::new(), remind: Duration::from_mins(1) }
     }
@@ -33,18 +33,18 @@ const TRY: Duration = Duration::from_millis(50);
 
 /// An exclusive lock between processes, held until it is dropped.
 #[derive(Debug)]
-pub struct Lock {
+pub struct StoreLock {
     file: File,
     /// The file to remove with the lock.
     temporary: Option<PathBuf>,
 }
 
-impl Lock {
+impl StoreLock {
     /// Takes the lock. If it is held, waits and calls `waiting` with the holder from time to time,
     /// or fails.
     pub(super) fn take_lock(
         root: &Path,
-        claim: &Claim,
+        claim: &LockClaim,
         wait: bool,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
@@ -56,9 +56,9 @@ impl Lock {
             .truncate(false)
             .open(&path)
             .map_err(disk::disk_error("opening", &path))?;
-        let request = Request { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
+        let request = LockRequest { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
         request.lock(&mut file, waiting)?;
-        write_holder(&mut file, &Holder::this_process(claim).to_text())
+        write_holder(&mut file, &LockHolder::this_process(claim).to_text())
             .map_err(disk::disk_error("writing", &path))?;
         Ok(Self { file, temporary: None })
     }
@@ -72,11 +72,11 @@ impl Lock {
     pub fn take_temporary(
         path: &Path,
         of: &Path,
-        (claim, wait): (&Claim, bool),
+        (claim, wait): (&LockClaim, bool),
         cancel: &AtomicBool,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let request = Request { path, of, claim, wait, cancel };
+        let request = LockRequest { path, of, claim, wait, cancel };
         loop {
             let mut file = open_own(path).map_err(disk::disk_error("opening", path))?;
             request.lock(&mut file, waiting)?;
@@ -85,21 +85,21 @@ impl Lock {
                 continue;
             }
             refuse_foreign(&mut file).map_err(disk::disk_error("locking", path))?;
-            write_holder(&mut file, &Holder::this_process(claim).to_text())
+            write_holder(&mut file, &LockHolder::this_process(claim).to_text())
                 .map_err(disk::disk_error("writing", path))?;
             return Ok(Self { file, temporary: Some(path.to_owned()) });
         }
     }
 }
 
-impl Lock {
+impl StoreLock {
     /// Another handle of the lock, which is held until both are dropped, in whichever process.
     pub(super) fn share(&self) -> io::Result<File> {
         self.file.try_clone()
     }
 }
 
-impl Drop for Lock {
+impl Drop for StoreLock {
     fn drop(&mut self) {
         // The lock is still held here, so no other process can have taken a file of this name for its own.
         if let Some(path) = self.temporary.take().filter(|path| is_at(&self.file, path)) {
@@ -109,17 +109,17 @@ impl Drop for Lock {
 }
 
 /// A lock that is asked for.
-struct Request<'a> {
+struct LockRequest<'a> {
     /// The file that is locked.
     path: &'a Path,
     /// The place that the lock protects, as messages name it.
     of: &'a Path,
-    claim: &'a Claim,
+    claim: &'a LockClaim,
     wait: bool,
     cancel: &'a AtomicBool,
 }
 
-impl Request<'_> {
+impl LockRequest<'_> {
     fn lock(&self, file: &mut File, waiting: &mut dyn FnMut(&str)) -> Result<(), StoreError> {
         let mut tries = 0;
         let tries_a_reminder = self.claim.remind.as_millis().div_ceil(TRY.as_millis()).max(1);
@@ -152,7 +152,7 @@ fn open_own(path: &Path) -> io::Result<File> {
     Ok(File::from(rustix::fs::open(path, flags, mode)?))
 }
 
-/// Whether `path` still names the open file.
+/// Returns true if `path` still names the open file.
 fn is_at(file: &File, path: &Path) -> bool {
     let same = |there: &std::fs::Metadata| {
         file.metadata().is_ok_and(|own| (own.dev(), own.ino()) == (there.dev(), there.ino()))
@@ -182,7 +182,7 @@ fn write_holder(file: &mut File, text: &str) -> std::io::Result<()> {
 
 /// The holder of the lock, as text. The first holder of a new store has the lock shortly before its
 /// name is written.
-fn holder_text(file: &mut File, claim: &Claim) -> String {
+fn holder_text(file: &mut File, claim: &LockClaim) -> String {
     const LOOKS: usize = 20;
     for look in 0..LOOKS {
         if look > 0 {
@@ -191,7 +191,7 @@ fn holder_text(file: &mut File, claim: &Claim) -> String {
         let mut text = String::new();
         // The wait is as long if the file cannot be read.
         let read = file.rewind().and_then(|()| file.read_to_string(&mut text));
-        if let Some(holder) = read.ok().and_then(|_| Holder::parse(&text)) {
+        if let Some(holder) = read.ok().and_then(|_| LockHolder::parse(&text)) {
             return holder.to_words(&claim.since);
         }
     }
@@ -203,7 +203,7 @@ const HOST: &str = "host: ";
 
 /// What the lock's file says.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Holder {
+struct LockHolder {
     host: String,
     pid: u32,
     /// Identity of the machine's boot. If it differs, the process no longer exists, whatever its
@@ -213,8 +213,8 @@ struct Holder {
     command: String,
 }
 
-impl Holder {
-    fn this_process(claim: &Claim) -> Self {
+impl LockHolder {
+    fn this_process(claim: &LockClaim) -> Self {
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         // Only Linux has it.
         let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
@@ -269,8 +269,8 @@ impl Holder {
 mod tests {
     use super::*;
 
-    fn sample() -> Holder {
-        Holder {
+    fn sample() -> LockHolder {
+        LockHolder {
             host: "node3".into(),
             pid: 4711,
             boot: "f2a0".into(),
@@ -282,35 +282,35 @@ mod tests {
     #[test]
     fn a_holder_is_read_as_it_was_written_and_nothing_else_is() {
         let text = sample().to_text();
-        assert_eq!(Holder::parse(&text), Some(sample()));
-        assert_eq!(Holder::parse(&format!("{text}rest of a longer one\n")), Some(sample()));
+        assert_eq!(LockHolder::parse(&text), Some(sample()));
+        assert_eq!(LockHolder::parse(&format!("{text}rest of a longer one\n")), Some(sample()));
         for n in 0..text.len() {
-            assert_eq!(Holder::parse(&text[..n]), None, "cut at {n}");
+            assert_eq!(LockHolder::parse(&text[..n]), None, "cut at {n}");
         }
-        assert_eq!(Holder::parse("pid 4711 on host node3\n"), None);
+        assert_eq!(LockHolder::parse("pid 4711 on host node3\n"), None);
     }
 
     #[test]
     fn a_holder_is_told_with_the_time_and_where_it_helps_the_date() {
-        let t = |holder: Holder, now: &str, wanted: &str| assert_eq!(holder.to_words(now), wanted);
+        let t = |holder: LockHolder, now: &str, wanted: &str| assert_eq!(holder.to_words(now), wanted);
         t(sample(), "2026-03-01T15:00:00Z", "pid 4711 on host node3 since 14:02 UTC (gs2e build -j8)");
         t(
             sample(),
             "2026-03-02T15:00:00Z",
             "pid 4711 on host node3 since 2026-03-01 14:02 UTC (gs2e build -j8)",
         );
-        let bare = Holder { since: String::new(), command: String::new(), ..sample() };
+        let bare = LockHolder { since: String::new(), command: String::new(), ..sample() };
         t(bare, "", "pid 4711 on host node3");
     }
 
     #[test]
     fn who_waits_is_told_again_and_then_has_it() {
         let folder = tempfile::tempdir().unwrap();
-        let claim = Claim { command: "first\nof two".into(), remind: 2 * TRY, ..Claim::default() };
-        let first = Lock::take_lock(folder.path(), &claim, false, &mut |_| {}).unwrap();
+        let claim = LockClaim { command: "first\nof two".into(), remind: 2 * TRY, ..LockClaim::default() };
+        let first = StoreLock::take_lock(folder.path(), &claim, false, &mut |_| {}).unwrap();
         let mut told = Vec::new();
         let mut held = Some(first);
-        let second = Lock::take_lock(folder.path(), &claim, true, &mut |holder| {
+        let second = StoreLock::take_lock(folder.path(), &claim, true, &mut |holder| {
             told.push(holder.to_owned());
             if told.len() == 3 {
                 held.take();
@@ -320,9 +320,9 @@ mod tests {
         assert!(told.iter().all(|holder| holder.ends_with("(first of two)")), "{told:?}");
     }
 
-    fn take_temporary(path: &Path) -> Result<Lock, StoreError> {
-        let claim = (&Claim::default(), true);
-        Lock::take_temporary(path, path, claim, &AtomicBool::new(false), &mut |_| {})
+    fn take_temporary(path: &Path) -> Result<StoreLock, StoreError> {
+        let claim = (&LockClaim::default(), true);
+        StoreLock::take_temporary(path, path, claim, &AtomicBool::new(false), &mut |_| {})
     }
 
     #[test]
@@ -368,8 +368,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(".lock");
         let _held = take_temporary(&path).unwrap();
-        let claim = (&Claim::default(), true);
-        let ended = Lock::take_temporary(&path, &path, claim, &AtomicBool::new(true), &mut |_| {});
+        let claim = (&LockClaim::default(), true);
+        let ended = StoreLock::take_temporary(&path, &path, claim, &AtomicBool::new(true), &mut |_| {});
         let Err(StoreError::Io { source, .. }) = ended else { panic!("{ended:?}") };
         assert_eq!(source.kind(), io::ErrorKind::Interrupted);
     }
@@ -380,9 +380,9 @@ mod tests {
         let path = folder.path().join("lock");
         std::fs::write(&path, sample().to_text().repeat(3)).unwrap();
         let told = &mut |holder: &str| panic!("nobody holds it, and it waits for {holder}");
-        let _ours = Lock::take_lock(folder.path(), &Claim::default(), true, told).unwrap();
+        let _ours = StoreLock::take_lock(folder.path(), &LockClaim::default(), true, told).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
-        assert_eq!(Holder::parse(&text).unwrap().pid, std::process::id());
+        assert_eq!(LockHolder::parse(&text).unwrap().pid, std::process::id());
         assert_eq!(text.lines().count(), 5);
     }
 }

@@ -5,10 +5,10 @@
 //! that it depends on. While they all agree, nothing is read, parsed or hashed. A memo is only
 //! written where equal fields mean equal bytes.
 
-use super::disk::{Disk, disk_error, is_absent};
-use super::fs::Stat;
-use super::stat_cache::{Entry, Sighting};
-use super::state::Table;
+use super::disk::{StoreDisk, disk_error, is_absent};
+use super::fs::FileStat;
+use super::stat_cache::{StatEntry, StatSighting};
+use super::state::StateTable;
 use super::{Digest, Store, StoreError};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
@@ -18,25 +18,25 @@ use std::sync::atomic::Ordering;
 
 /// A fact with its dependencies.
 #[derive(Debug, Serialize, Deserialize)]
-struct Memo<T> {
+struct StoredMemo<T> {
     /// Other dependencies of the fact: the program itself, and its options.
     tag: Digest,
     /// Files outside the store.
-    files: Vec<(String, Stat)>,
+    files: Vec<(String, FileStat)>,
     /// Blobs.
-    blobs: Vec<(Digest, Stat)>,
+    blobs: Vec<(Digest, FileStat)>,
     fact: T,
 }
 
-impl<T> Memo<T> {
-    /// Whether no file has changed; `path_of` maps a blob to its path.
+impl<T> StoredMemo<T> {
+    /// Returns true if no file has changed; `path_of` maps a blob to its path.
     fn holds(
         &self,
         tag: &Digest,
-        disk: &Disk,
+        disk: &StoreDisk,
         path_of: &impl Fn(&Digest) -> PathBuf,
     ) -> Result<bool, StoreError> {
-        let is = |path: &Path, then: &Stat| match disk.stat(path) {
+        let is = |path: &Path, then: &FileStat| match disk.stat(path) {
             Ok(now) => Ok(now == *then),
             Err(e) if is_absent(&e) => Ok(false),
             Err(e) => Err(disk_error("reading", path)(e)),
@@ -75,13 +75,13 @@ impl Store {
             return Ok(names.iter().map(|_| None).collect());
         }
         let rows: Vec<Option<Vec<u8>>> = if names.len() < FEW {
-            names.iter().map(|name| self.state().get(Table::Memo, name)).collect()
+            names.iter().map(|name| self.state().get(StateTable::Memo, name)).collect()
         } else {
-            let mut all = self.state().all(Table::Memo);
+            let mut all = self.state().all(StateTable::Memo);
             names.iter().map(|name| all.remove(name)).collect()
         };
         let recall = |row: Option<Vec<u8>>| {
-            let memo = row.and_then(|row| postcard::from_bytes::<Memo<T>>(&row).ok());
+            let memo = row.and_then(|row| postcard::from_bytes::<StoredMemo<T>>(&row).ok());
             let Some(memo) = memo else { return Ok(None) };
             if !memo.holds(tag, &self.disk, &|digest| self.blobs.path(digest))? {
                 return Ok(None);
@@ -98,28 +98,28 @@ impl Store {
         &self,
         name: &str,
         tag: Digest,
-        files: &[(PathBuf, Sighting)],
+        files: &[(PathBuf, StatSighting)],
         blobs: &[Digest],
         fact: T,
     ) {
         let mut state = self.state();
         let known = |digest: &Digest| {
-            let row = state.get(Table::Stat, self.blobs.path(digest).to_str()?)?;
-            let entry: Entry = postcard::from_bytes(&row).ok()?;
+            let row = state.get(StateTable::Stat, self.blobs.path(digest).to_str()?)?;
+            let entry: StatEntry = postcard::from_bytes(&row).ok()?;
             (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
         };
         let blobs: Option<Vec<_>> = blobs.iter().map(known).collect();
         let (Some(files), Some(blobs)) = (firm_files(files), blobs) else { return };
-        let memo = Memo { tag, files, blobs, fact };
+        let memo = StoredMemo { tag, files, blobs, fact };
         let row = postcard::to_stdvec(&memo).expect("a memo is plain data");
-        state.put_new(Table::Memo, name, row);
+        state.put_new(StateTable::Memo, name, row);
     }
 }
 
 /// Files in the form of a memo; `None` if one of them may change unnoticed, or has a name that is
 /// not UTF-8.
-fn firm_files(files: &[(PathBuf, Sighting)]) -> Option<Vec<(String, Stat)>> {
-    let firm = |(path, seen): &(PathBuf, Sighting)| {
+fn firm_files(files: &[(PathBuf, StatSighting)]) -> Option<Vec<(String, FileStat)>> {
+    let firm = |(path, seen): &(PathBuf, StatSighting)| {
         seen.is_firm().then_some(()).and_then(|()| Some((path.to_str()?.to_owned(), seen.stat)))
     };
     files.iter().map(firm).collect()

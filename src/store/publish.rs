@@ -1,8 +1,8 @@
 //! Publication of a step's files as blobs and a record.
 
-use super::record::{Output, Record};
-use super::state::Table;
-use super::{BlobState, Store, StoreError, Unlike, unlike};
+use super::record::{StepRecord, StoredOutput};
+use super::state::StateTable;
+use super::{BlobState, OutputMismatch, Store, StoreError, unlike};
 use std::path::{Path, PathBuf};
 
 impl Store {
@@ -10,10 +10,10 @@ impl Store {
     ///
     /// # Errors
     /// It cannot be created.
-    pub fn workspace(&self) -> Result<Workspace<'_>, StoreError> {
+    pub fn workspace(&self) -> Result<StepWorkspace<'_>, StoreError> {
         let path = self.blobs.fresh("tmp");
         self.disk.create_dir(&path)?;
-        Ok(Workspace { path, store: self })
+        Ok(StepWorkspace { path, store: self })
     }
 
     /// Publishes the files of a workspace as the outputs of `record`: blobs, then the record, then
@@ -22,7 +22,11 @@ impl Store {
     /// # Errors
     /// A file cannot be read or written, or the key is recorded with other bytes. If those are
     /// intact, nothing is published; if they are lost, the new ones replace them.
-    pub fn publish(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<Vec<Output>, StoreError> {
+    pub fn publish(
+        &self,
+        workspace: &StepWorkspace<'_>,
+        mut record: StepRecord,
+    ) -> Result<Vec<StoredOutput>, StoreError> {
         let files = self.blobs.finish(workspace.path())?;
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
         let before = self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs);
@@ -40,7 +44,7 @@ impl Store {
             // own state.
             self.settle(&output.digest)?;
         }
-        self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
+        self.state().put(StateTable::Record, &record.key.to_string(), record.brief().row());
         unlike.map_or(Ok(record.outputs), Err)
     }
 
@@ -48,7 +52,7 @@ impl Store {
     ///
     /// # Errors
     /// A file cannot be read, or the bytes differ.
-    pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
+    pub fn compare(&self, workspace: &StepWorkspace<'_>, mut record: StepRecord) -> Result<(), StoreError> {
         let files = self.blobs.finish(workspace.path())?;
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
         match self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs) {
@@ -59,24 +63,24 @@ impl Store {
 
     fn nondeterministic(
         &self,
-        workspace: &Workspace<'_>,
-        before: Record,
-        now: Record,
+        workspace: &StepWorkspace<'_>,
+        before: StepRecord,
+        now: StepRecord,
         replaced: bool,
     ) -> StoreError {
         let first = unlike::first_difference(&before, &now, &|digest| self.path_of(digest), workspace.path());
-        StoreError::Nondeterministic(Box::new(Unlike { before, now, replaced, first }))
+        StoreError::Nondeterministic(Box::new(OutputMismatch { before, now, replaced, first }))
     }
 }
 
 /// A folder under `tmp/` that is removed with its content when dropped.
 #[derive(Debug)]
-pub struct Workspace<'s> {
+pub struct StepWorkspace<'s> {
     path: PathBuf,
     store: &'s Store,
 }
 
-impl Workspace<'_> {
+impl StepWorkspace<'_> {
     /// Path of the workspace.
     #[must_use]
     pub fn path(&self) -> &Path {
@@ -84,7 +88,7 @@ impl Workspace<'_> {
     }
 }
 
-impl Drop for Workspace<'_> {
+impl Drop for StepWorkspace<'_> {
     fn drop(&mut self) {
         // Remaining files are removed when the store is next opened for writing. The failure is
         // reported at the next flush.

@@ -1,14 +1,14 @@
 //! Records of the outputs of a key: one immutable JSON file per key, in `ac/`.
 
-use super::description::Line;
-use super::disk::Disk;
+use super::description::ExplanationLine;
+use super::disk::StoreDisk;
 use super::{Digest, Key, StoreError};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// One output file of a step.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Output {
+pub struct StoredOutput {
     /// Its name within the step, `/`-separated.
     pub name: String,
     /// Digest of its bytes.
@@ -20,7 +20,7 @@ pub struct Output {
 /// The content digest of a step's outputs: of the sorted list of names, sizes and digests. The keys
 /// of later steps contain it.
 #[must_use]
-pub fn content_digest(outputs: &[Output]) -> Digest {
+pub fn content_digest(outputs: &[StoredOutput]) -> Digest {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 output list v1");
     for output in outputs {
         hasher.update(&(output.name.len() as u64).to_le_bytes());
@@ -33,7 +33,7 @@ pub fn content_digest(outputs: &[Output]) -> Digest {
 
 /// Information about a step that does not enter its key.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Provenance {
+pub struct StepProvenance {
     /// Version of the program.
     pub tool: String,
     /// Wall time of the step in seconds.
@@ -48,7 +48,7 @@ pub struct Provenance {
 
 /// A record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct StepRecord {
     /// Format of this file.
     pub format: u32,
     /// The key.
@@ -56,11 +56,11 @@ pub struct Record {
     /// Name of the stage.
     pub stage: String,
     /// The outputs, sorted by name.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<StoredOutput>,
     /// The description, whose hash is the key, as text.
-    pub description: Vec<Line>,
+    pub description: Vec<ExplanationLine>,
     /// Resources used.
-    pub provenance: Provenance,
+    pub provenance: StepProvenance,
     /// BLAKE3 of this record's JSON with an empty seal.
     seal: String,
 }
@@ -69,7 +69,7 @@ const FORMAT: u32 = 1;
 
 /// The part of a record in the index.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Brief {
+pub struct RecordSummary {
     /// Name of the stage.
     pub stage: String,
     /// Wall time of the step in seconds.
@@ -79,20 +79,20 @@ pub struct Brief {
     /// Memory granted, bytes.
     pub memory: u64,
     /// The outputs, sorted by name.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<StoredOutput>,
 }
 
-impl Brief {
+impl RecordSummary {
     /// The row of the index.
     pub(super) fn row(&self) -> Vec<u8> {
         serde_json::to_vec(self).expect("a record is plain data")
     }
 }
 
-impl Record {
+impl StepRecord {
     /// A record without outputs yet.
     #[must_use]
-    pub fn new(key: Key, stage: &str, description: Vec<Line>, provenance: Provenance) -> Self {
+    pub fn new(key: Key, stage: &str, description: Vec<ExplanationLine>, provenance: StepProvenance) -> Self {
         let seal = String::new();
         Self {
             format: FORMAT,
@@ -111,9 +111,9 @@ impl Record {
     }
 
     /// The part of the record for the index.
-    pub(super) fn brief(&self) -> Brief {
-        let Provenance { seconds, threads, memory, .. } = self.provenance;
-        Brief { stage: self.stage.clone(), seconds, threads, memory, outputs: self.outputs.clone() }
+    pub(super) fn brief(&self) -> RecordSummary {
+        let StepProvenance { seconds, threads, memory, .. } = self.provenance;
+        RecordSummary { stage: self.stage.clone(), seconds, threads, memory, outputs: self.outputs.clone() }
     }
 
     fn sealed(&self) -> String {
@@ -121,7 +121,7 @@ impl Record {
         Digest::of_bytes(&serde_json::to_vec(&open).expect("a record is plain data")).to_string()
     }
 
-    pub(super) fn write(&mut self, root: &Path, disk: &Disk) -> Result<(), StoreError> {
+    pub(super) fn write(&mut self, root: &Path, disk: &StoreDisk) -> Result<(), StoreError> {
         self.seal = self.sealed();
         let path = Self::record_path(root, &self.key);
         if let Some(folder) = path.parent() {
@@ -134,7 +134,7 @@ impl Record {
 
     /// The record of a key. `None` if there is none, or if it is torn, altered or of another
     /// format, which counts as a miss.
-    pub(super) fn read(root: &Path, disk: &Disk, key: &Key) -> Result<Option<Self>, StoreError> {
+    pub(super) fn read(root: &Path, disk: &StoreDisk, key: &Key) -> Result<Option<Self>, StoreError> {
         let Some(bytes) = disk.read_optional(&Self::record_path(root, key))? else { return Ok(None) };
         Ok(Self::parse(&bytes).filter(|record| record.key == *key))
     }
@@ -145,7 +145,7 @@ impl Record {
     }
 
     /// All sound records below `ac/`, and the number of files that are not.
-    pub(super) fn read_all(root: &Path, disk: &Disk) -> Result<(Vec<Self>, usize), StoreError> {
+    pub(super) fn read_all(root: &Path, disk: &StoreDisk) -> Result<(Vec<Self>, usize), StoreError> {
         let folder = root.join("ac");
         if !folder.is_dir() {
             return Ok((Vec::new(), 0));
@@ -165,12 +165,16 @@ impl Record {
 mod tests {
     use super::*;
 
-    fn sample() -> Record {
-        let line = Line { path: "params.rate".into(), text: "2400/1".into() };
+    fn sample() -> StepRecord {
+        let line = ExplanationLine { path: "params.rate".into(), text: "2400/1".into() };
         let provenance =
-            Provenance { tool: "0".into(), seconds: 0.1, threads: 2, memory: 7, warnings: vec![] };
-        let mut record = Record::new(Key(Digest::of_bytes(b"key")), "trajectory", vec![line], provenance);
-        record.outputs.push(Output { name: "poses.txt".into(), digest: Digest::of_bytes(b"poses"), size: 5 });
+            StepProvenance { tool: "0".into(), seconds: 0.1, threads: 2, memory: 7, warnings: vec![] };
+        let mut record = StepRecord::new(Key(Digest::of_bytes(b"key")), "trajectory", vec![line], provenance);
+        record.outputs.push(StoredOutput {
+            name: "poses.txt".into(),
+            digest: Digest::of_bytes(b"poses"),
+            size: 5,
+        });
         record
     }
 
@@ -179,11 +183,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut record = sample();
         std::fs::create_dir(folder.path().join("tmp")).unwrap();
-        let disk = Disk::new(std::sync::Arc::new(crate::store::fs::Real), false);
+        let disk = StoreDisk::new(std::sync::Arc::new(crate::store::fs::SystemFs), false);
         record.write(folder.path(), &disk).unwrap();
-        let read = || Record::read(folder.path(), &disk, &record.key).unwrap();
+        let read = || StepRecord::read(folder.path(), &disk, &record.key).unwrap();
         assert_eq!(read(), Some(record.clone()));
-        let path = Record::record_path(folder.path(), &record.key);
+        let path = StepRecord::record_path(folder.path(), &record.key);
         let whole = std::fs::read(&path).unwrap();
         for n in 0..whole.len() {
             std::fs::write(&path, &whole[..n]).unwrap();

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// A release and the keys of its steps.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Root {
+pub struct ReleaseRoot {
     /// Its folder, absolute.
     #[serde(with = "folder")]
     pub release: PathBuf,
@@ -23,7 +23,7 @@ impl Store {
     ///
     /// # Errors
     /// The root cannot be written.
-    pub fn write_root(&self, root: &Root) -> Result<(), StoreError> {
+    pub fn write_root(&self, root: &ReleaseRoot) -> Result<(), StoreError> {
         let path = self.path_of_root(root);
         let bytes = serde_json::to_vec(root).map_err(|e| disk_error("writing", &path)(e.into()))?;
         self.disk.create_dir(&self.root.join(FOLDER))?;
@@ -34,7 +34,7 @@ impl Store {
     ///
     /// # Errors
     /// A root cannot be read: the steps that it keeps are then unknown.
-    pub fn roots(&self) -> Result<Vec<Root>, StoreError> {
+    pub fn roots(&self) -> Result<Vec<ReleaseRoot>, StoreError> {
         let mut roots = Vec::new();
         for (_, path) in self.files_of(FOLDER)? {
             let Some(bytes) = self.disk.read_optional(&path)? else { continue };
@@ -48,12 +48,12 @@ impl Store {
     ///
     /// # Errors
     /// It exists but cannot be removed.
-    pub fn remove_root(&self, root: &Root) -> Result<(), StoreError> {
+    pub fn remove_root(&self, root: &ReleaseRoot) -> Result<(), StoreError> {
         self.disk.remove(&self.path_of_root(root))
     }
 
     /// The name of a root is a function of its folder, so that the next release replaces it.
-    fn path_of_root(&self, root: &Root) -> PathBuf {
+    fn path_of_root(&self, root: &ReleaseRoot) -> PathBuf {
         let name = Digest::of_bytes(root.release.as_os_str().as_encoded_bytes());
         self.root.join(FOLDER).join(format!("{name}.json"))
     }
@@ -98,10 +98,11 @@ mod tests {
     #[test]
     fn folders_keep_their_names_in_json() {
         for (name, wanted) in [(&b"/a/b"[..], "\"/a/b\""), (b"/x\xff", "[47,120,255]")] {
-            let root = Root { release: Path::new(OsStr::from_bytes(name)).to_owned(), keys: Vec::new() };
+            let root =
+                ReleaseRoot { release: Path::new(OsStr::from_bytes(name)).to_owned(), keys: Vec::new() };
             let text = serde_json::to_string(&root).unwrap();
             assert_eq!(text, format!("{{\"release\":{wanted},\"keys\":[]}}"));
-            assert_eq!(serde_json::from_str::<Root>(&text).unwrap(), root);
+            assert_eq!(serde_json::from_str::<ReleaseRoot>(&text).unwrap(), root);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Detection of a full file system, and its description for messages.
 
-use super::{StoreError, Workspace};
+use super::{StepWorkspace, StoreError};
 use std::error::Error;
 use std::fs;
 use std::io;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// A file system and its free space.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Space {
+pub struct DiskSpace {
     /// Bytes that this user can still write.
     pub free: u64,
     /// Mount point, if known.
@@ -21,7 +21,7 @@ pub struct Space {
 /// the cause.
 const LEAST: u64 = 1 << 20;
 
-impl Space {
+impl DiskSpace {
     /// The file system that holds `path`.
     ///
     /// # Errors
@@ -35,7 +35,7 @@ impl Space {
         Ok(Self { free: found.f_bavail.saturating_mul(found.f_frsize), mount, kind })
     }
 
-    /// Whether the file system is remote or implemented by a program: a database in WAL mode needs
+    /// Returns true if the file system is remote or implemented by a program: a database in WAL mode needs
     /// shared memory on one host.
     #[must_use]
     pub fn is_remote(&self) -> bool {
@@ -44,7 +44,7 @@ impl Space {
         REMOTE.iter().any(|kind| self.kind.starts_with(kind))
     }
 
-    /// Whether there is almost no free space.
+    /// Returns true if there is almost no free space.
     #[must_use]
     pub fn is_used_up(&self) -> bool {
         self.free < LEAST
@@ -62,7 +62,7 @@ fn mount_of(path: &Path, mounts: &str) -> Option<(PathBuf, String)> {
     mounts.lines().filter_map(read).max_by_key(|(point, _)| point.components().count())
 }
 
-/// Whether an error was caused by a full file system or an exhausted quota.
+/// Returns true if an error was caused by a full file system or an exhausted quota.
 #[must_use]
 pub fn is_full(error: &(dyn Error + 'static)) -> bool {
     let mut next = Some(error);
@@ -81,7 +81,7 @@ pub fn is_full(error: &(dyn Error + 'static)) -> bool {
 }
 
 impl StoreError {
-    /// Whether the file system of the store is full.
+    /// Returns true if the file system of the store is full.
     #[must_use]
     pub fn is_full(&self) -> bool {
         is_full(self) || self.may_be_full()
@@ -92,11 +92,14 @@ impl StoreError {
         let Self::State { path, source } = self else { return false };
         let is_vague = source.sqlite_error_code() == Some(rusqlite::ErrorCode::SystemIoFailure);
         is_vague
-            && path.parent().and_then(|f| Space::holding_path(f).ok()).is_some_and(|space| space.is_used_up())
+            && path
+                .parent()
+                .and_then(|f| DiskSpace::holding_path(f).ok())
+                .is_some_and(|space| space.is_used_up())
     }
 }
 
-impl Workspace<'_> {
+impl StepWorkspace<'_> {
     /// Bytes in its files so far. Files that cannot be accessed do not count.
     #[must_use]
     pub fn bytes(&self) -> u64 {
@@ -132,7 +135,8 @@ mod tests {
 
     #[test]
     fn file_systems_of_other_machines_are_known_by_their_kind() {
-        let is_remote = |kind: &str| Space { free: 0, mount: PathBuf::new(), kind: kind.into() }.is_remote();
+        let is_remote =
+            |kind: &str| DiskSpace { free: 0, mount: PathBuf::new(), kind: kind.into() }.is_remote();
         for kind in ["nfs", "nfs4", "cifs", "smb3", "lustre", "fuse.sshfs", "fuse", "9p", "ceph"] {
             assert!(is_remote(kind), "{kind}");
         }
@@ -155,8 +159,8 @@ mod tests {
     #[test]
     fn the_space_of_a_folder_is_told() {
         let folder = tempfile::tempdir().unwrap();
-        let space = Space::holding_path(folder.path()).unwrap();
+        let space = DiskSpace::holding_path(folder.path()).unwrap();
         assert!(folder.path().canonicalize().unwrap().starts_with(&space.mount), "{space:?}");
-        assert!(Space::holding_path(&folder.path().join("absent")).is_err());
+        assert!(DiskSpace::holding_path(&folder.path().join("absent")).is_err());
     }
 }

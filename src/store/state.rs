@@ -8,15 +8,15 @@
 //! claim lost bytes.
 
 use super::StoreError;
-use super::disk::Disk;
-use super::record::Record;
+use super::disk::StoreDisk;
+use super::record::StepRecord;
 use rusqlite::{Connection, OpenFlags, OptionalExtension, params};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Table {
+pub(super) enum StateTable {
     /// Key to outputs.
     Record,
     /// Scene and step to the last key.
@@ -29,7 +29,7 @@ pub(super) enum Table {
     Recipe,
 }
 
-impl Table {
+impl StateTable {
     const ALL: [Self; 5] = [Self::Record, Self::Last, Self::Stat, Self::Memo, Self::Recipe];
 
     fn name(self) -> &'static str {
@@ -52,7 +52,7 @@ const BUSY: std::time::Duration = std::time::Duration::from_secs(30);
 /// Number of bytes of the hash that a row carries.
 type Seal = [u8; 16];
 
-fn row_seal(table: Table, name: &str, body: &[u8]) -> Seal {
+fn row_seal(table: StateTable, name: &str, body: &[u8]) -> Seal {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 state row v1");
     for part in [table.name().as_bytes(), name.as_bytes()] {
         hasher.update(&(part.len() as u64).to_le_bytes());
@@ -65,27 +65,27 @@ fn row_seal(table: Table, name: &str, body: &[u8]) -> Seal {
 }
 
 #[derive(Debug)]
-pub(super) struct State {
+pub(super) struct StateDb {
     root: PathBuf,
     path: PathBuf,
-    disk: Disk,
+    disk: StoreDisk,
     write: bool,
     /// `None` if there is no database, or it is damaged.
     database: Option<Connection>,
     /// The reason why it can no longer be used.
     damage: Option<String>,
     /// Rows that are not written yet; `None` for rows to delete.
-    pending: BTreeMap<(Table, String), Option<Vec<u8>>>,
+    pending: BTreeMap<(StateTable, String), Option<Vec<u8>>>,
     notices: Vec<String>,
 }
 
-impl State {
+impl StateDb {
     /// Opens the index, in the store or in the folder `elsewhere`. A missing, unreadable or older
     /// one is set aside and rebuilt from the records, with a notice.
     pub(super) fn open(
         root: &Path,
         elsewhere: Option<&Path>,
-        disk: Disk,
+        disk: StoreDisk,
         write: bool,
     ) -> Result<Self, StoreError> {
         let mut state = Self {
@@ -150,7 +150,7 @@ impl State {
         let existed = self.path.exists();
         let aside = self.set_aside()?;
         let aside = aside.strip_prefix(&self.root).unwrap_or(&aside).display();
-        let (records, damaged) = Record::read_all(&self.root, &self.disk)?;
+        let (records, damaged) = StepRecord::read_all(&self.root, &self.disk)?;
         let failed = |path: &Path, source| StoreError::State { path: path.to_owned(), source };
         let new = self.make_new()?;
         self.disk.rename(&new, &self.path)?;
@@ -167,7 +167,7 @@ impl State {
             self.notices.push(format!("{damaged} records are damaged and count as absent"));
         }
         for record in records {
-            self.put(Table::Record, &record.key.to_string(), record.brief().row());
+            self.put(StateTable::Record, &record.key.to_string(), record.brief().row());
         }
         Ok(())
     }
@@ -208,7 +208,7 @@ impl State {
     }
 
     /// The body of a row.
-    pub(super) fn get(&mut self, table: Table, name: &str) -> Option<Vec<u8>> {
+    pub(super) fn get(&mut self, table: StateTable, name: &str) -> Option<Vec<u8>> {
         if let Some(pending) = self.pending.get(&(table, name.to_owned())) {
             return pending.clone();
         }
@@ -223,7 +223,7 @@ impl State {
     }
 
     /// Every row of a table, by name.
-    pub(super) fn all(&mut self, table: Table) -> BTreeMap<String, Vec<u8>> {
+    pub(super) fn all(&mut self, table: StateTable) -> BTreeMap<String, Vec<u8>> {
         let found = self.database.as_ref().map(|database| read_all(database, table));
         let mut rows = match found {
             None => BTreeMap::new(),
@@ -242,18 +242,18 @@ impl State {
         rows
     }
 
-    pub(super) fn put(&mut self, table: Table, name: &str, body: Vec<u8>) {
+    pub(super) fn put(&mut self, table: StateTable, name: &str, body: Vec<u8>) {
         self.pending.insert((table, name.to_owned()), Some(body));
     }
 
-    /// As [`State::put`], unless the row already has this value.
-    pub(super) fn put_new(&mut self, table: Table, name: &str, body: Vec<u8>) {
+    /// As [`StateDb::put`], unless the row already has this value.
+    pub(super) fn put_new(&mut self, table: StateTable, name: &str, body: Vec<u8>) {
         if self.get(table, name).as_ref() != Some(&body) {
             self.put(table, name, body);
         }
     }
 
-    pub(super) fn delete(&mut self, table: Table, name: &str) {
+    pub(super) fn delete(&mut self, table: StateTable, name: &str) {
         self.pending.insert((table, name.to_owned()), None);
     }
 
@@ -262,7 +262,7 @@ impl State {
         self.pending.len()
     }
 
-    /// Whether there are rows to write.
+    /// Returns true if there are rows to write.
     pub(super) fn is_behind(&self) -> bool {
         self.write && (!self.pending.is_empty() || self.damage.is_some())
     }
@@ -332,7 +332,7 @@ fn connection(path: &Path, access: OpenFlags) -> rusqlite::Result<Connection> {
 }
 
 fn create_tables(database: &Connection) -> rusqlite::Result<()> {
-    for table in Table::ALL {
+    for table in StateTable::ALL {
         let name = table.name();
         database.execute_batch(&format!(
             "CREATE TABLE {name} (name TEXT PRIMARY KEY NOT NULL, body BLOB NOT NULL, seal BLOB NOT NULL)"
@@ -341,7 +341,7 @@ fn create_tables(database: &Connection) -> rusqlite::Result<()> {
     database.pragma_update(None, "user_version", VERSION)
 }
 
-fn look_up(database: &Connection, table: Table, name: &str) -> rusqlite::Result<Option<Vec<u8>>> {
+fn look_up(database: &Connection, table: StateTable, name: &str) -> rusqlite::Result<Option<Vec<u8>>> {
     let query = format!("SELECT body, seal FROM {} WHERE name = ?1", table.name());
     let mut query = database.prepare_cached(&query)?;
     let found = query.query_row([name], |row| Ok((row.get::<_, Vec<u8>>(0)?, row.get::<_, Vec<u8>>(1)?)));
@@ -349,7 +349,7 @@ fn look_up(database: &Connection, table: Table, name: &str) -> rusqlite::Result<
     Ok(sound.map(|(body, _)| body))
 }
 
-fn read_all(database: &Connection, table: Table) -> rusqlite::Result<BTreeMap<String, Vec<u8>>> {
+fn read_all(database: &Connection, table: StateTable) -> rusqlite::Result<BTreeMap<String, Vec<u8>>> {
     let mut query = database.prepare(&format!("SELECT name, body, seal FROM {}", table.name()))?;
     let mut rows = query.query([])?;
     let mut found = BTreeMap::new();

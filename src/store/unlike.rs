@@ -1,7 +1,7 @@
 //! Different bytes for one key: both records, and the first difference of their files.
 
 use super::Digest;
-use super::record::{Record, content_digest};
+use super::record::{StepRecord, content_digest};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -9,18 +9,18 @@ use std::path::{Path, PathBuf};
 
 /// The outputs of a key before and now.
 #[derive(Debug)]
-pub struct Unlike {
+pub struct OutputMismatch {
     /// The recorded outputs.
-    pub before: Record,
+    pub before: StepRecord,
     /// The outputs made now.
-    pub now: Record,
-    /// Whether the first bytes were lost and replaced by these.
+    pub now: StepRecord,
+    /// True if the first bytes were lost and replaced by these.
     pub replaced: bool,
     /// The first file that differs, and the offset, as far as its bytes can be read.
     pub first: Option<String>,
 }
 
-impl fmt::Display for Unlike {
+impl fmt::Display for OutputMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [before, now] = [&self.before, &self.now].map(|record| content_digest(&record.outputs));
         write!(f, "key {} made {before} before and {now} now", self.now.key)
@@ -30,12 +30,12 @@ impl fmt::Display for Unlike {
 /// The first file, by name, that one side lacks or has with other bytes. The earlier files are at
 /// `path_of`, the new ones in `workspace`.
 pub(super) fn first_difference(
-    before: &Record,
-    now: &Record,
+    before: &StepRecord,
+    now: &StepRecord,
     path_of: &dyn Fn(&Digest) -> PathBuf,
     workspace: &Path,
 ) -> Option<String> {
-    let find = |record: &Record, name: &str| {
+    let find = |record: &StepRecord, name: &str| {
         record.outputs.iter().find(|output| output.name == name).map(|output| output.digest)
     };
     let mut names: Vec<&str> = before.outputs.iter().chain(&now.outputs).map(|o| o.name.as_str()).collect();
@@ -69,19 +69,19 @@ fn first_offset(before: &Path, now: &Path) -> io::Result<u64> {
 mod tests {
     use super::*;
     use crate::store::Key;
-    use crate::store::record::{Output, Provenance};
+    use crate::store::record::{StepProvenance, StoredOutput};
 
     #[test]
     fn the_first_difference_is_told_by_file_and_byte() {
         let folder = tempfile::tempdir().unwrap();
         let record = |files: &[(&str, &str)]| {
             let key = Key(Digest::of_bytes(b"key"));
-            let mut record = Record::new(key, "test", Vec::new(), Provenance::default());
+            let mut record = StepRecord::new(key, "test", Vec::new(), StepProvenance::default());
             for (name, text) in files {
                 let digest = Digest::of_bytes(text.as_bytes());
                 std::fs::write(folder.path().join(digest.to_string()), text).unwrap();
                 std::fs::write(folder.path().join(name), text).unwrap();
-                record.outputs.push(Output { name: (*name).into(), digest, size: text.len() as u64 });
+                record.outputs.push(StoredOutput { name: (*name).into(), digest, size: text.len() as u64 });
             }
             record
         };

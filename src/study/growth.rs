@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// Both laws, fitted to points `(size, time)`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Growth {
+pub struct GrowthLaws {
     /// `p` of `c x^p`, by least squares of logarithms.
     pub exponent: f64,
     /// Standard error of the exponent, from the deviations of the points.
@@ -22,7 +22,7 @@ pub struct Growth {
     pub worst: f64,
 }
 
-impl Growth {
+impl GrowthLaws {
     /// Fits at least three points of different sizes, all finite and above 0; `None` for others.
     #[must_use]
     pub fn fit_points(points: &[(f64, f64)]) -> Option<Self> {
@@ -84,8 +84,8 @@ mod tests {
 
     const SIZES: [f64; 5] = [1e3, 2e3, 4e3, 8e3, 16e3];
 
-    fn through(law: impl Fn(f64) -> f64) -> Growth {
-        Growth::fit_points(&SIZES.map(|x| (x, law(x)))).unwrap()
+    fn through(law: impl Fn(f64) -> f64) -> GrowthLaws {
+        GrowthLaws::fit_points(&SIZES.map(|x| (x, law(x)))).unwrap()
     }
 
     #[test]
@@ -114,8 +114,8 @@ mod tests {
 
     #[test]
     fn too_little_is_no_law() {
-        assert_eq!(Growth::fit_points(&[(1.0, 1.0), (2.0, 2.0)]), None);
-        assert_eq!(Growth::fit_points(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
-        assert_eq!(Growth::fit_points(&[(1.0, 1.0), (2.0, 2.0), (3.0, 0.0)]), None);
+        assert_eq!(GrowthLaws::fit_points(&[(1.0, 1.0), (2.0, 2.0)]), None);
+        assert_eq!(GrowthLaws::fit_points(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
+        assert_eq!(GrowthLaws::fit_points(&[(1.0, 1.0), (2.0, 2.0), (3.0, 0.0)]), None);
     }
 }

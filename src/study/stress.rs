@@ -22,7 +22,7 @@ use std::fmt;
 /// The subject of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Area {
+pub enum StressArea {
     /// The law of the event sensor.
     Sensor,
     /// Paths and speeds.
@@ -33,7 +33,7 @@ pub enum Area {
     Clock,
 }
 
-impl Area {
+impl StressArea {
     /// All areas, in the order of the table.
     pub const ALL: [Self; 4] = [Self::Sensor, Self::Trajectory, Self::Splat, Self::Clock];
 
@@ -51,7 +51,7 @@ impl Area {
 
 /// One computed value and its correct value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Point {
+pub struct StressPoint {
     /// The computed value.
     pub computed: f64,
     /// The independent answer.
@@ -62,7 +62,7 @@ pub struct Point {
     pub limit: f64,
 }
 
-impl Point {
+impl StressPoint {
     /// An absolute error.
     #[must_use]
     pub fn absolute_error(computed: f64, answer: f64, limit: f64) -> Self {
@@ -88,7 +88,7 @@ impl Point {
         Self::absolute_error(computed as f64, answer as f64, 0.0)
     }
 
-    /// Whether the error is within its limit. NaN is not.
+    /// Returns true if the error is within its limit. NaN is not.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.error <= self.limit
@@ -106,18 +106,18 @@ impl Point {
 
 /// The result of a case: the worst of its points.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Found {
+pub struct CaseResult {
     /// The point nearest to its limit, or farthest beyond it.
     #[serde(flatten)]
-    pub worst: Point,
+    pub worst: StressPoint,
     /// The place of that point.
     pub at: String,
     /// Number of points.
     pub points: u64,
 }
 
-impl Found {
-    /// Whether every point is within its limit.
+impl CaseResult {
+    /// Returns true if every point is within its limit.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.worst.holds()
@@ -126,11 +126,11 @@ impl Found {
 
 /// Collects points.
 #[derive(Debug, Default)]
-pub struct Worst(Option<Found>);
+pub struct WorstPoint(Option<CaseResult>);
 
-impl Worst {
+impl WorstPoint {
     /// Adds a point; `at` describes its place.
-    pub fn see(&mut self, point: Point, at: impl FnOnce() -> String) {
+    pub fn see(&mut self, point: StressPoint, at: impl FnOnce() -> String) {
         match &mut self.0 {
             Some(found) => {
                 found.points += 1;
@@ -138,14 +138,14 @@ impl Worst {
                     (found.worst, found.at) = (point, at());
                 }
             }
-            none => *none = Some(Found { worst: point, at: at(), points: 1 }),
+            none => *none = Some(CaseResult { worst: point, at: at(), points: 1 }),
         }
     }
 
     /// Adds a comparison of bits: `differing` of `all` values differ.
     pub fn see_same(&mut self, differing: usize, all: usize, at: impl FnOnce() -> String) {
         assert!(all > 0, "there is something to compare");
-        self.see(Point::exact_count(differing as u64, 0), at);
+        self.see(StressPoint::exact_count(differing as u64, 0), at);
     }
 
     /// The worst point.
@@ -153,13 +153,13 @@ impl Worst {
     /// # Panics
     /// There was no point: such a case would pass for any program.
     #[must_use]
-    pub fn found(self) -> Found {
+    pub fn found(self) -> CaseResult {
         self.0.expect("a case has points")
     }
 }
 
 /// The result of a case: points, or the reason why there are none.
-pub type Outcome = Result<Found, NotRun>;
+pub type Outcome = Result<CaseResult, NotRun>;
 
 /// The reason for not running a case.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -167,9 +167,9 @@ pub type Outcome = Result<Found, NotRun>;
 pub struct NotRun(pub String);
 
 /// A case that can be run.
-pub struct Case<'a> {
+pub struct StressCase<'a> {
     /// Area of the case.
-    pub area: Area,
+    pub area: StressArea,
     /// Name, of words and hyphens; unique together with the area and the back end.
     pub name: &'static str,
     /// The stiff or extreme property.
@@ -181,8 +181,12 @@ pub struct Case<'a> {
     run: Box<dyn Fn() -> Outcome + 'a>,
 }
 
-impl<'a> Case<'a> {
-    fn new(area: Area, [name, regime, unit]: [&'static str; 3], run: impl Fn() -> Found + 'a) -> Self {
+impl<'a> StressCase<'a> {
+    fn new(
+        area: StressArea,
+        [name, regime, unit]: [&'static str; 3],
+        run: impl Fn() -> CaseResult + 'a,
+    ) -> Self {
         Self { area, name, regime, unit, backend: None, run: Box::new(move || Ok(run())) }
     }
 
@@ -202,21 +206,21 @@ impl<'a> Case<'a> {
     }
 }
 
-impl fmt::Debug for Case<'_> {
+impl fmt::Debug for StressCase<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Case").field("id", &self.id()).finish_non_exhaustive()
     }
 }
 
-/// All cases of an area, in the order of the table. Those of [`Area::Splat`] run with each of these
+/// All cases of an area, in the order of the table. Those of [`StressArea::Splat`] run with each of these
 /// renderers.
 #[must_use]
-pub fn area_cases<'a>(area: Area, stage: &'a splat::Stage) -> Vec<Case<'a>> {
+pub fn area_cases<'a>(area: StressArea, stage: &'a splat::SplatBench) -> Vec<StressCase<'a>> {
     match area {
-        Area::Sensor => sensor::sensor_cases(),
-        Area::Trajectory => trajectory::trajectory_cases(),
-        Area::Splat => splat::splat_cases(stage),
-        Area::Clock => clock::clock_cases(),
+        StressArea::Sensor => sensor::sensor_cases(),
+        StressArea::Trajectory => trajectory::trajectory_cases(),
+        StressArea::Splat => splat::splat_cases(stage),
+        StressArea::Clock => clock::clock_cases(),
     }
 }
 
@@ -226,17 +230,19 @@ mod tests {
 
     #[test]
     fn the_worst_point_is_kept_and_what_is_no_number_is_worst() {
-        let mut worst = Worst::default();
-        worst.see(Point::absolute_error(1.0, 1.5, 1.0), || "half".to_owned());
-        worst.see(Point::relative_error(1.1, 1.0, 0.2), || "less than half, or just".to_owned());
-        worst.see(Point::exact_count(3, 3), || "nothing".to_owned());
+        let mut worst = WorstPoint::default();
+        worst.see(StressPoint::absolute_error(1.0, 1.5, 1.0), || "half".to_owned());
+        worst.see(StressPoint::relative_error(1.1, 1.0, 0.2), || "less than half, or just".to_owned());
+        worst.see(StressPoint::exact_count(3, 3), || "nothing".to_owned());
         let found = worst.found();
         assert!(found.holds() && found.points == 3 && found.at != "nothing");
         for (bad, limit) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (1e-300, 0.0)] {
-            let mut worst = Worst::default();
-            worst.see(Point::absolute_error(1.0, 1.5, 1.0), || "half".to_owned());
-            worst.see(Point { error: bad, ..Point::absolute_error(0.0, 0.0, limit) }, || "bad".to_owned());
-            worst.see(Point::absolute_error(0.0, 3.0, 1.0), || "far".to_owned());
+            let mut worst = WorstPoint::default();
+            worst.see(StressPoint::absolute_error(1.0, 1.5, 1.0), || "half".to_owned());
+            worst.see(StressPoint { error: bad, ..StressPoint::absolute_error(0.0, 0.0, limit) }, || {
+                "bad".to_owned()
+            });
+            worst.see(StressPoint::absolute_error(0.0, 3.0, 1.0), || "far".to_owned());
             let found = worst.found();
             assert!(!found.holds() && found.at == "bad", "{bad}: {found:?}");
         }

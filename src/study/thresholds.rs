@@ -13,13 +13,13 @@
 //!   `k1 ln(L + k2)`;
 //! - otherwise **other**: late or early after such a jump, or under a difference that grew slowly.
 
-use crate::event::picture::Picture;
+use crate::event::picture::WindowCounts;
 use crate::event::{Event, EventSink};
-use crate::frames::{Frame, Frames};
+use crate::frames::{DenseFrame, FrameSequence};
 use crate::image::{Image, Size};
 use crate::seed::Seed;
-use crate::sensor::voltmeter::Voltmeter;
-use crate::sensor::{Account, Model as _, Pixels, SensorError, SimulateError};
+use crate::sensor::voltmeter::VoltmeterModel;
+use crate::sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError, SimulationAccount};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -32,9 +32,9 @@ pub const ENOUGH: f64 = 0.95;
 
 /// The parameters of a sweep.
 #[derive(Debug, Clone)]
-pub struct Sweep {
+pub struct ThresholdSweep {
     /// The sensor; its thresholds are replaced.
-    pub sensor: Voltmeter,
+    pub sensor: VoltmeterModel,
     /// Thresholds of ON and OFF events in the unit of the sensor, ascending.
     pub thresholds: Vec<f64>,
     /// Seed of the noise.
@@ -47,7 +47,7 @@ pub struct Sweep {
 
 /// The result at one threshold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+pub struct ThresholdRow {
     /// Threshold of ON and OFF events.
     pub threshold: f64,
     /// The threshold as a step of `ln(L + k2)`.
@@ -68,7 +68,7 @@ pub struct Row {
     pub other: u64,
 }
 
-impl Row {
+impl ThresholdRow {
     /// Share of the events that the scene's smooth motion explains; 1 without events.
     #[must_use]
     pub fn explained(&self) -> f64 {
@@ -78,9 +78,9 @@ impl Row {
 
 /// The result of a sweep.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct SweepResult {
     /// One row per threshold.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ThresholdRow>,
     /// The events of the window at each threshold, under the rules of the release.
     pub pictures: Vec<Image<[u8; 3]>>,
     /// Number of frames, each rendered under both rules.
@@ -89,12 +89,12 @@ pub struct Found {
     pub seconds: f64,
 }
 
-impl Found {
+impl SweepResult {
     /// Lowest threshold at which enough events also occur in the smooth rendering, and the reason;
     /// `None` if none does.
     #[must_use]
-    pub fn recommended(&self) -> (Option<&Row>, String) {
-        let percent = |row: &Row| 100.0 * row.explained();
+    pub fn recommended(&self) -> (Option<&ThresholdRow>, String) {
+        let percent = |row: &ThresholdRow| 100.0 * row.explained();
         let enough = 100.0 * ENOUGH;
         let Some(at) = self.rows.iter().position(|row| row.events > 0 && row.explained() >= ENOUGH) else {
             let best = self.rows.iter().filter(|row| row.events > 0).map(percent).fold(0.0, f64::max);
@@ -127,14 +127,14 @@ impl Found {
 /// # Panics
 /// The sequences differ in size or number of frames.
 pub fn sweep_thresholds(
-    sweep: &Sweep,
-    (released, smooth): (&mut dyn Frames, &mut dyn Frames),
+    sweep: &ThresholdSweep,
+    (released, smooth): (&mut dyn FrameSequence, &mut dyn FrameSequence),
     tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
-) -> Result<Found, SimulateError> {
+) -> Result<SweepResult, SimulateError> {
     let size = released.size();
     assert_eq!((size, released.len()), (smooth.size(), smooth.len()), "they are renderings of one path");
     let mut pairs = sweep.pairs(size)?;
-    let mut jumps = Jumps::new(&sweep.sensor, sweep.thresholds.first().copied().unwrap_or(1.0));
+    let mut jumps = JumpMap::new(&sweep.sensor, sweep.thresholds.first().copied().unwrap_or(1.0));
     let mut stamps = Vec::new();
     while let (Some(a), Some(b)) = (released.next()?, smooth.next()?) {
         for [first, second] in &mut pairs {
@@ -149,17 +149,18 @@ pub fn sweep_thresholds(
     }
     let jumps = jumps.sorted();
     let seconds = stamps.last().map_or(0.0, |t| *t as f64 * 1e-9);
-    let mut found = Found { rows: Vec::new(), pictures: Vec::new(), frames: stamps.len(), seconds };
+    let mut found = SweepResult { rows: Vec::new(), pictures: Vec::new(), frames: stamps.len(), seconds };
     for (&threshold, [first, second]) in sweep.thresholds.iter().zip(pairs) {
         let ((events, account), (other, smooth)) = (first.end()?, second.end()?);
-        let picture = Picture::new(size, sweep.window_us.clone()).map_err(std::io::Error::from);
+        let picture = WindowCounts::new(size, sweep.window_us.clone()).map_err(std::io::Error::from);
         let mut picture = picture.map_err(SensorError::from)?;
         picture.append(&events).map_err(SensorError::from)?;
         found.pictures.push(picture.image());
-        let [smooth_events, near_jump, rest] = Matching { sweep, threshold, jumps: &jumps, stamps: &stamps }
-            .sort(by_pixel(events, size), by_pixel(other, size));
+        let [smooth_events, near_jump, rest] =
+            EventMatching { sweep, threshold, jumps: &jumps, stamps: &stamps }
+                .sort(by_pixel(events, size), by_pixel(other, size));
         let per_second = size.pixels() as f64 * seconds;
-        found.rows.push(Row {
+        found.rows.push(ThresholdRow {
             threshold,
             contrast: threshold / sweep.sensor.k[0],
             events: account.events,
@@ -175,36 +176,39 @@ pub fn sweep_thresholds(
 }
 
 /// A sensor and its events.
-struct Seen {
-    pixels: Box<dyn Pixels>,
+struct SweptSensor {
+    pixels: Box<dyn SensorPixels>,
     events: Vec<Event>,
 }
 
-impl Seen {
-    fn see(&mut self, frame: &Frame) -> Result<(), SensorError> {
+impl SweptSensor {
+    fn see(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
         self.pixels.advance(frame, &mut self.events)
     }
 
-    fn end(mut self) -> Result<(Vec<Event>, Account), SensorError> {
+    fn end(mut self) -> Result<(Vec<Event>, SimulationAccount), SensorError> {
         let account = self.pixels.finish(&mut self.events)?;
         Ok((self.events, account))
     }
 }
 
-impl Sweep {
+impl ThresholdSweep {
     /// Two sensors per threshold.
-    fn pairs(&self, size: Size) -> Result<Vec<[Seen; 2]>, SensorError> {
+    fn pairs(&self, size: Size) -> Result<Vec<[SweptSensor; 2]>, SensorError> {
         let seen = |threshold: f64| {
             let sensor =
-                Voltmeter { threshold_on: threshold, threshold_off: threshold, ..self.sensor.clone() };
-            Ok::<_, SensorError>(Seen { pixels: sensor.start(size, [0, 0], self.seed)?, events: Vec::new() })
+                VoltmeterModel { threshold_on: threshold, threshold_off: threshold, ..self.sensor.clone() };
+            Ok::<_, SensorError>(SweptSensor {
+                pixels: sensor.start(size, [0, 0], self.seed)?,
+                events: Vec::new(),
+            })
         };
         self.thresholds.iter().map(|&t| Ok([seen(t)?, seen(t)?])).collect()
     }
 }
 
 /// Places at which the difference of two renderings changed quickly.
-struct Jumps {
+struct JumpMap {
     k1: f64,
     k2: f64,
     /// Change below which nothing is stored, in the voltage of the sensor.
@@ -222,13 +226,13 @@ struct JumpAt {
     by: f64,
 }
 
-impl Jumps {
-    fn new(sensor: &Voltmeter, lowest_threshold: f64) -> Self {
+impl JumpMap {
+    fn new(sensor: &VoltmeterModel, lowest_threshold: f64) -> Self {
         let [k1, k2, ..] = sensor.k;
         Self { k1, k2, least: JUMP * lowest_threshold, last: Vec::new(), found: Vec::new() }
     }
 
-    fn see(&mut self, a: &Frame, b: &Frame) {
+    fn see(&mut self, a: &DenseFrame, b: &DenseFrame) {
         let voltage = |l: &f32| self.k1 * libm::log(f64::from(l.max(0.0)) + self.k2);
         let pairs = a.luminance.pixels().iter().zip(b.luminance.pixels());
         let now: Vec<f64> = pairs.map(|(a, b)| voltage(a) - voltage(b)).collect();
@@ -259,14 +263,14 @@ fn by_pixel(events: Vec<Event>, size: Size) -> Vec<Vec<Event>> {
 }
 
 /// The classification of events.
-struct Matching<'a> {
-    sweep: &'a Sweep,
+struct EventMatching<'a> {
+    sweep: &'a ThresholdSweep,
     threshold: f64,
     jumps: &'a [JumpAt],
     stamps: &'a [i64],
 }
 
-impl Matching<'_> {
+impl EventMatching<'_> {
     /// Counts the events that are smooth, near a jump, and other.
     fn sort(&self, events: Vec<Vec<Event>>, smooth: Vec<Vec<Event>>) -> [u64; 3] {
         let mut counts = [0; 3];
@@ -297,7 +301,7 @@ impl Matching<'_> {
         })
     }
 
-    /// Whether the pixel jumped between its previous event and the frame after this event.
+    /// Returns true if the pixel jumped between its previous event and the frame after this event.
     fn is_near_jump(&self, pixel: usize, before: i64, at: i64) -> bool {
         let from = self.jumps.partition_point(|jump| jump.pixel < pixel);
         let of_pixel = self.jumps[from..].iter().take_while(|jump| jump.pixel == pixel);
@@ -313,8 +317,8 @@ impl Matching<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::array::{ArrayFrames, FullScale, Samples};
-    use crate::sensor::voltmeter::Preset;
+    use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
+    use crate::sensor::voltmeter::VoltmeterPreset;
 
     const SIZE: Size = Size { width: 4, height: 1 };
     const FRAME_US: i64 = 400;
@@ -324,13 +328,13 @@ mod tests {
         #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
         let samples = samples.map(|(j, x)| grey(j, x) as f32).collect();
         let stamps: Vec<i64> = (0..100).map(|j| FRAME_US * j).collect();
-        ArrayFrames::new(SIZE, Samples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
+        ArrayFrames::new(SIZE, ArraySamples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
     }
 
-    fn swept(released: impl Fn(usize, usize) -> f64, smooth: impl Fn(usize, usize) -> f64) -> Found {
-        let [k1, k2, ..] = Preset::Dvs346.k();
-        let asked = Sweep {
-            sensor: Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]),
+    fn swept(released: impl Fn(usize, usize) -> f64, smooth: impl Fn(usize, usize) -> f64) -> SweepResult {
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+        let asked = ThresholdSweep {
+            sensor: VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]),
             thresholds: vec![0.25, 0.5, 1.0, 2.0],
             seed: Seed(1),
             within_ns: 1000 * FRAME_US,
@@ -380,7 +384,7 @@ mod tests {
             (ramp(j) + 20.0) * if pops { libm::exp(0.8 / 5.265) } else { 1.0 } - 20.0
         };
         let found = swept(ramped, |j, _| ramp(j));
-        let shares: Vec<f64> = found.rows.iter().map(Row::explained).collect();
+        let shares: Vec<f64> = found.rows.iter().map(ThresholdRow::explained).collect();
         assert!(shares[0] < ENOUGH && shares[3] > shares[0], "{shares:?}");
     }
 }

@@ -8,7 +8,7 @@
 //! Each rule set is rendered once at the finest rate. Every setting uses a part of these frames
 //! ([`grid`]) and is compared with the finest setting of the same rules. All sensors share one
 //! seed, so noise, if it is on, follows the same path. The cost of a frame is measured separately,
-//! by rendering a sample of frames ([`Cost`]); the cost of a sensor is measured during the
+//! by rendering a sample of frames ([`FrameCost`]); the cost of a sensor is measured during the
 //! simulation.
 
 mod brief;
@@ -21,13 +21,13 @@ pub mod report;
 mod voltage;
 
 use crate::image::{Image, Size};
-use crate::sampling::jitter::Jitter;
-use crate::sampling::law::Law;
-use crate::sensor::voltmeter::Between;
-use errors::Errors;
-use grid::Steps;
-use pass::Passed;
-use pick::{Measure, Pick};
+use crate::sampling::jitter::IntervalNoise;
+use crate::sampling::law::ErrorLaw;
+use crate::sensor::voltmeter::BetweenFrames;
+use errors::StreamErrors;
+use grid::StepRule;
+use pass::PassResult;
+use pick::{ErrorMeasure, MethodComparison};
 use serde::Serialize;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
@@ -37,34 +37,34 @@ pub const BASE_RATE: u32 = 2400;
 
 /// Time spent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Spent {
+pub struct TimeSpent {
     /// Summed over all cores, s.
     pub core_s: f64,
     /// Wall-clock time, s.
     pub wall_s: f64,
 }
 
-impl Add for Spent {
+impl Add for TimeSpent {
     type Output = Self;
     fn add(self, o: Self) -> Self {
         Self { core_s: self.core_s + o.core_s, wall_s: self.wall_s + o.wall_s }
     }
 }
 
-impl AddAssign for Spent {
+impl AddAssign for TimeSpent {
     fn add_assign(&mut self, o: Self) {
         *self = *self + o;
     }
 }
 
-impl Sub for Spent {
+impl Sub for TimeSpent {
     type Output = Self;
     fn sub(self, o: Self) -> Self {
         self + o * -1.0
     }
 }
 
-impl Mul<f64> for Spent {
+impl Mul<f64> for TimeSpent {
     type Output = Self;
     fn mul(self, by: f64) -> Self {
         Self { core_s: self.core_s * by, wall_s: self.wall_s * by }
@@ -73,9 +73,9 @@ impl Mul<f64> for Spent {
 
 /// The cost of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Cost {
+pub struct FrameCost {
     /// Mean over the sample.
-    pub frame: Spent,
+    pub frame: TimeSpent,
     /// (Gaussian, pixel) pairs blended, mean.
     pub pairs: f64,
     /// Peak memory of the program while the sample was rendered, with scene and renderer, MB;
@@ -87,31 +87,31 @@ pub struct Cost {
 
 /// The cost of frames under a rule set, without and with the rate of the luminance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Costs {
+pub struct RuleCosts {
     /// Luminance alone.
-    pub value: Cost,
+    pub value: FrameCost,
     /// Luminance and its rate.
-    pub rated: Cost,
+    pub rated: FrameCost,
 }
 
-impl Costs {
-    fn of(&self, between: Between) -> &Cost {
+impl RuleCosts {
+    fn of(&self, between: BetweenFrames) -> &FrameCost {
         match between {
-            Between::Linear | Between::Catmull => &self.value,
-            Between::Hermite => &self.rated,
+            BetweenFrames::Linear | BetweenFrames::Catmull => &self.value,
+            BetweenFrames::Hermite => &self.rated,
         }
     }
 }
 
 /// A setting: its error and its cost.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+pub struct SettingRow {
     /// Name of the rule set.
     pub rules: String,
     /// Interpolation between frames.
-    pub between: Between,
+    pub between: BetweenFrames,
     /// Choice of frame times.
-    pub steps: Steps,
+    pub steps: StepRule,
     /// Frames per second. For flow steps, the rate of the uniform grid with the same number of
     /// frames.
     pub rate: u32,
@@ -120,18 +120,18 @@ pub struct Row {
     /// RMS error of k1 V at the middles of intervals, thresholds.
     pub rms_th: f64,
     /// Errors of the events.
-    pub errors: Errors,
+    pub errors: StreamErrors,
     /// Time of the renderer.
-    pub render: Spent,
+    pub render: TimeSpent,
     /// Time of the sensor.
-    pub sensor: Spent,
+    pub sensor: TimeSpent,
     /// Number of blended pairs.
     pub pairs: f64,
-    /// See [`Cost::peak_mb`].
+    /// See [`FrameCost::peak_mb`].
     pub peak_mb: Option<f64>,
 }
 
-impl Row {
+impl SettingRow {
     /// Time of renderer and sensor together, s.
     #[must_use]
     pub fn core_s(&self) -> f64 {
@@ -141,7 +141,7 @@ impl Row {
     /// Rules, interpolation and steps. The rows of one curve differ in the rate only.
     #[must_use]
     pub fn method(&self) -> String {
-        let flow = if self.steps == Steps::Flow { ", flow steps" } else { "" };
+        let flow = if self.steps == StepRule::Flow { ", flow steps" } else { "" };
         format!("{} {}{flow}", self.rules, self.between.name())
     }
 }
@@ -156,25 +156,25 @@ pub struct OfRules {
     /// Number of events of the reference.
     pub reference: usize,
     /// The error law of `hermite` at the three finest uniform rates, with the step in s and the
-    /// error as in [`Row::rms_th`].
-    pub law: Option<Law>,
+    /// error as in [`SettingRow::rms_th`].
+    pub law: Option<ErrorLaw>,
     /// The finest of these steps, s.
     pub finest_s: Option<f64>,
     /// Jitter of the sensor.
-    pub jitter: Option<Jitter>,
+    pub jitter: Option<IntervalNoise>,
     /// Cost of frames.
-    pub costs: Costs,
+    pub costs: RuleCosts,
 }
 
 /// A way of rendering a picture, compared with the same in f64.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Picture {
+pub struct PicturePrecision {
     /// Name of the rule set.
     pub rules: String,
     /// The channel.
     pub what: String,
     /// The cost of a frame.
-    pub cost: Cost,
+    pub cost: FrameCost,
     /// PSNR of luminance with grey 255 as the peak, dB; `None` for equal images.
     pub psnr_db: Option<f64>,
     /// Largest difference, grey.
@@ -204,7 +204,7 @@ pub fn image_differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Opt
 
 /// The results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Study {
+pub struct StudyResult {
     /// Scene and trajectory.
     pub scene: String,
     /// Size of the frames.
@@ -217,30 +217,35 @@ pub struct Study {
     pub seconds: f64,
     /// Frame rate of the references.
     pub finest: u32,
-    /// Whether the sensors had noise.
+    /// True if the sensors had noise.
     pub noise: bool,
     /// Results per rule set; the first is the reference.
     pub rules: Vec<OfRules>,
     /// Settings.
-    pub rows: Vec<Row>,
+    pub rows: Vec<SettingRow>,
     /// Ways of rendering.
-    pub pictures: Vec<Picture>,
+    pub pictures: Vec<PicturePrecision>,
 }
 
 /// The rows of a pass, and the results for its rule set.
 #[must_use]
-pub fn judge_pass(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) -> Vec<Row> {
-    let row = |fed: &pass::Fed| {
+pub fn judge_pass(
+    passed: &PassResult,
+    grids: &[grid::FrameGrid],
+    rules: &str,
+    costs: &RuleCosts,
+) -> Vec<SettingRow> {
+    let row = |fed: &pass::FedSetting| {
         let grid = &grids[fed.grid];
         let (frames, cost) = (grid.places.len(), costs.of(fed.between));
-        Row {
+        SettingRow {
             rules: rules.to_owned(),
             between: fed.between,
             steps: grid.steps,
             rate: grid.rate,
             frames,
             rms_th: fed.rms_th,
-            errors: Errors::compare_streams(&fed.events, &passed.reference),
+            errors: StreamErrors::compare_streams(&fed.events, &passed.reference),
             render: cost.frame * frames as f64,
             sensor: fed.spent,
             pairs: cost.pairs * frames as f64,
@@ -252,24 +257,24 @@ pub fn judge_pass(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Co
 
 /// Steps and errors of the three finest uniform rates of `hermite`, or of the best requested
 /// interpolation.
-fn finest_steps(rows: &[Row]) -> Vec<(f64, f64)> {
-    let of = |between: Between| {
-        let uniform = rows.iter().filter(move |row| row.steps == Steps::Uniform && row.between == between);
+fn finest_steps(rows: &[SettingRow]) -> Vec<(f64, f64)> {
+    let of = |between: BetweenFrames| {
+        let uniform = rows.iter().filter(move |row| row.steps == StepRule::Uniform && row.between == between);
         let mut points: Vec<(f64, f64)> =
             uniform.map(|row| (1.0 / f64::from(row.rate), row.rms_th)).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.truncate(3);
         points
     };
-    let best = [Between::Hermite, Between::Catmull, Between::Linear].map(of);
+    let best = [BetweenFrames::Hermite, BetweenFrames::Catmull, BetweenFrames::Linear].map(of);
     best.into_iter().find(|points| !points.is_empty()).unwrap_or_default()
 }
 
 /// The error law of `hermite` at the three finest uniform rates, and the finest step, s.
 #[must_use]
-pub fn finest_law(rows: &[Row]) -> (Option<Law>, Option<f64>) {
+pub fn finest_law(rows: &[SettingRow]) -> (Option<ErrorLaw>, Option<f64>) {
     let points = finest_steps(rows);
-    (Law::fit_points(&points), points.first().map(|(step, _)| *step))
+    (ErrorLaw::fit_points(&points), points.first().map(|(step, _)| *step))
 }
 
 impl OfRules {
@@ -282,7 +287,7 @@ impl OfRules {
     }
 }
 
-impl Study {
+impl StudyResult {
     /// Description of the machine.
     #[must_use]
     pub fn machine(&self) -> String {
@@ -293,23 +298,26 @@ impl Study {
     /// The reference setting: the first rule set with even steps, linear if it was requested, at
     /// [`BASE_RATE`] or else at the finest rate.
     #[must_use]
-    pub fn base(&self) -> Option<&Row> {
+    pub fn base(&self) -> Option<&SettingRow> {
         let rules = &self.rules.first()?.rules;
-        let first = self.rows.iter().filter(|row| row.rules == *rules && row.steps == Steps::Uniform);
-        first.max_by_key(|row| (row.between == Between::Linear, row.rate == BASE_RATE, row.rate))
+        let first = self.rows.iter().filter(|row| row.rules == *rules && row.steps == StepRule::Uniform);
+        first.max_by_key(|row| (row.between == BetweenFrames::Linear, row.rate == BASE_RATE, row.rate))
     }
 
     /// The cost of each method at the error of [`Self::base`], for every measure.
     #[must_use]
-    pub fn picks(&self) -> Vec<Pick> {
+    pub fn picks(&self) -> Vec<MethodComparison> {
         let Some(base) = self.base() else { return Vec::new() };
-        Measure::ALL.iter().filter_map(|measure| Pick::at_error(*measure, base, &self.rows)).collect()
+        ErrorMeasure::ALL
+            .iter()
+            .filter_map(|measure| MethodComparison::at_error(*measure, base, &self.rows))
+            .collect()
     }
 
     /// The cheapest setting of another rule set that is nearer to its limit than the first rule set
     /// gets at these rates, and the lowest error of the first.
     #[must_use]
-    pub fn below_the_first(&self) -> Option<(f64, Option<&Row>)> {
+    pub fn below_the_first(&self) -> Option<(f64, Option<&SettingRow>)> {
         let first = self.rules.first()?;
         let own = self.rows.iter().filter(|row| row.rules == first.rules).map(|row| row.rms_th);
         let lowest = own.fold(f64::INFINITY, f64::min);

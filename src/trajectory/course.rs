@@ -1,9 +1,9 @@
 //! A course: the geometry of a path, before speed and time.
 
-use super::curve::{Curve, MOST_DEGREE, Measured, PoseCurve};
-use super::knots::{Gap, Knots, Merged};
-use super::metric::Metric;
-use super::{TrajectoryError, Warning};
+use super::curve::{CurveKind, MOST_DEGREE, MeasuredCurve, PoseCurve};
+use super::knots::{CaptureGap, KnotSequence, MergedViews};
+use super::metric::MixedMetric;
+use super::{TrajectoryError, TrajectoryWarning};
 use crate::se3::Se3;
 use crate::se3::arc_length::ArcLength;
 use crate::se3::rotation::canonical_sign;
@@ -19,7 +19,7 @@ const LONGEST: f64 = 1e150;
 /// The kind of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum CourseKind {
     /// Along the captured poses.
     Refine,
     /// Between key poses drawn from another trajectory.
@@ -32,12 +32,12 @@ pub enum Kind {
 
 /// A path of poses, with its properties.
 #[derive(Debug)]
-pub(super) struct Course {
-    pub(super) kind: Kind,
+pub(super) struct PoseCourse {
+    pub(super) kind: CourseKind,
     /// Origin of the line's coordinates, in world coordinates.
     pub(super) origin: DVec3,
-    pub(super) line: Line,
-    pub(super) metric: Metric,
+    pub(super) line: CourseGeometry,
+    pub(super) metric: MixedMetric,
     /// Length of the chords between the knots; for a path without knots, its own length.
     pub(super) length: f64,
     /// Number of views that a factor multiplies.
@@ -45,19 +45,19 @@ pub(super) struct Course {
     /// The knots, relative to the origin. A circle has none.
     pub(super) knots: Vec<Se3>,
     /// Name of the curve; `None` for a circle.
-    pub(super) curve: Option<Curve>,
+    pub(super) curve: Option<CurveKind>,
     /// Degree drawn for a Bezier curve, before it was reduced to what the knots determine.
     pub(super) degree_drawn: Option<u32>,
     /// Indices of the key poses in the other trajectory.
     pub(super) keyframes: Vec<usize>,
-    pub(super) merged: Vec<Merged>,
-    pub(super) gaps: Vec<Gap>,
-    pub(super) warnings: Vec<Warning>,
+    pub(super) merged: Vec<MergedViews>,
+    pub(super) gaps: Vec<CaptureGap>,
+    pub(super) warnings: Vec<TrajectoryWarning>,
 }
 
 /// The geometry of a course.
 #[derive(Debug)]
-pub(super) enum Line {
+pub(super) enum CourseGeometry {
     /// One pose: a single view, or several that coincide.
     Still(Se3),
     /// A curve.
@@ -65,28 +65,28 @@ pub(super) enum Line {
 }
 
 /// A curve and its length.
-pub(super) type Lengthwise<'a> = (&'a dyn PoseCurve, ArcLength<Measured<'a>>);
+pub(super) type Lengthwise<'a> = (&'a dyn PoseCurve, ArcLength<MeasuredCurve<'a>>);
 
-impl Course {
+impl PoseCourse {
     /// The course of `curve` through knots. Other properties are empty.
     ///
     /// # Errors
     /// The degree of the curve is out of range, no curve holds the steps, or rotations turn too
     /// unevenly for it.
     pub(super) fn through_knots(
-        kind: Kind,
-        knots: Knots<'_>,
-        curve: Curve,
+        kind: CourseKind,
+        knots: KnotSequence<'_>,
+        curve: CurveKind,
         origin: DVec3,
-        metric: Metric,
+        metric: MixedMetric,
     ) -> Result<Self, TrajectoryError> {
         screen_degree(curve)?;
-        let (line, length) = (Line::through_knots(&knots, curve)?, knots.length());
+        let (line, length) = (CourseGeometry::through_knots(&knots, curve)?, knots.length());
         let views = knots.views();
-        let mut warnings: Vec<Warning> = knots.half_turns().collect();
+        let mut warnings: Vec<TrajectoryWarning> = knots.half_turns().collect();
         warnings.extend(line.curve().and_then(PoseCurve::warning));
-        if let Line::Still(_) = line {
-            warnings.push(Warning::Still { views });
+        if let CourseGeometry::Still(_) = line {
+            warnings.push(TrajectoryWarning::Still { views });
         }
         Ok(Self {
             kind,
@@ -116,19 +116,21 @@ impl Course {
     }
 }
 
-fn screen_degree(curve: Curve) -> Result<(), TrajectoryError> {
+fn screen_degree(curve: CurveKind) -> Result<(), TrajectoryError> {
     match curve {
-        Curve::Bezier { degree } if !(1..=MOST_DEGREE).contains(&degree) => Err(TrajectoryError::Parameter {
-            field: "bezier.degree",
-            found: degree.to_string(),
-            wanted: "a whole number from 1 to 20",
-        }),
+        CurveKind::Bezier { degree } if !(1..=MOST_DEGREE).contains(&degree) => {
+            Err(TrajectoryError::Parameter {
+                field: "bezier.degree",
+                found: degree.to_string(),
+                wanted: "a whole number from 1 to 20",
+            })
+        }
         _ => Ok(()),
     }
 }
 
-impl Line {
-    fn through_knots(knots: &Knots<'_>, curve: Curve) -> Result<Self, TrajectoryError> {
+impl CourseGeometry {
+    fn through_knots(knots: &KnotSequence<'_>, curve: CurveKind) -> Result<Self, TrajectoryError> {
         let poses: Vec<Se3> = knots.poses.iter().map(|k| k.world_from_camera).collect();
         if let [pose] = poses[..] {
             return Ok(Self::Still(pose));
@@ -158,8 +160,8 @@ impl Line {
     }
 
     /// The curve with its length in the metric; `None` if nothing moves.
-    pub(super) fn measured(&self, metric: Metric) -> Option<Lengthwise<'_>> {
+    pub(super) fn measured(&self, metric: MixedMetric) -> Option<Lengthwise<'_>> {
         let curve = self.curve()?;
-        Some((curve, ArcLength::measure_curve(curve.steps(), Measured { curve, metric })))
+        Some((curve, ArcLength::measure_curve(curve.steps(), MeasuredCurve { curve, metric })))
     }
 }

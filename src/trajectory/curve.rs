@@ -1,6 +1,6 @@
 //! Curves of poses through (or near) the knots.
 //!
-//! One file per family. All but [`Bezier`] are piecewise. A place is a segment and the parameter
+//! One file per family. All but [`BezierCurve`] are piecewise. A place is a segment and the parameter
 //! since its start, so a long path loses no digits. Translations are relative to the origin of the
 //! course.
 
@@ -10,17 +10,17 @@ mod cubic;
 mod cumulative;
 mod slerp_lerp;
 
-pub use bezier::{Bezier, MOST_DEGREE};
-pub use circle::Circle;
-pub use cubic::Cubic;
-pub use cumulative::Cumulative;
+pub use bezier::{BezierCurve, MOST_DEGREE};
+pub use circle::CirclePath;
+pub use cubic::CubicPair;
+pub use cumulative::CumulativeSpline;
 pub use slerp_lerp::SlerpLerp;
 
-use super::Warning;
-use super::metric::Metric;
-use crate::se3::arc_length::Pace;
-use crate::se3::rotation_spline::Unsettled;
-use crate::se3::spline::Place;
+use super::TrajectoryWarning;
+use super::metric::MixedMetric;
+use crate::se3::arc_length::CurveSpeed;
+use crate::se3::rotation_spline::SplineDiverged;
+use crate::se3::spline::CurvePlace;
 use crate::se3::{Se3, Twist};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -31,20 +31,20 @@ pub trait PoseCurve: fmt::Debug + Send + Sync {
     fn steps(&self) -> &[f64];
 
     /// The pose at a place. The quaternion has unit length and either sign.
-    fn pose(&self, at: Place) -> Se3;
+    fn pose(&self, at: CurvePlace) -> Se3;
 
     /// Derivative of the pose by the parameter.
-    fn twist(&self, at: Place) -> Twist;
+    fn twist(&self, at: CurvePlace) -> Twist;
 
     /// Derivative of the twist by the parameter.
-    fn acceleration(&self, at: Place) -> Twist;
+    fn acceleration(&self, at: CurvePlace) -> Twist;
 
     /// The place of a knot: the start of its segment, or the end of the last segment.
-    fn knot(&self, number: usize) -> Place {
+    fn knot(&self, number: usize) -> CurvePlace {
         let steps = self.steps();
         match steps.get(number) {
-            Some(_) => Place { segment: number, x: 0.0 },
-            None => Place { segment: steps.len() - 1, x: steps[steps.len() - 1] },
+            Some(_) => CurvePlace { segment: number, x: 0.0 },
+            None => CurvePlace { segment: steps.len() - 1, x: steps[steps.len() - 1] },
         }
     }
 
@@ -54,7 +54,7 @@ pub trait PoseCurve: fmt::Debug + Send + Sync {
     }
 
     /// The deviation of the curve from the requested kind, if there is one.
-    fn warning(&self) -> Option<Warning> {
+    fn warning(&self) -> Option<TrajectoryWarning> {
         None
     }
 }
@@ -62,7 +62,7 @@ pub trait PoseCurve: fmt::Debug + Send + Sync {
 /// The kind of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Curve {
+pub enum CurveKind {
     /// C2 cubic spline on centres, C2 rotation spline; through every knot.
     Cubic,
     /// Uniform cumulative cubic B-spline on R^3 x SO(3) with threefold end knots. It passes near
@@ -77,7 +77,7 @@ pub enum Curve {
     },
 }
 
-impl Curve {
+impl CurveKind {
     /// The curve through `knots`, with `steps[i] > 0` as the length of the parameter from knot i to
     /// knot i+1.
     ///
@@ -86,27 +86,27 @@ impl Curve {
     ///
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
-    pub fn through(self, steps: Vec<f64>, knots: &[Se3]) -> Result<Box<dyn PoseCurve>, Unsettled> {
+    pub fn through(self, steps: Vec<f64>, knots: &[Se3]) -> Result<Box<dyn PoseCurve>, SplineDiverged> {
         Ok(match self {
-            Self::Cubic => Box::new(Cubic::through_knots(steps, knots)?),
-            Self::Cumulative => Box::new(Cumulative::near_knots(knots)),
+            Self::Cubic => Box::new(CubicPair::through_knots(steps, knots)?),
+            Self::Cumulative => Box::new(CumulativeSpline::near_knots(knots)),
             Self::SlerpLerp => Box::new(SlerpLerp::through_knots(steps, knots)),
-            Self::Bezier { degree } => Box::new(Bezier::fit_knots(degree, &steps, knots)?),
+            Self::Bezier { degree } => Box::new(BezierCurve::fit_knots(degree, &steps, knots)?),
         })
     }
 }
 
 /// A curve with a metric. Its pace is the mixed speed `alpha |omega| + beta / D |C'|`.
 #[derive(Debug, Clone, Copy)]
-pub struct Measured<'a> {
+pub struct MeasuredCurve<'a> {
     /// The curve.
     pub curve: &'a dyn PoseCurve,
     /// The metric.
-    pub metric: Metric,
+    pub metric: MixedMetric,
 }
 
-impl Pace for Measured<'_> {
-    fn pace(&self, at: Place) -> f64 {
+impl CurveSpeed for MeasuredCurve<'_> {
+    fn pace(&self, at: CurvePlace) -> f64 {
         let Twist { linear, angular } = self.curve.twist(at);
         self.metric.mix(angular.length(), linear.length())
     }

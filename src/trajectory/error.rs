@@ -3,7 +3,7 @@
 use super::travel::MOST_POSES;
 use crate::se3::RotationError;
 use crate::se3::rotation::MeanError;
-use crate::se3::rotation_spline::Unsettled;
+use crate::se3::rotation_spline::SplineDiverged;
 
 /// The reason why there is no trajectory.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -79,7 +79,7 @@ pub enum TrajectoryError {
         /// The last view.
         last: String,
         /// The reason.
-        source: Unsettled,
+        source: SplineDiverged,
     },
     /// The requested number of poses is too large.
     #[error("{count} poses were asked for, at most {MOST_POSES} are made")]
@@ -147,7 +147,7 @@ pub enum TrajectoryError {
 
 /// A remark on a trajectory that was made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Warning {
+pub enum TrajectoryWarning {
     /// A matrix was replaced by the nearest rotation.
     #[error("the rotation of view `{name}` was off by {deviation:.1e}; the nearest rotation was taken")]
     Projected {

@@ -6,9 +6,9 @@
 //! determines the duration and the place of each pose.
 
 use super::TrajectoryError;
-use super::curve::{Measured, PoseCurve};
-use crate::se3::arc_length::{ArcLength, Pace};
-use crate::se3::spline::{CubicSpline, Place};
+use super::curve::{MeasuredCurve, PoseCurve};
+use crate::se3::arc_length::{ArcLength, CurveSpeed};
+use crate::se3::spline::{CubicSpline, CurvePlace};
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
 
@@ -30,17 +30,17 @@ pub trait FlowMeter {
 /// The length of a path in pixels of median flow.
 #[derive(Debug)]
 pub(super) struct FlowLength {
-    arc: ArcLength<Exponential>,
+    arc: ArcLength<FlowSpline>,
     /// Mixed length between two measured places.
     unit: f64,
 }
 
 /// The flow per unit of place index, from the spline of its logarithm.
 #[derive(Debug)]
-struct Exponential(CubicSpline);
+struct FlowSpline(CubicSpline);
 
-impl Pace for Exponential {
-    fn pace(&self, at: Place) -> f64 {
+impl CurveSpeed for FlowSpline {
+    fn pace(&self, at: CurvePlace) -> f64 {
         libm::exp(self.0.segment(at.segment).value(at.x).x)
     }
 }
@@ -48,7 +48,7 @@ impl Pace for Exponential {
 impl FlowLength {
     /// Measures the flow along a curve. `placed` turns its poses into world poses.
     pub(super) fn measure_flow(
-        arc: &ArcLength<Measured<'_>>,
+        arc: &ArcLength<MeasuredCurve<'_>>,
         curve: &dyn PoseCurve,
         placed: impl Fn(Se3) -> Se3,
         meter: &mut dyn FlowMeter,
@@ -79,7 +79,7 @@ impl FlowLength {
         }
         let steps = vec![1.0; segments as usize];
         let spline = CubicSpline::not_a_knot(&steps, &logarithms);
-        Ok(Self { arc: ArcLength::measure_curve(&steps, Exponential(spline)), unit })
+        Ok(Self { arc: ArcLength::measure_curve(&steps, FlowSpline(spline)), unit })
     }
 
     /// Total length, px.

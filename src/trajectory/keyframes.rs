@@ -1,11 +1,11 @@
 //! Paths through given poses, in the given order.
 
-use super::course::{Course, Kind};
-use super::curve::Curve;
-use super::knots::Knots;
-use super::metric::Metric;
-use super::refine::{Scale, screen_views};
-use super::travel::{Count, Travel};
+use super::course::{CourseKind, PoseCourse};
+use super::curve::CurveKind;
+use super::knots::KnotSequence;
+use super::metric::MixedMetric;
+use super::refine::{TranslationScale, screen_views};
+use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::{Se3, look_at};
 use glam::{DQuat, DVec3};
@@ -13,16 +13,16 @@ use serde::Serialize;
 
 /// Parameters of a path through given poses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Keyframes {
+pub struct KeyframePath {
     /// The poses, at least one.
     pub poses: Vec<Keyframe>,
     /// Number of poses to make. A factor multiplies the number of key poses.
-    pub count: Count,
+    pub count: PoseCount,
     /// The curve through them.
-    pub curve: Curve,
+    pub curve: CurveKind,
     /// Weight of translation against rotation.
-    pub scale: Scale,
-    /// Whether the chord lengths are used unchanged.
+    pub scale: TranslationScale,
+    /// True if the chord lengths are used unchanged.
     pub literal: bool,
 }
 
@@ -32,13 +32,13 @@ pub struct Keyframe {
     /// The camera's centre, world, units.
     pub position: DVec3,
     /// The viewing direction.
-    pub facing: Facing,
+    pub facing: CameraFacing,
 }
 
 /// The orientation of a given pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Facing {
+pub enum CameraFacing {
     /// Camera to world (OpenCV axes), a unit quaternion x, y, z, w.
     Rotation(DQuat),
     /// Towards a point, with the top of the image towards `up`.
@@ -54,8 +54,8 @@ impl Keyframe {
     /// The pose, camera to world. Invalid rotations are refused when the poses are screened.
     fn pose(&self, number: usize) -> Result<Se3, TrajectoryError> {
         let rotation = match self.facing {
-            Facing::Rotation(rotation) => rotation,
-            Facing::Towards { target, up } => {
+            CameraFacing::Rotation(rotation) => rotation,
+            CameraFacing::Towards { target, up } => {
                 let rotation = look_at(target - self.position, up);
                 rotation.ok_or(TrajectoryError::Facing { keyframe: number })?
             }
@@ -64,20 +64,20 @@ impl Keyframe {
     }
 }
 
-impl Keyframes {
-    pub(super) fn travel(&self) -> Travel {
-        Travel { count: self.count, literal: self.literal }
+impl KeyframePath {
+    pub(super) fn travel(&self) -> TravelPlan {
+        TravelPlan { count: self.count, literal: self.literal }
     }
 
-    pub(super) fn course(&self) -> Result<Course, TrajectoryError> {
+    pub(super) fn course(&self) -> Result<PoseCourse, TrajectoryError> {
         let names: Vec<String> = (0..self.poses.len()).map(|k| format!("keyframe {k}")).collect();
         let named = names.iter().zip(&self.poses).enumerate().map(|(k, (name, keyframe))| {
             keyframe.pose(k).map(|world_from_camera| NamedPose { name, world_from_camera })
         });
         let (origin, views, warnings) = screen_views(named.collect::<Result<_, _>>()?)?;
-        let metric = Metric::new(self.scale, &views)?;
-        let knots = Knots::new(&views, metric)?;
-        let mut course = Course::through_knots(Kind::Keyframes, knots, self.curve, origin, metric)?;
+        let metric = MixedMetric::new(self.scale, &views)?;
+        let knots = KnotSequence::new(&views, metric)?;
+        let mut course = PoseCourse::through_knots(CourseKind::Keyframes, knots, self.curve, origin, metric)?;
         course.warnings.splice(..0, warnings);
         Ok(course)
     }

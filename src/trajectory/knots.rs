@@ -1,14 +1,14 @@
 //! The knots of a path: smoothed poses are measured, coinciding ones merged, and gaps between them
 //! found.
 
-use super::metric::{Metric, middle_mean};
-use super::refine::Gaps;
+use super::metric::{MixedMetric, middle_mean};
+use super::refine::GapRule;
 use super::smooth::{mean_centre, mean_rotation};
-use super::{NamedPose, TrajectoryError, Warning};
+use super::{NamedPose, TrajectoryError, TrajectoryWarning};
 use crate::se3::Se3;
 use crate::se3::rotation::same_hemisphere;
 use crate::se3::rotation_spline::turn_between;
-use crate::se3::sum::Sum;
+use crate::se3::sum::NeumaierSum;
 use serde::{Deserialize, Serialize};
 
 /// Neighbours closer than this share of the median step become one knot, because equal knots make
@@ -23,7 +23,7 @@ pub const GAP: f64 = 8.0;
 /// A run of views that coincide after smoothing and become one knot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Merged {
+pub struct MergedViews {
     /// Image of the first view.
     pub first: String,
     /// Image of the last view.
@@ -35,7 +35,7 @@ pub struct Merged {
 /// A gap in the capture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Gap {
+pub struct CaptureGap {
     /// Image of the view before the gap.
     pub after: String,
     /// Image of the view after the gap.
@@ -46,25 +46,25 @@ pub struct Gap {
 
 /// Knots and the steps between them.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Knots<'a> {
+pub(super) struct KnotSequence<'a> {
     /// One pose per knot, under the name of its first view. No two neighbours coincide, and
     /// neighbouring quaternions lie in one hemisphere.
     pub(super) poses: Vec<NamedPose<'a>>,
     /// Distance from each knot to the next, positive.
     pub(super) steps: Vec<f64>,
     /// Runs of merged views.
-    pub(super) merged: Vec<Merged>,
+    pub(super) merged: Vec<MergedViews>,
     /// Number of views.
     views: usize,
 }
 
-impl<'a> Knots<'a> {
+impl<'a> KnotSequence<'a> {
     /// Measures smoothed poses, and merges neighbours that coincide. If nothing moves, one knot
     /// remains.
     ///
     /// # Errors
     /// The rotations of a long run of coinciding views have no mean.
-    pub(super) fn new(views: &[NamedPose<'a>], metric: Metric) -> Result<Self, TrajectoryError> {
+    pub(super) fn new(views: &[NamedPose<'a>], metric: MixedMetric) -> Result<Self, TrajectoryError> {
         let apart = knot_distances(views, metric);
         let still = rounding_distance(views, metric);
         let limit = still.max(COINCIDE * middle_mean(apart.iter().copied().filter(|d| *d > still).collect()));
@@ -85,7 +85,7 @@ impl<'a> Knots<'a> {
         if let [first, .., last] = run {
             knot.world_from_camera = Se3 { rotation: mean_rotation(run)?, translation: mean_centre(run) };
             let (first, last) = (first.name.to_owned(), last.name.to_owned());
-            self.merged.push(Merged { first, last, count: run.len() });
+            self.merged.push(MergedViews { first, last, count: run.len() });
         }
         if let Some(before) = self.poses.last() {
             let rotation = &mut knot.world_from_camera.rotation;
@@ -102,28 +102,28 @@ impl<'a> Knots<'a> {
 
     /// Length of the path through the knots.
     pub(super) fn length(&self) -> f64 {
-        Sum::sum_of(self.steps.iter().copied())
+        NeumaierSum::sum_of(self.steps.iter().copied())
     }
 
     /// Neighbours that are half a turn apart.
-    pub(super) fn half_turns(&self) -> impl Iterator<Item = Warning> {
+    pub(super) fn half_turns(&self) -> impl Iterator<Item = TrajectoryWarning> {
         let half = |w: &&[NamedPose<'_>]| {
             turn_between(w[0].world_from_camera.rotation, w[1].world_from_camera.rotation).1
         };
-        self.poses
-            .windows(2)
-            .filter(half)
-            .map(|w| Warning::HalfTurn { after: w[0].name.to_owned(), before: w[1].name.to_owned() })
+        self.poses.windows(2).filter(half).map(|w| TrajectoryWarning::HalfTurn {
+            after: w[0].name.to_owned(),
+            before: w[1].name.to_owned(),
+        })
     }
 }
 
 /// The gaps in a capture, in path order. They are looked for before smoothing, which spreads a gap over its window:
 /// one of 12 median steps in a hand-held capture is under 8 of them everywhere after smoothing with half-width 2.
-pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: Metric) -> Vec<Gap> {
+pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: MixedMetric) -> Vec<CaptureGap> {
     let apart = knot_distances(views, metric);
     let still = rounding_distance(views, metric);
     let median = middle_mean(apart.iter().copied().filter(|d| *d > still).collect());
-    let gap = |(i, step): (usize, &f64)| Gap {
+    let gap = |(i, step): (usize, &f64)| CaptureGap {
         after: views[i].name.to_owned(),
         before: views[i + 1].name.to_owned(),
         times_median: step / median,
@@ -132,26 +132,33 @@ pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: Metric) -> Vec<Gap> {
 }
 
 /// Warnings of the gaps that are bridged, or the error for one that must not be.
-pub(super) fn judge_gaps(gaps: &[Gap], policy: Gaps) -> Result<Vec<Warning>, TrajectoryError> {
+pub(super) fn judge_gaps(
+    gaps: &[CaptureGap],
+    policy: GapRule,
+) -> Result<Vec<TrajectoryWarning>, TrajectoryError> {
     match (policy, gaps.first().cloned()) {
-        (Gaps::Refuse, Some(Gap { after, before, times_median })) => {
+        (GapRule::Refuse, Some(CaptureGap { after, before, times_median })) => {
             Err(TrajectoryError::Gap { after, before, times_median, limit: GAP })
         }
         _ => Ok(gaps
             .iter()
             .cloned()
-            .map(|Gap { after, before, times_median }| Warning::Gap { after, before, times_median })
+            .map(|CaptureGap { after, before, times_median }| TrajectoryWarning::Gap {
+                after,
+                before,
+                times_median,
+            })
             .collect()),
     }
 }
 
-pub(super) fn knot_distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
+pub(super) fn knot_distances(poses: &[NamedPose<'_>], metric: MixedMetric) -> Vec<f64> {
     poses.windows(2).map(|w| metric.distance(&w[0].world_from_camera, &w[1].world_from_camera)).collect()
 }
 
 /// Distances that rounding alone makes between equal poses, after smoothing: 1e-14 rad, and as much of the largest
 /// centre.
-pub(super) fn rounding_distance(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
+pub(super) fn rounding_distance(poses: &[NamedPose<'_>], metric: MixedMetric) -> f64 {
     let farthest = poses.iter().map(|p| p.world_from_camera.translation.length()).fold(0.0, f64::max);
     metric.mix(ROUNDING, ROUNDING * farthest)
 }

@@ -4,10 +4,10 @@
 //! here. Translation is divided by the scene's scale distance `D`, because the scale of a capture
 //! is arbitrary.
 
-use super::{NamedPose, TrajectoryError, refine::Scale};
+use super::{NamedPose, TrajectoryError, refine::TranslationScale};
 use crate::se3::Se3;
 use crate::se3::rotation::angle_between;
-use crate::se3::sum::Sum;
+use crate::se3::sum::NeumaierSum;
 use glam::{DMat3, DVec3};
 
 /// Weight of rotation, per radian.
@@ -24,12 +24,12 @@ const MOST_COMPARED: usize = 4096;
 
 /// The mixed metric.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Metric {
+pub struct MixedMetric {
     /// The scale distance `D` by which translation is divided, in scene units.
     pub scale: f64,
 }
 
-impl Metric {
+impl MixedMetric {
     /// The metric of a capture with centres relative to one of them.
     ///
     /// `D` comes from the captured poses before smoothing, so it belongs to the capture and not to
@@ -37,11 +37,11 @@ impl Metric {
     ///
     /// # Errors
     /// The given scale is not positive and finite.
-    pub fn new(scale: Scale, views: &[NamedPose<'_>]) -> Result<Self, TrajectoryError> {
+    pub fn new(scale: TranslationScale, views: &[NamedPose<'_>]) -> Result<Self, TrajectoryError> {
         let scale = match scale {
-            Scale::Scene => scene_distance(views),
-            Scale::None => 1.0,
-            Scale::Fixed(scale) => scale,
+            TranslationScale::Scene => scene_distance(views),
+            TranslationScale::None => 1.0,
+            TranslationScale::Fixed(scale) => scale,
         };
         if scale > 0.0 && scale.is_finite() {
             return Ok(Self { scale });
@@ -103,7 +103,7 @@ pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     (point.is_finite() && 2 * behind <= rays.len()).then_some(point)
 }
 
-/// Whether every eigenvalue of the symmetric `a` exceeds `limit`, by Sylvester's criterion on
+/// Returns true if every eigenvalue of the symmetric `a` exceeds `limit`, by Sylvester's criterion on
 /// `a - limit I`, without computing eigenvalues.
 fn eigenvalues_exceed(a: &DMat3, limit: f64) -> bool {
     let m = *a - DMat3::from_diagonal(DVec3::splat(limit));
@@ -123,7 +123,7 @@ pub(super) fn middle_mean(mut values: Vec<f64>) -> f64 {
 
 /// Compensated running sums `0, a, a+b, ...`: one more value than there are terms.
 pub(super) fn running_sums(terms: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut sum = Sum::default();
+    let mut sum = NeumaierSum::default();
     let mut sums = Vec::with_capacity(terms.size_hint().0 + 1);
     sums.push(0.0);
     for term in terms {

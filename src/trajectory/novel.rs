@@ -4,15 +4,15 @@
 //! group then sorts its key poses by time; in the order of the draw, a path would cut back through
 //! the object.
 
-use super::course::{Course, Kind};
-use super::curve::Curve;
-use super::knots::Knots;
-use super::metric::Metric;
-use super::refine::{Scale, screen_views};
-use super::travel::{Count, Travel};
+use super::course::{CourseKind, PoseCourse};
+use super::curve::CurveKind;
+use super::knots::KnotSequence;
+use super::metric::MixedMetric;
+use super::refine::{TranslationScale, screen_views};
+use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::Se3;
-use crate::seed::{Cell, Draws, Seed, Space};
+use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 use serde::Serialize;
 
 /// Degrees from which that of a Bezier curve is drawn.
@@ -20,7 +20,7 @@ const DEGREES: [u32; 4] = [2, 3, 4, 5];
 
 /// One group of key poses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Novel {
+pub struct NovelGroup {
     /// Index of the group, from 0.
     pub group: u32,
     /// Number of groups that share the draw.
@@ -28,10 +28,10 @@ pub struct Novel {
     /// Number of key poses of a group, at least 2.
     pub keyframes: u32,
     /// Number of poses to make.
-    pub count: Count,
+    pub count: PoseCount,
     /// The curve through the key poses.
-    pub curve: NovelCurve,
-    /// Whether the chord lengths are used unchanged.
+    pub curve: GroupCurve,
+    /// True if the chord lengths are used unchanged.
     pub literal: bool,
     /// Seed of the draw of key poses, common to all groups.
     pub keyframes_seed: Seed,
@@ -42,39 +42,44 @@ pub struct Novel {
 /// The curve of a group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum NovelCurve {
+pub enum GroupCurve {
     /// A fair coin selects `cubic` or `bezier`; the degree of the latter is drawn from 2 to 5.
     Any,
     /// A given curve.
-    Fixed(Curve),
+    Fixed(CurveKind),
 }
 
 /// The trajectory from which key poses are drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct Base<'a> {
+pub struct BaseTrajectory<'a> {
     /// Its poses, camera to world.
     pub poses: &'a [Se3],
     /// Its scale distance D, units.
     pub scale: f64,
 }
 
-impl Novel {
-    pub(super) fn travel(&self) -> Travel {
-        Travel { count: self.count, literal: self.literal }
+impl NovelGroup {
+    pub(super) fn travel(&self) -> TravelPlan {
+        TravelPlan { count: self.count, literal: self.literal }
     }
 
     /// The course of the group through its key poses, in the metric of the base.
-    pub(super) fn course(&self, base: Base<'_>) -> Result<Course, TrajectoryError> {
+    pub(super) fn course(&self, base: BaseTrajectory<'_>) -> Result<PoseCourse, TrajectoryError> {
         self.screen_numbers(base.poses.len())?;
         let keyframes = self.draw(base.poses.len());
         let names: Vec<String> = keyframes.iter().map(|k| format!("pose {k}")).collect();
         let named = |(name, k)| NamedPose { name, world_from_camera: base.poses[k] };
         let views = names.iter().map(String::as_str).zip(keyframes.iter().copied()).map(named);
         let (origin, views, warnings) = screen_views(views.collect())?;
-        let metric = Metric::new(Scale::Fixed(base.scale), &views)?;
+        let metric = MixedMetric::new(TranslationScale::Fixed(base.scale), &views)?;
         let (curve, degree_drawn) = self.draw_curve();
-        let mut course =
-            Course::through_knots(Kind::Novel, Knots::new(&views, metric)?, curve, origin, metric)?;
+        let mut course = PoseCourse::through_knots(
+            CourseKind::Novel,
+            KnotSequence::new(&views, metric)?,
+            curve,
+            origin,
+            metric,
+        )?;
         course.degree_drawn = degree_drawn;
         course.keyframes = keyframes;
         course.warnings.splice(..0, warnings);
@@ -120,22 +125,22 @@ impl Novel {
 
     /// The group's curve, and the degree if one was drawn. Its draws do not depend on those of
     /// other groups.
-    fn draw_curve(&self) -> (Curve, Option<u32>) {
-        if let NovelCurve::Fixed(curve) = self.curve {
+    fn draw_curve(&self) -> (CurveKind, Option<u32>) {
+        if let GroupCurve::Fixed(curve) = self.curve {
             return (curve, None);
         }
         let mut draws = choice_draws(self.curve_seed, u64::from(self.group));
         if draws.index(2) == 0 {
-            return (Curve::Cubic, None);
+            return (CurveKind::Cubic, None);
         }
         let degree = DEGREES[draws.index(DEGREES.len())];
-        (Curve::Bezier { degree }, Some(degree))
+        (CurveKind::Bezier { degree }, Some(degree))
     }
 }
 
 /// The draws of one choice.
-fn choice_draws(seed: Seed, index: u64) -> Draws {
-    seed.draws(Cell { x: 0, y: 0, level: 0, index }, Space::Choice)
+fn choice_draws(seed: Seed, index: u64) -> CellDraws {
+    seed.draws(SeedCell { x: 0, y: 0, level: 0, index }, DrawSpace::Choice)
 }
 
 #[cfg(test)]
@@ -143,13 +148,13 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    fn novel(group: u32, groups: u32, keyframes: u32, seed: u64) -> Novel {
-        Novel {
+    fn novel(group: u32, groups: u32, keyframes: u32, seed: u64) -> NovelGroup {
+        NovelGroup {
             group,
             groups,
             keyframes,
-            count: Count::Frames(150),
-            curve: NovelCurve::Any,
+            count: PoseCount::Frames(150),
+            curve: GroupCurve::Any,
             literal: false,
             keyframes_seed: Seed(seed),
             curve_seed: Seed(seed),

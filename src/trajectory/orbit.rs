@@ -4,12 +4,12 @@
 //! nearest all optical axes, the mean of the cameras' up directions, and the centre of the first
 //! view.
 
-use super::course::{Course, Kind, Line};
-use super::curve::Circle;
-use super::metric::{Metric, common_focus};
+use super::course::{CourseGeometry, CourseKind, PoseCourse};
+use super::curve::CirclePath;
+use super::metric::{MixedMetric, common_focus};
 use super::order::by_name;
 use super::refine::screen_views;
-use super::travel::{Count, Travel};
+use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::{Se3, look_at};
 use glam::DVec3;
@@ -17,7 +17,7 @@ use serde::Serialize;
 
 /// Parameters of an orbit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Orbit {
+pub struct OrbitPath {
     /// The point on the axis at which the camera looks, world, units.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub centre: Option<DVec3>,
@@ -30,18 +30,18 @@ pub struct Orbit {
     /// Angle of the turn about the axis, degrees, right-handed.
     pub arc: f64,
     /// Number of poses to make.
-    pub count: Count,
+    pub count: PoseCount,
 }
 
-impl Orbit {
-    pub(super) fn travel(&self) -> Travel {
-        Travel { count: self.count, literal: false }
+impl OrbitPath {
+    pub(super) fn travel(&self) -> TravelPlan {
+        TravelPlan { count: self.count, literal: false }
     }
 
     /// The course about a point, relative to that point.
-    pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<Course, TrajectoryError> {
+    pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<PoseCourse, TrajectoryError> {
         let missing = |what| move || TrajectoryError::Orbit { what, because: NO_CAPTURE };
-        let (seen, warnings) = Seen::from_views(views)?;
+        let (seen, warnings) = CaptureOrbit::from_views(views)?;
         let from = self.from.or(seen.from).ok_or_else(missing("from"))?;
         let up = self.up.or(seen.up).ok_or_else(missing("up"))?;
         let centre = match (self.centre, seen.centre) {
@@ -57,12 +57,12 @@ impl Orbit {
         let start = Se3 { rotation, translation: arm };
         let turn = axis * self.arc.to_radians();
         // The metric of a camera that looks at one point: its scale is the distance to that point.
-        let metric = Metric { scale: arm.length() };
+        let metric = MixedMetric { scale: arm.length() };
         let length = metric.mix(turn.length(), turn.cross(arm).length());
-        Ok(Course {
-            kind: Kind::Orbit,
+        Ok(PoseCourse {
+            kind: CourseKind::Orbit,
             origin: centre,
-            line: Line::Curve(Box::new(Circle::new(DVec3::ZERO, turn, start))),
+            line: CourseGeometry::Curve(Box::new(CirclePath::new(DVec3::ZERO, turn, start))),
             metric,
             length,
             views: views.len(),
@@ -84,14 +84,14 @@ const ON_AXIS: &str = "the camera starts on the axis, or at its centre";
 
 /// Defaults of an orbit from a capture.
 #[derive(Default)]
-struct Seen {
+struct CaptureOrbit {
     centre: Option<DVec3>,
     from: Option<DVec3>,
     up: Option<DVec3>,
 }
 
-impl Seen {
-    fn from_views(views: &[NamedPose<'_>]) -> Result<(Self, Vec<super::Warning>), TrajectoryError> {
+impl CaptureOrbit {
+    fn from_views(views: &[NamedPose<'_>]) -> Result<(Self, Vec<super::TrajectoryWarning>), TrajectoryError> {
         if views.is_empty() {
             return Ok((Self::default(), Vec::new()));
         }

@@ -1,7 +1,7 @@
 //! The order of views along the path.
 
-use super::metric::Metric;
-use super::refine::Order;
+use super::metric::MixedMetric;
+use super::refine::ViewOrder;
 use super::{NamedPose, TrajectoryError};
 use std::cmp::Ordering;
 
@@ -53,8 +53,8 @@ pub(super) fn by_name<'a>(views: &[NamedPose<'a>]) -> Result<Vec<NamedPose<'a>>,
 
 /// Rearranges views that are sorted by name. `Nearest` is greedy from the first name, and ties go
 /// to the earlier name; its time is quadratic in the number of views.
-pub(super) fn arrange_views(views: &mut [NamedPose<'_>], order: Order, metric: Metric) {
-    if order == Order::Name {
+pub(super) fn arrange_views(views: &mut [NamedPose<'_>], order: ViewOrder, metric: MixedMetric) {
+    if order == ViewOrder::Name {
         return;
     }
     for i in 1..views.len() {

@@ -1,39 +1,39 @@
 //! The path of a trajectory, as chosen by a recipe.
 
-use super::course::Course;
+use super::course::PoseCourse;
 use super::flow::FlowMeter;
-use super::keyframes::Keyframes;
-use super::novel::{Base, Novel};
-use super::orbit::Orbit;
-use super::refine::Refine;
-use super::travel::Travel;
-use super::{Made, NamedPose, Timing, TrajectoryError};
+use super::keyframes::KeyframePath;
+use super::novel::{BaseTrajectory, NovelGroup};
+use super::orbit::OrbitPath;
+use super::refine::RefinePath;
+use super::travel::TravelPlan;
+use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
 use serde::Serialize;
 
 /// A path, by its kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Path {
+pub enum CameraPath {
     /// Along the captured poses (the paper's 3.5.1).
-    Refine(Refine),
+    Refine(RefinePath),
     /// Between key poses drawn from another trajectory (3.5.2).
-    Novel(Novel),
+    Novel(NovelGroup),
     /// A circle about a point.
-    Orbit(Orbit),
+    Orbit(OrbitPath),
     /// Between given poses.
-    Keyframes(Keyframes),
+    Keyframes(KeyframePath),
 }
 
 /// The inputs of all kinds of paths; each kind uses some of them.
 #[derive(Debug, Clone, Copy)]
-pub struct Ground<'a> {
+pub struct PathInputs<'a> {
     /// The views of the capture, in any order; empty without a capture.
     pub views: &'a [NamedPose<'a>],
-    /// The trajectory from which [`Path::Novel`] draws its key poses.
-    pub base: Option<Base<'a>>,
+    /// The trajectory from which [`CameraPath::Novel`] draws its key poses.
+    pub base: Option<BaseTrajectory<'a>>,
 }
 
-impl Path {
+impl CameraPath {
     /// The trajectory along this path. `meter` is used if the speed is a flow.
     ///
     /// # Errors
@@ -41,17 +41,17 @@ impl Path {
     /// measured.
     ///
     /// # Panics
-    /// [`Path::Novel`] has no base.
+    /// [`CameraPath::Novel`] has no base.
     pub fn make(
         &self,
-        ground: Ground<'_>,
-        timing: Timing<'_>,
+        ground: PathInputs<'_>,
+        timing: PoseTiming<'_>,
         meter: Option<&mut dyn FlowMeter>,
-    ) -> Result<Made, TrajectoryError> {
+    ) -> Result<MadeTrajectory, TrajectoryError> {
         self.travel().along(self.course(ground)?, timing, meter)
     }
 
-    /// Whether the path is made from the views of a capture. The base of a novel path may need them
+    /// Returns true if the path is made from the views of a capture. The base of a novel path may need them
     /// even if this is false.
     #[must_use]
     pub fn needs_views(&self) -> bool {
@@ -62,7 +62,7 @@ impl Path {
         }
     }
 
-    fn course(&self, ground: Ground<'_>) -> Result<Course, TrajectoryError> {
+    fn course(&self, ground: PathInputs<'_>) -> Result<PoseCourse, TrajectoryError> {
         match self {
             Self::Refine(refine) => refine.course(ground.views),
             Self::Novel(novel) => novel.course(ground.base.expect("a novel path is drawn from another")),
@@ -71,7 +71,7 @@ impl Path {
         }
     }
 
-    fn travel(&self) -> Travel {
+    fn travel(&self) -> TravelPlan {
         match self {
             Self::Refine(refine) => refine.travel(),
             Self::Novel(novel) => novel.travel(),

@@ -6,10 +6,10 @@ mod chart;
 mod path;
 mod sketch;
 
-pub(crate) use sketch::{Sketch, sketch};
+pub(crate) use sketch::{PathSketch, sketch};
 
 use super::Trajectory;
-use super::report::Report;
+use super::report::SpeedReport;
 use std::fmt::Write as _;
 
 /// Width of the picture, px.
@@ -21,7 +21,7 @@ const MARGIN: f64 = 24.0;
 
 /// A rectangle of the picture, px.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Panel {
+pub(crate) struct PicturePanel {
     pub(crate) left: f64,
     pub(crate) top: f64,
     pub(crate) width: f64,
@@ -30,13 +30,14 @@ pub(crate) struct Panel {
 
 /// The picture as SVG.
 #[must_use]
-pub fn trajectory_svg(trajectory: &Trajectory, report: &Report) -> String {
+pub fn trajectory_svg(trajectory: &Trajectory, report: &SpeedReport) -> String {
     let half = (WIDTH - 3.0 * MARGIN) / 2.0;
-    let above = Panel { left: MARGIN, top: MARGIN, width: half, height: 440.0 };
-    let side = Panel { left: above.left + half + MARGIN, ..above };
+    let above = PicturePanel { left: MARGIN, top: MARGIN, width: half, height: 440.0 };
+    let side = PicturePanel { left: above.left + half + MARGIN, ..above };
     let top = above.top + above.height + MARGIN;
-    let chart = Panel { left: MARGIN, top, width: WIDTH - 2.0 * MARGIN, height: HEIGHT - top - MARGIN };
-    let mut out = Svg::new([WIDTH, HEIGHT]);
+    let chart =
+        PicturePanel { left: MARGIN, top, width: WIDTH - 2.0 * MARGIN, height: HEIGHT - top - MARGIN };
+    let mut out = SvgText::new([WIDTH, HEIGHT]);
     path::draw_path(&mut out, [above, side], &trajectory.world_from_camera, &report.linear_unit_s);
     let seconds = trajectory.stamps_us.last().copied().unwrap_or(0) as f64 * 1e-6;
     chart::draw_chart(&mut out, chart, seconds, report);
@@ -44,9 +45,9 @@ pub fn trajectory_svg(trajectory: &Trajectory, report: &Report) -> String {
 }
 
 /// SVG text under construction. Writing to a string cannot fail.
-pub(crate) struct Svg(String);
+pub(crate) struct SvgText(String);
 
-impl Svg {
+impl SvgText {
     /// A white picture of this size, px.
     pub(crate) fn new([width, height]: [f64; 2]) -> Self {
         let mut svg = Self(String::new());
@@ -68,8 +69,8 @@ impl Svg {
         self.0.push('\n');
     }
 
-    pub(crate) fn frame(&mut self, panel: Panel) {
-        let Panel { left, top, width, height } = panel;
+    pub(crate) fn frame(&mut self, panel: PicturePanel) {
+        let PicturePanel { left, top, width, height } = panel;
         self.line(&format!(
             "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" stroke=\"#cccccc\"/>"
         ));

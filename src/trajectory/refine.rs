@@ -1,16 +1,16 @@
 //! Refined trajectories, as in the paper's 3.5.1: the captured poses are smoothed, measured, and
 //! sampled densely at a prescribed speed.
 
-use super::course::{Course, Kind};
-use super::curve::Curve;
-use super::knots::{Knots, find_gaps, judge_gaps};
-use super::metric::Metric;
+use super::course::{CourseKind, PoseCourse};
+use super::curve::CurveKind;
+use super::knots::{KnotSequence, find_gaps, judge_gaps};
+use super::metric::MixedMetric;
 use super::order::{arrange_views, by_name};
 use super::smooth::smooth_views;
-use super::travel::{Count, Travel};
-use super::{Made, NamedPose, Timing, TrajectoryError, Warning};
+use super::travel::{PoseCount, TravelPlan};
+use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
 use crate::se3::rotation::same_hemisphere;
-use crate::se3::{Screened, Se3, rotation_from_quaternion};
+use crate::se3::{ScreenedRotation, Se3, rotation_from_quaternion};
 use crate::units::Ratio;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
@@ -19,24 +19,24 @@ use serde::Serialize;
 const FARTHEST: f64 = 1e100;
 /// Parameters of a refined trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Refine {
+pub struct RefinePath {
     /// Half-width of the smoothing window, in poses; 0 means none.
     pub window: u32,
     /// Number of poses to make.
-    pub count: Count,
+    pub count: PoseCount,
     /// Order of the views.
-    pub order: Order,
+    pub order: ViewOrder,
     /// Mean of rotations for smoothing.
     pub rotation: RotationMean,
     /// Treatment of the ends in smoothing.
-    pub ends: Ends,
+    pub ends: EndRule,
     /// Weight of translation against rotation.
-    pub scale: Scale,
+    pub scale: TranslationScale,
     /// Treatment of gaps in the capture.
-    pub gaps: Gaps,
+    pub gaps: GapRule,
     /// The curve through the poses.
-    pub curve: Curve,
-    /// Whether the paper's chord lengths are used unchanged, without correction by the fitted
+    pub curve: CurveKind,
+    /// True if the paper's chord lengths are used unchanged, without correction by the fitted
     /// curve's arc length.
     pub literal: bool,
 }
@@ -44,7 +44,7 @@ pub struct Refine {
 /// Order of the views along the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Order {
+pub enum ViewOrder {
     /// Natural order of the image file names.
     Name,
     /// Greedy nearest neighbour from the first name.
@@ -64,7 +64,7 @@ pub enum RotationMean {
 /// Treatment of the path's ends in smoothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Ends {
+pub enum EndRule {
     /// Windows are cut off, which pulls the ends in (the paper's definition).
     Truncated,
     /// Windows shrink, which keeps both end poses.
@@ -74,7 +74,7 @@ pub enum Ends {
 /// The distance by which translation is divided in the mixed metric.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Scale {
+pub enum TranslationScale {
     /// Median distance of the centres to the point nearest all optical axes.
     Scene,
     /// 1: translation counts in scene units.
@@ -86,25 +86,25 @@ pub enum Scale {
 /// Treatment of gaps in the capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Gaps {
+pub enum GapRule {
     /// Bridge it and record it.
     Bridge,
     /// Refuse the capture.
     Refuse,
 }
 
-impl Default for Refine {
+impl Default for RefinePath {
     /// The paper's settings, and this program's choices where the paper gives none.
     fn default() -> Self {
         Self {
             window: 2,
-            count: Count::Factor(Ratio::new(5, 1).expect("5 is positive")),
-            order: Order::Name,
+            count: PoseCount::Factor(Ratio::new(5, 1).expect("5 is positive")),
+            order: ViewOrder::Name,
             rotation: RotationMean::Mean,
-            ends: Ends::Truncated,
-            scale: Scale::Scene,
-            gaps: Gaps::Bridge,
-            curve: Curve::Cubic,
+            ends: EndRule::Truncated,
+            scale: TranslationScale::Scene,
+            gaps: GapRule::Bridge,
+            curve: CurveKind::Cubic,
             literal: false,
         }
     }
@@ -116,29 +116,29 @@ impl Default for Refine {
 /// # Errors
 /// There are no views; they have values that are not finite, invalid rotations or equal names;
 /// neighbouring rotations have no mean or no curve; a parameter is out of range; or there is a gap
-/// under [`Gaps::Refuse`].
+/// under [`GapRule::Refuse`].
 pub fn refine_views(
     views: &[NamedPose<'_>],
-    params: &Refine,
-    timing: Timing<'_>,
-) -> Result<Made, TrajectoryError> {
+    params: &RefinePath,
+    timing: PoseTiming<'_>,
+) -> Result<MadeTrajectory, TrajectoryError> {
     params.travel().along(params.course(views)?, timing, None)
 }
 
-impl Refine {
-    pub(super) fn travel(&self) -> Travel {
-        Travel { count: self.count, literal: self.literal }
+impl RefinePath {
+    pub(super) fn travel(&self) -> TravelPlan {
+        TravelPlan { count: self.count, literal: self.literal }
     }
 
     /// The course along the views of a capture.
-    pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<Course, TrajectoryError> {
+    pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<PoseCourse, TrajectoryError> {
         let (origin, mut views, mut warnings) = screen_views(by_name(views)?)?;
-        let metric = Metric::new(self.scale, &views)?;
+        let metric = MixedMetric::new(self.scale, &views)?;
         arrange_views(&mut views, self.order, metric);
         let gaps = find_gaps(&views, metric);
         warnings.extend(judge_gaps(&gaps, self.gaps)?);
-        let knots = Knots::new(&smooth_views(&views, self)?, metric)?;
-        let mut course = Course::through_knots(Kind::Refine, knots, self.curve, origin, metric)?;
+        let knots = KnotSequence::new(&smooth_views(&views, self)?, metric)?;
+        let mut course = PoseCourse::through_knots(CourseKind::Refine, knots, self.curve, origin, metric)?;
         course.gaps = gaps;
         course.warnings.splice(..0, warnings);
         Ok(course)
@@ -150,7 +150,7 @@ impl Refine {
 /// origin, the views and the warnings.
 pub(super) fn screen_views(
     mut views: Vec<NamedPose<'_>>,
-) -> Result<(DVec3, Vec<NamedPose<'_>>, Vec<Warning>), TrajectoryError> {
+) -> Result<(DVec3, Vec<NamedPose<'_>>, Vec<TrajectoryWarning>), TrajectoryError> {
     let mut warnings = Vec::new();
     let origin = views.first().ok_or(TrajectoryError::NoViews)?.world_from_camera.translation;
     let mut before = DQuat::IDENTITY;
@@ -161,11 +161,11 @@ pub(super) fn screen_views(
             return Err(TrajectoryError::Centre { name });
         }
         let screened = rotation_from_quaternion(view.world_from_camera.rotation);
-        let Screened { rotation, projected, deviation } =
+        let ScreenedRotation { rotation, projected, deviation } =
             screened.map_err(|source| TrajectoryError::Rotation { name: name.clone(), source })?;
         before = same_hemisphere(rotation, before);
         view.world_from_camera = Se3 { rotation: before, translation: centre };
-        warnings.extend(projected.then_some(Warning::Projected { name, deviation }));
+        warnings.extend(projected.then_some(TrajectoryWarning::Projected { name, deviation }));
     }
     Ok((origin, views, warnings))
 }

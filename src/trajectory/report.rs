@@ -1,17 +1,17 @@
 //! Asked and achieved speed of a trajectory: `speed.json` of a release.
 
-use super::Warning;
-use super::course::{Course, Kind};
-use super::curve::Curve;
-use super::knots::{Gap, Merged};
-use super::metric::{ALPHA, BETA, Metric};
-use super::sample::{Schedule, Summation, step_seconds};
-use super::travel::{Timing, Travel};
+use super::TrajectoryWarning;
+use super::course::{CourseKind, PoseCourse};
+use super::curve::CurveKind;
+use super::knots::{CaptureGap, MergedViews};
+use super::metric::{ALPHA, BETA, MixedMetric};
+use super::sample::{PoseSchedule, SummationRule, step_seconds};
+use super::travel::{PoseTiming, TravelPlan};
 use crate::se3::rotation::angle_between;
-use crate::se3::spline::Place;
-use crate::se3::sum::Sum;
+use crate::se3::spline::CurvePlace;
+use crate::se3::sum::NeumaierSum;
 use crate::se3::{Se3, Twist};
-use crate::speed::Meaning;
+use crate::speed::SpeedMeaning;
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +24,7 @@ const LEAST_PART: f64 = 1e-9;
 /// Achieved share of the path divided by the asked share, over all steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Follow {
+pub struct FollowError {
     /// Smallest ratio.
     pub min: f64,
     /// Largest ratio.
@@ -38,7 +38,7 @@ pub struct Follow {
 /// Jumps at the knots, where two pieces of a curve meet: the largest of each kind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Jumps {
+pub struct KnotJumps {
     /// Jump of the pose, divided by the mean distance between knots.
     pub c0: f64,
     /// Jump of the rates, divided by the mean rate.
@@ -61,11 +61,11 @@ pub struct FlowReport {
 /// is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Report {
+pub struct SpeedReport {
     /// Kind of the path.
-    pub kind: Kind,
+    pub kind: CourseKind,
     /// Name of the curve through the knots. A circle has none.
-    pub curve: Option<Curve>,
+    pub curve: Option<CurveKind>,
     /// Degree that was drawn for a Bezier curve.
     pub degree_drawn: Option<u32>,
     /// Degree that was used for a Bezier curve.
@@ -73,11 +73,11 @@ pub struct Report {
     /// Indices of the key poses in the base trajectory, from 0.
     pub keyframes: Vec<usize>,
     /// How the speed law was summed.
-    pub law: Summation,
-    /// Whether the paper's chord lengths are used unchanged.
+    pub law: SummationRule,
+    /// True if the paper's chord lengths are used unchanged.
     pub literal: bool,
     /// Meaning of large values of the speed law.
-    pub meaning: Meaning,
+    pub meaning: SpeedMeaning,
     /// Weight of rotation in the metric, per radian.
     pub alpha: f64,
     /// Weight of translation in the metric, per scale distance.
@@ -100,25 +100,25 @@ pub struct Report {
     /// between knots.
     pub knot_distance: Option<f64>,
     /// Smoothness of the curve where its pieces meet; `None` for a single piece.
-    pub knot_jumps: Option<Jumps>,
+    pub knot_jumps: Option<KnotJumps>,
     /// The speed in pixels, if the recipe asks for one.
     pub flow: Option<FlowReport>,
     /// Runs of views that coincide after smoothing.
-    pub merged: Vec<Merged>,
+    pub merged: Vec<MergedViews>,
     /// Gaps in the capture.
-    pub gaps: Vec<Gap>,
+    pub gaps: Vec<CaptureGap>,
     /// Asked speed of each step.
     pub u: Vec<f64>,
     /// Asked length of the path before each pose, in the metric: 0 to S.
     pub s: Vec<f64>,
     /// Mixed metric, measured as arc length along the curve.
-    pub mixed_ratio: Option<Follow>,
+    pub mixed_ratio: Option<FollowError>,
     /// Mixed metric, measured as chords between neighbouring poses.
-    pub mixed_chord_ratio: Option<Follow>,
+    pub mixed_chord_ratio: Option<FollowError>,
     /// Distance between neighbouring centres.
-    pub linear_ratio: Option<Follow>,
+    pub linear_ratio: Option<FollowError>,
     /// Angle between neighbouring poses.
-    pub angular_ratio: Option<Follow>,
+    pub angular_ratio: Option<FollowError>,
     /// Linear speed of each step, units per second.
     pub linear_unit_s: Vec<f64>,
     /// Angular speed of each step, radians per second.
@@ -131,12 +131,12 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-impl Report {
+impl SpeedReport {
     /// Duration of each step, in intervals of the frame rate.
     pub fn durations(&self) -> impl Iterator<Item = f64> {
         self.u.iter().map(|u| match self.meaning {
-            Meaning::Speed => 1.0,
-            Meaning::FrameRate => 1.0 / u,
+            SpeedMeaning::Speed => 1.0,
+            SpeedMeaning::FrameRate => 1.0 / u,
         })
     }
 
@@ -144,9 +144,9 @@ impl Report {
     /// the largest turn and the largest change), and everything that was asked of their schedule, where it is known.
     /// `None` where the rate or the number of steps does not fit.
     #[must_use]
-    pub fn measured_again(&self, poses: &[Se3], schedule: Option<&Schedule>) -> Option<Self> {
+    pub fn measured_again(&self, poses: &[Se3], schedule: Option<&PoseSchedule>) -> Option<Self> {
         let rate = Hertz(self.rate.parse().ok()?);
-        let steps = Steps::between_poses(poses, Metric { scale: self.scale_distance });
+        let steps = StepLengths::between_poses(poses, MixedMetric { scale: self.scale_distance });
         let (u, s) = match schedule {
             Some(of) => (of.speeds.clone(), of.shares.iter().map(|share| share * self.length).collect()),
             None => (self.u.clone(), self.s.clone()),
@@ -177,25 +177,25 @@ impl Report {
 }
 
 /// Inputs of a report, in addition to the poses.
-pub(super) struct Asked<'a> {
-    pub(super) course: &'a Course,
-    pub(super) travel: Travel,
-    pub(super) timing: Timing<'a>,
-    pub(super) schedule: Schedule,
+pub(super) struct ReportInputs<'a> {
+    pub(super) course: &'a PoseCourse,
+    pub(super) travel: TravelPlan,
+    pub(super) timing: PoseTiming<'a>,
+    pub(super) schedule: PoseSchedule,
     pub(super) flow: Option<FlowReport>,
-    pub(super) warnings: &'a [Warning],
+    pub(super) warnings: &'a [TrajectoryWarning],
 }
 
-impl Asked<'_> {
+impl ReportInputs<'_> {
     /// The report on `poses`. `arcs` are the lengths of the steps along the fitted curve; empty if
     /// the camera stands still.
-    pub(super) fn report(self, poses: &[Se3], arcs: &[f64]) -> Report {
-        let Course { metric, length, .. } = *self.course;
-        let steps = Steps::between_poses(poses, metric);
+    pub(super) fn report(self, poses: &[Se3], arcs: &[f64]) -> SpeedReport {
+        let PoseCourse { metric, length, .. } = *self.course;
+        let steps = StepLengths::between_poses(poses, metric);
         let follow = |lengths: &[f64], weight: f64| self.follow(lengths, weight);
         let seconds = |j: usize| self.schedule.seconds(self.timing.rate, j);
-        let fit = Fit::for_course(self.course);
-        Report {
+        let fit = KnotFit::for_course(self.course);
+        SpeedReport {
             kind: self.course.kind,
             curve: self.course.curve,
             degree_drawn: self.course.degree_drawn,
@@ -211,7 +211,7 @@ impl Asked<'_> {
             rate: self.timing.rate.0.to_string(),
             poses: poses.len(),
             length,
-            length_ratio: (!arcs.is_empty()).then(|| Sum::sum_of(arcs.iter().copied()) / length),
+            length_ratio: (!arcs.is_empty()).then(|| NeumaierSum::sum_of(arcs.iter().copied()) / length),
             knot_distance: fit.as_ref().map(|fit| fit.distance),
             knot_jumps: fit.and_then(|fit| fit.jumps),
             flow: self.flow,
@@ -226,24 +226,24 @@ impl Asked<'_> {
             angular_rad_s: per_second(&steps.angular, seconds),
             max_step_deg: steps.largest_turn_deg(),
             max_step_change: steps.largest_change(),
-            warnings: self.warnings.iter().map(Warning::to_string).collect(),
+            warnings: self.warnings.iter().map(TrajectoryWarning::to_string).collect(),
             u: self.schedule.speeds,
         }
     }
 
     /// Ratios of `lengths`, one per step, to the asked shares. `weight` converts lengths into the
     /// metric.
-    fn follow(&self, lengths: &[f64], weight: f64) -> Option<Follow> {
-        let total = Sum::sum_of(lengths.iter().copied());
+    fn follow(&self, lengths: &[f64], weight: f64) -> Option<FollowError> {
+        let total = NeumaierSum::sum_of(lengths.iter().copied());
         let moves = total * weight > LEAST_PART * self.course.length;
         let asked = self.schedule.shares.windows(2).map(|w| w[1] - w[0]);
         let ratios = lengths.iter().zip(asked).filter(|(_, asked)| *asked >= LEAST_SHARE);
         let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
-        (moves && !ratios.is_empty()).then(|| Follow::from_ratios(ratios))
+        (moves && !ratios.is_empty()).then(|| FollowError::from_ratios(ratios))
     }
 }
 
-impl Follow {
+impl FollowError {
     /// Statistics of at least one ratio.
     fn from_ratios(ratios: Vec<f64>) -> Self {
         let count = ratios.len();
@@ -252,7 +252,7 @@ impl Follow {
             ratios.iter().copied().fold(0.0, f64::max),
         );
         let mut away: Vec<f64> = ratios.into_iter().map(|r| (r - 1.0).abs()).collect();
-        let rms = (Sum::sum_of(away.iter().map(|a| a * a)) / count as f64).sqrt();
+        let rms = (NeumaierSum::sum_of(away.iter().map(|a| a * a)) / count as f64).sqrt();
         let rank = (count * 95).div_ceil(100).max(1) - 1;
         let p95 = *away.select_nth_unstable_by(rank, f64::total_cmp).1;
         Self { min, max, rms, p95 }
@@ -260,14 +260,14 @@ impl Follow {
 }
 
 /// Deviation of a curve from its knots.
-struct Fit {
+struct KnotFit {
     distance: f64,
-    jumps: Option<Jumps>,
+    jumps: Option<KnotJumps>,
 }
 
-impl Fit {
+impl KnotFit {
     /// `None` without a curve through knots.
-    fn for_course(course: &Course) -> Option<Self> {
+    fn for_course(course: &PoseCourse) -> Option<Self> {
         let curve = course.line.curve().filter(|_| !course.knots.is_empty())?;
         let metric = course.metric;
         let between = course.length / (course.knots.len() - 1) as f64;
@@ -275,21 +275,24 @@ impl Fit {
         let distance = course.knots.iter().enumerate().map(away).fold(0.0, f64::max) / between;
         // In the curve's own parameter, the mean rate is the distance of the knots divided by their
         // distance in the parameter.
-        let whole = Sum::sum_of(curve.steps().iter().copied());
+        let whole = NeumaierSum::sum_of(curve.steps().iter().copied());
         let rate = course.length / whole;
         let apart =
             |a: Twist, b: Twist| metric.mix((a.angular - b.angular).length(), (a.linear - b.linear).length());
         let jump = |(k, step): (usize, &f64)| {
-            let (left, right) = (Place { segment: k, x: *step }, Place { segment: k + 1, x: 0.0 });
-            Jumps {
+            let (left, right) = (CurvePlace { segment: k, x: *step }, CurvePlace { segment: k + 1, x: 0.0 });
+            KnotJumps {
                 c0: metric.distance(&curve.pose(left), &curve.pose(right)) / between,
                 c1: apart(curve.twist(left), curve.twist(right)) / rate,
                 c2: apart(curve.acceleration(left), curve.acceleration(right)) / (rate * rate / between),
             }
         };
         let inner = &curve.steps()[..curve.steps().len() - 1];
-        let largest =
-            |a: Jumps, b: Jumps| Jumps { c0: a.c0.max(b.c0), c1: a.c1.max(b.c1), c2: a.c2.max(b.c2) };
+        let largest = |a: KnotJumps, b: KnotJumps| KnotJumps {
+            c0: a.c0.max(b.c0),
+            c1: a.c1.max(b.c1),
+            c2: a.c2.max(b.c2),
+        };
         Some(Self { distance, jumps: inner.iter().enumerate().map(jump).reduce(largest) })
     }
 }
@@ -300,14 +303,14 @@ fn per_second(lengths: &[f64], seconds: impl Fn(usize) -> f64) -> Vec<f64> {
 }
 
 /// Lengths of the steps between neighbouring poses.
-struct Steps {
+struct StepLengths {
     linear: Vec<f64>,
     angular: Vec<f64>,
     mixed: Vec<f64>,
 }
 
-impl Steps {
-    fn between_poses(poses: &[Se3], metric: Metric) -> Self {
+impl StepLengths {
+    fn between_poses(poses: &[Se3], metric: MixedMetric) -> Self {
         let pairs = || poses.windows(2);
         let linear: Vec<f64> = pairs().map(|w| (w[1].translation - w[0].translation).length()).collect();
         let angular: Vec<f64> = pairs().map(|w| angle_between(w[0].rotation, w[1].rotation)).collect();
@@ -322,7 +325,7 @@ impl Steps {
 
     /// Largest change between neighbouring steps over the mean step; 0 where nothing moves.
     fn largest_change(&self) -> f64 {
-        let mean = Sum::sum_of(self.mixed.iter().copied()) / self.mixed.len().max(1) as f64;
+        let mean = NeumaierSum::sum_of(self.mixed.iter().copied()) / self.mixed.len().max(1) as f64;
         let largest = self.mixed.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         if mean > 0.0 { largest / mean } else { 0.0 }
     }

@@ -3,15 +3,15 @@
 use super::TrajectoryError;
 use super::curve::PoseCurve;
 use super::metric::running_sums;
-use crate::se3::spline::Place;
-use crate::speed::{Law, Meaning, Speed};
+use crate::se3::spline::CurvePlace;
+use crate::speed::{SpeedChoice, SpeedLaw, SpeedMeaning};
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// Summation of a speed law over a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Summation {
+pub enum SummationRule {
     /// The paper's left sum over the poses.
     Sum,
     /// The integral of the law, which also includes speeds between the poses.
@@ -20,42 +20,42 @@ pub enum Summation {
 
 /// A speed law sampled at the poses (the paper's equations 10 and 14 to 16).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Schedule {
+pub struct PoseSchedule {
     /// `u_j = v(j / (M-1))` of every step, M-1 values.
     pub speeds: Vec<f64>,
     /// The share of the whole path before each pose: M values, from 0, never falling, to exactly 1.
     pub shares: Vec<f64>,
     /// Summation of the law.
-    pub law: Summation,
-    meaning: Meaning,
+    pub law: SummationRule,
+    meaning: SpeedMeaning,
 }
 
 /// Duration of a step, s; `speeds` are what the law asks of the steps.
-pub(super) fn step_seconds(meaning: Meaning, rate: Hertz, speeds: &[f64], step: usize) -> f64 {
+pub(super) fn step_seconds(meaning: SpeedMeaning, rate: Hertz, speeds: &[f64], step: usize) -> f64 {
     match meaning {
-        Meaning::Speed => 1.0 / rate.to_f64(),
-        Meaning::FrameRate => 1.0 / (rate.to_f64() * speeds[step]),
+        SpeedMeaning::Speed => 1.0 / rate.to_f64(),
+        SpeedMeaning::FrameRate => 1.0 / (rate.to_f64() * speeds[step]),
     }
 }
 
-impl Schedule {
-    /// The schedule of `speed` over `count >= 1` poses. Under [`Meaning::FrameRate`], steps are the
+impl PoseSchedule {
+    /// The schedule of `speed` over `count >= 1` poses. Under [`SpeedMeaning::FrameRate`], steps are the
     /// inverse of the law's values, which has no closed integral here, so the left sum is used.
     ///
     /// # Errors
     /// The law is not positive and finite at a pose, which its proof excludes.
-    pub fn new(speed: &Speed, count: usize, summation: Summation) -> Result<Self, TrajectoryError> {
+    pub fn new(speed: &SpeedChoice, count: usize, summation: SummationRule) -> Result<Self, TrajectoryError> {
         let (law, steps) = (speed.as_law(), count.saturating_sub(1));
         let meaning = speed.meaning();
         let speeds = law_speeds(law, steps)?;
         let shares = match (meaning, summation) {
-            (Meaning::Speed, Summation::Sum) => left_sums(speeds.iter().copied()),
-            (Meaning::Speed, Summation::Integral) => {
+            (SpeedMeaning::Speed, SummationRule::Sum) => left_sums(speeds.iter().copied()),
+            (SpeedMeaning::Speed, SummationRule::Integral) => {
                 ends_at_one(law.distances(steps.max(1))[..=steps].to_vec())
             }
-            (Meaning::FrameRate, _) => left_sums(speeds.iter().map(|v| 1.0 / v)),
+            (SpeedMeaning::FrameRate, _) => left_sums(speeds.iter().map(|v| 1.0 / v)),
         };
-        let law = if meaning == Meaning::FrameRate { Summation::Sum } else { summation };
+        let law = if meaning == SpeedMeaning::FrameRate { SummationRule::Sum } else { summation };
         Ok(Self { speeds, shares, law, meaning })
     }
 
@@ -77,10 +77,10 @@ impl Schedule {
 /// Stamps of all poses for the speeds of all steps, microseconds: `round(j / rate)`, or for frame
 /// rates the rounded sums of `1 / (rate v_j)`.
 #[must_use]
-pub fn stamps_us(rate: Hertz, meaning: Meaning, speeds: &[f64]) -> Vec<i64> {
+pub fn stamps_us(rate: Hertz, meaning: SpeedMeaning, speeds: &[f64]) -> Vec<i64> {
     match meaning {
-        Meaning::Speed => (0..=speeds.len() as u64).map(|j| rate.stamp_us(j)).collect(),
-        Meaning::FrameRate => {
+        SpeedMeaning::Speed => (0..=speeds.len() as u64).map(|j| rate.stamp_us(j)).collect(),
+        SpeedMeaning::FrameRate => {
             let steps = speeds.iter().map(|v| 1e6 / (rate.to_f64() * v));
             running_sums(steps).into_iter().map(whole_micros).collect()
         }
@@ -93,7 +93,7 @@ fn whole_micros(us: f64) -> i64 {
     (us + 0.5).floor() as i64
 }
 
-fn law_speeds(law: &dyn Law, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
+fn law_speeds(law: &dyn SpeedLaw, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
     let speeds: Vec<f64> = (0..steps).map(|j| law.speed(j as f64 / steps as f64)).collect();
     match speeds.iter().position(|v| !(*v > 0.0 && v.is_finite())) {
         None => Ok(speeds),
@@ -121,14 +121,14 @@ fn ends_at_one(mut lengths: Vec<f64>) -> Vec<f64> {
 
 /// Places at the given shares of the curve's parameter. This is the paper's literal reading; the
 /// parameter is the length of the chords between knots, which is not a length of the curve.
-pub(super) fn places_by_chord(curve: &dyn PoseCurve, shares: &[f64]) -> Vec<Place> {
+pub(super) fn places_by_chord(curve: &dyn PoseCurve, shares: &[f64]) -> Vec<CurvePlace> {
     let steps = curve.steps();
     let before = running_sums(steps.iter().copied());
     let total = before[steps.len()];
     let place = |share: &f64| {
         let s = share * total;
         let segment = before[1..steps.len()].partition_point(|b| *b <= s);
-        Place { segment, x: (s - before[segment]).clamp(0.0, steps[segment]) }
+        CurvePlace { segment, x: (s - before[segment]).clamp(0.0, steps[segment]) }
     };
     shares.iter().map(place).collect()
 }

@@ -5,7 +5,7 @@
 //! rotations. [`RotationMean::SlerpMidpoint`] is its literal reading: the piecewise slerp through
 //! the window, at the middle of its indices.
 
-use super::refine::{Ends, Refine, RotationMean};
+use super::refine::{EndRule, RefinePath, RotationMean};
 use super::{NamedPose, TrajectoryError};
 use crate::se3::Se3;
 use crate::se3::rotation::{karcher_mean, slerp};
@@ -17,7 +17,7 @@ use glam::{DQuat, DVec3};
 /// The rotations of a window have no mean.
 pub(super) fn smooth_views<'a>(
     views: &[NamedPose<'a>],
-    params: &Refine,
+    params: &RefinePath,
 ) -> Result<Vec<NamedPose<'a>>, TrajectoryError> {
     (0..views.len())
         .map(|i| {
@@ -34,12 +34,12 @@ pub(super) fn smooth_views<'a>(
 }
 
 /// First and last index of the window around `i` of `n` views.
-fn window_around(i: usize, n: usize, params: &Refine) -> (usize, usize) {
+fn window_around(i: usize, n: usize, params: &RefinePath) -> (usize, usize) {
     let after = n - 1 - i;
     let half = usize::try_from(params.window).unwrap_or(usize::MAX);
     match params.ends {
-        Ends::Truncated => (i - half.min(i), i + half.min(after)),
-        Ends::Pinned => (i - half.min(i).min(after), i + half.min(i).min(after)),
+        EndRule::Truncated => (i - half.min(i), i + half.min(after)),
+        EndRule::Pinned => (i - half.min(i).min(after), i + half.min(i).min(after)),
     }
 }
 

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// The pictures of a trajectory, by name.
 #[derive(Debug, Clone, Copy)]
-pub struct Pictures<'a> {
+pub struct PictureLinks<'a> {
     /// Names of sharp pictures, sorted. `000012.png` belongs to pose 12.
     pub sharp: &'a [&'a str],
     /// Exposure of each blurred picture, microseconds, by the index of its pose.
@@ -20,7 +20,7 @@ pub struct Pictures<'a> {
 /// picture for each frame; without sharp pictures it lists all poses. `poses.txt` always has every
 /// pose. A frame also names its blurred picture.
 #[must_use]
-pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &Pictures<'_>) -> Value {
+pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &PictureLinks<'_>) -> Value {
     let frames: Vec<Value> = path
         .world_from_camera
         .iter()

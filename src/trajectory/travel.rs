@@ -1,14 +1,14 @@
 //! Travel along a course: number, times and places of poses, so that the speed is the requested
 //! one.
 
-use super::course::{Course, Lengthwise, Line};
+use super::course::{CourseGeometry, Lengthwise, PoseCourse};
 use super::flow::{FlowLength, FlowMeter};
-use super::report::{Asked, FlowReport, Report};
-use super::sample::{Schedule, Summation, places_by_chord};
-use super::{Trajectory, TrajectoryError, Warning};
+use super::report::{FlowReport, ReportInputs, SpeedReport};
+use super::sample::{PoseSchedule, SummationRule, places_by_chord};
+use super::{Trajectory, TrajectoryError, TrajectoryWarning};
 use crate::se3::Se3;
 use crate::se3::rotation::angle_between;
-use crate::speed::Speed;
+use crate::speed::SpeedChoice;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 
@@ -24,66 +24,66 @@ const MILD_RANGE: f64 = 100.0;
 /// The number of poses of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Count {
+pub enum PoseCount {
     /// `ceil(factor * views)`.
     Factor(Ratio),
     /// Exactly this many.
     Frames(u64),
     /// `1 + ceil(seconds * rate)`.
     Duration(Ratio),
-    /// The duration at the requested flow, times the rate. [`Speed::Flow`] allows no other.
+    /// The duration at the requested flow, times the rate. [`SpeedChoice::Flow`] allows no other.
     Flow,
 }
 
 /// Speed and timing of the travel along a course.
 #[derive(Debug, Clone, Copy)]
-pub struct Timing<'a> {
+pub struct PoseTiming<'a> {
     /// The speed law.
-    pub speed: &'a Speed,
+    pub speed: &'a SpeedChoice,
     /// Poses per second.
     pub rate: Hertz,
     /// Summation of the law.
-    pub law: Summation,
+    pub law: SummationRule,
 }
 
 /// A trajectory, its report, and its warnings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Made {
+pub struct MadeTrajectory {
     /// The poses and their stamps.
     pub trajectory: Trajectory,
     /// Asked and achieved speed.
-    pub report: Report,
+    pub report: SpeedReport,
     /// Warnings. The report repeats them as text.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<TrajectoryWarning>,
 }
 
 /// Travel along a course with `count` poses, by the paper's literal chords or by arc length.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Travel {
-    pub(super) count: Count,
+pub(super) struct TravelPlan {
+    pub(super) count: PoseCount,
     pub(super) literal: bool,
 }
 
-impl Travel {
-    /// The trajectory along a course. `meter` is used for [`Speed::Flow`] only.
+impl TravelPlan {
+    /// The trajectory along a course. `meter` is used for [`SpeedChoice::Flow`] only.
     ///
     /// # Errors
     /// A number is out of range, the law fails, or the flow cannot be measured.
     pub(super) fn along(
         self,
-        mut course: Course,
-        timing: Timing<'_>,
+        mut course: PoseCourse,
+        timing: PoseTiming<'_>,
         meter: Option<&mut dyn FlowMeter>,
-    ) -> Result<Made, TrajectoryError> {
+    ) -> Result<MadeTrajectory, TrajectoryError> {
         let mut warnings = std::mem::take(&mut course.warnings);
         screen_rate(timing.rate)?;
         let measured = course.line.measured(course.metric);
         let flow = match (timing.speed, self.count) {
-            (Speed::Flow(_), Count::Flow) if self.literal => return Err(no_chords()),
-            (Speed::Flow(asked), Count::Flow) => {
+            (SpeedChoice::Flow(_), PoseCount::Flow) if self.literal => return Err(no_chords()),
+            (SpeedChoice::Flow(asked), PoseCount::Flow) => {
                 Some((asked.px_s, course.flow_length(measured.as_ref(), meter)?))
             }
-            (Speed::Flow(_), _) | (_, Count::Flow) => return Err(no_count(timing.speed)),
+            (SpeedChoice::Flow(_), _) | (_, PoseCount::Flow) => return Err(no_count(timing.speed)),
             _ => None,
         };
         let count = match &flow {
@@ -92,20 +92,25 @@ impl Travel {
             }
             None => self.count.poses(course.views, timing.rate, &mut warnings)?,
         };
-        let mut schedule = Schedule::new(timing.speed, count, timing.law)?;
+        let mut schedule = PoseSchedule::new(timing.speed, count, timing.law)?;
         let stamps_us = schedule.stamps_us(timing.rate)?;
         let flow = flow.map(|(px_s, length)| FlowReport { px_s, px: apply_flow(length, &mut schedule) });
         let (poses, arcs) = course.follow(measured.as_ref(), &schedule, self.literal);
         warnings.extend(speed_warnings(timing.speed, &schedule, &poses));
-        let asked = Asked { course: &course, travel: self, timing, schedule, flow, warnings: &warnings };
+        let asked =
+            ReportInputs { course: &course, travel: self, timing, schedule, flow, warnings: &warnings };
         let report = asked.report(&poses, &arcs);
-        Ok(Made { trajectory: Trajectory { world_from_camera: poses, stamps_us }, report, warnings })
+        Ok(MadeTrajectory {
+            trajectory: Trajectory { world_from_camera: poses, stamps_us },
+            report,
+            warnings,
+        })
     }
 }
 
 /// Converts shares of a path in pixels into shares of its mixed length. Also returns the length of
 /// the path in pixels.
-fn apply_flow(length: Option<FlowLength>, schedule: &mut Schedule) -> f64 {
+fn apply_flow(length: Option<FlowLength>, schedule: &mut PoseSchedule) -> f64 {
     let Some(length) = length else { return 0.0 };
     let mixed = length.mixed_lengths(&schedule.shares);
     let whole = mixed[mixed.len() - 1];
@@ -115,9 +120,9 @@ fn apply_flow(length: Option<FlowLength>, schedule: &mut Schedule) -> f64 {
     length.total()
 }
 
-fn no_count(speed: &Speed) -> TrajectoryError {
+fn no_count(speed: &SpeedChoice) -> TrajectoryError {
     let (found, wanted) = match speed {
-        Speed::Flow(_) => ("given beside a speed in px/s", "none of factor, frames and duration"),
+        SpeedChoice::Flow(_) => ("given beside a speed in px/s", "none of factor, frames and duration"),
         _ => ("that of a flow", "a speed in px/s beside it"),
     };
     TrajectoryError::Parameter { field: "frames", found: found.to_owned(), wanted }
@@ -161,13 +166,18 @@ fn within_limit(count: u64) -> Result<usize, TrajectoryError> {
     }
 }
 
-impl Count {
+impl PoseCount {
     /// Number of poses for this many views.
-    fn poses(self, views: usize, rate: Hertz, warnings: &mut Vec<Warning>) -> Result<usize, TrajectoryError> {
+    fn poses(
+        self,
+        views: usize,
+        rate: Hertz,
+        warnings: &mut Vec<TrajectoryWarning>,
+    ) -> Result<usize, TrajectoryError> {
         within_limit(match self {
             Self::Factor(gamma) => {
                 let sparse = gamma.numerator() <= gamma.denominator();
-                warnings.extend(sparse.then(|| Warning::Sparse { factor: gamma.to_string() }));
+                warnings.extend(sparse.then(|| TrajectoryWarning::Sparse { factor: gamma.to_string() }));
                 gamma.ceil_times(views as u64).unwrap_or(u64::MAX)
             }
             Self::Frames(frames) => frames,
@@ -191,18 +201,18 @@ impl Count {
     }
 }
 
-impl Course {
+impl PoseCourse {
     /// The poses of a schedule, and the length of the curve from each pose to the next (empty on a
     /// still path).
     fn follow(
         &self,
         measured: Option<&Lengthwise<'_>>,
-        schedule: &Schedule,
+        schedule: &PoseSchedule,
         literal: bool,
     ) -> (Vec<Se3>, Vec<f64>) {
         let still = match &self.line {
-            Line::Still(pose) => self.placed(*pose),
-            Line::Curve(_) => Se3::IDENTITY,
+            CourseGeometry::Still(pose) => self.placed(*pose),
+            CourseGeometry::Curve(_) => Se3::IDENTITY,
         };
         let Some((curve, arc)) = measured else {
             return (vec![still; schedule.shares.len()], Vec::new());
@@ -241,13 +251,13 @@ impl Course {
     }
 }
 
-fn speed_warnings(speed: &Speed, schedule: &Schedule, poses: &[Se3]) -> Vec<Warning> {
+fn speed_warnings(speed: &SpeedChoice, schedule: &PoseSchedule, poses: &[Se3]) -> Vec<TrajectoryWarning> {
     let slowest = schedule.speeds.iter().copied().fold(f64::INFINITY, f64::min);
     let ratio = schedule.speeds.iter().copied().fold(0.0, f64::max) / slowest;
     let degrees = || {
         poses.windows(2).map(|w| angle_between(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees()
     };
-    let rough = speed.as_law().roughness().map(|because| Warning::Rough { because });
-    let wide = (ratio > MILD_RANGE).then(|| Warning::SpeedRange { ratio, degrees: degrees() });
+    let rough = speed.as_law().roughness().map(|because| TrajectoryWarning::Rough { because });
+    let wide = (ratio > MILD_RANGE).then(|| TrajectoryWarning::SpeedRange { ratio, degrees: degrees() });
     rough.into_iter().chain(wide).collect()
 }

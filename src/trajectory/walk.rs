@@ -13,31 +13,31 @@
 //! detours of its neighbours are at most a step. By the triangle inequality, a detour is at most
 //! the shorter of its two steps, so a gap, one long step, makes none.
 
-use super::knots::{Gap, knot_distances, rounding_distance};
-use super::metric::{Metric, middle_mean};
+use super::knots::{CaptureGap, knot_distances, rounding_distance};
+use super::metric::{MixedMetric, middle_mean};
 use super::order::by_name;
-use super::refine::{Scale, screen_views};
+use super::refine::{TranslationScale, screen_views};
 use super::{NamedPose, TrajectoryError};
 
 /// Steps and detours, divided by the median step.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Walk {
+pub struct CaptureEvenness {
     /// The step from each view to the next.
-    pub steps: Vec<Gap>,
+    pub steps: Vec<CaptureGap>,
     /// The detour of each view except the first and the last.
-    pub detours: Vec<Detour>,
+    pub detours: Vec<ViewDetour>,
 }
 
 /// Detour of one view.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Detour {
+pub struct ViewDetour {
     /// The view.
     pub name: String,
     /// Its detour divided by the median step.
     pub times_median: f64,
 }
 
-impl Walk {
+impl CaptureEvenness {
     /// Measures views, given in any order; `None` if all of them coincide.
     ///
     /// # Errors
@@ -45,15 +45,15 @@ impl Walk {
     /// names.
     pub fn measure_views(views: &[NamedPose<'_>]) -> Result<Option<Self>, TrajectoryError> {
         let (_, views, _) = screen_views(by_name(views)?)?;
-        let metric = Metric::new(Scale::Scene, &views)?;
+        let metric = MixedMetric::new(TranslationScale::Scene, &views)?;
         let (steps, still) = (knot_distances(&views, metric), rounding_distance(&views, metric));
         let median = middle_mean(steps.iter().copied().filter(|step| *step > still).collect());
-        let step = |(pair, step): (&[NamedPose<'_>], &f64)| Gap {
+        let step = |(pair, step): (&[NamedPose<'_>], &f64)| CaptureGap {
             after: pair[0].name.to_owned(),
             before: pair[1].name.to_owned(),
             times_median: step / median,
         };
-        let detour = |i: usize| Detour {
+        let detour = |i: usize| ViewDetour {
             name: views[i].name.to_owned(),
             times_median: {
                 let past = metric.distance(&views[i - 1].world_from_camera, &views[i + 1].world_from_camera);
@@ -75,7 +75,7 @@ mod tests {
 
     /// Views that look along z, so that the scale of the metric is the largest distance between two
     /// of them.
-    fn walk(centres: &[[f64; 3]]) -> Walk {
+    fn walk(centres: &[[f64; 3]]) -> CaptureEvenness {
         let names: Vec<String> = (0..centres.len()).map(|i| format!("{i}.jpg")).collect();
         let views: Vec<NamedPose<'_>> = names
             .iter()
@@ -85,7 +85,7 @@ mod tests {
                 world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::from_array(*centre) },
             })
             .collect();
-        Walk::measure_views(&views).unwrap().unwrap()
+        CaptureEvenness::measure_views(&views).unwrap().unwrap()
     }
 
     fn close(found: f64, wanted: f64) {
@@ -121,8 +121,8 @@ mod tests {
             name,
             world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ONE },
         };
-        assert_eq!(Walk::measure_views(&[view("a"), view("b")]).unwrap(), None);
-        assert_eq!(Walk::measure_views(&[view("a")]).unwrap(), None);
-        assert!(Walk::measure_views(&[view("a"), view("a")]).is_err());
+        assert_eq!(CaptureEvenness::measure_views(&[view("a"), view("b")]).unwrap(), None);
+        assert_eq!(CaptureEvenness::measure_views(&[view("a")]).unwrap(), None);
+        assert!(CaptureEvenness::measure_views(&[view("a"), view("a")]).is_err());
     }
 }

@@ -1,15 +1,15 @@
 //! The engine within this process, over any file operations.
 
 use crate::place::{Place, Products};
-use gs2e::plan::assess::{Action, assess_plan};
-use gs2e::plan::survey::{Survey, survey_recipes};
-use gs2e::programs::Programs;
+use gs2e::plan::assess::{StepAction, assess_plan};
+use gs2e::plan::survey::{PlanSurvey, survey_recipes};
+use gs2e::programs::ProgramFinder;
 use gs2e::render::backend::Backend;
-use gs2e::run::{Budget, Event, Observer, Options, run_plan, settle_run};
+use gs2e::run::{ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
 use gs2e::stage::StepId;
 use gs2e::store::fs::Fs;
-use gs2e::store::record::Output;
-use gs2e::store::{Access, Digest, Opening, Store};
+use gs2e::store::record::StoredOutput;
+use gs2e::store::{Digest, Store, StoreAccess, StoreOptions};
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -18,12 +18,12 @@ use std::sync::atomic::AtomicBool;
 
 struct Silent;
 
-impl Observer for Silent {
-    fn tell(&self, _: &Event<'_>) {}
+impl RunObserver for Silent {
+    fn tell(&self, _: &RunEvent<'_>) {}
 }
 
 /// Steps by `scene/step`, with their outputs.
-pub(crate) type Outputs = Vec<(String, Vec<Output>)>;
+pub(crate) type Outputs = Vec<(String, Vec<StoredOutput>)>;
 
 /// How a build within this process ended.
 #[derive(Debug)]
@@ -54,12 +54,12 @@ impl Engine {
         Self { recipes: vec![place.path("recipes")], fs, verify: false }
     }
 
-    fn store(&self, place: &Place, access: Access) -> Result<Store, String> {
-        let opening = Opening { verify: self.verify, fs: self.fs.clone(), ..access.into() };
+    fn store(&self, place: &Place, access: StoreAccess) -> Result<Store, String> {
+        let opening = StoreOptions { verify: self.verify, fs: self.fs.clone(), ..access.into() };
         Store::open(&place.store(), opening, &mut |_| {}).map_err(|e| e.to_string())
     }
 
-    fn survey(&self, store: &Store) -> Result<(Survey, Outputs), String> {
+    fn survey(&self, store: &Store) -> Result<(PlanSurvey, Outputs), String> {
         let survey = survey_recipes(&self.recipes, &Backend::Cpu, store, &tag())
             .map_err(|faults| format!("{faults:?}"))?;
         let steps = survey.settled.iter().flat_map(|scene| {
@@ -78,21 +78,21 @@ impl Engine {
     }
 
     fn build_unguarded(&self, place: &Place) -> Result<Built, String> {
-        let store = self.store(place, Access::Write)?;
-        let (Survey { settled, plan, .. }, mut outputs) = self.survey(&store)?;
+        let store = self.store(place, StoreAccess::Write)?;
+        let (PlanSurvey { settled, plan, .. }, mut outputs) = self.survey(&store)?;
         let settled = settled.len();
         if plan.steps().is_empty() {
             return Ok(Built::Done { outputs, made: 0, settled });
         }
         // As the command does: what is missing or unreadable is known before anything runs.
         assess_plan(&plan, &store).map_err(|e| e.to_string())?;
-        let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
-        let options = Options {
+        let budget = ResourceBudget { cores: 1, memory: u64::MAX, gpus: 0 };
+        let options = RunOptions {
             budget,
             keep_going: false,
             recheck: None,
             allow_commands: false,
-            programs: Programs::default(),
+            programs: ProgramFinder::default(),
         };
         let summary =
             run_plan(&plan, &store, options, &AtomicBool::new(false), &Silent).map_err(|e| e.to_string())?;
@@ -110,10 +110,10 @@ impl Engine {
 
     /// What a store says is up to date, to somebody who only looks; each product is read.
     pub(crate) fn look(&self, place: &Place) -> Result<Products, String> {
-        let store = self.store(place, Access::Read)?;
-        let (Survey { plan, .. }, mut outputs) = self.survey(&store)?;
+        let store = self.store(place, StoreAccess::Read)?;
+        let (PlanSurvey { plan, .. }, mut outputs) = self.survey(&store)?;
         let assessed = assess_plan(&plan, &store).map_err(|e| e.to_string())?;
-        for (step, a) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == Action::Keep) {
+        for (step, a) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == StepAction::Keep) {
             outputs.push((format!("{}/{}", plan.scene_of(step), step.name), a.outputs.unwrap_or_default()));
         }
         products(place, &outputs)
@@ -136,7 +136,7 @@ impl Built {
 }
 
 /// The products that are there, read: each must have the bytes that its record states.
-fn products(place: &Place, steps: &[(String, Vec<Output>)]) -> Result<Products, String> {
+fn products(place: &Place, steps: &[(String, Vec<StoredOutput>)]) -> Result<Products, String> {
     let mut products = Products::new();
     for (name, outputs) in steps {
         for output in outputs {

@@ -1,7 +1,7 @@
 //! File operations of which one, or all from one on, fail.
 
 use gs2e::store::Digest;
-use gs2e::store::fs::{Entry, Fs, Real, Stat};
+use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
 use std::io;
 use std::path::Path;
 use std::sync::Mutex;
@@ -127,14 +127,14 @@ impl Failing {
 
 impl Fs for Failing {
     fn create_dir_all(&self, path: &Path) -> io::Result<()> {
-        self.pass(Kind::Folder, path, || Real.create_dir_all(path))
+        self.pass(Kind::Folder, path, || SystemFs.create_dir_all(path))
     }
 
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         match self.meets(Kind::Write, path) {
-            None => Real.write(path, bytes),
+            None => SystemFs.write(path, bytes),
             Some(How::Short) => {
-                Real.write(path, &bytes[..bytes.len() / 2])?;
+                SystemFs.write(path, &bytes[..bytes.len() / 2])?;
                 Err(How::Short.error())
             }
             Some(how) => Err(how.error()),
@@ -142,39 +142,39 @@ impl Fs for Failing {
     }
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        self.pass(Kind::Read, path, || Real.read(path))
+        self.pass(Kind::Read, path, || SystemFs.read(path))
     }
 
     fn digest(&self, path: &Path) -> io::Result<Digest> {
-        self.pass(Kind::Read, path, || Real.digest(path))
+        self.pass(Kind::Read, path, || SystemFs.digest(path))
     }
 
-    fn stat(&self, path: &Path) -> io::Result<Stat> {
-        self.pass(Kind::Stat, path, || Real.stat(path))
+    fn stat(&self, path: &Path) -> io::Result<FileStat> {
+        self.pass(Kind::Stat, path, || SystemFs.stat(path))
     }
 
-    fn list(&self, path: &Path) -> io::Result<Vec<Entry>> {
-        self.pass(Kind::List, path, || Real.list(path))
+    fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>> {
+        self.pass(Kind::List, path, || SystemFs.list(path))
     }
 
     fn protect(&self, path: &Path) -> io::Result<()> {
-        self.pass(Kind::Protect, path, || Real.protect(path))
+        self.pass(Kind::Protect, path, || SystemFs.protect(path))
     }
 
     fn link(&self, from: &Path, to: &Path) -> io::Result<()> {
-        self.pass(Kind::Link, to, || Real.link(from, to))
+        self.pass(Kind::Link, to, || SystemFs.link(from, to))
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        self.pass(Kind::Rename, to, || Real.rename(from, to))
+        self.pass(Kind::Rename, to, || SystemFs.rename(from, to))
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        self.pass(Kind::Remove, path, || Real.remove(path))
+        self.pass(Kind::Remove, path, || SystemFs.remove(path))
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
-        self.pass(Kind::Sync, path, || Real.sync(path))
+        self.pass(Kind::Sync, path, || SystemFs.sync(path))
     }
 
     fn sync_all(&self, root: &Path) -> io::Result<()> {

@@ -10,7 +10,7 @@ use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
-use gs2e::store::fs::{Fs, Real};
+use gs2e::store::fs::{Fs, SystemFs};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -114,7 +114,7 @@ fn mended(fixture: &Fixture, path: &Path, flip: Flip) -> Result<(), String> {
 
 /// A build that verifies makes a blob again of which no stat field tells anything.
 fn rotten(fixture: &Fixture, path: &Path, flip: Flip) -> Result<(), String> {
-    let then = Real.stat(path).unwrap();
+    let then = SystemFs.stat(path).unwrap();
     flip.in_file(path);
     let frozen = Arc::new(Frozen::new(BTreeMap::from([(path.to_owned(), then)])));
     let engine = Engine { verify: true, ..Engine::new(&fixture.place, frozen) };

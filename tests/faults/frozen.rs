@@ -1,7 +1,7 @@
 //! Files whose stat fields stay as they were: damage below the file system, as bit rot is.
 
 use gs2e::store::Digest;
-use gs2e::store::fs::{Entry, Fs, Real, Stat};
+use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,55 +9,55 @@ use std::path::{Path, PathBuf};
 /// The system's files, whose stat fields are answered as they were seen before, if they have the size they had.
 #[derive(Debug)]
 pub(crate) struct Frozen {
-    then: BTreeMap<PathBuf, Stat>,
+    then: BTreeMap<PathBuf, FileStat>,
 }
 
 impl Frozen {
-    pub(crate) fn new(then: BTreeMap<PathBuf, Stat>) -> Self {
+    pub(crate) fn new(then: BTreeMap<PathBuf, FileStat>) -> Self {
         Self { then }
     }
 }
 
 impl Fs for Frozen {
     fn create_dir_all(&self, path: &Path) -> io::Result<()> {
-        Real.create_dir_all(path)
+        SystemFs.create_dir_all(path)
     }
 
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        Real.write(path, bytes)
+        SystemFs.write(path, bytes)
     }
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        Real.read(path)
+        SystemFs.read(path)
     }
 
     fn digest(&self, path: &Path) -> io::Result<Digest> {
-        Real.digest(path)
+        SystemFs.digest(path)
     }
 
-    fn stat(&self, path: &Path) -> io::Result<Stat> {
-        let now = Real.stat(path)?;
+    fn stat(&self, path: &Path) -> io::Result<FileStat> {
+        let now = SystemFs.stat(path)?;
         Ok(self.then.get(path).filter(|then| then.size == now.size).copied().unwrap_or(now))
     }
 
-    fn list(&self, path: &Path) -> io::Result<Vec<Entry>> {
-        Real.list(path)
+    fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>> {
+        SystemFs.list(path)
     }
 
     fn protect(&self, path: &Path) -> io::Result<()> {
-        Real.protect(path)
+        SystemFs.protect(path)
     }
 
     fn link(&self, from: &Path, to: &Path) -> io::Result<()> {
-        Real.link(from, to)
+        SystemFs.link(from, to)
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        Real.rename(from, to)
+        SystemFs.rename(from, to)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        Real.remove(path)
+        SystemFs.remove(path)
     }
 
     fn sync(&self, _: &Path) -> io::Result<()> {

@@ -11,7 +11,7 @@ use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
 use crate::{Size, is_over};
-use gs2e::store::fs::Real;
+use gs2e::store::fs::SystemFs;
 use std::ffi::OsStr;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -138,7 +138,7 @@ fn fail_and_mend(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
             done @ Built::Done { .. } => return same(&done.products(&place)?, truth),
         }
         tally.count("builds that met a full disk", 1);
-        let sound = Engine::new(&place, Arc::new(Real));
+        let sound = Engine::new(&place, Arc::new(SystemFs));
         within(&sound.look(&place)?, truth).map_err(|why| format!("operation {at}: {why}"))?;
     }
 }

@@ -11,7 +11,7 @@ use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
-use gs2e::store::fs::{Fs, Real};
+use gs2e::store::fs::{Fs, SystemFs};
 use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -42,7 +42,7 @@ impl Fixture {
         scenes::write(&place, scenes, u32::MAX);
         // What is younger than two seconds is read each time: scenes would never be known at a glance.
         std::thread::sleep(Duration::from_millis(2100));
-        let truth = Engine::new(&place, Arc::new(Real)).build(&place).products(&place).unwrap();
+        let truth = Engine::new(&place, Arc::new(SystemFs)).build(&place).products(&place).unwrap();
         let recipes = (0..scenes).map(|number| place.path(&format!("recipes/{number}.yaml"))).collect();
         Self { place, truth, recipes }
     }
@@ -60,7 +60,8 @@ impl Fixture {
             Scenario::Mending => all - 1,
             Scenario::Idle | Scenario::Verifying => all,
         };
-        let engine = Engine { recipes: self.recipes[..known].to_vec(), fs: Arc::new(Real), verify: false };
+        let engine =
+            Engine { recipes: self.recipes[..known].to_vec(), fs: Arc::new(SystemFs), verify: false };
         let Built::Done { outputs, .. } = engine.build(&self.place) else { panic!("a sound build failed") };
         if let Scenario::Mending = scenario {
             let path = |step: usize| {
@@ -173,7 +174,7 @@ fn after(fixture: &Fixture, built: &Built) -> Result<(), String> {
     if let Built::Done { .. } = built {
         same(&built.products(place)?, truth)?;
     }
-    let sound = fixture.engine(Arc::new(Real), Scenario::Idle);
+    let sound = fixture.engine(Arc::new(SystemFs), Scenario::Idle);
     within(&sound.look(place)?, truth)?;
     let next = sound.build(place).products(place).and_then(|products| same(&products, truth));
     next.map_err(|why| format!("the next build: {why}"))

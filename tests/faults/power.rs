@@ -16,7 +16,7 @@ use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
 use disk::{Disk, Loss};
-use gs2e::store::fs::Real;
+use gs2e::store::fs::SystemFs;
 use recorder::Recorder;
 use std::fs;
 use std::sync::Arc;
@@ -78,5 +78,5 @@ fn trial(recording: &Recording, prefix: usize, loss: Loss, random: &mut Random) 
     let next = frozen.build(place).products(place).and_then(|products| same(&products, truth));
     next.map_err(|why| format!("the next build: {why}"))?;
     // And nobody is fooled later either.
-    same(&Engine::new(place, Arc::new(Real)).look(place)?, truth)
+    same(&Engine::new(place, Arc::new(SystemFs)).look(place)?, truth)
 }

@@ -3,7 +3,7 @@
 
 use crate::corpus::{Corpus, files};
 use crate::inert;
-use gs2e::cli::{Exit, Streams, run_on};
+use gs2e::cli::{ConsoleStreams, ExitKind, run_on};
 use std::cell::Cell;
 use std::ffi::OsString;
 use std::fs;
@@ -100,13 +100,15 @@ pub(crate) fn read(line: &[u8]) -> bool {
     }
     let (results, notes) = (Kept::default(), Kept::default());
     let name = OsString::from("gs2e");
-    let exit =
-        run_on(Streams::of(results.clone(), notes.clone()), std::iter::once(name).chain(words.clone()));
+    let exit = run_on(
+        ConsoleStreams::of(results.clone(), notes.clone()),
+        std::iter::once(name).chain(words.clone()),
+    );
     judge(&words, exit, &results.text(), &notes.text());
-    exit == Exit::Done
+    exit == ExitKind::Done
 }
 
-fn judge(words: &[OsString], exit: Exit, stdout: &str, stderr: &str) {
+fn judge(words: &[OsString], exit: ExitKind, stdout: &str, stderr: &str) {
     inert::judge(stdout);
     inert::judge(stderr);
     let asks = |what: &str| words.iter().take_while(|word| *word != "--").any(|word| word == what);
@@ -120,9 +122,12 @@ fn judge(words: &[OsString], exit: Exit, stdout: &str, stderr: &str) {
             })
             .collect();
         let is_told = objects.iter().any(|object| object["exit"] == exit.code());
-        assert!(exit != Exit::Usage || is_told, "no object says that the command line is wrong: {stdout}");
+        assert!(
+            exit != ExitKind::Usage || is_told,
+            "no object says that the command line is wrong: {stdout}"
+        );
     }
-    assert!(exit != Exit::Usage || stderr.contains("error: ") || stderr.contains("Usage: "), "{stderr}");
+    assert!(exit != ExitKind::Usage || stderr.contains("error: ") || stderr.contains("Usage: "), "{stderr}");
 }
 
 /// The words of a line; sometimes one of them is odd.
@@ -206,8 +211,8 @@ fn furnish(home: &Path) {
     for line in ["build -q tiny.yaml", "release -q --to out --copy tiny.yaml"] {
         let words = std::iter::once("gs2e").chain(line.split(' ')).map(OsString::from);
         let notes = Kept::default();
-        let exit = run_on(Streams::of(io::sink(), notes.clone()), words);
-        assert_eq!(exit, Exit::Done, "{line}: {}", notes.text());
+        let exit = run_on(ConsoleStreams::of(io::sink(), notes.clone()), words);
+        assert_eq!(exit, ExitKind::Done, "{line}: {}", notes.text());
     }
 }
 

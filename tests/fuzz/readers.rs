@@ -5,7 +5,7 @@ use crate::corpus::{Corpus, files, inflated, zipped};
 use crate::{command_lines, consoles};
 use gs2e::event::{self, EventSource, text};
 use gs2e::frames::array::FullScale;
-use gs2e::frames::{Frames as _, folder, npy};
+use gs2e::frames::{FrameSequence as _, folder, npy};
 use gs2e::image::{Size, jpeg, png};
 use gs2e::recipe::{RecipeFile, read_files};
 use gs2e::scene::{ply, sog, splat, spz};
@@ -135,7 +135,9 @@ pub(crate) const READERS: [Reader; 23] = [
         corpus: || files(&["tests/fuzz/corpus/info.txt"]),
         read: |file| {
             on_disk(b"", "grey.png", |_| true);
-            on_disk(file, folder::INFO, |path| folder::Listing::list_folder(path.parent().unwrap()).is_ok())
+            on_disk(file, folder::INFO, |path| {
+                folder::FolderListing::list_folder(path.parent().unwrap()).is_ok()
+            })
         },
     },
     Reader { name: "command-lines", corpus: command_lines::corpus, read: command_lines::read },
@@ -166,7 +168,7 @@ fn read_image(file: &[u8]) -> bool {
 
 /// Reads a stack of frames to its end.
 fn read_stack(path: &Path) -> bool {
-    let Ok(stack) = npy::Stack::open(path) else { return false };
+    let Ok(stack) = npy::FrameStack::open(path) else { return false };
     let stamps: Vec<i64> = (0..).take(stack.frames()).collect();
     let Ok(mut frames) = npy::NpyFrames::new(stack, FullScale::One, &stamps) else { return false };
     loop {
@@ -231,7 +233,7 @@ fn read_model(file: &[u8], extension: &str) -> bool {
         on_disk(file, &format!("{name}.{extension}"), |_| true);
     }
     on_disk(file, &format!("points3D.{extension}"), |path| {
-        let Ok(model) = colmap::Model::find_model(path.parent().unwrap()) else { return false };
+        let Ok(model) = colmap::ColmapModel::find_model(path.parent().unwrap()) else { return false };
         [model.cameras().is_ok(), model.images().is_ok(), model.points().is_ok()].contains(&true)
     })
 }

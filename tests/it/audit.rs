@@ -6,7 +6,7 @@ mod croissant;
 mod rebuild;
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
-use gs2e::release::audit::{Fault, audit_release};
+use gs2e::release::audit::{AuditFault, audit_release};
 use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ const INDEX: &str = "claims-disagree index.parquet";
 
 /// `code file-or-scene` of each fault.
 fn found(folder: &Path) -> Vec<String> {
-    let name = |f: Fault| format!("{} {}", f.code.name(), f.file.or(f.scene).unwrap_or_default());
+    let name = |f: AuditFault| format!("{} {}", f.code.name(), f.file.or(f.scene).unwrap_or_default());
     audit_release(folder).unwrap().faults.into_iter().map(name).collect()
 }
 

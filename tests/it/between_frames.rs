@@ -3,18 +3,18 @@
 use crate::support::workspace::{TINY, Workspace};
 use glam::DVec3;
 use gs2e::event::Event;
-use gs2e::frames::Frames as _;
+use gs2e::frames::FrameSequence as _;
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::image::{Image, Size};
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Layering, Rules, Style, Velocity};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{CameraVelocity, LayerOrder, RenderRules, RenderStyle};
 use gs2e::scene::Gaussians;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
 use gs2e::seed::Seed;
 use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{Between, Preset, Voltmeter};
+use gs2e::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use gs2e::source::Capture;
 use gs2e::trajectory::Trajectory;
 use gs2e::trajectory::twist::pose_twists;
@@ -27,8 +27,12 @@ const SIZE: Size = Size { width: 96, height: 72 };
 /// Of the path, s.
 const LENGTH: f64 = 0.08;
 /// The picture is a continuous function of the view.
-const SMOOTH: Style =
-    Style { rules: Rules::Soft, order: Layering::Blended, antialiased: false, background: [0.2; 3] };
+const SMOOTH: RenderStyle = RenderStyle {
+    rules: RenderRules::Soft,
+    order: LayerOrder::Blended,
+    antialiased: false,
+    background: [0.2; 3],
+};
 
 struct World {
     scene: Arc<Gaussians>,
@@ -52,7 +56,7 @@ impl World {
     fn frames(&self, steps: u32) -> RenderedFrames {
         let seconds: Vec<f64> = (0..=steps).map(|j| LENGTH * f64::from(j) / f64::from(steps)).collect();
         let poses: Vec<Se3> = seconds.iter().map(|t| self.pose(*t)).collect();
-        let own = |(pose, twist): (&Se3, gs2e::se3::Twist)| Velocity {
+        let own = |(pose, twist): (&Se3, gs2e::se3::Twist)| CameraVelocity {
             linear: pose.rotation.conjugate() * twist.linear,
             angular: twist.angular,
         };
@@ -60,15 +64,15 @@ impl World {
         // Whole microseconds at every number of steps used here.
         let stamps_us = (0..=i64::from(steps)).map(|j| 80_000 * j / i64::from(steps)).collect();
         let trajectory = Trajectory { world_from_camera: poses, stamps_us };
-        let renderer = Box::new(Cpu::new(self.scene.clone(), SMOOTH).unwrap());
+        let renderer = Box::new(CpuRenderer::new(self.scene.clone(), SMOOTH).unwrap());
         let camera = self.capture.views[0].camera.resized(SIZE);
         RenderedFrames::new(renderer, camera, trajectory).with_rates(velocities)
     }
 
     /// Each pixel's events in order of time, ns, without noise.
-    fn events(&self, steps: u32, between: Between) -> Vec<Vec<i64>> {
-        let [k1, k2, ..] = Preset::Dvs346.k();
-        let sensor = Voltmeter { between, ..Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) };
+    fn events(&self, steps: u32, between: BetweenFrames) -> Vec<Vec<i64>> {
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+        let sensor = VoltmeterModel { between, ..VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) };
         let mut all: Vec<Event> = Vec::new();
         let mut go_on = |_: &_| ControlFlow::Continue(());
         simulate_one(&mut self.frames(steps), &sensor, Seed(1), &mut all, &mut go_on).unwrap();
@@ -117,9 +121,9 @@ fn frames_along_a_path_carry_the_rate_of_their_change() {
 #[test]
 fn cubics_meet_fine_frames_with_fewer() {
     let world = World::new();
-    let truth = world.events(1600, Between::Linear);
+    let truth = world.events(1600, BetweenFrames::Linear);
     let all: usize = truth.iter().map(Vec::len).sum();
-    let away = |between: Between| {
+    let away = |between: BetweenFrames| {
         let found = world.events(100, between);
         let miscounted: usize = found.iter().zip(&truth).map(|(a, b)| a.len().abs_diff(b.len())).sum();
         let same = found.iter().zip(&truth).filter(|(a, b)| a.len() == b.len());
@@ -130,7 +134,8 @@ fn cubics_meet_fine_frames_with_fewer() {
         println!("{between:?}: counts off by {count:.5}, times by {median:.2} us of {all} events");
         (count, median)
     };
-    let [linear, catmull, hermite] = [Between::Linear, Between::Catmull, Between::Hermite].map(away);
+    let [linear, catmull, hermite] =
+        [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite].map(away);
     assert!(all > 2000);
     assert!(catmull.1 < 0.5 * linear.1 && hermite.1 < 0.1 * linear.1);
     assert!(hermite.0 <= linear.0);

@@ -3,11 +3,12 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::absent::absent;
-use gs2e::event::evt::Version;
-use gs2e::event::file::{Format, Hints};
-use gs2e::event::text::Table;
+use gs2e::event::evt::EvtVersion;
+use gs2e::event::file::{EventFormat, ReadHints};
+use gs2e::event::text::ColumnSeparator;
 use gs2e::event::{
-    Event, EventFileError, EventSink, EventSource, Header, Label, LawStamp, Polarity, file, h5, npz,
+    Event, EventFileError, EventLabel, EventSink, EventSource, LawStamp, Polarity, StreamHeader, file, h5,
+    npz,
 };
 use gs2e::image::Size;
 use gs2e::units::Timestamp;
@@ -16,7 +17,7 @@ use std::path::Path;
 
 const SIZE: Size = Size { width: 640, height: 360 };
 const LAW: LawStamp = LawStamp { version: 3, c_on: 0.19, c_off: 0.21 };
-const HEADER: Header = Header { size: SIZE, law: Some(LAW), labelled: false };
+const HEADER: StreamHeader = StreamHeader { size: SIZE, law: Some(LAW), labelled: false };
 
 const LAST_STAMP_US: i64 = 62_083;
 
@@ -30,7 +31,7 @@ fn stream(count: u64) -> Vec<Event> {
             x: u16::try_from((h >> 20) % 640).unwrap(),
             y: u16::try_from((h >> 40) % 360).unwrap(),
             polarity: if h >> 63 == 1 { Polarity::On } else { Polarity::Off },
-            label: if h >> 62 & 1 == 1 { Label::Signal } else { Label::Noise },
+            label: if h >> 62 & 1 == 1 { EventLabel::Signal } else { EventLabel::Noise },
         }
     };
     let mut events: Vec<Event> = (0..count).map(event).collect();
@@ -47,36 +48,36 @@ fn kept(events: &[Event]) -> Vec<(i64, u16, u16, Polarity)> {
 struct Codec {
     /// Of a file of its own.
     name: &'static str,
-    format: Format,
+    format: EventFormat,
     /// Whether a file says how much is in it, so that one cut short is found out wherever it is cut.
     counted: bool,
 }
 
 const CODECS: [Codec; 7] = [
-    Codec { name: "h5", format: Format::H5, counted: true },
-    Codec { name: "npz", format: Format::Npz, counted: true },
-    Codec { name: "evt2.raw", format: Format::Evt(Version::Evt2), counted: false },
-    Codec { name: "evt3.raw", format: Format::Evt(Version::Evt3), counted: false },
-    Codec { name: "aedat4", format: Format::Aedat4, counted: false },
-    Codec { name: "txt", format: Format::Text(Table::Txt), counted: false },
-    Codec { name: "csv", format: Format::Text(Table::Csv), counted: false },
+    Codec { name: "h5", format: EventFormat::H5, counted: true },
+    Codec { name: "npz", format: EventFormat::Npz, counted: true },
+    Codec { name: "evt2.raw", format: EventFormat::Evt(EvtVersion::Evt2), counted: false },
+    Codec { name: "evt3.raw", format: EventFormat::Evt(EvtVersion::Evt3), counted: false },
+    Codec { name: "aedat4", format: EventFormat::Aedat4, counted: false },
+    Codec { name: "txt", format: EventFormat::Text(ColumnSeparator::Txt), counted: false },
+    Codec { name: "csv", format: EventFormat::Text(ColumnSeparator::Csv), counted: false },
 ];
 
 impl Codec {
     fn write(&self, path: &Path, events: &[Event], piece: usize) {
-        let mut writer = file::create(path, self.format, &HEADER, file::Options::default()).unwrap();
+        let mut writer = file::create(path, self.format, &HEADER, file::WriteOptions::default()).unwrap();
         append_all(&mut *writer, events, piece);
         assert_eq!(writer.finish(LAST_STAMP_US).unwrap(), events.len() as u64);
     }
 
     fn read(&self, path: &Path) -> Result<Vec<Event>, EventFileError> {
         match self.format {
-            Format::H5 => read_h5(path),
-            Format::Npz => read_npz(path),
+            EventFormat::H5 => read_h5(path),
+            EventFormat::Npz => read_npz(path),
             format => {
                 let size = (!format.keeps_size()).then_some(SIZE);
-                let mut opened = file::open(path, format, Hints { size, unit: None })?;
-                assert_eq!(opened.header, Header { size: SIZE, law: None, labelled: false });
+                let mut opened = file::open(path, format, ReadHints { size, unit: None })?;
+                assert_eq!(opened.header, StreamHeader { size: SIZE, law: None, labelled: false });
                 let events = read_all(&mut *opened.source)?;
                 assert_eq!(opened.source.untimed(), 0);
                 Ok(events)
@@ -244,7 +245,7 @@ fn a_file_with_a_byte_changed_is_an_error_or_other_events_but_never_a_crash() {
 
 #[test]
 fn what_is_no_stream_is_not_written() {
-    let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On, label: Label::Signal };
+    let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On, label: EventLabel::Signal };
     let earlier = Event { t: Timestamp(4_999), ..later };
     let outside = Event { t: Timestamp(6_000), x: 640, ..later };
     let dir = tempfile::tempdir().unwrap();
@@ -263,14 +264,14 @@ fn what_is_no_stream_is_not_written() {
 fn the_head_of_an_hdf5_file_is_read_back() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.h5");
-    for header in [HEADER, Header { law: None, ..HEADER }, Header { labelled: true, ..HEADER }] {
+    for header in [HEADER, StreamHeader { law: None, ..HEADER }, StreamHeader { labelled: true, ..HEADER }] {
         h5::Writer::create(&path, &header).unwrap().finish(0).unwrap();
         assert_eq!(h5::Reader::open(&path).unwrap().header(), Some(header));
     }
 }
 
 /// Labels as files hold them.
-fn labels(events: &[Event]) -> Vec<Label> {
+fn labels(events: &[Event]) -> Vec<EventLabel> {
     events.iter().map(|event| event.label).collect()
 }
 
@@ -280,18 +281,19 @@ fn labels_are_kept_where_there_is_a_place_and_the_stream_has_them() {
         for count in [0, 1, 65_537, 200_000] {
             let events = stream(count);
             let write = |labelled| {
-                let header = Header { labelled, ..HEADER };
-                let mut writer = file::create(path, codec.format, &header, file::Options::default()).unwrap();
+                let header = StreamHeader { labelled, ..HEADER };
+                let mut writer =
+                    file::create(path, codec.format, &header, file::WriteOptions::default()).unwrap();
                 append_all(&mut *writer, &events, 10_007);
                 writer.finish(LAST_STAMP_US).unwrap();
                 let size = (!codec.format.keeps_size()).then_some(SIZE);
-                let mut opened = file::open(path, codec.format, Hints { size, unit: None }).unwrap();
+                let mut opened = file::open(path, codec.format, ReadHints { size, unit: None }).unwrap();
                 let back = read_all(&mut *opened.source).unwrap();
                 assert_eq!(kept(&back), kept(&events), "{}, {count} events", codec.name);
                 (opened.header.labelled, labels(&back), std::fs::read(path).unwrap())
             };
             let (plain, all_signal, bytes) = write(false);
-            assert!(!plain && all_signal.iter().all(|label| *label == Label::Signal));
+            assert!(!plain && all_signal.iter().all(|label| *label == EventLabel::Signal));
             let (labelled, found, with_labels) = write(true);
             assert_eq!(labelled, codec.format.keeps_labels(), "{}", codec.name);
             if labelled {

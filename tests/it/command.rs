@@ -11,8 +11,8 @@ use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::{Image, Size, png};
 use gs2e::se3::Se3;
-use gs2e::source::colmap::Point;
-use gs2e::source::colmap::write::{Taken, write_model};
+use gs2e::source::colmap::ColmapPoint;
+use gs2e::source::colmap::write::{WrittenImage, write_model};
 use std::fs;
 
 const SIZE: Size = Size { width: 64, height: 48 };
@@ -61,22 +61,22 @@ pub(crate) fn write_script(place: &Workspace, script: &str) {
     place.write("train.sh", format!("{head}{script}\n"));
 }
 
-fn views() -> Vec<Taken> {
+fn views() -> Vec<WrittenImage> {
     let view = |i: u32| {
         let angle = 0.002 * f64::from(i);
         // A turn about y by twice the angle's half, seen from 4 units before the origin.
         let rotation = DQuat::from_xyzw(0.0, -angle, 0.0, 1.0).normalize();
         let world_from_camera = Se3 { rotation, translation: rotation * DVec3::new(0.0, 0.0, -4.0) };
         let camera = Camera { size: SIZE, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
-        Taken { name: format!("photo {i}.png"), world_from_camera, camera }
+        WrittenImage { name: format!("photo {i}.png"), world_from_camera, camera }
     };
     (8..14).map(view).collect()
 }
 
-fn points() -> [Point; 2] {
+fn points() -> [ColmapPoint; 2] {
     [
-        Point { xyz: DVec3::new(0.5, -0.25, 1e-3), rgb: [255, 128, 3], error: 0.5 },
-        Point { xyz: DVec3::new(-2.0, 0.125, 0.75), rgb: [0, 1, 2], error: 0.25 },
+        ColmapPoint { xyz: DVec3::new(0.5, -0.25, 1e-3), rgb: [255, 128, 3], error: 0.5 },
+        ColmapPoint { xyz: DVec3::new(-2.0, 0.125, 0.75), rgb: [0, 1, 2], error: 0.25 },
     ]
 }
 

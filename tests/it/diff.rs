@@ -4,7 +4,7 @@ use crate::support::given::{sound, transforms};
 use crate::support::steps::recipe;
 use crate::support::workspace::{TINY, Workspace, tree};
 use gs2e::stage::Stage as _;
-use gs2e::stage::events::Simulating;
+use gs2e::stage::events::EventsStage;
 use serde_json::{Value, json};
 use std::fs;
 
@@ -154,12 +154,12 @@ fn revisions_classes_and_steps_that_differ_are_told() {
         step(manifest, "base/events")["key"] = json!(zeros);
         step(manifest, "base/events")["made_of"][field] = value;
     };
-    let revision = json!([{ "code": "revision", "old": Simulating::REVISION, "new": 7 }]);
+    let revision = json!([{ "code": "revision", "old": EventsStage::REVISION, "new": 7 }]);
     t(&|m| rekeyed(m, "revision", json!(7)), ("base/events", true, revision));
     let class = json!([{ "code": "class", "old": gs2e::render::cpu::FINGERPRINT, "new": "other/1" }]);
     t(&|m| rekeyed(m, "class", json!("other/1")), ("base/events", true, class));
     let untold = json!([{ "code": "untold" }]);
-    t(&|m| rekeyed(m, "revision", json!(Simulating::REVISION)), ("base/events", true, untold.clone()));
+    t(&|m| rekeyed(m, "revision", json!(EventsStage::REVISION)), ("base/events", true, untold.clone()));
     t(
         &|m| {
             step(m, "base/sharp")["key"] = json!(zeros);

@@ -17,14 +17,14 @@ mod models;
 mod renewal;
 
 use gs2e::event::{Event, Polarity};
-use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
+use gs2e::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use gs2e::image::Size;
 use gs2e::seed::Seed;
-use gs2e::sensor::{Account, Model, simulate_one};
+use gs2e::sensor::{SensorModel, SimulationAccount, simulate_one};
 use std::ops::ControlFlow;
 
 /// Simulates a sequence from its beginning.
-fn run(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
+fn run(sensor: &dyn SensorModel, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, SimulationAccount) {
     let (mut events, mut frames) = (Vec::new(), frames.clone());
     let mut go_on = |_: &_| ControlFlow::Continue(());
     let account = simulate_one(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
@@ -39,7 +39,7 @@ fn frames(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f6
             samples.extend((0..size.width).map(|x| luminance(x, y, t) as f32));
         }
     }
-    ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), stamps_us).unwrap()
+    ArrayFrames::new(size, ArraySamples::Floats(samples, FullScale::Grey255), stamps_us).unwrap()
 }
 
 /// Each pixel's events in order of time: nanoseconds and polarity.

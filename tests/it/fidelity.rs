@@ -5,8 +5,10 @@ use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
 use gs2e::image::png;
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{
+    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
+};
 use gs2e::{scene, source};
 use serde_json::Value;
 use std::fs;
@@ -22,13 +24,19 @@ pub(crate) fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
     place.write("recipe.yaml", recipe + LICENCE);
     let (capture, _) = source::nerfstudio::read_capture(&place.path("transforms.json")).unwrap();
     let gaussians = Arc::new(scene::read_file(&place.path("scene.ply")).unwrap());
-    let style =
-        Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
-    let mut renderer = Cpu::new(gaussians, style).unwrap();
+    let style = RenderStyle {
+        rules: RenderRules::Official,
+        order: LayerOrder::Depth,
+        antialiased: false,
+        background: [0.0; 3],
+    };
+    let mut renderer = CpuRenderer::new(gaussians, style).unwrap();
     for (i, view) in capture.views.iter().enumerate() {
-        let mut rendered = Rendered::default();
-        let want = Channels { rgb: true, ..Channels::default() };
-        renderer.render(&View::at_rest(view.camera, view.world_from_camera), want, &mut rendered).unwrap();
+        let mut rendered = RenderedImages::default();
+        let want = ChannelSet { rgb: true, ..ChannelSet::default() };
+        renderer
+            .render(&CameraView::at_rest(view.camera, view.world_from_camera), want, &mut rendered)
+            .unwrap();
         let mut photo = png::to_bytes(&rendered.rgb.unwrap());
         photo.pixels_mut().as_flattened_mut().iter_mut().for_each(|v| *v = change(i, *v));
         let mut bytes = Vec::new();

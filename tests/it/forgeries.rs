@@ -9,7 +9,7 @@ mod rows;
 use crate::release::forger::{read, reseal, reseal_sums};
 use crate::release::small::{copy, release};
 use crate::release::unfindable::{DATA, VALUES, is_data, is_unfindable};
-use gs2e::release::audit::{Fault, audit_release, rebuilt};
+use gs2e::release::audit::{AuditFault, audit_release, rebuilt};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -36,7 +36,7 @@ struct Forgery {
 }
 
 /// The faults of an audit, and those against the release that was made from the recipes.
-fn judge(forgery: &Forgery) -> (Vec<Fault>, Vec<Fault>) {
+fn judge(forgery: &Forgery) -> (Vec<AuditFault>, Vec<AuditFault>) {
     let folder = copy();
     (forgery.forge)(folder.path());
     if forgery.found == Found::Rebuild {
@@ -82,7 +82,8 @@ fn misjudged(forgery: &Forgery) -> Option<String> {
         Found::Never(_) => audited.is_empty() && compared.is_empty(),
     };
     (!held).then(|| {
-        let told = |faults: &[Fault]| faults.iter().take(4).map(|f| format!("\n    {f}")).collect::<String>();
+        let told =
+            |faults: &[AuditFault]| faults.iter().take(4).map(|f| format!("\n    {f}")).collect::<String>();
         format!(
             "{}: wanted {:?}\n  audit:{}\n  rebuild:{}",
             forgery.name,

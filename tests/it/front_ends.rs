@@ -1,12 +1,15 @@
 //! Sensors whose front ends differ, over one rendering.
 
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::frames::Frames as _;
+use gs2e::frames::FrameSequence as _;
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::image::{Size, srgb};
-use gs2e::render::{Antialiased, Channels, Layering, RenderChoice, Rendered, Rules, View, backend::Backend};
+use gs2e::render::{
+    AntialiasMode, CameraView, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages,
+    backend::Backend,
+};
 use gs2e::scene::procedural::{self, StillLife};
-use gs2e::sensor::front_end::{Decode, FrontEnd, Luminance, Seen};
+use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, FrontEndFrames, LuminanceWeights};
 use gs2e::trajectory::Trajectory;
 use serde_json::Value;
 use std::fs;
@@ -149,22 +152,24 @@ fn rendered_colours_are_decoded() {
     let (camera, pose) =
         (seen_from.camera.resized(Size { width: 40, height: 30 }), seen_from.world_from_camera);
     let choice = RenderChoice {
-        rules: Rules::Official,
-        order: Layering::Depth,
-        antialiased: Antialiased::Off,
+        rules: RenderRules::Official,
+        order: LayerOrder::Depth,
+        antialiased: AntialiasMode::Off,
         background: [0.2, 0.5, 0.8],
     };
     let renderer = || Backend::Cpu.renderer(scene.clone(), choice.resolve(None)).unwrap();
-    let mut rendered = Rendered::default();
-    let want = Channels { rgb: true, ..Channels::default() };
-    renderer().render(&View::at_rest(camera, pose), want, &mut rendered).unwrap();
+    let mut rendered = RenderedImages::default();
+    let want = ChannelSet { rgb: true, ..ChannelSet::default() };
+    renderer().render(&CameraView::at_rest(camera, pose), want, &mut rendered).unwrap();
     let rgb = rendered.rgb.unwrap();
     for (channel, weights) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().enumerate() {
         let trajectory = Trajectory { world_from_camera: vec![pose], stamps_us: vec![0] };
         let mut frames = RenderedFrames::new(renderer(), camera, trajectory);
-        let luminance = Luminance::from_weights(weights).unwrap();
-        let mut seen =
-            Seen::new(&mut frames, FrontEnd { luminance, decode: Decode::Srgb, ..FrontEnd::default() });
+        let luminance = LuminanceWeights::from_weights(weights).unwrap();
+        let mut seen = FrontEndFrames::new(
+            &mut frames,
+            FrontEnd { luminance, decode: ChannelDecode::Srgb, ..FrontEnd::default() },
+        );
         let frame = seen.next().unwrap().unwrap();
         assert!(seen.next().unwrap().is_none());
         for (light, rgb) in frame.luminance.pixels().iter().zip(rgb.pixels()) {

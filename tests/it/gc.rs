@@ -2,7 +2,7 @@
 
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::{Workspace, tree};
-use gs2e::store::{Access, Store};
+use gs2e::store::{Store, StoreAccess};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -124,7 +124,7 @@ fn a_dry_run_says_the_same_and_changes_nothing() {
     };
     let before = files();
     // It takes no lock.
-    let holder = Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap();
+    let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let held = files();
     let mut told = gc(&place, "--dry-run --min-age 0");
     assert!(files() == held);
@@ -211,7 +211,7 @@ fn what_cannot_be_read_deletes_nothing() {
     let root = tree(&place.path(".gs2e/roots")).into_keys().next().unwrap();
     place.write(&format!(".gs2e/roots/{root}"), "{");
     t("--min-age 0", 1, &root);
-    let holder = Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap();
+    let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     t("--min-age 0 --no-wait", 1, "in use by pid");
     drop(holder);
 }

@@ -4,11 +4,11 @@ use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, alter};
 use gs2e::plan::Plan;
 use gs2e::plan::survey::survey_recipes;
-use gs2e::programs::Programs;
+use gs2e::programs::ProgramFinder;
 use gs2e::recipe::read_all;
 use gs2e::render::backend::Backend;
-use gs2e::run::{Budget, Event, Observer, Options, run_plan, settle_run};
-use gs2e::store::{Access, Digest, Store};
+use gs2e::run::{ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
+use gs2e::store::{Digest, Store, StoreAccess};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::PathBuf;
@@ -17,12 +17,12 @@ use std::time::Duration;
 
 struct Silent;
 
-impl Observer for Silent {
-    fn tell(&self, _: &Event<'_>) {}
+impl RunObserver for Silent {
+    fn tell(&self, _: &RunEvent<'_>) {}
 }
 
 fn open(place: &Workspace) -> Store {
-    Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap()
+    Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap()
 }
 
 fn tag() -> Digest {
@@ -36,13 +36,13 @@ fn build(place: &Workspace) -> usize {
         &Backend::Cpu,
     );
     let store = open(place);
-    let budget = Budget { cores: 2, memory: u64::MAX, gpus: 0 };
-    let options = Options {
+    let budget = ResourceBudget { cores: 2, memory: u64::MAX, gpus: 0 };
+    let options = RunOptions {
         budget,
         keep_going: false,
         recheck: None,
         allow_commands: false,
-        programs: Programs::default(),
+        programs: ProgramFinder::default(),
     };
     let summary = run_plan(&plan, &store, options, &AtomicBool::new(false), &Silent).unwrap();
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);

@@ -2,7 +2,7 @@
 //! bytes without a change of the key would let old results pass for new ones; here it fails, and says what to raise.
 
 use crate::support::given::{GIVEN, sound};
-use gs2e::release::Manifest;
+use gs2e::release::ReleaseManifest;
 use gs2e::store::record::content_digest;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -134,7 +134,7 @@ fn found() -> Vec<Pin> {
     assert!(GIVEN.contains("scene: given"), "the other scene is a captured one");
     place.ok("release -q --to out recipe.yaml spelled.yaml");
     let manifest = std::fs::read(place.path("out/manifest.json")).unwrap();
-    let manifest: Manifest = serde_json::from_slice(&manifest).unwrap();
+    let manifest: ReleaseManifest = serde_json::from_slice(&manifest).unwrap();
     let mut pins = Vec::new();
     for scene in manifest.scenes {
         for step in scene.steps {

@@ -243,8 +243,8 @@ fn views_that_are_not_used_are_listed_with_the_reason() {
 #[test]
 fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
     use gs2e::image::Size;
-    use gs2e::source::kind::Kind;
-    use gs2e::source::{Captured, PoseFile};
+    use gs2e::source::kind::CaptureKind;
+    use gs2e::source::{DiskCapture, PoseFile};
     let place = Workspace::new();
     let generator = Generator::new();
     let [bulk, sample] = ["a", "b"].map(|digit| digit.repeat(64));
@@ -256,7 +256,7 @@ fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
     assert!(place.path(&format!("recipes/{sample}.yaml")).is_file());
 
     let read = |path: &str, poses| {
-        let mut captured = Captured::all_views(Kind::Dl3dv, place.path(path));
+        let mut captured = DiskCapture::all_views(CaptureKind::Dl3dv, place.path(path));
         captured.selection.poses = poses;
         captured.read().map(|(capture, _)| capture).map_err(|e| e.to_string())
     };

@@ -9,7 +9,7 @@ use gs2e::plan::Plan;
 use gs2e::plan::assess::read_sources;
 use gs2e::recipe::{Recipe, read_all};
 use gs2e::render::backend::Backend;
-use gs2e::store::{Access, Digest, Key, Store};
+use gs2e::store::{Digest, Key, Store, StoreAccess};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -37,7 +37,7 @@ fn parse(value: &Value) -> Recipe {
 /// The key of each stage, every input from another step being the digest of its role.
 fn own_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
     let nowhere = tempfile::tempdir().unwrap();
-    let store = Store::open(&nowhere.path().join("store"), Access::Read, &mut |_| {}).unwrap();
+    let store = Store::open(&nowhere.path().join("store"), StoreAccess::Read, &mut |_| {}).unwrap();
     let plan = Plan::new(vec![recipe], &Backend::Cpu);
     let mut keys = BTreeMap::new();
     for planned in plan.steps() {

@@ -2,7 +2,7 @@
 
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
-use gs2e::store::{Access, Claim, Opening, Store};
+use gs2e::store::{LockClaim, Store, StoreAccess, StoreOptions};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -40,7 +40,7 @@ fn two_builds_at_once_make_each_step_once() {
 #[test]
 fn who_waits_says_for_whom_and_goes_on() {
     let place = place();
-    let holder = Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap();
+    let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let mut waiting = start(&place);
     let mut told = BufReader::new(waiting.stderr.take().unwrap());
     let mut line = String::new();
@@ -60,7 +60,7 @@ fn who_waits_says_for_whom_and_goes_on() {
 #[test]
 fn who_does_not_wait_fails_with_the_name() {
     let place = place();
-    let holder = Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap();
+    let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let ended = place.gs2e("build --no-wait");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let us = format!("in use by pid {}", std::process::id());
@@ -96,20 +96,28 @@ fn the_lock_says_who_holds_it() {
 #[test]
 fn who_waits_long_is_told_again() {
     let folder = tempfile::tempdir().unwrap();
-    let claim = Claim { command: "gs2e build".into(), remind: Duration::from_millis(1), ..Claim::default() };
+    let claim =
+        LockClaim { command: "gs2e build".into(), remind: Duration::from_millis(1), ..LockClaim::default() };
     let mut held = Some(
-        Store::open(folder.path(), Opening { claim: claim.clone(), ..Access::Write.into() }, &mut |_| {})
-            .unwrap(),
+        Store::open(
+            folder.path(),
+            StoreOptions { claim: claim.clone(), ..StoreAccess::Write.into() },
+            &mut |_| {},
+        )
+        .unwrap(),
     );
     let mut told = 0;
-    let store =
-        Store::open(folder.path(), Opening { claim: claim.clone(), ..Access::Write.into() }, &mut |holder| {
+    let store = Store::open(
+        folder.path(),
+        StoreOptions { claim: claim.clone(), ..StoreAccess::Write.into() },
+        &mut |holder| {
             assert!(holder.ends_with("(gs2e build)"), "{holder}");
             told += 1;
             if told == 4 {
                 held.take();
             }
-        });
+        },
+    );
     assert!(store.is_ok() && told == 4, "told {told} times: {store:?}");
 }
 
@@ -118,7 +126,7 @@ fn who_waits_long_is_told_again() {
 fn looking_needs_no_lock() {
     let place = place();
     place.ok("build");
-    let holder = Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap();
+    let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     place.ok("plan");
     place.ok("why a");
     place.ok("check");

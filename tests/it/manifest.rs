@@ -2,11 +2,11 @@
 //! runs the program as the tests are built, the manifest comes from an optimised build: equal digests also say that
 //! no optimisation changes a bit.
 
-use gs2e::release::{Manifest, ManifestScene};
+use gs2e::release::{ManifestScene, ReleaseManifest};
 use std::path::Path;
 use std::process::Command;
 
-fn read(path: &Path) -> Manifest {
+fn read(path: &Path) -> ReleaseManifest {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 

@@ -5,8 +5,8 @@ use crate::support::absent::not_run;
 use crate::support::given::sound;
 use crate::support::steps::steps;
 use crate::support::workspace::{Ended, TINY, Workspace, hidden_gpus};
-use gs2e::store::record::{Provenance, Record};
-use gs2e::store::{Access, Claim, Digest, Key, Opening, Store};
+use gs2e::store::record::{StepProvenance, StepRecord};
+use gs2e::store::{Digest, Key, LockClaim, Store, StoreAccess, StoreOptions};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _};
@@ -152,10 +152,17 @@ fn state_rebuilt() {
 }
 
 fn hold(place: &Workspace) -> Store {
-    let claim =
-        Claim { command: "gs2e build -j8".into(), since: "2026-03-01T14:02:59Z".into(), ..Claim::default() };
-    Store::open(&place.path(".gs2e"), Opening { claim: claim.clone(), ..Access::Write.into() }, &mut |_| {})
-        .unwrap()
+    let claim = LockClaim {
+        command: "gs2e build -j8".into(),
+        since: "2026-03-01T14:02:59Z".into(),
+        ..LockClaim::default()
+    };
+    Store::open(
+        &place.path(".gs2e"),
+        StoreOptions { claim: claim.clone(), ..StoreAccess::Write.into() },
+        &mut |_| {},
+    )
+    .unwrap()
 }
 
 #[test]
@@ -202,7 +209,7 @@ fn nondeterministic() {
     let drawing = fs::read(&step.outputs["trajectory.svg"]).unwrap();
     fs::remove_file(&step.outputs["trajectory.svg"]).unwrap();
     {
-        let store = Store::open(&place.path(".gs2e"), Access::Write, &mut |_| {}).unwrap();
+        let store = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
         let workspace = store.workspace().unwrap();
         for (role, path) in &step.outputs {
             let mut bytes = if role == "trajectory.svg" { drawing.clone() } else { fs::read(path).unwrap() };
@@ -213,8 +220,8 @@ fn nondeterministic() {
         }
         let key = Key(step.key.unwrap().parse::<Digest>().unwrap());
         let provenance =
-            Provenance { tool: "0.0.9".into(), seconds: 2.5, threads: 7, ..Provenance::default() };
-        let record = Record::new(key, "trajectory", vec![], provenance);
+            StepProvenance { tool: "0.0.9".into(), seconds: 2.5, threads: 7, ..StepProvenance::default() };
+        let record = StepRecord::new(key, "trajectory", vec![], provenance);
         let replaced = store.publish(&workspace, record).unwrap_err();
         assert!(replaced.to_string().starts_with("nondeterministic step"), "{replaced}");
         store.flush().unwrap();

@@ -1,11 +1,11 @@
 //! `--no-omit`: what is left out otherwise is computed after all, and neither an event nor a frame changes.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{Blob, blob_crowd, blob_scene};
+use crate::support::gaussians::{ColourBlob, blob_crowd, blob_scene};
 use crate::support::given::{GIVEN, transforms};
 use crate::support::workspace::{TINY, Workspace, tree};
-use gs2e::release::Manifest;
-use gs2e::release::left_out::Row;
+use gs2e::release::ReleaseManifest;
+use gs2e::release::left_out::OmissionRow;
 use gs2e::scene::{Gaussians, ply, sh};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -16,18 +16,18 @@ use std::fs;
 fn wasteful() -> Gaussians {
     const DEGREE: u8 = 2;
     // The cameras are 4 units from the origin along z and look back at it.
-    let before = |blob: &Blob| Blob {
+    let before = |blob: &ColourBlob| ColourBlob {
         position: [blob.position[0], blob.position[1], 4.0 - blob.position[2]],
         ..*blob
     };
-    let layer = |k: u8| Blob {
+    let layer = |k: u8| ColourBlob {
         position: [0.0, 0.0, -3.0 - 0.005 * f32::from(k)],
         deviations: [40.0, 40.0, 0.01],
         opacity: 0.95,
         colour: [0.1 + 0.002 * f64::from(k), 0.5, 0.3],
-        ..Blob::default()
+        ..ColourBlob::default()
     };
-    let blobs: Vec<Blob> = blob_crowd(400, 6).iter().map(before).chain((0..250).map(layer)).collect();
+    let blobs: Vec<ColourBlob> = blob_crowd(400, 6).iter().map(before).chain((0..250).map(layer)).collect();
     let mut scene = blob_scene(&blobs);
     let zeros = vec![[0.0; 3]; sh::function_count(DEGREE) - 1];
     scene.sh = scene.sh.iter().flat_map(|first| std::iter::once(*first).chain(zeros.clone())).collect();
@@ -69,11 +69,11 @@ fn files(place: &Workspace, step: &Value) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-fn rows(step: &Value) -> Vec<Row> {
+fn rows(step: &Value) -> Vec<OmissionRow> {
     serde_json::from_value(step["left_out"].clone()).unwrap()
 }
 
-fn whats(rows: &[Row]) -> Vec<&str> {
+fn whats(rows: &[OmissionRow]) -> Vec<&str> {
     rows.iter().filter(|row| row.proof == "identical bytes").map(|row| row.what.as_str()).collect()
 }
 
@@ -155,7 +155,8 @@ fn releases_differ_in_what_they_left_out_and_in_nothing_else() {
     let manifest = |files: &mut BTreeMap<String, Vec<u8>>| {
         files.remove("SHA256SUMS").unwrap();
         files.remove("B3SUMS").unwrap();
-        let manifest: Manifest = serde_json::from_slice(&files.remove("manifest.json").unwrap()).unwrap();
+        let manifest: ReleaseManifest =
+            serde_json::from_slice(&files.remove("manifest.json").unwrap()).unwrap();
         manifest.scenes.into_iter().next().unwrap()
     };
     let [a, b] = [manifest(&mut omitted), manifest(&mut whole)];
@@ -169,7 +170,7 @@ fn releases_differ_in_what_they_left_out_and_in_nothing_else() {
     assert_eq!(whats(&b.omitted["base"]), [""; 0]);
     let rows = &a.omitted["base"];
     let work = a.left_out["base"];
-    let events: Vec<&Row> = rows.iter().filter(|row| row.step == "events").collect();
+    let events: Vec<&OmissionRow> = rows.iter().filter(|row| row.step == "events").collect();
     let counted = |what: &str| events.iter().find(|row| row.what == what).map(|row| (row.how_much, row.of));
     assert_eq!(counted(BY_RENDERER[0]), Some((work.unseen, Some(work.gaussians))));
     assert_eq!(counted(BY_RENDERER[2]), Some((work.hidden, Some(work.tile_pairs))));

@@ -9,13 +9,15 @@ use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
-use gs2e::foreign::colmap::{Found, Registration};
-use gs2e::foreign::opencv::{Geometry, Released};
-use gs2e::foreign::{Picture, colmap, opencv, versions};
+use gs2e::foreign::colmap::{ColmapPoses, ColmapRegistration};
+use gs2e::foreign::opencv::{OpencvGeometry, ReleasedPoses};
+use gs2e::foreign::{TrajectoryPicture, colmap, opencv, versions};
 use gs2e::image::{Size, png};
-use gs2e::reconstruct::Desk;
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::reconstruct::TrainingWorkspace;
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{
+    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
+};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
 use gs2e::trajectory::Trajectory;
@@ -47,7 +49,7 @@ struct Filmed {
     folder: tempfile::TempDir,
     camera: Camera,
     trajectory: Trajectory,
-    pictures: Vec<Picture>,
+    pictures: Vec<TrajectoryPicture>,
 }
 
 impl Filmed {
@@ -57,23 +59,23 @@ impl Filmed {
             .map(|name| shared::path(&format!("data/scenes/{name}")));
         let (capture, _) = source::nerfstudio::read_capture(&views?).unwrap();
         let gaussians = Arc::new(scene::read_file(&file?).unwrap());
-        let style = Style {
-            rules: Rules::Official,
-            order: Layering::Depth,
+        let style = RenderStyle {
+            rules: RenderRules::Official,
+            order: LayerOrder::Depth,
             antialiased: false,
             background: [0.0; 3],
         };
-        let mut renderer = Cpu::new(gaussians, style).unwrap();
+        let mut renderer = CpuRenderer::new(gaussians, style).unwrap();
         let camera = capture.views[0].camera.resized(Size { width: 640, height: 360 });
         let poses: Vec<Se3> = capture.views.iter().take(count).map(|view| view.world_from_camera).collect();
         let folder = tempfile::tempdir().unwrap();
         let mut picture = |(pose, at): (usize, &Se3)| {
-            let mut rendered = Rendered::default();
-            let want = Channels { rgb: true, ..Channels::default() };
-            renderer.render(&View::at_rest(camera, *at), want, &mut rendered).unwrap();
+            let mut rendered = RenderedImages::default();
+            let want = ChannelSet { rgb: true, ..ChannelSet::default() };
+            renderer.render(&CameraView::at_rest(camera, *at), want, &mut rendered).unwrap();
             let file = folder.path().join(format!("picture {pose}"));
             png::write_image(&png::to_bytes(&rendered.rgb.unwrap()), File::create(&file).unwrap()).unwrap();
-            Picture { pose, file }
+            TrajectoryPicture { pose, file }
         };
         let pictures = poses.iter().enumerate().map(&mut picture).collect();
         let stamps_us = (0..).map(|j| 1000 * j).take(poses.len()).collect();
@@ -86,11 +88,11 @@ impl Filmed {
     }
 
     /// A desk of its own; `name` is new.
-    fn at_desk<T>(&self, name: &str, ask: impl FnOnce(Desk<'_>) -> T) -> T {
+    fn at_desk<T>(&self, name: &str, ask: impl FnOnce(TrainingWorkspace<'_>) -> T) -> T {
         let folder = self.folder.path().join(name);
         std::fs::create_dir(&folder).unwrap();
         let (log, programs) = (folder.join("log"), programs());
-        ask(Desk { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
+        ask(TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
     }
 
     /// The poses with a change of each.
@@ -103,17 +105,17 @@ impl Filmed {
     }
 
     /// What OpenCV says where the files of another trajectory were released.
-    fn seen(&self, name: &str, released: &Released, pictures: &[Picture]) -> Geometry {
+    fn seen(&self, name: &str, released: &ReleasedPoses, pictures: &[TrajectoryPicture]) -> OpencvGeometry {
         let own = (&self.camera, &self.trajectory);
         self.at_desk(name, |desk| opencv::measure_released(released, own, pictures, desk)).unwrap().unwrap()
     }
 }
 
-fn median(registration: &Registration) -> f64 {
+fn median(registration: &ColmapRegistration) -> f64 {
     gs2e::foreign::upper_median(registration.poses.iter().map(|p| p.rotation_deg).collect())
 }
 
-fn worst(registration: &Registration) -> (usize, f64) {
+fn worst(registration: &ColmapRegistration) -> (usize, f64) {
     let worst = registration.poses.iter().max_by(|a, b| a.rotation_deg.total_cmp(&b.rotation_deg)).unwrap();
     (worst.pose, worst.rotation_deg)
 }
@@ -129,7 +131,7 @@ fn opengl(pose: Se3) -> Se3 {
 #[test]
 fn colmap_finds_the_poses_of_real_pictures_and_the_one_that_is_wrong() {
     let Some(filmed) = Filmed::views(10).filter(|_| colmap_is_there()) else { return };
-    let found: Found = filmed
+    let found: ColmapPoses = filmed
         .at_desk("a", |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk))
         .unwrap()
         .unwrap();
@@ -169,8 +171,8 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
     let few = &filmed.pictures[..2];
     let told = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
     assert_eq!(told.unwrap_err(), "there are 2 pictures, 3 are the fewest");
-    let blank: Vec<Picture> =
-        (0..4).map(|pose| Picture { pose, file: filmed.folder.path().join("blank") }).collect();
+    let blank: Vec<TrajectoryPicture> =
+        (0..4).map(|pose| TrajectoryPicture { pose, file: filmed.folder.path().join("blank") }).collect();
     let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);
     png::write_image(&grey, File::create(&blank[0].file).unwrap()).unwrap();
     let told = filmed.at_desk("d", |desk| colmap::register_pictures(&blank, &filmed.camera, desk)).unwrap();
@@ -180,10 +182,13 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
 #[test]
 fn a_program_that_fails_is_told_with_its_own_words() {
     let Some(filmed) = Filmed::views(3).filter(|_| colmap_is_there() && python_is_there()) else { return };
-    let broken: Vec<Picture> =
-        filmed.pictures.iter().map(|p| Picture { file: filmed.folder.path().join("none"), ..*p }).collect();
+    let broken: Vec<TrajectoryPicture> = filmed
+        .pictures
+        .iter()
+        .map(|p| TrajectoryPicture { file: filmed.folder.path().join("none"), ..*p })
+        .collect();
     std::fs::write(filmed.folder.path().join("none"), "no picture").unwrap();
-    let released = Released::from_trajectory(&filmed.camera, &filmed.trajectory, &filmed.pictures);
+    let released = ReleasedPoses::from_trajectory(&filmed.camera, &filmed.trajectory, &filmed.pictures);
     let own = (&filmed.camera, &filmed.trajectory);
     let error =
         filmed.at_desk("b", |desk| opencv::measure_released(&released, own, &broken, desk)).unwrap_err();
@@ -196,13 +201,13 @@ fn a_program_that_fails_is_told_with_its_own_words() {
 fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
     let Some(filmed) = Filmed::views(12).filter(|_| python_is_there()) else { return };
     let Filmed { camera, trajectory, pictures, .. } = &filmed;
-    let sound = filmed.seen("sound", &Released::from_trajectory(camera, trajectory, pictures), pictures);
+    let sound = filmed.seen("sound", &ReleasedPoses::from_trajectory(camera, trajectory, pictures), pictures);
     eprintln!("{sound:?}");
     for seen in [sound.poses_txt, sound.transforms_json] {
         assert!(seen.px < 1e-6 && seen.points == 12 * 75, "{seen:?}");
     }
     assert!(sound.pairs.len() >= 8);
-    let half = |value: fn(&opencv::Motion) -> f64| {
+    let half = |value: fn(&opencv::RelativeMotion) -> f64| {
         gs2e::foreign::upper_median(sound.pairs.iter().map(value).collect())
     };
     assert!(half(|m| m.rotation_deg) < 0.5 && half(|m| m.direction_deg) < 10.0, "{:?}", sound.pairs);
@@ -219,13 +224,14 @@ fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
     ];
     for (name, change) in planted {
         // The renderer's poses stay as they were: it is the files that are wrong.
-        let seen = filmed.seen(name, &Released::from_trajectory(camera, &filmed.with(change), pictures), &[]);
+        let seen =
+            filmed.seen(name, &ReleasedPoses::from_trajectory(camera, &filmed.with(change), pictures), &[]);
         for file in [seen.poses_txt, seen.transforms_json] {
             assert!(file.px > 1e-3, "{name}: {file:?}");
         }
     }
     let other = Camera { cx: camera.cx + 0.5, ..*camera };
-    let seen = filmed.seen("centre", &Released::from_trajectory(&other, trajectory, pictures), &[]);
+    let seen = filmed.seen("centre", &ReleasedPoses::from_trajectory(&other, trajectory, pictures), &[]);
     assert!((seen.transforms_json.px - 0.5).abs() < 1e-6, "{seen:?}");
 }
 
@@ -235,7 +241,7 @@ fn motions_that_pictures_do_not_show_are_found_by_opencv() {
     // Every second pose is turned: each motion is wrong by 2 degrees.
     let turn = exp_vector(DVec3::Y * 2.0 * DEGREE);
     let planted = filmed.with(|j, p| if j % 2 == 1 { Se3 { rotation: p.rotation * turn, ..p } } else { p });
-    let released = Released::from_trajectory(&filmed.camera, &planted, &filmed.pictures);
+    let released = ReleasedPoses::from_trajectory(&filmed.camera, &planted, &filmed.pictures);
     let seen = filmed.seen("a", &released, &filmed.pictures);
     let half = gs2e::foreign::upper_median(seen.pairs.iter().map(|m| m.rotation_deg).collect());
     assert!(seen.pairs.len() >= 3 && half > 1.0, "{:?}", seen.pairs);

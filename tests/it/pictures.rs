@@ -2,7 +2,7 @@
 //! formulas of sRGB, and where points are seen from one pose and the next.
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal};
-use crate::support::gaussians::{Blob, blob_scene};
+use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::{TINY, Workspace};
 use gs2e::image::png;
 use gs2e::scene::ply;
@@ -112,8 +112,13 @@ fn a_light_that_passes_leaves_a_streak() {
     let frames: Vec<Value> = (0..12).map(frame).collect();
     let camera = json!({ "w": 96, "h": 9, "fl_x": 60, "fl_y": 60, "cx": 48, "cy": 4.5, "frames": frames });
     place.write("transforms.json", camera.to_string());
-    let lamp =
-        Blob { position: [0.0; 3], deviations: [0.05; 3], opacity: 0.9, colour: [1.0; 3], ..Blob::default() };
+    let lamp = ColourBlob {
+        position: [0.0; 3],
+        deviations: [0.05; 3],
+        opacity: 0.9,
+        colour: [1.0; 3],
+        ..ColourBlob::default()
+    };
     let mut ply_bytes = Vec::new();
     ply::write_ply(&blob_scene(&[lamp]), &mut ply_bytes).unwrap();
     place.write("scene.ply", ply_bytes);

@@ -1,18 +1,20 @@
 //! Programs under the supervisor: their output, the reports of their ends, and the processes that they
 //! leave.
 
-use gs2e::programs::{Ended, How, Invocation, Programs, last_lines, length, run, run_within, says};
+use gs2e::programs::{
+    EndKind, ProgramCall, ProgramEnd, ProgramFinder, last_lines, length, run, run_within, says,
+};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::Path;
 
 /// The programs of this machine.
-pub(crate) fn programs() -> Programs {
-    Programs::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
+pub(crate) fn programs() -> ProgramFinder {
+    ProgramFinder::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
 }
 
-fn shell(script: &str, folder: &Path) -> Invocation {
-    Invocation {
+fn shell(script: &str, folder: &Path) -> ProgramCall {
+    ProgramCall {
         program: "/bin/sh".into(),
         arguments: ["-c", script].map(OsString::from).to_vec(),
         environment: BTreeMap::from([("WORD".to_owned(), "a $b".to_owned())]),
@@ -29,8 +31,8 @@ fn what_a_program_says_is_kept_and_how_it_ends_is_told() {
         let ended = run(&programs(), &shell(script, folder.path()), &log, &|| true);
         let told = match ended {
             Ok(()) => "fine".to_owned(),
-            Err(Ended::Failed(how)) => how.to_string(),
-            Err(Ended::Stopped) => "stopped".to_owned(),
+            Err(ProgramEnd::Failed(how)) => how.to_string(),
+            Err(ProgramEnd::Stopped) => "stopped".to_owned(),
         };
         assert_eq!(told, wanted, "{script}");
         assert_eq!(last_lines(&log, from)[1..].join("|"), said, "{script}");
@@ -56,14 +58,14 @@ fn the_command_itself_says_no_version() {
 #[test]
 fn a_program_that_is_not_there_is_told() {
     let folder = tempfile::tempdir().unwrap();
-    let missing = Invocation { program: "/no/such/program".into(), ..shell("", folder.path()) };
+    let missing = ProgramCall { program: "/no/such/program".into(), ..shell("", folder.path()) };
     let ended = run(&programs(), &missing, &folder.path().join("log"), &|| true);
-    let Err(Ended::Failed(how)) = ended else { panic!("{ended:?}") };
+    let Err(ProgramEnd::Failed(how)) = ended else { panic!("{ended:?}") };
     assert!(how.to_string().starts_with("it cannot be started: "), "{how}");
 }
 
 /// Runs a script that holds the pipe `held` open, and returns when nothing holds it any more.
-fn run_holding(script: &str, folder: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
+fn run_holding(script: &str, folder: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), ProgramEnd> {
     let pipe = folder.join("held");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
     assert!(made.success());
@@ -89,7 +91,7 @@ fn what_takes_too_long_is_stopped_and_told() {
         run_within(seconds, &programs(), &shell(script, folder.path()), &folder.path().join("log"), &|| true)
     };
     let ended = run(0, "sleep 600");
-    assert!(matches!(ended, Err(Ended::Failed(How::TooLong(0)))), "{ended:?}");
+    assert!(matches!(ended, Err(ProgramEnd::Failed(EndKind::TooLong(0)))), "{ended:?}");
     assert!(run(60, ":").is_ok());
 }
 
@@ -99,7 +101,7 @@ fn what_is_asked_to_stop_stops_with_all_that_it_started() {
     let at_work = folder.path().join("at work");
     let script = "trap 'echo stopping; exit 0' TERM; sleep 600 & : > 'at work'; wait";
     let ended = run_holding(script, folder.path(), &|| !at_work.exists());
-    assert!(matches!(ended, Err(Ended::Stopped)), "{ended:?}");
+    assert!(matches!(ended, Err(ProgramEnd::Stopped)), "{ended:?}");
     assert!(
         std::fs::read_to_string(folder.path().join("log")).unwrap().contains("stopping"),
         "it was asked before it was made to"
@@ -115,6 +117,6 @@ fn an_answer_is_what_a_program_prints() {
     // More than is read of it: it is neither waited for nor kept.
     let long = programs.ask("sh", &["-c", "while :; do echo 0123456789; done"]).unwrap();
     assert_eq!(long.len(), 1 << 20);
-    let none = Programs::default().ask("sh", &["-c", ":"]).unwrap_err();
+    let none = ProgramFinder::default().ask("sh", &["-c", ":"]).unwrap_err();
     assert_eq!(none, "there is no program `sh`");
 }

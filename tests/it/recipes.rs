@@ -5,18 +5,18 @@ mod meaning;
 mod mutations;
 mod paths;
 
-use gs2e::recipe::{Faults, Recipe, RecipeFile, read_all, read_release, read_sources};
+use gs2e::recipe::{Recipe, RecipeFaults, RecipeFile, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
 
 const FIXTURES: &str = "tests/fixtures/recipes";
 
 /// Paths are shown as they are named: relative to the repository, where tests run.
-fn read(path: &str) -> Result<Vec<Recipe>, Faults> {
+fn read(path: &str) -> Result<Vec<Recipe>, RecipeFaults> {
     read_all(&[PathBuf::from(path)])
 }
 
 /// The one recipe of a text, written to a folder of its own.
-fn recipe(yaml: &str) -> Result<Recipe, Faults> {
+fn recipe(yaml: &str) -> Result<Recipe, RecipeFaults> {
     let folder = tempfile::tempdir().expect("there is room for a folder");
     let file = folder.path().join("recipe.yaml");
     std::fs::write(&file, yaml).expect("the folder can be written");

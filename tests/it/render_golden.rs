@@ -15,9 +15,9 @@ use crate::support::{golden, ply, shared};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::{Size, luminance};
-use gs2e::render::cpu::Cpu;
-use gs2e::render::reference::Reference;
-use gs2e::render::{Layering, Rendered, Renderer, Rules, Style, View, Work};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::reference::ReferenceRenderer;
+use gs2e::render::{CameraView, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
 use serde::Deserialize;
@@ -66,29 +66,29 @@ pub(super) struct Stats {
 }
 
 impl GoldenCamera {
-    fn view(&self) -> View {
+    fn view(&self) -> CameraView {
         let world_from_camera = DMat3::from_cols(self.r[0], self.r[1], self.r[2]);
         let size = Size { width: self.w, height: self.h };
         let camera = Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy };
         let rotation = DQuat::from_mat3(&world_from_camera);
-        View::at_rest(camera, Se3 { rotation, translation: -(world_from_camera * self.t) })
+        CameraView::at_rest(camera, Se3 { rotation, translation: -(world_from_camera * self.t) })
     }
 }
 
 impl Case {
-    fn rules(&self) -> Rules {
+    fn rules(&self) -> RenderRules {
         match self.mode.as_str() {
-            "official" => Rules::Official,
-            "exact" => Rules::Exact,
-            "gsplat" => Rules::Gsplat,
+            "official" => RenderRules::Official,
+            "exact" => RenderRules::Exact,
+            "gsplat" => RenderRules::Gsplat,
             mode => panic!("no golden has the rules {mode}"),
         }
     }
 
-    pub(super) fn style(&self) -> Style {
-        Style {
+    pub(super) fn style(&self) -> RenderStyle {
+        RenderStyle {
             rules: self.rules(),
-            order: Layering::Depth,
+            order: LayerOrder::Depth,
             antialiased: self.antialiased,
             background: self.background,
         }
@@ -98,14 +98,14 @@ impl Case {
         Arc::new(ply::read(&root.join(&self.ply)))
     }
 
-    pub(super) fn render(&self, renderer: &mut dyn Renderer) -> (Rendered, Work) {
-        let mut out = Rendered::default();
+    pub(super) fn render(&self, renderer: &mut dyn Renderer) -> (RenderedImages, RenderWork) {
+        let mut out = RenderedImages::default();
         let work = renderer.render(&self.camera.view(), ALL, &mut out).unwrap();
         (out, work)
     }
 
-    fn by_cpu(&self, root: &Path) -> (Rendered, Work) {
-        self.render(&mut Cpu::new(self.scene(root), self.style()).unwrap())
+    fn by_cpu(&self, root: &Path) -> (RenderedImages, RenderWork) {
+        self.render(&mut CpuRenderer::new(self.scene(root), self.style()).unwrap())
     }
 }
 
@@ -214,7 +214,7 @@ fn the_reference_is_the_goldens_of_a_captured_scene() {
 fn reference_meets(root: &Path, cases: &[Case]) {
     for case in cases {
         let golden = case.same_as.as_ref().unwrap_or(&case.name);
-        let (found, work) = case.render(&mut Reference::new(case.scene(root), case.style()).unwrap());
+        let (found, work) = case.render(&mut ReferenceRenderer::new(case.scene(root), case.style()).unwrap());
         let wanted = npy(&root.join(format!("{golden}.rgb.npy")));
         let rgb = difference(found.rgb.as_ref().unwrap().pixels().as_flattened(), &wanted);
         let alpha = npy(&root.join(format!("{golden}.alpha.npy")));

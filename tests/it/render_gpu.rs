@@ -14,42 +14,52 @@ use crate::support::gaussians::{ALL, OFFICIAL, blob_crowd, blob_scene, view_ahea
 use crate::support::{gpu, ply, shared};
 use glam::DVec3;
 use gs2e::image::{Image, Size, luminance, png};
-use gs2e::render::cpu::Cpu;
-use gs2e::render::gpu::{Choice, Device, Gpu, GpuError, Stage};
-use gs2e::render::{Channels, RenderError, Rendered, Renderer, Rules, Style, Velocity, View, Work};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::gpu::{DeviceChoice, GpuDevice, GpuError, GpuRenderer, TimedStage};
+use gs2e::render::{
+    CameraVelocity, CameraView, ChannelSet, RenderError, RenderRules, RenderStyle, RenderWork,
+    RenderedImages, Renderer,
+};
 use gs2e::scene::Gaussians;
 use gs2e::source::nerfstudio;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
+const ALL_RULES: [RenderRules; 4] =
+    [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft];
 /// Every image of a camera that moves.
-const MOVING: Channels = Channels { flow: true, luminance_rate: true, ..ALL };
+const MOVING: ChannelSet = ChannelSet { flow: true, luminance_rate: true, ..ALL };
 
-fn moving(view: View) -> View {
-    let velocity = Velocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
-    View { velocity, ..view }
+fn moving(view: CameraView) -> CameraView {
+    let velocity = CameraVelocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
+    CameraView { velocity, ..view }
 }
 
-fn style(rules: Rules, antialiased: bool) -> Style {
-    Style { rules, antialiased, background: [0.1, 0.3, 0.2], ..OFFICIAL }
+fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {
+    RenderStyle { rules, antialiased, background: [0.1, 0.3, 0.2], ..OFFICIAL }
 }
 
-fn by_gpu(device: &Device, scene: &Gaussians, style: Style, view: &View) -> (Rendered, Work) {
-    let mut out = Rendered::default();
-    let work = Gpu::new(device.clone(), scene, style).unwrap().render(view, MOVING, &mut out).unwrap();
+fn by_gpu(
+    device: &GpuDevice,
+    scene: &Gaussians,
+    style: RenderStyle,
+    view: &CameraView,
+) -> (RenderedImages, RenderWork) {
+    let mut out = RenderedImages::default();
+    let work =
+        GpuRenderer::new(device.clone(), scene, style).unwrap().render(view, MOVING, &mut out).unwrap();
     (out, work)
 }
 
-fn by_cpu(scene: &Arc<Gaussians>, style: Style, view: &View) -> (Rendered, Work) {
-    let mut out = Rendered::default();
-    let work = Cpu::new(scene.clone(), style).unwrap().render(view, MOVING, &mut out).unwrap();
+fn by_cpu(scene: &Arc<Gaussians>, style: RenderStyle, view: &CameraView) -> (RenderedImages, RenderWork) {
+    let mut out = RenderedImages::default();
+    let work = CpuRenderer::new(scene.clone(), style).unwrap().render(view, MOVING, &mut out).unwrap();
     (out, work)
 }
 
 /// The images as rows of numbers, each with its name.
-fn images(rendered: &Rendered) -> Vec<(&'static str, Vec<f32>)> {
+fn images(rendered: &RenderedImages) -> Vec<(&'static str, Vec<f32>)> {
     let flat = |image: &Option<Image<f32>>| image.as_ref().unwrap().pixels().to_vec();
     vec![
         ("rgb", rendered.rgb.as_ref().unwrap().pixels().as_flattened().to_vec()),
@@ -101,7 +111,13 @@ fn heat(name: &str, errors: &[f32], size: Size) {
     println!("  heat map: {}", path.display());
 }
 
-fn check(device: &Device, name: &str, scene: &Arc<Gaussians>, style: Style, view: &View) -> bool {
+fn check(
+    device: &GpuDevice,
+    name: &str,
+    scene: &Arc<Gaussians>,
+    style: RenderStyle,
+    view: &CameraView,
+) -> bool {
     let (found, work) = by_gpu(device, scene, style, view);
     let (wanted, cpu) = by_cpu(scene, style, view);
     let pairs = images(&found).into_iter().zip(images(&wanted));
@@ -109,7 +125,7 @@ fn check(device: &Device, name: &str, scene: &Arc<Gaussians>, style: Style, view
         pairs.map(|((what, a), (_, b))| close(name, what, &a, &b, view.camera.size)).collect::<Vec<_>>();
     // Whole numbers, but for decisions at a threshold.
     let near = |a: u64, b: u64| a.abs_diff(b) <= 2 + b / 10_000;
-    let counts = |w: &Work| {
+    let counts = |w: &RenderWork| {
         [
             w.gaussians,
             w.behind,
@@ -141,16 +157,17 @@ fn every_golden_of_a_captured_scene_is_met_on_the_gpu() {
     all_met(&root, &cases, &device);
 }
 
-fn all_met(root: &Path, cases: &[Case], device: &Device) {
+fn all_met(root: &Path, cases: &[Case], device: &GpuDevice) {
     println!("{}", device.fingerprint());
     let missed = cases.iter().filter(|case| !golden(root, case, device)).count();
     assert_eq!(missed, 0, "goldens are missed, see the table");
 }
 
 /// Within the limits of the CPU's renderer.
-fn golden(root: &Path, case: &Case, device: &Device) -> bool {
+fn golden(root: &Path, case: &Case, device: &GpuDevice) -> bool {
     let golden = case.same_as.as_ref().unwrap_or(&case.name);
-    let (found, work) = case.render(&mut Gpu::new(device.clone(), &case.scene(root), case.style()).unwrap());
+    let (found, work) =
+        case.render(&mut GpuRenderer::new(device.clone(), &case.scene(root), case.style()).unwrap());
     let rgb = found.rgb.as_ref().unwrap().pixels();
     let wanted = npy(&root.join(format!("{golden}.rgb.npy")));
     let mut fine = row(&case.name, "rgb", difference(rgb.as_flattened(), &wanted));
@@ -189,7 +206,7 @@ fn far_from_the_origin_nothing_is_lost() {
     scene.origin = far;
     let mut view = moving(view_ahead(120, 90, 100.0));
     view.world_from_camera.translation = far + DVec3::new(0.013, -0.007, 0.021);
-    assert!(check(&device, "far", &Arc::new(scene), style(Rules::Exact, true), &view));
+    assert!(check(&device, "far", &Arc::new(scene), style(RenderRules::Exact, true), &view));
 }
 
 #[test]
@@ -200,10 +217,16 @@ fn a_real_scene_is_as_on_the_cpu() {
     let views = shared::path("data/scenes/playbot.transforms.json").unwrap();
     let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
     let camera = key.camera.resized(Size { width: 320, height: 180 });
-    let view = moving(View::at_rest(camera, key.world_from_camera));
+    let view = moving(CameraView::at_rest(camera, key.world_from_camera));
     let scene = Arc::new(ply::read(&path));
     let fine = ALL_RULES.map(|rules| {
-        check(&device, &format!("playbot {rules:?}"), &scene, style(rules, rules == Rules::Exact), &view)
+        check(
+            &device,
+            &format!("playbot {rules:?}"),
+            &scene,
+            style(rules, rules == RenderRules::Exact),
+            &view,
+        )
     });
     assert!(fine.iter().all(|fine| *fine), "the back ends differ, see the table");
 }
@@ -213,9 +236,9 @@ fn a_real_scene_is_as_on_the_cpu() {
 fn small_bindings_change_nothing() {
     let Some(device) = gpu::device() else { return };
     let scene = blob_scene(&blob_crowd(3000, 3));
-    let (style, view) = (style(Rules::Exact, false), moving(view_ahead(203, 150, 150.0)));
+    let (style, view) = (style(RenderRules::Exact, false), moving(view_ahead(203, 150, 150.0)));
     let (wanted, work) = by_gpu(&device, &scene, style, &view);
-    let bits = |rendered: &Rendered| -> Vec<u32> {
+    let bits = |rendered: &RenderedImages| -> Vec<u32> {
         images(rendered).into_iter().flat_map(|(_, values)| values).map(f32::to_bits).collect()
     };
     for limit in [1 << 18, 1 << 16] {
@@ -224,8 +247,8 @@ fn small_bindings_change_nothing() {
         assert_eq!(counted, work, "{limit}");
     }
     // One tile sees more than so few bytes hold: an error that says what for, and no picture without them.
-    let mut gpu = Gpu::new(device.clone().with_limit(1 << 12), &scene, style).unwrap();
-    let error = gpu.render(&view, MOVING, &mut Rendered::default()).unwrap_err();
+    let mut gpu = GpuRenderer::new(device.clone().with_limit(1 << 12), &scene, style).unwrap();
+    let error = gpu.render(&view, MOVING, &mut RenderedImages::default()).unwrap_err();
     let RenderError::Gpu(GpuError::Tile { limit, .. }) = error else { panic!("{error}") };
     assert_eq!(limit, 1 << 12);
 }
@@ -234,38 +257,38 @@ fn small_bindings_change_nothing() {
 fn views_in_flight_are_those_made_one_by_one() {
     let Some(device) = gpu::device() else { return };
     let scene = blob_scene(&blob_crowd(1000, 4));
-    let views: Vec<View> = (0..5)
+    let views: Vec<CameraView> = (0..5)
         .map(|k| {
             let mut view = moving(view_ahead(64, 48, 60.0));
             view.world_from_camera.translation.x = 0.2 * f64::from(k);
             view
         })
         .collect();
-    let want = Channels { luminance: true, luminance_rate: true, ..Channels::default() };
-    let mut gpu = Gpu::new(device, &scene, OFFICIAL).unwrap();
+    let want = ChannelSet { luminance: true, luminance_rate: true, ..ChannelSet::default() };
+    let mut gpu = GpuRenderer::new(device, &scene, OFFICIAL).unwrap();
     views.iter().for_each(|view| gpu.expect(view, want));
-    let ahead: Vec<(Rendered, Work)> = views
+    let ahead: Vec<(RenderedImages, RenderWork)> = views
         .iter()
         .map(|view| {
-            let mut out = Rendered::default();
+            let mut out = RenderedImages::default();
             let work = gpu.render(view, want, &mut out).unwrap();
             (out, work)
         })
         .collect();
     for (view, (rendered, work)) in views.iter().zip(&ahead) {
-        let mut alone = Rendered::default();
+        let mut alone = RenderedImages::default();
         assert_eq!(gpu.render(view, want, &mut alone).unwrap(), *work);
         assert!(alone.luminance == rendered.luminance && alone.luminance_rate == rendered.luminance_rate);
         assert!(alone.rgb.is_none() && alone.depth.is_none());
     }
     assert!(ahead.windows(2).all(|pair| pair[0].0.luminance != pair[1].0.luminance), "the views differ");
     if let Some(times) = gpu.times() {
-        println!("{times:?} of {:?}", Stage::ALL);
-        assert!(times[Stage::Raster as usize] > Duration::ZERO);
+        println!("{times:?} of {:?}", TimedStage::ALL);
+        assert!(times[TimedStage::Raster as usize] > Duration::ZERO);
     }
     // A view that was not expected is rendered all the same, and what is expected of one that cannot be is told of it.
     gpu.expect(&views[0], want);
-    let mut other = Rendered::default();
+    let mut other = RenderedImages::default();
     gpu.render(&views[1], want, &mut other).unwrap();
     assert!(other.luminance == ahead[1].0.luminance);
     let mut blind = views[0];
@@ -285,19 +308,19 @@ fn what_is_not_finite_is_left_out_and_counted() {
     spoilt.log_scales[5] = [80.0; 3];
     spoilt.positions[6] = [f32::INFINITY, 0.0, 3.0];
     let view = moving(view_ahead(64, 48, 60.0));
-    assert!(check(&device, "spoilt", &Arc::new(spoilt), style(Rules::Exact, false), &view));
+    assert!(check(&device, "spoilt", &Arc::new(spoilt), style(RenderRules::Exact, false), &view));
     // Nothing at all shows the background.
-    assert!(check(&device, "empty", &Arc::new(blob_scene(&[])), style(Rules::Exact, false), &view));
+    assert!(check(&device, "empty", &Arc::new(blob_scene(&[])), style(RenderRules::Exact, false), &view));
 }
 
 #[test]
 fn a_gpu_that_is_lost_is_an_error() {
     let Some(device) = gpu::device() else { return };
-    let mut gpu = Gpu::new(device.clone(), &blob_scene(&blob_crowd(10, 6)), OFFICIAL).unwrap();
+    let mut gpu = GpuRenderer::new(device.clone(), &blob_scene(&blob_crowd(10, 6)), OFFICIAL).unwrap();
     let view = view_ahead(64, 48, 60.0);
-    gpu.render(&view, ALL, &mut Rendered::default()).unwrap();
+    gpu.render(&view, ALL, &mut RenderedImages::default()).unwrap();
     device.destroy();
-    let error = gpu.render(&view, ALL, &mut Rendered::default()).unwrap_err();
+    let error = gpu.render(&view, ALL, &mut RenderedImages::default()).unwrap_err();
     let RenderError::Gpu(GpuError::Lost { adapter, .. }) = &error else { panic!("{error}") };
     assert_eq!(adapter, device.name());
 }
@@ -308,8 +331,8 @@ fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_ther
     let (crowd, view) = (blob_scene(&blob_crowd(1000, 6)), view_ahead(640, 480, 600.0));
     let told = |room: u64| {
         let device = device.clone().with_room(room);
-        let rendered = Gpu::new(device, &crowd, OFFICIAL)
-            .and_then(|mut gpu| gpu.render(&view, ALL, &mut Rendered::default()));
+        let rendered = GpuRenderer::new(device, &crowd, OFFICIAL)
+            .and_then(|mut gpu| gpu.render(&view, ALL, &mut RenderedImages::default()));
         let error = rendered.unwrap_err();
         let RenderError::Gpu(GpuError::Memory { what, wanted, .. }) = &error else { panic!("{error}") };
         assert!(*wanted > room && error.to_string().ends_with(&format!("{what}: there is room for {room}")));
@@ -322,12 +345,12 @@ fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_ther
 fn a_gpu_that_is_not_there_is_an_error_that_lists_those_that_are() {
     let Some(device) = gpu::device() else { return };
     for (choice, wanted) in [
-        (Choice::Index(99), "no GPU is number 99; there is "),
-        (Choice::Name("Voodoo 2".to_owned()), "no GPU is called `Voodoo 2`; there is "),
+        (DeviceChoice::Index(99), "no GPU is number 99; there is "),
+        (DeviceChoice::Name("Voodoo 2".to_owned()), "no GPU is called `Voodoo 2`; there is "),
     ] {
-        let told = Device::open(&choice).unwrap_err().to_string();
+        let told = GpuDevice::open(&choice).unwrap_err().to_string();
         assert!(told.starts_with(wanted) && told.contains(device.name()), "{told}");
     }
     let name: String = device.name().chars().take(5).collect();
-    assert!(Device::open(&Choice::Name(name.to_uppercase())).is_ok());
+    assert!(GpuDevice::open(&DeviceChoice::Name(name.to_uppercase())).is_ok());
 }

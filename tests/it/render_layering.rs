@@ -1,33 +1,35 @@
 //! Layers of nearly the same depth that cover each other in part: rules `soft`, `order: blended`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
+use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use crate::support::{ply, shared};
 use gs2e::image::Size;
-use gs2e::render::cpu::{Cpu, Instructions};
-use gs2e::render::reference::Reference;
-use gs2e::render::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View};
+use gs2e::render::cpu::{CpuRenderer, InstructionSet};
+use gs2e::render::reference::ReferenceRenderer;
+use gs2e::render::{
+    CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer,
+};
 use gs2e::scene::Gaussians;
 use gs2e::source::nerfstudio;
 use std::sync::Arc;
 
-const SOFT: Style = Style { rules: Rules::Soft, background: [0.2, 0.1, 0.4], ..OFFICIAL };
-const BLENDED: Style = Style { order: Layering::Blended, ..SOFT };
+const SOFT: RenderStyle = RenderStyle { rules: RenderRules::Soft, background: [0.2, 0.1, 0.4], ..OFFICIAL };
+const BLENDED: RenderStyle = RenderStyle { order: LayerOrder::Blended, ..SOFT };
 
 /// A red and a blue layer that fill the picture, the blue one behind by this.
 fn pair(behind: f32) -> Gaussians {
-    let layer = |z: f32, opacity: f64, colour: [f64; 3]| Blob {
+    let layer = |z: f32, opacity: f64, colour: [f64; 3]| ColourBlob {
         position: [0.0, 0.0, z],
         deviations: [50.0, 50.0, 1e-4],
         opacity,
         colour,
-        ..Blob::default()
+        ..ColourBlob::default()
     };
     blob_scene(&[layer(4.0, 0.8, [1.0, 0.0, 0.0]), layer(4.0 + behind, 0.6, [0.0, 0.0, 1.0])])
 }
 
-/// Red and blue of the middle pixel, by `Cpu`.
-fn middle(scene: Gaussians, style: Style) -> [f64; 2] {
+/// Red and blue of the middle pixel, by `CpuRenderer`.
+fn middle(scene: Gaussians, style: RenderStyle) -> [f64; 2] {
     let (out, _) = render(scene, style, &view_ahead(17, 17, 20.0));
     let [r, _, b] = out.rgb.unwrap().pixels()[8 * 17 + 8];
     [r, b].map(f64::from)
@@ -41,12 +43,12 @@ fn layers_of_one_depth_share_the_light_evenly() {
     // opacities are rounded at 2^-24 and the exponential is good to 2e-7
     assert!((r - wanted[0]).abs() < 1e-6 && (b - wanted[1]).abs() < 1e-6, "{r} {b}, wanted {wanted:?}");
     // the order in the file decides nothing
-    let swapped = blob_scene(&[0, 1].map(|k| Blob {
+    let swapped = blob_scene(&[0, 1].map(|k| ColourBlob {
         position: [0.0, 0.0, 4.0],
         deviations: [50.0, 50.0, 1e-4],
         opacity: [0.6, 0.8][k],
         colour: [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]][k],
-        ..Blob::default()
+        ..ColourBlob::default()
     }));
     let [r2, b2] = middle(swapped, BLENDED);
     assert!((r - r2).abs() < 1e-6 && (b - b2).abs() < 1e-6);
@@ -72,15 +74,15 @@ fn layers_that_pass_each_other_make_no_jump() {
 }
 
 /// Mean and largest difference of luminance between the back ends, and of the CPU's two orders.
-fn compare(scene: &Arc<Gaussians>, view: &View) -> [[f64; 2]; 2] {
+fn compare(scene: &Arc<Gaussians>, view: &CameraView) -> [[f64; 2]; 2] {
     let grey = |renderer: &mut dyn Renderer| {
-        let mut out = Rendered::default();
-        renderer.render(view, Channels { luminance: true, ..Channels::default() }, &mut out).unwrap();
+        let mut out = RenderedImages::default();
+        renderer.render(view, ChannelSet { luminance: true, ..ChannelSet::default() }, &mut out).unwrap();
         out.luminance.unwrap()
     };
-    let reference = grey(&mut Reference::new(scene.clone(), BLENDED).unwrap());
-    let cpu = grey(&mut Cpu::new(scene.clone(), BLENDED).unwrap());
-    let plain = grey(&mut Cpu::new(scene.clone(), SOFT).unwrap());
+    let reference = grey(&mut ReferenceRenderer::new(scene.clone(), BLENDED).unwrap());
+    let cpu = grey(&mut CpuRenderer::new(scene.clone(), BLENDED).unwrap());
+    let plain = grey(&mut CpuRenderer::new(scene.clone(), SOFT).unwrap());
     [&reference, &plain].map(|other| {
         let pairs = cpu.pixels().iter().zip(other.pixels());
         let apart: Vec<f64> = pairs.map(|(a, b)| f64::from((a - b).abs())).collect();
@@ -95,7 +97,8 @@ fn both_back_ends_agree() {
         [shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/scenes/playbot.transforms.json")];
     if let [Some(path), Some(views)] = real {
         let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
-        let view = View::at_rest(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera);
+        let view =
+            CameraView::at_rest(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera);
         cases.push(("playbot", Arc::new(ply::read(&path)), view));
     }
     for (name, scene, view) in cases {
@@ -113,22 +116,22 @@ fn both_back_ends_agree() {
 fn no_bit_depends_on_threads_instructions_or_other_channels() {
     let scene = Arc::new(blob_scene(&blob_crowd(2000, 9)));
     let view = view_ahead(150, 90, 100.0);
-    let by = |threads: usize, set: Instructions, want: Channels| {
+    let by = |threads: usize, set: InstructionSet, want: ChannelSet| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut cpu = Cpu::new(scene.clone(), BLENDED).unwrap();
+            let mut cpu = CpuRenderer::new(scene.clone(), BLENDED).unwrap();
             cpu.set_instructions(set);
-            let mut out = Rendered::default();
+            let mut out = RenderedImages::default();
             let work = cpu.render(&view, want, &mut out).unwrap();
             let bits: Vec<u32> = out.luminance.unwrap().pixels().iter().map(|v| v.to_bits()).collect();
             (bits, work)
         })
     };
-    let first = by(1, Instructions::available_sets()[0], ALL);
+    let first = by(1, InstructionSet::available_sets()[0], ALL);
     assert!(first.1.blended > 10_000 && first.1.stopped > 100, "the scene is a test: {:?}", first.1);
-    assert!(first == by(4, Instructions::widest_set(), ALL));
-    let moving = Channels { luminance_rate: true, ..ALL };
-    assert!(first == by(3, Instructions::widest_set(), moving), "the rate changes no value");
+    assert!(first == by(4, InstructionSet::widest_set(), ALL));
+    let moving = ChannelSet { luminance_rate: true, ..ALL };
+    assert!(first == by(3, InstructionSet::widest_set(), moving), "the rate changes no value");
 }
 
 #[test]
@@ -142,10 +145,12 @@ fn what_is_blended_and_where_it_stops_is_the_plain_orders() {
 
 #[test]
 fn other_rules_have_no_blended_order() {
-    for rules in [Rules::Official, Rules::Exact, Rules::Gsplat] {
-        let style = Style { rules, ..BLENDED };
-        let refused =
-            [Cpu::new(Arc::new(pair(1.0)), style).err(), Reference::new(Arc::new(pair(1.0)), style).err()];
+    for rules in [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat] {
+        let style = RenderStyle { rules, ..BLENDED };
+        let refused = [
+            CpuRenderer::new(Arc::new(pair(1.0)), style).err(),
+            ReferenceRenderer::new(Arc::new(pair(1.0)), style).err(),
+        ];
         for error in refused {
             let Some(RenderError::Style(because)) = error else { panic!("{rules:?}: {error:?}") };
             assert!(because.contains("soft"), "{because}");

@@ -1,11 +1,16 @@
 //! What the renderer leaves out changes no bit: Gaussians that no promised view can see, harmonics that are zero.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, Draws, OFFICIAL, blob_crowd, blob_scene, view_ahead};
+use crate::support::gaussians::{
+    ALL, ColourBlob, OFFICIAL, ScatterDraws, blob_crowd, blob_scene, view_ahead,
+};
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Omit, Rendered, Renderer, Rules, Style, Velocity, View, Work};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{
+    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderRules, RenderStyle, RenderWork,
+    RenderedImages, Renderer,
+};
 use gs2e::scene::{Gaussians, sh};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
@@ -13,11 +18,12 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::sync::Arc;
 
-const EVERYTHING: Channels = Channels { flow: true, luminance_rate: true, ..ALL };
-const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
+const EVERYTHING: ChannelSet = ChannelSet { flow: true, luminance_rate: true, ..ALL };
+const ALL_RULES: [RenderRules; 4] =
+    [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft];
 
 /// Bits of every image, so that NaN equals itself.
-fn bits(out: &Rendered) -> Vec<u32> {
+fn bits(out: &RenderedImages) -> Vec<u32> {
     let planes = [&out.luminance, &out.alpha, &out.depth, &out.luminance_rate, &out.doubtful];
     let grey = planes.into_iter().flat_map(|plane| plane.as_ref().unwrap().pixels().iter());
     let colour = out.rgb.as_ref().unwrap().pixels().as_flattened().iter();
@@ -25,27 +31,27 @@ fn bits(out: &Rendered) -> Vec<u32> {
     grey.chain(colour).chain(flow).map(|v| v.to_bits()).collect()
 }
 
-fn frame(cpu: &mut Cpu, camera: Camera, world_from_camera: Se3) -> (Vec<u32>, Work) {
-    let velocity = Velocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
-    let mut out = Rendered::default();
-    let work = cpu.render(&View { camera, world_from_camera, velocity }, EVERYTHING, &mut out).unwrap();
+fn frame(cpu: &mut CpuRenderer, camera: Camera, world_from_camera: Se3) -> (Vec<u32>, RenderWork) {
+    let velocity = CameraVelocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
+    let mut out = RenderedImages::default();
+    let work = cpu.render(&CameraView { camera, world_from_camera, velocity }, EVERYTHING, &mut out).unwrap();
     (bits(&out), work)
 }
 
 /// What was not drawn, for whatever reason.
-fn left_out(work: &Work) -> u64 {
+fn left_out(work: &RenderWork) -> u64 {
     work.unseen + work.behind + work.degenerate + work.outside
 }
 
 /// Dots, needles, discs and giants on all sides.
-fn blobs() -> impl Strategy<Value = Vec<Blob>> {
+fn blobs() -> impl Strategy<Value = Vec<ColourBlob>> {
     let position = prop::array::uniform3(prop_oneof![4 => -8.0..8.0_f32, 1 => -300.0..300.0_f32]);
     let deviations = prop::array::uniform3((-7.0..1.0_f32).prop_map(f32::exp));
     let size = prop_oneof![6 => Just(1.0_f32), 1 => 1.0..60.0_f32];
     let rotation = prop::array::uniform4(-1.0..1.0_f32);
     let opacity = prop_oneof![1 => 0.001..0.006_f64, 4 => 0.006..0.9999_f64];
     let blob = (position, deviations, size, rotation, opacity).prop_map(
-        |(position, deviations, size, rotation, opacity)| Blob {
+        |(position, deviations, size, rotation, opacity)| ColourBlob {
             position,
             deviations: deviations.map(|v| v * size),
             rotation,
@@ -99,10 +105,10 @@ proptest! {
         let scene = Arc::new(Gaussians { origin, ..blob_scene(&blobs) });
         let poses: Vec<Se3> =
             poses.iter().map(|pose| Se3 { translation: pose.translation + origin, ..*pose }).collect();
-        let style = Style { rules, antialiased, ..OFFICIAL };
-        let new = || Cpu::new(scene.clone(), style).unwrap();
+        let style = RenderStyle { rules, antialiased, ..OFFICIAL };
+        let new = || CpuRenderer::new(scene.clone(), style).unwrap();
         let [mut whole, mut kept, mut all_of_it] = [new(), new(), new()];
-        all_of_it.omit(Omit::Nothing);
+        all_of_it.omit(OmissionPolicy::Nothing);
         kept.keep_to(&camera, &poses);
         all_of_it.keep_to(&camera, &poses);
         for &pose in poses.iter().step_by(7) {
@@ -111,11 +117,11 @@ proptest! {
             prop_assert!(found == wanted, "{all:?} {work:?}");
             prop_assert_eq!(all.unseen, 0);
             prop_assert_eq!(left_out(&work), left_out(&all));
-            let counts = |w: Work| (w.gaussians, w.tile_pairs, w.blended, w.stopped, w.affine_doubtful);
+            let counts = |w: RenderWork| (w.gaussians, w.tile_pairs, w.blended, w.stopped, w.affine_doubtful);
             prop_assert_eq!(counts(work), counts(all));
             let (found, all_work) = frame(&mut all_of_it, camera, pose);
             prop_assert!(found == wanted, "{all:?} {all_work:?}");
-            prop_assert_eq!(all_work, Work { hidden: 0, zero_harmonics: 0, ..all });
+            prop_assert_eq!(all_work, RenderWork { hidden: 0, zero_harmonics: 0, ..all });
         }
     }
 }
@@ -134,29 +140,28 @@ fn walk() -> Vec<Se3> {
 
 #[test]
 fn nearly_all_that_no_pose_sees_is_found() {
-    let mut draws = Draws(5);
+    let mut draws = ScatterDraws(5);
     let mut within = |least, most| draws.within(least, most);
-    let blobs: Vec<Blob> = (0..400)
-        .map(|_| Blob {
+    let blobs: Vec<ColourBlob> = (0..400)
+        .map(|_| ColourBlob {
             position: [within(-6.0, 6.0), within(-4.0, 4.0), within(-8.0, 8.0)],
             deviations: [(); 3].map(|()| within(-6.0, -2.0).exp()),
             opacity: 0.8,
-            ..Blob::default()
+            ..ColourBlob::default()
         })
         .collect();
     let (camera, poses) = (view_ahead(256, 192, 240.0).camera, walk());
-    let mut cpu = Cpu::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
+    let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
     cpu.keep_to(&camera, &poses);
     let found = frame(&mut cpu, camera, poses[0]).1.unseen;
     // each by itself at every tenth pose: what touches no tile of any is not seen
-    let is_unseen = |blob: &&Blob| {
-        let mut cpu = Cpu::new(Arc::new(blob_scene(&[**blob])), OFFICIAL).unwrap();
-        let mut out = Rendered::default();
-        let want = Channels { alpha: true, ..Channels::default() };
-        poses
-            .iter()
-            .step_by(10)
-            .all(|&pose| cpu.render(&View::at_rest(camera, pose), want, &mut out).unwrap().tile_pairs == 0)
+    let is_unseen = |blob: &&ColourBlob| {
+        let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&[**blob])), OFFICIAL).unwrap();
+        let mut out = RenderedImages::default();
+        let want = ChannelSet { alpha: true, ..ChannelSet::default() };
+        poses.iter().step_by(10).all(|&pose| {
+            cpu.render(&CameraView::at_rest(camera, pose), want, &mut out).unwrap().tile_pairs == 0
+        })
     };
     let unseen = blobs.iter().filter(is_unseen).count() as u64;
     println!("{found} of {unseen} unseen ones of {}", blobs.len());
@@ -169,8 +174,9 @@ fn nearly_all_that_no_pose_sees_is_found() {
 fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
     let (camera, walk) = (view_ahead(64, 48, 60.0).camera, walk());
     // none too faint for any view
-    let blobs: Vec<Blob> = blob_crowd(3000, 4).iter().map(|blob| Blob { opacity: 0.7, ..*blob }).collect();
-    let mut cpu = Cpu::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
+    let blobs: Vec<ColourBlob> =
+        blob_crowd(3000, 4).iter().map(|blob| ColourBlob { opacity: 0.7, ..*blob }).collect();
+    let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
     let whole = frame(&mut cpu, camera, walk[0]);
     let mut unseen = |poses: &[Se3]| {
         cpu.keep_to(&camera, poses);
@@ -188,9 +194,9 @@ fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
 
 /// A crowd with harmonics up to `degree`, stored with those up to `stored`: the rest are zeros of both signs.
 fn harmonics(degree: u8, stored: u8) -> Gaussians {
-    let mut draws = Draws(3);
+    let mut draws = ScatterDraws(3);
     let mut scene = blob_scene(&blob_crowd(2000, 2));
-    let triple = |draws: &mut Draws| [(); 3].map(|()| draws.within(-0.3, 0.3));
+    let triple = |draws: &mut ScatterDraws| [(); 3].map(|()| draws.within(-0.3, 0.3));
     scene.sh = scene
         .sh
         .iter()
@@ -207,9 +213,9 @@ fn harmonics(degree: u8, stored: u8) -> Gaussians {
 
 #[test]
 fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
-    let View { camera, world_from_camera, .. } = view_ahead(96, 64, 80.0);
+    let CameraView { camera, world_from_camera, .. } = view_ahead(96, 64, 80.0);
     let draw = |scene: Gaussians| {
-        frame(&mut Cpu::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera)
+        frame(&mut CpuRenderer::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera)
     };
     for degree in 0..=3 {
         let (wanted, plain) = draw(harmonics(degree, degree));
@@ -219,19 +225,19 @@ fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
             let (found, work) = draw(harmonics(degree, stored));
             assert!(found == wanted, "degree {degree} stored as {stored}");
             let spared = drawn * (sh::function_count(stored) - sh::function_count(degree)) as u64;
-            assert_eq!(work, Work { zero_harmonics: spared, ..plain });
+            assert_eq!(work, RenderWork { zero_harmonics: spared, ..plain });
         }
     }
 }
 
 /// 250 opaque layers behind a crowd, with harmonics of degree 3 of which the last are zero.
 fn opaque() -> Gaussians {
-    let layer = |k: u8| Blob {
+    let layer = |k: u8| ColourBlob {
         position: [0.0, 0.0, 7.0 + 0.01 * f32::from(k)],
         deviations: [90.0, 90.0, 0.01],
         opacity: 0.95,
         colour: [0.1, 0.002 * f64::from(k), 1.4],
-        ..Blob::default()
+        ..ColourBlob::default()
     };
     let mut both = harmonics(1, 3);
     let wall = blob_scene(&(0..250).map(layer).collect::<Vec<_>>());
@@ -246,14 +252,14 @@ fn opaque() -> Gaussians {
 
 #[test]
 fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
-    let View { camera, world_from_camera, .. } = view_ahead(90, 70, 80.0);
+    let CameraView { camera, world_from_camera, .. } = view_ahead(90, 70, 80.0);
     let scene = Arc::new(opaque());
     for rules in ALL_RULES {
-        let mut cpu = Cpu::new(scene.clone(), Style { rules, ..OFFICIAL }).unwrap();
+        let mut cpu = CpuRenderer::new(scene.clone(), RenderStyle { rules, ..OFFICIAL }).unwrap();
         cpu.keep_to(&camera, &[world_from_camera]);
         let (wanted, work) = frame(&mut cpu, camera, world_from_camera);
         assert!(work.unseen > 0 && work.hidden > 0 && work.zero_harmonics > 0, "{rules:?} {work:?}");
-        cpu.omit(Omit::Nothing);
+        cpu.omit(OmissionPolicy::Nothing);
         let (found, whole) = frame(&mut cpu, camera, world_from_camera);
         assert!(found == wanted, "{rules:?}");
         assert_eq!((whole.unseen, whole.hidden, whole.zero_harmonics), (0, 0, 0), "{rules:?}");
@@ -261,7 +267,7 @@ fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
         assert_eq!((whole.blended, whole.stopped), (work.blended, work.stopped), "{rules:?}");
         cpu.keep_to(&camera, &[world_from_camera]);
         assert_eq!(frame(&mut cpu, camera, world_from_camera).1, whole, "a promise changes nothing");
-        cpu.omit(Omit::Needless);
+        cpu.omit(OmissionPolicy::Needless);
         cpu.keep_to(&camera, &[world_from_camera]);
         assert_eq!(frame(&mut cpu, camera, world_from_camera), (wanted, work), "{rules:?}");
     }
@@ -269,9 +275,9 @@ fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
 
 #[test]
 fn one_harmonic_that_is_not_zero_is_evaluated() {
-    let View { camera, world_from_camera, .. } = view_ahead(96, 64, 80.0);
+    let CameraView { camera, world_from_camera, .. } = view_ahead(96, 64, 80.0);
     let mut scene = harmonics(0, 3);
     *scene.sh.last_mut().unwrap() = [0.0, 0.0, f32::MIN_POSITIVE];
-    let work = frame(&mut Cpu::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera).1;
+    let work = frame(&mut CpuRenderer::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera).1;
     assert_eq!(work.zero_harmonics, 0);
 }

@@ -8,52 +8,55 @@
 #![expect(clippy::print_stdout, reason = "the figures")]
 #![expect(clippy::cast_possible_truncation, reason = "scenes and images hold 32 bits")]
 
-use crate::support::gaussians::{Blob, Draws, blob_scene, view_ahead};
+use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use crate::support::{ply, shared};
 use glam::DVec3;
 use gs2e::image::Size;
-use gs2e::render::cpu::Cpu;
+use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::flow::flow_displacement;
-use gs2e::render::reference::Reference;
-use gs2e::render::{Channels, Layering, Rendered, Renderer, Rules, Style, Velocity, View};
+use gs2e::render::reference::ReferenceRenderer;
+use gs2e::render::{
+    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
+};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
 use gs2e::source::nerfstudio;
 use std::sync::Arc;
 
-const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
+const ALL_RULES: [RenderRules; 4] =
+    [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft];
 
-fn style(rules: Rules, antialiased: bool) -> Style {
-    Style { rules, order: Layering::Depth, antialiased, background: [0.1, 0.3, 0.2] }
+fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {
+    RenderStyle { rules, order: LayerOrder::Depth, antialiased, background: [0.1, 0.3, 0.2] }
 }
 
-fn blended_order() -> Style {
-    Style { order: Layering::Blended, ..style(Rules::Soft, false) }
+fn blended_order() -> RenderStyle {
+    RenderStyle { order: LayerOrder::Blended, ..style(RenderRules::Soft, false) }
 }
 
 /// A view that moves in every direction at once.
-fn moving(view: View) -> View {
-    let velocity = Velocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
-    View { velocity, ..view }
+fn moving(view: CameraView) -> CameraView {
+    let velocity = CameraVelocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
+    CameraView { velocity, ..view }
 }
 
 /// The view after `seconds`, to the first order of its velocity.
-fn after(view: &View, seconds: f64) -> View {
+fn after(view: &CameraView, seconds: f64) -> CameraView {
     let Se3 { rotation, translation } = view.world_from_camera;
     let world_from_camera = Se3 {
         rotation: rotation * exp_vector(view.velocity.angular * seconds),
         translation: translation + rotation * view.velocity.linear * seconds,
     };
-    View { world_from_camera, ..*view }
+    CameraView { world_from_camera, ..*view }
 }
 
 /// Some hundred overlapping Gaussians of all shapes, a few of them nearly opaque, with harmonics of degree 2.
 fn crowd() -> Gaussians {
-    let mut draws = Draws(11);
+    let mut draws = ScatterDraws(11);
     let mut draw = |low: f64, high: f64| low + (high - low) * f64::from(draws.next());
-    let blobs: Vec<Blob> = (0..300)
-        .map(|_| Blob {
+    let blobs: Vec<ColourBlob> = (0..300)
+        .map(|_| ColourBlob {
             position: [draw(-2.0, 2.0), draw(-1.5, 1.5), draw(1.5, 8.0)].map(|v| v as f32),
             deviations: [0; 3].map(|_| libm::exp(draw(-4.5, -0.8)) as f32),
             rotation: [0; 4].map(|_| draw(-1.0, 1.0) as f32),
@@ -88,7 +91,7 @@ fn errors(found: &[f64], wanted: &[f64], smooth: &[bool]) -> [f64; 3] {
 }
 
 /// Central differences of the reference over `2 h`, and whether those over `h` say the same.
-fn differences(reference: &Reference, view: &View, h: f64) -> (Vec<f64>, Vec<bool>) {
+fn differences(reference: &ReferenceRenderer, view: &CameraView, h: f64) -> (Vec<f64>, Vec<bool>) {
     let grey = |seconds: f64| -> Vec<f64> {
         reference.luminance(&after(view, seconds)).unwrap().iter().map(|[value, _]| *value).collect()
     };
@@ -100,9 +103,9 @@ fn differences(reference: &Reference, view: &View, h: f64) -> (Vec<f64>, Vec<boo
     (narrow, smooth)
 }
 
-fn check(scene: &Arc<Gaussians>, view: &View, style: Style) {
+fn check(scene: &Arc<Gaussians>, view: &CameraView, style: RenderStyle) {
     let name = format!("{:?}{}", style.rules, if style.antialiased { " aa" } else { "" });
-    let reference = Reference::new(scene.clone(), style).unwrap();
+    let reference = ReferenceRenderer::new(scene.clone(), style).unwrap();
     let rates: Vec<f64> = reference.luminance(view).unwrap().iter().map(|[_, rate]| *rate).collect();
     // In 2e-7 s nothing moves by 1e-4 px and hardly two depths change places; of differences over it f64 keeps 9 digits.
     let (wanted, smooth) = differences(&reference, view, 1e-7);
@@ -110,10 +113,15 @@ fn check(scene: &Arc<Gaussians>, view: &View, style: Style) {
     println!("{name:12} reference: median {median:.1e}, 99 % {most:.1e}, smooth {share:.4}");
     assert!(median <= 1e-6 && most <= 1e-4 && share >= 0.99, "{name}");
 
-    let mut out = Rendered::default();
-    let want =
-        Channels { luminance: true, luminance_rate: true, flow: true, depth: true, ..Channels::default() };
-    let mut cpu = Cpu::new(scene.clone(), style).unwrap();
+    let mut out = RenderedImages::default();
+    let want = ChannelSet {
+        luminance: true,
+        luminance_rate: true,
+        flow: true,
+        depth: true,
+        ..ChannelSet::default()
+    };
+    let mut cpu = CpuRenderer::new(scene.clone(), style).unwrap();
     cpu.render(view, want, &mut out).unwrap();
     let found: Vec<f64> =
         out.luminance_rate.as_ref().unwrap().pixels().iter().map(|v| f64::from(*v)).collect();
@@ -121,14 +129,14 @@ fn check(scene: &Arc<Gaussians>, view: &View, style: Style) {
     println!("{name:12} cpu:       median {median:.1e}, 99 % {most:.1e}");
     assert!(median <= 1e-4 && most <= 1e-2, "{name}");
     // The value beside the rate is that without it, bit for bit.
-    let mut alone = Rendered::default();
-    cpu.render(view, Channels { luminance: true, ..Channels::default() }, &mut alone).unwrap();
+    let mut alone = RenderedImages::default();
+    cpu.render(view, ChannelSet { luminance: true, ..ChannelSet::default() }, &mut alone).unwrap();
     assert!(out.luminance == alone.luminance, "{name}");
     flow_is_the_way_over_time(view, &out);
 }
 
 /// The flow is the displacement of the pixel's point over a short time.
-fn flow_is_the_way_over_time(view: &View, out: &Rendered) {
+fn flow_is_the_way_over_time(view: &CameraView, out: &RenderedImages) {
     let depth = out.depth.as_ref().unwrap();
     let seconds = 1e-4;
     let moved = flow_displacement(depth, view, &after(view, seconds));
@@ -164,8 +172,10 @@ fn rates_are_differences_in_a_real_scene() {
     let Some(views) = shared::path("data/scenes/playbot.transforms.json") else { return };
     let scene = Arc::new(ply::read(&path));
     let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
-    let view =
-        moving(View::at_rest(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera));
+    let view = moving(CameraView::at_rest(
+        key.camera.resized(Size { width: 160, height: 90 }),
+        key.world_from_camera,
+    ));
     for rules in ALL_RULES {
         check(&scene, &view, style(rules, false));
     }
@@ -174,10 +184,10 @@ fn rates_are_differences_in_a_real_scene() {
 
 #[test]
 fn a_camera_at_rest_sees_nothing_change() {
-    let mut out = Rendered::default();
-    let want = Channels { luminance_rate: true, flow: true, ..Channels::default() };
+    let mut out = RenderedImages::default();
+    let want = ChannelSet { luminance_rate: true, flow: true, ..ChannelSet::default() };
     let view = view_ahead(96, 64, 80.0);
-    let mut cpu = Cpu::new(Arc::new(crowd()), style(Rules::Soft, true)).unwrap();
+    let mut cpu = CpuRenderer::new(Arc::new(crowd()), style(RenderRules::Soft, true)).unwrap();
     cpu.render(&view, want, &mut out).unwrap();
     assert!(out.luminance_rate.unwrap().pixels().iter().all(|v| v.abs() < 1e-30));
     assert!(out.luminance.is_none() && out.depth.is_none());

@@ -1,13 +1,13 @@
 //! The renderer's rules against closed forms.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, OFFICIAL, blob_scene, render, view_ahead};
+use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_scene, render, view_ahead};
 use gs2e::image::{Image, luminance};
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, RenderError, Rendered, Renderer, Rules, Style, View};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{CameraView, ChannelSet, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
 use std::sync::Arc;
 
-const EXACT: Style = Style { rules: Rules::Exact, ..OFFICIAL };
+const EXACT: RenderStyle = RenderStyle { rules: RenderRules::Exact, ..OFFICIAL };
 
 fn at<T: Copy>(image: Option<&Image<T>>, x: u32, y: u32) -> T {
     let image = image.unwrap();
@@ -23,7 +23,7 @@ fn layer(opacity: f64, variance: f64, square_distance: f64) -> f64 {
 #[test]
 fn a_round_gaussian_on_the_axis_has_its_profile() {
     // focal 100 px at depth 4: deviation 0.4 is 10 px, plus the dilation
-    let blob = Blob { deviations: [0.4; 3], opacity: 0.8, ..Blob::default() };
+    let blob = ColourBlob { deviations: [0.4; 3], opacity: 0.8, ..ColourBlob::default() };
     let variance = 100.0 + 0.3;
     for style in [OFFICIAL, EXACT] {
         let (found, _) = render(blob_scene(&[blob]), style, &view_ahead(101, 81, 100.0));
@@ -44,12 +44,12 @@ fn a_round_gaussian_on_the_axis_has_its_profile() {
 fn official_extents_end_with_the_tiles_of_three_deviations() {
     // deviation 10 px: r = ceil(3 sqrt(100.3 + sqrt .1)) = 31 from pixel 50 reaches tiles 1 (16..) to 5 (..95) in x;
     // opacity 0.99 would reach 33.3 px, to columns 17..83, inside. At 45 px the tiles begin at 0 instead.
-    let blob = Blob { deviations: [0.4; 3], opacity: 0.999, ..Blob::default() };
+    let blob = ColourBlob { deviations: [0.4; 3], opacity: 0.999, ..ColourBlob::default() };
     let mut view = view_ahead(160, 160, 100.0);
     // the mean on pixel 47: 47 - 31 = 16 starts exactly with tile 1, which leaves out pixel 15 at 32 px
     (view.camera.cx, view.camera.cy) = (47.5, 47.5);
     let [official, exact] = [OFFICIAL, EXACT].map(|style| render(blob_scene(&[blob]), style, &view).0);
-    let alpha = |image: &Rendered, x| f64::from(at(image.alpha.as_ref(), x, 47));
+    let alpha = |image: &RenderedImages, x| f64::from(at(image.alpha.as_ref(), x, 47));
     let wanted = layer(0.999, 100.3, 32.0 * 32.0);
     assert!(wanted > 0.006 && (alpha(&exact, 15) - wanted).abs() < 1e-6);
     assert!(alpha(&official, 15).abs() < f64::EPSILON, "cut by the rule");
@@ -58,9 +58,19 @@ fn official_extents_end_with_the_tiles_of_three_deviations() {
 
 #[test]
 fn nearer_gaussians_are_blended_first_over_the_background() {
-    let near = Blob { position: [0.0, 0.0, 2.0], opacity: 0.6, colour: [1.0, 0.2, 0.0], ..Blob::default() };
-    let far = Blob { position: [0.0, 0.0, 5.0], opacity: 0.7, colour: [0.1, 0.9, 0.4], ..Blob::default() };
-    let style = Style { background: [0.2, 0.4, 0.8], ..OFFICIAL };
+    let near = ColourBlob {
+        position: [0.0, 0.0, 2.0],
+        opacity: 0.6,
+        colour: [1.0, 0.2, 0.0],
+        ..ColourBlob::default()
+    };
+    let far = ColourBlob {
+        position: [0.0, 0.0, 5.0],
+        opacity: 0.7,
+        colour: [0.1, 0.9, 0.4],
+        ..ColourBlob::default()
+    };
+    let style = RenderStyle { background: [0.2, 0.4, 0.8], ..OFFICIAL };
     // written far first: depth decides, not the file
     let (found, _) = render(blob_scene(&[far, near]), style, &view_ahead(33, 33, 100.0));
     let centre = at(found.rgb.as_ref(), 16, 16);
@@ -80,16 +90,19 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
 #[test]
 fn depth_is_undefined_below_half_opacity() {
     for (opacity, defined) in [(0.499, false), (0.501, true)] {
-        let (found, _) =
-            render(blob_scene(&[Blob { opacity, ..Blob::default() }]), OFFICIAL, &view_ahead(17, 17, 100.0));
+        let (found, _) = render(
+            blob_scene(&[ColourBlob { opacity, ..ColourBlob::default() }]),
+            OFFICIAL,
+            &view_ahead(17, 17, 100.0),
+        );
         assert_eq!(!at(found.depth.as_ref(), 8, 8).is_nan(), defined, "opacity {opacity}");
     }
 }
 
 #[test]
 fn equal_depths_follow_the_file() {
-    let red = Blob { opacity: 0.9, colour: [1.0, 0.0, 0.0], ..Blob::default() };
-    let green = Blob { colour: [0.0, 1.0, 0.0], ..red };
+    let red = ColourBlob { opacity: 0.9, colour: [1.0, 0.0, 0.0], ..ColourBlob::default() };
+    let green = ColourBlob { colour: [0.0, 1.0, 0.0], ..red };
     for (blobs, first) in [([red, green], 0), ([green, red], 1)] {
         let (found, _) = render(blob_scene(&blobs), OFFICIAL, &view_ahead(17, 17, 100.0));
         let centre = at(found.rgb.as_ref(), 8, 8);
@@ -100,8 +113,12 @@ fn equal_depths_follow_the_file() {
 #[test]
 fn a_pixel_stops_before_the_layer_that_would_leave_too_little() {
     // capped at 0.99, two layers leave 1e-4 less a rounding: the second is not blended, nor any after it
-    let blob =
-        |z| Blob { position: [0.0, 0.0, z], deviations: [1.0; 3], opacity: 0.999_999, ..Blob::default() };
+    let blob = |z| ColourBlob {
+        position: [0.0, 0.0, z],
+        deviations: [1.0; 3],
+        opacity: 0.999_999,
+        ..ColourBlob::default()
+    };
     let (found, work) = render(blob_scene(&[1.0, 2.0, 3.0].map(blob)), OFFICIAL, &view_ahead(1, 1, 100.0));
     assert!((at(found.alpha.as_ref(), 0, 0) - 0.99).abs() < 1e-7);
     assert_eq!((work.blended, work.stopped), (1, 1));
@@ -109,10 +126,10 @@ fn a_pixel_stops_before_the_layer_that_would_leave_too_little() {
 
 #[test]
 fn the_antialiased_rule_weakens_small_gaussians() {
-    let style = Style { antialiased: true, ..OFFICIAL };
+    let style = RenderStyle { antialiased: true, ..OFFICIAL };
     // 100 px focal at depth 4: deviation 0.02 is half a pixel
     for (deviation, opacity) in [(0.02_f32, 0.8), (0.4, 0.8), (1e-5, 0.95)] {
-        let blob = Blob { deviations: [deviation; 3], opacity, ..Blob::default() };
+        let blob = ColourBlob { deviations: [deviation; 3], opacity, ..ColourBlob::default() };
         let (found, _) = render(blob_scene(&[blob]), style, &view_ahead(17, 17, 100.0));
         let variance = (f64::from(deviation) * 25.0).powi(2);
         // both determinants are squares; the floor under their ratio is 2.5e-5
@@ -124,7 +141,7 @@ fn the_antialiased_rule_weakens_small_gaussians() {
 
 #[test]
 fn channels_are_clamped_below_zero_before_luminance_and_never_above_one() {
-    let blob = Blob { opacity: 0.5, colour: [-2.0, 1.6, 0.5], ..Blob::default() };
+    let blob = ColourBlob { opacity: 0.5, colour: [-2.0, 1.6, 0.5], ..ColourBlob::default() };
     let (found, _) = render(blob_scene(&[blob]), OFFICIAL, &view_ahead(17, 17, 100.0));
     let centre = at(found.rgb.as_ref(), 8, 8);
     let wanted = [0.0, 0.8, 0.25];
@@ -134,16 +151,16 @@ fn channels_are_clamped_below_zero_before_luminance_and_never_above_one() {
 
 #[test]
 fn what_is_left_out_is_counted() {
-    let here = Blob::default();
+    let here = ColourBlob::default();
     let blobs = [
         here,
-        Blob { position: [0.0, 0.0, -4.0], ..here },
-        Blob { position: [100.0, 0.0, 4.0], ..here },
-        Blob { opacity: 0.003, ..here },
-        Blob { deviations: [f32::MAX, 1.0, 1.0], ..here },
+        ColourBlob { position: [0.0, 0.0, -4.0], ..here },
+        ColourBlob { position: [100.0, 0.0, 4.0], ..here },
+        ColourBlob { opacity: 0.003, ..here },
+        ColourBlob { deviations: [f32::MAX, 1.0, 1.0], ..here },
         // a fifth of its depth deep, then a third
-        Blob { deviations: [0.8; 3], ..here },
-        Blob { deviations: [4.0 / 3.0; 3], ..here },
+        ColourBlob { deviations: [0.8; 3], ..here },
+        ColourBlob { deviations: [4.0 / 3.0; 3], ..here },
     ];
     let (_, work) = render(blob_scene(&blobs), OFFICIAL, &view_ahead(32, 32, 100.0));
     assert_eq!((work.gaussians, work.behind, work.outside, work.degenerate), (7, 1, 2, 1));
@@ -154,11 +171,11 @@ fn what_is_left_out_is_counted() {
 
 #[test]
 fn views_and_styles_without_an_image_are_errors() {
-    let mut cpu = Cpu::new(Arc::new(blob_scene(&[Blob::default()])), OFFICIAL).unwrap();
-    let mut t = |spoil: fn(&mut View), because: &str| {
+    let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&[ColourBlob::default()])), OFFICIAL).unwrap();
+    let mut t = |spoil: fn(&mut CameraView), because: &str| {
         let mut view = view_ahead(8, 8, 10.0);
         spoil(&mut view);
-        let error = cpu.render(&view, ALL, &mut Rendered::default()).unwrap_err();
+        let error = cpu.render(&view, ALL, &mut RenderedImages::default()).unwrap_err();
         let RenderError::View(text) = &error else { panic!("{error}") };
         assert!(text.starts_with(because), "{text}");
     };
@@ -168,27 +185,27 @@ fn views_and_styles_without_an_image_are_errors() {
     t(|v| v.camera.cy = f64::NAN, "principal point (4, NaN) is not finite");
     t(|v| v.world_from_camera.translation.x = f64::INFINITY, "pose ");
     t(|v| v.world_from_camera.rotation.w = f64::NAN, "pose ");
-    let style = Style { background: [0.0, f32::NAN, 0.0], ..OFFICIAL };
-    let error = Cpu::new(Arc::new(blob_scene(&[Blob::default()])), style).unwrap_err();
+    let style = RenderStyle { background: [0.0, f32::NAN, 0.0], ..OFFICIAL };
+    let error = CpuRenderer::new(Arc::new(blob_scene(&[ColourBlob::default()])), style).unwrap_err();
     assert!(matches!(error, RenderError::Style(_)), "{error}");
 }
 
 #[test]
 fn an_empty_scene_shows_the_background() {
-    let style = Style { background: [0.25, 0.5, 0.75], ..EXACT };
+    let style = RenderStyle { background: [0.25, 0.5, 0.75], ..EXACT };
     let (found, work) = render(blob_scene(&[]), style, &view_ahead(20, 3, 10.0));
     assert!(
         found.rgb.unwrap().pixels().iter().all(|c| c.map(f32::to_bits) == style.background.map(f32::to_bits))
     );
-    assert_eq!(work, gs2e::render::Work::default());
+    assert_eq!(work, gs2e::render::RenderWork::default());
 }
 
 #[test]
 fn only_what_is_wanted_is_made() {
-    let mut cpu = Cpu::new(Arc::new(blob_scene(&[Blob::default()])), OFFICIAL).unwrap();
-    let mut out = Rendered::default();
+    let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&[ColourBlob::default()])), OFFICIAL).unwrap();
+    let mut out = RenderedImages::default();
     cpu.render(&view_ahead(8, 8, 10.0), ALL, &mut out).unwrap();
-    let want = Channels { alpha: true, ..Channels::default() };
+    let want = ChannelSet { alpha: true, ..ChannelSet::default() };
     cpu.render(&view_ahead(9, 7, 10.0), want, &mut out).unwrap();
     assert!(out.rgb.is_none() && out.luminance.is_none() && out.depth.is_none());
     assert_eq!(out.alpha.unwrap().pixels().len(), 63);

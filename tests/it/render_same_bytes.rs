@@ -1,17 +1,19 @@
 //! What must not change a rendered bit: threads, frames rendered before, other images asked for.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, Blob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
+use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use glam::{DQuat, DVec3};
 use gs2e::image::luminance;
-use gs2e::render::cpu::{Cpu, Instructions};
-use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, Velocity, View, Work};
+use gs2e::render::cpu::{CpuRenderer, InstructionSet};
+use gs2e::render::{
+    CameraVelocity, CameraView, ChannelSet, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
+};
 use std::sync::Arc;
 
 const GAUSSIANS: usize = 6000;
 
 /// Sizes that are no multiple of a tile, and a pose without zeros.
-fn askew() -> View {
+fn askew() -> CameraView {
     let mut view = view_ahead(203, 117, 150.0);
     view.world_from_camera.rotation = DQuat::from_xyzw(0.02, -0.05, 0.01, 1.0).normalize();
     view.world_from_camera.translation = DVec3::new(0.3, -0.2, -1.5);
@@ -19,14 +21,14 @@ fn askew() -> View {
 }
 
 /// Bits, so that NaN equals itself.
-fn bits(image: &Rendered) -> Vec<u32> {
+fn bits(image: &RenderedImages) -> Vec<u32> {
     let planes = [&image.luminance, &image.alpha, &image.depth];
     let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
     let colour = image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened());
     grey.chain(colour).map(|v| v.to_bits()).collect()
 }
 
-fn on_threads(threads: usize) -> (Vec<u32>, Work) {
+fn on_threads(threads: usize) -> (Vec<u32>, RenderWork) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         let (image, work) = render(blob_scene(&blob_crowd(GAUSSIANS, 1)), OFFICIAL, &askew());
@@ -45,16 +47,16 @@ fn the_number_of_threads() {
 #[test]
 fn the_instruction_set() {
     let scene = Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1)));
-    let velocity = Velocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
-    let view = View { velocity, ..askew() };
-    let sets = Instructions::available_sets();
-    println!("{:?}", sets.iter().map(Instructions::name).collect::<Vec<_>>());
-    for rules in [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft] {
-        let by = |set: &Instructions| {
-            let mut cpu = Cpu::new(scene.clone(), Style { rules, ..OFFICIAL }).unwrap();
+    let velocity = CameraVelocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
+    let view = CameraView { velocity, ..askew() };
+    let sets = InstructionSet::available_sets();
+    println!("{:?}", sets.iter().map(InstructionSet::name).collect::<Vec<_>>());
+    for rules in [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft] {
+        let by = |set: &InstructionSet| {
+            let mut cpu = CpuRenderer::new(scene.clone(), RenderStyle { rules, ..OFFICIAL }).unwrap();
             cpu.set_instructions(*set);
-            let mut out = Rendered::default();
-            let want = Channels { flow: true, luminance_rate: true, ..ALL };
+            let mut out = RenderedImages::default();
+            let want = ChannelSet { flow: true, luminance_rate: true, ..ALL };
             let work = cpu.render(&view, want, &mut out).unwrap();
             let rate: Vec<u32> =
                 out.luminance_rate.as_ref().unwrap().pixels().iter().map(|v| v.to_bits()).collect();
@@ -67,31 +69,40 @@ fn the_instruction_set() {
 
 #[test]
 fn frames_rendered_before() {
-    let mut cpu = Cpu::new(Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
-    let mut out = Rendered::default();
+    let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
+    let mut out = RenderedImages::default();
     let first = (cpu.render(&askew(), ALL, &mut out).unwrap(), bits(&out));
-    let small = Channels { depth: true, ..Channels::default() };
+    let small = ChannelSet { depth: true, ..ChannelSet::default() };
     cpu.render(&view_ahead(64, 300, 90.0), small, &mut out).unwrap();
     assert_eq!((cpu.render(&askew(), ALL, &mut out).unwrap(), bits(&out)), first);
 }
 
 #[test]
 fn other_images_asked_for() {
-    let mut cpu = Cpu::new(Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
-    let none = Channels::default();
-    let [mut all, mut one] = [Rendered::default(), Rendered::default()];
+    let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
+    let none = ChannelSet::default();
+    let [mut all, mut one] = [RenderedImages::default(), RenderedImages::default()];
     let work = cpu.render(&askew(), ALL, &mut all).unwrap();
-    let mut t = |want: Channels, pick: fn(&mut Rendered) -> Rendered| {
+    let mut t = |want: ChannelSet, pick: fn(&mut RenderedImages) -> RenderedImages| {
         assert_eq!(cpu.render(&askew(), want, &mut one).unwrap(), work, "{want:?}");
         assert_eq!(bits(&one), bits(&pick(&mut all)), "{want:?}");
     };
-    t(Channels { luminance: true, ..none }, |r| Rendered {
+    t(ChannelSet { luminance: true, ..none }, |r| RenderedImages {
         luminance: r.luminance.take(),
-        ..Rendered::default()
+        ..RenderedImages::default()
     });
-    t(Channels { alpha: true, ..none }, |r| Rendered { alpha: r.alpha.take(), ..Rendered::default() });
-    t(Channels { depth: true, ..none }, |r| Rendered { depth: r.depth.take(), ..Rendered::default() });
-    t(Channels { rgb: true, ..none }, |r| Rendered { rgb: r.rgb.take(), ..Rendered::default() });
+    t(ChannelSet { alpha: true, ..none }, |r| RenderedImages {
+        alpha: r.alpha.take(),
+        ..RenderedImages::default()
+    });
+    t(ChannelSet { depth: true, ..none }, |r| RenderedImages {
+        depth: r.depth.take(),
+        ..RenderedImages::default()
+    });
+    t(ChannelSet { rgb: true, ..none }, |r| RenderedImages {
+        rgb: r.rgb.take(),
+        ..RenderedImages::default()
+    });
 }
 
 #[test]
@@ -104,8 +115,8 @@ fn a_shuffled_file_without_equal_depths() {
 
 #[test]
 fn luminance_is_that_of_the_colour_up_to_rounding() {
-    for rules in [Rules::Official, Rules::Exact] {
-        let style = Style { rules, background: [0.3, 0.1, 0.9], ..OFFICIAL };
+    for rules in [RenderRules::Official, RenderRules::Exact] {
+        let style = RenderStyle { rules, background: [0.3, 0.1, 0.9], ..OFFICIAL };
         let (found, _) = render(blob_scene(&blob_crowd(GAUSSIANS, 2)), style, &askew());
         let pairs =
             found.luminance.as_ref().unwrap().pixels().iter().zip(found.rgb.as_ref().unwrap().pixels());
@@ -124,15 +135,15 @@ fn what_lies_behind_finished_tiles() {
     const LOOK: usize = 64;
     // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by 1e-4 of itself towards
     // the corners
-    let layer = |k: usize, x: f32, deviation: f32| Blob {
+    let layer = |k: usize, x: f32, deviation: f32| ColourBlob {
         position: [x, 0.0, 4.0 + 0.01 * k as f32],
         deviations: [deviation; 3],
         opacity: 0.95,
         colour: [0.1 + 0.004 * k as f64; 3],
-        ..Blob::default()
+        ..ColourBlob::default()
     };
     let view = view_ahead(32, 16, 100.0);
-    let wall: Vec<Blob> = (0..LAYERS).map(|k| layer(k, 0.0, 80.0)).collect();
+    let wall: Vec<ColourBlob> = (0..LAYERS).map(|k| layer(k, 0.0, 80.0)).collect();
     let (image, work) = render(blob_scene(&wall), OFFICIAL, &view);
     assert_eq!((work.tile_pairs, work.hidden), (2 * LAYERS as u64, 2 * (LAYERS - LOOK) as u64));
     assert_eq!((work.blended, work.stopped), (3 * 32 * 16, 32 * 16));
@@ -140,8 +151,8 @@ fn what_lies_behind_finished_tiles() {
     assert_eq!((bits(&image), rest.hidden), (bits(&seen), 0));
 
     // dots of 2 px about (8, 8): the left tile keeps its light at the edges, and nothing is hidden there
-    let dots: Vec<Blob> =
+    let dots: Vec<ColourBlob> =
         (0..LAYERS).map(|k| layer(k, -8.0 * (4.0 + 0.01 * k as f32) / 100.0, 0.08)).collect();
-    let (_, work) = render(blob_scene(&dots), Style { rules: Rules::Exact, ..OFFICIAL }, &view);
+    let (_, work) = render(blob_scene(&dots), RenderStyle { rules: RenderRules::Exact, ..OFFICIAL }, &view);
     assert_eq!((work.tile_pairs, work.hidden), (LAYERS as u64, 0));
 }

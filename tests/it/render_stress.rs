@@ -4,24 +4,24 @@
 #![expect(clippy::cast_possible_truncation, reason = "the counts of these scenes fit every type")]
 
 use crate::support::gaussians::{ALL, OFFICIAL};
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Rendered, Renderer, Style, View, Work};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{CameraView, ChannelSet, RenderStyle, RenderWork, RenderedImages, Renderer};
 use gs2e::scene::Gaussians;
 use gs2e::study::stress::splat::scenes::{self, ALL_RULES};
 use std::sync::Arc;
 
-fn cpu(scene: &Gaussians, style: Style) -> Cpu {
-    Cpu::new(Arc::new(scene.clone()), style).unwrap()
+fn cpu(scene: &Gaussians, style: RenderStyle) -> CpuRenderer {
+    CpuRenderer::new(Arc::new(scene.clone()), style).unwrap()
 }
 
-fn image(renderer: &mut dyn Renderer, view: &View) -> (Rendered, Work) {
-    let mut out = Rendered::default();
+fn image(renderer: &mut dyn Renderer, view: &CameraView) -> (RenderedImages, RenderWork) {
+    let mut out = RenderedImages::default();
     let work = renderer.render(view, ALL, &mut out).unwrap();
     (out, work)
 }
 
 /// Every value of every image, as bits, so that NaN equals itself.
-fn bits(image: &Rendered) -> Vec<u32> {
+fn bits(image: &RenderedImages) -> Vec<u32> {
     let planes = [&image.luminance, &image.alpha, &image.depth, &image.doubtful];
     let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
     let colour = image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened());
@@ -33,7 +33,7 @@ fn bits(image: &Rendered) -> Vec<u32> {
 fn lists_in_bands_give_the_same_bits() {
     let (scene, view) = scenes::askew_crowd(3000);
     for rules in ALL_RULES {
-        let style = Style { rules, ..OFFICIAL };
+        let style = RenderStyle { rules, ..OFFICIAL };
         let mut renderer = cpu(&scene, style);
         let whole = image(&mut renderer, &view);
         assert!(whole.1.tile_pairs > 10_000, "the scene is a test: {:?}", whole.1);
@@ -53,8 +53,8 @@ fn lists_in_bands_give_the_same_bits() {
 fn giants_over_a_large_picture() {
     let (edge, n) = (2048, 6000);
     let (scene, view) = scenes::giant_scene(n, edge);
-    let mut out = Rendered::default();
-    let want = Channels { luminance: true, ..Channels::default() };
+    let mut out = RenderedImages::default();
+    let want = ChannelSet { luminance: true, ..ChannelSet::default() };
     let work = cpu(&scene, OFFICIAL).render(&view, want, &mut out).unwrap();
     assert_eq!(work.tile_pairs, n as u64 * u64::from(edge / 16).pow(2));
     let pixels = u64::from(edge).pow(2);

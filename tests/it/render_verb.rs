@@ -4,7 +4,7 @@ mod goldens;
 mod gpu;
 mod mistakes;
 
-use crate::support::gaussians::{Blob, blob_scene};
+use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
 use gs2e::image::{png, to_byte};
 use gs2e::scene::{Gaussians, ply, splat};
@@ -32,8 +32,14 @@ const TRANSLATION: [i32; 3] = [1, 2, 3];
 const POSITION: [f32; 3] = [-1.0, -2.0, -1.0];
 
 /// A round Gaussian that the camera sees in the middle of the picture.
-fn planted() -> Blob {
-    Blob { position: POSITION, deviations: [0.4; 3], opacity: OPACITY, colour: COLOUR, ..Blob::default() }
+fn planted() -> ColourBlob {
+    ColourBlob {
+        position: POSITION,
+        deviations: [0.4; 3],
+        opacity: OPACITY,
+        colour: COLOUR,
+        ..ColourBlob::default()
+    }
 }
 
 fn camera() -> Value {
@@ -193,7 +199,7 @@ fn what_is_left_out_is_usual() {
 #[test]
 fn the_antialiased_rule_is_the_files_or_forced() {
     let place = workspace();
-    let small = Blob { deviations: [0.02; 3], ..planted() };
+    let small = ColourBlob { deviations: [0.02; 3], ..planted() };
     let variance = 0.25;
     let weak = OPACITY * variance / (variance + 0.3);
     for (says, forced, wanted) in [
@@ -216,7 +222,7 @@ fn the_antialiased_rule_is_the_files_or_forced() {
 fn every_rule_can_be_asked_for() {
     let place = workspace();
     let faint = 1.0 / 255.0;
-    let above = Blob { opacity: faint * 1.001, ..planted() };
+    let above = ColourBlob { opacity: faint * 1.001, ..planted() };
     place.write("one.ply", ply_bytes(&blob_scene(&[above])));
     for (rules, wanted) in [("official", faint), ("exact", faint), ("gsplat", faint), ("soft", faint / 2.0)] {
         let (_, values) = array(&place, &format!("--channel alpha --rules {rules}"));
@@ -294,9 +300,9 @@ fn people_are_told_what_was_drawn() {
     // Behind the camera; beside the picture; not finite; half as deep as far.
     let blobs = [
         planted(),
-        Blob { position: [9.0, -2.0, -1.0], ..planted() },
-        Blob { position: [-1.0, 500.0, -1.0], ..planted() },
-        Blob { deviations: [2.0, 2.0, 2.0], ..planted() },
+        ColourBlob { position: [9.0, -2.0, -1.0], ..planted() },
+        ColourBlob { position: [-1.0, 500.0, -1.0], ..planted() },
+        ColourBlob { deviations: [2.0, 2.0, 2.0], ..planted() },
     ];
     let mut spoilt = blob_scene(&[&blobs[..], &[planted(), planted()]].concat());
     spoilt.positions[4][0] = f32::NAN;

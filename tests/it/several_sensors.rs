@@ -88,7 +88,7 @@ fn what_one_of_several_sees_it_sees_alone() {
 #[test]
 fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
     let place = Workspace::new();
-    let [k1, k2, ..] = gs2e::sensor::voltmeter::Preset::Dvs346.k();
+    let [k1, k2, ..] = gs2e::sensor::voltmeter::VoltmeterPreset::Dvs346.k();
     let k = format!("k: [{k1}, {k2}, 0, 0, 0, 0], units: {{ time: us, brightness: 255 }}");
     let sensors = format!(
         "sensors:\n  clean: {{ voltmeter: {{ {k} }} }}\n  \

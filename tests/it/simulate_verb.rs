@@ -6,18 +6,18 @@ mod mistakes;
 use crate::support::shared;
 use crate::support::workspace::Workspace;
 use gs2e::camera::Camera;
-use gs2e::event::{Event, EventSource as _, Label, h5};
-use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::event::{Event, EventLabel, EventSource as _, h5};
+use gs2e::frames::array::{ArrayFrames, ArraySamples};
 use gs2e::frames::rendered::RenderedFrames;
-use gs2e::frames::{Frame, Frames as _};
+use gs2e::frames::{DenseFrame, FrameSequence as _};
 use gs2e::image::{Image, Size, png};
 use gs2e::render::backend::Backend;
-use gs2e::render::{Antialiased, Layering, RenderChoice, Rules};
+use gs2e::render::{AntialiasMode, LayerOrder, RenderChoice, RenderRules};
 use gs2e::scene;
 use gs2e::seed::Seed;
-use gs2e::sensor::noise::HotPixels;
+use gs2e::sensor::noise::HotPixelNoise;
 use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use gs2e::trajectory::Trajectory;
 use npyz::{AutoSerialize, WriterBuilder as _};
 use serde_json::Value;
@@ -91,10 +91,10 @@ fn read_h5(path: &Path) -> (h5::Reader, Vec<Event>) {
 }
 
 /// What the library makes of the clip.
-fn by_library(sensor: &Voltmeter, seed: u64) -> Vec<Event> {
-    let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(greys()), &STAMPS_US).unwrap();
+fn by_library(sensor: &VoltmeterModel, seed: u64) -> Vec<Event> {
+    let mut frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(greys()), &STAMPS_US).unwrap();
     let mut events = Vec::new();
-    let mut go_on = |_: &Frame| ControlFlow::Continue(());
+    let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
     simulate_one(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
     events
 }
@@ -103,7 +103,7 @@ fn by_library(sensor: &Voltmeter, seed: u64) -> Vec<Event> {
 fn the_library_makes_the_same() {
     let place = workspace();
     let ended = place.ok(&format!("{RIGHT} --json"));
-    let wanted = as_lines(&by_library(&Voltmeter::new(Preset::Dvs346.k()), 7));
+    let wanted = as_lines(&by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7));
     assert!(wanted.len() > 1000);
     assert_eq!(lines(&place, "e.txt"), wanted);
     let told: Value = serde_json::from_str(&ended.stdout).unwrap();
@@ -123,14 +123,17 @@ fn the_library_makes_the_same() {
 #[test]
 fn options_beat_the_file() {
     let place = workspace();
-    let k = Preset::Dvs240.k();
+    let k = VoltmeterPreset::Dvs240.k();
     place.write(
         "s.yaml",
         "voltmeter: { preset: dvs240, threshold: { on: 2.0 }, gain: midpoint, initial: stationary }\n",
     );
     place.ok(&RIGHT.replace("dvs346", "s.yaml --gain log --initial zero --law exact --between linear"));
     let found = lines(&place, "e.txt");
-    assert_eq!(found, as_lines(&by_library(&Voltmeter { threshold_on: 2.0, ..Voltmeter::new(k) }, 7)));
+    assert_eq!(
+        found,
+        as_lines(&by_library(&VoltmeterModel { threshold_on: 2.0, ..VoltmeterModel::new(k) }, 7))
+    );
     place.write(
         "r.yaml",
         "version: 1\nscene: a/b\nsensor:\n  voltmeter: { preset: dvs240, threshold: { on: 2.0 } }\n",
@@ -282,14 +285,15 @@ fn labels_are_written_where_they_are_asked_for() {
     let place = workspace();
     place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
     place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
-    let hot_pixels = HotPixels { share: 0.1, rate: 900.0 };
-    let sensor = Voltmeter { labels: true, hot_pixels, ..Voltmeter::new(Preset::Dvs346.k()) };
+    let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0 };
+    let sensor =
+        VoltmeterModel { labels: true, hot_pixels, ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k()) };
     let wanted = by_library(&sensor, 7);
     let (reader, events) = read_h5(&place.path("e.h5"));
     let labels = |events: &[Event]| events.iter().map(|event| event.label).collect::<Vec<_>>();
     assert!(reader.labelled() && as_lines(&events) == as_lines(&wanted));
     assert_eq!(labels(&events), labels(&wanted));
-    assert!(labels(&events).contains(&Label::Noise) && labels(&events).contains(&Label::Signal));
+    assert!(labels(&events).contains(&EventLabel::Noise) && labels(&events).contains(&EventLabel::Signal));
     // To a format without a place for them, and to one with.
     let refused = place.gs2e("convert e.h5 e.txt");
     assert_eq!(refused.code, 2);
@@ -374,7 +378,7 @@ fn frames_that_were_rendered_make_what_a_build_made() {
     let simulation: Value = serde_json::from_slice(&fs::read(built("simulation.json")).unwrap()).unwrap();
     let camera: Camera = serde_json::from_value(simulation["camera"].clone()).unwrap();
     let scene = scene::read_file(&built("scene.ply")).unwrap();
-    let (rules, order, antialiased) = (Rules::Official, Layering::Depth, Antialiased::Auto);
+    let (rules, order, antialiased) = (RenderRules::Official, LayerOrder::Depth, AntialiasMode::Auto);
     let style = RenderChoice { rules, order, antialiased, background: [0.0; 3] }.resolve(scene.antialiased);
     let renderer = Backend::Cpu.renderer(Arc::new(scene), style).unwrap();
     let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());

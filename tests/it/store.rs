@@ -1,16 +1,16 @@
 //! The store through its public face: publishing, damage, lost indices, locks.
 
 use gs2e::store::description::describe_value;
-use gs2e::store::record::{Output, Provenance, Record};
-use gs2e::store::{Access, BlobState, Digest, Key, Opening, Store, StoreError};
+use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
+use gs2e::store::{BlobState, Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
 use std::path::Path;
 
 fn open(root: &Path) -> Store {
-    Store::open(root, Access::Write, &mut |_| {}).unwrap()
+    Store::open(root, StoreAccess::Write, &mut |_| {}).unwrap()
 }
 
 /// Publishes `files` under the key of `name`.
-fn publish(store: &Store, name: &str, files: &[(&str, &str)]) -> Result<Vec<Output>, StoreError> {
+fn publish(store: &Store, name: &str, files: &[(&str, &str)]) -> Result<Vec<StoredOutput>, StoreError> {
     let workspace = store.workspace()?;
     for (file, content) in files {
         let path = workspace.path().join(file);
@@ -18,8 +18,12 @@ fn publish(store: &Store, name: &str, files: &[(&str, &str)]) -> Result<Vec<Outp
         std::fs::write(path, content).unwrap();
     }
     let description = describe_value(name);
-    let record =
-        Record::new(Key::of_description(&description), "test", description.lines(), Provenance::default());
+    let record = StepRecord::new(
+        Key::of_description(&description),
+        "test",
+        description.lines(),
+        StepProvenance::default(),
+    );
     store.publish(&workspace, record)
 }
 
@@ -28,7 +32,7 @@ fn key(name: &str) -> Key {
 }
 
 /// What is on record under the key of `name`.
-fn outputs(store: &Store, name: &str) -> Option<Vec<Output>> {
+fn outputs(store: &Store, name: &str) -> Option<Vec<StoredOutput>> {
     store.record(&key(name)).unwrap().map(|record| record.outputs)
 }
 
@@ -100,18 +104,18 @@ fn two_contents_for_one_key_are_an_error_and_the_first_stays() {
 fn a_second_writer_is_refused_or_waits_and_is_told_for_whom() {
     let folder = tempfile::tempdir().unwrap();
     let first = open(folder.path());
-    let refused = Store::open(folder.path(), Access::WriteNow, &mut |_| {});
+    let refused = Store::open(folder.path(), StoreAccess::WriteNow, &mut |_| {});
     let holder = format!("pid {}", std::process::id());
     assert!(
         matches!(&refused, Err(StoreError::Locked { holder: h, .. }) if h.starts_with(&holder)),
         "{refused:?}"
     );
     // Looking needs no lock.
-    assert!(Store::open(folder.path(), Access::Read, &mut |_| {}).is_ok());
+    assert!(Store::open(folder.path(), StoreAccess::Read, &mut |_| {}).is_ok());
     let root = folder.path().to_owned();
     let (told, waits) = std::sync::mpsc::channel();
     let second = std::thread::spawn(move || {
-        Store::open(&root, Access::Write, &mut |holder| told.send(holder.to_owned()).unwrap()).is_ok()
+        Store::open(&root, StoreAccess::Write, &mut |holder| told.send(holder.to_owned()).unwrap()).is_ok()
     });
     assert!(waits.recv().unwrap().starts_with(&holder));
     drop(first);
@@ -123,7 +127,7 @@ fn a_store_of_a_newer_program_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     drop(open(folder.path()));
     std::fs::write(folder.path().join("VERSION"), "999\n").unwrap();
-    let refused = Store::open(folder.path(), Access::Read, &mut |_| {});
+    let refused = Store::open(folder.path(), StoreAccess::Read, &mut |_| {});
     assert!(matches!(refused, Err(StoreError::Newer { .. })), "{refused:?}");
 }
 
@@ -131,7 +135,7 @@ fn a_store_of_a_newer_program_is_left_alone() {
 fn looking_at_a_store_that_is_not_there_makes_none() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("absent");
-    let store = Store::open(&root, Access::Read, &mut |_| {}).unwrap();
+    let store = Store::open(&root, StoreAccess::Read, &mut |_| {}).unwrap();
     assert_eq!(outputs(&store, "a"), None);
     assert!(!root.exists());
 }
@@ -159,7 +163,7 @@ fn the_database_may_lie_elsewhere() {
     let [store, elsewhere] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let index = elsewhere.path().join("deep/index");
     let open = |index: Option<&Path>| {
-        let opening = Opening { index: index.map(Path::to_owned), ..Access::Write.into() };
+        let opening = StoreOptions { index: index.map(Path::to_owned), ..StoreAccess::Write.into() };
         Store::open(store.path(), opening, &mut |_| {}).unwrap()
     };
     let first = open(Some(&index));

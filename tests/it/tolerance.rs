@@ -3,23 +3,23 @@
 use crate::support::workspace::Workspace;
 use glam::DVec3;
 use gs2e::camera::Camera;
-use gs2e::frames::Frame;
+use gs2e::frames::DenseFrame;
 use gs2e::image::Size;
 use gs2e::render::Renderer;
 use gs2e::render::backend::Backend;
-use gs2e::render::{Layering, Rules, Style};
-use gs2e::sampling::Tolerance;
-use gs2e::sampling::choose::Question;
-use gs2e::sampling::flow::Flow;
-use gs2e::sampling::measure::{Scale, Viewer};
-use gs2e::sampling::path::Path;
-use gs2e::sampling::scout::Scout;
+use gs2e::render::{LayerOrder, RenderRules, RenderStyle};
+use gs2e::sampling::ErrorTolerance;
+use gs2e::sampling::choose::ChoiceQuestion;
+use gs2e::sampling::flow::PathFlow;
+use gs2e::sampling::measure::{PathViewer, SensorScale};
+use gs2e::sampling::path::SampledPath;
+use gs2e::sampling::scout::ScoutRenderer;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
 use gs2e::seed::Seed;
 use gs2e::sensor::front_end::FrontEnd;
-use gs2e::sensor::voltmeter::{Between, Preset, Voltmeter};
+use gs2e::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use serde_json::Value;
 use std::fs;
 use std::sync::Arc;
@@ -116,7 +116,7 @@ fn a_tolerance_below_the_jitter_is_warned_of() {
 const SIZE: Size = Size { width: 80, height: 60 };
 
 /// A quarter of a turn about the still life within 0.2 s, faster in the middle.
-fn path() -> Path {
+fn path() -> SampledPath {
     let seconds: Vec<f64> = (0..=480).map(|j| f64::from(j) / 2400.0).collect();
     let pose = |t: &f64| {
         let share = t / 0.2;
@@ -124,19 +124,19 @@ fn path() -> Path {
         let rotation = exp_vector(DVec3::new(0.0, -angle, 0.0));
         Se3 { rotation, translation: rotation * DVec3::new(0.0, -0.4, -3.0) }
     };
-    Path::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap()
+    SampledPath::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap()
 }
 
-fn renderer(rules: Rules) -> Box<dyn Renderer> {
+fn renderer(rules: RenderRules) -> Box<dyn Renderer> {
     let scene = procedural::still_life(&StillLife { gaussians: 1500, ..StillLife::default() });
-    let style = Style { rules, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
+    let style = RenderStyle { rules, order: LayerOrder::Depth, antialiased: false, background: [0.0; 3] };
     Backend::Cpu.renderer(Arc::new(scene), style).unwrap()
 }
 
 /// `V` of all pixels and its slopes.
 type Levels = (f64, Vec<f64>, Vec<f64>);
 
-fn levels(frame: &Frame, k2: f64) -> Levels {
+fn levels(frame: &DenseFrame, k2: f64) -> Levels {
     let l = frame.luminance.pixels();
     let v = l.iter().map(|l| (f64::from(*l) + k2).ln()).collect();
     let rate = frame.rate.as_ref().unwrap().pixels();
@@ -146,16 +146,16 @@ fn levels(frame: &Frame, k2: f64) -> Levels {
 
 /// In the middle of two even neighbours: the mean; the polynomial of the third order through four; the mean and an eighth of
 /// the difference of the slopes. Elsewhere the polynomials of the same data in Newton's form.
-fn middle(between: Between, four: [&Levels; 4], i: usize, t: f64) -> f64 {
+fn middle(between: BetweenFrames, four: [&Levels; 4], i: usize, t: f64) -> f64 {
     let [a, b, c, d] = four.map(|(t, v, _)| (*t, v[i]));
     let h = c.0 - b.0;
     let x = (t - b.0) / h;
     let rise = c.1 - b.1;
     let slopes = match between {
-        Between::Linear => [rise, rise],
-        Between::Hermite => [four[1].2[i] * h, four[2].2[i] * h],
+        BetweenFrames::Linear => [rise, rise],
+        BetweenFrames::Hermite => [four[1].2[i] * h, four[2].2[i] * h],
         // The derivative at the middle one of three points of the parabola through them.
-        Between::Catmull => [[a, b, c], [b, c, d]].map(|[p, q, r]| {
+        BetweenFrames::Catmull => [[a, b, c], [b, c, d]].map(|[p, q, r]| {
             let [left, right] = [(q.1 - p.1) / (q.0 - p.0), (r.1 - q.1) / (r.0 - q.0)];
             let second = (right - left) / (r.0 - p.0);
             (left + second * (q.0 - p.0)) * h
@@ -170,20 +170,22 @@ fn middle(between: Between, four: [&Levels; 4], i: usize, t: f64) -> f64 {
 /// The error on all intervals of the frames that were chosen, by a program of its own, is what the few that were held out say.
 #[test]
 fn the_error_of_all_intervals_is_within_the_tolerance() {
-    let (path, sensor) = (path(), Voltmeter::new(Preset::Dvs346.k()));
+    let (path, sensor) = (path(), VoltmeterModel::new(VoltmeterPreset::Dvs346.k()));
     let camera = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0 };
-    let all = [Between::Linear, Between::Catmull, Between::Hermite];
-    for (rules, rms, between) in
-        [(Rules::Soft, 0.05, &all[..]), (Rules::Soft, 0.04, &all[2..]), (Rules::Official, 0.06, &all[..1])]
-    {
-        let flow = Flow::measure_path(&path, (480, 200_000), camera, &mut *renderer(rules)).unwrap();
+    let all = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
+    for (rules, rms, between) in [
+        (RenderRules::Soft, 0.05, &all[..]),
+        (RenderRules::Soft, 0.04, &all[2..]),
+        (RenderRules::Official, 0.06, &all[..1]),
+    ] {
+        let flow = PathFlow::measure_path(&path, (480, 200_000), camera, &mut *renderer(rules)).unwrap();
         let front_ends = [FrontEnd::default()];
-        let mut scout = Scout::new(renderer(rules), camera, &path, &front_ends, &|| true);
-        let question = Question {
-            tolerance: Tolerance { rms, between: None },
+        let mut scout = ScoutRenderer::new(renderer(rules), camera, &path, &front_ends, &|| true);
+        let question = ChoiceQuestion {
+            tolerance: ErrorTolerance { rms, between: None },
             flow: &flow,
             intervals: 480,
-            scales: &[Scale::for_sensor(&sensor, 0)],
+            scales: &[SensorScale::for_sensor(&sensor, 0)],
             between,
             seed: Seed(3),
             advice: "",
@@ -224,8 +226,9 @@ fn the_flow_of_a_known_motion_is_found() {
     let angle = |t: f64| if t < 0.1 { 0.5 * t } else { 0.05 + 1.5 * (t - 0.1) };
     let from = DVec3::new(0.0, -0.4, -3.0);
     let pose = |t: &f64| Se3 { rotation: exp_vector(DVec3::new(0.0, angle(*t), 0.0)), translation: from };
-    let path = Path::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
-    let flow = Flow::measure_path(&path, (200, 200_000), camera, &mut *renderer(Rules::Soft)).unwrap();
+    let path = SampledPath::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
+    let flow =
+        PathFlow::measure_path(&path, (200, 200_000), camera, &mut *renderer(RenderRules::Soft)).unwrap();
     // At the left and right edges the flow is f (1 + (40/75)^2), which 99 % of the pixels do not exceed but for a column.
     for (from, to, rate) in [(10_000, 80_000, 0.5), (120_000, 190_000, 1.5)] {
         let px_s = 75.0 * (1.0 + (40.0_f64 / 75.0).powi(2)) * rate;

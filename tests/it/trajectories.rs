@@ -15,11 +15,11 @@ mod pictures;
 
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::speed::Speed;
-use gs2e::speed::function::Expression;
-use gs2e::trajectory::refine::{Refine, refine_views};
-use gs2e::trajectory::sample::Summation;
-use gs2e::trajectory::{Made, NamedPose, Timing, TrajectoryError};
+use gs2e::speed::SpeedChoice;
+use gs2e::speed::function::SpeedExpression;
+use gs2e::trajectory::refine::{RefinePath, refine_views};
+use gs2e::trajectory::sample::SummationRule;
+use gs2e::trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
 use gs2e::units::Hertz;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -30,8 +30,8 @@ type Views = Vec<(String, Se3)>;
 
 const LAW: &str = "0.25*sin(t) + 1.1";
 
-fn law(text: &str) -> Speed {
-    Speed::Function(Expression::parse(text).unwrap())
+fn law(text: &str) -> SpeedChoice {
+    SpeedChoice::Function(SpeedExpression::parse(text).unwrap())
 }
 
 fn hertz(text: &str) -> Hertz {
@@ -39,17 +39,21 @@ fn hertz(text: &str) -> Hertz {
 }
 
 /// The left sum of a law at 2400 Hz.
-fn timing(speed: &Speed) -> Timing<'_> {
-    Timing { speed, rate: hertz("2400"), law: Summation::Sum }
+fn timing(speed: &SpeedChoice) -> PoseTiming<'_> {
+    PoseTiming { speed, rate: hertz("2400"), law: SummationRule::Sum }
 }
 
-fn try_refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Result<Made, TrajectoryError> {
+fn try_refined(
+    views: &[(String, Se3)],
+    params: &RefinePath,
+    law_text: &str,
+) -> Result<MadeTrajectory, TrajectoryError> {
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
     refine_views(&named, params, timing(&law(law_text)))
 }
 
-fn refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Made {
+fn refined(views: &[(String, Se3)], params: &RefinePath, law_text: &str) -> MadeTrajectory {
     try_refined(views, params, law_text).unwrap()
 }
 

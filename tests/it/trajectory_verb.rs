@@ -9,13 +9,13 @@ use crate::support::workspace::{Ended, Workspace, tree};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::source::{Capture, colmap, nerfstudio};
-use gs2e::speed::Speed;
-use gs2e::speed::function::Expression;
-use gs2e::trajectory::refine::{Refine, refine_views};
-use gs2e::trajectory::report::Report;
-use gs2e::trajectory::sample::Summation;
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{Made, NamedPose, Timing, Trajectory, picture};
+use gs2e::speed::SpeedChoice;
+use gs2e::speed::function::SpeedExpression;
+use gs2e::trajectory::refine::{RefinePath, refine_views};
+use gs2e::trajectory::report::SpeedReport;
+use gs2e::trajectory::sample::SummationRule;
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{MadeTrajectory, NamedPose, PoseTiming, Trajectory, picture};
 use gs2e::units::Hertz;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -32,13 +32,17 @@ trajectories:
 ";
 
 /// What [`MINE`] calls `base`, made by the library.
-fn base(views: &[(String, Se3)]) -> Made {
+fn base(views: &[(String, Se3)]) -> MadeTrajectory {
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    let speed = Speed::Function(Expression::parse("1 + t").unwrap());
-    let timing = Timing { speed: &speed, rate: Hertz("1000".parse().unwrap()), law: Summation::Sum };
-    refine_views(&named, &Refine { window: 1, count: Count::Frames(25), ..Refine::default() }, timing)
-        .unwrap()
+    let speed = SpeedChoice::Function(SpeedExpression::parse("1 + t").unwrap());
+    let timing = PoseTiming { speed: &speed, rate: Hertz("1000".parse().unwrap()), law: SummationRule::Sum };
+    refine_views(
+        &named,
+        &RefinePath { window: 1, count: PoseCount::Frames(25), ..RefinePath::default() },
+        timing,
+    )
+    .unwrap()
 }
 
 fn views(capture: &Capture) -> Vec<(String, Se3)> {
@@ -152,7 +156,7 @@ fn a_photographed_capture_gives_what_the_library_makes() {
         let ended = place.ok(&format!("trajectory --capture {path} --recipe mine.yaml --name base {files}"));
         let file = |name: &str| fs::read(place.path(name)).unwrap();
         assert_eq!(poses(&file("a.txt")), wanted.trajectory);
-        assert_eq!(serde_json::from_slice::<Report>(&file("b.json")).unwrap(), wanted.report);
+        assert_eq!(serde_json::from_slice::<SpeedReport>(&file("b.json")).unwrap(), wanted.report);
         assert_eq!(file("c.svg"), picture::trajectory_svg(&wanted.trajectory, &wanted.report).into_bytes());
         let stamps: Vec<String> = wanted.trajectory.stamps_us.iter().map(|t| format!("{t}\n")).collect();
         assert_eq!(file("d.txt"), stamps.concat().into_bytes());

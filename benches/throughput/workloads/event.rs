@@ -2,8 +2,8 @@
 
 use super::amount;
 use crate::measure::{Workload, timed};
-use gs2e::event::h5::{self, Filter};
-use gs2e::event::{Event, EventSink as _, Header, Label, Polarity, npz};
+use gs2e::event::h5::{self, ChunkFilter};
+use gs2e::event::{Event, EventLabel, EventSink as _, Polarity, StreamHeader, npz};
 use gs2e::image::Size;
 use gs2e::units::Timestamp;
 use std::path::Path;
@@ -17,11 +17,11 @@ type Write = fn(&Path, &[Event]);
 pub(super) fn workloads() -> Vec<Workload> {
     let events: Arc<[Event]> = stream().into();
     let formats: [(&str, Write); 6] = [
-        ("events.h5, gzip 4 + shuffle", |path, events| write_h5(path, events, Filter::Gzip(4))),
-        ("events.h5, gzip 1 + shuffle", |path, events| write_h5(path, events, Filter::Gzip(1))),
-        ("events.h5, zstd 3 + shuffle", |path, events| write_h5(path, events, Filter::Zstd(3))),
-        ("events.h5, lz4 + shuffle", |path, events| write_h5(path, events, Filter::Lz4)),
-        ("events.h5, no filter", |path, events| write_h5(path, events, Filter::None)),
+        ("events.h5, gzip 4 + shuffle", |path, events| write_h5(path, events, ChunkFilter::Gzip(4))),
+        ("events.h5, gzip 1 + shuffle", |path, events| write_h5(path, events, ChunkFilter::Gzip(1))),
+        ("events.h5, zstd 3 + shuffle", |path, events| write_h5(path, events, ChunkFilter::Zstd(3))),
+        ("events.h5, lz4 + shuffle", |path, events| write_h5(path, events, ChunkFilter::Lz4)),
+        ("events.h5, no filter", |path, events| write_h5(path, events, ChunkFilter::None)),
         ("events.npz", write_npz),
     ];
     formats.map(|(name, write)| workload(name, write, &events)).into()
@@ -40,16 +40,16 @@ fn workload(name: &str, write: Write, events: &Arc<[Event]>) -> Workload {
     Workload { part: "event", what, rival: false, run: Box::new(run) }
 }
 
-fn write_h5(path: &Path, events: &[Event], filter: Filter) {
-    let options = h5::Options { filter, t_offset_us: 0 };
-    let header = Header { size: SIZE, law: None, labelled: false };
+fn write_h5(path: &Path, events: &[Event], filter: ChunkFilter) {
+    let options = h5::H5Options { filter, t_offset_us: 0 };
+    let header = StreamHeader { size: SIZE, law: None, labelled: false };
     let mut writer = h5::Writer::create_as(path, &header, options).expect("it can be created");
     events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
     writer.finish(1_000_000).expect("it can be written");
 }
 
 fn write_npz(path: &Path, events: &[Event]) {
-    let header = Header { size: SIZE, law: None, labelled: false };
+    let header = StreamHeader { size: SIZE, law: None, labelled: false };
     let mut writer = npz::Writer::create(path, &header).expect("it can be created");
     events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
     writer.finish().expect("it can be written");
@@ -66,7 +66,7 @@ fn stream() -> Vec<Event> {
             x: u16::try_from(x).expect("a column"),
             y: u16::try_from(y).expect("a row"),
             polarity: if hash & 1 == 0 { Polarity::Off } else { Polarity::On },
-            label: Label::Signal,
+            label: EventLabel::Signal,
         }
     };
     (0..EVENTS).map(event).collect()

@@ -5,22 +5,29 @@ use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::Size;
-use gs2e::render::cpu::{Cpu, Instructions, Pass};
-use gs2e::render::gpu::{Choice, Device, Gpu, Stage};
-use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, Velocity, View, Work};
+use gs2e::render::cpu::{CpuRenderer, InstructionSet, PassKind};
+use gs2e::render::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
+use gs2e::render::{
+    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages,
+    Renderer as _,
+};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{self, Gaussians};
 use gs2e::se3::Se3;
 use std::sync::Arc;
 use std::time::Instant;
 
-const STYLE: Style =
-    Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
+const STYLE: RenderStyle = RenderStyle {
+    rules: RenderRules::Official,
+    order: LayerOrder::Depth,
+    antialiased: false,
+    background: [0.0; 3],
+};
 
 pub(super) fn workloads() -> Vec<Workload> {
-    let luminance = Channels { luminance: true, ..Channels::default() };
-    let rgb = Channels { rgb: true, ..Channels::default() };
-    let rate = Channels { luminance_rate: true, ..luminance };
+    let luminance = ChannelSet { luminance: true, ..ChannelSet::default() };
+    let rgb = ChannelSet { rgb: true, ..ChannelSet::default() };
+    let rate = ChannelSet { luminance_rate: true, ..luminance };
     let mut all = Vec::new();
     let [outside, inside] = playbot().map_or([None, None], |views| views.map(Some));
     for (name, scene, view) in [Some(still_life()), outside, inside].into_iter().flatten() {
@@ -44,18 +51,18 @@ const PEER: &str = "beside it: OpenSplat on one core takes 1.05 core-s a frame f
 /// Where the time of a frame goes by every instruction set: the fastest of several, pass by pass. A core's
 /// time is the wall's times the number of threads, idle ones too: `RAYON_NUM_THREADS=1` gives that of one
 /// busy core.
-fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
+fn split(scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> String {
     const FRAMES: usize = 5;
-    let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
-    let mut out = Rendered::default();
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    let mut out = RenderedImages::default();
     let mut lines = Vec::new();
-    for set in Instructions::available_sets() {
+    for set in InstructionSet::available_sets() {
         renderer.set_instructions(set);
         let mut fastest = [f64::INFINITY; 5];
-        let mut work = Work::default();
+        let mut work = RenderWork::default();
         for _ in 0..FRAMES {
             let mut start = Instant::now();
-            let mut done = |pass: Pass| {
+            let mut done = |pass: PassKind| {
                 let now = Instant::now();
                 let least = &mut fastest[pass as usize];
                 *least = least.min(now.duration_since(start).as_secs_f64());
@@ -65,7 +72,7 @@ fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
         }
         if lines.is_empty() {
             let each = work.blended as f64 / view.camera.size.pixels() as f64;
-            let Work { tile_pairs, hidden, .. } = work;
+            let RenderWork { tile_pairs, hidden, .. } = work;
             lines
                 .push(format!("{each:.1} blended a pixel, {tile_pairs} tile pairs, {hidden} of them hidden"));
         }
@@ -83,8 +90,8 @@ fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
 }
 
 /// The same on the GPU, one that is none in software, at two sizes; where its time goes is told on stderr.
-fn on_gpu(name: &str, scene: &Gaussians, view: View, wants: [Channels; 3]) -> Vec<Workload> {
-    let device = match Device::open(&Choice::Hardware) {
+fn on_gpu(name: &str, scene: &Gaussians, view: CameraView, wants: [ChannelSet; 3]) -> Vec<Workload> {
+    let device = match GpuDevice::open(&DeviceChoice::Hardware) {
         Ok(device) => device,
         Err(because) => {
             eprintln!("{name}: left out on the GPU: {because}");
@@ -92,7 +99,7 @@ fn on_gpu(name: &str, scene: &Gaussians, view: View, wants: [Channels; 3]) -> Ve
         }
     };
     let sizes = [Size { width: 1280, height: 720 }, Size { width: 1920, height: 1080 }];
-    let views = sizes.map(|size| View { camera: view.camera.resized(size), ..moving(view) });
+    let views = sizes.map(|size| CameraView { camera: view.camera.resized(size), ..moving(view) });
     let names = ["rgb", "luminance", "luminance and its rate"];
     let pairs = views
         .iter()
@@ -103,10 +110,15 @@ fn on_gpu(name: &str, scene: &Gaussians, view: View, wants: [Channels; 3]) -> Ve
 }
 
 /// Frames one after another, each begun while the one before it is read.
-fn gpu_workload(name: &str, scene: &Gaussians, device: &Device, (view, want): (View, Channels)) -> Workload {
+fn gpu_workload(
+    name: &str,
+    scene: &Gaussians,
+    device: &GpuDevice,
+    (view, want): (CameraView, ChannelSet),
+) -> Workload {
     const FRAMES: usize = 20;
-    let mut renderer = Gpu::new(device.clone(), scene, STYLE).expect("the scene can be rendered");
-    let mut out = Rendered::default();
+    let mut renderer = GpuRenderer::new(device.clone(), scene, STYLE).expect("the scene can be rendered");
+    let mut out = RenderedImages::default();
     let mut render = move || {
         renderer.expect(&view, want);
         for frame in 0..FRAMES {
@@ -117,7 +129,7 @@ fn gpu_workload(name: &str, scene: &Gaussians, device: &Device, (view, want): (V
         }
         renderer.times()
     };
-    let words: Vec<String> = Stage::ALL
+    let words: Vec<String> = TimedStage::ALL
         .iter()
         .zip(render().into_iter().flatten())
         .map(|(stage, time)| format!("{} {:.3} ms", stage.name(), time.as_secs_f64() * 1e3))
@@ -135,15 +147,15 @@ fn gpu_workload(name: &str, scene: &Gaussians, device: &Device, (view, want): (V
 }
 
 /// The demo's scene from the middle of its capture.
-fn still_life() -> (&'static str, Arc<Gaussians>, View) {
+fn still_life() -> (&'static str, Arc<Gaussians>, CameraView) {
     let life = StillLife::default();
     let photo = &procedural::still_capture(&life).views[life.views as usize / 2];
-    let view = View::at_rest(photo.camera, photo.world_from_camera);
+    let view = CameraView::at_rest(photo.camera, photo.world_from_camera);
     ("still-life", Arc::new(procedural::still_life(&life)), view)
 }
 
 /// A real capture from outside and from inside: its up is -y, its centre (0, -0.5, 0), its radius about 1.
-fn playbot() -> Option<[(&'static str, Arc<Gaussians>, View); 2]> {
+fn playbot() -> Option<[(&'static str, Arc<Gaussians>, CameraView); 2]> {
     let scene = Arc::new(scene::read_file(&shared("playbot.spz")?).expect("the scene is sound"));
     let size = Size { width: 1280, height: 720 };
     let from = |x, y, z| look_at(DVec3::new(x, y, z), DVec3::new(0.0, -0.5, 0.0), size);
@@ -154,14 +166,14 @@ fn playbot() -> Option<[(&'static str, Arc<Gaussians>, View); 2]> {
 }
 
 /// The view of a camera in motion, for the rates.
-fn moving(view: View) -> View {
-    let velocity = Velocity { linear: DVec3::new(0.5, 0.0, 0.2), angular: DVec3::new(0.0, 0.5, 0.0) };
-    View { velocity, ..view }
+fn moving(view: CameraView) -> CameraView {
+    let velocity = CameraVelocity { linear: DVec3::new(0.5, 0.0, 0.2), angular: DVec3::new(0.0, 0.5, 0.0) };
+    CameraView { velocity, ..view }
 }
 
-fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workload {
-    let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
-    let mut out = Rendered::default();
+fn workload(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> Workload {
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    let mut out = RenderedImages::default();
     let view = moving(view);
     let work = renderer.render(&view, want, &mut out).expect("the view can be rendered");
     let (gaussians, size) = (scene.len(), view.camera.size);
@@ -177,18 +189,18 @@ fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> W
 }
 
 /// Consecutive frames of a camera that turns about the scene's centre and comes nearer.
-fn path(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workload {
+fn path(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> Workload {
     const FRAMES: u32 = 8;
     let at = |frame: u32| {
         let seconds = f64::from(frame) / 2400.0;
         let (turn, nearer) = (DQuat::from_rotation_y(0.3 * seconds), 1.0 - 0.2 * seconds);
         let Se3 { rotation, translation } = view.world_from_camera;
         let world_from_camera = Se3 { rotation: turn * rotation, translation: turn * translation * nearer };
-        View { world_from_camera, ..view }
+        CameraView { world_from_camera, ..view }
     };
-    let views: Vec<View> = (0..FRAMES).map(at).collect();
-    let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
-    let mut out = Rendered::default();
+    let views: Vec<CameraView> = (0..FRAMES).map(at).collect();
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    let mut out = RenderedImages::default();
     let run = move || {
         timed(|| {
             for view in &views {
@@ -202,12 +214,12 @@ fn path(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workl
 }
 
 /// A camera with a horizontal field of view of 60 degrees, its image's down along world y.
-fn look_at(centre: DVec3, target: DVec3, size: Size) -> View {
+fn look_at(centre: DVec3, target: DVec3, size: Size) -> CameraView {
     let forward = (target - centre).normalize();
     let right = DVec3::Y.cross(forward).normalize();
     let rotation = DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward));
     let (width, height) = (f64::from(size.width), f64::from(size.height));
     let focal = width / (2.0 * libm::tan(30f64.to_radians()));
     let camera = Camera { size, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0 };
-    View::at_rest(camera, Se3 { rotation, translation: centre })
+    CameraView::at_rest(camera, Se3 { rotation, translation: centre })
 }

@@ -2,7 +2,7 @@
 
 use super::{amount, shared};
 use crate::measure::{Workload, timed};
-use gs2e::scene::form::Form;
+use gs2e::scene::form::SceneFormat;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{Gaussians, SceneError, ply, spz};
 use std::path::Path;
@@ -35,7 +35,7 @@ fn written(path: &Path) -> Workload {
     let what = format!("write playbot.spz as .spz and compare: {} Gaussians", scene.len());
     let run = move || {
         timed(|| {
-            Form::Spz.write(&scene).expect("it fits");
+            SceneFormat::Spz.write(&scene).expect("it fits");
             vec![amount(scene.len(), "MGaussian")]
         })
     };

@@ -3,11 +3,11 @@
 use super::amount;
 use crate::measure::{Workload, timed};
 use gs2e::event::{Event, EventSink};
-use gs2e::frames::Frame;
+use gs2e::frames::DenseFrame;
 use gs2e::image::{Image, Size};
 use gs2e::seed::Seed;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
-use gs2e::sensor::{Model as _, Pixels};
+use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e::sensor::{SensorModel as _, SensorPixels};
 use gs2e::units::{Hertz, Timestamp};
 use std::sync::Arc;
 
@@ -19,12 +19,12 @@ const RATES: [f64; 3] = [0.3, 10.0, 1000.0];
 const AMPLITUDE: f64 = 0.8;
 
 pub(super) fn workloads() -> Vec<Workload> {
-    let noisy = Voltmeter::new(Preset::Dvs346.k());
+    let noisy = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
     let mut quiet = noisy.clone();
     quiet.k[2..].fill(0.0);
     let mut all = Vec::new();
     for rate in RATES {
-        let frames: Arc<[Frame]> = frames(rate, &noisy).into();
+        let frames: Arc<[DenseFrame]> = frames(rate, &noisy).into();
         for (name, model) in [("with noise", &noisy), ("without noise", &quiet)] {
             all.push(workload(name, model, rate, &frames, 0));
             all.push(workload(name, model, rate, &frames, 1));
@@ -34,7 +34,13 @@ pub(super) fn workloads() -> Vec<Workload> {
 }
 
 /// On so many threads; 0 for as many as there are.
-fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>, threads: usize) -> Workload {
+fn workload(
+    name: &str,
+    model: &VoltmeterModel,
+    rate: f64,
+    frames: &Arc<[DenseFrame]>,
+    threads: usize,
+) -> Workload {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
     let cores = if threads == 1 { "one core" } else { "all cores" };
     let (model, frames) = (model.clone(), Arc::clone(frames));
@@ -57,7 +63,7 @@ fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>, thr
     Workload { part: "sensor", what, rival: false, run: Box::new(run) }
 }
 
-fn advance(pixels: &mut dyn Pixels, frames: &[Frame], sink: &mut Counted) {
+fn advance(pixels: &mut dyn SensorPixels, frames: &[DenseFrame], sink: &mut Counted) {
     frames.iter().for_each(|frame| pixels.advance(frame, sink).expect("the rate is far below the cap"));
 }
 
@@ -75,7 +81,7 @@ impl EventSink for Counted {
 /// first frame lies below by a share of one event that differs between pixels, so that from the second one on they fire
 /// at times of their own from the start, and not together after 1 / rate.
 #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
-fn frames(rate: f64, model: &Voltmeter) -> Vec<Frame> {
+fn frames(rate: f64, model: &VoltmeterModel) -> Vec<DenseFrame> {
     let [k1, k2, ..] = model.k;
     // A triangle wave travels four amplitudes a period; an event takes a threshold of 1 of k1 ln(L + k2).
     let period = 4.0 * AMPLITUDE * k1 / rate;
@@ -92,7 +98,7 @@ fn frames(rate: f64, model: &Voltmeter) -> Vec<Frame> {
             (libm::exp(centre + wave - below) - k2) as f32
         };
         let luminance = Image::from_vec(SIZE, (0..SIZE.pixels()).map(level).collect());
-        Frame { index: usize::from(index), t, luminance, rate: None }
+        DenseFrame { index: usize::from(index), t, luminance, rate: None }
     };
     (0..FRAMES).map(frame).collect()
 }

@@ -6,14 +6,14 @@ use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::arc_length::ArcLength;
 use gs2e::se3::rotation::canonical_sign;
-use gs2e::speed::Speed;
-use gs2e::speed::function::Expression;
-use gs2e::trajectory::curve::{Cubic, Measured, PoseCurve};
-use gs2e::trajectory::metric::Metric;
-use gs2e::trajectory::refine::{Refine, refine_views};
-use gs2e::trajectory::sample::{Schedule, Summation};
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{NamedPose, Timing};
+use gs2e::speed::SpeedChoice;
+use gs2e::speed::function::SpeedExpression;
+use gs2e::trajectory::curve::{CubicPair, MeasuredCurve, PoseCurve};
+use gs2e::trajectory::metric::MixedMetric;
+use gs2e::trajectory::refine::{RefinePath, refine_views};
+use gs2e::trajectory::sample::{PoseSchedule, SummationRule};
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{NamedPose, PoseTiming};
 use gs2e::units::Hertz;
 use std::f64::consts::PI;
 
@@ -30,22 +30,22 @@ pub(super) fn workloads() -> Vec<Workload> {
     all
 }
 
-fn paper() -> Speed {
-    Speed::Function(Expression::parse("0.25*sin(t) + 1.1").expect("it is the paper's"))
+fn paper() -> SpeedChoice {
+    SpeedChoice::Function(SpeedExpression::parse("0.25*sin(t) + 1.1").expect("it is the paper's"))
 }
 
 /// Law, inversion and pose, as a trajectory is made once its curve is fitted and measured; on one core.
 fn sampling() -> Workload {
     let knots: Vec<Se3> = (0..VIEWS).map(|i| orbit(i, VIEWS)).collect();
-    let metric = Metric { scale: 2.0 };
+    let metric = MixedMetric { scale: 2.0 };
     let steps: Vec<f64> = knots.windows(2).map(|w| metric.distance(&w[0], &w[1])).collect();
     let speed = paper();
     let run = move || {
-        let curve = Cubic::through_knots(steps.clone(), &knots).expect("an orbit turns evenly");
-        let arc = ArcLength::measure_curve(curve.steps(), Measured { curve: &curve, metric });
+        let curve = CubicPair::through_knots(steps.clone(), &knots).expect("an orbit turns evenly");
+        let arc = ArcLength::measure_curve(curve.steps(), MeasuredCurve { curve: &curve, metric });
         timed(|| {
             let schedule =
-                Schedule::new(&speed, POSES as usize, Summation::Sum).expect("the law is positive");
+                PoseSchedule::new(&speed, POSES as usize, SummationRule::Sum).expect("the law is positive");
             let mut walk = arc.walk();
             let pose = |share: &f64| {
                 let pose = curve.pose(walk.to(share * arc.total()));
@@ -63,13 +63,13 @@ fn sampling() -> Workload {
 /// A whole trajectory, from views to its report.
 fn refining(views: u32, poses: u32) -> Workload {
     let captured: Vec<(String, Se3)> = (0..views).map(|i| (format!("{i:08}.jpg"), orbit(i, views))).collect();
-    let params = Refine { count: Count::Frames(u64::from(poses)), ..Refine::default() };
+    let params = RefinePath { count: PoseCount::Frames(u64::from(poses)), ..RefinePath::default() };
     let speed = paper();
     let rate = Hertz("2400".parse().expect("it is a ratio"));
     let run = move || {
         let named = captured.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose });
         let named: Vec<NamedPose<'_>> = named.collect();
-        let timing = Timing { speed: &speed, rate, law: Summation::Sum };
+        let timing = PoseTiming { speed: &speed, rate, law: SummationRule::Sum };
         timed(|| {
             let made = refine_views(&named, &params, timing).expect("an orbit can be followed");
             let done = made.trajectory.world_from_camera.len();

@@ -3,11 +3,11 @@
 
 mod lag;
 
-pub use lag::Lag;
+pub use lag::LagSums;
 
 use crate::check::drift::DriftLaw;
-use crate::check::tally::Counts;
-use crate::frames::anchors::Anchors;
+use crate::check::tally::PixelCounts;
+use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
 
 /// Minimum number of pixels for an edge.
@@ -26,13 +26,13 @@ const MOST_BLUR: f64 = 0.04;
 /// according to its events. The residual voltage is `dv - s` minus the pixel's initial voltage:
 /// between `-B` and `A`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
+pub struct AnchorFit {
     /// Stamp of the anchor.
     pub t_us: i64,
     /// Number of events so far.
     pub events: u64,
     /// Sums over pixels with a drift of more than a threshold, separately for up and down.
-    pub slopes: [Slope; 2],
+    pub slopes: [SlopeSums; 2],
     /// Number of these pixels with a possible residual.
     pub possible: u64,
     /// Number of pixels with a drift of more than two thresholds, and of those among them whose
@@ -41,9 +41,9 @@ pub struct Fit {
     /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,
     /// Delay of the events, if a span of frames shows it.
-    pub lag: Lag,
+    pub lag: LagSums,
     /// Thresholds at which ON and OFF events happen, relative to the stated ones.
-    pub edges: [Option<Edge>; 2],
+    pub edges: [Option<EventEdge>; 2],
     /// Expected sum of `s` over pixels: the drift, in whole thresholds towards 0 if voltages start
     /// at 0, and exact on average if they start anywhere.
     pub expected: f64,
@@ -51,7 +51,7 @@ pub struct Fit {
 
 /// Sums of `dv` and `s` over pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Slope {
+pub struct SlopeSums {
     /// Number of pixels.
     pub pixels: u64,
     /// Sum of `s dv`.
@@ -62,7 +62,7 @@ pub struct Slope {
     pub sizes: f64,
 }
 
-impl std::ops::Add for Slope {
+impl std::ops::Add for SlopeSums {
     type Output = Self;
 
     fn add(self, o: Self) -> Self {
@@ -75,7 +75,7 @@ impl std::ops::Add for Slope {
     }
 }
 
-impl Slope {
+impl SlopeSums {
     /// The factor that brings `s` nearest to `dv`: `<s, dv> / <s, s>`.
     #[must_use]
     pub fn factor(&self) -> f64 {
@@ -100,7 +100,7 @@ impl Slope {
 /// The voltage at which events of one polarity happen, measured from the pixels that are about to
 /// fire: no residual lies beyond the threshold, and many lie close to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Edge {
+pub struct EventEdge {
     /// Number of pixels used.
     pub pixels: usize,
     /// The measured threshold, relative to the stated one.
@@ -112,22 +112,22 @@ pub struct Edge {
 
 /// Follows the drift of all pixels from anchor to anchor.
 #[derive(Debug)]
-pub(in crate::check) struct Balance<'a> {
+pub(in crate::check) struct DriftBalance<'a> {
     law: DriftLaw,
-    anchors: &'a Anchors,
+    anchors: &'a AnchorFrames,
     first_logs: Vec<f64>,
     exposure: Vec<f64>,
     /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
     /// whole interval.
     variance: Vec<f64>,
-    fits: Vec<Fit>,
+    fits: Vec<AnchorFit>,
     /// `dv - s` of each pixel at the last instant, in thresholds.
     residuals: Vec<f32>,
 }
 
-impl<'a> Balance<'a> {
+impl<'a> DriftBalance<'a> {
     /// Starts at the first anchor; `None` if there are fewer than two.
-    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a Anchors) -> Option<Self> {
+    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a AnchorFrames) -> Option<Self> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
         let first_logs = first.pixels().iter().map(|l| law.log_brightness(*l)).collect();
@@ -142,19 +142,19 @@ impl<'a> Balance<'a> {
     }
 
     /// The fits, and each pixel's residual drift at the last of them, in thresholds.
-    pub(in crate::check) fn finish(self) -> (Vec<Fit>, Vec<f32>) {
+    pub(in crate::check) fn finish(self) -> (Vec<AnchorFit>, Vec<f32>) {
         (self.fits, self.residuals)
     }
 
     /// Evaluates the next anchor.
-    pub(in crate::check) fn settle(&mut self, counts: &Counts) {
+    pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
         let number = self.fits.len() + 1;
         let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
         let stamps = &self.anchors.stamps_us;
         let (step, total) =
             ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
         let leak_error = self.law.leak_error(step, number);
-        let mut stock = Stock::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
+        let mut stock = FitSums::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
         let span = self.anchors.spans.iter().find(|[_, middle, _]| *middle == number);
         let around =
             span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
@@ -181,24 +181,24 @@ impl<'a> Balance<'a> {
     }
 }
 
-/// Sums over pixels for a [`Fit`].
-struct Stock {
+/// Sums over pixels for a [`AnchorFit`].
+struct FitSums {
     thresholds: [f64; 2],
     /// Largest possible difference of drift and events.
     most_residual: f64,
-    /// Whether residuals are 0 at the first frame.
+    /// True if residuals are 0 at the first frame.
     from_zero: bool,
     events: u64,
-    slopes: [Slope; 2],
+    slopes: [SlopeSums; 2],
     possible: u64,
     doubled: [u64; 2],
     silent: u64,
-    lag: Lag,
+    lag: LagSums,
     near: [Vec<[f32; 2]>; 2],
     expected: f64,
 }
 
-impl Stock {
+impl FitSums {
     fn new(law: &DriftLaw, slack: f64) -> Self {
         Self {
             thresholds: law.thresholds,
@@ -206,11 +206,11 @@ impl Stock {
             most_residual: 1.02 * law.most_residual() + slack,
             from_zero: law.from_zero,
             events: 0,
-            slopes: [Slope::default(); 2],
+            slopes: [SlopeSums::default(); 2],
             possible: 0,
             doubled: [0; 2],
             silent: 0,
-            lag: Lag::default(),
+            lag: LagSums::default(),
             near: [Vec::new(), Vec::new()],
             expected: 0.0,
         }
@@ -239,9 +239,19 @@ impl Stock {
         dv - s
     }
 
-    fn fit(self, t_us: i64) -> Fit {
+    fn fit(self, t_us: i64) -> AnchorFit {
         let Self { events, slopes, possible, doubled, silent, lag, near, expected, .. } = self;
-        Fit { t_us, events, slopes, possible, doubled, silent, lag, edges: near.map(find_edge), expected }
+        AnchorFit {
+            t_us,
+            events,
+            slopes,
+            possible,
+            doubled,
+            silent,
+            lag,
+            edges: near.map(find_edge),
+            expected,
+        }
     }
 }
 
@@ -261,10 +271,10 @@ fn edge_ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
     [shown as f32, (dv / (threshold * (steps + 1.0))) as f32]
 }
 
-fn find_edge(near: Vec<[f32; 2]>) -> Option<Edge> {
+fn find_edge(near: Vec<[f32; 2]>) -> Option<EventEdge> {
     let pixels = near.len();
     let (shown, reachable): (Vec<f32>, Vec<f32>) = near.into_iter().map(|[s, r]| (s, r)).unzip();
-    (pixels >= LEAST_NEAR).then(|| Edge {
+    (pixels >= LEAST_NEAR).then(|| EventEdge {
         pixels,
         shown: edge_quantile(shown),
         reachable: edge_quantile(reachable),

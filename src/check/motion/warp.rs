@@ -21,7 +21,7 @@ const HALF_PX: f64 = 4.0;
 
 /// The statistics of a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sharpness {
+pub struct WarpSharpness {
     /// Middle of the window, us.
     pub t_us: i64,
     /// Median image motion over the window, px.
@@ -36,7 +36,7 @@ pub struct Sharpness {
     pub moved: f64,
 }
 
-impl Sharpness {
+impl WarpSharpness {
     /// The gain in contrast from moving the events: a ratio of variances.
     #[must_use]
     pub fn ratio(&self) -> f64 {
@@ -56,7 +56,7 @@ impl Sharpness {
 
 /// The window that is being filled.
 #[derive(Debug)]
-struct Window<'a> {
+struct WarpWindow<'a> {
     flow: &'a FlowAt,
     span_us: [i64; 2],
     moved_px: f64,
@@ -69,18 +69,18 @@ struct Window<'a> {
 
 /// The windows of a stream, one after the other.
 #[derive(Debug)]
-pub(in crate::check) struct Windows<'a> {
+pub(in crate::check) struct WarpWindows<'a> {
     size: Size,
     end_us: i64,
     /// Windows to come, the next one last.
     waiting: Vec<&'a FlowAt>,
-    open: Option<Window<'a>>,
-    done: Vec<Sharpness>,
+    open: Option<WarpWindow<'a>>,
+    done: Vec<WarpSharpness>,
     /// Number of events of the fullest window so far, and its counts in place and moved.
     shown: Option<(u64, [Vec<u16>; 2])>,
 }
 
-impl<'a> Windows<'a> {
+impl<'a> WarpWindows<'a> {
     /// # Panics
     /// A flow has another size.
     pub(in crate::check) fn new(size: Size, end_us: i64, flows: &'a [FlowAt]) -> Self {
@@ -108,7 +108,7 @@ impl<'a> Windows<'a> {
     }
 
     /// The statistics, and the counts of one window in place and moved.
-    pub(in crate::check) fn finish(mut self) -> (Vec<Sharpness>, Option<[Vec<u16>; 2]>) {
+    pub(in crate::check) fn finish(mut self) -> (Vec<WarpSharpness>, Option<[Vec<u16>; 2]>) {
         while self.open.is_some() {
             self.close();
         }
@@ -130,7 +130,7 @@ impl<'a> Windows<'a> {
     /// window.
     fn open_next(&mut self, after_us: i64) {
         while let Some(flow) = self.waiting.pop() {
-            let window = Window::new(flow, self.size, self.end_us);
+            let window = WarpWindow::new(flow, self.size, self.end_us);
             if window.span_us[0] > after_us && window.moved_px > 0.0 {
                 self.open = Some(window);
                 return;
@@ -139,7 +139,7 @@ impl<'a> Windows<'a> {
     }
 }
 
-impl<'a> Window<'a> {
+impl<'a> WarpWindow<'a> {
     #[expect(clippy::cast_possible_truncation, reason = "microseconds of a window")]
     fn new(flow: &'a FlowAt, size: Size, end_us: i64) -> Self {
         let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
@@ -179,9 +179,9 @@ impl<'a> Window<'a> {
         }
     }
 
-    fn sharpness(&self, size: Size) -> Sharpness {
+    fn sharpness(&self, size: Size) -> WarpSharpness {
         let of = |counts: &[Vec<u16>; 2]| count_variance(&counts[0]) + count_variance(&counts[1]);
-        Sharpness {
+        WarpSharpness {
             t_us: self.flow.t_us,
             moved_px: self.moved_px,
             events: self.events,
@@ -209,14 +209,14 @@ fn count_variance(counts: &[u16]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::Draws;
-    use crate::event::Label;
+    use crate::check::planted::SplitMixDraws;
+    use crate::event::EventLabel;
     use crate::units::Timestamp;
 
     const SIZE: Size = Size { width: 64, height: 8 };
 
     fn event(t_us: i64, x: u16, y: u16) -> Event {
-        Event { t: Timestamp::from_micros(t_us), x, y, polarity: Polarity::On, label: Label::Signal }
+        Event { t: Timestamp::from_micros(t_us), x, y, polarity: Polarity::On, label: EventLabel::Signal }
     }
 
     /// A bar of one column that moves right by a pixel every 500 us makes a column of events at
@@ -225,9 +225,9 @@ mod tests {
         (0..32).flat_map(|j| (0..8).map(move |y| event(500 * i64::from(j), 10 + j, y))).collect()
     }
 
-    fn found(flow: [f32; 2]) -> Sharpness {
+    fn found(flow: [f32; 2]) -> WarpSharpness {
         let flows = [FlowAt { t_us: 8000, px_s: Image::filled(SIZE, flow) }];
-        let mut windows = Windows::new(SIZE, 16_000, &flows);
+        let mut windows = WarpWindows::new(SIZE, 16_000, &flows);
         for event in bar() {
             windows.see(event, event.t.floor_micros());
         }
@@ -254,7 +254,7 @@ mod tests {
     fn windows_do_not_share_events_and_nothing_moves_without_depth() {
         let flow = |t_us, v: f32| FlowAt { t_us, px_s: Image::filled(SIZE, [v, 0.0]) };
         let flows = [flow(0, 2000.0), flow(1000, 2000.0), flow(9000, 2000.0), flow(12_000, f32::NAN)];
-        let mut windows = Windows::new(SIZE, 16_000, &flows);
+        let mut windows = WarpWindows::new(SIZE, 16_000, &flows);
         for event in bar() {
             windows.see(event, event.t.floor_micros());
         }
@@ -269,8 +269,8 @@ mod tests {
         let size = Size { width: 200, height: 100 };
         let flows = [FlowAt { t_us: 10_000, px_s: Image::filled(size, [400.0, 0.0]) }];
         let ratio = |seed: u64| {
-            let mut windows = Windows::new(size, 20_000, &flows);
-            let mut draws = Draws(seed);
+            let mut windows = WarpWindows::new(size, 20_000, &flows);
+            let mut draws = SplitMixDraws(seed);
             for j in 0..4000i64 {
                 let (x, y) = (draws.at(200), draws.at(100));
                 let polarity = [Polarity::On, Polarity::Off][draws.below(2)];
@@ -278,7 +278,7 @@ mod tests {
             }
             windows.finish().0[0]
         };
-        let found: Vec<Sharpness> = (1..=40).map(ratio).collect();
+        let found: Vec<WarpSharpness> = (1..=40).map(ratio).collect();
         let variance = found.iter().map(|s| (s.ratio() - 1.0).powi(2)).sum::<f64>() / 40.0;
         let share = variance.sqrt() / found[0].noise();
         // The sample standard deviation of 40 values varies by 11 %; both counts have the same

@@ -2,9 +2,9 @@
 
 use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::FlowAt;
-use crate::frames::anchors::Anchors;
+use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
-use crate::sensor::statistics::Renewal;
+use crate::sensor::statistics::RenewalProcess;
 
 /// Largest drift of a still pixel at all known instants, in thresholds.
 const STILL: f64 = 0.1;
@@ -18,7 +18,7 @@ const BINS: [usize; 3] = [64, 256, 1024];
 
 /// The statistics of still pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stillness {
+pub struct StillPixelCounts {
     /// Number of still pixels.
     pub pixels: u64,
     /// Number of their events.
@@ -27,7 +27,7 @@ pub struct Stillness {
     pub expected: f64,
     /// Number of mean intervals between events in the clip.
     pub intervals: f64,
-    /// Whether all voltages were 0 at the first frame.
+    /// True if all voltages were 0 at the first frame.
     pub from_zero: bool,
     /// Largest autocorrelation of their summed rate, in standard deviations.
     pub rhythm: f64,
@@ -35,20 +35,20 @@ pub struct Stillness {
 
 /// Counts the events of still pixels in a stream.
 #[derive(Debug)]
-pub(in crate::check) struct Watch {
+pub(in crate::check) struct StillPixelWatch {
     still: Vec<bool>,
     end_us: i64,
-    found: Stillness,
+    found: StillPixelCounts,
     bins: [Vec<u32>; BINS.len()],
 }
 
-impl Watch {
+impl StillPixelWatch {
     /// Finds the still pixels; `None` if neither frames nor flow determine them.
     pub(in crate::check) fn new(
         size: Size,
         end_us: i64,
         law: &DriftLaw,
-        anchors: &Anchors,
+        anchors: &AnchorFrames,
         flows: &[FlowAt],
     ) -> Option<Self> {
         if anchors.images.len() < 2 || flows.is_empty() || end_us <= 0 {
@@ -63,7 +63,7 @@ impl Watch {
         }
         let intervals = expected / pixels.max(1) as f64;
         let from_zero = law.from_zero;
-        let found = Stillness { pixels, events: 0, expected, intervals, from_zero, rhythm: 0.0 };
+        let found = StillPixelCounts { pixels, events: 0, expected, intervals, from_zero, rhythm: 0.0 };
         Some(Self { still, end_us, found, bins: BINS.map(|n| vec![0; n]) })
     }
 
@@ -80,22 +80,28 @@ impl Watch {
         }
     }
 
-    pub(in crate::check) fn finish(self) -> Stillness {
+    pub(in crate::check) fn finish(self) -> StillPixelCounts {
         let rhythm = self.bins.iter().map(|bins| peak_autocorrelation(bins)).fold(0.0, f64::max);
-        Stillness { rhythm, ..self.found }
+        StillPixelCounts { rhythm, ..self.found }
     }
 }
 
 /// The noise of a pixel of constant luminance, per microsecond.
-fn noise_process(law: &DriftLaw, luminance: f64) -> Renewal {
+fn noise_process(law: &DriftLaw, luminance: f64) -> RenewalProcess {
     let noise = law.noise(luminance, 1.0);
     let [up, down] = law.thresholds;
-    Renewal { drift: law.drift(0.0, 1.0, luminance), variance: noise * noise, up, down }
+    RenewalProcess { drift: law.drift(0.0, 1.0, luminance), variance: noise * noise, up, down }
 }
 
 /// The pixels with constant brightness, in their neighbourhood too, at all instants, and with
 /// nothing moving behind them.
-fn find_still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[FlowAt]) -> Vec<bool> {
+fn find_still(
+    size: Size,
+    end_us: i64,
+    law: &DriftLaw,
+    anchors: &AnchorFrames,
+    flows: &[FlowAt],
+) -> Vec<bool> {
     let most = STILL * law.thresholds[0].min(law.thresholds[1]);
     let seconds = end_us as f64 * 1e-6;
     let standing = STANDS / seconds;
@@ -166,11 +172,11 @@ fn peak_autocorrelation(bins: &[u32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::Draws;
+    use crate::check::planted::SplitMixDraws;
 
     #[test]
     fn what_repeats_itself_is_told_from_chance_and_from_a_slow_start() {
-        let mut draws = Draws(5);
+        let mut draws = SplitMixDraws(5);
         let mut chance = |at: &dyn Fn(usize, usize) -> usize| {
             let mut bins = vec![0u32; 256];
             for _ in 0..20_000 {

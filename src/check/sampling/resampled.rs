@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The comparison of some intervals of a stream with twice the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Resampled {
+pub struct ResampledIntervals {
     /// Number of intervals.
     pub intervals: usize,
     /// Number of events in them, in one row of four.
@@ -21,7 +21,7 @@ pub struct Resampled {
     pub tolerance: Option<f64>,
 }
 
-impl Resampled {
+impl ResampledIntervals {
     /// Pairs the events of each pixel and polarity in their order.
     #[must_use]
     pub fn pair_events(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Self {
@@ -49,11 +49,11 @@ impl Resampled {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
+    use crate::event::EventLabel;
     use crate::units::Timestamp;
 
     fn event(t_us: i64, x: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: Label::Signal }
+        Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: EventLabel::Signal }
     }
 
     #[test]
@@ -62,10 +62,10 @@ mod tests {
         let few = vec![event(10, 3, On), event(50, 3, On), event(20, 1, Off), event(30, 9, On)];
         let more =
             vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
-        let found = Resampled::pair_events(4, few, more);
+        let found = ResampledIntervals::pair_events(4, few, more);
         // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 has no partner. Sorted: 3,
         // 4, 10.
-        let wanted = Resampled {
+        let wanted = ResampledIntervals {
             intervals: 4,
             events: 4,
             at_twice: 5,
@@ -74,6 +74,6 @@ mod tests {
             tolerance: None,
         };
         assert_eq!(found, wanted);
-        assert_eq!(Resampled::pair_events(1, Vec::new(), Vec::new()).shift_us, None);
+        assert_eq!(ResampledIntervals::pair_events(1, Vec::new(), Vec::new()).shift_us, None);
     }
 }

@@ -7,7 +7,7 @@ const MULTIPLE: f64 = 5.0;
 
 /// Statistics of the events per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Busy {
+pub struct BusyPixels {
     /// Mean.
     pub mean: f64,
     /// Number of events above which a pixel is hot.
@@ -18,7 +18,7 @@ pub struct Busy {
     pub most: u32,
 }
 
-impl Busy {
+impl BusyPixels {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts, rounded down")]
     pub(super) fn from_counts(mut counts: Vec<u32>) -> Self {
         let Some(most) = counts.iter().copied().max() else { return Self::default() };
@@ -43,18 +43,21 @@ mod tests {
     #[test]
     fn a_pixel_far_above_all_others_is_hot() {
         let mut counts: Vec<u32> = (0..10_000).map(|i| i % 11).collect();
-        let found = Busy::from_counts(counts.clone());
+        let found = BusyPixels::from_counts(counts.clone());
         assert_eq!((found.hot, found.most, found.bound), (0, 10, 50));
         counts[77] = 51;
         counts[78] = 50;
-        assert_eq!((Busy::from_counts(counts.clone()).hot, Busy::from_counts(counts).most), (1, 51));
+        assert_eq!(
+            (BusyPixels::from_counts(counts.clone()).hot, BusyPixels::from_counts(counts).most),
+            (1, 51)
+        );
     }
 
     #[test]
     fn single_events_of_a_sparse_stream_are_not_hot() {
         let mut counts = vec![0; 10_000];
         counts[..5].fill(1);
-        assert_eq!(Busy::from_counts(counts).hot, 0);
-        assert_eq!(Busy::from_counts(Vec::new()), Busy::default());
+        assert_eq!(BusyPixels::from_counts(counts).hot, 0);
+        assert_eq!(BusyPixels::from_counts(Vec::new()), BusyPixels::default());
     }
 }

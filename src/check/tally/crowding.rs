@@ -10,7 +10,7 @@ const CELL: u32 = 4;
 
 /// Sums over the windows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Crowding {
+pub struct CrowdingSums {
     /// Ordered pairs of events that share window and cell.
     pub pairs: f64,
     /// Expected number of such pairs for uniformly distributed events: `N (N - 1) / cells`.
@@ -20,7 +20,7 @@ pub struct Crowding {
     pub variance: f64,
 }
 
-impl Crowding {
+impl CrowdingSums {
     /// The event structural ratio relative to that of a stream without structure; NaN without
     /// events.
     #[must_use]
@@ -28,7 +28,7 @@ impl Crowding {
         (self.pairs / self.anywhere).sqrt()
     }
 
-    /// Standard deviation of [`Crowding::ratio`] for a stream without structure: half of that of
+    /// Standard deviation of [`CrowdingSums::ratio`] for a stream without structure: half of that of
     /// its square.
     #[must_use]
     pub fn noise(&self) -> f64 {
@@ -38,20 +38,20 @@ impl Crowding {
 
 /// Counts the pairs of a stream.
 #[derive(Debug)]
-pub(super) struct Crowds {
+pub(super) struct CrowdingCounter {
     end_us: i64,
     columns: usize,
     window: i64,
     events: u64,
     pairs: u64,
     counts: Vec<u32>,
-    sums: Crowding,
+    sums: CrowdingSums,
 }
 
-impl Crowds {
+impl CrowdingCounter {
     pub(super) fn new(size: Size, end_us: i64) -> Self {
         let [columns, rows] = [size.width, size.height].map(|side| side.div_ceil(CELL) as usize);
-        let (counts, sums) = (vec![0; columns * rows], Crowding::default());
+        let (counts, sums) = (vec![0; columns * rows], CrowdingSums::default());
         Self { end_us: end_us.max(1), columns, window: 0, events: 0, pairs: 0, counts, sums }
     }
 
@@ -68,7 +68,7 @@ impl Crowds {
         self.events += 1;
     }
 
-    pub(super) fn finish(mut self) -> Crowding {
+    pub(super) fn finish(mut self) -> CrowdingSums {
         self.settle();
         self.sums
     }
@@ -87,12 +87,12 @@ impl Crowds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::Draws;
+    use crate::check::planted::SplitMixDraws;
 
     const SIZE: Size = Size { width: 100, height: 80 };
 
-    fn crowding(pixels: impl Iterator<Item = u16>) -> Crowding {
-        let mut crowds = Crowds::new(SIZE, 1000);
+    fn crowding(pixels: impl Iterator<Item = u16>) -> CrowdingSums {
+        let mut crowds = CrowdingCounter::new(SIZE, 1000);
         for (i, pixel) in pixels.enumerate() {
             crowds.see([pixel % 100, pixel / 100], i as i64 * 1000 / 40_000);
         }
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn events_anywhere_have_no_structure_and_events_on_half_of_the_sensor_have() {
-        let mut draws = Draws(3);
+        let mut draws = SplitMixDraws(3);
         let anywhere: Vec<u16> = (0..40_000).map(|_| draws.at(8000)).collect();
         let found = crowding(anywhere.iter().copied());
         let z = (found.ratio() - 1.0) / found.noise();

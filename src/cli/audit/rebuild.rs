@@ -1,30 +1,32 @@
 //! `gs2e audit --rebuild N`: some scenes of a release are made again from their recipes, in a store of their own, and
 //! every byte is compared.
 
-use crate::cli::build::{Building, Care, exit_kind};
+use crate::cli::build::{BuildRequest, TrustOptions, exit_kind};
 use crate::cli::console::Console;
-use crate::cli::message::{Level, Message};
-use crate::cli::problem::{Exit, Problem};
-use crate::cli::renderers::{By, Chosen};
-use crate::cli::{Common, Targets, on_interrupt};
+use crate::cli::message::{MessageLevel, UserMessage};
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::renderers::{RendererChoice, RendererKind};
+use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
 use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
-use crate::release::audit::{Fault, rebuilt};
-use crate::release::{self, Beside, BuiltPlan, Link, Manifest, ReleaseTarget, TargetClaim};
+use crate::release::audit::{AuditFault, rebuilt};
+use crate::release::{
+    self, BuiltPlan, LinkMode, ReleaseContext, ReleaseManifest, ReleaseTarget, TargetClaim,
+};
 use crate::render::backend::Backend;
 use crate::render::gpu;
-use crate::store::{Access, Claim, Digest, Opening, Store};
+use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Options of it.
 #[derive(Debug, clap::Args)]
-pub(super) struct Rebuild {
+pub(super) struct RebuildArgs {
     /// Make this many scenes again, drawn at random, and compare every byte
     #[arg(long, value_name = "N")]
     rebuild: Option<usize>,
     /// Recipes that the scenes are made again from
-    #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT, requires = "rebuild")]
+    #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT, requires = "rebuild")]
     recipes: Vec<PathBuf>,
     /// Seed of that draw
     #[arg(long, value_name = "SEED", default_value_t = 0, requires = "rebuild")]
@@ -32,27 +34,27 @@ pub(super) struct Rebuild {
 }
 
 /// What came of it.
-pub(super) struct Rebuilt {
+pub(super) struct RebuildOutcome {
     /// Ids of the scenes.
     pub(super) scenes: Vec<String>,
-    pub(super) faults: Vec<Fault>,
+    pub(super) faults: Vec<AuditFault>,
 }
 
-impl Rebuild {
+impl RebuildArgs {
     /// Makes the scenes again; `None` where that is not asked for.
     pub(super) fn run(
         &self,
         dir: &Path,
-        common: &Common,
+        common: &CommonArgs,
         console: &Console,
-    ) -> Result<Option<Rebuilt>, Problem> {
+    ) -> Result<Option<RebuildOutcome>, VerbError> {
         let Some(count) = self.rebuild else { return Ok(None) };
         let manifest = rebuilt::read_manifest(dir).map_err(|e| {
-            Problem::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display()))
+            VerbError::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display()))
         })?;
         let chosen = draw_scenes(&manifest, count, self.seed);
         let recipes = self.recipes_of(&chosen)?;
-        let mut found = Rebuilt { scenes: chosen, faults: Vec::new() };
+        let mut found = RebuildOutcome { scenes: chosen, faults: Vec::new() };
         // What was rendered in one class is made again in it, and scenes of several classes apart.
         let mut classes: BTreeMap<String, Vec<Recipe>> = BTreeMap::new();
         for recipe in recipes {
@@ -60,13 +62,13 @@ impl Rebuild {
         }
         for (class, recipes) in classes {
             let scenes: Vec<String> = recipes.iter().map(|recipe| recipe.scene.clone()).collect();
-            let folder = tempfile::tempdir().map_err(|e| Problem::failed("rebuild", e.to_string()))?;
+            let folder = tempfile::tempdir().map_err(|e| VerbError::failed("rebuild", e.to_string()))?;
             let again = self.make(&class, recipes, folder.path(), common, console)?;
             let tops = rebuilt::compare_tops(dir, &again);
-            found.faults.extend(tops.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
+            found.faults.extend(tops.map_err(|e| VerbError::failed("rebuild", e.to_string()))?);
             for scene in &scenes {
                 let compared = rebuilt::compare_scenes(dir, &again, scene);
-                found.faults.extend(compared.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
+                found.faults.extend(compared.map_err(|e| VerbError::failed("rebuild", e.to_string()))?);
             }
         }
         found.faults.sort();
@@ -74,12 +76,12 @@ impl Rebuild {
         Ok(Some(found))
     }
 
-    fn recipes_of(&self, scenes: &[String]) -> Result<Vec<Recipe>, Problem> {
+    fn recipes_of(&self, scenes: &[String]) -> Result<Vec<Recipe>, VerbError> {
         let mut recipes = recipe::read_all(&self.recipes)?;
         if let Some(absent) = scenes.iter().find(|id| recipes.iter().all(|recipe| recipe.scene != **id)) {
             let message = format!("no recipe makes the scene `{absent}` that is to be made again");
             return Err(
-                Problem::usage("no-scene", message).help("--recipes DIR: where the release was made from")
+                VerbError::usage("no-scene", message).help("--recipes DIR: where the release was made from")
             );
         }
         recipes.retain(|recipe| scenes.contains(&recipe.scene));
@@ -92,40 +94,45 @@ impl Rebuild {
         class: &str,
         recipes: Vec<Recipe>,
         folder: &Path,
-        common: &Common,
+        common: &CommonArgs,
         console: &Console,
-    ) -> Result<PathBuf, Problem> {
-        let common = &Common { store: folder.join("store"), ..common.clone() };
-        let chosen = &Chosen::new(By::One(open_backend(class, common)?), common.omit(), common.programs());
-        let beside = Beside::read(&self.recipes)?;
-        let store = Store::open(&common.store, Opening::from(Access::Write), &mut |_| {})?;
-        let (targets, care) = (&Targets { recipes: self.recipes.clone() }, &Care::default());
+    ) -> Result<PathBuf, VerbError> {
+        let common = &CommonArgs { store: folder.join("store"), ..common.clone() };
+        let chosen = &RendererChoice::new(
+            RendererKind::One(open_backend(class, common)?),
+            common.omit(),
+            common.programs(),
+        );
+        let beside = ReleaseContext::read(&self.recipes)?;
+        let store = Store::open(&common.store, StoreOptions::from(StoreAccess::Write), &mut |_| {})?;
+        let (targets, care) = (&RecipeTargets { recipes: self.recipes.clone() }, &TrustOptions::default());
         let plan = Plan::new(recipes, &chosen.asking(&store));
-        let building = Building { settled: 0, targets, chosen, common, care, console };
+        let building = BuildRequest { settled: 0, targets, chosen, common, care, console };
         let (plan, summary) = building.build(plan, &store)?;
         match exit_kind(&summary) {
-            Exit::Done => {}
-            Exit::Interrupted => {
-                let message = Message::new(Level::Error, "interrupted", "nothing was compared".to_owned());
-                return Err(Problem::from_message(Exit::Interrupted, message));
+            ExitKind::Done => {}
+            ExitKind::Interrupted => {
+                let message =
+                    UserMessage::new(MessageLevel::Error, "interrupted", "nothing was compared".to_owned());
+                return Err(VerbError::from_message(ExitKind::Interrupted, message));
             }
-            _ => return Err(Problem::failed("rebuild", "a scene cannot be made again".to_owned())),
+            _ => return Err(VerbError::failed("rebuild", "a scene cannot be made again".to_owned())),
         }
         let to = folder.join("release");
         let cancel = &on_interrupt()?;
         let claim =
-            TargetClaim { replace: false, guarded: &[], claim: Claim::default(), wait: false, cancel };
+            TargetClaim { replace: false, guarded: &[], claim: LockClaim::default(), wait: false, cancel };
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
         // The folder goes with its store, so that nothing can be changed through a shared file.
         ReleaseTarget::claim(&to, claim, &mut |_| {})
-            .and_then(|mut target| release::write_release(&mut target, built, Link::Hard, cancel))
-            .map_err(|e| Problem::failed("rebuild", e.to_string()))?;
+            .and_then(|mut target| release::write_release(&mut target, built, LinkMode::Hard, cancel))
+            .map_err(|e| VerbError::failed("rebuild", e.to_string()))?;
         Ok(to)
     }
 }
 
 /// So many scenes, or all: those whose ids hash lowest with the seed, so that nobody chooses them and anybody can check.
-fn draw_scenes(manifest: &Manifest, count: usize, seed: u64) -> Vec<String> {
+fn draw_scenes(manifest: &ReleaseManifest, count: usize, seed: u64) -> Vec<String> {
     let mut ids: Vec<String> = manifest.scenes.iter().map(|scene| scene.id.clone()).collect();
     ids.sort_by_key(|id| Digest::of_bytes(format!("{seed} {id}").as_bytes()));
     ids.truncate(count);
@@ -134,20 +141,20 @@ fn draw_scenes(manifest: &Manifest, count: usize, seed: u64) -> Vec<String> {
 }
 
 /// The class that a scene was rendered in; empty where nothing was.
-fn class_of(manifest: &Manifest, scene: &str) -> String {
+fn class_of(manifest: &ReleaseManifest, scene: &str) -> String {
     let steps = manifest.scenes.iter().filter(|listed| listed.id == scene).flat_map(|listed| &listed.steps);
     let mut classes = steps.filter_map(|step| step.made_of.as_ref()?.class.clone());
     classes.find(|class| class.contains('/')).unwrap_or_default()
 }
 
 /// The back end of a class, if this machine has it.
-fn open_backend(class: &str, common: &Common) -> Result<Backend, Problem> {
+fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> {
     let backend = match class {
         class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
         class if Backend::is_gpu(class) => {
-            let device = common.device(&gpu::Choice::Any);
+            let device = common.device(&gpu::DeviceChoice::Any);
             Backend::Gpu(
-                device.map_err(|e| Problem::failed("no-adapter", format!("{class} rendered it: {e}")))?,
+                device.map_err(|e| VerbError::failed("no-adapter", format!("{class} rendered it: {e}")))?,
             )
         }
         _ => Backend::Reference,
@@ -155,7 +162,7 @@ fn open_backend(class: &str, common: &Common) -> Result<Backend, Problem> {
     if backend.takes_gpu() && backend.class() != class {
         let message =
             format!("{class} rendered it, and here is {}: bytes cannot be compared", backend.class());
-        return Err(Problem::failed("no-adapter", message));
+        return Err(VerbError::failed("no-adapter", message));
     }
     Ok(backend)
 }

@@ -1,13 +1,13 @@
 //! Events in another file format.
 
 use crate::cli::console::{Console, path};
-use crate::cli::message::{Level, Message};
+use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::output::{self, write_beside};
-use crate::cli::problem::{Exit, Problem};
-use crate::event::evt::Version;
-use crate::event::file::{self, EventFile, Format, Hints, Opened};
-use crate::event::sorted::Sorted;
-use crate::event::text::TimeUnit;
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::event::evt::EvtVersion;
+use crate::event::file::{self, EventFile, EventFormat, OpenEventFile, ReadHints};
+use crate::event::sorted::SortedEvents;
+use crate::event::text::TextTimeUnit;
 use crate::event::{Event, EventFileError, EventSource as _, h5};
 use crate::files;
 use crate::image::Size;
@@ -22,42 +22,42 @@ pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .t
 
 /// Options for events.
 #[derive(Debug, clap::Args)]
-pub(super) struct Options {
+pub(super) struct EventOptions {
     /// Codec of a .raw
-    #[arg(long, value_enum, default_value_t = Codec::Evt2)]
-    codec: Codec,
+    #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
+    codec: RawCodec,
     /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
-    h5_filter: h5::Filter,
+    h5_filter: h5::ChunkFilter,
     /// Size of the sensor, where an event file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<Size>,
     /// Unit of times with a fraction in a .txt or .csv
     #[arg(long, value_enum, value_name = "UNIT")]
-    time_unit: Option<Unit>,
+    time_unit: Option<TimeUnitArg>,
 }
 
 /// The codecs of a .raw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(in crate::cli) enum Codec {
+pub(in crate::cli) enum RawCodec {
     /// Prophesee's EVT 2.0
     Evt2,
     /// Prophesee's EVT 3.0
     Evt3,
 }
 
-impl From<Codec> for Version {
-    fn from(codec: Codec) -> Self {
+impl From<RawCodec> for EvtVersion {
+    fn from(codec: RawCodec) -> Self {
         match codec {
-            Codec::Evt2 => Self::Evt2,
-            Codec::Evt3 => Self::Evt3,
+            RawCodec::Evt2 => Self::Evt2,
+            RawCodec::Evt3 => Self::Evt3,
         }
     }
 }
 
 /// Units of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Unit {
+enum TimeUnitArg {
     /// Seconds
     S,
     /// Milliseconds
@@ -68,30 +68,30 @@ enum Unit {
     Ns,
 }
 
-impl Options {
+impl EventOptions {
     /// The format that a name asks for.
-    pub(super) fn format(&self, path: &Path) -> Option<Format> {
-        Format::for_path(path, self.codec.into())
+    pub(super) fn format(&self, path: &Path) -> Option<EventFormat> {
+        EventFormat::for_path(path, self.codec.into())
     }
 
     /// Opens a file of events.
-    pub(super) fn open(&self, path: &Path, format: Format) -> Result<Opened, Problem> {
+    pub(super) fn open(&self, path: &Path, format: EventFormat) -> Result<OpenEventFile, VerbError> {
         if let Err(e) = files::open(path) {
-            return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
+            return Err(VerbError::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
         }
         file::open(path, format, self.hints()).map_err(|e| {
-            Problem::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
+            VerbError::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
         })
     }
 
-    fn hints(&self) -> Hints {
+    fn hints(&self) -> ReadHints {
         let unit = self.time_unit.map(|unit| match unit {
-            Unit::S => TimeUnit::Second,
-            Unit::Ms => TimeUnit::Millisecond,
-            Unit::Us => TimeUnit::Microsecond,
-            Unit::Ns => TimeUnit::Nanosecond,
+            TimeUnitArg::S => TextTimeUnit::Second,
+            TimeUnitArg::Ms => TextTimeUnit::Millisecond,
+            TimeUnitArg::Us => TextTimeUnit::Microsecond,
+            TimeUnitArg::Ns => TextTimeUnit::Nanosecond,
         });
-        Hints { size: self.size, unit }
+        ReadHints { size: self.size, unit }
     }
 }
 
@@ -108,16 +108,16 @@ fn parse_size(text: &str) -> Result<Size, String> {
 }
 
 /// A stream on its way from one file to another.
-pub(super) struct Conversion<'a> {
-    pub(super) from: (&'a PathBuf, Format),
-    pub(super) to: (&'a PathBuf, Format),
-    pub(super) options: &'a Options,
+pub(super) struct EventConversion<'a> {
+    pub(super) from: (&'a PathBuf, EventFormat),
+    pub(super) to: (&'a PathBuf, EventFormat),
+    pub(super) options: &'a EventOptions,
     pub(super) lossy: bool,
 }
 
 /// What was written, and what of it was lost on the way.
 #[derive(Debug, Default)]
-struct Done {
+struct ConversionSummary {
     events: u64,
     on: u64,
     untimed: u64,
@@ -126,38 +126,38 @@ struct Done {
     bytes: u64,
 }
 
-impl Conversion<'_> {
-    pub(super) fn run(&self, console: &Console) -> Result<Exit, Problem> {
+impl EventConversion<'_> {
+    pub(super) fn run(&self, console: &Console) -> Result<ExitKind, VerbError> {
         output::screen_outputs([self.to.0.as_path()], [], false)?;
         let mut opened = self.options.open(self.from.0, self.from.1)?;
         let before = self.losses_of_form(&opened);
         if !before.is_empty() && !self.lossy {
             return Err(self.refused(&before));
         }
-        let mut done = Done::default();
+        let mut done = ConversionSummary::default();
         let written = write_beside(self.to.0, |part| {
             done = self.copy(&mut opened, part)?;
             // What only the events can tell of.
-            if self.lossy || done.losses().is_empty() { Ok(()) } else { Err(Failure::Lossy) }
+            if self.lossy || done.losses().is_empty() { Ok(()) } else { Err(ConvertFailure::Lossy) }
         });
         match written {
             Ok(()) => {}
-            Err(Failure::Lossy) => return Err(self.refused(&done.losses())),
-            Err(Failure::Read(e)) => {
+            Err(ConvertFailure::Lossy) => return Err(self.refused(&done.losses())),
+            Err(ConvertFailure::Read(e)) => {
                 let what = format!("{}: failed to read events: {e}", self.from.0.display());
-                return Err(Problem::failed("input-unreadable", what));
+                return Err(VerbError::failed("input-unreadable", what));
             }
-            Err(Failure::Write(e)) => {
-                return Err(Problem::failed("not-written", format!("{}: {e}", self.to.0.display())));
+            Err(ConvertFailure::Write(e)) => {
+                return Err(VerbError::failed("not-written", format!("{}: {e}", self.to.0.display())));
             }
         }
         let losses = [before, done.losses()].concat();
         self.tell(&opened, &done, &losses, console);
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
     /// What the output's format has no place for.
-    fn losses_of_form(&self, opened: &Opened) -> Vec<String> {
+    fn losses_of_form(&self, opened: &OpenEventFile) -> Vec<String> {
         let format = self.to.1;
         let law = opened.header.law.filter(|_| !format.keeps_law());
         let size = Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.size.is_none());
@@ -168,42 +168,47 @@ impl Conversion<'_> {
         [law, size, labels].into_iter().flatten().collect()
     }
 
-    fn refused(&self, losses: &[String]) -> Problem {
+    fn refused(&self, losses: &[String]) -> VerbError {
         let what = format!("{} would lose something", self.to.0.display());
-        let message = Message::new(Level::Error, "lossy", what).help("--lossy writes it all the same");
-        Problem::from_message(Exit::Usage, losses.iter().fold(message, |m, loss| m.detail(loss.clone())))
+        let message =
+            UserMessage::new(MessageLevel::Error, "lossy", what).help("--lossy writes it all the same");
+        VerbError::from_message(
+            ExitKind::Usage,
+            losses.iter().fold(message, |m, loss| m.detail(loss.clone())),
+        )
     }
 
-    fn copy(&self, opened: &mut Opened, part: &Path) -> Result<Done, Failure> {
-        let mut sorted = Sorted::new(&mut *opened.source);
-        let (mut done, mut chunk) = (Done::default(), Vec::new());
-        let mut more = sorted.next_chunk(&mut chunk).map_err(Failure::Read)?;
+    fn copy(&self, opened: &mut OpenEventFile, part: &Path) -> Result<ConversionSummary, ConvertFailure> {
+        let mut sorted = SortedEvents::new(&mut *opened.source);
+        let (mut done, mut chunk) = (ConversionSummary::default(), Vec::new());
+        let mut more = sorted.next_chunk(&mut chunk).map_err(ConvertFailure::Read)?;
         let last = |chunk: &[Event]| chunk.last().map(|event| event.t.floor_micros());
         let mut last_us = last(&chunk).unwrap_or(opened.offset_us);
-        let h5 = h5::Options { filter: self.options.h5_filter, t_offset_us: opened.offset_us };
+        let h5 = h5::H5Options { filter: self.options.h5_filter, t_offset_us: opened.offset_us };
         // A file that says what its times count from is believed; of others the first events show whether 32 bits do.
         let h5 = match chunk.first() {
             Some(first) if h5.t_offset_us == 0 => h5.spanning(first.t.floor_micros(), last_us),
             _ => h5,
         };
-        let options = file::Options { zero_us: 0, h5 };
-        let mut sink = file::create(part, self.to.1, &opened.header, options).map_err(Failure::Write)?;
+        let options = file::WriteOptions { zero_us: 0, h5 };
+        let mut sink =
+            file::create(part, self.to.1, &opened.header, options).map_err(ConvertFailure::Write)?;
         while more {
             done.count(&chunk);
             last_us = last(&chunk).unwrap_or(last_us);
-            sink.append(&chunk).map_err(|e| Failure::Write(e.into()))?;
-            more = sorted.next_chunk(&mut chunk).map_err(Failure::Read)?;
+            sink.append(&chunk).map_err(|e| ConvertFailure::Write(e.into()))?;
+            more = sorted.next_chunk(&mut chunk).map_err(ConvertFailure::Read)?;
         }
         done.untimed = sorted.untimed();
-        let written = EventFile::finish(sink, last_us).map_err(Failure::Write)?;
+        let written = EventFile::finish(sink, last_us).map_err(ConvertFailure::Write)?;
         debug_assert_eq!(written, done.events);
-        done.bytes = std::fs::metadata(part).map_err(|e| Failure::Write(e.into()))?.len();
+        done.bytes = std::fs::metadata(part).map_err(|e| ConvertFailure::Write(e.into()))?.len();
         Ok(done)
     }
 
-    fn tell(&self, opened: &Opened, done: &Done, losses: &[String], console: &Console) {
+    fn tell(&self, opened: &OpenEventFile, done: &ConversionSummary, losses: &[String], console: &Console) {
         let (output, size) = (self.to.0, opened.header.size);
-        let Done { events, on, untimed, bytes, .. } = *done;
+        let ConversionSummary { events, on, untimed, bytes, .. } = *done;
         let amounts = [format_amount(events, "events"), format_amount(bytes, "B")];
         console.say(&format!("{}: {} of a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
         losses.iter().for_each(|loss| console.say(loss));
@@ -216,7 +221,7 @@ impl Conversion<'_> {
     }
 }
 
-impl Done {
+impl ConversionSummary {
     fn count(&mut self, events: &[Event]) {
         self.events += events.len() as u64;
         self.on += events.iter().map(|e| e.polarity as u64).sum::<u64>();
@@ -233,14 +238,14 @@ impl Done {
 }
 
 /// Why a file was not finished.
-enum Failure {
+enum ConvertFailure {
     Read(EventFileError),
     Write(EventFileError),
     /// It would lose something, which is not allowed.
     Lossy,
 }
 
-impl From<io::Error> for Failure {
+impl From<io::Error> for ConvertFailure {
     fn from(e: io::Error) -> Self {
         Self::Write(e.into())
     }

@@ -1,12 +1,12 @@
 //! Events as a picture.
 
-use super::events::Options;
+use super::events::EventOptions;
 use super::refuse_usage;
 use crate::cli::console::{Console, path};
-use crate::cli::output::{self, Output};
-use crate::cli::problem::{Exit, Problem};
-use crate::event::file::Format;
-use crate::event::picture::{Picture, rate::Rate, surface::Surface};
+use crate::cli::output::{self, OutputFile};
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::event::file::EventFormat;
+use crate::event::picture::{WindowCounts, rate::RateBars, surface::TimeSurface};
 use crate::event::{Event, EventFileError, EventSink, EventSource};
 use crate::image::{Image, Size, png};
 use crate::units::format_amount;
@@ -19,13 +19,13 @@ use std::path::Path;
 
 /// Options for pictures.
 #[derive(Debug, clap::Args)]
-pub(super) struct Asked {
+pub(super) struct PictureOptions {
     /// Kind of picture [default: frame]
     #[arg(long, value_enum, value_name = "KIND")]
-    picture: Option<Kind>,
+    picture: Option<PictureKind>,
     /// The events of a picture: those with T0 <= t < T1, in microseconds [default: all]
     #[arg(long, value_name = "T0,T1", value_parser = parse_window, allow_hyphen_values = true)]
-    window: Option<Window>,
+    window: Option<TimeWindow>,
     /// Age in microseconds at which an event of a time surface has faded to 1/e [default: a quarter of the window]
     #[arg(long, value_name = "US", value_parser = clap::value_parser!(u32).range(1..))]
     tau: Option<u32>,
@@ -33,7 +33,7 @@ pub(super) struct Asked {
 
 /// The pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Kind {
+enum PictureKind {
     /// The balance of each pixel, brighter in red, darker in blue
     Frame,
     /// How fresh the last event of each pixel is
@@ -44,25 +44,25 @@ enum Kind {
 
 /// Begin and end in microseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Window(i64, i64);
+struct TimeWindow(i64, i64);
 
 /// Reads `T0,T1`.
-fn parse_window(text: &str) -> Result<Window, String> {
+fn parse_window(text: &str) -> Result<TimeWindow, String> {
     let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     match ends {
-        Some((begin, end)) if begin < end => Ok(Window(begin, end)),
+        Some((begin, end)) if begin < end => Ok(TimeWindow(begin, end)),
         _ => Err(format!("`{text}` is not T0,T1, two whole microseconds, the later one last")),
     }
 }
 
 /// What counts the events of a picture.
-enum Canvas {
-    Frame(Picture),
-    Surface(Surface),
-    Rate(Rate),
+enum EventCanvas {
+    Frame(WindowCounts),
+    Surface(TimeSurface),
+    Rate(RateBars),
 }
 
-impl Canvas {
+impl EventCanvas {
     fn image(&self, tau_us: Option<u32>) -> Image<[u8; 3]> {
         match self {
             Self::Frame(picture) => picture.image(),
@@ -80,9 +80,9 @@ impl Canvas {
     }
 }
 
-impl Asked {
-    /// Whether a picture is what the output's name asks for; an error where it does not and options for pictures do.
-    pub(super) fn of(&self, output: &Path) -> Result<bool, Problem> {
+impl PictureOptions {
+    /// Returns true if a picture is what the output's name asks for; an error where it does not and options for pictures do.
+    pub(super) fn of(&self, output: &Path) -> Result<bool, VerbError> {
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let asked = self.picture.is_some() || self.window.is_some() || self.tau.is_some();
         if asked && !is_png {
@@ -94,26 +94,26 @@ impl Asked {
     /// Draws the events of a file.
     pub(super) fn draw(
         &self,
-        (input, format): (&Path, Format),
+        (input, format): (&Path, EventFormat),
         output: &Path,
-        options: &Options,
+        options: &EventOptions,
         console: &Console,
-    ) -> Result<Exit, Problem> {
+    ) -> Result<ExitKind, VerbError> {
         output::screen_outputs([output], [input], console.json)?;
         let mut opened = options.open(input, format)?;
         let size = opened.header.size;
-        let window_us = self.window.map_or(i64::MIN..i64::MAX, |Window(begin, end)| begin..end);
+        let window_us = self.window.map_or(i64::MIN..i64::MAX, |TimeWindow(begin, end)| begin..end);
         let mut canvas = self.canvas(size, window_us.clone()).map_err(|e| {
             let what = format!("{}: a picture of {size}: {}", output.display(), io::Error::from(e));
-            Problem::failed("not-written", what)
+            VerbError::failed("not-written", what)
         })?;
         let events = pour_events(&mut *opened.source, &window_us, canvas.sink()).map_err(|e| {
             let what = format!("{}: failed to read events: {e}", input.display());
-            Problem::failed("input-unreadable", what)
+            VerbError::failed("input-unreadable", what)
         })?;
         let image = canvas.image(self.tau);
         let fill = |out: &mut dyn io::Write| png::write_image(&image, out);
-        output::write_outputs(&[Output { path: output, fill: &fill }])?;
+        output::write_outputs(&[OutputFile { path: output, fill: &fill }])?;
         let shown = format_amount(events, "events");
         console.say(&format!("{}: {shown} of a sensor of {size}, {}", output.display(), image.size()));
         if console.json {
@@ -123,18 +123,18 @@ impl Asked {
                 "width": image.size().width, "height": image.size().height,
             }));
         }
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
-    fn kind(&self) -> Kind {
-        self.picture.unwrap_or(Kind::Frame)
+    fn kind(&self) -> PictureKind {
+        self.picture.unwrap_or(PictureKind::Frame)
     }
 
-    fn canvas(&self, size: Size, window_us: Range<i64>) -> Result<Canvas, TryReserveError> {
+    fn canvas(&self, size: Size, window_us: Range<i64>) -> Result<EventCanvas, TryReserveError> {
         Ok(match self.kind() {
-            Kind::Frame => Canvas::Frame(Picture::new(size, window_us)?),
-            Kind::Surface => Canvas::Surface(Surface::new(size, window_us)?),
-            Kind::Rate => Canvas::Rate(Rate::new(window_us)),
+            PictureKind::Frame => EventCanvas::Frame(WindowCounts::new(size, window_us)?),
+            PictureKind::Surface => EventCanvas::Surface(TimeSurface::new(size, window_us)?),
+            PictureKind::Rate => EventCanvas::Rate(RateBars::new(window_us)),
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Files that `init` writes: whole or not at all, and never over one that is there.
 
-use super::super::problem::Problem;
+use super::super::problem::VerbError;
 use crate::escape;
 use crate::files::{self, is_there};
 use crate::recipe::draft;
@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 /// The list of what was rejected, beside the recipes. It is no recipe.
 const REJECTED: &str = "rejected.tsv";
 
-fn write_failed(path: &Path) -> impl FnOnce(io::Error) -> Problem {
+fn write_failed(path: &Path) -> impl FnOnce(io::Error) -> VerbError {
     let what = format!("cannot write {}", path.display());
-    move |e| Problem::failed("output-unwritable", format!("{what}: {e}"))
+    move |e| VerbError::failed("output-unwritable", format!("{what}: {e}"))
 }
 
 /// Makes a folder and those above it.
-pub(super) fn make_folder(path: &Path) -> Result<(), Problem> {
+pub(super) fn make_folder(path: &Path) -> Result<(), VerbError> {
     fs::create_dir_all(path).map_err(write_failed(path))
 }
 
 /// Writes a file by way of one beside it, which no walk over recipes sees.
-pub(super) fn write_file(path: &Path, text: &str) -> Result<(), Problem> {
+pub(super) fn write_file(path: &Path, text: &str) -> Result<(), VerbError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = path.with_file_name(format!(".{name}.partial"));
     let write = fs::write(&partial, text).and_then(|()| fs::rename(&partial, path));
@@ -31,7 +31,7 @@ pub(super) fn write_file(path: &Path, text: &str) -> Result<(), Problem> {
 }
 
 /// The way from a recipe's folder to a place, as it is written in the recipe.
-pub(super) fn relative_path(folder: &Path, to: &Path) -> Result<PathBuf, Problem> {
+pub(super) fn relative_path(folder: &Path, to: &Path) -> Result<PathBuf, VerbError> {
     // What is not there yet lies below something that is.
     let mut there = to;
     let mut rest = PathBuf::new();
@@ -53,7 +53,7 @@ pub(super) fn rejected_in(folder: &Path) -> PathBuf {
 pub(super) fn write_rejected(
     folder: &Path,
     rejected: &[(String, PathBuf, &'static str, String)],
-) -> Result<(), Problem> {
+) -> Result<(), VerbError> {
     let path = rejected_in(folder);
     if rejected.is_empty() {
         return match fs::remove_file(&path) {

@@ -2,7 +2,7 @@
 
 use crate::escape;
 use crate::plan::Plan;
-use crate::run::estimate::Estimate;
+use crate::run::estimate::RunEstimate;
 use crate::stage::StepId;
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use std::collections::BTreeMap;
@@ -17,20 +17,20 @@ const TICK: Duration = Duration::from_millis(200);
 
 /// A bar, and a row for each running step.
 #[derive(Debug)]
-pub(super) struct Bars {
+pub(super) struct ProgressBars {
     all: MultiProgress,
     whole: ProgressBar,
     rows: BTreeMap<StepId, ProgressBar>,
-    estimate: Arc<Mutex<Estimate>>,
+    estimate: Arc<Mutex<RunEstimate>>,
     began: Instant,
 }
 
-impl Bars {
+impl ProgressBars {
     /// Bars for a plan on `cores`; `expected` gives the core-seconds that a step took before.
     pub(super) fn new(plan: &Plan, cores: usize, expected: &dyn Fn(StepId) -> Option<f64>) -> Self {
         let steps = plan.steps().iter().enumerate();
         let steps = steps.map(|(id, step)| (step.step.stage(), expected(StepId(id))));
-        let estimate = Arc::new(Mutex::new(Estimate::new(steps, cores)));
+        let estimate = Arc::new(Mutex::new(RunEstimate::new(steps, cores)));
         let (shared, began) = (estimate.clone(), Instant::now());
         let left = move |_: &ProgressState, out: &mut dyn Write| {
             let estimate = shared.lock().expect("no holder of the estimate panics");
@@ -97,7 +97,7 @@ impl Bars {
         self.change(|estimate| estimate.ended(step));
     }
 
-    fn change(&self, change: impl FnOnce(&mut Estimate)) {
+    fn change(&self, change: impl FnOnce(&mut RunEstimate)) {
         change(&mut self.estimate.lock().expect("no holder of the estimate panics"));
     }
 }

@@ -8,12 +8,12 @@ const SPAN: f64 = 1.0;
 
 /// When the last lines were shown.
 #[derive(Debug, Default)]
-pub(super) struct Pace {
+pub(super) struct LinePacing {
     shown: VecDeque<f64>,
 }
 
-impl Pace {
-    /// Whether one more line may be shown at `now`, in seconds since some moment; it then counts as shown.
+impl LinePacing {
+    /// Returns true if one more line may be shown at `now`, in seconds since some moment; it then counts as shown.
     pub(super) fn admits(&mut self, now: f64) -> bool {
         while self.shown.front().is_some_and(|then| now - then >= SPAN) {
             self.shown.pop_front();
@@ -32,7 +32,7 @@ mod tests {
 
     #[test]
     fn ten_lines_a_second_whatever_comes() {
-        let mut pace = Pace::default();
+        let mut pace = LinePacing::default();
         // 8,001 steps that end within four seconds.
         let admitted: Vec<f64> =
             (0..=8000).map(|i| f64::from(i) / 2000.0).filter(|t| pace.admits(*t)).collect();
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn slow_steps_are_all_shown() {
-        let mut pace = Pace::default();
+        let mut pace = LinePacing::default();
         assert!((0..100).all(|i| pace.admits(0.11 * f64::from(i))));
     }
 }

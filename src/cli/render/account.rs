@@ -2,8 +2,8 @@
 
 use crate::cli::console::Console;
 use crate::image::Size;
-use crate::render::Work;
-use crate::scene::Screening;
+use crate::render::RenderWork;
+use crate::scene::SceneScreening;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -12,22 +12,22 @@ use std::time::Duration;
 const MANY: f64 = 0.01;
 
 /// A rendering and all that is told of it.
-pub(super) struct Account {
+pub(super) struct RenderAccount {
     pub(super) channel: String,
     /// Class of the back end.
     pub(super) backend: String,
     /// Name of the view within its source.
     pub(super) view: String,
     pub(super) size: Size,
-    pub(super) work: Work,
-    pub(super) screening: Screening,
+    pub(super) work: RenderWork,
+    pub(super) screening: SceneScreening,
     pub(super) reading: Duration,
     pub(super) rendering: Duration,
     /// Of the command line and of the view.
     pub(super) warnings: Vec<String>,
 }
 
-impl Account {
+impl RenderAccount {
     /// Tells people.
     pub(super) fn tell(&self, console: &Console) {
         let Self { channel, backend, view, size, work, .. } = self;
@@ -61,8 +61,8 @@ impl Account {
     }
 
     fn warnings(&self) -> Vec<String> {
-        let Screening { read, non_finite, zero_quaternions } = self.screening;
-        let Work { gaussians, degenerate, affine_invalid, .. } = self.work;
+        let SceneScreening { read, non_finite, zero_quaternions } = self.screening;
+        let RenderWork { gaussians, degenerate, affine_invalid, .. } = self.work;
         let drawn = self.drawn();
         let counted = [
             (non_finite > 0).then(|| {

@@ -1,25 +1,25 @@
 //! Options that are several numbers: `1,2,3`.
 
-use crate::render::Velocity;
+use crate::render::CameraVelocity;
 use glam::DVec3;
 
 /// A colour, each channel 0..1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Colour(pub(super) [f64; 3]);
+pub(super) struct ColourArg(pub(super) [f64; 3]);
 
 /// Reads `R,G,B`.
-pub(super) fn parse_colour(text: &str) -> Result<Colour, String> {
+pub(super) fn parse_colour(text: &str) -> Result<ColourArg, String> {
     let rgb = parse_numbers(text)?;
     match rgb.iter().find(|v| !(0.0..=1.0).contains(*v)) {
         Some(bad) => Err(format!("{bad} is not from 0 to 1")),
-        None => Ok(Colour(rgb)),
+        None => Ok(ColourArg(rgb)),
     }
 }
 
 /// Reads `vx,vy,vz,wx,wy,wz`.
-pub(super) fn parse_velocity(text: &str) -> Result<Velocity, String> {
+pub(super) fn parse_velocity(text: &str) -> Result<CameraVelocity, String> {
     let [vx, vy, vz, wx, wy, wz] = parse_numbers(text)?;
-    Ok(Velocity { linear: DVec3::new(vx, vy, vz), angular: DVec3::new(wx, wy, wz) })
+    Ok(CameraVelocity { linear: DVec3::new(vx, vy, vz), angular: DVec3::new(wx, wy, wz) })
 }
 
 /// So many finite numbers.
@@ -39,8 +39,9 @@ mod tests {
 
     #[test]
     fn numbers_are_as_many_as_are_wanted() {
-        assert_eq!(parse_colour("0, .5,1"), Ok(Colour([0.0, 0.5, 1.0])));
-        let wanted = Velocity { linear: DVec3::new(-1.0, 2e3, 0.0), angular: DVec3::new(0.5, -0.0, 7.0) };
+        assert_eq!(parse_colour("0, .5,1"), Ok(ColourArg([0.0, 0.5, 1.0])));
+        let wanted =
+            CameraVelocity { linear: DVec3::new(-1.0, 2e3, 0.0), angular: DVec3::new(0.5, -0.0, 7.0) };
         assert_eq!(parse_velocity("-1,2e3,0,.5,-0,7"), Ok(wanted));
         let t = |text: &str, wanted: &str| assert_eq!(parse_colour(text).unwrap_err(), wanted, "{text}");
         t("", "`` is no finite number");

@@ -1,15 +1,15 @@
 //! The channels that can be asked for, and the files that each can be written to.
 
-use crate::cli::problem::Problem;
+use crate::cli::problem::VerbError;
 use crate::image::{Image, npy, png, to_byte};
-use crate::render::{Channels, Rendered};
+use crate::render::{ChannelSet, RenderedImages};
 use clap::ValueEnum;
 use std::io::{self, Write};
 use std::path::Path;
 
 /// What is rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum Channel {
+pub(super) enum ChannelArg {
     /// Colour as the scene was trained, nominally 0..1
     Rgb,
     /// Accumulated opacity
@@ -26,15 +26,15 @@ pub(super) enum Channel {
     Flow,
 }
 
-impl Channel {
+impl ChannelArg {
     /// As it is written on the command line.
     pub(super) fn name(self) -> String {
         self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
     /// What the renderer is asked for.
-    pub(super) fn wanted(self) -> Channels {
-        Channels {
+    pub(super) fn wanted(self) -> ChannelSet {
+        ChannelSet {
             rgb: self == Self::Rgb,
             alpha: self == Self::Alpha,
             luminance: self == Self::Luminance,
@@ -45,12 +45,12 @@ impl Channel {
         }
     }
 
-    /// Whether it is of a camera that moves.
+    /// Returns true if it is of a camera that moves.
     pub(super) fn moves(self) -> bool {
         matches!(self, Self::LuminanceRate | Self::Flow)
     }
 
-    /// Whether it is on the scale 0..1 that bytes are made of.
+    /// Returns true if it is on the scale 0..1 that bytes are made of.
     fn fits_bytes(self) -> bool {
         matches!(self, Self::Rgb | Self::Alpha | Self::Luminance | Self::Doubtful)
     }
@@ -58,16 +58,16 @@ impl Channel {
 
 /// The kind of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Format {
+pub(super) enum PictureFormat {
     /// 32-bit numbers as they are.
     Npy,
     /// 8 bits a channel.
     Png,
 }
 
-impl Format {
+impl PictureFormat {
     /// What a channel is written as to `path`, by its extension; stdout gets numbers.
-    pub(super) fn for_path(path: &Path, channel: Channel) -> Result<Self, Problem> {
+    pub(super) fn for_path(path: &Path, channel: ChannelArg) -> Result<Self, VerbError> {
         let is = |wanted: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted));
         let shown = path.display();
         if is("npy") || path.as_os_str() == "-" {
@@ -77,11 +77,11 @@ impl Format {
             let what = format!("{shown} is neither .npy nor .png");
             let help =
                 "--out: a .npy (32-bit numbers as they are), a .png (8 bits), or `-` for a .npy to stdout";
-            return Err(Problem::usage("output-format", what).help(help));
+            return Err(VerbError::usage("output-format", what).help(help));
         }
         if !channel.fits_bytes() {
             let what = format!("{shown} has 8 bits, and {} is not on a scale from 0 to 1", channel.name());
-            return Err(Problem::usage("output-format", what).help("write it to a .npy"));
+            return Err(VerbError::usage("output-format", what).help("write it to a .npy"));
         }
         Ok(Self::Png)
     }
@@ -89,7 +89,7 @@ impl Format {
 
 /// The image of one channel.
 #[derive(Debug)]
-pub(super) enum Picture {
+pub(super) enum ChannelImage {
     /// Red, green and blue.
     Colour(Image<[f32; 3]>),
     /// One number a pixel.
@@ -98,32 +98,32 @@ pub(super) enum Picture {
     Vectors(Image<[f32; 2]>),
 }
 
-impl Picture {
+impl ChannelImage {
     /// The image that was rendered for `channel`, if it was.
-    pub(super) fn from_rendered(channel: Channel, rendered: Rendered) -> Option<Self> {
+    pub(super) fn from_rendered(channel: ChannelArg, rendered: RenderedImages) -> Option<Self> {
         match channel {
-            Channel::Rgb => rendered.rgb.map(Self::Colour),
-            Channel::Alpha => rendered.alpha.map(Self::Plane),
-            Channel::Luminance => rendered.luminance.map(Self::Plane),
-            Channel::LuminanceRate => rendered.luminance_rate.map(Self::Plane),
-            Channel::Doubtful => rendered.doubtful.map(Self::Plane),
-            Channel::Depth => rendered.depth.map(Self::Plane),
-            Channel::Flow => rendered.flow.map(Self::Vectors),
+            ChannelArg::Rgb => rendered.rgb.map(Self::Colour),
+            ChannelArg::Alpha => rendered.alpha.map(Self::Plane),
+            ChannelArg::Luminance => rendered.luminance.map(Self::Plane),
+            ChannelArg::LuminanceRate => rendered.luminance_rate.map(Self::Plane),
+            ChannelArg::Doubtful => rendered.doubtful.map(Self::Plane),
+            ChannelArg::Depth => rendered.depth.map(Self::Plane),
+            ChannelArg::Flow => rendered.flow.map(Self::Vectors),
         }
     }
 
     /// Writes it.
-    pub(super) fn write(&self, format: Format, out: &mut dyn Write) -> io::Result<()> {
+    pub(super) fn write(&self, format: PictureFormat, out: &mut dyn Write) -> io::Result<()> {
         match (self, format) {
-            (Self::Colour(image), Format::Npy) => npy::write_image(image, out),
-            (Self::Plane(image), Format::Npy) => npy::write_image(image, out),
-            (Self::Vectors(image), Format::Npy) => npy::write_image(image, out),
-            (Self::Colour(image), Format::Png) => png::write_image(&png::to_bytes(image), out),
-            (Self::Plane(image), Format::Png) => {
+            (Self::Colour(image), PictureFormat::Npy) => npy::write_image(image, out),
+            (Self::Plane(image), PictureFormat::Npy) => npy::write_image(image, out),
+            (Self::Vectors(image), PictureFormat::Npy) => npy::write_image(image, out),
+            (Self::Colour(image), PictureFormat::Png) => png::write_image(&png::to_bytes(image), out),
+            (Self::Plane(image), PictureFormat::Png) => {
                 let grey = image.pixels().iter().copied().map(to_byte).collect();
                 png::write_image(&Image::from_vec(image.size(), grey), out)
             }
-            (Self::Vectors(_), Format::Png) => {
+            (Self::Vectors(_), PictureFormat::Png) => {
                 Err(io::Error::new(io::ErrorKind::Unsupported, "a .png has no vectors"))
             }
         }

@@ -1,30 +1,30 @@
 //! What is told of a simulation that is done.
 
-use super::Simulate;
-use super::sequence::Sequence;
+use super::SimulateArgs;
+use super::sequence::StampedFrames;
 use crate::cli::console::{Console, path};
 use crate::cli::output::unwritable_file;
-use crate::cli::problem::Problem;
+use crate::cli::problem::VerbError;
 use crate::frames::array::FullScale;
-use crate::sensor::screening::Screening;
-use crate::sensor::{Account, Sensor};
+use crate::sensor::screening::SensorScreening;
+use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::units::format_amount;
 use serde_json::{Value, json};
 
 /// A simulation and all that is told of it.
-pub(super) struct Report<'a> {
-    pub(super) asked: &'a Simulate,
-    pub(super) sensor: &'a Sensor,
-    pub(super) screening: Screening,
-    pub(super) sequence: &'a Sequence,
-    pub(super) account: Account,
+pub(super) struct SimulateReport<'a> {
+    pub(super) asked: &'a SimulateArgs,
+    pub(super) sensor: &'a SensorChoice,
+    pub(super) screening: SensorScreening,
+    pub(super) sequence: &'a StampedFrames,
+    pub(super) account: SimulationAccount,
 }
 
-impl Report<'_> {
-    pub(super) fn tell(&self, console: &Console) -> Result<(), Problem> {
+impl SimulateReport<'_> {
+    pub(super) fn tell(&self, console: &Console) -> Result<(), VerbError> {
         let out = &self.asked.out;
         let bytes = std::fs::metadata(out).map_err(|e| unwritable_file(out, e))?.len();
-        let Account { events, on, active_pixels, .. } = self.account;
+        let SimulationAccount { events, on, active_pixels, .. } = self.account;
         let (size, seconds) = (self.sequence.frames.size(), self.seconds());
         let frames = self.sequence.stamps_us.len();
         console.say(&format!(
@@ -49,8 +49,14 @@ impl Report<'_> {
 
     /// What does not happen in a usual run.
     fn oddities(&self) -> Vec<String> {
-        let Account { capped, negative_luminance, same_us_same_pixel, drift_violations, drift_worst, .. } =
-            self.account;
+        let SimulationAccount {
+            capped,
+            negative_luminance,
+            same_us_same_pixel,
+            drift_violations,
+            drift_worst,
+            ..
+        } = self.account;
         let told = [
             (capped, "events beyond the cap of their pixel and frame were left out".to_owned()),
             (negative_luminance, "luminance values below zero were set to zero".to_owned()),

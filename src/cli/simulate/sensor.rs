@@ -1,20 +1,20 @@
 //! Which sensor: a preset or a file, and what the command line says otherwise.
 
-use super::Simulate;
-use crate::cli::problem::Problem;
+use super::SimulateArgs;
+use crate::cli::problem::VerbError;
 use crate::files::is_there;
 use crate::recipe::read_sensor;
-use crate::sensor::Sensor;
-use crate::sensor::front_end::{Luminance, Range};
-use crate::sensor::voltmeter::{Between, Preset, Voltmeter};
+use crate::sensor::SensorChoice;
+use crate::sensor::front_end::{GreyRange, LuminanceWeights};
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use serde::Serialize;
 use std::path::Path;
 
 /// The sensor that is asked for.
-pub(super) fn choose_sensor(asked: &Simulate) -> Result<Sensor, Problem> {
+pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
     let mut sensor = sensor_from(&asked.sensor)?;
     match &mut sensor {
-        Sensor::Voltmeter(found) => {
+        SensorChoice::Voltmeter(found) => {
             found.law = asked.law.unwrap_or(found.law);
             found.gain = asked.gain.unwrap_or(found.gain);
             found.between = asked.between.unwrap_or(found.between);
@@ -22,11 +22,11 @@ pub(super) fn choose_sensor(asked: &Simulate) -> Result<Sensor, Problem> {
             found.allow_cap |= asked.allow_cap;
             found.labels |= asked.labels;
         }
-        Sensor::Esim(found) => {
+        SensorChoice::Esim(found) => {
             found.allow_cap |= asked.allow_cap;
             found.labels |= asked.labels;
         }
-        Sensor::V2e(found) => {
+        SensorChoice::V2e(found) => {
             found.allow_cap |= asked.allow_cap;
             found.labels |= asked.labels;
         }
@@ -34,48 +34,49 @@ pub(super) fn choose_sensor(asked: &Simulate) -> Result<Sensor, Problem> {
     let of_voltmeter = [
         ("--law", asked.law.is_some()),
         ("--gain", asked.gain.is_some()),
-        ("--between", asked.between.is_some_and(|between| between != Between::Linear)),
+        ("--between", asked.between.is_some_and(|between| between != BetweenFrames::Linear)),
         ("--initial", asked.initial.is_some()),
     ];
     match of_voltmeter.into_iter().find(|(_, given)| *given) {
-        Some((option, _)) if !matches!(sensor, Sensor::Voltmeter(_)) => {
+        Some((option, _)) if !matches!(sensor, SensorChoice::Voltmeter(_)) => {
             let what = format!("{option} is of the sensor voltmeter, and this is {}", sensor.name());
-            Err(Problem::usage("sensor", what).help("leave it out"))
+            Err(VerbError::usage("sensor", what).help("leave it out"))
         }
         _ => with_front_end(sensor, asked),
     }
 }
 
 /// The sensor behind what is asked for of its front end.
-fn with_front_end(mut sensor: Sensor, asked: &Simulate) -> Result<Sensor, Problem> {
+fn with_front_end(mut sensor: SensorChoice, asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
     let front_end = match &mut sensor {
-        Sensor::Voltmeter(found) => &mut found.front_end,
-        Sensor::Esim(found) => &mut found.front_end,
-        Sensor::V2e(found) => &mut found.front_end,
+        SensorChoice::Voltmeter(found) => &mut found.front_end,
+        SensorChoice::Esim(found) => &mut found.front_end,
+        SensorChoice::V2e(found) => &mut found.front_end,
     };
     front_end.luminance = asked.luminance.unwrap_or(front_end.luminance);
     front_end.decode = asked.decode.unwrap_or(front_end.decode);
     front_end.exposure = asked.exposure.unwrap_or(front_end.exposure);
     front_end.range = asked.range.unwrap_or(front_end.range);
-    front_end.validate().map_err(|error| Problem::usage("sensor", error.to_string()))?;
+    front_end.validate().map_err(|error| VerbError::usage("sensor", error.to_string()))?;
     Ok(sensor)
 }
 
 /// Reads the weights of colours, by name or as three numbers.
-pub(super) fn luminance(text: &str) -> Result<Luminance, String> {
+pub(super) fn luminance(text: &str) -> Result<LuminanceWeights, String> {
     if !text.contains(',') {
-        let named = super::parse_word(text).ok().filter(|named| !matches!(named, Luminance::Weights(_)));
+        let named =
+            super::parse_word(text).ok().filter(|named| !matches!(named, LuminanceWeights::Weights(_)));
         return named.ok_or_else(|| format!("`{text}` is not rec601, rec709, or R,G,B, as 0.25,0.5,0.25"));
     }
     let weights = parse_numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B, three numbers"))?;
-    Luminance::from_weights(weights).map_err(|error| error.to_string())
+    LuminanceWeights::from_weights(weights).map_err(|error| error.to_string())
 }
 
 /// Reads the ends of a range, the upper of which may be `inf`.
-pub(super) fn parse_range(text: &str) -> Result<Range, String> {
+pub(super) fn parse_range(text: &str) -> Result<GreyRange, String> {
     let [min, max] =
         parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
-    Ok(Range { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
+    Ok(GreyRange { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
 }
 
 fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
@@ -83,32 +84,32 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     numbers?.try_into().ok()
 }
 
-fn sensor_from(name: &str) -> Result<Sensor, Problem> {
+fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
     let path = Path::new(name);
-    if let Some(preset) = Preset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
-        return Ok(Sensor::Voltmeter(Voltmeter::new(preset.k())));
+    if let Some(preset) = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
+        return Ok(SensorChoice::Voltmeter(VoltmeterModel::new(preset.k())));
     }
     if is_there(path) {
         return Ok(read_sensor(path)?);
     }
-    let names = Preset::ALL.map(Preset::name).join(", ");
-    Err(Problem::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
+    let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name).join(", ");
+    Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
 }
 
 /// Cubics with given slopes need them.
-pub(super) fn check_rates(sensor: &Sensor, given: bool, coloured: bool) -> Result<(), Problem> {
+pub(super) fn check_rates(sensor: &SensorChoice, given: bool, coloured: bool) -> Result<(), VerbError> {
     let between = sensor.between();
-    if between == Between::Hermite && coloured && sensor.as_model().front_end().needs_colour() {
+    if between == BetweenFrames::Hermite && coloured && sensor.as_model().front_end().needs_colour() {
         let what = "hermite goes by rates of change of the luminance rec601, not decoded".to_owned();
-        return Err(Problem::usage("rates-other", what).help("grey frames, as a .npy, have one luminance"));
+        return Err(VerbError::usage("rates-other", what).help("grey frames, as a .npy, have one luminance"));
     }
-    if between == Between::Hermite && !given {
+    if between == BetweenFrames::Hermite && !given {
         let what = "hermite goes by the luminance's change per second, and none is given".to_owned();
-        return Err(Problem::usage("rates-missing", what).help("--rates: a .npy of float32, one a pixel"));
+        return Err(VerbError::usage("rates-missing", what).help("--rates: a .npy of float32, one a pixel"));
     }
-    if between != Between::Hermite && given {
+    if between != BetweenFrames::Hermite && given {
         let what = format!("--rates is for hermite, and between the frames it is {}", recipe_name(&between));
-        return Err(Problem::usage("rates-unused", what).help("--between hermite with it, or leave it out"));
+        return Err(VerbError::usage("rates-unused", what).help("--between hermite with it, or leave it out"));
     }
     Ok(())
 }

@@ -1,14 +1,14 @@
 //! The frames that are asked for, at their stamps.
 
-use super::Simulate;
+use super::SimulateArgs;
 use crate::cli::input;
-use crate::cli::message::{Level, Message};
-use crate::cli::problem::{Exit, Problem};
+use crate::cli::message::{MessageLevel, UserMessage};
+use crate::cli::problem::{ExitKind, VerbError};
 use crate::files::is_there;
-use crate::frames::Frames;
+use crate::frames::FrameSequence;
 use crate::frames::array::FullScale;
-use crate::frames::folder::{FolderError, FolderFrames, INFO, Listing};
-use crate::frames::npy::{self, Kind, NpyError, NpyFrames, RatedFrames, Stack};
+use crate::frames::folder::{FolderError, FolderFrames, FolderListing, INFO};
+use crate::frames::npy::{self, FrameStack, NpyError, NpyFrames, RatedFrames, SampleKind};
 use crate::frames::stamps::relative_stamps;
 use crate::units::{Hertz, Ratio, format_amount};
 use std::io;
@@ -25,13 +25,13 @@ const HELD_NS: f64 = 1_048_576.0;
 
 /// Where frames lie on a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Origin(pub(super) [u16; 2]);
+pub(super) struct SensorOrigin(pub(super) [u16; 2]);
 
 /// Reads `X,Y`.
-pub(super) fn parse_origin(text: &str) -> Result<Origin, String> {
+pub(super) fn parse_origin(text: &str) -> Result<SensorOrigin, String> {
     let sides =
         text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
-    sides.map(Origin).ok_or_else(|| format!("`{text}` is not X,Y, two of 0 to 65535, as 40,12"))
+    sides.map(SensorOrigin).ok_or_else(|| format!("`{text}` is not X,Y, two of 0 to 65535, as 40,12"))
 }
 
 /// Reads `1` or `255`.
@@ -53,38 +53,38 @@ pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
 }
 
 /// Frames at their stamps.
-pub(super) struct Sequence {
-    pub(super) frames: Box<dyn Frames>,
+pub(super) struct StampedFrames {
+    pub(super) frames: Box<dyn FrameSequence>,
     /// In microseconds, strictly increasing, at least two.
     pub(super) stamps_us: Vec<i64>,
     /// What white is.
     pub(super) full_scale: FullScale,
-    /// Whether that was decided by the frames.
+    /// True if that was decided by the frames.
     pub(super) decided: bool,
-    /// Whether frames may have colours.
+    /// True if frames may have colours.
     pub(super) may_be_coloured: bool,
     /// What people should know.
     pub(super) told: Vec<String>,
 }
 
 /// Frames, and the stamps that came with them.
-enum Source {
-    Stack(Stack),
-    Images(Listing),
+enum FrameSource {
+    Stack(FrameStack),
+    Images(FolderListing),
 }
 
-impl Sequence {
+impl StampedFrames {
     /// Opens everything that is named.
-    pub(super) fn open_inputs(asked: &Simulate) -> Result<Self, Problem> {
+    pub(super) fn open_inputs(asked: &SimulateArgs) -> Result<Self, VerbError> {
         let source = open_frames(&asked.frames)?;
         let stamps_us = find_stamps(asked, &source)?;
         if stamps_us.len() < 2 {
             let what =
                 format!("{} holds {} frames, wanted at least 2", asked.frames.display(), stamps_us.len());
-            return Err(Problem::usage("frames", what));
+            return Err(VerbError::usage("frames", what));
         }
         let mut told = Vec::new();
-        let floats = matches!(&source, Source::Stack(stack) if stack.kind() == Kind::Floats);
+        let floats = matches!(&source, FrameSource::Stack(stack) if stack.kind() == SampleKind::Floats);
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
             None if floats => decide_scale(&asked.frames, &mut told)?,
@@ -97,19 +97,19 @@ impl Sequence {
                     .to_owned(),
             );
         }
-        let may_be_coloured = matches!(source, Source::Images(_));
-        let frames: Box<dyn Frames> = match source {
-            Source::Stack(stack) => {
+        let may_be_coloured = matches!(source, FrameSource::Images(_));
+        let frames: Box<dyn FrameSequence> = match source {
+            FrameSource::Stack(stack) => {
                 Box::new(NpyFrames::new(stack, full_scale, &stamps_us).map_err(|e| mismatched_frames(&e))?)
             }
-            Source::Images(listing) => {
+            FrameSource::Images(listing) => {
                 Box::new(FolderFrames::new(listing.images, &stamps_us).map_err(|e| wrong_folder(&e))?)
             }
         };
         let frames = match &asked.rates {
             None => frames,
             Some(path) => {
-                let rates = Stack::open(path).map_err(|e| unreadable_array("rates", &e, path))?;
+                let rates = FrameStack::open(path).map_err(|e| unreadable_array("rates", &e, path))?;
                 Box::new(RatedFrames::new(frames, rates, full_scale).map_err(|e| mismatched_frames(&e))?)
             }
         };
@@ -143,51 +143,51 @@ impl Sequence {
     }
 }
 
-fn open_frames(path: &Path) -> Result<Source, Problem> {
+fn open_frames(path: &Path) -> Result<FrameSource, VerbError> {
     if path.is_dir() {
-        return Listing::list_folder(path).map(Source::Images).map_err(|e| wrong_folder(&e));
+        return FolderListing::list_folder(path).map(FrameSource::Images).map_err(|e| wrong_folder(&e));
     }
     let is_npy = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
     if is_there(path) && !is_npy {
         let what = format!("{} is neither a .npy nor a folder of images", path.display());
-        return Err(Problem::usage("format", what));
+        return Err(VerbError::usage("format", what));
     }
-    Stack::open(path).map(Source::Stack).map_err(|e| unreadable_array("frames", &e, path))
+    FrameStack::open(path).map(FrameSource::Stack).map_err(|e| unreadable_array("frames", &e, path))
 }
 
-fn find_stamps(asked: &Simulate, source: &Source) -> Result<Vec<i64>, Problem> {
+fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, VerbError> {
     let count = match source {
-        Source::Stack(stack) => stack.frames(),
-        Source::Images(listing) => listing.images.len(),
+        FrameSource::Stack(stack) => stack.frames(),
+        FrameSource::Images(listing) => listing.images.len(),
     };
     let own = match source {
-        Source::Images(listing) => listing.stamps_us.as_ref(),
-        Source::Stack(_) => None,
+        FrameSource::Images(listing) => listing.stamps_us.as_ref(),
+        FrameSource::Stack(_) => None,
     };
     match (own, &asked.stamps, asked.fps) {
         (Some(own), None, None) => Ok(own.clone()),
         (Some(_), _, _) => {
             let what = format!("the stamps of {} are in its {INFO}", asked.frames.display());
-            Err(Problem::usage("stamps", what).help("leave --stamps and --fps out"))
+            Err(VerbError::usage("stamps", what).help("leave --stamps and --fps out"))
         }
         (None, Some(path), _) => {
             let stamps = npy::read_stamps(path).map_err(|e| unreadable_array("stamps", &e, path))?;
             // Told with their file, before anything is made of them.
             relative_stamps(&stamps)
-                .map_err(|e| Problem::usage("stamps", format!("{}: {e}", path.display())))?;
+                .map_err(|e| VerbError::usage("stamps", format!("{}: {e}", path.display())))?;
             Ok(stamps)
         }
         (None, None, Some(rate)) => Ok((0..count as u64).map(|index| rate.stamp_us(index)).collect()),
         (None, None, None) => {
             let what = format!("when the frames of {} were taken is not said", asked.frames.display());
             let help = "--stamps: a .npy of int64 microseconds, or --fps";
-            Err(Problem::usage("stamps", what).help(help))
+            Err(VerbError::usage("stamps", what).help(help))
         }
     }
 }
 
 /// The full scale of floats, by the brightest of the first two frames.
-fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, Problem> {
+fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbError> {
     let brightest = npy::brightest_sample(path).map_err(|e| unreadable_array("frames", &e, path))?;
     let (full_scale, name) = if brightest > LEAST_OF_255 {
         (FullScale::Grey255, 255)
@@ -195,14 +195,14 @@ fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, Proble
         (FullScale::One, 1)
     } else {
         let what = format!("white is 1 or 255, and the brightest of the first two frames is {brightest}");
-        return Err(Problem::usage("full-scale", what).help("--full-scale 1 or --full-scale 255"));
+        return Err(VerbError::usage("full-scale", what).help("--full-scale 1 or --full-scale 255"));
     };
     told.push(format!("full scale: {name}, since the brightest of the first two frames is {brightest}"));
     Ok(full_scale)
 }
 
 /// A file that is not there, or cannot be read as what it should be.
-fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> Problem {
+fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> VerbError {
     match error {
         NpyError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
             input::missing_file(what, path)
@@ -212,14 +212,14 @@ fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> Problem {
 }
 
 /// Frames that do not go with what else is given: nothing ran.
-fn mismatched_frames(error: &NpyError) -> Problem {
-    Problem::usage("frames", error.to_string())
+fn mismatched_frames(error: &NpyError) -> VerbError {
+    VerbError::usage("frames", error.to_string())
 }
 
-fn wrong_folder(error: &FolderError) -> Problem {
-    let message = Message::new(Level::Error, "frames", error.to_string());
-    Problem::from_message(
-        if matches!(error, FolderError::Io { .. }) { Exit::Failed } else { Exit::Usage },
+fn wrong_folder(error: &FolderError) -> VerbError {
+    let message = UserMessage::new(MessageLevel::Error, "frames", error.to_string());
+    VerbError::from_message(
+        if matches!(error, FolderError::Io { .. }) { ExitKind::Failed } else { ExitKind::Usage },
         message,
     )
 }

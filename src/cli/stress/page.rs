@@ -1,12 +1,12 @@
 //! The table as a page of the documentation.
 
-use super::{Row, Verdict, summary_line};
+use super::{CaseVerdict, StressRow, summary_line};
 use crate::cli::machine;
-use crate::study::stress::Area;
+use crate::study::stress::StressArea;
 use std::io::{self, Write};
 
 /// Writes the page.
-pub(super) fn write_page(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
+pub(super) fn write_page(rows: &[StressRow], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "# Numerics at their extremes\n")?;
     writeln!(
         out,
@@ -22,8 +22,8 @@ pub(super) fn write_page(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
         machine::available_cores()
     )?;
     writeln!(out, "{}.", summary_line(rows))?;
-    for area in Area::ALL {
-        let rows: Vec<&Row> = rows.iter().filter(|row| row.area == area).collect();
+    for area in StressArea::ALL {
+        let rows: Vec<&StressRow> = rows.iter().filter(|row| row.area == area).collect();
         if rows.is_empty() {
             continue;
         }
@@ -35,7 +35,7 @@ pub(super) fn write_page(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-fn write_row(row: &Row, out: &mut dyn Write) -> io::Result<()> {
+fn write_row(row: &StressRow, out: &mut dyn Write) -> io::Result<()> {
     let by = row.backend.map(|backend| format!(", {backend}")).unwrap_or_default();
     let (case, regime, unit) = (row.case, escape_cell(row.regime), row.unit);
     let found = match &row.outcome {
@@ -44,7 +44,7 @@ fn write_row(row: &Row, out: &mut dyn Write) -> io::Result<()> {
         }
         Ok(found) => found,
     };
-    let within = if row.verdict() == Verdict::Pass { "yes" } else { "**no**" };
+    let within = if row.verdict() == CaseVerdict::Pass { "yes" } else { "**no**" };
     let (error, limit) = (two_digits(found.worst.error), two_digits(found.worst.limit));
     writeln!(out, "| {case}{by} | {regime} | {error} | {limit} | {unit} | {within} | {:.2} s |", row.seconds)
 }

@@ -2,30 +2,30 @@
 
 use super::interrupted_problem;
 use super::not_rendered;
-use crate::cli::problem::Problem;
+use crate::cli::problem::VerbError;
 use crate::files;
 use crate::image::{Image, luminance};
-use crate::render::{Channels, Rendered, Renderer, View, Work};
-use crate::study::work_precision::{Cost, Spent};
+use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
+use crate::study::work_precision::{FrameCost, TimeSpent};
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
 /// What this process has spent so far.
-pub(super) fn process_time() -> Spent {
+pub(super) fn process_time() -> TimeSpent {
     let seconds = |at: Timespec| at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9;
     let [core_s, wall_s] = [ClockId::ProcessCPUTime, ClockId::Monotonic].map(|id| seconds(clock_gettime(id)));
-    Spent { core_s, wall_s }
+    TimeSpent { core_s, wall_s }
 }
 
 /// What a kind of frames costs, and the luminance of those that were kept.
-pub(super) type Measured = (Cost, Vec<Image<f32>>);
+pub(super) type Measured = (FrameCost, Vec<Image<f32>>);
 
 /// What is rendered of each view.
-pub(super) struct Sampling<'a> {
+pub(super) struct CostSampling<'a> {
     /// The kinds of frames whose costs are held against each other.
-    pub(super) kinds: &'a [Channels],
+    pub(super) kinds: &'a [ChannelSet],
     /// Pictures to keep of each kind, evenly spread.
     pub(super) keep: usize,
     /// Times that each view is rendered again for its time alone: what disturbs one of them, and what the first pays for
@@ -38,13 +38,13 @@ pub(super) struct Sampling<'a> {
 /// Rounds are interleaved, kind by kind, so that a machine that is busy for a while slows all of them and not one.
 pub(super) fn measure_views(
     renderer: &mut dyn Renderer,
-    views: &[View],
-    sampling: &Sampling<'_>,
+    views: &[CameraView],
+    sampling: &CostSampling<'_>,
     tap: &dyn Fn() -> ControlFlow<()>,
-) -> Result<Vec<Measured>, Problem> {
-    let mut kinds: Vec<Kind> = Vec::new();
+) -> Result<Vec<Measured>, VerbError> {
+    let mut kinds: Vec<CostKind> = Vec::new();
     for want in sampling.kinds {
-        kinds.push(Kind::render_once(renderer, views, (*want, sampling.keep), tap)?);
+        kinds.push(CostKind::render_once(renderer, views, (*want, sampling.keep), tap)?);
     }
     for _ in 0..sampling.rounds {
         kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, tap))?;
@@ -53,26 +53,26 @@ pub(super) fn measure_views(
 }
 
 /// One kind of frames.
-struct Kind {
-    want: Channels,
-    rendered: Rendered,
+struct CostKind {
+    want: ChannelSet,
+    rendered: RenderedImages,
     /// Of each view.
-    least: Vec<Spent>,
+    least: Vec<TimeSpent>,
     /// Pairs in all.
     blended: u64,
     peak_mb: Option<f64>,
     kept: Vec<Image<f32>>,
 }
 
-impl Kind {
+impl CostKind {
     /// All views once.
     fn render_once(
         renderer: &mut dyn Renderer,
-        views: &[View],
-        (want, keep): (Channels, usize),
+        views: &[CameraView],
+        (want, keep): (ChannelSet, usize),
         tap: &dyn Fn() -> ControlFlow<()>,
-    ) -> Result<Self, Problem> {
-        let (rendered, least, kept) = (Rendered::default(), Vec::new(), Vec::new());
+    ) -> Result<Self, VerbError> {
+        let (rendered, least, kept) = (RenderedImages::default(), Vec::new(), Vec::new());
         let mut kind = Self { want, rendered, least, blended: 0, peak_mb: None, kept };
         forget_peak();
         for (number, view) in views.iter().enumerate() {
@@ -90,9 +90,9 @@ impl Kind {
     fn again(
         &mut self,
         renderer: &mut dyn Renderer,
-        views: &[View],
+        views: &[CameraView],
         tap: &dyn Fn() -> ControlFlow<()>,
-    ) -> Result<(), Problem> {
+    ) -> Result<(), VerbError> {
         for (number, view) in views.iter().enumerate() {
             let (took, _) = self.render(renderer, view, tap)?;
             if took.core_s < self.least[number].core_s {
@@ -105,9 +105,9 @@ impl Kind {
     fn render(
         &mut self,
         renderer: &mut dyn Renderer,
-        view: &View,
+        view: &CameraView,
         tap: &dyn Fn() -> ControlFlow<()>,
-    ) -> Result<(Spent, Work), Problem> {
+    ) -> Result<(TimeSpent, RenderWork), VerbError> {
         let before = process_time();
         renderer.expect(view, self.want);
         let work = renderer.render(view, self.want, &mut self.rendered).map_err(|e| not_rendered(&e))?;
@@ -115,12 +115,12 @@ impl Kind {
         if tap().is_break() { Err(interrupted_problem()) } else { Ok((took, work)) }
     }
 
-    fn cost(&self) -> Cost {
+    fn cost(&self) -> FrameCost {
         let sample = self.least.len();
         let each = 1.0 / sample.max(1) as f64;
-        let mut total = Spent::default();
+        let mut total = TimeSpent::default();
         self.least.iter().for_each(|least| total += *least);
-        Cost { frame: total * each, pairs: self.blended as f64 * each, peak_mb: self.peak_mb, sample }
+        FrameCost { frame: total * each, pairs: self.blended as f64 * each, peak_mb: self.peak_mb, sample }
     }
 }
 
@@ -130,7 +130,7 @@ pub(super) fn kept_at(views: usize, keep: usize) -> impl Iterator<Item = usize> 
     (0..keep).map(move |k| (2 * k + 1) * views / (2 * keep))
 }
 
-fn luminance_of(rendered: &Rendered) -> Image<f32> {
+fn luminance_of(rendered: &RenderedImages) -> Image<f32> {
     match (&rendered.luminance, &rendered.rgb) {
         (Some(image), _) => image.clone(),
         (None, Some(rgb)) => {

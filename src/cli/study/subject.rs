@@ -1,73 +1,77 @@
 //! What a study is of: a recipe's scene and one of its trajectories, as the store has them.
 
-use crate::artifact::{Artifact, Files, Motion};
+use crate::artifact::{Artifact, ArtifactFiles, TrajectoryProduct};
 use crate::camera::{self, Camera};
-use crate::cli::Common;
+use crate::cli::CommonArgs;
 use crate::cli::build::store_options;
-use crate::cli::problem::Problem;
+use crate::cli::problem::VerbError;
 use crate::plan::Plan;
-use crate::plan::assess::{Assessment, assess_plan};
+use crate::plan::assess::{StepAssessment, assess_plan};
 use crate::recipe::{self, Recipe};
 use crate::scene::Gaussians;
-use crate::sensor::voltmeter::Voltmeter;
-use crate::sensor::{Sensor, Sensors};
+use crate::sensor::voltmeter::VoltmeterModel;
+use crate::sensor::{SensorChoice, SensorSet};
 use crate::source::Capture;
-use crate::store::{Access, Store};
+use crate::store::{Store, StoreAccess};
 use std::path::Path;
 use std::sync::Arc;
 
 /// The one recipe of a file or folder.
-pub(super) fn single_recipe(path: &Path) -> Result<Recipe, Problem> {
+pub(super) fn single_recipe(path: &Path) -> Result<Recipe, VerbError> {
     let mut recipes = recipe::read_all(std::slice::from_ref(&path.to_owned()))?;
     match (recipes.pop(), recipes.len()) {
         (Some(recipe), 0) => Ok(recipe),
         (_, others) => {
             let what = format!("{} holds {} recipes, wanted one", path.display(), others + 1);
-            Err(Problem::usage("recipe", what).help("name the one that is meant"))
+            Err(VerbError::usage("recipe", what).help("name the one that is meant"))
         }
     }
 }
 
 /// The name of the trajectory that is meant: the first, where none is named.
-pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<String, Problem> {
+pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<String, VerbError> {
     let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
     let wanted = wanted.unwrap_or(names[0]);
     if names.contains(&wanted) {
         return Ok(wanted.to_owned());
     }
     let what = format!("{} has no trajectory `{wanted}`; it has {}", recipe.scene, names.join(", "));
-    Err(Problem::usage("no-trajectory", what))
+    Err(VerbError::usage("no-trajectory", what))
 }
 
 /// The recipe's one sensor, a voltmeter.
-pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<Voltmeter, Problem> {
+pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<VoltmeterModel, VerbError> {
     match &recipe.sensors {
-        Sensors::One(Sensor::Voltmeter(sensor)) => Ok(sensor.clone()),
-        Sensors::One(other) => {
+        SensorSet::One(SensorChoice::Voltmeter(sensor)) => Ok(sensor.clone()),
+        SensorSet::One(other) => {
             let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, other.name());
-            Err(Problem::usage("sensor", what))
+            Err(VerbError::usage("sensor", what))
         }
-        Sensors::Named(_) => {
+        SensorSet::Named(_) => {
             let what = format!("{} has several sensors, wanted one", recipe.scene);
-            Err(Problem::usage("sensor", what).help("a recipe with `sensor`"))
+            Err(VerbError::usage("sensor", what).help("a recipe with `sensor`"))
         }
     }
 }
 
 /// What the store has of a trajectory.
-pub(super) struct Subject {
+pub(super) struct StudySubject {
     pub(super) camera: Camera,
     pub(super) gaussians: Arc<Gaussians>,
-    pub(super) motion: Motion,
+    pub(super) motion: TrajectoryProduct,
 }
 
-impl Subject {
-    pub(super) fn open_subject(recipe: Recipe, trajectory: &str, common: &Common) -> Result<Self, Problem> {
-        let store = Store::open(&common.store, store_options(common, Access::Read), &mut |_| {})?;
+impl StudySubject {
+    pub(super) fn open_subject(
+        recipe: Recipe,
+        trajectory: &str,
+        common: &CommonArgs,
+    ) -> Result<Self, VerbError> {
+        let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
         let (scene, camera) = (recipe.scene.clone(), recipe.camera);
         let plan = Plan::new(vec![recipe], &common.renderers()?.knowing(&store));
         let assessed = assess_plan(&plan, &store)?;
-        let shelf = Shelf { scene: &scene, plan: &plan, assessed: &assessed, store: &store };
+        let shelf = StudyProducts { scene: &scene, plan: &plan, assessed: &assessed, store: &store };
         let capture: Capture = shelf.open("capture")?;
         let own = capture.camera().map(|(own, _)| own);
         Ok(Self {
@@ -80,21 +84,21 @@ impl Subject {
 }
 
 /// The products of one scene.
-struct Shelf<'a> {
+struct StudyProducts<'a> {
     scene: &'a str,
     plan: &'a Plan,
-    assessed: &'a [Assessment],
+    assessed: &'a [StepAssessment],
     store: &'a Store,
 }
 
-impl Shelf<'_> {
-    fn open<A: Artifact>(&self, name: &str) -> Result<A, Problem> {
+impl StudyProducts<'_> {
+    fn open<A: Artifact>(&self, name: &str) -> Result<A, VerbError> {
         let found = self.plan.steps().iter().zip(self.assessed).find(|(step, _)| step.name == name);
         let Some(outputs) = found.and_then(|(_, assessed)| assessed.outputs.as_ref()) else {
             let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
-            return Err(Problem::failed("not-built", message).step(self.scene, name).help("gs2e build"));
+            return Err(VerbError::failed("not-built", message).step(self.scene, name).help("gs2e build"));
         };
-        A::open(&Files::from_outputs(outputs, self.store))
-            .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))
+        A::open(&ArtifactFiles::from_outputs(outputs, self.store))
+            .map_err(|e| VerbError::failed("unreadable", format!("failed to {e}")))
     }
 }

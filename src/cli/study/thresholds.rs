@@ -1,20 +1,20 @@
 //! `gs2e study thresholds`: a sweep of the contrast threshold.
 
-use super::subject::{self, Subject};
+use super::subject::{self, StudySubject};
 use super::{end_problem, go_unless, not_rendered};
 use crate::cli::console::Console;
-use crate::cli::output::{self, Output};
-use crate::cli::problem::{Exit, Problem};
-use crate::cli::{Common, Targets, on_interrupt};
+use crate::cli::output::{self, OutputFile};
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
 use crate::event::picture::picture_grid;
 use crate::frames::rendered::RenderedFrames;
 use crate::image::png;
 use crate::render::backend::Backend;
-use crate::render::{Layering, RenderError, Rules, Style};
-use crate::seed::{Purpose, Seed};
-use crate::sensor::front_end::Seen;
-use crate::sensor::voltmeter::Between;
-use crate::study::thresholds::{Found, Row, Sweep, sweep_thresholds};
+use crate::render::{LayerOrder, RenderError, RenderRules, RenderStyle};
+use crate::seed::{Seed, StreamPurpose};
+use crate::sensor::front_end::FrontEndFrames;
+use crate::sensor::voltmeter::BetweenFrames;
+use crate::study::thresholds::{SweepResult, ThresholdRow, ThresholdSweep, sweep_thresholds};
 use crate::trajectory::Trajectory;
 use serde_json::json;
 use std::io::{self, Write};
@@ -23,9 +23,9 @@ use std::path::PathBuf;
 
 /// Arguments of `study thresholds`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Thresholds {
+pub(super) struct ThresholdsArgs {
     /// Recipe of a scene that is built
-    #[arg(value_name = "RECIPE", default_value = Targets::DEFAULT)]
+    #[arg(value_name = "RECIPE", default_value = RecipeTargets::DEFAULT)]
     recipe: PathBuf,
     /// Trajectory [default: the first]
     #[arg(long, value_name = "NAME")]
@@ -35,7 +35,7 @@ pub(super) struct Thresholds {
     thresholds: Vec<f64>,
     /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms about its middle]
     #[arg(long, value_name = "T0,T1", value_parser = parse_span)]
-    span: Option<Span>,
+    span: Option<SpanArg>,
     /// File for the table
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -46,12 +46,12 @@ pub(super) struct Thresholds {
 
 /// Begin and end, milliseconds.
 #[derive(Debug, Clone, Copy)]
-struct Span(f64, f64);
+struct SpanArg(f64, f64);
 
-fn parse_span(text: &str) -> Result<Span, String> {
+fn parse_span(text: &str) -> Result<SpanArg, String> {
     let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     ends.filter(|(begin, end)| 0.0 <= *begin && begin < end)
-        .map(|(begin, end)| Span(begin, end))
+        .map(|(begin, end)| SpanArg(begin, end))
         .ok_or_else(|| format!("`{text}` is not T0,T1, two times in milliseconds, the later one last"))
 }
 
@@ -63,22 +63,22 @@ const PICTURE_US: i64 = 1000;
 const COLUMNS: usize = 3;
 const GAP: u32 = 4;
 
-impl Thresholds {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+impl ThresholdsArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.screen(console)?;
         let recipe = subject::single_recipe(&self.recipe)?;
         let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
         let sensor = subject::single_voltmeter(&recipe)?;
         common.limit_cores();
         let backend = common.backend()?;
-        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
+        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, StreamPurpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let asked = recipe.render;
-        let built = Subject::open_subject(recipe, &name, common)?;
+        let built = StudySubject::open_subject(recipe, &name, common)?;
         let range = self.range(&built.motion.trajectory)?;
         let trajectory = part_of(&built.motion.trajectory, range.clone());
         let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
-        let sweep = Sweep {
+        let sweep = ThresholdSweep {
             sensor,
             thresholds: self.thresholds.clone(),
             seed,
@@ -89,50 +89,50 @@ impl Thresholds {
         let found = built.sweep(&sweep, (&trajectory, range), (backend, style))?;
         self.write(&sweep, &found)?;
         self.tell(&scene, &found, console);
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
-    fn screen(&self, console: &Console) -> Result<(), Problem> {
+    fn screen(&self, console: &Console) -> Result<(), VerbError> {
         let outputs = self.csv.iter().chain(&self.picture).map(PathBuf::as_path);
         output::screen_outputs(outputs, [self.recipe.as_path()], console.json)?;
         let rising = self.thresholds.windows(2).all(|pair| pair[0] < pair[1]);
         let in_range = self.thresholds.iter().all(|t| (1e-6..=1e6).contains(t));
         if !rising || !in_range {
             let what = format!("--thresholds {:?}, wanted rising numbers from 1e-6 to 1e6", self.thresholds);
-            return Err(Problem::usage("thresholds", what));
+            return Err(VerbError::usage("thresholds", what));
         }
         Ok(())
     }
 
     /// The poses of the time that is asked for.
-    fn range(&self, whole: &Trajectory) -> Result<Range<usize>, Problem> {
+    fn range(&self, whole: &Trajectory) -> Result<Range<usize>, VerbError> {
         let end_us = whole.stamps_us.last().copied().unwrap_or(0);
         let middle_ms = end_us as f64 * 0.5e-3;
-        let Span(begin, end) =
-            self.span.unwrap_or(Span(middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0));
+        let SpanArg(begin, end) =
+            self.span.unwrap_or(SpanArg(middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0));
         let place = |ms: f64| whole.stamps_us.partition_point(|t| (*t as f64) < ms * 1e3);
         let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
         if range.len() < 3 {
             let what = format!("{} poses lie from {begin} to {end} ms, wanted 3", range.len());
-            return Err(Problem::usage("span", what).help(&format!("the trajectory ends at {} us", end_us)));
+            return Err(VerbError::usage("span", what).help(&format!("the trajectory ends at {} us", end_us)));
         }
         Ok(range)
     }
 
-    fn write(&self, sweep: &Sweep, found: &Found) -> Result<(), Problem> {
+    fn write(&self, sweep: &ThresholdSweep, found: &SweepResult) -> Result<(), VerbError> {
         let table = |out: &mut dyn Write| write_csv(found, out);
         let picture = |out: &mut dyn Write| {
             let captioned = found.pictures.iter().zip(&sweep.thresholds);
             let captioned: Vec<_> = captioned.map(|(image, t)| (image.clone(), t.to_string())).collect();
             png::write_image(&picture_grid(&captioned, COLUMNS, GAP), out)
         };
-        let mut outputs: Vec<Output<'_>> = Vec::new();
-        outputs.extend(self.csv.iter().map(|path| Output { path, fill: &table }));
-        outputs.extend(self.picture.iter().map(|path| Output { path, fill: &picture }));
+        let mut outputs: Vec<OutputFile<'_>> = Vec::new();
+        outputs.extend(self.csv.iter().map(|path| OutputFile { path, fill: &table }));
+        outputs.extend(self.picture.iter().map(|path| OutputFile { path, fill: &picture }));
         output::write_outputs(&outputs)
     }
 
-    fn tell(&self, scene: &str, found: &Found, console: &Console) {
+    fn tell(&self, scene: &str, found: &SweepResult, console: &Console) {
         let (row, because) = found.recommended();
         let recommended = row.map(|row| row.threshold);
         if console.json {
@@ -142,10 +142,10 @@ impl Thresholds {
             }));
             return;
         }
-        let Found { frames, seconds, .. } = found;
+        let SweepResult { frames, seconds, .. } = found;
         console.print(&format!("{scene}: {frames} frames, {:.1} ms, rendered by two rules", 1e3 * seconds));
         console.print("threshold  contrast     events  ev/px/s   ON  smooth  near a jump  other");
-        let share = |part: u64, row: &Row| 100.0 * part as f64 / row.events.max(1) as f64;
+        let share = |part: u64, row: &ThresholdRow| 100.0 * part as f64 / row.events.max(1) as f64;
         for row in &found.rows {
             console.print(&format!(
                 "{:9}  {:8.4}  {:9}  {:7.3}  {:2.0} %  {:4.1} %      {:5.1} %  {:3.1} %",
@@ -173,11 +173,20 @@ fn part_of(whole: &Trajectory, range: Range<usize>) -> Trajectory {
     }
 }
 
-fn write_csv(found: &Found, out: &mut dyn Write) -> io::Result<()> {
+fn write_csv(found: &SweepResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "threshold,contrast,events,on,rate_ev_px_s,smooth_stream,smooth,near_jump,other")?;
     for row in &found.rows {
-        let Row { threshold, contrast, events, on, rate_ev_px_s, smooth_stream, smooth, near_jump, other } =
-            row;
+        let ThresholdRow {
+            threshold,
+            contrast,
+            events,
+            on,
+            rate_ev_px_s,
+            smooth_stream,
+            smooth,
+            near_jump,
+            other,
+        } = row;
         writeln!(
             out,
             "{threshold},{contrast},{events},{on},{rate_ev_px_s},{smooth_stream},{smooth},{near_jump},{other}"
@@ -192,32 +201,33 @@ fn interval_ns(trajectory: &Trajectory) -> i64 {
     1000 * intervals.max().unwrap_or(0)
 }
 
-impl Subject {
+impl StudySubject {
     /// Renders and sweeps.
     fn sweep(
         &self,
-        asked: &Sweep,
+        asked: &ThresholdSweep,
         (trajectory, range): (&Trajectory, Range<usize>),
-        (backend, style): (Backend, Style),
-    ) -> Result<Found, Problem> {
+        (backend, style): (Backend, RenderStyle),
+    ) -> Result<SweepResult, VerbError> {
         let cancel = on_interrupt()?;
         let mut tap = |_: usize| go_unless(&cancel);
         // The picture as a continuous function of the view, which no GPU renders yet.
-        let smooth = Style { rules: Rules::Soft, order: Layering::Blended, ..style };
+        let smooth = RenderStyle { rules: RenderRules::Soft, order: LayerOrder::Blended, ..style };
         let velocities = self.motion.velocities();
         let frames = |backend: &Backend, style| {
             let renderer = backend.renderer(self.gaussians.clone(), style)?;
             let frames = RenderedFrames::new(renderer, self.camera, trajectory.clone());
             Ok::<_, RenderError>(match asked.sensor.between {
-                Between::Hermite => frames.with_rates(velocities[range.clone()].to_vec()),
-                Between::Linear | Between::Catmull => frames,
+                BetweenFrames::Hermite => frames.with_rates(velocities[range.clone()].to_vec()),
+                BetweenFrames::Linear | BetweenFrames::Catmull => frames,
             })
         };
         let mut released = frames(&backend, style).map_err(|e| not_rendered(&e))?;
         let smooth_by = if backend.takes_gpu() { Backend::Cpu } else { backend };
         let mut smooth = frames(&smooth_by, smooth).map_err(|e| not_rendered(&e))?;
         let front_end = asked.sensor.front_end;
-        let mut seen = (Seen::new(&mut released, front_end), Seen::new(&mut smooth, front_end));
+        let mut seen =
+            (FrontEndFrames::new(&mut released, front_end), FrontEndFrames::new(&mut smooth, front_end));
         sweep_thresholds(asked, (&mut seen.0, &mut seen.1), &mut tap).map_err(end_problem)
     }
 }

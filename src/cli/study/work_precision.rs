@@ -2,19 +2,19 @@
 
 mod lab;
 
-use super::subject::{self, Subject};
+use super::subject::{self, StudySubject};
 use crate::cli::console::Console;
-use crate::cli::output::{self, Output};
-use crate::cli::problem::{Exit, Problem};
-use crate::cli::{Common, Targets, on_interrupt};
-use crate::render::{Layering, Rules, Style};
-use crate::sampling::path::Path;
-use crate::seed::{Purpose, Seed};
-use crate::sensor::noise::HotPixels;
-use crate::sensor::voltmeter::{Between, Gain, Law, Voltmeter};
-use crate::study::work_precision::pick::Measure;
-use crate::study::work_precision::{Study, chart, report};
-use lab::{Lab, Window};
+use crate::cli::output::{self, OutputFile};
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
+use crate::render::{LayerOrder, RenderRules, RenderStyle};
+use crate::sampling::path::SampledPath;
+use crate::seed::{Seed, StreamPurpose};
+use crate::sensor::noise::HotPixelNoise;
+use crate::sensor::voltmeter::{BetweenFrames, DriftGain, SamplerKind, VoltmeterModel};
+use crate::study::work_precision::pick::ErrorMeasure;
+use crate::study::work_precision::{StudyResult, chart, report};
+use lab::{FineWindow, StudyLab};
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkPrecision {
     /// Recipe of a scene that is built
-    #[arg(value_name = "RECIPE", default_value = Targets::DEFAULT)]
+    #[arg(value_name = "RECIPE", default_value = RecipeTargets::DEFAULT)]
     recipe: PathBuf,
     /// Trajectory [default: the first]
     #[arg(long, value_name = "NAME")]
@@ -48,10 +48,10 @@ pub(super) struct WorkPrecision {
         value_delimiter = ',',
         default_value = "linear,catmull,hermite"
     )]
-    between: Vec<Interpolation>,
+    between: Vec<InterpolationArg>,
     /// Spacing of frames
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "uniform,flow")]
-    steps: Vec<Stepping>,
+    steps: Vec<SteppingArg>,
     /// Rule sets; the others are compared with the first
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "official,soft")]
     rules: Vec<RuleSet>,
@@ -67,14 +67,14 @@ pub(super) struct WorkPrecision {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Interpolation {
+enum InterpolationArg {
     Linear,
     Catmull,
     Hermite,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Stepping {
+enum SteppingArg {
     Uniform,
     Flow,
 }
@@ -101,22 +101,22 @@ impl RuleSet {
         }
     }
 
-    fn style(self, style: Style) -> Style {
+    fn style(self, style: RenderStyle) -> RenderStyle {
         let (rules, order) = match self {
-            Self::Official => (Rules::Official, Layering::Depth),
-            Self::Exact => (Rules::Exact, Layering::Depth),
-            Self::Gsplat => (Rules::Gsplat, Layering::Depth),
-            Self::Soft => (Rules::Soft, Layering::Depth),
-            Self::Blended => (Rules::Soft, Layering::Blended),
+            Self::Official => (RenderRules::Official, LayerOrder::Depth),
+            Self::Exact => (RenderRules::Exact, LayerOrder::Depth),
+            Self::Gsplat => (RenderRules::Gsplat, LayerOrder::Depth),
+            Self::Soft => (RenderRules::Soft, LayerOrder::Depth),
+            Self::Blended => (RenderRules::Soft, LayerOrder::Blended),
         };
-        Style { rules, order, ..style }
+        RenderStyle { rules, order, ..style }
     }
 }
 
 /// Length of the window where nobody says, s.
 const USUAL_S: f64 = 0.1;
 impl WorkPrecision {
-    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.screen()?;
         let recipe = subject::single_recipe(&self.recipe)?;
         let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
@@ -124,14 +124,14 @@ impl WorkPrecision {
         common.limit_cores();
         let backend = common.backend()?;
         let to = self.to.clone().unwrap_or_else(|| PathBuf::from("study").join(&recipe.scene));
-        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
+        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, StreamPurpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let render = recipe.render;
-        let subject = Subject::open_subject(recipe, &name, common)?;
+        let subject = StudySubject::open_subject(recipe, &name, common)?;
         let style = render.resolve(subject.gaussians.antialiased);
         let window = self.window(&subject)?;
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
-        let lab = Lab {
+        let lab = StudyLab {
             subject: &subject,
             window: &window,
             own: sensor.clone(),
@@ -154,11 +154,11 @@ impl WorkPrecision {
             console.print(&report::conclusion_words(&study));
             console.print(&format!("table, pictures and words: {}", to.display()));
         }
-        Ok(Exit::Done)
+        Ok(ExitKind::Done)
     }
 
-    fn screen(&self) -> Result<(), Problem> {
-        let refuse = |what: String| Err(Problem::usage("rates", what));
+    fn screen(&self) -> Result<(), VerbError> {
+        let refuse = |what: String| Err(VerbError::usage("rates", what));
         if self.finest > 1_000_000 {
             return refuse(format!("--finest {}, wanted at most 1000000", self.finest));
         }
@@ -171,19 +171,19 @@ impl WorkPrecision {
         }
         let positive = |value: Option<f64>| value.is_none_or(|v| v.is_finite() && v >= 0.0);
         if !positive(self.start) || !positive(self.seconds) {
-            return Err(Problem::usage("window", "--start and --seconds are numbers from 0".to_owned()));
+            return Err(VerbError::usage("window", "--start and --seconds are numbers from 0".to_owned()));
         }
         Ok(())
     }
 
-    fn window(&self, subject: &Subject) -> Result<Window, Problem> {
-        let refuse = |what: String| Problem::usage("window", what);
+    fn window(&self, subject: &StudySubject) -> Result<FineWindow, VerbError> {
+        let refuse = |what: String| VerbError::usage("window", what);
         let poses = &subject.motion.trajectory.world_from_camera;
         if poses.len() < 2 {
             return Err(refuse("the trajectory has a single pose: nothing moves".to_owned()));
         }
-        let path = Path::through_poses(poses, subject.motion.seconds())
-            .map_err(|e| Problem::failed("step-failed", format!("failed to follow the path: {e}")))?;
+        let path = SampledPath::through_poses(poses, subject.motion.seconds())
+            .map_err(|e| VerbError::failed("step-failed", format!("failed to follow the path: {e}")))?;
         let whole = path.seconds();
         let seconds = self.seconds.unwrap_or(USUAL_S.min(whole - self.start.unwrap_or(0.0)));
         let finest = f64::from(self.finest);
@@ -202,44 +202,44 @@ impl WorkPrecision {
             let what = format!("{seconds} s hold fewer than two steps at {} frames a second", self.rates[0]);
             return Err(refuse(what).help("a longer window, or higher --rates"));
         }
-        Ok(Window { path, start, intervals, finest: self.finest })
+        Ok(FineWindow { path, start, intervals, finest: self.finest })
     }
 
-    fn between(&self) -> Vec<Between> {
-        let of = |between: &Interpolation| match between {
-            Interpolation::Linear => Between::Linear,
-            Interpolation::Catmull => Between::Catmull,
-            Interpolation::Hermite => Between::Hermite,
+    fn between(&self) -> Vec<BetweenFrames> {
+        let of = |between: &InterpolationArg| match between {
+            InterpolationArg::Linear => BetweenFrames::Linear,
+            InterpolationArg::Catmull => BetweenFrames::Catmull,
+            InterpolationArg::Hermite => BetweenFrames::Hermite,
         };
         self.between.iter().map(of).collect()
     }
 }
 
 /// The sensor by the law whose events do not depend on frames, without what is not of the signal.
-fn frame_independent(sensor: &Voltmeter) -> Voltmeter {
-    Voltmeter {
-        law: Law::Exact,
-        gain: Gain::Log,
+fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
+    VoltmeterModel {
+        law: SamplerKind::Exact,
+        gain: DriftGain::Log,
         max_events_per_pixel_frame: u32::MAX,
         allow_cap: false,
         threshold_spread: 0.0,
-        hot_pixels: HotPixels::default(),
+        hot_pixels: HotPixelNoise::default(),
         ..sensor.clone()
     }
 }
 
-fn without_noise(sensor: &Voltmeter) -> Voltmeter {
+fn without_noise(sensor: &VoltmeterModel) -> VoltmeterModel {
     let [k1, k2, _, k4, k5, _] = sensor.k;
-    Voltmeter { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor.clone() }
+    VoltmeterModel { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor.clone() }
 }
 
 /// Puts everything into a folder.
-fn write_study(study: &Study, to: &std::path::Path) -> Result<(), Problem> {
+fn write_study(study: &StudyResult, to: &std::path::Path) -> Result<(), VerbError> {
     let table = |out: &mut dyn Write| report::write_csv(study, out);
     let json = |out: &mut dyn Write| Ok(serde_json::to_writer_pretty(out, study)?);
     let words = report::study_words(study);
     let words = |out: &mut dyn Write| out.write_all(words.as_bytes());
-    let charts: Vec<(PathBuf, String)> = Measure::ALL
+    let charts: Vec<(PathBuf, String)> = ErrorMeasure::ALL
         .iter()
         .filter_map(|measure| {
             Some((to.join(format!("{}.svg", measure.name())), chart::chart_svg(study, *measure)?))
@@ -253,10 +253,10 @@ fn write_study(study: &Study, to: &std::path::Path) -> Result<(), Problem> {
     let [csv_at, json_at, words_at] =
         ["work_precision.csv", "work_precision.json", "summary.md"].map(|name| to.join(name));
     let mut outputs = vec![
-        Output { path: &csv_at, fill: &table },
-        Output { path: &json_at, fill: &json },
-        Output { path: &words_at, fill: &words },
+        OutputFile { path: &csv_at, fill: &table },
+        OutputFile { path: &json_at, fill: &json },
+        OutputFile { path: &words_at, fill: &words },
     ];
-    outputs.extend(charted.iter().map(|(path, fill)| Output { path, fill }));
+    outputs.extend(charted.iter().map(|(path, fill)| OutputFile { path, fill }));
     output::write_outputs(&outputs)
 }

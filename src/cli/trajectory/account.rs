@@ -3,10 +3,10 @@
 use crate::camera::Camera;
 use crate::cli::console::{Console, path};
 use crate::render::centre::centre_px;
-use crate::render::flow::Quantiles;
-use crate::source::kind::Kind;
-use crate::trajectory::Made;
-use crate::trajectory::report::{Follow, Report};
+use crate::render::flow::FlowQuantiles;
+use crate::source::kind::CaptureKind;
+use crate::trajectory::MadeTrajectory;
+use crate::trajectory::report::{FollowError, SpeedReport};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -14,23 +14,23 @@ use std::path::Path;
 const LONG: [&str; 4] = ["u", "s", "linear_unit_s", "angular_rad_s"];
 
 /// A trajectory and all that is told of it.
-pub(super) struct Account<'a> {
+pub(super) struct TrajectoryAccount<'a> {
     name: &'a str,
-    kind: Option<Kind>,
-    report: &'a Report,
+    kind: Option<CaptureKind>,
+    report: &'a SpeedReport,
     seconds: f64,
     camera: Option<Camera>,
-    px: Option<Quantiles>,
+    px: Option<FlowQuantiles>,
     /// Of the capture, of what it was drawn from, and its own.
     warnings: Vec<String>,
 }
 
-impl<'a> Account<'a> {
+impl<'a> TrajectoryAccount<'a> {
     /// `warnings` are those that its report does not have.
     pub(super) fn new(
         name: &'a str,
-        kind: Option<Kind>,
-        made: &'a Made,
+        kind: Option<CaptureKind>,
+        made: &'a MadeTrajectory,
         camera: Option<Camera>,
         mut warnings: Vec<String>,
     ) -> Self {
@@ -43,7 +43,7 @@ impl<'a> Account<'a> {
 
     /// Tells people.
     pub(super) fn tell(&self, console: &Console) {
-        let Report { poses, rate, .. } = self.report;
+        let SpeedReport { poses, rate, .. } = self.report;
         let rate = rate.strip_suffix("/1").unwrap_or(rate);
         let duration = match self.seconds {
             short if short < 1.0 => format!("{:.1} ms", short * 1e3),
@@ -101,7 +101,7 @@ impl<'a> Account<'a> {
         let files: serde_json::Map<String, Value> =
             files.map(|(option, file)| (option.to_owned(), json!(path(file)))).collect();
         value["trajectory"] = json!(self.name);
-        value["capture"] = json!(self.kind.map(Kind::name));
+        value["capture"] = json!(self.kind.map(CaptureKind::name));
         value["duration_s"] = json!(self.seconds);
         value["px_per_frame"] = json!(self.px);
         value["warnings"] = json!(self.warnings);
@@ -110,7 +110,7 @@ impl<'a> Account<'a> {
     }
 }
 
-fn follow_words(follow: Follow) -> String {
-    let Follow { min, max, p95, .. } = follow;
+fn follow_words(follow: FollowError) -> String {
+    let FollowError { min, max, p95, .. } = follow;
     format!("{min:.4}..{max:.4}, 95 % within {:.2} %", p95 * 100.0)
 }

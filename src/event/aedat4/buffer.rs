@@ -56,12 +56,12 @@ fn with_size(bytes: Vec<u8>) -> Vec<u8> {
 
 /// A table of a buffer.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Table<'a> {
+pub(super) struct BufferTable<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Table<'a> {
+impl<'a> BufferTable<'a> {
     /// The root table of a buffer without its size, if the buffer has this identifier.
     pub(super) fn root_table(bytes: &'a [u8], identifier: &[u8; 4]) -> Option<Self> {
         if bytes.get(4..8)? != identifier {

@@ -5,7 +5,7 @@ use roxmltree::{Document, Node};
 
 /// A stream of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Stream {
+pub(super) struct StreamInfo {
     pub(super) id: i32,
     pub(super) size: Size,
 }
@@ -36,7 +36,7 @@ pub(super) fn write_info(size: Size) -> String {
 }
 
 /// The first stream of events. The error says what is missing.
-pub(super) fn read_info(text: &str) -> Result<Stream, String> {
+pub(super) fn read_info(text: &str) -> Result<StreamInfo, String> {
     let document = Document::parse(text).map_err(|e| format!("its description is no XML: {e}"))?;
     let streams =
         document.descendants().filter(|node| node_attribute(*node, "typeIdentifier") == Some("EVTS"));
@@ -45,7 +45,7 @@ pub(super) fn read_info(text: &str) -> Result<Stream, String> {
     let info = stream.children().find(|node| node.attribute("name") == Some("info"));
     let side = |key: &str| node_attribute(info?, key)?.trim().parse::<u32>().ok();
     let size = side("sizeX").zip(side("sizeY")).ok_or("it does not say the sensor's size: sizeX, sizeY")?;
-    Ok(Stream { id, size: Size { width: size.0, height: size.1 } })
+    Ok(StreamInfo { id, size: Size { width: size.0, height: size.1 } })
 }
 
 fn node_number(node: Node<'_, '_>) -> Option<i32> {

@@ -1,10 +1,10 @@
 //! Reading, packet by packet.
 
-use super::buffer::Table;
-use super::info::{self, Stream};
-use super::{Compression, END_US, EVENT, EVENTS, HEADER, VERSION};
+use super::buffer::BufferTable;
+use super::info::{self, StreamInfo};
+use super::{END_US, EVENT, EVENTS, HEADER, PacketCompression, VERSION};
 use crate::budget;
-use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
+use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use crate::files;
 use crate::units::Timestamp;
 use std::fs::File;
@@ -21,8 +21,8 @@ const MAX_PACKET: usize = 16 << 20;
 #[derive(Debug)]
 pub struct Reader {
     file: BufReader<File>,
-    compression: Compression,
-    stream: Stream,
+    compression: PacketCompression,
+    stream: StreamInfo,
     /// Offset of the next packet.
     offset: u64,
     /// End of the packets, if the file states it.
@@ -54,9 +54,9 @@ impl Reader {
         }
         let bytes = read_exactly(&mut file, length)?.ok_or_else(cut)?;
         let table =
-            Table::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no header lies here"))?;
+            BufferTable::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no header lies here"))?;
         let number = table.i32(0).unwrap_or(0);
-        let compression = Compression::from_number(number)
+        let compression = PacketCompression::from_number(number)
             .ok_or_else(|| wrong_packet(at, &format!("compression number {number}, wanted 0 to 4")))?;
         let text = table
             .elements(2, 1)
@@ -69,8 +69,8 @@ impl Reader {
 
     /// The properties that the file states.
     #[must_use]
-    pub fn header(&self) -> Header {
-        Header { size: self.stream.size, law: None, labelled: false }
+    pub fn header(&self) -> StreamHeader {
+        StreamHeader { size: self.stream.size, law: None, labelled: false }
     }
 
     /// The stream and the content of the next packet; `None` after the last.
@@ -95,7 +95,7 @@ impl Reader {
     /// The events of a packet at offset `at`.
     fn events(&self, packet: &[u8], at: u64, out: &mut Vec<Event>) -> Result<(), EventFileError> {
         let inflated = self.inflate(packet).map_err(|e| wrong_packet(at, &format!("the packet: {e}")))?;
-        let table = inflated.get(4..).and_then(|bytes| Table::root_table(bytes, EVENTS));
+        let table = inflated.get(4..).and_then(|bytes| BufferTable::root_table(bytes, EVENTS));
         let table = table.ok_or_else(|| wrong_packet(at, "the packet holds no events"))?;
         // A packet without its field has no events.
         for bytes in table.elements(0, EVENT).unwrap_or_default().chunks_exact(EVENT) {
@@ -110,9 +110,9 @@ impl Reader {
         let limit = MAX_PACKET.max(packet.len().saturating_mul(budget::MAX_PER_BYTE));
         let mut take = |from: &mut dyn Read| from.take(limit as u64 + 1).read_to_end(&mut bytes);
         match self.compression {
-            Compression::None => take(&mut &*packet),
-            Compression::Lz4 => take(&mut lz4_flex::frame::FrameDecoder::new(packet)),
-            Compression::Zstd => take(&mut zstd::Decoder::new(packet)?),
+            PacketCompression::None => take(&mut &*packet),
+            PacketCompression::Lz4 => take(&mut lz4_flex::frame::FrameDecoder::new(packet)),
+            PacketCompression::Zstd => take(&mut zstd::Decoder::new(packet)?),
         }?;
         if bytes.len() > limit {
             let because = format!(
@@ -140,7 +140,7 @@ impl Reader {
             1 => Polarity::On,
             p => return Err(format!("polarity {p}, wanted 0 or 1")),
         };
-        Ok(Event { t: Timestamp::from_micros(t), x: column, y: row, polarity, label: Label::Signal })
+        Ok(Event { t: Timestamp::from_micros(t), x: column, y: row, polarity, label: EventLabel::Signal })
     }
 }
 

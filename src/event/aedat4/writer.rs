@@ -1,7 +1,7 @@
 //! Writing, packet by packet.
 
 use super::{EDGE, END_US, VERSION, buffer, info};
-use crate::event::order::Order;
+use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink};
 use crate::image::Size;
 use lz4_flex::frame::FrameEncoder;
@@ -20,7 +20,7 @@ const STREAM: i32 = 0;
 #[derive(Debug)]
 pub struct Writer {
     file: BufWriter<File>,
-    order: Order,
+    order: StreamOrder,
     waiting: Vec<Event>,
 }
 
@@ -37,7 +37,7 @@ impl Writer {
         let mut file = BufWriter::new(File::create(path)?);
         file.write_all(VERSION)?;
         file.write_all(&buffer::header_buffer(&info::write_info(size)))?;
-        Ok(Self { file, order: Order::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
+        Ok(Self { file, order: StreamOrder::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
     }
 
     /// Completes the file, and returns the number of events.

@@ -1,7 +1,7 @@
 //! EVT 2.0: bits 31..28 are the kind of a word. An event has 6 bits of time, 11 of x and 11 of y; a
 //! time word has the 28 higher bits of the time.
 
-use super::reader::{Decoder, Found};
+use super::reader::{DecodedWords, WordDecoder};
 use crate::event::{Event, Polarity};
 
 const TIME_HIGH: u32 = 0x8;
@@ -17,11 +17,11 @@ pub(super) const END_US: i64 = 1 << 34;
 
 /// Encodes events as words.
 #[derive(Debug, Default)]
-pub(super) struct Encoder {
+pub(super) struct Evt2Encoder {
     high: Option<u32>,
 }
 
-impl Encoder {
+impl Evt2Encoder {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are below END_US")]
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) {
         let t = event.t.floor_micros() as u64;
@@ -37,17 +37,17 @@ impl Encoder {
 
 /// Decodes words into events.
 #[derive(Debug, Default)]
-pub(super) struct State {
+pub(super) struct Evt2Decoder {
     /// The part of the time from time words; `None` before the first.
     high: Option<u32>,
     /// Number of overflows of the time.
     turns: i64,
 }
 
-impl Decoder for State {
+impl WordDecoder for Evt2Decoder {
     const BYTES: usize = 4;
 
-    fn take(&mut self, bytes: &[u8], found: &mut Found<'_>) -> Result<(), String> {
+    fn take(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String> {
         let word = u32::from_le_bytes(bytes.try_into().expect("a word has 4 bytes"));
         match word >> 28 {
             kind @ (0 | 1) => {

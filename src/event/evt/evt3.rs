@@ -2,7 +2,7 @@
 //! overflows every 16.8 seconds. Row and time hold until they are replaced. A run of pixels is a
 //! base and masks of 12 or 8 pixels.
 
-use super::reader::{Decoder, Found};
+use super::reader::{DecodedWords, WordDecoder};
 use crate::event::{Event, Polarity};
 
 const ADDRESS_Y: u16 = 0x0;
@@ -34,7 +34,7 @@ pub(super) const MAX_SILENT_WORDS: i64 = 1 << 20;
 
 /// Turns events into words. Events of one time, row and polarity wait for one another.
 #[derive(Debug, Default)]
-pub(super) struct Encoder {
+pub(super) struct Evt3Encoder {
     /// Time divided by 2^12, without overflow; `None` before the first.
     high: Option<i64>,
     low: Option<u16>,
@@ -49,7 +49,7 @@ fn write_word(kind: u16, value: u16, out: &mut Vec<u8>) {
     out.extend((kind << PART | value & VALUE).to_le_bytes());
 }
 
-impl Encoder {
+impl Evt3Encoder {
     /// Puts an event; `None` where silence would take more words than [`MAX_SILENT_WORDS`].
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) -> Option<()> {
         let high = event.t.floor_micros() >> PART;
@@ -133,7 +133,7 @@ fn leading_mask(columns: &[u16], base: u16) -> (u16, usize) {
 
 /// Decodes words into events.
 #[derive(Debug, Default)]
-pub(super) struct State {
+pub(super) struct Evt3Decoder {
     high: Option<u16>,
     low: u16,
     turns: i64,
@@ -142,9 +142,9 @@ pub(super) struct State {
     polarity: u16,
 }
 
-impl State {
+impl Evt3Decoder {
     /// An event in the present row and at the present time.
-    fn event(&self, x: u16, on: bool, found: &mut Found<'_>) -> Result<(), String> {
+    fn event(&self, x: u16, on: bool, found: &mut DecodedWords<'_>) -> Result<(), String> {
         let (Some(high), Some(y)) = (self.high, self.row) else {
             found.untimed += 1;
             return Ok(());
@@ -154,7 +154,7 @@ impl State {
         found.push(t_us, [x, y], polarity)
     }
 
-    fn run(&mut self, mask: u16, bits: u16, found: &mut Found<'_>) -> Result<(), String> {
+    fn run(&mut self, mask: u16, bits: u16, found: &mut DecodedWords<'_>) -> Result<(), String> {
         for bit in (0..bits).filter(|bit| mask >> bit & 1 == 1) {
             self.event(self.base + bit, self.polarity != 0, found)?;
         }
@@ -163,10 +163,10 @@ impl State {
     }
 }
 
-impl Decoder for State {
+impl WordDecoder for Evt3Decoder {
     const BYTES: usize = 2;
 
-    fn take(&mut self, bytes: &[u8], found: &mut Found<'_>) -> Result<(), String> {
+    fn take(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String> {
         let word = u16::from_le_bytes(bytes.try_into().expect("a word has 2 bytes"));
         let (value, address, flag) = (word & VALUE, word & 0x7ff, word >> 11 & 1);
         match word >> PART {

@@ -1,6 +1,6 @@
 //! The header lines before the words.
 
-use super::{EDGE, Version};
+use super::{EDGE, EvtVersion};
 use crate::event::EventFileError;
 use crate::image::Size;
 use std::io::{BufRead, Read as _, Write};
@@ -9,10 +9,10 @@ use std::io::{BufRead, Read as _, Write};
 const MOST_BYTES: u64 = 1 << 16;
 
 /// Writes the header of a stream from a sensor of this size.
-pub(super) fn write_header(out: &mut impl Write, version: Version, size: Size) -> std::io::Result<()> {
+pub(super) fn write_header(out: &mut impl Write, version: EvtVersion, size: Size) -> std::io::Result<()> {
     let (number, name) = match version {
-        Version::Evt2 => ("2.0", "EVT2"),
-        Version::Evt3 => ("3.0", "EVT3"),
+        EvtVersion::Evt2 => ("2.0", "EVT2"),
+        EvtVersion::Evt3 => ("3.0", "EVT3"),
     };
     let Size { width, height } = size;
     write!(
@@ -23,7 +23,7 @@ pub(super) fn write_header(out: &mut impl Write, version: Version, size: Size) -
 }
 
 /// Reads the header, and returns its length as well.
-pub(super) fn read_header(input: &mut impl BufRead) -> Result<(Version, Size, u64), EventFileError> {
+pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size, u64), EventFileError> {
     let (mut version, mut size) = (None, None);
     let mut bytes = 0;
     while input.fill_buf()?.first() == Some(&b'%') {
@@ -57,10 +57,10 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(Version, Size, u6
     Ok((version, size, bytes))
 }
 
-fn parse_version(name: &str) -> Result<Version, EventFileError> {
+fn parse_version(name: &str) -> Result<EvtVersion, EventFileError> {
     match name.trim() {
-        "2.0" | "EVT2" => Ok(Version::Evt2),
-        "3.0" | "EVT3" => Ok(Version::Evt3),
+        "2.0" | "EVT2" => Ok(EvtVersion::Evt2),
+        "3.0" | "EVT3" => Ok(EvtVersion::Evt3),
         other => Err(EventFileError::Container(format!("events as `{other}`, wanted EVT 2.0 or EVT 3.0"))),
     }
 }

@@ -1,7 +1,7 @@
 //! Reading, word by word.
 
-use super::{END_US, Version, evt2, evt3, header};
-use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
+use super::{END_US, EvtVersion, evt2, evt3, header};
+use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
@@ -16,37 +16,37 @@ const BLOCK: usize = 1 << 18;
 #[derive(Debug)]
 pub struct Reader {
     file: BufReader<File>,
-    header: Header,
-    state: State,
+    header: StreamHeader,
+    state: WordState,
     /// Offset of the next word.
     offset: u64,
     untimed: u64,
 }
 
 #[derive(Debug)]
-enum State {
-    Evt2(evt2::State),
-    Evt3(evt3::State),
+enum WordState {
+    Evt2(evt2::Evt2Decoder),
+    Evt3(evt3::Evt3Decoder),
 }
 
 /// Decodes words into events.
-pub(super) trait Decoder {
+pub(super) trait WordDecoder {
     /// Size of a word, bytes.
     const BYTES: usize;
 
     /// Takes the next word. The error says what is wrong with it.
-    fn take(&mut self, word: &[u8], found: &mut Found<'_>) -> Result<(), String>;
+    fn take(&mut self, word: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String>;
 }
 
 /// The decoded events.
-pub(super) struct Found<'a> {
+pub(super) struct DecodedWords<'a> {
     events: &'a mut Vec<Event>,
     size: Size,
     /// Number of events before the first complete time or row.
     pub(super) untimed: u64,
 }
 
-impl Found<'_> {
+impl DecodedWords<'_> {
     /// Adds an event if it is on the sensor and in the range of times.
     pub(super) fn push(&mut self, t_us: i64, [x, y]: [u16; 2], polarity: Polarity) -> Result<(), String> {
         if u32::from(x) >= self.size.width || u32::from(y) >= self.size.height {
@@ -55,7 +55,13 @@ impl Found<'_> {
         if t_us >= END_US {
             return Err(format!("t = {t_us} us, wanted less than {END_US}"));
         }
-        self.events.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity, label: Label::Signal });
+        self.events.push(Event {
+            t: Timestamp::from_micros(t_us),
+            x,
+            y,
+            polarity,
+            label: EventLabel::Signal,
+        });
         Ok(())
     }
 }
@@ -69,15 +75,21 @@ impl Reader {
         let mut file = BufReader::with_capacity(BLOCK, files::open(path)?);
         let (version, size, offset) = header::read_header(&mut file)?;
         let state = match version {
-            Version::Evt2 => State::Evt2(evt2::State::default()),
-            Version::Evt3 => State::Evt3(evt3::State::default()),
+            EvtVersion::Evt2 => WordState::Evt2(evt2::Evt2Decoder::default()),
+            EvtVersion::Evt3 => WordState::Evt3(evt3::Evt3Decoder::default()),
         };
-        Ok(Self { file, header: Header { size, law: None, labelled: false }, state, offset, untimed: 0 })
+        Ok(Self {
+            file,
+            header: StreamHeader { size, law: None, labelled: false },
+            state,
+            offset,
+            untimed: 0,
+        })
     }
 
     /// The properties that the file states.
     #[must_use]
-    pub fn header(&self) -> Header {
+    pub fn header(&self) -> StreamHeader {
         self.header
     }
 }
@@ -91,10 +103,10 @@ impl EventSource for Reader {
             if block.is_empty() {
                 return Ok(false);
             }
-            let mut found = Found { events: out, size: self.header.size, untimed: 0 };
+            let mut found = DecodedWords { events: out, size: self.header.size, untimed: 0 };
             match &mut self.state {
-                State::Evt2(state) => decode_words(state, &block, self.offset, &mut found),
-                State::Evt3(state) => decode_words(state, &block, self.offset, &mut found),
+                WordState::Evt2(state) => decode_words(state, &block, self.offset, &mut found),
+                WordState::Evt3(state) => decode_words(state, &block, self.offset, &mut found),
             }?;
             self.untimed += found.untimed;
             self.offset += block.len() as u64;
@@ -107,11 +119,11 @@ impl EventSource for Reader {
     }
 }
 
-fn decode_words<D: Decoder>(
+fn decode_words<D: WordDecoder>(
     decoder: &mut D,
     block: &[u8],
     offset: u64,
-    found: &mut Found<'_>,
+    found: &mut DecodedWords<'_>,
 ) -> Result<(), EventFileError> {
     let words = block.chunks_exact(D::BYTES);
     let at = |word: usize| offset + (word * D::BYTES) as u64;

@@ -1,7 +1,7 @@
 //! Writing, chunk by chunk.
 
-use super::{EDGE, END_US, Version, evt2, evt3, header};
-use crate::event::order::Order;
+use super::{EDGE, END_US, EvtVersion, evt2, evt3, header};
+use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink};
 use crate::image::Size;
 use std::fs::File;
@@ -13,15 +13,15 @@ use std::path::Path;
 #[derive(Debug)]
 pub struct Writer {
     file: BufWriter<File>,
-    order: Order,
-    encoder: Encoder,
+    order: StreamOrder,
+    encoder: EvtEncoder,
     words: Vec<u8>,
 }
 
 #[derive(Debug)]
-enum Encoder {
-    Evt2(evt2::Encoder),
-    Evt3(evt3::Encoder),
+enum EvtEncoder {
+    Evt2(evt2::Evt2Encoder),
+    Evt3(evt3::Evt3Encoder),
 }
 
 impl Writer {
@@ -29,18 +29,18 @@ impl Writer {
     ///
     /// # Errors
     /// The sensor has more than 2,048 columns or rows, or the file cannot be created.
-    pub fn create(path: &Path, version: Version, size: Size) -> Result<Self, EventFileError> {
+    pub fn create(path: &Path, version: EvtVersion, size: Size) -> Result<Self, EventFileError> {
         if size.width > EDGE || size.height > EDGE {
             let because = format!("a sensor of {size}, and EVT has at most {EDGE} columns and rows");
             return Err(EventFileError::Container(because));
         }
         let (encoder, end_us) = match version {
-            Version::Evt2 => (Encoder::Evt2(evt2::Encoder::default()), evt2::END_US),
-            Version::Evt3 => (Encoder::Evt3(evt3::Encoder::default()), END_US),
+            EvtVersion::Evt2 => (EvtEncoder::Evt2(evt2::Evt2Encoder::default()), evt2::END_US),
+            EvtVersion::Evt3 => (EvtEncoder::Evt3(evt3::Evt3Encoder::default()), END_US),
         };
         let mut file = BufWriter::new(File::create(path)?);
         header::write_header(&mut file, version, size)?;
-        Ok(Self { file, order: Order::new(size, end_us), encoder, words: Vec::new() })
+        Ok(Self { file, order: StreamOrder::new(size, end_us), encoder, words: Vec::new() })
     }
 
     /// Completes the file, and returns the number of events.
@@ -48,7 +48,7 @@ impl Writer {
     /// # Errors
     /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
-        if let Encoder::Evt3(encoder) = &mut self.encoder {
+        if let EvtEncoder::Evt3(encoder) = &mut self.encoder {
             encoder.flush(&mut self.words);
         }
         self.file.write_all(&self.words)?;
@@ -63,8 +63,8 @@ impl EventSink for Writer {
         let first = self.order.count() - events.len() as u64;
         for (event, index) in events.iter().zip(first..) {
             match &mut self.encoder {
-                Encoder::Evt2(encoder) => encoder.put(event, &mut self.words),
-                Encoder::Evt3(encoder) => {
+                EvtEncoder::Evt2(encoder) => encoder.put(event, &mut self.words),
+                EvtEncoder::Evt3(encoder) => {
                     encoder.put(event, &mut self.words).ok_or_else(|| too_silent(event, index))?;
                 }
             }

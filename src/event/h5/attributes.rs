@@ -21,9 +21,9 @@ const MOST: u64 = 1 << 20;
 
 /// The attributes of a file's root.
 #[derive(Debug, Default)]
-pub(super) struct Attributes(Vec<AttributeMessage>);
+pub(super) struct RootAttributes(Vec<AttributeMessage>);
 
-impl Attributes {
+impl RootAttributes {
     pub(super) fn read(path: &Path) -> Result<Self, EventFileError> {
         let mut file = files::open(path)?;
         let Ok(superblock) = SuperblockV0V1::decode(&read_block(&mut file, 0, 256)?) else {

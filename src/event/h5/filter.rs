@@ -18,7 +18,7 @@ const LZ4_BLOCK: u32 = 1 << 30;
 
 /// The filter of a file's chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Filter {
+pub enum ChunkFilter {
     /// None: plain bytes.
     None,
     /// Deflate of this level, 0 to 9.
@@ -29,14 +29,14 @@ pub enum Filter {
     Lz4,
 }
 
-impl Default for Filter {
+impl Default for ChunkFilter {
     /// Readable by any HDF5 library, at a level where more time gains little.
     fn default() -> Self {
         Self::Gzip(4)
     }
 }
 
-impl fmt::Display for Filter {
+impl fmt::Display for ChunkFilter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::None => f.write_str("none"),
@@ -47,12 +47,12 @@ impl fmt::Display for Filter {
     }
 }
 
-/// The reason why a text is not a [`Filter`].
+/// The reason why a text is not a [`ChunkFilter`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is none of gzip[:0-9], zstd[:1-19], lz4, none")]
 pub struct FilterError(String);
 
-impl FromStr for Filter {
+impl FromStr for ChunkFilter {
     type Err = FilterError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -73,7 +73,7 @@ impl FromStr for Filter {
     }
 }
 
-impl Filter {
+impl ChunkFilter {
     /// The filter's parameters in the file, for elements of `width` bytes; `None` without a filter.
     pub(super) fn pipeline(self, width: usize) -> Option<FilterPipeline> {
         let stage = |id, cd_values| Stage { id, flags: FLAG_OPTIONAL, cd_values };
@@ -147,12 +147,12 @@ mod tests {
     #[test]
     fn names_lead_back() {
         for text in ["none", "lz4", "gzip:0", "gzip:9", "zstd:1", "zstd:19"] {
-            assert_eq!(text.parse::<Filter>().map(|filter| filter.to_string()), Ok(text.to_owned()));
+            assert_eq!(text.parse::<ChunkFilter>().map(|filter| filter.to_string()), Ok(text.to_owned()));
         }
-        assert_eq!("gzip".parse(), Ok(Filter::default()));
-        assert_eq!("zstd".parse(), Ok(Filter::Zstd(3)));
+        assert_eq!("gzip".parse(), Ok(ChunkFilter::default()));
+        assert_eq!("zstd".parse(), Ok(ChunkFilter::Zstd(3)));
         for text in ["", "blosc", "gzip:10", "gzip:", "zstd:0", "zstd:20", "lz4:1", "none:0", "gzip:-1"] {
-            assert!(text.parse::<Filter>().is_err(), "{text}");
+            assert!(text.parse::<ChunkFilter>().is_err(), "{text}");
         }
     }
 }

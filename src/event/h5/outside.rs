@@ -32,7 +32,7 @@ const WIDTHS: [u8; 3] = [2, 4, 8];
 /// For such a file, for a heap collection too large to be searched, and when the file cannot be read.
 pub(super) fn refuse_virtual(mut file: File) -> Result<(), EventFileError> {
     let heaps = heaps(&mut file)?;
-    let mut search = Search { left: file.metadata()?.len().saturating_add(MAX_HEAP), file };
+    let mut search = LinkSearch { left: file.metadata()?.len().saturating_add(MAX_HEAP), file };
     for at in heaps {
         for sizeof_size in WIDTHS {
             if search.finds_sources(at, FormatContext { sizeof_addr: 8, sizeof_size })? {
@@ -64,14 +64,14 @@ fn heaps(file: &mut File) -> Result<Vec<u64>, EventFileError> {
 }
 
 /// A search through heap collections.
-struct Search {
+struct LinkSearch {
     file: File,
     /// Bytes that may still be read: heaps of a sound file do not overlap, so together they are no
     /// longer than it.
     left: u64,
 }
 
-impl Search {
+impl LinkSearch {
     /// Looks for a list of sources in the heap collection at `at`, if there is one.
     fn finds_sources(&mut self, at: u64, context: FormatContext) -> Result<bool, EventFileError> {
         let head = self.bytes(at, 24)?;

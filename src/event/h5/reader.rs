@@ -1,10 +1,10 @@
 //! Reading, chunk by chunk.
 
 use super::{
-    CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex,
+    CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::RootAttributes, index::MsIndex,
     outside,
 };
-use crate::event::{Event, EventFileError, EventSource, Header, Label, LawStamp, Polarity};
+use crate::event::{Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader};
 use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
@@ -24,7 +24,7 @@ const MOST_AT_ONCE: usize = 1 << 20;
 /// polarities and labels of 0 and 1. The checks measure whether the events are sorted and on the
 /// sensor.
 pub struct Reader {
-    header: Option<Header>,
+    header: Option<StreamHeader>,
     offset_us: i64,
     x: H5Dataset,
     y: H5Dataset,
@@ -72,7 +72,7 @@ impl Reader {
         let labelled = file.dataset_names().iter().any(|name| name == LABEL);
         let labels = labelled.then(|| column_of_length::<u8>(&file, LABEL, count)).transpose()?;
         let reader = Self {
-            header: read_header(path)?.map(|header| Header { labelled, ..header }),
+            header: read_header(path)?.map(|header| StreamHeader { labelled, ..header }),
             offset_us: read_offset(&file)?,
             x: column_of_length::<u16>(&file, X, count)?,
             y: column_of_length::<u16>(&file, Y, count)?,
@@ -90,7 +90,7 @@ impl Reader {
     /// The properties of the stream; `None` for a file without `width` and `height`, such as DSEC's
     /// own.
     #[must_use]
-    pub fn header(&self) -> Option<Header> {
+    pub fn header(&self) -> Option<StreamHeader> {
         self.header
     }
 
@@ -100,7 +100,7 @@ impl Reader {
         self.offset_us
     }
 
-    /// Whether the events are labelled.
+    /// Returns true if the events are labelled.
     #[must_use]
     pub fn labelled(&self) -> bool {
         self.labels.is_some()
@@ -145,7 +145,7 @@ impl Reader {
     /// The first wrong entry; or the times are not sorted, so that no index is right.
     pub fn verify_index(&self) -> Result<(), EventFileError> {
         let entries = self.entries()?;
-        let mut stored = Stored { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
+        let mut stored = StoredIndex { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
         let (mut index, mut last) = (MsIndex::default(), 0);
         for start in (0..self.count).step_by(self.step) {
             let times: Vec<u32> = read_elements(&self.t, T, start, self.step.min(self.count - start))?;
@@ -169,7 +169,7 @@ impl Reader {
             p => return Err(wrong_value(P, number as u64, p, "0 or 1".to_owned())),
         };
         let t = Timestamp::from_micros(self.offset_us + i64::from(t));
-        Ok(Event { t, x, y, polarity, label: Label::Signal })
+        Ok(Event { t, x, y, polarity, label: EventLabel::Signal })
     }
 }
 
@@ -194,7 +194,7 @@ impl EventSource for Reader {
             let labels = read_elements::<u8>(labels, LABEL, first, count)?;
             for ((number, event), stored) in (first as u64..).zip(out).zip(labels) {
                 let refusal = || wrong_value(LABEL, number, stored, "0 or 1".to_owned());
-                event.label = Label::from_number(stored).ok_or_else(refusal)?;
+                event.label = EventLabel::from_number(stored).ok_or_else(refusal)?;
             }
         }
         self.next += count;
@@ -203,14 +203,14 @@ impl EventSource for Reader {
 }
 
 /// The stored `ms_to_idx`, read once.
-struct Stored<'a> {
+struct StoredIndex<'a> {
     dataset: &'a H5Dataset,
     len: usize,
     at: usize,
     held: Vec<u64>,
 }
 
-impl Stored<'_> {
+impl StoredIndex<'_> {
     /// Requires that the next `entries` entries equal `value`.
     fn expect(&mut self, value: u64, entries: u64) -> Result<(), EventFileError> {
         for _ in 0..entries {
@@ -317,8 +317,8 @@ fn read_offset(file: &H5File) -> Result<i64, EventFileError> {
     }
 }
 
-fn read_header(path: &Path) -> Result<Option<Header>, EventFileError> {
-    let attributes = Attributes::read(path)?;
+fn read_header(path: &Path) -> Result<Option<StreamHeader>, EventFileError> {
+    let attributes = RootAttributes::read(path)?;
     let (Some(width), Some(height)) = (attributes.value("width"), attributes.value("height")) else {
         return Ok(None);
     };
@@ -326,5 +326,5 @@ fn read_header(path: &Path) -> Result<Option<Header>, EventFileError> {
         (Some(version), Some(c_on), Some(c_off)) => Some(LawStamp { version, c_on, c_off }),
         _ => None,
     };
-    Ok(Some(Header { size: Size { width, height }, law, labelled: false }))
+    Ok(Some(StreamHeader { size: Size { width, height }, law, labelled: false }))
 }

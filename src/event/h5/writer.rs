@@ -1,9 +1,9 @@
 //! Writing: events are held until they fill chunks, chunks are filtered in parallel and stored in stream order.
 
-use super::filter::Filter;
-use super::{CHUNK, END_US, MS_TO_IDX, Options, T_OFFSET, index::MsIndex};
-use crate::event::order::Order;
-use crate::event::{Event, EventFileError, EventSink, Header};
+use super::filter::ChunkFilter;
+use super::{CHUNK, END_US, H5Options, MS_TO_IDX, T_OFFSET, index::MsIndex};
+use crate::event::order::StreamOrder;
+use crate::event::{Event, EventFileError, EventSink, StreamHeader};
 use rayon::prelude::*;
 use rust_hdf5::{H5Dataset, H5File, H5Group, H5Type, LibverBound};
 use std::path::{Path, PathBuf};
@@ -20,13 +20,13 @@ const BATCH: usize = 16;
 pub struct Writer {
     path: PathBuf,
     file: Option<H5File>,
-    order: Order,
+    order: StreamOrder,
     held: Vec<Event>,
-    columns: Vec<Column>,
+    columns: Vec<GrowingColumn>,
     index: MsIndex,
     index_held: Vec<u64>,
-    index_column: Column,
-    filter: Filter,
+    index_column: GrowingColumn,
+    filter: ChunkFilter,
 }
 
 impl std::fmt::Debug for Writer {
@@ -40,8 +40,8 @@ impl Writer {
     ///
     /// # Errors
     /// The file cannot be created.
-    pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
-        Self::create_as(path, header, Options::default())
+    pub fn create(path: &Path, header: &StreamHeader) -> Result<Self, EventFileError> {
+        Self::create_as(path, header, H5Options::default())
     }
 
     /// Creates a file with these chunks and times. The times of events count from
@@ -49,26 +49,30 @@ impl Writer {
     ///
     /// # Errors
     /// The file cannot be created.
-    pub fn create_as(path: &Path, header: &Header, options: Options) -> Result<Self, EventFileError> {
-        let Options { filter, t_offset_us } = options;
+    pub fn create_as(path: &Path, header: &StreamHeader, options: H5Options) -> Result<Self, EventFileError> {
+        let H5Options { filter, t_offset_us } = options;
         let file = H5File::options().no_locking().libver(LibverBound::Earliest).create(path)?;
         write_attributes(&file, header)?;
         let events = file.create_group("events")?;
         let mut columns = vec![
-            Column::create::<u16>(&events, "x", filter, |e, out| out.extend(e.x.to_le_bytes()))?,
-            Column::create::<u16>(&events, "y", filter, |e, out| out.extend(e.y.to_le_bytes()))?,
-            Column::create::<u8>(&events, "p", filter, |e, out| out.push(e.polarity as u8))?,
-            Column::create::<u32>(&events, "t", filter, |e, out| out.extend(file_micros(e).to_le_bytes()))?,
+            GrowingColumn::create::<u16>(&events, "x", filter, |e, out| out.extend(e.x.to_le_bytes()))?,
+            GrowingColumn::create::<u16>(&events, "y", filter, |e, out| out.extend(e.y.to_le_bytes()))?,
+            GrowingColumn::create::<u8>(&events, "p", filter, |e, out| out.push(e.polarity as u8))?,
+            GrowingColumn::create::<u32>(&events, "t", filter, |e, out| {
+                out.extend(file_micros(e).to_le_bytes())
+            })?,
         ];
         if header.labelled {
-            columns.push(Column::create::<u8>(&events, "label", filter, |e, out| out.push(e.label as u8))?);
+            columns.push(GrowingColumn::create::<u8>(&events, "label", filter, |e, out| {
+                out.push(e.label as u8)
+            })?);
         }
-        let index_column = Column::create::<u64>(&file.root_group(), MS_TO_IDX, filter, |_, _| ())?;
+        let index_column = GrowingColumn::create::<u64>(&file.root_group(), MS_TO_IDX, filter, |_, _| ())?;
         file.new_dataset::<i64>().scalar().create(T_OFFSET)?.write_raw(&[t_offset_us])?;
         Ok(Self {
             path: path.to_owned(),
             file: Some(file),
-            order: Order::new(header.size, END_US),
+            order: StreamOrder::new(header.size, END_US),
             held: Vec::new(),
             columns,
             index: MsIndex::default(),
@@ -178,7 +182,7 @@ fn file_micros(event: &Event) -> u32 {
     u32::try_from(event.t.floor_micros()).expect("the order admits 0 <= t < 2^32 us only")
 }
 
-fn write_attributes(file: &H5File, header: &Header) -> Result<(), EventFileError> {
+fn write_attributes(file: &H5File, header: &StreamHeader) -> Result<(), EventFileError> {
     file.set_attr_numeric("width", &header.size.width)?;
     file.set_attr_numeric("height", &header.size.height)?;
     if let Some(law) = &header.law {
@@ -193,20 +197,20 @@ fn write_attributes(file: &H5File, header: &Header) -> Result<(), EventFileError
 type Encode = fn(&Event, &mut Vec<u8>);
 
 /// A dataset that grows.
-struct Column {
+struct GrowingColumn {
     dataset: H5Dataset,
-    /// Whether its chunks are stored without a filter.
+    /// True if its chunks are stored without a filter.
     plain: bool,
     width: usize,
     encode: Encode,
     len: usize,
 }
 
-impl Column {
+impl GrowingColumn {
     fn create<T: H5Type>(
         group: &H5Group,
         name: &str,
-        filter: Filter,
+        filter: ChunkFilter,
         encode: Encode,
     ) -> Result<Self, EventFileError> {
         let width = size_of::<T>();
@@ -215,7 +219,7 @@ impl Column {
             Some(pipeline) => growing.filter_pipeline(pipeline),
             None => growing,
         };
-        Ok(Self { dataset: dataset.create(name)?, plain: filter == Filter::None, width, encode, len: 0 })
+        Ok(Self { dataset: dataset.create(name)?, plain: filter == ChunkFilter::None, width, encode, len: 0 })
     }
 
     /// Stores the next filtered chunk of `count` elements: `CHUNK`, except for the last.

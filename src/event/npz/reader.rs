@@ -1,7 +1,7 @@
 //! Reading: all arrays are decompressed in parallel streams.
 
 use super::{ARRAYS, END_US, LABEL};
-use crate::event::{Event, EventFileError, EventSource, Label, Polarity};
+use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity};
 use crate::files;
 use crate::image::npy;
 use crate::units::Timestamp;
@@ -22,8 +22,8 @@ const CHUNK: usize = 65_536;
 /// polarities and labels of 0 and 1. The checks measure whether the events are sorted.
 #[derive(Debug)]
 pub struct Reader {
-    columns: [Column; 4],
-    labels: Option<Column>,
+    columns: [ArrayColumn; 4],
+    labels: Option<ArrayColumn>,
     count: u64,
     next: u64,
 }
@@ -35,11 +35,11 @@ impl Reader {
     /// It is not a zip archive, an array is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut archive = ZipArchive::new(BufReader::new(files::open(path)?))?;
-        let [t, x, y, p] = ARRAYS.map(|(name, kind)| Column::open(path, &mut archive, name, kind));
+        let [t, x, y, p] = ARRAYS.map(|(name, kind)| ArrayColumn::open(path, &mut archive, name, kind));
         let columns = [t?, x?, y?, p?];
         let (name, kind) = LABEL;
         let labelled = archive.index_for_name(&format!("{name}.npy")).is_some();
-        let labels = labelled.then(|| Column::open(path, &mut archive, name, kind)).transpose()?;
+        let labels = labelled.then(|| ArrayColumn::open(path, &mut archive, name, kind)).transpose()?;
         let count = columns[0].count;
         for column in columns.iter().chain(&labels) {
             if column.count != count {
@@ -56,7 +56,7 @@ impl Reader {
         self.count
     }
 
-    /// Whether the events are labelled.
+    /// Returns true if the events are labelled.
     #[must_use]
     pub fn labelled(&self) -> bool {
         self.labels.is_some()
@@ -73,7 +73,7 @@ impl Reader {
             p => return Err(wrong_value("p", number, p.into(), "0 or 1".to_owned())),
         };
         let (x, y) = (u16::from_le_bytes(x), u16::from_le_bytes(y));
-        Ok(Event { t: Timestamp::from_micros(t), x, y, polarity, label: Label::Signal })
+        Ok(Event { t: Timestamp::from_micros(t), x, y, polarity, label: EventLabel::Signal })
     }
 }
 
@@ -95,32 +95,32 @@ impl EventSource for Reader {
             let labels = column.read::<1>(first, count)?;
             for ((number, event), [stored]) in (first..).zip(out).zip(labels) {
                 let refusal = || wrong_value(LABEL.0, number, stored.into(), "0 or 1".to_owned());
-                event.label = Label::from_number(stored).ok_or_else(refusal)?;
+                event.label = EventLabel::from_number(stored).ok_or_else(refusal)?;
             }
         }
         self.next += count as u64;
         if self.next == self.count {
-            self.columns.iter_mut().chain(&mut self.labels).try_for_each(Column::verify)?;
+            self.columns.iter_mut().chain(&mut self.labels).try_for_each(ArrayColumn::verify)?;
         }
         Ok(true)
     }
 }
 
 /// One array, read through its own file handle.
-struct Column {
+struct ArrayColumn {
     name: &'static str,
     count: u64,
     crc32: u32,
     data: CrcReader<Box<dyn Read>>,
 }
 
-impl std::fmt::Debug for Column {
+impl std::fmt::Debug for ArrayColumn {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Column").field("name", &self.name).field("count", &self.count).finish_non_exhaustive()
     }
 }
 
-impl Column {
+impl ArrayColumn {
     fn open(
         path: &Path,
         archive: &mut ZipArchive<BufReader<File>>,

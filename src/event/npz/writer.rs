@@ -2,8 +2,8 @@
 //! files.
 
 use super::{ARRAYS, END_US, LABEL};
-use crate::event::order::Order;
-use crate::event::{Event, EventFileError, EventSink, Header};
+use crate::event::order::StreamOrder;
+use crate::event::{Event, EventFileError, EventSink, StreamHeader};
 use npyz::{DType, WriteOptions, WriterBuilder};
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -21,9 +21,9 @@ const LEVEL: i64 = 4;
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
-    order: Order,
-    columns: [Spool; 4],
-    labels: Option<Spool>,
+    order: StreamOrder,
+    columns: [ColumnSpool; 4],
+    labels: Option<ColumnSpool>,
 }
 
 impl Writer {
@@ -31,10 +31,10 @@ impl Writer {
     ///
     /// # Errors
     /// A file next to `path` cannot be created.
-    pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
-        let [t, x, y, p] = ARRAYS.map(|(name, _)| Spool::create(path, name));
-        let labels = header.labelled.then(|| Spool::create(path, LABEL.0)).transpose()?;
-        let order = Order::new(header.size, END_US);
+    pub fn create(path: &Path, header: &StreamHeader) -> Result<Self, EventFileError> {
+        let [t, x, y, p] = ARRAYS.map(|(name, _)| ColumnSpool::create(path, name));
+        let labels = header.labelled.then(|| ColumnSpool::create(path, LABEL.0)).transpose()?;
+        let order = StreamOrder::new(header.size, END_US);
         Ok(Self { path: path.to_owned(), order, columns: [t?, x?, y?, p?], labels })
     }
 
@@ -102,12 +102,12 @@ fn write_npy_header(out: &mut impl Write, kind: &str, count: u64) -> std::io::Re
 
 /// The bytes of one column until the archive is written.
 #[derive(Debug)]
-struct Spool {
+struct ColumnSpool {
     path: PathBuf,
     file: BufWriter<File>,
 }
 
-impl Spool {
+impl ColumnSpool {
     fn create(archive: &Path, name: &str) -> std::io::Result<Self> {
         let mut path = archive.as_os_str().to_owned();
         path.push(format!(".{name}.part"));
@@ -121,7 +121,7 @@ impl Spool {
     }
 }
 
-impl Drop for Spool {
+impl Drop for ColumnSpool {
     fn drop(&mut self) {
         // If the removal fails, a `.part` file remains that nothing reads.
         let _ = std::fs::remove_file(&self.path);

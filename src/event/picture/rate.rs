@@ -23,7 +23,7 @@ const OFF: [u8; 3] = [31, 87, 180];
 
 /// Counts the events of bars of equal length.
 #[derive(Debug, Clone)]
-pub struct Rate {
+pub struct RateBars {
     window_us: Range<i64>,
     /// Start of the first bar.
     begin_us: Option<i64>,
@@ -33,7 +33,7 @@ pub struct Rate {
     bars: Vec<[u64; 2]>,
 }
 
-impl Rate {
+impl RateBars {
     /// An empty plot for the events with `window_us.start <= t < window_us.end`. With `i64::MIN`
     /// and `i64::MAX`, the window is from the first event to the last.
     #[must_use]
@@ -119,7 +119,7 @@ impl Rate {
     }
 }
 
-impl EventSink for Rate {
+impl EventSink for RateBars {
     /// Never fails. Events outside the window are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         for event in events {
@@ -150,18 +150,18 @@ fn fill_rectangle(image: &mut Image<[u8; 3]>, columns: Range<usize>, rows: Range
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{Label, Polarity};
+    use crate::event::{EventLabel, Polarity};
     use crate::units::Timestamp;
 
-    fn seen(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> Rate {
-        let mut rate = Rate::new(window_us);
+    fn seen(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> RateBars {
+        let mut rate = RateBars::new(window_us);
         for (us, polarity) in events {
             rate.append(&[Event {
                 t: Timestamp::from_micros(us),
                 x: 0,
                 y: 0,
                 polarity,
-                label: Label::Signal,
+                label: EventLabel::Signal,
             }])
             .unwrap();
         }

@@ -13,7 +13,7 @@ const REACH: i64 = 4;
 
 /// Stores the last event of each pixel in a window.
 #[derive(Debug, Clone)]
-pub struct Surface {
+pub struct TimeSurface {
     window_us: Range<i64>,
     first_us: Option<i64>,
     last_us: i64,
@@ -26,7 +26,7 @@ pub struct Surface {
 /// OFF and ON in `seen`.
 const SEEN: [u8; 2] = [1, 2];
 
-impl Surface {
+impl TimeSurface {
     /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`, which may be
     /// `i64::MIN` and `i64::MAX`: from the first event, to the last.
     ///
@@ -66,7 +66,7 @@ impl Surface {
     }
 }
 
-impl EventSink for Surface {
+impl EventSink for TimeSurface {
     /// Never fails. Events outside the window or the picture are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         let Size { width, height } = self.seen.size();
@@ -87,11 +87,11 @@ impl EventSink for Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
+    use crate::event::EventLabel;
     use crate::units::Timestamp;
 
-    fn seen(window_us: Range<i64>) -> Surface {
-        let mut surface = Surface::new(Size { width: 4, height: 1 }, window_us).unwrap();
+    fn seen(window_us: Range<i64>) -> TimeSurface {
+        let mut surface = TimeSurface::new(Size { width: 4, height: 1 }, window_us).unwrap();
         let events = [
             (5, 0, Polarity::On),
             (10, 1, Polarity::Off),
@@ -101,7 +101,13 @@ mod tests {
         ];
         for (us, x, polarity) in events {
             surface
-                .append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity, label: Label::Signal }])
+                .append(&[Event {
+                    t: Timestamp::from_micros(us),
+                    x,
+                    y: 0,
+                    polarity,
+                    label: EventLabel::Signal,
+                }])
                 .unwrap();
         }
         surface

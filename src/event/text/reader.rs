@@ -2,7 +2,7 @@
 
 use super::{END_US, NAMES};
 use crate::budget::{MAX_LINE, ShortLines};
-use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
+use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
@@ -18,7 +18,7 @@ const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// What a time counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TimeUnit {
+pub enum TextTimeUnit {
     /// Seconds.
     Second,
     /// Milliseconds.
@@ -29,7 +29,7 @@ pub enum TimeUnit {
     Nanosecond,
 }
 
-impl TimeUnit {
+impl TextTimeUnit {
     /// Number of digits after the point that reach nanoseconds.
     fn digits(self) -> usize {
         match self {
@@ -49,8 +49,8 @@ pub struct Reader {
     first: Option<String>,
     /// Columns of time, column, row and polarity in a line.
     places: [usize; 4],
-    unit: Option<TimeUnit>,
-    header: Header,
+    unit: Option<TextTimeUnit>,
+    header: StreamHeader,
 }
 
 impl Reader {
@@ -59,8 +59,8 @@ impl Reader {
     ///
     /// # Errors
     /// When the file is empty, its sensor's size is not known, or the line of names lacks a column.
-    pub fn open(path: &Path, size: Option<Size>, unit: Option<TimeUnit>) -> Result<Self, EventFileError> {
-        let mut head = Head { size, places: [0, 1, 2, 3] };
+    pub fn open(path: &Path, size: Option<Size>, unit: Option<TextTimeUnit>) -> Result<Self, EventFileError> {
+        let mut head = TextHead { size, places: [0, 1, 2, 3] };
         let input = ShortLines::new(BufReader::new(files::open(path)?), MAX_LINE);
         let mut lines = Lines { input, number: 0 };
         let (mut first, mut is_empty) = (None, true);
@@ -79,13 +79,13 @@ impl Reader {
             let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
         };
-        let header = Header { size, law: None, labelled: false };
+        let header = StreamHeader { size, law: None, labelled: false };
         Ok(Self { lines, first, places: head.places, unit, header })
     }
 
     /// The properties that the file states.
     #[must_use]
-    pub fn header(&self) -> Header {
+    pub fn header(&self) -> StreamHeader {
         self.header
     }
 
@@ -119,7 +119,13 @@ impl Reader {
             "0" | "-1" => Polarity::Off,
             other => return Err(format!("p = {other}, wanted 0 or 1, or -1 or 1")),
         };
-        Ok(Event { t, x: coordinate(1, width)?, y: coordinate(2, height)?, polarity, label: Label::Signal })
+        Ok(Event {
+            t,
+            x: coordinate(1, width)?,
+            y: coordinate(2, height)?,
+            polarity,
+            label: EventLabel::Signal,
+        })
     }
 }
 
@@ -158,13 +164,13 @@ impl Lines {
 }
 
 /// What stands before the events.
-struct Head {
+struct TextHead {
     size: Option<Size>,
     places: [usize; 4],
 }
 
-impl Head {
-    /// Whether a line belongs to the head. Its content is stored.
+impl TextHead {
+    /// Returns true if a line belongs to the head. Its content is stored.
     fn takes(&mut self, line: &str) -> Result<bool, String> {
         if let Some(comment) = line.trim().strip_prefix('#') {
             // Our own form: `t x y p in us; sensor 640x360`.
@@ -215,12 +221,12 @@ fn split_fields(line: &str) -> impl Iterator<Item = &str> {
 
 /// A decimal time, digit by digit: seconds since 1970 to the microsecond have more digits than an
 /// f64. Digits below a nanosecond are cut off.
-fn parse_time(text: &str, unit: Option<TimeUnit>) -> Result<Timestamp, String> {
+fn parse_time(text: &str, unit: Option<TextTimeUnit>) -> Result<Timestamp, String> {
     let refuse = || format!("t = {text}, wanted a decimal number");
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     let unit = match unit {
         Some(unit) => unit,
-        None if !text.contains('.') => TimeUnit::Microsecond,
+        None if !text.contains('.') => TextTimeUnit::Microsecond,
         None => return Err(format!("t = {text} has a fraction: --time-unit s, ms, us or ns says what of")),
     };
     let negative = whole.starts_with('-');

@@ -1,7 +1,7 @@
 //! Writing, line by line.
 
-use super::{END_US, NAMES, Table};
-use crate::event::order::Order;
+use super::{ColumnSeparator, END_US, NAMES};
+use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink};
 use crate::image::Size;
 use std::fs::File;
@@ -12,7 +12,7 @@ use std::path::Path;
 #[derive(Debug)]
 pub struct Writer {
     file: BufWriter<File>,
-    order: Order,
+    order: StreamOrder,
     separator: char,
 }
 
@@ -21,19 +21,19 @@ impl Writer {
     ///
     /// # Errors
     /// The file cannot be created.
-    pub fn create(path: &Path, table: Table, size: Size) -> Result<Self, EventFileError> {
+    pub fn create(path: &Path, table: ColumnSeparator, size: Size) -> Result<Self, EventFileError> {
         let mut file = BufWriter::new(File::create(path)?);
         let separator = match table {
-            Table::Txt => {
+            ColumnSeparator::Txt => {
                 writeln!(file, "# {} in us; sensor {size}", NAMES.join(" "))?;
                 ' '
             }
-            Table::Csv => {
+            ColumnSeparator::Csv => {
                 writeln!(file, "{}", NAMES.join(","))?;
                 ','
             }
         };
-        Ok(Self { file, order: Order::new(size, END_US), separator })
+        Ok(Self { file, order: StreamOrder::new(size, END_US), separator })
     }
 
     /// Completes the file, and returns the number of events.

@@ -1,8 +1,8 @@
 //! What leaving out saves on a path: a few of its frames, rendered with all that is left out and without.
 
 use super::RenderedFrames;
-use crate::frames::{FrameError, Frames as _};
-use crate::render::{Channels, Omit, Rendered};
+use crate::frames::{FrameError, FrameSequence as _};
+use crate::render::{ChannelSet, OmissionPolicy, RenderedImages};
 use serde::Serialize;
 
 /// Frames of a path for each that is rendered both ways: all of that then takes less than a hundredth of the path.
@@ -13,7 +13,7 @@ const LEAST: usize = 3;
 
 /// Time that was saved by leaving out: an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Saving {
+pub struct TimeSaved {
     /// Over all frames, s; below 0 where leaving out took longer.
     pub seconds: f64,
     /// Frames that were rendered both ways.
@@ -29,25 +29,25 @@ impl RenderedFrames {
     ///
     /// # Errors
     /// When a frame cannot be rendered.
-    pub fn saving(&mut self, clock: fn() -> f64) -> Result<Option<Saving>, FrameError> {
+    pub fn saving(&mut self, clock: fn() -> f64) -> Result<Option<TimeSaved>, FrameError> {
         let frames = self.len();
         let sampled = frames / FRAMES_A_SAMPLE;
         if sampled < LEAST {
             return Ok(None);
         }
         let sample: Vec<usize> = (0..sampled).map(|k| (2 * k + 1) * frames / (2 * sampled)).collect();
-        self.renderer.omit(Omit::Nothing);
-        let whole = self.time(&sample, Channels { rgb: true, ..self.want() }, clock)?;
-        self.renderer.omit(Omit::Needless);
+        self.renderer.omit(OmissionPolicy::Nothing);
+        let whole = self.time(&sample, ChannelSet { rgb: true, ..self.want() }, clock)?;
+        self.renderer.omit(OmissionPolicy::Needless);
         self.renderer.keep_to(&self.camera, &self.trajectory.world_from_camera);
         let part = self.time(&sample, self.want(), clock)?;
         let seconds = (whole - part) * frames as f64 / sampled as f64;
-        Ok(Some(Saving { seconds, sampled, frames }))
+        Ok(Some(TimeSaved { seconds, sampled, frames }))
     }
 
     /// Seconds that these frames take. The first is rendered once more before, since it pays for what all share.
-    fn time(&mut self, sample: &[usize], want: Channels, clock: fn() -> f64) -> Result<f64, FrameError> {
-        let mut rendered = Rendered::default();
+    fn time(&mut self, sample: &[usize], want: ChannelSet, clock: fn() -> f64) -> Result<f64, FrameError> {
+        let mut rendered = RenderedImages::default();
         let mut began = clock();
         for (number, &index) in sample.iter().take(1).chain(sample).enumerate() {
             if number == 1 {
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::image::Size;
-    use crate::render::{RenderError, Renderer, View, Work};
+    use crate::render::{CameraView, RenderError, RenderWork, Renderer};
     use crate::se3::Se3;
     use crate::trajectory::Trajectory;
     use std::cell::Cell;
@@ -82,7 +82,7 @@ mod tests {
     /// A frame takes 5 s with everything and 2 s of what is kept; the first of each kind takes a minute.
     #[derive(Default)]
     struct Slow {
-        omit: Omit,
+        omit: OmissionPolicy,
         kept: bool,
         warm: bool,
     }
@@ -92,7 +92,7 @@ mod tests {
             "slow/1"
         }
 
-        fn omit(&mut self, omit: Omit) {
+        fn omit(&mut self, omit: OmissionPolicy) {
             *self = Self { omit, kept: false, warm: false };
         }
 
@@ -100,16 +100,21 @@ mod tests {
             self.kept = !poses.is_empty();
         }
 
-        fn render(&mut self, _: &View, want: Channels, _: &mut Rendered) -> Result<Work, RenderError> {
+        fn render(
+            &mut self,
+            _: &CameraView,
+            want: ChannelSet,
+            _: &mut RenderedImages,
+        ) -> Result<RenderWork, RenderError> {
             let seconds = match (self.warm, self.omit) {
                 (false, _) => 60.0,
-                (true, Omit::Nothing) if want.rgb && want.luminance => 5.0,
-                (true, Omit::Needless) if self.kept && !want.rgb && want.luminance => 2.0,
+                (true, OmissionPolicy::Nothing) if want.rgb && want.luminance => 5.0,
+                (true, OmissionPolicy::Needless) if self.kept && !want.rgb && want.luminance => 2.0,
                 (true, omit) => panic!("{omit:?} {want:?}"),
             };
             self.warm = true;
             NOW.set(NOW.get() + seconds);
-            Ok(Work::default())
+            Ok(RenderWork::default())
         }
     }
 
@@ -128,7 +133,7 @@ mod tests {
         let found = frames.saving(now).unwrap().unwrap();
         assert_eq!((found.sampled, found.frames), (4, 2000));
         assert!((found.seconds - 6000.0).abs() < 1e-6, "{found:?}");
-        assert_eq!(frames.work(), Work::default(), "no frame of the path is counted");
+        assert_eq!(frames.work(), RenderWork::default(), "no frame of the path is counted");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `release.yaml`: name, creator and citation of the release.
 
-use super::splits::{self, Splits};
+use super::splits::{self, SplitPlan};
 use crate::recipe::field::Field;
 use crate::recipe::forms;
 use crate::recipe::resolve::Resolver;
@@ -32,7 +32,7 @@ pub struct ReleaseInfo {
     /// Maintenance plan, in the publisher's words.
     pub maintenance: Option<String>,
     /// Rules that assign scenes to splits, if the release has splits.
-    pub splits: Option<Splits>,
+    pub splits: Option<SplitPlan>,
 }
 
 impl Default for ReleaseInfo {
@@ -57,7 +57,7 @@ impl Default for ReleaseInfo {
 /// The file as written.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Raw {
+pub(super) struct RawRelease {
     name: Field<String>,
     version: Field<String>,
     url: Field<String>,
@@ -70,11 +70,11 @@ pub(super) struct Raw {
     funding: Field<String>,
     maintenance: Field<String>,
     /// Rules that assign scenes to splits.
-    splits: Field<splits::Raw>,
+    splits: Field<splits::RawSplits>,
 }
 
 /// Returns the content of the file, completed with defaults.
-pub(super) fn release_info(raw: &Raw, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
+pub(super) fn release_info(raw: &RawRelease, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
     let default = ReleaseInfo::default();
     let name = resolve_text(resolver, &raw.name, default.name);
     let version = resolver.formed(&raw.version, forms::VERSION).map(|given| given.unwrap_or(default.version));

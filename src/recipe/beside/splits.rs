@@ -8,9 +8,9 @@
 
 use crate::recipe::field::Field;
 use crate::recipe::names;
-use crate::recipe::problem::{Problem, quote_text};
+use crate::recipe::problem::{FieldProblem, quote_text};
 use crate::recipe::resolve::Resolver;
-use crate::recipe::text::Place;
+use crate::recipe::text::TextSpan;
 use crate::units::brief;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -19,9 +19,9 @@ use std::collections::BTreeMap;
 /// Assignment of scenes to splits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Splits {
+pub struct SplitPlan {
     /// The unit that stays together.
-    pub by: By,
+    pub by: SplitUnit,
     /// Share of each split; each is positive and the sum is 1.
     pub shares: BTreeMap<String, f64>,
     /// Salt of the hash. Another salt gives another assignment.
@@ -31,7 +31,7 @@ pub struct Splits {
 /// The unit that stays together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum By {
+pub enum SplitUnit {
     /// Scenes of one capture.
     Capture,
     /// Scenes of one capture, and scenes whose recipes name the same `group`.
@@ -41,11 +41,11 @@ pub enum By {
 /// Tolerance of the sum of shares, for the rounding of decimal fractions in binary.
 const TOLERANCE: f64 = 1e-9;
 
-impl Splits {
+impl SplitPlan {
     /// Returns the split of the group with this key.
     ///
     /// # Panics
-    /// There is no split. [`Splits`] that were read have at least one.
+    /// There is no split. [`SplitPlan`] that were read have at least one.
     #[must_use]
     pub fn of(&self, key: &str) -> &str {
         let mut hash = Sha256::new();
@@ -83,8 +83,8 @@ impl Splits {
 /// The section as written.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Raw {
-    by: Field<By>,
+pub(super) struct RawSplits {
+    by: Field<SplitUnit>,
     shares: Field<BTreeMap<String, Field<f64>>>,
     salt: Field<String>,
 }
@@ -92,7 +92,7 @@ pub(super) struct Raw {
 const HELP: &str = "write splits: { by: object, shares: { train: 0.8, val: 0.1, test: 0.1 } }";
 
 /// Resolves the section; `Some(None)` if it is absent.
-pub(super) fn resolve_splits(field: &Field<Raw>, resolver: &Resolver<'_>) -> Option<Option<Splits>> {
+pub(super) fn resolve_splits(field: &Field<RawSplits>, resolver: &Resolver<'_>) -> Option<Option<SplitPlan>> {
     let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
     let by = resolver.required(&raw.by, "by", place, HELP).map(|(by, _)| *by);
     let shares = resolver.required(&raw.shares, "shares", place, HELP);
@@ -102,23 +102,24 @@ pub(super) fn resolve_splits(field: &Field<Raw>, resolver: &Resolver<'_>) -> Opt
         None => raw.salt.is_absent().then(String::new),
     };
     let (shares, place) = shares?;
-    let splits = Splits { by: by?, shares, salt: salt? };
+    let splits = SplitPlan { by: by?, shares, salt: salt? };
     match splits.fault() {
         None => Some(Some(splits)),
-        Some(because) => resolver.refuse(Problem::new(because).help(HELP).at(place)),
+        Some(because) => resolver.refuse(FieldProblem::new(because).help(HELP).at(place)),
     }
 }
 
 fn shares_of(
     raw: &BTreeMap<String, Field<f64>>,
-    place: Place,
+    place: TextSpan,
     resolver: &Resolver<'_>,
-) -> Option<(BTreeMap<String, f64>, Place)> {
+) -> Option<(BTreeMap<String, f64>, TextSpan)> {
     let share = |(name, share): (&String, &Field<f64>)| {
         let (share, place) = share.given()?;
         if let Err(because) = names::check_sensor(name) {
-            return resolver
-                .refuse(Problem::new(format!("the split {} is one {because}", quote_text(name))).at(place));
+            return resolver.refuse(
+                FieldProblem::new(format!("the split {} is one {because}", quote_text(name))).at(place),
+            );
         }
         Some((name.clone(), *share))
     };
@@ -130,9 +131,9 @@ fn shares_of(
 mod tests {
     use super::*;
 
-    fn resolve_splits(shares: &[(&str, f64)], salt: &str) -> Splits {
+    fn resolve_splits(shares: &[(&str, f64)], salt: &str) -> SplitPlan {
         let shares = shares.iter().map(|(name, share)| ((*name).to_owned(), *share)).collect();
-        Splits { by: By::Object, shares, salt: salt.into() }
+        SplitPlan { by: SplitUnit::Object, shares, salt: salt.into() }
     }
 
     #[test]
@@ -152,7 +153,7 @@ mod tests {
     fn shares_are_reached_in_the_long_run_and_salts_deal_anew() {
         let [a, b] = ["", "again"].map(|salt| resolve_splits(&[("train", 0.7), ("test", 0.3)], salt));
         let keys: Vec<String> = (0..10_000).map(|i| format!("dl3dv/{i}")).collect();
-        let tests = |splits: &Splits| keys.iter().filter(|key| splits.of(key) == "test").count();
+        let tests = |splits: &SplitPlan| keys.iter().filter(|key| splits.of(key) == "test").count();
         // The standard deviation of the binomial distribution is 46; the bound is 4 of them.
         for splits in [&a, &b] {
             assert!((2_816..=3_184).contains(&tests(splits)), "{}", tests(splits));

@@ -2,11 +2,11 @@
 //! `<scene id or upstream id> <day> [reason]`; lines that begin with `#` and empty lines are comments.
 
 use crate::files::is_there;
-use crate::recipe::fault::{Fault, Faults};
+use crate::recipe::fault::{RecipeFault, RecipeFaults};
 use crate::recipe::find::{self, TAKEDOWN};
 use crate::recipe::load::read_text;
-use crate::recipe::problem::{Problem, quote_text};
-use crate::recipe::text::{Place, Text};
+use crate::recipe::problem::{FieldProblem, quote_text};
+use crate::recipe::text::{SourceText, TextSpan};
 use crate::recipe::{Recipe, RecipeFile, forms, names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,9 +15,9 @@ use std::sync::Arc;
 /// The listed ids in lower case, each with the earliest day of its lines. Ids are compared without
 /// case, so a difference of case never keeps a listed scene in a release.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Takedown(BTreeMap<String, String>);
+pub struct TakedownList(BTreeMap<String, String>);
 
-impl Takedown {
+impl TakedownList {
     /// Returns true if the list is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -31,7 +31,7 @@ impl Takedown {
         ids(scene, kind, upstream_id).find_map(|id| self.0.get(&id)).map(String::as_str)
     }
 
-    /// The number of ids that name none of these scenes, each given as in [`Takedown::since`].
+    /// The number of ids that name none of these scenes, each given as in [`TakedownList::since`].
     #[must_use]
     pub fn unmatched<'a>(
         &self,
@@ -64,7 +64,7 @@ impl Takedown {
     ///
     /// # Errors
     /// A line is malformed or a file cannot be read. All faults are returned.
-    pub fn read(files: &[PathBuf]) -> Result<Self, Faults> {
+    pub fn read(files: &[PathBuf]) -> Result<Self, RecipeFaults> {
         let (mut list, mut faults) = (Self::default(), Vec::new());
         for file in files {
             match read_text(file) {
@@ -72,12 +72,12 @@ impl Takedown {
                 Err(fault) => faults.push(fault),
             }
         }
-        Faults::value_or(list, faults)
+        RecipeFaults::value_or(list, faults)
     }
 
     /// Adds the lines of a file and returns their faults.
-    fn add(&mut self, file: &Path, body: String) -> Vec<Fault> {
-        let texts = vec![Arc::new(Text { path: file.to_owned(), body })];
+    fn add(&mut self, file: &Path, body: String) -> Vec<RecipeFault> {
+        let texts = vec![Arc::new(SourceText { path: file.to_owned(), body })];
         let mut faults = Vec::new();
         for line in texts[0].body.lines() {
             let line = line.trim_start_matches('\u{feff}').trim();
@@ -85,7 +85,7 @@ impl Takedown {
                 // Lines and their words are slices of the text, so the distance of their starts is
                 // their offset.
                 let at = from.as_ptr() as usize - texts[0].body.as_ptr() as usize;
-                Place { file: 0, start: byte_place(at), end: byte_place(at + from.len()) }
+                TextSpan { file: 0, start: byte_place(at), end: byte_place(at + from.len()) }
             };
             if line.is_empty() || line.starts_with('#') {
                 continue;
@@ -98,7 +98,7 @@ impl Takedown {
                     }
                 }
                 Err((word, message)) => {
-                    let problem = Problem::new(message).help(HELP).at(place(word));
+                    let problem = FieldProblem::new(message).help(HELP).at(place(word));
                     faults.push(problem.fault(&texts, None));
                 }
             }
@@ -149,8 +149,8 @@ fn parse_entry(line: &str) -> Result<(&str, &str), (&str, String)> {
 /// the given path. A scene listed in one file is listed for all recipes.
 ///
 /// # Errors
-/// Same as for [`Takedown::read`].
-pub fn read_takedown(paths: &[PathBuf]) -> Result<Takedown, Faults> {
+/// Same as for [`TakedownList::read`].
+pub fn read_takedown(paths: &[PathBuf]) -> Result<TakedownList, RecipeFaults> {
     // Faults of the recipes are reported when the recipes are read.
     takedown_of(paths, &find::find_all(paths).unwrap_or_default())
 }
@@ -158,8 +158,8 @@ pub fn read_takedown(paths: &[PathBuf]) -> Result<Takedown, Faults> {
 /// Reads the `takedown.txt` files of recipes that were already found.
 ///
 /// # Errors
-/// Same as for [`Takedown::read`].
-pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown, Faults> {
+/// Same as for [`TakedownList::read`].
+pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<TakedownList, RecipeFaults> {
     let root = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::parent_folder(path) };
     let roots: BTreeSet<PathBuf> = paths.iter().map(root).collect();
     let homes: BTreeSet<PathBuf> = recipes.iter().map(|recipe| find::parent_folder(&recipe.path)).collect();
@@ -168,14 +168,14 @@ pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown
         home.ancestors().take_while(inside).map(Path::to_owned).collect::<Vec<_>>()
     };
     let folders: BTreeSet<PathBuf> = homes.iter().flat_map(above).chain(roots.iter().cloned()).collect();
-    let misnamed: Vec<Fault> = folders.iter().flat_map(|folder| misnamed_in(folder)).collect();
+    let misnamed: Vec<RecipeFault> = folders.iter().flat_map(|folder| misnamed_in(folder)).collect();
     let files = folders.into_iter().map(|folder| folder.join(TAKEDOWN)).filter(|file| is_there(file));
-    let read = Takedown::read(&files.collect::<Vec<_>>())?;
-    Faults::value_or(read, misnamed)
+    let read = TakedownList::read(&files.collect::<Vec<_>>())?;
+    RecipeFaults::value_or(read, misnamed)
 }
 
 /// Files of a folder whose name differs from `takedown.txt` in the case of letters.
-fn misnamed_in(folder: &Path) -> Vec<Fault> {
+fn misnamed_in(folder: &Path) -> Vec<RecipeFault> {
     // A folder that cannot be listed is found where its recipes are read.
     let entries = std::fs::read_dir(or_here(folder)).into_iter().flatten().flatten();
     entries.filter_map(|entry| find::misnamed(&folder.join(entry.file_name()))).collect()
@@ -190,8 +190,8 @@ fn or_here(folder: &Path) -> &Path {
 mod tests {
     use super::*;
 
-    fn read(body: &str) -> Result<Takedown, String> {
-        let mut list = Takedown::default();
+    fn read(body: &str) -> Result<TakedownList, String> {
+        let mut list = TakedownList::default();
         let faults = list.add(Path::new("takedown.txt"), body.to_owned());
         let told: Vec<String> =
             faults.iter().map(|fault| format!("{} {}", fault.location(), fault.message())).collect();

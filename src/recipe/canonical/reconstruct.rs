@@ -1,12 +1,12 @@
 //! Canonical form of a program that trains a scene.
 
 use crate::recipe::schema;
-use crate::reconstruct::{Argument, Command};
+use crate::reconstruct::{ArgumentTemplate, TrainerCommand};
 use serde_json::{Map, Value, json};
 
 /// Returns all known fields; file paths are as written.
-pub(super) fn command_value(raw: &schema::Recipe, command: &Command) -> Value {
-    let texts = |list: &[Argument]| list.iter().map(Argument::to_string).collect::<Vec<_>>();
+pub(super) fn command_value(raw: &schema::RecipeSchema, command: &TrainerCommand) -> Value {
+    let texts = |list: &[ArgumentTemplate]| list.iter().map(ArgumentTemplate::to_string).collect::<Vec<_>>();
     let mut out = json!({
         "program": command.program.to_string(),
         "arguments": texts(&command.arguments),
@@ -23,15 +23,15 @@ pub(super) fn command_value(raw: &schema::Recipe, command: &Command) -> Value {
     add("iterations", command.iterations.map(|iterations| json!(iterations)));
     add("hold_out", command.hold_out.map(|every| json!(every)));
     add("gaussians", (!command.gaussians.is_any()).then(|| json!(command.gaussians)));
-    let told = command.min_psnr.to_bits() != Command::MIN_PSNR_DB.to_bits();
+    let told = command.min_psnr.to_bits() != TrainerCommand::MIN_PSNR_DB.to_bits();
     add("min_psnr", told.then(|| json!(command.min_psnr)));
     add("environment", (!command.environment.is_empty()).then(|| json!(command.environment)));
     add("files", (!command.files.is_empty()).then(|| files_value(raw)));
     out
 }
 
-fn files_value(raw: &schema::Recipe) -> Value {
-    let Some((schema::Reconstruct::Command(written), _)) = raw.reconstruct.given() else {
+fn files_value(raw: &schema::RecipeSchema) -> Value {
+    let Some((schema::ReconstructSection::Command(written), _)) = raw.reconstruct.given() else {
         return Value::Null;
     };
     let files = written.given().and_then(|(written, _)| written.files.given()).into_iter();

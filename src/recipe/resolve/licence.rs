@@ -1,11 +1,11 @@
 //! The owner's part of the licence, and the grant of an upstream.
 
 use super::Resolver;
-use crate::licence::{Asset, Expression, Grant, SourceKind, ledger};
+use crate::licence::{LedgerAsset, LicenceExpression, SourceKind, UpstreamGrant, ledger};
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quote_text};
-use crate::recipe::text::Place;
-use crate::recipe::{LicenceChoice, Source, forms, schema};
+use crate::recipe::problem::{FieldProblem, quote_text};
+use crate::recipe::text::TextSpan;
+use crate::recipe::{LicenceChoice, SceneSource, forms, schema};
 
 const HELP: &str = "write licence: { expression: CC0-1.0, holder: Example Lab }";
 
@@ -15,8 +15,8 @@ const GRANTED: &str = "remove upstream:, or write evidence: { granted_by: who gr
 impl Resolver<'_> {
     pub(super) fn licence(
         &self,
-        field: &Field<schema::Licence>,
-        source: Option<&Source>,
+        field: &Field<schema::LicenceSection>,
+        source: Option<&SceneSource>,
     ) -> Option<Option<LicenceChoice>> {
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let expression = self.required(&raw.expression, "expression", place, HELP);
@@ -29,17 +29,21 @@ impl Resolver<'_> {
 
     /// Resolves the upstream's grant. Terms that differ from the upstream's public terms need
     /// evidence.
-    fn grant(&self, raw: &schema::Licence, source: Option<&Source>) -> Option<Option<Grant>> {
+    fn grant(
+        &self,
+        raw: &schema::LicenceSection,
+        source: Option<&SceneSource>,
+    ) -> Option<Option<UpstreamGrant>> {
         let Some((text, place)) = raw.upstream.given() else {
             if let Some(place) = raw.evidence.place() {
                 let help = "name what was granted: upstream: CC-BY-4.0";
-                return self.refuse(Problem::of_key("is of nothing").help(help).at(place));
+                return self.refuse(FieldProblem::of_key("is of nothing").help(help).at(place));
             }
             return (raw.upstream.is_absent() && raw.evidence.is_absent()).then_some(None);
         };
         let expression = self.spdx(text, place)?;
         let Some(asset) = upstream_of(source?) else {
-            let problem = Problem::of_key("is of a source that has no upstream with terms of its own");
+            let problem = FieldProblem::of_key("is of a source that has no upstream with terms of its own");
             return self.refuse(problem.help("say all terms in expression:").at(place));
         };
         let Some((evidence, within)) = raw.evidence.given() else {
@@ -50,7 +54,7 @@ impl Resolver<'_> {
                     asset.name,
                     asset.expression()
                 );
-                return self.refuse(Problem::of_field(message).help(GRANTED).at(place));
+                return self.refuse(FieldProblem::of_field(message).help(GRANTED).at(place));
             }
             return None;
         };
@@ -60,34 +64,35 @@ impl Resolver<'_> {
         let url = url.and_then(|_| self.formed(&evidence.url, forms::URL));
         let date = self.required(&evidence.date, "date", within, GRANTED);
         let date = date.and_then(|_| self.formed(&evidence.date, forms::DAY));
-        let expression = Expression::parse(&expression).ok()?.to_string();
-        Some(Some(Grant { expression, granted_by: granted_by?, url: url??, date: date?? }))
+        let expression = LicenceExpression::parse(&expression).ok()?.to_string();
+        Some(Some(UpstreamGrant { expression, granted_by: granted_by?, url: url??, date: date?? }))
     }
 
     /// Returns the terms of a program. The terms of a known program must include its licence.
-    pub(super) fn tool_terms(&self, program: &str, text: &str, place: Place) -> Option<String> {
+    pub(super) fn tool_terms(&self, program: &str, text: &str, place: TextSpan) -> Option<String> {
         let stated = self.spdx(text, place)?;
         let name = program.rsplit('/').next().unwrap_or(program);
         let Some(asset) = ledger::find_tool(name) else { return Some(stated) };
-        let parsed = Expression::parse(&stated).ok();
+        let parsed = LicenceExpression::parse(&stated).ok();
         let lacks = asset.ids.iter().find(|id| !parsed.as_ref().is_some_and(|terms| terms.demands(id)));
         let Some(id) = lacks else { return Some(stated) };
         let message =
             format!("is {}, and {} is under {id} (licence-forbidden)", quote_text(&stated), asset.name);
         let help = asset.evidence.iter().map(|evidence| format!("read {}: {}", evidence.url, evidence.says));
-        self.refuse(Problem::of_field(message).help(help.collect::<Vec<_>>().join("; ")).at(place))
+        self.refuse(FieldProblem::of_field(message).help(help.collect::<Vec<_>>().join("; ")).at(place))
     }
 
-    pub(super) fn spdx(&self, text: &str, place: Place) -> Option<String> {
+    pub(super) fn spdx(&self, text: &str, place: TextSpan) -> Option<String> {
         const OWN: &str = "ids are those of spdx.org/licenses; own terms are LicenseRef-Name";
         if let Err(error) = spdx::Expression::parse(text) {
-            let problem = Problem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
+            let problem =
+                FieldProblem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
             return self.refuse(problem.help(OWN).in_text(place, text, error.span));
         }
-        match Expression::parse(text) {
+        match LicenceExpression::parse(text) {
             Ok(_) => Some(text.to_owned()),
             Err(error) => {
-                let problem = Problem::of_field(format!("cannot be released: {}", error.because));
+                let problem = FieldProblem::of_field(format!("cannot be released: {}", error.because));
                 self.refuse(problem.help(OWN).at(place))
             }
         }
@@ -95,10 +100,10 @@ impl Resolver<'_> {
 }
 
 /// Returns the dataset of a source.
-fn upstream_of(source: &Source) -> Option<&'static Asset> {
+fn upstream_of(source: &SceneSource) -> Option<&'static LedgerAsset> {
     let url = match source {
-        Source::Captured(_, upstream) => upstream.url.as_deref(),
-        Source::Procedural(_) | Source::None => None,
+        SceneSource::Captured(_, upstream) => upstream.url.as_deref(),
+        SceneSource::Procedural(_) | SceneSource::None => None,
     };
     ledger::find_dataset(SourceKind::by_name(source.kind())?, url)
 }

@@ -1,22 +1,22 @@
 //! Numbers and their ranges.
 
 use super::Resolver;
-use crate::recipe::field::{Field, Literal};
-use crate::recipe::problem::{Problem, bare_text};
-use crate::recipe::text::Place;
+use crate::recipe::field::{Field, NumberLiteral};
+use crate::recipe::problem::{FieldProblem, bare_text};
+use crate::recipe::text::TextSpan;
 use crate::units::{Ratio, brief};
 use std::fmt;
 
 /// The accepted reals of a field.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Range {
+pub(super) struct RealRange {
     low: f64,
     high: f64,
     /// True if the lower end is excluded.
     open: bool,
 }
 
-impl Range {
+impl RealRange {
     /// The closed range from `low` to `high`.
     pub(super) const fn new(low: f64, high: f64) -> Self {
         Self { low, high, open: false }
@@ -33,7 +33,7 @@ impl Range {
     }
 }
 
-impl fmt::Display for Range {
+impl fmt::Display for RealRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [low, high] = [self.low, self.high].map(brief);
         if self.open {
@@ -46,12 +46,12 @@ impl fmt::Display for Range {
 
 /// The accepted whole numbers of a field, both ends included.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Whole {
+pub(super) struct WholeRange {
     low: u64,
     high: u64,
 }
 
-impl Whole {
+impl WholeRange {
     /// The closed range from `low` to `high`.
     pub(super) const fn new(low: u64, high: u64) -> Self {
         Self { low, high }
@@ -60,19 +60,19 @@ impl Whole {
 
 impl Resolver<'_> {
     /// Resolves a real within its range.
-    pub(super) fn real(&self, field: &Field<f64>, default: f64, range: Range) -> Option<f64> {
+    pub(super) fn real(&self, field: &Field<f64>, default: f64, range: RealRange) -> Option<f64> {
         let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
         if range.holds(*value) { Some(*value) } else { self.out_of_range(&brief(*value), &range, place) }
     }
 
     /// Resolves a whole number within its range, whose upper end is below 2^32.
-    pub(super) fn small(&self, field: &Field<u64>, default: u32, range: Whole) -> Option<u32> {
+    pub(super) fn small(&self, field: &Field<u64>, default: u32, range: WholeRange) -> Option<u32> {
         let value = self.whole(field, default.into(), range)?;
         Some(u32::try_from(value).expect("the range ends below 2^32"))
     }
 
     /// Resolves a whole number within its range.
-    pub(super) fn whole(&self, field: &Field<u64>, default: u64, range: Whole) -> Option<u64> {
+    pub(super) fn whole(&self, field: &Field<u64>, default: u64, range: WholeRange) -> Option<u64> {
         let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
         if (range.low..=range.high).contains(value) {
             return Some(*value);
@@ -81,8 +81,13 @@ impl Resolver<'_> {
     }
 
     /// Resolves a positive rational within its range, exactly as written.
-    pub(super) fn ratio(&self, field: &Field<Literal>, default: u64, range: Range) -> Option<Ratio> {
-        let Some((Literal(text), place)) = field.given() else {
+    pub(super) fn ratio(
+        &self,
+        field: &Field<NumberLiteral>,
+        default: u64,
+        range: RealRange,
+    ) -> Option<Ratio> {
+        let Some((NumberLiteral(text), place)) = field.given() else {
             let default = Ratio::new(default, 1).expect("defaults are positive");
             return field.is_absent().then_some(default);
         };
@@ -90,7 +95,7 @@ impl Resolver<'_> {
             Ok(ratio) if range.holds(ratio.to_f64()) => Some(ratio),
             Ok(_) => self.out_of_range(&bare_text(text), &range, place),
             Err(_) if text.parse().is_ok_and(|value| range.holds(value)) => self.refuse(
-                Problem::of_field(format!("is {}, wanted at most 18 digits", bare_text(text))).at(place),
+                FieldProblem::of_field(format!("is {}, wanted at most 18 digits", bare_text(text))).at(place),
             ),
             Err(_) => {
                 self.out_of_range(&bare_text(text), &format_args!("{range}, such as 5, 1.1 or 11/10"), place)
@@ -102,8 +107,8 @@ impl Resolver<'_> {
         &self,
         found: &dyn fmt::Display,
         wanted: &dyn fmt::Display,
-        place: Place,
+        place: TextSpan,
     ) -> Option<T> {
-        self.refuse(Problem::of_field(format!("is {found}, wanted {wanted}")).at(place))
+        self.refuse(FieldProblem::of_field(format!("is {found}, wanted {wanted}")).at(place))
     }
 }

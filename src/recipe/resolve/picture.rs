@@ -1,29 +1,29 @@
 //! Camera and rendering.
 
 use super::Resolver;
-use super::number::{Range, Whole};
+use super::number::{RealRange, WholeRange};
 use crate::camera::CameraChoice;
 use crate::image::Size;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
-use crate::recipe::text::Place;
-use crate::recipe::{Source, schema};
-use crate::render::{Antialiased, Layering, RenderChoice, Rules};
+use crate::recipe::problem::FieldProblem;
+use crate::recipe::text::TextSpan;
+use crate::recipe::{SceneSource, schema};
+use crate::render::{AntialiasMode, LayerOrder, RenderChoice, RenderRules};
 
 /// Pixels per side, far above any event sensor. Events store coordinates in 16 bits.
-const SIDE: Whole = Whole::new(1, 16_384);
+const SIDE: WholeRange = WholeRange::new(1, 16_384);
 
 const WHOLE: &str = "without a source the camera is written: camera: { width: 640, height: 360, fx: 500 }";
 
 impl Resolver<'_> {
     pub(super) fn camera(
         &self,
-        field: &Field<schema::Camera>,
-        source: Option<&Source>,
+        field: &Field<schema::CameraSection>,
+        source: Option<&SceneSource>,
     ) -> Option<Option<CameraChoice>> {
         let whole = source.is_some_and(|source| !source.has_views());
         if whole && field.is_absent() {
-            return self.refuse(Problem::missing_field("camera").help(WHOLE).at(self.root));
+            return self.refuse(FieldProblem::missing_field("camera").help(WHOLE).at(self.root));
         }
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let help = "width and height are given together, in pixels";
@@ -34,7 +34,7 @@ impl Resolver<'_> {
         let intrinsics = self.intrinsics(raw, [width, height], place, whole);
         let size = Size { width: width?, height: height? };
         if let Err(error) = size.check_sensor() {
-            return self.refuse(Problem::of_field(format!("is {error}")).at(place));
+            return self.refuse(FieldProblem::of_field(format!("is {error}")).at(place));
         }
         let Size { width, height } = size;
         Some(Some(CameraChoice { width, height, intrinsics: intrinsics? }))
@@ -44,9 +44,9 @@ impl Resolver<'_> {
     /// own.
     fn intrinsics(
         &self,
-        raw: &schema::Camera,
+        raw: &schema::CameraSection,
         sides: [Option<u32>; 2],
-        camera: Place,
+        camera: TextSpan,
         whole: bool,
     ) -> Option<Option<[f64; 4]>> {
         let fields = [&raw.fx, &raw.fy, &raw.cx, &raw.cy];
@@ -54,7 +54,7 @@ impl Resolver<'_> {
             return Some(None);
         }
         let help = if whole { WHOLE } else { "fy, cx and cy go with fx, in pixels" };
-        let (length, point) = (Range::above(0.0, 1e6), Range::new(-1e6, 1e6));
+        let (length, point) = (RealRange::above(0.0, 1e6), RealRange::new(-1e6, 1e6));
         self.required(&raw.fx, "fx", camera, help);
         let fx = self.real(&raw.fx, 1.0, length);
         let fy = self.real(&raw.fy, fx.unwrap_or(1.0), length);
@@ -63,40 +63,48 @@ impl Resolver<'_> {
         Some(Some([fx?, fy?, cx?, cy?]))
     }
 
-    pub(super) fn render(&self, field: &Field<schema::Render>, usual: schema::Rules) -> Option<RenderChoice> {
-        let absent = schema::Render::default();
+    pub(super) fn render(
+        &self,
+        field: &Field<schema::RenderSection>,
+        usual: schema::RulesKey,
+    ) -> Option<RenderChoice> {
+        let absent = schema::RenderSection::default();
         let raw = self.section(field, &absent)?;
         let rules = self.or(&raw.rules, usual);
         let order = self.layering(&raw.order, rules);
-        let antialiased = self.or(&raw.antialiased, schema::Antialiased::Auto);
+        let antialiased = self.or(&raw.antialiased, schema::AntialiasedKey::Auto);
         let background = self.background(&raw.background);
         Some(RenderChoice {
             rules: match rules? {
-                schema::Rules::Official => Rules::Official,
-                schema::Rules::Exact => Rules::Exact,
-                schema::Rules::Gsplat => Rules::Gsplat,
-                schema::Rules::Soft => Rules::Soft,
+                schema::RulesKey::Official => RenderRules::Official,
+                schema::RulesKey::Exact => RenderRules::Exact,
+                schema::RulesKey::Gsplat => RenderRules::Gsplat,
+                schema::RulesKey::Soft => RenderRules::Soft,
             },
             order: order?,
             antialiased: match antialiased? {
-                schema::Antialiased::Auto => Antialiased::Auto,
-                schema::Antialiased::On => Antialiased::On,
-                schema::Antialiased::Off => Antialiased::Off,
+                schema::AntialiasedKey::Auto => AntialiasMode::Auto,
+                schema::AntialiasedKey::On => AntialiasMode::On,
+                schema::AntialiasedKey::Off => AntialiasMode::Off,
             },
             background: background?,
         })
     }
 
     /// Resolves the order of the layers. Only the rules `soft` can blend them.
-    fn layering(&self, field: &Field<schema::Layering>, rules: Option<schema::Rules>) -> Option<Layering> {
-        match self.or(field, schema::Layering::Depth)? {
-            schema::Layering::Depth => Some(Layering::Depth),
-            schema::Layering::Blended if matches!(rules, None | Some(schema::Rules::Soft)) => {
-                Some(Layering::Blended)
+    fn layering(
+        &self,
+        field: &Field<schema::LayeringKey>,
+        rules: Option<schema::RulesKey>,
+    ) -> Option<LayerOrder> {
+        match self.or(field, schema::LayeringKey::Depth)? {
+            schema::LayeringKey::Depth => Some(LayerOrder::Depth),
+            schema::LayeringKey::Blended if matches!(rules, None | Some(schema::RulesKey::Soft)) => {
+                Some(LayerOrder::Blended)
             }
-            schema::Layering::Blended => {
+            schema::LayeringKey::Blended => {
                 let place = field.given().map_or(self.root, |(_, place)| place);
-                let problem = Problem::new("a blended order is of the rules soft alone")
+                let problem = FieldProblem::new("a blended order is of the rules soft alone")
                     .help("rules: soft, or leave `order` out");
                 self.refuse(problem.at(place))
             }
@@ -105,7 +113,7 @@ impl Resolver<'_> {
 
     fn background(&self, field: &Field<[Field<f64>; 3]>) -> Option<[f64; 3]> {
         let Some((rgb, _)) = field.given() else { return field.is_absent().then_some([0.0; 3]) };
-        let [r, g, b] = rgb.each_ref().map(|channel| self.real(channel, 0.0, Range::new(0.0, 1.0)));
+        let [r, g, b] = rgb.each_ref().map(|channel| self.real(channel, 0.0, RealRange::new(0.0, 1.0)));
         Some([r?, g?, b?])
     }
 }

@@ -1,54 +1,54 @@
 //! Choice of frame times: at a rate, or for an error.
 
 use super::Resolver;
-use super::number::Range;
+use super::number::RealRange;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
-use crate::sampling::Tolerance;
-use crate::sensor::voltmeter::{Between, Law};
-use crate::sensor::{Sensor, Sensors};
-use crate::trajectory::sample::Summation;
+use crate::sampling::ErrorTolerance;
+use crate::sensor::voltmeter::{BetweenFrames, SamplerKind};
+use crate::sensor::{SensorChoice, SensorSet};
+use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
 
 /// Maximum frames per second. Timestamps are whole microseconds and must increase.
 const MAX_RATE: f64 = 1e6;
 
 /// Accepted errors, in thresholds. Beyond one threshold, whole events appear and vanish.
-const TOLERANCE: Range = Range::above(0.0, 1.0);
+const TOLERANCE: RealRange = RealRange::above(0.0, 1.0);
 
 impl Resolver<'_> {
-    pub(super) fn rate(&self, field: &Field<schema::Sampling>) -> Option<Hertz> {
-        let absent = schema::Sampling::default();
+    pub(super) fn rate(&self, field: &Field<schema::SamplingSection>) -> Option<Hertz> {
+        let absent = schema::SamplingSection::default();
         let raw = self.section(field, &absent)?;
-        self.ratio(&raw.rate, 2400, Range::above(0.0, MAX_RATE)).map(Hertz)
+        self.ratio(&raw.rate, 2400, RealRange::above(0.0, MAX_RATE)).map(Hertz)
     }
 
     /// Resolves the summation of speed laws: the paper's sum, or the integral. The integral defines
     /// speeds between the poses too, and a tolerance needs it.
-    pub(super) fn summation(&self, field: &Field<schema::Sampling>) -> Option<Summation> {
-        let absent = schema::Sampling::default();
+    pub(super) fn summation(&self, field: &Field<schema::SamplingSection>) -> Option<SummationRule> {
+        let absent = schema::SamplingSection::default();
         let raw = self.section(field, &absent)?;
         match (raw.law.given(), raw.tolerance.is_absent()) {
-            (Some((schema::Summation::Sum, at)), false) => {
+            (Some((schema::SummationKey::Sum, at)), false) => {
                 let found =
                     "is sum, which says nothing of speeds between the poses, where tolerance puts frames";
-                self.refuse(Problem::of_field(found).help("write law: integral, or leave it out").at(at))
+                self.refuse(FieldProblem::of_field(found).help("write law: integral, or leave it out").at(at))
             }
-            (Some((schema::Summation::Integral, _)), _) | (None, false) => Some(Summation::Integral),
-            (Some((schema::Summation::Sum, _)), true) => Some(Summation::Sum),
-            (None, true) => raw.law.is_absent().then_some(Summation::Sum),
+            (Some((schema::SummationKey::Integral, _)), _) | (None, false) => Some(SummationRule::Integral),
+            (Some((schema::SummationKey::Sum, _)), true) => Some(SummationRule::Sum),
+            (None, true) => raw.law.is_absent().then_some(SummationRule::Sum),
         }
     }
 
     /// Resolves the interpolation between frames; `linear` by default. A tolerance chooses its own
     /// if the recipe has none.
-    pub(super) fn between(&self, field: &Field<schema::Sampling>) -> Option<Between> {
-        let absent = schema::Sampling::default();
+    pub(super) fn between(&self, field: &Field<schema::SamplingSection>) -> Option<BetweenFrames> {
+        let absent = schema::SamplingSection::default();
         match &self.section(field, &absent)?.between {
-            Field::Absent | Field::Given(schema::Between::Linear, _) => Some(Between::Linear),
-            Field::Given(schema::Between::Catmull, _) => Some(Between::Catmull),
-            Field::Given(schema::Between::Hermite, _) => Some(Between::Hermite),
+            Field::Absent | Field::Given(schema::BetweenKey::Linear, _) => Some(BetweenFrames::Linear),
+            Field::Given(schema::BetweenKey::Catmull, _) => Some(BetweenFrames::Catmull),
+            Field::Given(schema::BetweenKey::Hermite, _) => Some(BetweenFrames::Hermite),
             Field::Bad => None,
         }
     }
@@ -57,22 +57,22 @@ impl Resolver<'_> {
     /// law `exact` only.
     pub(super) fn tolerance(
         &self,
-        field: &Field<schema::Sampling>,
-        sensors: Option<&Sensors>,
-    ) -> Option<Option<Tolerance>> {
-        let absent = schema::Sampling::default();
+        field: &Field<schema::SamplingSection>,
+        sensors: Option<&SensorSet>,
+    ) -> Option<Option<ErrorTolerance>> {
+        let absent = schema::SamplingSection::default();
         let raw = self.section(field, &absent)?;
         let Some((_, place)) = raw.tolerance.given() else {
             return raw.tolerance.is_absent().then_some(None);
         };
         let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
-        let exact = |sensor: &Sensor| matches!(sensor, Sensor::Voltmeter(v) if v.law == Law::Exact);
+        let exact = |sensor: &SensorChoice| matches!(sensor, SensorChoice::Voltmeter(v) if v.law == SamplerKind::Exact);
         if sensors?.iter().any(|(_, sensor)| !exact(sensor)) {
             let problem =
-                Problem::of_key("is an error of the sensor voltmeter by the law exact, and of no other");
+                FieldProblem::of_key("is an error of the sensor voltmeter by the law exact, and of no other");
             return self.refuse(problem.help("leave it out, and write a rate").at(place));
         }
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };
-        Some(Some(Tolerance { rms, between }))
+        Some(Some(ErrorTolerance { rms, between }))
     }
 }

@@ -4,48 +4,50 @@ mod front_end;
 mod models;
 
 use super::Resolver;
-use super::number::Range;
+use super::number::RealRange;
 use crate::recipe::field::Field;
 use crate::recipe::names;
-use crate::recipe::problem::{Problem, quote_text};
+use crate::recipe::problem::{FieldProblem, quote_text};
 use crate::recipe::schema;
-use crate::recipe::text::Place;
-use crate::sensor::voltmeter::{Between, Gain, Initial, Law, Preset, Voltmeter};
-use crate::sensor::{Sensor, Sensors};
+use crate::recipe::text::TextSpan;
+use crate::sensor::voltmeter::{
+    BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset,
+};
+use crate::sensor::{SensorChoice, SensorSet};
 use crate::units::Hertz;
 use std::collections::BTreeMap;
 
 /// Ranges of `k1` to `k6`. The gain and the offset of the logarithm are positive; standard
 /// deviations are not negative.
-const K: [Range; 6] = [
-    Range::above(0.0, 1e12),
-    Range::above(0.0, 1e12),
-    Range::new(0.0, 1e12),
-    Range::new(-1e12, 1e12),
-    Range::new(-1e12, 1e12),
-    Range::new(0.0, 1e12),
+const K: [RealRange; 6] = [
+    RealRange::above(0.0, 1e12),
+    RealRange::above(0.0, 1e12),
+    RealRange::new(0.0, 1e12),
+    RealRange::new(-1e12, 1e12),
+    RealRange::new(-1e12, 1e12),
+    RealRange::new(0.0, 1e12),
 ];
 
 impl Resolver<'_> {
     /// Resolves the one sensor, or several named sensors.
     pub(super) fn sensors(
         &self,
-        raw: &schema::Recipe,
-        between: Option<Between>,
+        raw: &schema::RecipeSchema,
+        between: Option<BetweenFrames>,
         rate: Option<Hertz>,
-    ) -> Option<Sensors> {
+    ) -> Option<SensorSet> {
         let (sensors, place) = match &raw.sensors {
-            Field::Absent => return self.sensor(&raw.sensor, between, rate).map(Sensors::One),
+            Field::Absent => return self.sensor(&raw.sensor, between, rate).map(SensorSet::One),
             Field::Bad => return None,
             Field::Given(sensors, place) => (sensors, *place),
         };
         if let Some(at) = raw.sensor.place() {
-            let problem = Problem::of_key("and sensors exclude each other");
+            let problem = FieldProblem::of_key("and sensors exclude each other");
             return self.refuse(problem.help("name it among sensors").at(at));
         }
         if sensors.is_empty() {
             let help = "write sensors: { my-name: { voltmeter: {} } }";
-            return self.refuse(Problem::of_field("names no sensor").help(help).at(place));
+            return self.refuse(FieldProblem::of_field("names no sensor").help(help).at(place));
         }
         let lower: BTreeMap<String, &String> =
             sensors.keys().map(|name| (name.to_lowercase(), name)).collect();
@@ -56,23 +58,23 @@ impl Resolver<'_> {
                 quote_text(lower[&name.to_lowercase()]),
                 quote_text(name)
             );
-            return self.refuse(Problem::of_field(found).help("choose another name").at(place));
+            return self.refuse(FieldProblem::of_field(found).help("choose another name").at(place));
         }
         // Every sensor is checked, so that all faults are reported.
         let sensors: Vec<_> = sensors
             .iter()
             .map(|(name, field)| self.named_sensor((name, field, place), between, rate))
             .collect();
-        sensors.into_iter().collect::<Option<BTreeMap<_, _>>>().map(Sensors::Named)
+        sensors.into_iter().collect::<Option<BTreeMap<_, _>>>().map(SensorSet::Named)
     }
 
     /// Resolves one of several sensors; `place` is the place of their mapping.
     fn named_sensor(
         &self,
-        (name, field, place): (&str, &Field<schema::Sensor>, Place),
-        between: Option<Between>,
+        (name, field, place): (&str, &Field<schema::SensorSection>, TextSpan),
+        between: Option<BetweenFrames>,
         rate: Option<Hertz>,
-    ) -> Option<(String, Sensor)> {
+    ) -> Option<(String, SensorChoice)> {
         let place = field.place().unwrap_or(place);
         let name = self.named(name, place, names::check_sensor(name), names::SENSOR_HELP);
         let sensor = self.sensor(field, between, rate);
@@ -81,28 +83,28 @@ impl Resolver<'_> {
 
     fn sensor(
         &self,
-        field: &Field<schema::Sensor>,
-        between: Option<Between>,
+        field: &Field<schema::SensorSection>,
+        between: Option<BetweenFrames>,
         rate: Option<Hertz>,
-    ) -> Option<Sensor> {
+    ) -> Option<SensorChoice> {
         let default = Field::Given(Box::default(), self.root);
         let (sensor, place) = match field {
             Field::Absent => (self.voltmeter_sensor(&default, between)?, self.root),
             Field::Bad => return None,
-            Field::Given(schema::Sensor::Voltmeter(raw), _) => {
+            Field::Given(schema::SensorSection::Voltmeter(raw), _) => {
                 (self.voltmeter_sensor(raw, between)?, raw.place()?)
             }
-            Field::Given(schema::Sensor::Esim(raw), _) => {
+            Field::Given(schema::SensorSection::Esim(raw), _) => {
                 let (raw, place) = raw.given()?;
                 let (linear, esim) = (self.only_linear(between, "the sensor esim", place), self.esim(raw));
                 linear?;
-                (Sensor::Esim(esim?), place)
+                (SensorChoice::Esim(esim?), place)
             }
-            Field::Given(schema::Sensor::V2e(raw), _) => {
+            Field::Given(schema::SensorSection::V2e(raw), _) => {
                 let (raw, place) = raw.given()?;
                 let (linear, v2e) = (self.only_linear(between, "the sensor v2e", place), self.v2e(raw));
                 linear?;
-                (Sensor::V2e(v2e?), place)
+                (SensorChoice::V2e(v2e?), place)
             }
         };
         self.possible(&sensor, rate?, place).then_some(sensor)
@@ -110,46 +112,46 @@ impl Resolver<'_> {
 
     fn voltmeter_sensor(
         &self,
-        field: &Field<Box<schema::Voltmeter>>,
-        between: Option<Between>,
-    ) -> Option<Sensor> {
+        field: &Field<Box<schema::VoltmeterSection>>,
+        between: Option<BetweenFrames>,
+    ) -> Option<SensorChoice> {
         let (raw, place) = field.given()?;
         let found = self.voltmeter(raw, place);
-        let voltmeter = Voltmeter { between: between?, ..found? };
+        let voltmeter = VoltmeterModel { between: between?, ..found? };
         self.rates_of(&voltmeter.front_end, voltmeter.between, &raw.front_end)?;
-        if let Some(at) = raw.law.place().filter(|_| voltmeter.law == Law::Official) {
+        if let Some(at) = raw.law.place().filter(|_| voltmeter.law == SamplerKind::Official) {
             self.only_linear(between, "the law official", at)?;
         }
-        Some(Sensor::Voltmeter(voltmeter))
+        Some(SensorChoice::Voltmeter(voltmeter))
     }
 
     /// Returns true if the sensor produces a usable stream (docs/design/numerics-sensor.md,
     /// "Screening"). Otherwise it reports the fault.
-    fn possible(&self, sensor: &Sensor, rate: Hertz, place: Place) -> bool {
+    fn possible(&self, sensor: &SensorChoice, rate: Hertz, place: TextSpan) -> bool {
         let screened = sensor.screen(rate).map_err(|error| {
-            let problem = Problem::of_key(format!("is no usable sensor: {error}"));
+            let problem = FieldProblem::of_key(format!("is no usable sensor: {error}"));
             self.report(problem.at(place));
         });
         screened.is_ok()
     }
 
-    fn voltmeter(&self, raw: &schema::Voltmeter, place: Place) -> Option<Voltmeter> {
+    fn voltmeter(&self, raw: &schema::VoltmeterSection, place: TextSpan) -> Option<VoltmeterModel> {
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
-        let gain = self.or(&raw.gain, schema::Gain::Log);
+        let gain = self.or(&raw.gain, schema::GainKey::Log);
         let initial = resolve_initial(&raw.initial);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
         let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
         let [threshold_on, threshold_off, threshold_spread] = threshold?;
-        Some(Voltmeter {
+        Some(VoltmeterModel {
             threshold_on,
             threshold_off,
             law: law?,
             gain: match gain? {
-                schema::Gain::Log => Gain::Log,
-                schema::Gain::Midpoint => Gain::Midpoint,
+                schema::GainKey::Log => DriftGain::Log,
+                schema::GainKey::Midpoint => DriftGain::Midpoint,
             },
             initial: initial?,
             max_events_per_pixel_frame: cap?,
@@ -158,21 +160,23 @@ impl Resolver<'_> {
             hot_pixels: hot_pixels?,
             front_end: front_end?,
             labels: labels?,
-            ..Voltmeter::new(k?)
+            ..VoltmeterModel::new(k?)
         })
     }
 
-    fn k(&self, raw: &schema::Voltmeter, place: Place) -> Option<[f64; 6]> {
+    fn k(&self, raw: &schema::VoltmeterSection, place: TextSpan) -> Option<[f64; 6]> {
         match (&raw.preset, &raw.k) {
             (Field::Bad, _) | (_, Field::Bad) => None,
             (Field::Given(_, at), Field::Given(..)) => {
-                let problem = Problem::of_key("and k exclude each other");
+                let problem = FieldProblem::of_key("and k exclude each other");
                 self.refuse(problem.help("a preset is a k by name").at(*at))
             }
             (preset, Field::Absent) => {
                 if let Some(at) = raw.units.place() {
                     self.report(
-                        Problem::of_key("goes with k: a preset has its own units").help("remove it").at(at),
+                        FieldProblem::of_key("goes with k: a preset has its own units")
+                            .help("remove it")
+                            .at(at),
                     );
                 }
                 self.preset(preset)
@@ -189,35 +193,35 @@ impl Resolver<'_> {
     }
 
     fn preset(&self, field: &Field<String>) -> Option<[f64; 6]> {
-        let Some((name, place)) = field.given() else { return Some(Preset::Dvs346.k()) };
-        let names = Preset::ALL.map(Preset::name);
-        Preset::by_name(name)
-            .map(Preset::k)
-            .or_else(|| self.refuse(Problem::unknown_name("preset", name, &names).at(place)))
+        let Some((name, place)) = field.given() else { return Some(VoltmeterPreset::Dvs346.k()) };
+        let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name);
+        VoltmeterPreset::by_name(name)
+            .map(VoltmeterPreset::k)
+            .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
     }
 
     /// Resolves the thresholds of ON and OFF, and their spread.
-    fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 3]> {
-        let absent = schema::Threshold::default();
+    fn threshold(&self, field: &Field<schema::ThresholdSection>) -> Option<[f64; 3]> {
+        let absent = schema::ThresholdSection::default();
         let raw = self.section(field, &absent)?;
         let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, models::THRESHOLD));
         let spread = self.threshold_spread(&raw.spread, 0.0);
         Some([on?, off?, spread?])
     }
 
-    fn sampler(&self, field: &Field<schema::Law>) -> Option<Law> {
+    fn sampler(&self, field: &Field<schema::LawKey>) -> Option<SamplerKind> {
         match field {
-            Field::Absent | Field::Given(schema::Law::Exact, _) => Some(Law::Exact),
-            Field::Given(schema::Law::Official, _) => Some(Law::Official),
+            Field::Absent | Field::Given(schema::LawKey::Exact, _) => Some(SamplerKind::Exact),
+            Field::Given(schema::LawKey::Official, _) => Some(SamplerKind::Official),
             Field::Bad => None,
         }
     }
 }
 
-fn resolve_initial(field: &Field<schema::Initial>) -> Option<Initial> {
+fn resolve_initial(field: &Field<schema::InitialKey>) -> Option<InitialVoltage> {
     match field {
-        Field::Absent | Field::Given(schema::Initial::Zero, _) => Some(Initial::Zero),
-        Field::Given(schema::Initial::Stationary, _) => Some(Initial::Stationary),
+        Field::Absent | Field::Given(schema::InitialKey::Zero, _) => Some(InitialVoltage::Zero),
+        Field::Given(schema::InitialKey::Stationary, _) => Some(InitialVoltage::Stationary),
         Field::Bad => None,
     }
 }

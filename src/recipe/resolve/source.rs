@@ -1,53 +1,53 @@
 //! Resolution of the source of poses and Gaussians.
 
 use super::Resolver;
-use super::number::{Range, Whole};
+use super::number::{RealRange, WholeRange};
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
-use crate::recipe::text::Place;
-use crate::recipe::{Source, Upstream, forms, schema};
+use crate::recipe::problem::FieldProblem;
+use crate::recipe::text::TextSpan;
+use crate::recipe::{SceneSource, UpstreamOrigin, forms, schema};
 use crate::scene::procedural::StillLife;
-use crate::source::kind::Kind;
-use crate::source::{self, Captured, PoseFile, Selection, mvimgnet};
+use crate::source::kind::CaptureKind;
+use crate::source::{self, DiskCapture, PoseFile, ViewSelection, mvimgnet};
 use std::path::PathBuf;
 
 /// Maximum number of views that a recipe may ask for.
 const MOST_VIEWS: u32 = 1_000_000;
 
 impl Resolver<'_> {
-    pub(super) fn source(&self, field: &Field<schema::Source>) -> Option<Source> {
+    pub(super) fn source(&self, field: &Field<schema::SourceSection>) -> Option<SceneSource> {
         let help = "write source: { procedural: { kind: still-life } }, or colmap, nerfstudio, model, mvimgnet or dl3dv with \
                     a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
         match source {
-            schema::Source::Procedural(raw) => self.still_life(raw).map(Source::Procedural),
-            schema::Source::None => Some(Source::None),
-            schema::Source::Colmap(raw) => self.captured(Kind::Colmap, raw),
-            schema::Source::Nerfstudio(raw) => self.captured(Kind::Nerfstudio, raw),
-            schema::Source::Model(raw) => self.captured(Kind::Model, raw),
-            schema::Source::Mvimgnet(raw) => self.captured(Kind::Mvimgnet, raw),
-            schema::Source::Dl3dv(raw) => self.captured(Kind::Dl3dv, raw),
+            schema::SourceSection::Procedural(raw) => self.still_life(raw).map(SceneSource::Procedural),
+            schema::SourceSection::None => Some(SceneSource::None),
+            schema::SourceSection::Colmap(raw) => self.captured(CaptureKind::Colmap, raw),
+            schema::SourceSection::Nerfstudio(raw) => self.captured(CaptureKind::Nerfstudio, raw),
+            schema::SourceSection::Model(raw) => self.captured(CaptureKind::Model, raw),
+            schema::SourceSection::Mvimgnet(raw) => self.captured(CaptureKind::Mvimgnet, raw),
+            schema::SourceSection::Dl3dv(raw) => self.captured(CaptureKind::Dl3dv, raw),
         }
     }
 
-    fn still_life(&self, field: &Field<schema::Procedural>) -> Option<StillLife> {
+    fn still_life(&self, field: &Field<schema::ProceduralSection>) -> Option<StillLife> {
         let (raw, _) = field.given()?;
         let StillLife { gaussians, views, arc, seed } = StillLife::default();
-        let kind = self.or(&raw.kind, schema::Kind::StillLife);
-        let gaussians = self.small(&raw.gaussians, gaussians, Whole::new(100, 10_000_000));
-        let views = self.small(&raw.views, views, Whole::new(2, 10_000));
-        let arc = self.real(&raw.arc, arc, Range::above(0.0, 360.0));
+        let kind = self.or(&raw.kind, schema::KindKey::StillLife);
+        let gaussians = self.small(&raw.gaussians, gaussians, WholeRange::new(100, 10_000_000));
+        let views = self.small(&raw.views, views, WholeRange::new(2, 10_000));
+        let arc = self.real(&raw.arc, arc, RealRange::above(0.0, 360.0));
         let seed = self.or(&raw.seed, seed);
-        let schema::Kind::StillLife = kind?;
+        let schema::KindKey::StillLife = kind?;
         Some(StillLife { gaussians: gaussians?, views: views?, arc: arc?, seed: seed? })
     }
 
-    fn captured(&self, kind: Kind, field: &Field<schema::Folder>) -> Option<Source> {
+    fn captured(&self, kind: CaptureKind, field: &Field<schema::FolderSection>) -> Option<SceneSource> {
         let (raw, place) = field.given()?;
         let path = self.path(&raw.path, place);
         let views = match &raw.views {
             Field::Absent => Some(None),
-            given => self.small(given, 1, Whole::new(1, u64::from(MOST_VIEWS))).map(Some),
+            given => self.small(given, 1, WholeRange::new(1, u64::from(MOST_VIEWS))).map(Some),
         };
         let (exclude, poses) = (self.exclude(kind, raw), self.pose_file(kind, raw));
         let (id, url) = (self.said(&raw.upstream_id), self.formed(&raw.upstream_url, forms::URL));
@@ -57,23 +57,25 @@ impl Resolver<'_> {
             Field::Bad => None,
             Field::Given(accepted, _) => Some(Some(*accepted)),
         };
-        let selection = Selection { views: views?, exclude: exclude?, poses: poses? };
-        let captured = Captured { kind, path: path?, selection };
-        let known = Upstream::from_capture(&captured);
-        let upstream = Upstream {
+        let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
+        let captured = DiskCapture { kind, path: path?, selection };
+        let known = UpstreamOrigin::from_capture(&captured);
+        let upstream = UpstreamOrigin {
             id: id?.or(known.id),
             url: url?.or(known.url),
             accessed: accessed?,
             terms_accepted: terms_accepted?,
         };
-        Some(Source::Captured(captured, upstream))
+        Some(SceneSource::Captured(captured, upstream))
     }
 
     /// Resolves the patterns of excluded names. By default, the known leftover files of the dataset
     /// are excluded.
-    fn exclude(&self, kind: Kind, raw: &schema::Folder) -> Option<Vec<String>> {
+    fn exclude(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Vec<String>> {
         let list = match &raw.exclude {
-            Field::Absent if kind == Kind::Mvimgnet => return Some(vec![mvimgnet::LEFTOVERS.to_owned()]),
+            Field::Absent if kind == CaptureKind::Mvimgnet => {
+                return Some(vec![mvimgnet::LEFTOVERS.to_owned()]);
+            }
             Field::Absent => return Some(Vec::new()),
             Field::Bad => return None,
             Field::Given(list, _) => list,
@@ -82,21 +84,24 @@ impl Resolver<'_> {
             let (text, place) = item.given()?;
             match source::check_pattern(text) {
                 Ok(()) => self.filled(text, place),
-                Err(because) => self.refuse(Problem::of_field(format!("is no pattern: {because}")).at(place)),
+                Err(because) => {
+                    self.refuse(FieldProblem::of_field(format!("is no pattern: {because}")).at(place))
+                }
             }
         };
         let patterns: Vec<Option<String>> = list.iter().map(pattern).collect();
         patterns.into_iter().collect()
     }
 
-    fn pose_file(&self, kind: Kind, raw: &schema::Folder) -> Option<Option<PoseFile>> {
+    fn pose_file(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Option<PoseFile>> {
         match &raw.poses {
             Field::Absent => Some(None),
             Field::Bad => None,
-            Field::Given(poses, _) if kind == Kind::Dl3dv => Some(Some(*poses)),
+            Field::Given(poses, _) if kind == CaptureKind::Dl3dv => Some(Some(*poses)),
             Field::Given(_, place) => {
-                let problem =
-                    Problem::of_key("goes with the source dl3dv alone, which may have two sets of poses");
+                let problem = FieldProblem::of_key(
+                    "goes with the source dl3dv alone, which may have two sets of poses",
+                );
                 self.refuse(problem.help("remove it: this source has one").at(*place))
             }
         }
@@ -112,7 +117,7 @@ impl Resolver<'_> {
     }
 
     /// Resolves a path relative to the folder of the file that contains it.
-    pub(super) fn path(&self, field: &Field<String>, within: Place) -> Option<PathBuf> {
+    pub(super) fn path(&self, field: &Field<String>, within: TextSpan) -> Option<PathBuf> {
         let (text, place) =
             self.required(field, "path", within, "a path is relative to the recipe's folder")?;
         Some(self.folders[place.file as usize].join(self.filled(text, place)?))

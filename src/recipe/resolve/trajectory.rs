@@ -10,15 +10,15 @@ mod vector;
 
 use super::Resolver;
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quote_text};
-use crate::recipe::text::Place;
-use crate::recipe::{Source, TrajectoryRecipe, names, schema};
-use crate::speed::Speed;
-use crate::trajectory::novel::Novel;
-use crate::trajectory::path::Path;
-use crate::trajectory::sample::Summation;
+use crate::recipe::problem::{FieldProblem, quote_text};
+use crate::recipe::text::TextSpan;
+use crate::recipe::{SceneSource, TrajectoryRecipe, names, schema};
+use crate::speed::SpeedChoice;
+use crate::trajectory::novel::NovelGroup;
+use crate::trajectory::path::CameraPath;
+use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
-use novel::Groups;
+use novel::NovelGroups;
 use std::collections::BTreeSet;
 
 pub(in crate::recipe) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
@@ -27,42 +27,43 @@ const PATHS: &str = "refine, novel, orbit and keyframes";
 
 /// The other parts of the recipe that trajectories depend on, as far as they are valid.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Setting<'a> {
+pub(super) struct TrajectoryContext<'a> {
     pub(super) scene: Option<&'a str>,
     pub(super) seed: Option<u64>,
-    pub(super) source: Option<&'a Source>,
+    pub(super) source: Option<&'a SceneSource>,
     pub(super) rate: Option<Hertz>,
-    pub(super) law: Option<Summation>,
+    pub(super) law: Option<SummationRule>,
 }
 
 /// The context of a path.
 #[derive(Debug, Clone, Copy)]
-struct Around<'a> {
-    setting: Setting<'a>,
+struct PathContext<'a> {
+    setting: TrajectoryContext<'a>,
     /// True if the speed is a flow, which determines the number of poses itself.
     flows: bool,
 }
 
-impl Setting<'_> {
+impl TrajectoryContext<'_> {
     fn has_views(&self) -> bool {
-        self.source.is_none_or(Source::has_views)
+        self.source.is_none_or(SceneSource::has_views)
     }
 }
 
 /// The list as written.
-type List = [Field<schema::Trajectory>];
+type List = [Field<schema::TrajectorySection>];
 
 impl Resolver<'_> {
     pub(super) fn trajectories(
         &self,
-        field: &Field<Vec<Field<schema::Trajectory>>>,
-        setting: Setting<'_>,
+        field: &Field<Vec<Field<schema::TrajectorySection>>>,
+        setting: TrajectoryContext<'_>,
     ) -> Option<Vec<TrajectoryRecipe>> {
         let help = "write trajectories: [{ name: base, refine: {} }]";
         let (list, place) = self.required(field, "trajectories", self.root, help)?;
         if list.is_empty() {
-            return self
-                .refuse(Problem::of_field("is an empty list, wanted at least one").help(help).at(place));
+            return self.refuse(
+                FieldProblem::of_field("is an empty list, wanted at least one").help(help).at(place),
+            );
         }
         self.refuse_repeated_names(list);
         let all: Vec<Option<Vec<TrajectoryRecipe>>> =
@@ -85,7 +86,7 @@ impl Resolver<'_> {
                 repeated.map(|folder| clash_message(name, folder))
             };
             let help = "names are folders, which some systems tell apart without case";
-            message.into_iter().for_each(|m| self.report(Problem::of_field(m).help(help).at(place)));
+            message.into_iter().for_each(|m| self.report(FieldProblem::of_field(m).help(help).at(place)));
             written.insert(name.to_lowercase());
             folders.extend(own.iter().map(|folder| folder.to_lowercase()));
         }
@@ -94,9 +95,9 @@ impl Resolver<'_> {
     /// Resolves a trajectory, or all groups of a novel trajectory.
     fn trajectory(
         &self,
-        item: &Field<schema::Trajectory>,
+        item: &Field<schema::TrajectorySection>,
         list: &List,
-        setting: Setting<'_>,
+        setting: TrajectoryContext<'_>,
     ) -> Option<Vec<TrajectoryRecipe>> {
         let (raw, place) = item.given()?;
         let name = self.required(&raw.name, "name", place, "write name: base, its folder in the release");
@@ -105,8 +106,8 @@ impl Resolver<'_> {
         });
         // Every part is resolved before a fault returns, so that all faults are reported.
         let speed = self.speed(&raw.speed, raw.refine.is_absent(), setting.law);
-        let flows = matches!(raw.speed.given(), Some((schema::Speed::Flow(_), _)));
-        let around = Around { setting, flows };
+        let flows = matches!(raw.speed.given(), Some((schema::SpeedSection::Flow(_), _)));
+        let around = PathContext { setting, flows };
         if self.several_paths(raw, place) {
             return None;
         }
@@ -120,25 +121,32 @@ impl Resolver<'_> {
     }
 
     /// Returns true, after reporting it, if there is more than one path.
-    fn several_paths(&self, raw: &schema::Trajectory, place: Place) -> bool {
+    fn several_paths(&self, raw: &schema::TrajectorySection, place: TextSpan) -> bool {
         let absent =
             [raw.refine.is_absent(), raw.novel.is_absent(), raw.orbit.is_absent(), raw.keyframes.is_absent()];
         let several = absent.iter().filter(|absent| !**absent).count() > 1;
         if several {
             let help = "a trajectory has one path; write another trajectory for another path";
             let message = format!("has more than one of {PATHS}");
-            self.report(Problem::of_field(message).help(help).at(place));
+            self.report(FieldProblem::of_field(message).help(help).at(place));
         }
         several
     }
 
     /// Resolves a path that is a trajectory by itself.
-    fn path_of(&self, raw: &schema::Trajectory, within: Place, around: Around<'_>) -> Option<Path> {
+    fn path_of(
+        &self,
+        raw: &schema::TrajectorySection,
+        within: TextSpan,
+        around: PathContext<'_>,
+    ) -> Option<CameraPath> {
         match (&raw.orbit, &raw.keyframes) {
-            (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(Path::Orbit),
-            (_, Field::Given(raw, place)) => self.keyframes(raw, *place, around).map(Path::Keyframes),
+            (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(CameraPath::Orbit),
+            (_, Field::Given(raw, place)) => self.keyframes(raw, *place, around).map(CameraPath::Keyframes),
             (Field::Absent, Field::Absent) if !raw.novel.is_absent() => None,
-            (Field::Absent, Field::Absent) => self.refine(&raw.refine, within, around).map(Path::Refine),
+            (Field::Absent, Field::Absent) => {
+                self.refine(&raw.refine, within, around).map(CameraPath::Refine)
+            }
             _ => None,
         }
     }
@@ -146,18 +154,24 @@ impl Resolver<'_> {
     /// Returns the trajectories of the groups of a novel trajectory.
     fn groups(
         &self,
-        groups: &Groups,
+        groups: &NovelGroups,
         written: &str,
-        speed: &Speed,
-        raw: &schema::Trajectory,
-        setting: Setting<'_>,
+        speed: &SpeedChoice,
+        raw: &schema::TrajectorySection,
+        setting: TrajectoryContext<'_>,
     ) -> Option<Vec<TrajectoryRecipe>> {
         let place = raw.name.place()?;
-        let group = |path: Novel| {
+        let group = |path: NovelGroup| {
             let name = novel::group_folder(written, path.group);
             let name = self.named(&name, place, names::check_trajectory(&name), names::TRAJECTORY_HELP)?;
             let (written, base) = (written.to_owned(), Some(groups.base.clone()));
-            Some(TrajectoryRecipe { name, written, path: Path::Novel(path), base, speed: speed.clone() })
+            Some(TrajectoryRecipe {
+                name,
+                written,
+                path: CameraPath::Novel(path),
+                base,
+                speed: speed.clone(),
+            })
         };
         groups.drawn(setting.seed?, setting.scene?, written).map(group).collect()
     }

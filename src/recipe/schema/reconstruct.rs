@@ -1,35 +1,35 @@
 //! Source of the Gaussians, as written.
 
-use crate::recipe::field::{Field, Later};
+use crate::recipe::field::{Field, UnsupportedField};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Reconstruct {
+pub(in crate::recipe) enum ReconstructSection {
     /// A trained scene file.
-    Given(Field<Given>),
+    Given(Field<GivenSection>),
     /// Training inside the program.
-    Builtin(Field<Later>),
+    Builtin(Field<UnsupportedField>),
     /// A program that trains the scene; runs only with `--allow-commands`. See [trainers.md](trainers.md).
-    Command(Field<Box<Command>>),
+    Command(Field<Box<CommandSection>>),
 }
 
 /// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Given {
+pub(in crate::recipe) struct GivenSection {
     /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
-    /// Whether the scene was trained on undistorted photos. Default: none.
-    pub undistorted: Field<Later>,
+    /// True if the scene was trained on undistorted photos. Default: none.
+    pub undistorted: Field<UnsupportedField>,
 }
 
 /// Arguments, `probe` and `program` may hold names in braces, which [trainers.md](trainers.md) lists.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Command {
+pub(in crate::recipe) struct CommandSection {
     /// Name of the program, searched for in `PATH`, or `"{name}"` of `files`. Required.
     pub program: Field<String>,
     /// Arguments; no shell reads them. Default: `[]`.
@@ -52,7 +52,7 @@ pub(in crate::recipe) struct Command {
     /// Hold back every n-th view, the first included, from the training. Default: no view.
     pub hold_out: Field<u64>,
     /// Number of Gaussians that the result must have. Default: `{}`.
-    pub gaussians: Field<Count>,
+    pub gaussians: Field<CountSection>,
     /// Mean PSNR over every 8th view below which the result is refused; the default is that of plain grey against uniformly
     /// distributed greys. Unit: dB. Default: `10.79`.
     pub min_psnr: Field<f64>,
@@ -61,7 +61,7 @@ pub(in crate::recipe) struct Command {
 /// Bounds, both included.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Count {
+pub(in crate::recipe) struct CountSection {
     /// Fewest Gaussians. Default: no bound.
     pub min: Field<u64>,
     /// Most Gaussians. Default: no bound.

@@ -1,34 +1,34 @@
 //! Sensors other than the voltmeter, and the parts that sensors share, as written.
 
 use crate::recipe::field::Field;
-use crate::sensor::esim::Intensity;
-use crate::sensor::front_end::Decode;
-use crate::sensor::noise::{Redraw, Reference};
-use crate::sensor::v2e::Filter;
+use crate::sensor::esim::IntensityScale;
+use crate::sensor::front_end::ChannelDecode;
+use crate::sensor::noise::{RedrawRule, ReferenceRule};
+use crate::sensor::v2e::FilterSteps;
 use serde::Deserialize;
 
 /// Brightness is `ln(eps + L/255)`, or `L/255`; thresholds are differences of it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Esim {
+pub(in crate::recipe) struct EsimSection {
     /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
-    pub threshold: Field<Threshold>,
+    pub threshold: Field<ThresholdSection>,
     /// When the thresholds of the pixels are drawn. Default: `per-sensor`.
-    pub mismatch: Field<Redraw>,
+    pub mismatch: Field<RedrawRule>,
     /// Scale of brightness. Default: `log`.
-    pub intensity: Field<Intensity>,
+    pub intensity: Field<IntensityScale>,
     /// Offset added to `L/255` before the logarithm. Default: `0.001`.
     pub eps: Field<f64>,
     /// Dead time after an event. Default: `{ period_us: 0, reference: passing }`.
-    pub refractory: Field<Refractory>,
+    pub refractory: Field<RefractorySection>,
     /// Pixels that fire whatever they see. Default: none.
-    pub hot_pixels: Field<HotPixels>,
+    pub hot_pixels: Field<HotPixelsSection>,
     /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
     /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
-    pub front_end: Field<FrontEnd>,
+    pub front_end: Field<FrontEndSection>,
     /// Label each event as signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
@@ -37,29 +37,29 @@ pub(in crate::recipe) struct Esim {
 /// cutoff of 30 Hz, a leak of 0.1 Hz with jitter and cov 0.1, and shot noise of 5 Hz.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct V2e {
+pub(in crate::recipe) struct V2eSection {
     /// Named set of the keys below: `clean` or `noisy`. Default: `clean`.
     pub preset: Field<String>,
     /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the preset's spread.
-    pub threshold: Field<Threshold>,
+    pub threshold: Field<ThresholdSection>,
     /// Cutoff of the low-pass filter at white; 0 turns the filter off. Unit: Hz. Default: the preset's.
     pub cutoff: Field<f64>,
     /// Response of the filter between two frames. Default: `exact`.
-    pub filter: Field<Filter>,
+    pub filter: Field<FilterSteps>,
     /// Leak events, which are ON. Default: the preset's.
-    pub leak: Field<Leak>,
+    pub leak: Field<LeakSection>,
     /// Rate of shot noise in darkness, both polarities together. Unit: Hz. Default: the preset's.
     pub shot: Field<f64>,
     /// Dead time after an event. Default: `{ period_us: 0, reference: at-event }`.
-    pub refractory: Field<Refractory>,
+    pub refractory: Field<RefractorySection>,
     /// Pixels that fire whatever they see. Default: none.
-    pub hot_pixels: Field<HotPixels>,
+    pub hot_pixels: Field<HotPixelsSection>,
     /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
     /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
-    pub front_end: Field<FrontEnd>,
+    pub front_end: Field<FrontEndSection>,
     /// Label each event as signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
@@ -67,7 +67,7 @@ pub(in crate::recipe) struct V2e {
 /// Contrast thresholds. The unit is the sensor's.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Threshold {
+pub(in crate::recipe) struct ThresholdSection {
     /// Threshold of ON events. Default: the sensor's.
     pub on: Field<f64>,
     /// Threshold of OFF events. Default: the sensor's.
@@ -79,7 +79,7 @@ pub(in crate::recipe) struct Threshold {
 /// Leak of the remembered level.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Leak {
+pub(in crate::recipe) struct LeakSection {
     /// Leak events of a pixel per second. Unit: Hz. Default: the preset's.
     pub rate: Field<f64>,
     /// Standard deviation of the rate from frame to frame, as a share of it. Default: the preset's.
@@ -91,17 +91,17 @@ pub(in crate::recipe) struct Leak {
 /// Time after an event in which a pixel fires no other.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Refractory {
+pub(in crate::recipe) struct RefractorySection {
     /// Length of the dead time. Unit: us. Default: `0`.
     pub period_us: Field<f64>,
     /// Level that brightness is compared with afterwards. Default: `passing` for `esim`, `at-event` for `v2e`.
-    pub reference: Field<Reference>,
+    pub reference: Field<ReferenceRule>,
 }
 
 /// Hot pixels fire ON events at random times.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct HotPixels {
+pub(in crate::recipe) struct HotPixelsSection {
     /// Share of all pixels that are hot. Required.
     pub share: Field<f64>,
     /// Events of a hot pixel per second. Unit: Hz. Required.
@@ -111,21 +111,21 @@ pub(in crate::recipe) struct HotPixels {
 /// The defaults are the encoded luminance that the published simulators read.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct FrontEnd {
+pub(in crate::recipe) struct FrontEndSection {
     /// Weights of red, green and blue. Default: `rec601`.
-    pub luminance: Field<Luminance>,
+    pub luminance: Field<LuminanceSection>,
     /// Decoding of the colours before they are weighted. Default: `none`.
-    pub decode: Field<Decode>,
+    pub decode: Field<ChannelDecode>,
     /// Factor on the brightness. Default: `1`.
     pub exposure: Field<f64>,
     /// Range that brightness is clamped to. Default: `{}`.
-    pub range: Field<Range>,
+    pub range: Field<RangeSection>,
 }
 
 /// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Luminance {
+pub(in crate::recipe) enum LuminanceSection {
     /// 0.299, 0.587, 0.114 (ITU-R BT.601).
     Rec601,
     /// 0.2126, 0.7152, 0.0722 (ITU-R BT.709).
@@ -137,7 +137,7 @@ pub(in crate::recipe) enum Luminance {
 /// Greys; white is 255.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Range {
+pub(in crate::recipe) struct RangeSection {
     /// Lowest brightness. Unit: grey. Default: `0`.
     pub min: Field<f64>,
     /// Highest brightness. Unit: grey. Default: no bound.

@@ -18,58 +18,58 @@
 //!       duration: 0.5
 //! ```
 
-use super::super::field::{Field, Literal};
+use super::super::field::{Field, NumberLiteral};
 use serde::Deserialize;
 
 /// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md) describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Trajectory {
+pub(in crate::recipe) struct TrajectorySection {
     /// Name, which is also the folder in the release: letters, digits, `.`, `_` and `-`. Range: at most 100 bytes. Required.
     pub name: Field<String>,
     /// Path along the captured poses, smoothed and densified. Default: none.
-    pub refine: Field<Refine>,
+    pub refine: Field<RefineSection>,
     /// Short paths between key poses drawn at random from another trajectory. Default: none.
-    pub novel: Field<Novel>,
+    pub novel: Field<NovelSection>,
     /// Circle about a point. Default: none.
-    pub orbit: Field<Orbit>,
+    pub orbit: Field<OrbitSection>,
     /// Path through poses that the recipe lists. Default: none.
-    pub keyframes: Field<Keyframes>,
+    pub keyframes: Field<KeyframesSection>,
     /// Speed along the path. Default: `function: "0.25*sin(t) + 1.1"` for `refine`, constant for the others.
-    pub speed: Field<Speed>,
+    pub speed: Field<SpeedSection>,
 }
 
 /// At most one of `factor`, `frames` and `duration` sets the number of poses; with a speed in px/s none may be given.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Refine {
+pub(in crate::recipe) struct RefineSection {
     /// Half-width of the smoothing window; 0 turns smoothing off. Unit: poses. Default: `2`.
     pub window: Field<u64>,
     /// Poses for each view. Default: `5`.
-    pub factor: Field<Literal>,
+    pub factor: Field<NumberLiteral>,
     /// Number of poses. Default: from `factor`.
     pub frames: Field<u64>,
     /// Length in time. Unit: s. Default: from `factor`.
-    pub duration: Field<Literal>,
+    pub duration: Field<NumberLiteral>,
     /// Order of the views along the path. Default: `name`.
-    pub order: Field<Order>,
+    pub order: Field<OrderKey>,
     /// Average of the rotations in a window. Default: `mean`.
-    pub rotation: Field<Rotation>,
+    pub rotation: Field<RotationSection>,
     /// Smoothing at the ends of the path. Default: `truncated`.
-    pub ends: Field<Ends>,
+    pub ends: Field<EndsKey>,
     /// Metric of the path length. Default: `{}`.
-    pub metric: Field<Metric>,
+    pub metric: Field<MetricSection>,
     /// Treatment of gaps in the capture. Default: `bridge`.
-    pub gaps: Field<Gaps>,
+    pub gaps: Field<GapsKey>,
     /// Curve along the smoothed poses. Default: `cubic`.
-    pub curve: Field<Curve>,
+    pub curve: Field<CurveSection>,
     /// Use the paper's chord lengths, without normalisation by the arc length of the curve. Default: `false`.
     pub literal: Field<bool>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Order {
+pub(in crate::recipe) enum OrderKey {
     /// Natural order of the image names.
     Name,
     /// Greedy nearest neighbour, from the first name.
@@ -78,7 +78,7 @@ pub(in crate::recipe) enum Order {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Rotation {
+pub(in crate::recipe) enum RotationSection {
     /// Karcher mean.
     Mean,
     /// The literal reading of the paper's equation 8.
@@ -87,7 +87,7 @@ pub(in crate::recipe) enum Rotation {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Ends {
+pub(in crate::recipe) enum EndsKey {
     /// Windows are cut off, which pulls the ends in; the paper's definition.
     Truncated,
     /// Windows shrink, which keeps both end poses.
@@ -97,15 +97,15 @@ pub(in crate::recipe) enum Ends {
 /// The path length mixes rotation, in radians, and translation over this scale.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Metric {
+pub(in crate::recipe) struct MetricSection {
     /// Distance that translation is divided by: `scene` for the median distance of the cameras to the point nearest to all
     /// optical axes, `none` for 1, or a number. Unit: scene units. Default: `scene`.
-    pub scale: Field<Literal>,
+    pub scale: Field<NumberLiteral>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Gaps {
+pub(in crate::recipe) enum GapsKey {
     /// Cross them, with a warning.
     Bridge,
     /// Fail.
@@ -115,7 +115,7 @@ pub(in crate::recipe) enum Gaps {
 /// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Curve {
+pub(in crate::recipe) enum CurveSection {
     /// Cubic splines, C2 through every pose.
     Cubic,
     /// A cumulative cubic B-spline, C2, near the poses.
@@ -123,13 +123,13 @@ pub(in crate::recipe) enum Curve {
     /// Straight lines and slerp from pose to pose, which has corners.
     SlerpLerp,
     /// One Bezier curve near all poses.
-    Bezier(Field<Bezier>),
+    Bezier(Field<BezierSection>),
 }
 
 /// `bezier: { degree: 3 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Bezier {
+pub(in crate::recipe) struct BezierSection {
     /// Degree of the curve. Required.
     pub degree: Field<u64>,
 }
@@ -137,7 +137,7 @@ pub(in crate::recipe) struct Bezier {
 /// Makes `groups` trajectories, called `<name>-0` and so on.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Novel {
+pub(in crate::recipe) struct NovelSection {
     /// Trajectory that key poses are drawn from, which must not be novel. Default: the first that is not novel.
     pub base: Field<String>,
     /// Number of groups. Default: `3`.
@@ -147,9 +147,9 @@ pub(in crate::recipe) struct Novel {
     /// Poses of a group. Default: `150`.
     pub frames: Field<u64>,
     /// Length in time, instead of `frames`. Unit: s. Default: from `frames`.
-    pub duration: Field<Literal>,
+    pub duration: Field<NumberLiteral>,
     /// Curve along the key poses. Default: `any`.
-    pub curve: Field<NovelCurve>,
+    pub curve: Field<NovelCurveSection>,
     /// Use chord lengths, without normalisation by the arc length of the curve. Default: `false`.
     pub literal: Field<bool>,
 }
@@ -157,7 +157,7 @@ pub(in crate::recipe) struct Novel {
 /// As `curve` of a refined path, or drawn at random.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum NovelCurve {
+pub(in crate::recipe) enum NovelCurveSection {
     /// A fair draw between `cubic` and `bezier`, whose degree is drawn from 2 to 5.
     Any,
     /// Cubic splines, C2 through every key pose.
@@ -167,13 +167,13 @@ pub(in crate::recipe) enum NovelCurve {
     /// Straight lines and slerp from pose to pose, which has corners.
     SlerpLerp,
     /// One Bezier curve near all key poses.
-    Bezier(Field<Bezier>),
+    Bezier(Field<BezierSection>),
 }
 
 /// Points and directions are world coordinates. Missing ones are taken from the capture; without a capture all are required.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Orbit {
+pub(in crate::recipe) struct OrbitSection {
     /// Point that the camera looks at. Unit: scene units. Default: from the capture.
     pub centre: Field<[Field<f64>; 3]>,
     /// First position of the camera. Unit: scene units. Default: from the capture.
@@ -185,25 +185,25 @@ pub(in crate::recipe) struct Orbit {
     /// Number of poses. Default: `150`.
     pub frames: Field<u64>,
     /// Length in time, instead of `frames`. Unit: s. Default: from `frames`.
-    pub duration: Field<Literal>,
+    pub duration: Field<NumberLiteral>,
 }
 
 /// At most one of `factor`, `frames` and `duration` sets the number of poses.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Keyframes {
+pub(in crate::recipe) struct KeyframesSection {
     /// Key poses in order of time, at least one. Required.
-    pub poses: Field<Vec<Field<Pose>>>,
+    pub poses: Field<Vec<Field<PoseSection>>>,
     /// Poses for each key pose. Default: from `frames`.
-    pub factor: Field<Literal>,
+    pub factor: Field<NumberLiteral>,
     /// Number of poses. Default: `150`.
     pub frames: Field<u64>,
     /// Length in time. Unit: s. Default: from `frames`.
-    pub duration: Field<Literal>,
+    pub duration: Field<NumberLiteral>,
     /// Metric of the path length. Default: `{}`.
-    pub metric: Field<Metric>,
+    pub metric: Field<MetricSection>,
     /// Curve along the key poses. Default: `cubic`.
-    pub curve: Field<Curve>,
+    pub curve: Field<CurveSection>,
     /// Use chord lengths, without normalisation by the arc length of the curve. Default: `false`.
     pub literal: Field<bool>,
 }
@@ -211,7 +211,7 @@ pub(in crate::recipe) struct Keyframes {
 /// A position, and either `rotation` or both `look_at` and `up`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Pose {
+pub(in crate::recipe) struct PoseSection {
     /// Centre of the camera, world coordinates. Unit: scene units. Required.
     pub position: Field<[Field<f64>; 3]>,
     /// Rotation from camera to world, OpenCV axes: `[qx, qy, qz, qw]`. Range: of length 1. Default: from `look_at` and `up`.
@@ -225,32 +225,32 @@ pub(in crate::recipe) struct Pose {
 /// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Speed {
+pub(in crate::recipe) enum SpeedSection {
     /// Relative speed as an expression in `t`, which runs from 0 to 1; proved positive before anything runs. It may use `+ - * /
     /// ^`, `pi`, `e`, `sin cos tan exp log sqrt abs min max`.
     Function(Field<String>),
     /// Levels of relative speed over equal parts of the time.
-    List(Field<List>),
+    List(Field<ListSection>),
     /// Speed of the picture, as the median optical flow; needs the scene, and sets the number of poses.
-    Flow(Field<Flow>),
+    Flow(Field<FlowSection>),
 }
 
 /// `list: { multipliers: [1, 0.5, 2], blend: 0.1 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct List {
+pub(in crate::recipe) struct ListSection {
     /// Levels, at least one. Required.
     pub multipliers: Field<Vec<Field<f64>>>,
     /// Half-width of the blend between two levels, as a share of a part; the speed is then twice differentiable. Default:
     /// `0.1`.
     pub blend: Field<f64>,
     /// Meaning of a level. Default: `speed`.
-    pub meaning: Field<Meaning>,
+    pub meaning: Field<MeaningKey>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum Meaning {
+pub(in crate::recipe) enum MeaningKey {
     /// Relative speed along the path.
     Speed,
     /// Relative density of the frames, at a constant speed; not with `law: integral`.
@@ -260,7 +260,7 @@ pub(in crate::recipe) enum Meaning {
 /// `flow: { px_s: 400 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct Flow {
+pub(in crate::recipe) struct FlowSection {
     /// Median optical flow of a frame, averaged over the trajectory. Unit: px/s. Required.
     pub px_s: Field<f64>,
     /// Shape of the speed over time, an expression in `t`. Default: `"1"`.

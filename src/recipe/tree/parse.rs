@@ -1,8 +1,8 @@
 //! Parser of YAML text into the tree.
 
-use super::{Entry, Kind, MAX_BYTES, Node};
-use crate::recipe::problem::{Problem, quote_text};
-use crate::recipe::text::{Place, Text};
+use super::{MAX_BYTES, MappingEntry, NodeKind, TreeNode};
+use crate::recipe::problem::{FieldProblem, quote_text};
+use crate::recipe::text::{SourceText, TextSpan};
 use serde::Deserialize;
 use serde::de::{self, Visitor};
 use serde_saphyr::{MergeKeyPolicy, NonFiniteFloatPolicy, Spanned};
@@ -11,20 +11,23 @@ use unicode_normalization::is_nfc;
 
 /// Parses a file that contains one mapping, or nothing (`None`). `file` is the index for its
 /// places.
-pub(in crate::recipe) fn parse_tree(text: &Text, file: u32) -> Result<Option<Node>, Vec<Problem>> {
+pub(in crate::recipe) fn parse_tree(
+    text: &SourceText,
+    file: u32,
+) -> Result<Option<TreeNode>, Vec<FieldProblem>> {
     let body = text.body.as_str();
     refuse_tabs(body, file).map_err(|problem| vec![problem])?;
-    let raw: Raw = serde_saphyr::from_str_with_options(body, parser_options(body))
+    let raw: RawValue = serde_saphyr::from_str_with_options(body, parser_options(body))
         .map_err(|e| vec![problem_of(&e, text, file)])?;
     let mut problems = Vec::new();
     let node = raw.settle(body, file, &mut problems);
     match node.kind {
         _ if !problems.is_empty() => Err(problems),
-        Kind::Null => Ok(None),
-        Kind::Map(_) => Ok(Some(node)),
-        Kind::Scalar { .. } | Kind::List(_) => {
+        NodeKind::Null => Ok(None),
+        NodeKind::Map(_) => Ok(Some(node)),
+        NodeKind::Scalar { .. } | NodeKind::List(_) => {
             let help = "write keys with values, such as version: 1";
-            Err(vec![Problem::new("the file holds no mapping").help(help).at(node.place)])
+            Err(vec![FieldProblem::new("the file holds no mapping").help(help).at(node.place)])
         }
     }
 }
@@ -57,12 +60,12 @@ fn parser_options(body: &str) -> serde_saphyr::Options {
 }
 
 /// Refuses tabs. YAML forbids them in indentation, and tools disagree on their width elsewhere.
-fn refuse_tabs(body: &str, file: u32) -> Result<(), Problem> {
+fn refuse_tabs(body: &str, file: u32) -> Result<(), FieldProblem> {
     let Some(at) = body.match_indices('\t').map(|(at, _)| at).find(|at| !in_comment(body, *at)) else {
         return Ok(());
     };
     let start = u32::try_from(at).unwrap_or(u32::MAX);
-    Err(Problem::new("a tab character").help("indent and separate with spaces").at(Place {
+    Err(FieldProblem::new("a tab character").help("indent and separate with spaces").at(TextSpan {
         file,
         start,
         end: start + 1,
@@ -75,38 +78,38 @@ fn in_comment(body: &str, at: usize) -> bool {
 }
 
 /// Translates the YAML reader's message into clearer words where they exist.
-fn problem_of(error: &serde_saphyr::Error, text: &Text, file: u32) -> Problem {
+fn problem_of(error: &serde_saphyr::Error, text: &SourceText, file: u32) -> FieldProblem {
     let place = error.location().map(|location| {
         let start = text.offset(usize_of(location.line()), usize_of(location.column()));
         let bytes = location.span().byte_len().map_or(1, usize_of);
-        Place { file, start: short_offset(start), end: short_offset(start + bytes) }
+        TextSpan { file, start: short_offset(start), end: short_offset(start + bytes) }
     });
     let problem = parser_problem(error.without_snippet());
-    place.into_iter().fold(problem, Problem::at)
+    place.into_iter().fold(problem, FieldProblem::at)
 }
 
-fn parser_problem(error: &serde_saphyr::Error) -> Problem {
+fn parser_problem(error: &serde_saphyr::Error) -> FieldProblem {
     use serde_saphyr::Error as E;
     use serde_saphyr::budget::BudgetBreach;
     match error {
         E::AliasError { error, .. } => parser_problem(error.without_snippet()),
         E::DuplicateMappingKey { key, .. } => {
             let key = key.as_deref().map_or_else(String::new, |key| format!(" {}", quote_text(key)));
-            Problem::new(format!("duplicate key{key}")).help("each key stands once in a mapping")
+            FieldProblem::new(format!("duplicate key{key}")).help("each key stands once in a mapping")
         }
         E::MultipleDocuments { .. } | E::Budget { breach: BudgetBreach::Documents { .. }, .. } => {
-            Problem::new("a second document").help("one file holds one recipe")
+            FieldProblem::new("a second document").help("one file holds one recipe")
         }
         E::Budget { .. }
         | E::AliasReplayLimitExceeded { .. }
         | E::AliasReplayStackDepthExceeded { .. }
         | E::AliasExpansionLimitExceeded { .. } => {
-            Problem::new("more values, anchors or levels than a recipe has").help("is it a recipe?")
+            FieldProblem::new("more values, anchors or levels than a recipe has").help("is it a recipe?")
         }
-        E::MergeKeyNotAllowed { .. } => Problem::new("merge keys (<<) are not part of a recipe")
+        E::MergeKeyNotAllowed { .. } => FieldProblem::new("merge keys (<<) are not part of a recipe")
             .help("shared values go into defaults.yaml"),
-        E::UnknownAnchor { .. } => Problem::new("not valid YAML: an alias without its anchor"),
-        other => Problem::new(format!("not valid YAML: {}", parser_sentence(other))),
+        E::UnknownAnchor { .. } => FieldProblem::new("not valid YAML: an alias without its anchor"),
+        other => FieldProblem::new(format!("not valid YAML: {}", parser_sentence(other))),
     }
 }
 
@@ -127,69 +130,69 @@ fn short_offset(offset: usize) -> u32 {
 }
 
 /// A value as the YAML reader returns it.
-struct Raw(Spanned<Shape>);
+struct RawValue(Spanned<ValueShape>);
 
-enum Shape {
+enum ValueShape {
     Null,
     /// A scalar whose type shows only in its text.
     Typed,
     Text(String),
-    List(Vec<Raw>),
-    Map(Vec<(Spanned<String>, Raw)>),
+    List(Vec<RawValue>),
+    Map(Vec<(Spanned<String>, RawValue)>),
 }
 
-impl Raw {
-    fn settle(self, body: &str, file: u32, problems: &mut Vec<Problem>) -> Node {
+impl RawValue {
+    fn settle(self, body: &str, file: u32, problems: &mut Vec<FieldProblem>) -> TreeNode {
         let place = place_of(&self.0.defined, file);
         let written = body.get(place.start as usize..place.end as usize).unwrap_or_default();
         let kind = match self.0.value {
-            Shape::Null => Kind::Null,
-            Shape::Typed => Kind::Scalar { text: written.to_owned(), plain: true },
-            Shape::Text(text) => {
+            ValueShape::Null => NodeKind::Null,
+            ValueShape::Typed => NodeKind::Scalar { text: written.to_owned(), plain: true },
+            ValueShape::Text(text) => {
                 refuse_other_forms(&text, place, problems);
                 let plain = written == text;
-                Kind::Scalar { text, plain }
+                NodeKind::Scalar { text, plain }
             }
-            Shape::List(items) => {
-                Kind::List(items.into_iter().map(|item| item.settle(body, file, problems)).collect())
+            ValueShape::List(items) => {
+                NodeKind::List(items.into_iter().map(|item| item.settle(body, file, problems)).collect())
             }
-            Shape::Map(entries) => Kind::Map(
+            ValueShape::Map(entries) => NodeKind::Map(
                 entries
                     .into_iter()
                     .map(|(key, value)| {
                         let place = place_of(&key.defined, file);
                         refuse_other_forms(&key.value, place, problems);
-                        Entry { key: key.value, place, value: value.settle(body, file, problems) }
+                        MappingEntry { key: key.value, place, value: value.settle(body, file, problems) }
                     })
                     .collect(),
             ),
         };
-        Node { place, kind }
+        TreeNode { place, kind }
     }
 }
 
 /// Refuses text in other Unicode forms. Two spellings that look the same would be two names.
-fn refuse_other_forms(text: &str, place: Place, problems: &mut Vec<Problem>) {
+fn refuse_other_forms(text: &str, place: TextSpan, problems: &mut Vec<FieldProblem>) {
     if !is_nfc(text) {
         let help = "write it in Unicode's composed form (NFC), as keyboards do";
-        problems.push(Problem::new("a text that is not in Unicode normal form C").help(help).at(place));
+        problems.push(FieldProblem::new("a text that is not in Unicode normal form C").help(help).at(place));
     }
 }
 
-fn place_of(location: &serde_saphyr::Location, file: u32) -> Place {
+fn place_of(location: &serde_saphyr::Location, file: u32) -> TextSpan {
     let span = location.span();
     let start = span.byte_offset().map_or(0, usize_of);
     let end = start + span.byte_len().map_or(0, usize_of);
-    Place { file, start: short_offset(start), end: short_offset(end) }
+    TextSpan { file, start: short_offset(start), end: short_offset(end) }
 }
 
-impl<'de> Deserialize<'de> for Raw {
+impl<'de> Deserialize<'de> for RawValue {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Spanned::deserialize(deserializer).map(Self)
     }
 }
 
-impl<'de> Deserialize<'de> for Shape {
+impl<'de> Deserialize<'de> for ValueShape {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(ShapeVisitor)
     }
@@ -198,49 +201,49 @@ impl<'de> Deserialize<'de> for Shape {
 struct ShapeVisitor;
 
 impl<'de> Visitor<'de> for ShapeVisitor {
-    type Value = Shape;
+    type Value = ValueShape;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a value")
     }
 
-    fn visit_unit<E>(self) -> Result<Shape, E> {
-        Ok(Shape::Null)
+    fn visit_unit<E>(self) -> Result<ValueShape, E> {
+        Ok(ValueShape::Null)
     }
 
-    fn visit_bool<E>(self, _: bool) -> Result<Shape, E> {
-        Ok(Shape::Typed)
+    fn visit_bool<E>(self, _: bool) -> Result<ValueShape, E> {
+        Ok(ValueShape::Typed)
     }
 
-    fn visit_i64<E>(self, _: i64) -> Result<Shape, E> {
-        Ok(Shape::Typed)
+    fn visit_i64<E>(self, _: i64) -> Result<ValueShape, E> {
+        Ok(ValueShape::Typed)
     }
 
-    fn visit_u64<E>(self, _: u64) -> Result<Shape, E> {
-        Ok(Shape::Typed)
+    fn visit_u64<E>(self, _: u64) -> Result<ValueShape, E> {
+        Ok(ValueShape::Typed)
     }
 
-    fn visit_f64<E>(self, _: f64) -> Result<Shape, E> {
-        Ok(Shape::Typed)
+    fn visit_f64<E>(self, _: f64) -> Result<ValueShape, E> {
+        Ok(ValueShape::Typed)
     }
 
-    fn visit_str<E>(self, text: &str) -> Result<Shape, E> {
-        Ok(Shape::Text(text.to_owned()))
+    fn visit_str<E>(self, text: &str) -> Result<ValueShape, E> {
+        Ok(ValueShape::Text(text.to_owned()))
     }
 
-    fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<Shape, A::Error> {
+    fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<ValueShape, A::Error> {
         let mut list = Vec::new();
         while let Some(item) = items.next_element()? {
             list.push(item);
         }
-        Ok(Shape::List(list))
+        Ok(ValueShape::List(list))
     }
 
-    fn visit_map<A: de::MapAccess<'de>>(self, mut entries: A) -> Result<Shape, A::Error> {
+    fn visit_map<A: de::MapAccess<'de>>(self, mut entries: A) -> Result<ValueShape, A::Error> {
         let mut map = Vec::new();
         while let Some(entry) = entries.next_entry()? {
             map.push(entry);
         }
-        Ok(Shape::Map(map))
+        Ok(ValueShape::Map(map))
     }
 }

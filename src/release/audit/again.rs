@@ -1,17 +1,17 @@
 //! Files composed once more from the others, and compared byte for byte: everything that people read or run. The
 //! composers are those that write a release.
 
-use super::{Code, Fault, Tree};
-use crate::artifact::Motion;
-use crate::files::{self, Links};
-use crate::release::facts::Facts;
-use crate::release::manifest::{self, Manifest, ManifestScene};
+use super::{AuditFault, FaultCode, TrustedTree};
+use crate::artifact::TrajectoryProduct;
+use crate::files::{self, LinkRule};
+use crate::release::facts::ReleaseFacts;
+use crate::release::manifest::{self, ManifestScene, ReleaseManifest};
 use crate::release::published::{self, PublishedScene, PublishedTrajectory};
-use crate::release::scene::{self, SceneFile, TrajectoryPart};
-use crate::release::tree::Content;
+use crate::release::scene::{self, SceneRecord, TrajectoryPart};
+use crate::release::tree::FileContent;
 use crate::release::{checksum, layout, loader, path_picture};
-use crate::speed::Speed;
-use crate::trajectory::sample::Schedule;
+use crate::speed::SpeedChoice;
+use crate::trajectory::sample::PoseSchedule;
 use crate::trajectory::{Trajectory, picture};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -20,17 +20,19 @@ use std::path::Path;
 
 /// Reads a scene back from its files; `None` where one of them cannot be read, which other parts of the audit report.
 pub(super) fn read(
-    tree: &Tree<'_>,
+    tree: &TrustedTree<'_>,
     listed: &ManifestScene,
-    file: &SceneFile,
-    faults: &mut Vec<Fault>,
+    file: &SceneRecord,
+    faults: &mut Vec<AuditFault>,
 ) -> Option<PublishedScene> {
     let path = |name: &str| format!("{}/{name}", file.id);
     let recipe = match published::recipe(file) {
         Ok(recipe) => recipe,
         Err(e) => {
             let message = format!("the recipe in it cannot be read: {e}");
-            faults.push(Fault::of_file(Code::Unreadable, &path(layout::SCENE), message).in_scene(&file.id));
+            faults.push(
+                AuditFault::of_file(FaultCode::Unreadable, &path(layout::SCENE), message).in_scene(&file.id),
+            );
             return None;
         }
     };
@@ -39,17 +41,19 @@ pub(super) fn read(
     let found = names(file.trajectories.iter().map(|part| part.name.as_str()).collect());
     if asked != found {
         let message = format!("its trajectories are {found}, the recipe in it has {asked}");
-        faults.push(Fault::of_file(Code::ClaimsDisagree, &path(layout::SCENE), message).in_scene(&file.id));
+        faults.push(
+            AuditFault::of_file(FaultCode::ClaimsDisagree, &path(layout::SCENE), message).in_scene(&file.id),
+        );
         return None;
     }
     let own = path(layout::CHECKS);
     let findings = if tree.has(&own) { Some(json(tree, &own)?) } else { None };
     let of = |part: &TrajectoryPart| -> Option<PublishedTrajectory> {
         let at = |name: &str| path(&format!("{}/{name}", part.name));
-        let poses = files::open_with(&tree.intact_path(&at("poses.txt"))?, Links::Refuse).ok()?;
+        let poses = files::open_with(&tree.intact_path(&at("poses.txt"))?, LinkRule::Refuse).ok()?;
         let trajectory = Trajectory::read_poses(BufReader::new(poses)).ok()?;
         Some(PublishedTrajectory {
-            motion: Motion { trajectory, report: json(tree, &at("speed.json"))? },
+            motion: TrajectoryProduct { trajectory, report: json(tree, &at("speed.json"))? },
             findings: json(tree, &at(layout::CHECKS))?,
             left_out: listed.omitted.get(&part.name).cloned().unwrap_or_default(),
         })
@@ -60,13 +64,17 @@ pub(super) fn read(
     Some(PublishedScene { recipe, licence, file: file.clone(), findings, trajectories, files })
 }
 
-fn json<T: DeserializeOwned>(tree: &Tree<'_>, path: &str) -> Option<T> {
-    let bytes = files::read_with(&tree.intact_path(path)?, Links::Refuse, files::MAX_DOCUMENT).ok()?;
+fn json<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str) -> Option<T> {
+    let bytes = files::read_with(&tree.intact_path(path)?, LinkRule::Refuse, files::MAX_DOCUMENT).ok()?;
     serde_json::from_slice(&bytes).ok()
 }
 
 /// A scene's own files, as they follow from each other.
-pub(super) fn scene(tree: &Tree<'_>, listed: &ManifestScene, scene: &PublishedScene) -> Vec<Fault> {
+pub(super) fn scene(
+    tree: &TrustedTree<'_>,
+    listed: &ManifestScene,
+    scene: &PublishedScene,
+) -> Vec<AuditFault> {
     let id = &scene.file.id;
     let mut faults = described(scene);
     for (part, of) in scene.paths() {
@@ -82,7 +90,7 @@ pub(super) fn scene(tree: &Tree<'_>, listed: &ManifestScene, scene: &PublishedSc
 }
 
 /// Values of `scene.json` that the recipe in it and the other files give otherwise.
-fn described(scene: &PublishedScene) -> Vec<Fault> {
+fn described(scene: &PublishedScene) -> Vec<AuditFault> {
     const MOST: usize = 8;
     let [found, wanted] = [&scene.file, &scene::again(scene)]
         .map(|file| serde_json::to_value(file).expect("a description is plain data"));
@@ -91,7 +99,7 @@ fn described(scene: &PublishedScene) -> Vec<Fault> {
     let path = format!("{}/{}", scene.file.id, layout::SCENE);
     let fault = |(place, found, wanted): (String, String, String)| {
         let message = format!("its {place} is {found}, the recipe and the other files give {wanted}");
-        Fault::of_file(Code::NotComposed, &path, message)
+        AuditFault::of_file(FaultCode::NotComposed, &path, message)
     };
     differences.into_iter().take(MOST).map(fault).collect()
 }
@@ -121,9 +129,9 @@ fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, Str
 
 /// The files of a trajectory that follow from its poses, its speeds and `scene.json`.
 fn trajectory(
-    tree: &Tree<'_>,
+    tree: &TrustedTree<'_>,
     scene: &PublishedScene,
-    (part, motion): (&TrajectoryPart, &Motion),
+    (part, motion): (&TrajectoryPart, &TrajectoryProduct),
 ) -> Vec<(&'static str, Vec<u8>)> {
     let text = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
         let mut bytes = Vec::new();
@@ -142,33 +150,33 @@ fn trajectory(
     let mut wanted = vec![
         ("poses.txt", text(&|out| motion.trajectory.write_poses(out))),
         ("timestamps_us.txt", text(&|out| motion.trajectory.write_stamps(out))),
-        (layout::TRANSFORMS, Content::json_bytes(&transforms)),
+        (layout::TRANSFORMS, FileContent::json_bytes(&transforms)),
     ];
     let asked = scene.recipe.trajectories.iter().find(|asked| asked.name == part.name);
     // What a speed in pixels comes to along a path is known where the scene is rendered.
-    let known = asked.filter(|asked| !matches!(asked.speed, Speed::Flow(_)));
+    let known = asked.filter(|asked| !matches!(asked.speed, SpeedChoice::Flow(_)));
     let poses = &motion.trajectory.world_from_camera;
     let law = scene.recipe.law;
-    let schedule = known.and_then(|asked| Schedule::new(&asked.speed, poses.len(), law).ok());
+    let schedule = known.and_then(|asked| PoseSchedule::new(&asked.speed, poses.len(), law).ok());
     let speed = motion.report.measured_again(poses, schedule.as_ref());
     // A report of another number of steps is not what any trajectory of these poses has, and cannot be drawn.
     let Some(speed) = speed else {
         wanted.push(("speed.json", Vec::new()));
         return wanted;
     };
-    wanted.push(("speed.json", Content::json_bytes(&speed)));
+    wanted.push(("speed.json", FileContent::json_bytes(&speed)));
     wanted.push(("trajectory.svg", picture::trajectory_svg(&motion.trajectory, &motion.report).into_bytes()));
     wanted.extend(path_picture::compose_picture(motion).map(|picture| (path_picture::NAME, picture)));
     wanted
 }
 
 /// The manifest's counts of a scene's findings.
-fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<Fault> {
+fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<AuditFault> {
     let findings = || scene.trajectories.iter().flat_map(|trajectory| &trajectory.findings);
     let mut faults = Vec::new();
     let mut fault = |what: &str| {
         let message = format!("its {what} of {} are not those of checks.json", listed.id);
-        faults.push(Fault::of_file(Code::NotComposed, manifest::NAME, message));
+        faults.push(AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message));
     };
     if listed.checks != manifest::verdicts(findings()) {
         fault("verdicts");
@@ -185,23 +193,27 @@ fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<Fault> {
 }
 
 /// The files at the top that follow from the scenes, all of which are given.
-pub(super) fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[PublishedScene]) -> Vec<Fault> {
+pub(super) fn top(
+    tree: &TrustedTree<'_>,
+    manifest: &ReleaseManifest,
+    scenes: &[PublishedScene],
+) -> Vec<AuditFault> {
     let Some(info) = manifest.info() else {
         let message = "it lacks the publisher's words, which this version writes";
-        return vec![Fault::of_file(Code::NotComposed, manifest::NAME, message)];
+        return vec![AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message)];
     };
     let licence = crate::release::terms_of(scenes);
-    let facts = Facts { scenes, info: &info, taken_down: manifest.taken_down, licence: &licence };
+    let facts = ReleaseFacts { scenes, info: &info, taken_down: manifest.taken_down, licence: &licence };
     let composed = crate::release::compose_top(&facts, &|path| tree.intact_path(path));
-    let compare = |(path, content): (String, Content)| match content {
-        Content::Bytes(bytes) => compare(tree, &path, &bytes),
-        Content::Blob { .. } => None,
+    let compare = |(path, content): (String, FileContent)| match content {
+        FileContent::Bytes(bytes) => compare(tree, &path, &bytes),
+        FileContent::Blob { .. } => None,
     };
     composed.into_files().into_iter().filter_map(compare).collect()
 }
 
 /// Code that people run, and texts of licences of the SPDX list: the same whatever the scenes are.
-pub(super) fn constants(tree: &Tree<'_>) -> Vec<Fault> {
+pub(super) fn constants(tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let ids = tree.intact.keys().filter_map(|path| layout::licence_id(path));
     let listed = ids.filter(|id| crate::licence::is_listed(id));
     let texts =
@@ -211,24 +223,28 @@ pub(super) fn constants(tree: &Tree<'_>) -> Vec<Fault> {
 }
 
 /// A JSON file in its one spelling, which is that of the value that was read.
-pub(super) fn spelling<T: serde::Serialize>(tree: &Tree<'_>, path: &str, value: &T) -> Option<Fault> {
-    compare(tree, path, &Content::json_bytes(value))
+pub(super) fn spelling<T: serde::Serialize>(
+    tree: &TrustedTree<'_>,
+    path: &str,
+    value: &T,
+) -> Option<AuditFault> {
+    compare(tree, path, &FileContent::json_bytes(value))
 }
 
 /// A file that has other bytes than those; `None` for one that is absent or not whole, which is another fault.
-fn compare(tree: &Tree<'_>, path: &str, wanted: &[u8]) -> Option<Fault> {
+fn compare(tree: &TrustedTree<'_>, path: &str, wanted: &[u8]) -> Option<AuditFault> {
     let found = tree.intact.get(path)?;
     if *found == checksum::sha256_hex(wanted) {
         return None;
     }
     let place = first_difference(&tree.path_of(path), wanted);
     let message = format!("it is not what this program composes from the other files: {place}");
-    Some(Fault::of_file(Code::NotComposed, path, message))
+    Some(AuditFault::of_file(FaultCode::NotComposed, path, message))
 }
 
 /// Where a file departs from these bytes, for people.
 fn first_difference(path: &Path, wanted: &[u8]) -> String {
-    let Ok(found) = files::read_with(path, Links::Refuse, files::MAX_DOCUMENT) else {
+    let Ok(found) = files::read_with(path, LinkRule::Refuse, files::MAX_DOCUMENT) else {
         return "it cannot be read".into();
     };
     let (Ok(found_text), Ok(wanted_text)) = (std::str::from_utf8(&found), std::str::from_utf8(wanted)) else {

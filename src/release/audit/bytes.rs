@@ -2,15 +2,15 @@
 
 use super::sums::Sums;
 use super::walk::unsafe_because;
-use super::{Code, Fault};
-use crate::release::checksum::{self, Hashes};
-use crate::release::manifest::{self, Manifest, ManifestFile};
+use super::{AuditFault, FaultCode};
+use crate::release::checksum::{self, FileHashes};
+use crate::release::manifest::{self, ManifestFile, ReleaseManifest};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Hashes of the tree's files by path, the sums file included; `None` where a file could not be read.
-pub(super) type Bytes = BTreeMap<String, Option<Hashes>>;
+pub(super) type Bytes = BTreeMap<String, Option<FileHashes>>;
 
 /// Reads all files, in parallel.
 pub(super) fn hash_files(dir: &Path, files: &BTreeSet<String>) -> Bytes {
@@ -28,7 +28,7 @@ pub(super) fn intact_files<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a
 
 /// What the tree says of its files' bytes.
 #[derive(Debug)]
-pub(super) struct Stated<'a> {
+pub(super) struct StatedBytes<'a> {
     pub(super) sums: &'a Sums,
     /// `B3SUMS`, where it could be read.
     pub(super) b3: Option<&'a Sums>,
@@ -36,26 +36,30 @@ pub(super) struct Stated<'a> {
     listed: Option<BTreeMap<&'a str, &'a ManifestFile>>,
 }
 
-impl<'a> Stated<'a> {
-    pub(super) fn new(sums: &'a Sums, b3: Option<&'a Sums>, manifest: Option<&'a Manifest>) -> Self {
+impl<'a> StatedBytes<'a> {
+    pub(super) fn new(sums: &'a Sums, b3: Option<&'a Sums>, manifest: Option<&'a ReleaseManifest>) -> Self {
         Self { sums, b3, listed: manifest.map(manifest_listing) }
     }
 }
 
 /// Holds the files that are there, the sums, and the manifest against each other.
-pub(super) fn compare_bytes(bytes: &Bytes, stated: &Stated<'_>, faults: &mut Vec<Fault>) {
+pub(super) fn compare_bytes(bytes: &Bytes, stated: &StatedBytes<'_>, faults: &mut Vec<AuditFault>) {
     let sums = stated.sums;
     faults.extend(compare_lists(stated));
     for path in sums.keys().filter(|path| !bytes.contains_key(*path)) {
-        faults.push(Fault::of_file(Code::Missing, path, "SHA256SUMS lists it, and it is not there"));
+        faults.push(AuditFault::of_file(
+            FaultCode::Missing,
+            path,
+            "SHA256SUMS lists it, and it is not there",
+        ));
     }
     for (path, hashes) in bytes.iter().filter(|(path, _)| *path != checksum::NAME) {
         let Some(hashes) = hashes else {
-            faults.push(Fault::of_file(Code::Unreadable, path, "it cannot be read"));
+            faults.push(AuditFault::of_file(FaultCode::Unreadable, path, "it cannot be read"));
             continue;
         };
         let Some(sum) = sums.get(path) else {
-            faults.push(Fault::of_file(Code::Unlisted, path, "SHA256SUMS does not list it"));
+            faults.push(AuditFault::of_file(FaultCode::Unlisted, path, "SHA256SUMS does not list it"));
             continue;
         };
         faults.extend(compare_file(path, hashes, sum, &stated.others(path, hashes)));
@@ -63,13 +67,13 @@ pub(super) fn compare_bytes(bytes: &Bytes, stated: &Stated<'_>, faults: &mut Vec
 }
 
 /// All files that the manifest lists.
-fn manifest_listing(manifest: &Manifest) -> BTreeMap<&str, &ManifestFile> {
+fn manifest_listing(manifest: &ReleaseManifest) -> BTreeMap<&str, &ManifestFile> {
     let scenes = manifest.scenes.iter().flat_map(|scene| &scene.files);
     manifest.files.iter().chain(scenes).map(|file| (file.path.as_str(), file)).collect()
 }
 
 /// The lists name the same files, but for those that cannot be in one of them.
-fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
+fn compare_lists(stated: &StatedBytes<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     // What SHA256SUMS and `name` both should list: all but `outside`.
     let mut others: Vec<(&str, BTreeSet<&str>, &[&str])> = Vec::new();
@@ -82,11 +86,11 @@ fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
     let all: BTreeSet<&str> = others.iter().flat_map(|(_, paths, _)| paths).copied().collect();
     for path in &all {
         if let Some(because) = unsafe_because(path) {
-            faults.push(Fault::of_file(Code::UnsafePath, path, because));
+            faults.push(AuditFault::of_file(FaultCode::UnsafePath, path, because));
         } else if !stated.sums.contains_key(*path) {
             let who = others.iter().filter(|(_, paths, _)| paths.contains(path)).map(|(name, ..)| *name);
             let message = format!("{}, SHA256SUMS does not", sources_say(who, "lists it", "list it"));
-            faults.push(Fault::of_file(Code::SumsDisagree, path, message));
+            faults.push(AuditFault::of_file(FaultCode::SumsDisagree, path, message));
         }
     }
     for path in stated.sums.keys().map(String::as_str) {
@@ -97,7 +101,7 @@ fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
         if !who.is_empty() {
             let message =
                 format!("SHA256SUMS lists it, {}", sources_say(who.into_iter(), "does not", "do not"));
-            faults.push(Fault::of_file(Code::SumsDisagree, path, message));
+            faults.push(AuditFault::of_file(FaultCode::SumsDisagree, path, message));
         }
     }
     faults
@@ -109,9 +113,9 @@ fn sources_say<'a>(who: impl Iterator<Item = &'a str>, one: &str, several: &str)
     format!("{} {}", who.join(" and "), if who.len() == 1 { one } else { several })
 }
 
-impl Stated<'_> {
+impl StatedBytes<'_> {
     /// Who beside `SHA256SUMS` speaks of a file, and whether these bytes are what it states.
-    fn others(&self, path: &str, found: &Hashes) -> Vec<(&'static str, bool)> {
+    fn others(&self, path: &str, found: &FileHashes) -> Vec<(&'static str, bool)> {
         let listed = self.listed.as_ref().and_then(|listed| listed.get(path));
         let manifest = listed.map(|it| (manifest::NAME, it.blake3 == found.blake3 && it.size == found.size));
         let b3 = self.b3.and_then(|b3| b3.get(path));
@@ -120,9 +124,14 @@ impl Stated<'_> {
     }
 }
 
-fn compare_file(path: &str, found: &Hashes, sum: &str, others: &[(&'static str, bool)]) -> Option<Fault> {
+fn compare_file(
+    path: &str,
+    found: &FileHashes,
+    sum: &str,
+    others: &[(&'static str, bool)],
+) -> Option<AuditFault> {
     let saying = |so: bool| others.iter().filter(move |(_, agrees)| *agrees == so).map(|(name, _)| *name);
-    let disagree = |message: String| Some(Fault::of_file(Code::SumsDisagree, path, message));
+    let disagree = |message: String| Some(AuditFault::of_file(FaultCode::SumsDisagree, path, message));
     match (found.sha256 == *sum, saying(true).next(), saying(false).next()) {
         (true, _, None) => None,
         (true, _, Some(_)) => {
@@ -135,7 +144,7 @@ fn compare_file(path: &str, found: &Hashes, sum: &str, others: &[(&'static str, 
         }
         (false, None, _) => {
             let message = format!("its SHA-256 is {}, SHA256SUMS says {sum}", found.sha256);
-            Some(Fault::of_file(Code::Altered, path, message))
+            Some(AuditFault::of_file(FaultCode::Altered, path, message))
         }
     }
 }

@@ -1,19 +1,19 @@
 //! What the tree's own descriptions say, against each other.
 
-use super::{Code, Fault, Tree, again};
-use crate::files::{self, Links};
+use super::{AuditFault, FaultCode, TrustedTree, again};
+use crate::files::{self, LinkRule};
 use crate::release::checksum;
-use crate::release::manifest::{Manifest, ManifestScene};
-use crate::release::scene::{Conventions, SceneFile};
+use crate::release::manifest::{ManifestScene, ReleaseManifest};
+use crate::release::scene::{SceneConventions, SceneRecord};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Reads a JSON file of a known form, if it is intact; keys that the form does not have are faults, and so is any spelling
 /// but the one in which the program writes.
 pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
-    tree: &Tree<'_>,
+    tree: &TrustedTree<'_>,
     path: &str,
-    faults: &mut Vec<Fault>,
+    faults: &mut Vec<AuditFault>,
 ) -> Option<T> {
     let value: T = read(tree, path, faults)?;
     faults.extend(again::spelling(tree, path, &value));
@@ -21,18 +21,22 @@ pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
 }
 
 /// Reads a JSON file of a known form, if it is intact.
-fn read<T: DeserializeOwned>(tree: &Tree<'_>, path: &str, faults: &mut Vec<Fault>) -> Option<T> {
+fn read<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str, faults: &mut Vec<AuditFault>) -> Option<T> {
     let on_disk = tree.intact_path(path)?;
-    let parsed = match files::read_with(&on_disk, Links::Refuse, files::MAX_DOCUMENT) {
+    let parsed = match files::read_with(&on_disk, LinkRule::Refuse, files::MAX_DOCUMENT) {
         Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| format!("it is not of its form: {e}")),
         Err(e) => Err(e.to_string()),
     };
-    parsed.map_err(|message| faults.push(Fault::of_file(Code::Unreadable, path, message))).ok()
+    parsed.map_err(|message| faults.push(AuditFault::of_file(FaultCode::Unreadable, path, message))).ok()
 }
 
 /// `scene.json` against the manifest, and against the recipe that it carries.
-pub(super) fn audit_scene(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
-    let mut claims = Claims { path: format!("{}/scene.json", listed.id), faults: Vec::new() };
+pub(super) fn audit_scene(
+    manifest: &ReleaseManifest,
+    listed: &ManifestScene,
+    scene: &SceneRecord,
+) -> Vec<AuditFault> {
+    let mut claims = FileClaims { path: format!("{}/scene.json", listed.id), faults: Vec::new() };
     claims.equal("id", &scene.id, "manifest.json", &listed.id);
     claims.equal("source", &scene.source.kind, "manifest.json", &listed.source);
     claims.equal("licence", &scene.licence.expression, "manifest.json", &listed.licence);
@@ -43,31 +47,31 @@ pub(super) fn audit_scene(manifest: &Manifest, listed: &ManifestScene, scene: &S
     claims.equal("seed", &scene.seed.to_string(), "its recipe", &seed);
     let compact = serde_json::to_vec(&scene.recipe).expect("a JSON value is writable");
     claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256_hex(&compact));
-    if scene.conventions != Conventions::for_brightness(&scene.recipe) {
+    if scene.conventions != SceneConventions::for_brightness(&scene.recipe) {
         let message = "its conventions are not those of this release format and of its recipe".into();
-        claims.fault(Code::ClaimsDisagree, message);
+        claims.fault(FaultCode::ClaimsDisagree, message);
     }
     let tool = format!("gs2e {}", scene.gs2e_version);
     if tool != manifest.tool {
         let message = format!("it was written by {tool}, manifest.json by {}", manifest.tool);
-        claims.fault(Code::VersionDisagrees, message);
+        claims.fault(FaultCode::VersionDisagrees, message);
     }
     claims.faults
 }
 
-struct Claims {
+struct FileClaims {
     path: String,
-    faults: Vec<Fault>,
+    faults: Vec<AuditFault>,
 }
 
-impl Claims {
-    fn fault(&mut self, code: Code, message: String) {
-        self.faults.push(Fault::of_file(code, &self.path, message));
+impl FileClaims {
+    fn fault(&mut self, code: FaultCode, message: String) {
+        self.faults.push(AuditFault::of_file(code, &self.path, message));
     }
 
     fn equal(&mut self, key: &str, found: &str, other: &str, wanted: &str) {
         if found != wanted {
-            self.fault(Code::ClaimsDisagree, format!("its {key} is `{found}`, {other} says `{wanted}`"));
+            self.fault(FaultCode::ClaimsDisagree, format!("its {key} is `{found}`, {other} says `{wanted}`"));
         }
     }
 }

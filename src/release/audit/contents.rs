@@ -4,14 +4,14 @@ mod events;
 mod motion;
 mod pictures;
 
-use super::{Code, Fault, Tree, claims};
-use crate::artifact::Stream;
+use super::{AuditFault, FaultCode, TrustedTree, claims};
+use crate::artifact::EventStream;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
 use crate::image::Size;
 use crate::release::layout::{self, CHECKS};
 use crate::release::path_picture;
-use crate::release::scene::{SceneFile, Statistics, TrajectoryPart};
+use crate::release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -19,19 +19,19 @@ const ABSENT: &str = "the scene needs it, and it is not there, or not whole";
 
 /// A trajectory folder under audit.
 #[derive(Debug, Clone, Copy)]
-struct Folder<'a> {
-    tree: &'a Tree<'a>,
+struct TrajectoryFolder<'a> {
+    tree: &'a TrustedTree<'a>,
     path: &'a str,
     part: &'a TrajectoryPart,
     camera: Camera,
 }
 
-impl Folder<'_> {
+impl TrajectoryFolder<'_> {
     fn path_of(&self, name: &str) -> String {
         format!("{}/{name}", self.path)
     }
 
-    /// Whether this file is there and intact.
+    /// Returns true if this file is there and intact.
     fn has(&self, name: &str) -> bool {
         self.tree.has(&self.path_of(name))
     }
@@ -40,20 +40,20 @@ impl Folder<'_> {
         self.tree.path_of(&self.path_of(name))
     }
 
-    fn fault(&self, code: Code, name: &str, message: impl Into<String>) -> Fault {
-        Fault::of_file(code, &self.path_of(name), message)
+    fn fault(&self, code: FaultCode, name: &str, message: impl Into<String>) -> AuditFault {
+        AuditFault::of_file(code, &self.path_of(name), message)
     }
 }
 
 /// Audits the contents of a scene's files that are there; those that are not are faults already.
-pub(super) fn audit_scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
+pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let part = &scene.camera;
     let size = Size { width: part.width, height: part.height };
     let camera = Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy };
     let mut faults = photo_faults(tree, scene);
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
-        let folder = Folder { tree, path: &path, part, camera };
+        let folder = TrajectoryFolder { tree, path: &path, part, camera };
         faults.extend(missing_files(&folder, scene));
         let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
         let contents = streams.flat_map(|(name, stated)| events::audit_stream(&folder, &name, stated));
@@ -68,24 +68,32 @@ pub(super) fn audit_scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
 }
 
 /// The file of each event stream that a trajectory has where it has any, with what is counted of it.
-fn stream_files(part: &TrajectoryPart) -> Vec<(String, &Statistics)> {
+fn stream_files(part: &TrajectoryPart) -> Vec<(String, &TrajectoryStatistics)> {
     if part.sensors.is_empty() {
-        return vec![(Stream::released_name(None), &part.statistics)];
+        return vec![(EventStream::released_name(None), &part.statistics)];
     }
     part.sensors
         .iter()
-        .map(|(name, sensor)| (Stream::released_name(Some(name)), &sensor.statistics))
+        .map(|(name, sensor)| (EventStream::released_name(Some(name)), &sensor.statistics))
         .collect()
 }
 
 /// The names of the pictures that a trajectory has in the tree, by its recipe.
-pub(super) fn pictures_wanted(tree: &Tree<'_>, scene: &SceneFile, part: &TrajectoryPart) -> Vec<String> {
+pub(super) fn pictures_wanted(
+    tree: &TrustedTree<'_>,
+    scene: &SceneRecord,
+    part: &TrajectoryPart,
+) -> Vec<String> {
     // What is withheld is not wanted; that it may be is for the terms to say.
     if scene.licence.withheld { Vec::new() } else { pictures_planned(tree, scene, part) }
 }
 
 /// The names of the pictures that are made of a trajectory, by its recipe.
-pub(super) fn pictures_planned(tree: &Tree<'_>, scene: &SceneFile, part: &TrajectoryPart) -> Vec<String> {
+pub(super) fn pictures_planned(
+    tree: &TrustedTree<'_>,
+    scene: &SceneRecord,
+    part: &TrajectoryPart,
+) -> Vec<String> {
     // What is stated may be any number. A line of poses.txt has 16 bytes at least; a wrong count is another fault.
     let poses = tree.path_of(&format!("{}/{}/poses.txt", scene.id, part.name));
     let lines = std::fs::metadata(poses).map_or(0, |file| file.len() / 16);
@@ -93,14 +101,14 @@ pub(super) fn pictures_planned(tree: &Tree<'_>, scene: &SceneFile, part: &Trajec
     pictures::wanted_names(poses, &scene.recipe, &|output| asks(scene, output))
 }
 
-/// Whether the recipe of a scene asks for an output.
-fn asks(scene: &SceneFile, output: &str) -> bool {
+/// Returns true if the recipe of a scene asks for an output.
+fn asks(scene: &SceneRecord, output: &str) -> bool {
     let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
     outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output))
 }
 
 /// The files that the scene's own description asks for and that are not there.
-fn missing_files(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
+fn missing_files(folder: &TrajectoryFolder<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let mut wanted: Vec<String> = layout::MOTION.map(str::to_owned).to_vec();
     wanted.extend([layout::TRANSFORMS, path_picture::NAME, CHECKS].map(str::to_owned));
     if asks(scene, "events") && !scene.licence.withheld {
@@ -108,27 +116,27 @@ fn missing_files(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
     }
     wanted.extend(pictures_wanted(folder.tree, scene, folder.part));
     let absent = wanted.iter().filter(|name| !folder.has(name));
-    absent.map(|name| folder.fault(Code::SceneIncomplete, name, ABSENT)).collect()
+    absent.map(|name| folder.fault(FaultCode::SceneIncomplete, name, ABSENT)).collect()
 }
 
 /// The findings in a file, if it is there and intact, and what is wrong with them.
-fn read_checks(tree: &Tree<'_>, path: &str) -> (Vec<Finding>, Vec<Fault>) {
+fn read_checks(tree: &TrustedTree<'_>, path: &str) -> (Vec<Finding>, Vec<AuditFault>) {
     let mut faults = Vec::new();
     let findings: Vec<Finding> = claims::parse_claims(tree, path, &mut faults).unwrap_or_default();
     let failed = findings.iter().filter(|finding| finding.verdict == Verdict::Fail);
     faults.extend(failed.map(|f| {
         let message = format!("{} failed: {}", f.check, f.because);
-        Fault::of_file(Code::CheckFailedUnwaived, path, message)
+        AuditFault::of_file(FaultCode::CheckFailedUnwaived, path, message)
     }));
     (findings, faults)
 }
 
 /// The checks of a scene that was photographed, against what its description says of them.
-fn photo_faults(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
+fn photo_faults(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let path = format!("{}/{CHECKS}", scene.id);
     if !tree.has(&path) {
         return match scene.images.first() {
-            Some(_) => vec![Fault::of_file(Code::SceneIncomplete, &path, ABSENT)],
+            Some(_) => vec![AuditFault::of_file(FaultCode::SceneIncomplete, &path, ABSENT)],
             None => Vec::new(),
         };
     }
@@ -140,7 +148,7 @@ fn photo_faults(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
     if found.map(f64::to_bits) != stated.map(f64::to_bits) {
         let [found, stated] = [found, stated].map(|v| v.map_or("none".to_owned(), |v| v.to_string()));
         let message = format!("its mean PSNR is {found}, scene.json says {stated}");
-        faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
+        faults.push(AuditFault::of_file(FaultCode::ClaimsDisagree, &path, message));
     }
     faults
 }

@@ -3,29 +3,29 @@
 
 mod records;
 
-use super::{Code, Fault, Tree};
+use super::{AuditFault, FaultCode, TrustedTree};
 use crate::release::croissant::{
     CONFORMS_TO, NAME, REQUIRED, RESPONSIBLE, ROOT, SYNTHETIC, content_size, glob_matches, licence_address,
 };
-use crate::release::index::table::Table;
-use crate::release::manifest::{self, Manifest};
-use crate::release::scene::SceneFile;
+use crate::release::index::table::IndexTable;
+use crate::release::manifest::{self, ReleaseManifest};
+use crate::release::scene::SceneRecord;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
 /// What the file is held against.
 #[derive(Debug)]
-pub(super) struct Subject<'a> {
-    pub(super) tree: &'a Tree<'a>,
-    pub(super) manifest: &'a Manifest,
+pub(super) struct CroissantSubject<'a> {
+    pub(super) tree: &'a TrustedTree<'a>,
+    pub(super) manifest: &'a ReleaseManifest,
     /// The index, where it could be read.
-    pub(super) index: Option<&'a Table>,
+    pub(super) index: Option<&'a IndexTable>,
     /// The scenes that could be read.
-    pub(super) scenes: &'a [SceneFile],
+    pub(super) scenes: &'a [SceneRecord],
 }
 
-fn croissant_fault(code: Code, message: impl Into<String>) -> Fault {
-    Fault::of_file(code, NAME, message)
+fn croissant_fault(code: FaultCode, message: impl Into<String>) -> AuditFault {
+    AuditFault::of_file(code, NAME, message)
 }
 
 /// The id of a node, or the one that a reference holds.
@@ -42,9 +42,12 @@ fn node_list(value: &Value) -> &[Value] {
     }
 }
 
-pub(super) fn audit_croissant(subject: &Subject<'_>) -> Vec<Fault> {
+pub(super) fn audit_croissant(subject: &CroissantSubject<'_>) -> Vec<AuditFault> {
     if !subject.tree.has(NAME) {
-        return vec![croissant_fault(Code::Missing, "a release has one, and it is not there, or not whole")];
+        return vec![croissant_fault(
+            FaultCode::Missing,
+            "a release has one, and it is not there, or not whole",
+        )];
     }
     let mut faults = Vec::new();
     let Some(file) = super::claims::parse_claims::<Value>(subject.tree, NAME, &mut faults) else {
@@ -58,8 +61,10 @@ pub(super) fn audit_croissant(subject: &Subject<'_>) -> Vec<Fault> {
             Some("cr:FileObject") if node_id(node) == ROOT => {}
             Some("cr:FileObject") => faults.extend(object_faults(node, subject)),
             Some("cr:FileSet") => faults.extend(set_faults(node, &file, subject)),
-            kind => faults
-                .push(croissant_fault(Code::CroissantField, format!("`{}` is a {kind:?}", node_id(node)))),
+            kind => faults.push(croissant_fault(
+                FaultCode::CroissantField,
+                format!("`{}` is a {kind:?}", node_id(node)),
+            )),
         }
     }
     faults.extend(records::audit_records(&file, subject));
@@ -67,7 +72,7 @@ pub(super) fn audit_croissant(subject: &Subject<'_>) -> Vec<Fault> {
 }
 
 /// What must be there, and what is none of the vocabulary.
-fn field_faults(file: &Value) -> Vec<Fault> {
+fn field_faults(file: &Value) -> Vec<AuditFault> {
     let is_empty = |value: &Value| match value {
         Value::Null => true,
         Value::String(text) => text.trim().is_empty(),
@@ -76,99 +81,101 @@ fn field_faults(file: &Value) -> Vec<Fault> {
         Value::Bool(_) | Value::Number(_) => false,
     };
     let lacking = REQUIRED.into_iter().filter(|name| is_empty(&file[*name]));
-    let mut faults: Vec<Fault> =
-        lacking.map(|name| croissant_fault(Code::CroissantField, format!("it has no {name}"))).collect();
+    let mut faults: Vec<AuditFault> =
+        lacking.map(|name| croissant_fault(FaultCode::CroissantField, format!("it has no {name}"))).collect();
     for (name, wanted) in
         [("@type", Value::from("sc:Dataset")), ("conformsTo", CONFORMS_TO.into()), (SYNTHETIC, true.into())]
     {
         if file[name] != wanted {
             let message = format!("its {name} is {}, wanted {wanted}", file[name]);
-            faults.push(croissant_fault(Code::CroissantField, message));
+            faults.push(croissant_fault(FaultCode::CroissantField, message));
         }
     }
     let keys = file.as_object().into_iter().flat_map(|fields| fields.keys());
     let unknown = keys.filter(|key| key.starts_with("rai:") && !RESPONSIBLE.contains(&key.as_str()));
-    faults
-        .extend(unknown.map(|key| croissant_fault(Code::CroissantUnknown, format!("it has a field {key}"))));
+    faults.extend(
+        unknown.map(|key| croissant_fault(FaultCode::CroissantUnknown, format!("it has a field {key}"))),
+    );
     faults
 }
 
 /// What the manifest says too.
-fn claim_faults(file: &Value, manifest: &Manifest) -> Vec<Fault> {
+fn claim_faults(file: &Value, manifest: &ReleaseManifest) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let wanted = licence_address(&manifest.licence);
     let found = &file["license"];
     if !found.is_null() && *found != wanted.as_str() {
         let message = format!("its license is {found}, the release is under {wanted:?}");
-        faults.push(croissant_fault(Code::CroissantLicence, message));
+        faults.push(croissant_fault(FaultCode::CroissantLicence, message));
     }
     for (name, wanted) in [("name", &manifest.name), ("version", &manifest.version)] {
         if !file[name].is_null() && file[name] != wanted.as_str() {
             let message = format!("its {name} is {}, {} says {wanted:?}", file[name], manifest::NAME);
-            faults.push(croissant_fault(Code::ClaimsDisagree, message));
+            faults.push(croissant_fault(FaultCode::ClaimsDisagree, message));
         }
     }
     faults
 }
 
 /// No two nodes have one id.
-fn id_faults(file: &Value) -> Vec<Fault> {
+fn id_faults(file: &Value) -> Vec<AuditFault> {
     let sets = node_list(&file["recordSet"]);
     let fields = sets.iter().flat_map(|set| node_list(&set["field"]));
     let nodes = node_list(&file["distribution"]).iter().chain(sets).chain(fields);
     let mut seen = BTreeSet::new();
     let again = nodes.map(node_id).filter(|id| !seen.insert(*id));
     again
-        .map(|id| croissant_fault(Code::CroissantReference, format!("two nodes have the id {id:?}")))
+        .map(|id| croissant_fault(FaultCode::CroissantReference, format!("two nodes have the id {id:?}")))
         .collect()
 }
 
 /// A file by itself: it is there, and it is what is said of it.
-fn object_faults(node: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+fn object_faults(node: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault> {
     let name = node_id(node);
     let Some(stated) = node["sha256"].as_str() else {
-        return vec![croissant_fault(Code::CroissantField, format!("{name} has no sha256"))];
+        return vec![croissant_fault(FaultCode::CroissantField, format!("{name} has no sha256"))];
     };
     let path = node["contentUrl"].as_str().unwrap_or_default();
     let Some(sha256) = subject.tree.intact.get(path) else {
         return vec![croissant_fault(
-            Code::CroissantSum,
+            FaultCode::CroissantSum,
             format!("{name} is `{path}`, which is not there, or not whole"),
         )];
     };
     let mut faults = Vec::new();
     if stated != *sha256 {
         let message = format!("the sha256 of {path} is {stated}, the file's is {sha256}");
-        faults.push(croissant_fault(Code::CroissantSum, message));
+        faults.push(croissant_fault(FaultCode::CroissantSum, message));
     }
     let bytes = std::fs::metadata(subject.tree.path_of(path)).map_or(0, |file| file.len());
     if node["contentSize"] != content_size(bytes).as_str() {
         let message =
             format!("the size of {path} is {}, the file's is {}", node["contentSize"], content_size(bytes));
-        faults.push(croissant_fault(Code::CroissantSum, message));
+        faults.push(croissant_fault(FaultCode::CroissantSum, message));
     }
     faults
 }
 
 /// Files by a pattern: there are some, and they lie in what is described.
-fn set_faults(node: &Value, file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+fn set_faults(node: &Value, file: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let container = node_id(&node["containedIn"]);
     if !node_list(&file["distribution"]).iter().any(|other| node_id(other) == container) {
         let message = format!("{} is contained in {container:?}, which is nothing here", node_id(node));
-        faults.push(croissant_fault(Code::CroissantReference, message));
+        faults.push(croissant_fault(FaultCode::CroissantReference, message));
     }
     for pattern in node_list(&node["includes"]).iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
         // A file that is listed and not whole is told by what lists it.
         if !subject.manifest.paths().any(|path| glob_matches(pattern, path)) {
             faults.push(croissant_fault(
-                Code::CroissantFiles,
+                FaultCode::CroissantFiles,
                 format!("no file is of `{pattern}` of {}", node_id(node)),
             ));
         }
     }
     if node_list(&node["includes"]).is_empty() {
-        faults.push(croissant_fault(Code::CroissantFiles, format!("{} includes nothing", node_id(node))));
+        faults
+            .push(croissant_fault(FaultCode::CroissantFiles, format!("{} includes nothing", node_id(node))));
     }
     faults
 }

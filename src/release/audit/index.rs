@@ -1,30 +1,34 @@
 //! `index.parquet` against the files whose content it repeats.
 
-use super::{Code, Fault, Tree, claims};
+use super::{AuditFault, FaultCode, TrustedTree, claims};
 use crate::check::Finding;
-use crate::release::index::table::{self, Table};
-use crate::release::index::{self, COLUMNS, NAME, Told};
-use crate::release::scene::SceneFile;
-use crate::trajectory::report::Report;
+use crate::release::index::table::{self, IndexTable};
+use crate::release::index::{self, COLUMNS, IndexSources, NAME};
+use crate::release::scene::SceneRecord;
+use crate::trajectory::report::SpeedReport;
 
 /// Reads the index; what is wrong with the file itself is a fault.
-pub(super) fn read_index(tree: &Tree<'_>, faults: &mut Vec<Fault>) -> Option<Table> {
+pub(super) fn read_index(tree: &TrustedTree<'_>, faults: &mut Vec<AuditFault>) -> Option<IndexTable> {
     if !tree.has(NAME) {
-        faults.push(Fault::of_file(
-            Code::Missing,
+        faults.push(AuditFault::of_file(
+            FaultCode::Missing,
             NAME,
             "a release has one, and it is not there, or not whole",
         ));
         return None;
     }
     let table = table::read_table(&tree.path_of(NAME)).map_err(|e| e.to_string());
-    table.map_err(|message| faults.push(Fault::of_file(Code::Unreadable, NAME, message))).ok()
+    table.map_err(|message| faults.push(AuditFault::of_file(FaultCode::Unreadable, NAME, message))).ok()
 }
 
 /// Holds its cells against the scenes, all of which are given: nothing is said where one of them, or a file that the
 /// index repeats, could not be read, since that is a fault already.
-pub(super) fn compare_index(tree: &Tree<'_>, table: &Table, scenes: &[SceneFile]) -> Vec<Fault> {
-    let disagrees = |message: String| vec![Fault::of_file(Code::ClaimsDisagree, NAME, message)];
+pub(super) fn compare_index(
+    tree: &TrustedTree<'_>,
+    table: &IndexTable,
+    scenes: &[SceneRecord],
+) -> Vec<AuditFault> {
+    let disagrees = |message: String| vec![AuditFault::of_file(FaultCode::ClaimsDisagree, NAME, message)];
     let names = || table.columns.iter().map(|(name, kind)| (name.as_str(), *kind));
     if !names().eq(COLUMNS.iter().map(|column| (column.name, Some(column.kind)))) {
         let found: Vec<&str> = names().map(|(name, _)| name).collect();
@@ -50,18 +54,18 @@ pub(super) fn compare_index(tree: &Tree<'_>, table: &Table, scenes: &[SceneFile]
 }
 
 /// The row's name for itself.
-fn name_of(row: &[table::Value]) -> String {
+fn name_of(row: &[table::CellValue]) -> String {
     row.first().map_or_else(String::new, ToString::to_string)
 }
 
 /// What the trajectories' own files tell; `None` where one of them cannot be read.
-fn index_sources(tree: &Tree<'_>, scene: &SceneFile) -> Option<Vec<Told>> {
+fn index_sources(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Option<Vec<IndexSources>> {
     let said_elsewhere = &mut Vec::new();
     let mut of = |name: &str| {
         let path = |file: &str| format!("{}/{name}/{file}", scene.id);
-        let report: Report = claims::parse_claims(tree, &path("speed.json"), said_elsewhere)?;
+        let report: SpeedReport = claims::parse_claims(tree, &path("speed.json"), said_elsewhere)?;
         let findings: Vec<Finding> = claims::parse_claims(tree, &path("checks.json"), said_elsewhere)?;
-        Some(Told::from_files(&report, &findings))
+        Some(IndexSources::from_files(&report, &findings))
     };
     scene.trajectories.iter().map(|part| of(&part.name)).collect()
 }

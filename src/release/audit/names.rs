@@ -1,20 +1,24 @@
 //! Files that have no place in a release, whatever its sums say: the format names every file that there may be.
 
-use super::{Code, Fault, Tree};
+use super::{AuditFault, FaultCode, TrustedTree};
 use crate::release::layout;
-use crate::release::manifest::{Manifest, ManifestScene, Owners};
+use crate::release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use crate::release::published::stream_names;
-use crate::release::scene::{SceneFile, TrajectoryPart};
+use crate::release::scene::{SceneRecord, TrajectoryPart};
 use crate::release::{checksum, path_picture};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Files at the top and in scenes that the format does not have, and files that every release has and this one lacks.
 /// `scenes` are those that could be read; in others nothing is judged.
-pub(super) fn audit(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
-    let owners = Owners::new(manifest);
+pub(super) fn audit(
+    tree: &TrustedTree<'_>,
+    manifest: &ReleaseManifest,
+    scenes: &[SceneRecord],
+) -> Vec<AuditFault> {
+    let owners = FileOwners::new(manifest);
     let allowed: BTreeMap<&str, BTreeSet<String>> =
         scenes.iter().map(|scene| (scene.id.as_str(), of_scene(tree, scene, &owners))).collect();
-    let mut faults: Vec<Fault> = Vec::new();
+    let mut faults: Vec<AuditFault> = Vec::new();
     for path in tree.intact.keys() {
         match owners.of(path) {
             None if !layout::is_top(path) => faults.push(stray(path, "at the top of a release")),
@@ -28,17 +32,17 @@ pub(super) fn audit(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) 
     let others = [checksum::NAME, checksum::B3_NAME];
     let lacking = layout::top().filter(|path| !others.contains(path) && !tree.has(path));
     faults.extend(lacking.map(|path| {
-        Fault::of_file(Code::Missing, path, "a release has one, and it is not there, or not whole")
+        AuditFault::of_file(FaultCode::Missing, path, "a release has one, and it is not there, or not whole")
     }));
     faults
 }
 
-fn stray(path: &str, place: &str) -> Fault {
-    Fault::of_file(Code::Stray, path, format!("the release format has no such file {place}"))
+fn stray(path: &str, place: &str) -> AuditFault {
+    AuditFault::of_file(FaultCode::Stray, path, format!("the release format has no such file {place}"))
 }
 
 /// Every path that a scene may have.
-fn of_scene(tree: &Tree<'_>, scene: &SceneFile, owners: &Owners<'_>) -> BTreeSet<String> {
+fn of_scene(tree: &TrustedTree<'_>, scene: &SceneRecord, owners: &FileOwners<'_>) -> BTreeSet<String> {
     let listed = owners.scene(&scene.id);
     let own = [layout::SCENE, layout::CHECKS].map(|name| format!("{}/{name}", scene.id));
     let paths = scene.trajectories.iter().flat_map(|part| {
@@ -51,8 +55,8 @@ fn of_scene(tree: &Tree<'_>, scene: &SceneFile, owners: &Owners<'_>) -> BTreeSet
 /// The names of the files that a trajectory may have: those of its format, those that its recipe asks for, and the
 /// pictures of checks that its steps made.
 fn of_trajectory(
-    tree: &Tree<'_>,
-    scene: &SceneFile,
+    tree: &TrustedTree<'_>,
+    scene: &SceneRecord,
     (part, listed): (&TrajectoryPart, Option<&ManifestScene>),
 ) -> BTreeSet<String> {
     let streams = stream_names(part);

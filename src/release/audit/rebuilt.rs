@@ -1,8 +1,8 @@
 //! Scenes of a release against the same scenes made again from their recipes, byte for byte.
 
-use super::{Code, Fault};
+use super::{AuditFault, FaultCode};
 use crate::files;
-use crate::release::manifest::{self, Ingredients, Manifest, ManifestScene};
+use crate::release::manifest::{self, KeyIngredients, ManifestScene, ReleaseManifest};
 use crate::release::{ManifestStep, checksum, loader};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -12,9 +12,9 @@ use std::path::Path;
 ///
 /// # Errors
 /// When it is absent or of another form.
-pub fn read_manifest(dir: &Path) -> io::Result<Manifest> {
+pub fn read_manifest(dir: &Path) -> io::Result<ReleaseManifest> {
     let path = dir.join(manifest::NAME);
-    let bytes = files::read_with(&path, files::Links::Refuse, files::MAX_DOCUMENT)?;
+    let bytes = files::read_with(&path, files::LinkRule::Refuse, files::MAX_DOCUMENT)?;
     serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 
@@ -22,12 +22,12 @@ pub fn read_manifest(dir: &Path) -> io::Result<Manifest> {
 ///
 /// # Errors
 /// When a manifest cannot be read, or the scene is not in it. A file that cannot be read is a fault.
-pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> {
+pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<AuditFault>> {
     let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
     let (stated, made) = (of_scene(&stated, scene)?, of_scene(&made, scene)?);
     let because = key_cause(stated, made);
     let fault = |path: &str, what: &str| {
-        Fault::of_file(Code::RebuiltDiffers, path, format!("{what}{because}")).in_scene(scene)
+        AuditFault::of_file(FaultCode::RebuiltDiffers, path, format!("{what}{because}")).in_scene(scene)
     };
     let sizes = |scene: &ManifestScene| -> BTreeMap<String, u64> {
         scene.files.iter().map(|file| (file.path.clone(), file.size)).collect()
@@ -51,7 +51,7 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<F
     faults.extend(steps(stated, made));
     if (&stated.left_out, &stated.omitted) != (&made.left_out, &made.omitted) {
         let message = "made again, the scene leaves out other work";
-        faults.push(Fault::of_file(Code::RebuiltDiffers, manifest::NAME, message).in_scene(scene));
+        faults.push(AuditFault::of_file(FaultCode::RebuiltDiffers, manifest::NAME, message).in_scene(scene));
     }
     Ok(faults)
 }
@@ -61,11 +61,11 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<F
 ///
 /// # Errors
 /// When a manifest cannot be read.
-pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
+pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
     let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
-    let fault = |path: &str, message: &str| Fault::of_file(Code::RebuiltDiffers, path, message);
+    let fault = |path: &str, message: &str| AuditFault::of_file(FaultCode::RebuiltDiffers, path, message);
     let words =
-        |of: &Manifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
+        |of: &ReleaseManifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
     let mut faults = Vec::new();
     if words(&stated) != words(&made) {
         faults.push(fault(
@@ -73,9 +73,9 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
             "release.yaml now has other words of the publisher, or other splits",
         ));
     }
-    let ids = |of: &Manifest| of.scenes.iter().map(|scene| scene.id.clone()).collect::<Vec<_>>();
+    let ids = |of: &ReleaseManifest| of.scenes.iter().map(|scene| scene.id.clone()).collect::<Vec<_>>();
     let whole = ids(&stated) == ids(&made) && stated.taken_down == made.taken_down;
-    let paths = |of: &Manifest| of.files.iter().map(|file| file.path.clone()).collect::<BTreeSet<_>>();
+    let paths = |of: &ReleaseManifest| of.files.iter().map(|file| file.path.clone()).collect::<BTreeSet<_>>();
     for path in paths(&stated).union(&paths(&made)).filter(|path| whole || *path == loader::NAME) {
         let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
@@ -89,7 +89,7 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
 }
 
 /// Steps whose key or outputs are not those of the scene made again.
-fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<Fault> {
+fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<AuditFault> {
     let names: BTreeSet<&String> = stated.steps.iter().chain(&made.steps).map(|step| &step.step).collect();
     let find =
         |of: &'_ ManifestScene, name: &String| of.steps.iter().find(|step| step.step == *name).cloned();
@@ -102,12 +102,12 @@ fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<Fault> {
     let because = key_cause(stated, made);
     let fault = |name: &String| {
         let message = format!("made again, step {name} has another key or other outputs{because}");
-        Fault::of_file(Code::RebuiltDiffers, manifest::NAME, message).in_scene(&stated.id)
+        AuditFault::of_file(FaultCode::RebuiltDiffers, manifest::NAME, message).in_scene(&stated.id)
     };
     names.into_iter().filter(differs).map(fault).collect()
 }
 
-fn of_scene<'a>(manifest: &'a Manifest, scene: &str) -> io::Result<&'a ManifestScene> {
+fn of_scene<'a>(manifest: &'a ReleaseManifest, scene: &str) -> io::Result<&'a ManifestScene> {
     let found = manifest.scenes.iter().find(|listed| listed.id == scene);
     found.ok_or_else(|| {
         io::Error::new(io::ErrorKind::NotFound, format!("the manifest has no scene `{scene}`"))
@@ -135,7 +135,7 @@ fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
     }
 }
 
-fn differing_line(then: &Ingredients, now: &Ingredients) -> String {
+fn differing_line(then: &KeyIngredients, now: &KeyIngredients) -> String {
     let mut parts = Vec::new();
     if then.revision != now.revision {
         parts.push(format!("revision {} of its stage, then {}", now.revision, then.revision));

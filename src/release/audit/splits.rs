@@ -1,16 +1,16 @@
 //! Whether scenes are in the splits that the release's own rule puts them in, and whether splits have something in common.
 
-use super::{Code, Fault};
-use crate::release::manifest::{self, Manifest};
-use crate::release::scene::{SceneFile, SplitPart};
+use super::{AuditFault, FaultCode};
+use crate::release::manifest::{self, ReleaseManifest};
+use crate::release::scene::{SceneRecord, SplitPart};
 use crate::release::split;
 
 /// `scenes` are those that could be read.
-pub(super) fn audit_splits(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+pub(super) fn audit_splits(manifest: &ReleaseManifest, scenes: &[SceneRecord]) -> Vec<AuditFault> {
     let rule = manifest.splits.as_ref();
     if let Some(because) = rule.and_then(|rule| rule.fault()) {
         let message = format!("its splits are none: {because}");
-        return vec![Fault::of_file(Code::SplitLeak, manifest::NAME, message)];
+        return vec![AuditFault::of_file(FaultCode::SplitLeak, manifest::NAME, message)];
     }
     let mut faults = Vec::new();
     for scene in scenes {
@@ -23,12 +23,14 @@ pub(super) fn audit_splits(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fau
             let (found, wanted) = (told(&scene.split), told(&wanted));
             let message =
                 format!("it is said to be {found}; the rule of {} puts it {wanted}", manifest::NAME);
-            faults.push(Fault::of_scene(Code::SplitLeak, &scene.id, message));
+            faults.push(AuditFault::of_scene(FaultCode::SplitLeak, &scene.id, message));
         }
     }
     let leaks = split::find_leaks(scenes);
     faults.extend(
-        leaks.iter().map(|leak| Fault::of_scene(Code::SplitLeak, &leak.scenes[0].0, leak.to_string())),
+        leaks
+            .iter()
+            .map(|leak| AuditFault::of_scene(FaultCode::SplitLeak, &leak.scenes[0].0, leak.to_string())),
     );
     faults
 }

@@ -1,12 +1,12 @@
 //! The steps of the manifest: each key is that of its ingredients, each input was made by a step of the scene, and each
 //! file that a step made has the bytes of its output.
 
-use super::{Code, Fault};
+use super::{AuditFault, FaultCode};
 use crate::licence::is_metadata;
 use crate::release::layout;
-use crate::release::manifest::{self, Manifest, ManifestFile, ManifestScene};
+use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifest};
 use crate::release::published::stream_names;
-use crate::release::scene::SceneFile;
+use crate::release::scene::SceneRecord;
 use crate::store::Digest;
 use crate::store::record::content_digest;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,7 +14,11 @@ use std::collections::{BTreeMap, BTreeSet};
 /// What a role must start with that stands for a file of the source.
 const SOURCE: &str = "file ";
 
-pub(super) fn audit(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
+pub(super) fn audit(
+    manifest: &ReleaseManifest,
+    listed: &ManifestScene,
+    scene: &SceneRecord,
+) -> Vec<AuditFault> {
     let mut faults = keys(listed);
     faults.extend(outputs(listed, scene));
     if manifest.tool == crate::release::TOOL {
@@ -24,11 +28,11 @@ pub(super) fn audit(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFi
     faults
 }
 
-fn fault(listed: &ManifestScene, message: String) -> Fault {
-    Fault::of_file(Code::StepDisagrees, manifest::NAME, message).in_scene(&listed.id)
+fn fault(listed: &ManifestScene, message: String) -> AuditFault {
+    AuditFault::of_file(FaultCode::StepDisagrees, manifest::NAME, message).in_scene(&listed.id)
 }
 
-fn keys(listed: &ManifestScene) -> Vec<Fault> {
+fn keys(listed: &ManifestScene) -> Vec<AuditFault> {
     let made: BTreeSet<Digest> = listed.steps.iter().map(|step| content_digest(&step.outputs)).collect();
     let mut faults = Vec::new();
     for (step, of) in listed.steps.iter().filter_map(|step| Some((step, step.made_of.as_ref()?))) {
@@ -49,7 +53,7 @@ fn keys(listed: &ManifestScene) -> Vec<Fault> {
 }
 
 /// The files that steps made, against the manifest's own listing of the scene.
-fn outputs(listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
+fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
     let files: BTreeMap<&str, &ManifestFile> =
         listed.files.iter().map(|file| (file.path.as_str(), file)).collect();
     let mut faults = Vec::new();
@@ -79,6 +83,6 @@ fn outputs(listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
 }
 
-fn step_disagrees(path: &str, message: &str) -> Fault {
-    Fault::of_file(Code::StepDisagrees, path, message)
+fn step_disagrees(path: &str, message: &str) -> AuditFault {
+    AuditFault::of_file(FaultCode::StepDisagrees, path, message)
 }

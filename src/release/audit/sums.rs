@@ -3,8 +3,8 @@
 //! changed it was not the program that wrote it.
 
 use super::walk::unsafe_because;
-use super::{Code, Fault, Tree};
-use crate::files::{self, Links};
+use super::{AuditFault, FaultCode, TrustedTree};
+use crate::files::{self, LinkRule};
 use crate::release::checksum;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,37 +13,37 @@ use std::path::Path;
 pub(super) type Sums = BTreeMap<String, String>;
 
 /// Reads `SHA256SUMS`; `None` where there are none to hold anything against.
-pub(super) fn read_sums(dir: &Path, faults: &mut Vec<Fault>) -> Option<Sums> {
+pub(super) fn read_sums(dir: &Path, faults: &mut Vec<AuditFault>) -> Option<Sums> {
     read_named(dir, checksum::NAME, "there is no such file, so this is no release", faults)
 }
 
 /// Reads `B3SUMS`, where its bytes are those that `SHA256SUMS` states; where they are not, that is told of it as of any
 /// other file.
-pub(super) fn read_b3(tree: &Tree<'_>, sums: &Sums, faults: &mut Vec<Fault>) -> Option<Sums> {
+pub(super) fn read_b3(tree: &TrustedTree<'_>, sums: &Sums, faults: &mut Vec<AuditFault>) -> Option<Sums> {
     const ABSENT: &str = "a release has one, and SHA256SUMS lists none";
     if tree.has(checksum::B3_NAME) {
         return read_named(tree.dir, checksum::B3_NAME, ABSENT, faults);
     }
     if !sums.contains_key(checksum::B3_NAME) {
-        faults.push(Fault::of_file(Code::Missing, checksum::B3_NAME, ABSENT));
+        faults.push(AuditFault::of_file(FaultCode::Missing, checksum::B3_NAME, ABSENT));
     }
     None
 }
 
-fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<Fault>) -> Option<Sums> {
-    let mut fault = |code, message: String| faults.push(Fault::of_file(code, name, message));
-    match files::read_with(&dir.join(name), Links::Refuse, files::MAX_DOCUMENT).map(String::from_utf8) {
+fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<AuditFault>) -> Option<Sums> {
+    let mut fault = |code, message: String| faults.push(AuditFault::of_file(code, name, message));
+    match files::read_with(&dir.join(name), LinkRule::Refuse, files::MAX_DOCUMENT).map(String::from_utf8) {
         Ok(Ok(text)) => return Some(parse_sums(name, &text, faults)),
-        Ok(Err(e)) => fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => fault(Code::Missing, absent.into()),
-        Err(e) => fault(Code::Unreadable, e.to_string()),
+        Ok(Err(e)) => fault(FaultCode::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => fault(FaultCode::Missing, absent.into()),
+        Err(e) => fault(FaultCode::Unreadable, e.to_string()),
     }
     None
 }
 
-fn parse_sums(name: &str, text: &str, faults: &mut Vec<Fault>) -> Sums {
+fn parse_sums(name: &str, text: &str, faults: &mut Vec<AuditFault>) -> Sums {
     let mut sums = Sums::new();
-    let mut altered = |message: String| faults.push(Fault::of_file(Code::Altered, name, message));
+    let mut altered = |message: String| faults.push(AuditFault::of_file(FaultCode::Altered, name, message));
     let mut previous: Option<&str> = None;
     for (number, line) in (1..).zip(text.split_inclusive('\n')) {
         let Some((sum, path)) = split_line(line) else {
@@ -57,7 +57,9 @@ fn parse_sums(name: &str, text: &str, faults: &mut Vec<Fault>) -> Sums {
         sums.insert(path.to_owned(), sum.to_owned());
     }
     let unsafe_paths = sums.keys().filter_map(|path| Some((path, unsafe_because(path)?)));
-    faults.extend(unsafe_paths.map(|(path, because)| Fault::of_file(Code::UnsafePath, path, because)));
+    faults.extend(
+        unsafe_paths.map(|(path, because)| AuditFault::of_file(FaultCode::UnsafePath, path, because)),
+    );
     sums.retain(|path, _| unsafe_because(path).is_none());
     sums
 }
@@ -75,7 +77,7 @@ mod tests {
 
     const SUM: &str = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
 
-    fn codes(text: &str) -> Vec<Code> {
+    fn codes(text: &str) -> Vec<FaultCode> {
         let mut faults = Vec::new();
         parse_sums(checksum::NAME, text, &mut faults);
         faults.into_iter().map(|f| f.code).collect()
@@ -88,15 +90,15 @@ mod tests {
 
     #[test]
     fn any_other_form_is_a_fault() {
-        let t = |text: String, wanted: &[Code]| assert_eq!(codes(&text), wanted, "{text}");
-        t(format!("{SUM}  a"), &[Code::Altered]);
-        t(format!("{SUM}  a\n\n"), &[Code::Altered]);
-        t(format!("{} a\n", SUM), &[Code::Altered]);
-        t(format!("{} *a\n", SUM), &[Code::Altered]);
-        t(format!("{}  a\n", SUM.to_uppercase()), &[Code::Altered]);
-        t(format!("{}  a\n", &SUM[1..]), &[Code::Altered]);
-        t(format!("{SUM}  b\n{SUM}  a\n"), &[Code::Altered]);
-        t(format!("{SUM}  a\n{SUM}  a\n"), &[Code::Altered]);
-        t(format!("{SUM}  ../a\n"), &[Code::UnsafePath]);
+        let t = |text: String, wanted: &[FaultCode]| assert_eq!(codes(&text), wanted, "{text}");
+        t(format!("{SUM}  a"), &[FaultCode::Altered]);
+        t(format!("{SUM}  a\n\n"), &[FaultCode::Altered]);
+        t(format!("{} a\n", SUM), &[FaultCode::Altered]);
+        t(format!("{} *a\n", SUM), &[FaultCode::Altered]);
+        t(format!("{}  a\n", SUM.to_uppercase()), &[FaultCode::Altered]);
+        t(format!("{}  a\n", &SUM[1..]), &[FaultCode::Altered]);
+        t(format!("{SUM}  b\n{SUM}  a\n"), &[FaultCode::Altered]);
+        t(format!("{SUM}  a\n{SUM}  a\n"), &[FaultCode::Altered]);
+        t(format!("{SUM}  ../a\n"), &[FaultCode::UnsafePath]);
     }
 }

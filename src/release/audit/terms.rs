@@ -1,31 +1,31 @@
 //! Whether the release is lawful, as far as it can be said from the tree (docs/design/pipeline.md,
 //! "Licences").
 
-use super::{Code, Fault, Tree};
-use crate::files::{self, Links};
-use crate::licence::{Asset, Expression, LicenceError, SourceKind, is_metadata, ledger};
-use crate::release::manifest::Manifest;
-use crate::release::scene::{LicensedTool, OWNER, SceneFile};
+use super::{AuditFault, FaultCode, TrustedTree};
+use crate::files::{self, LinkRule};
+use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, SourceKind, is_metadata, ledger};
+use crate::release::manifest::ReleaseManifest;
+use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
 use crate::release::{datasheet, loader, reuse};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io;
 
 /// A scene's own terms, and what its source demands of them.
-pub(super) fn scene_terms(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
-    let fault = |code, message: String| Fault::of_scene(code, &scene.id, message);
+pub(super) fn scene_terms(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
+    let fault = |code, message: String| AuditFault::of_scene(code, &scene.id, message);
     let text = scene.licence.expression.trim();
     if text.is_empty() {
-        return vec![fault(Code::LicenceMissing, "its scene.json has no licence expression".into())];
+        return vec![fault(FaultCode::LicenceMissing, "its scene.json has no licence expression".into())];
     }
-    let expression = match Expression::parse(text) {
+    let expression = match LicenceExpression::parse(text) {
         Ok(expression) => expression,
-        Err(e) => return vec![fault(Code::LicenceInvalid, e.to_string())],
+        Err(e) => return vec![fault(FaultCode::LicenceInvalid, e.to_string())],
     };
     let mut faults = photo_faults(scene, tree);
     let Some(kind) = SourceKind::by_name(&scene.source.kind) else {
         let message = format!("its source is `{}`, which is none that is known", scene.source.kind);
-        faults.push(fault(Code::LicenceInvalid, message));
+        faults.push(fault(FaultCode::LicenceInvalid, message));
         return faults;
     };
     let upstream = ledger::find_dataset(kind, scene.source.upstream_url.as_deref());
@@ -41,8 +41,12 @@ pub(super) fn scene_terms(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
 }
 
 /// The ids of the upstream bind, or what it granted instead: with evidence, which the recipe states as well.
-fn demanded_terms(scene: &SceneFile, asset: &Asset, expression: &Expression) -> Vec<Fault> {
-    let fault = |message: String| Fault::of_scene(Code::LicenceForbidden, &scene.id, message);
+fn demanded_terms(
+    scene: &SceneRecord,
+    asset: &LedgerAsset,
+    expression: &LicenceExpression,
+) -> Vec<AuditFault> {
+    let fault = |message: String| AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message);
     let grants = scene.licence.parts.iter().filter(|part| part.asset == asset.name);
     let grant = grants.filter_map(|part| part.grant.as_ref()).next();
     let stated = scene.recipe.get("licence").and_then(|licence| licence.get("upstream"));
@@ -66,8 +70,8 @@ fn demanded_terms(scene: &SceneFile, asset: &Asset, expression: &Expression) -> 
     if evidence != Some(&as_stated) || stated.and_then(Value::as_str) != Some(&grant.expression) {
         return vec![fault(format!("the evidence for `{}` is none of its recipe", grant.expression))];
     }
-    match Expression::parse(&grant.expression) {
-        Err(e) => vec![Fault::of_scene(Code::LicenceInvalid, &scene.id, e.to_string())],
+    match LicenceExpression::parse(&grant.expression) {
+        Err(e) => vec![AuditFault::of_scene(FaultCode::LicenceInvalid, &scene.id, e.to_string())],
         Ok(granted) => {
             let ids = granted.ids().into_iter().filter(|id| granted.demands(id) && !expression.demands(id));
             ids.map(|id| fault(format!("what it was granted demands {id}, its terms are `{expression}`")))
@@ -77,26 +81,30 @@ fn demanded_terms(scene: &SceneFile, asset: &Asset, expression: &Expression) -> 
 }
 
 /// What is said part by part comes to the whole, and says of the dataset what the ledger has.
-fn part_terms(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -> Vec<Fault> {
+fn part_terms(
+    scene: &SceneRecord,
+    upstream: Option<&LedgerAsset>,
+    whole: &LicenceExpression,
+) -> Vec<AuditFault> {
     let path = format!("{}/scene.json", scene.id);
-    let parsed: Result<Vec<Expression>, LicenceError> =
-        scene.licence.parts.iter().map(|part| Expression::parse(&part.expression)).collect();
+    let parsed: Result<Vec<LicenceExpression>, LicenceError> =
+        scene.licence.parts.iter().map(|part| LicenceExpression::parse(&part.expression)).collect();
     let mut faults = Vec::new();
     match parsed {
-        Err(e) => faults.push(Fault::of_scene(Code::LicenceInvalid, &scene.id, e.to_string())),
+        Err(e) => faults.push(AuditFault::of_scene(FaultCode::LicenceInvalid, &scene.id, e.to_string())),
         Ok(terms) if terms.is_empty() => {
-            faults.push(Fault::of_scene(
-                Code::LicenceMissing,
+            faults.push(AuditFault::of_scene(
+                FaultCode::LicenceMissing,
                 &scene.id,
                 "its terms are not told part by part",
             ));
         }
         Ok(terms) => {
-            let together = Expression::conjunction_of(terms);
+            let together = LicenceExpression::conjunction_of(terms);
             if together != *whole {
                 let message =
                     format!("its terms are `{whole}`, those of its parts together are `{together}`");
-                faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
+                faults.push(AuditFault::of_file(FaultCode::ClaimsDisagree, &path, message));
             }
         }
     }
@@ -110,39 +118,45 @@ fn part_terms(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -
         if !known || !evidence.eq(part.evidence.iter().map(String::as_str)) {
             let message =
                 format!("what it says of the part of {} is not what is known of its source", part.asset);
-            faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
+            faults.push(AuditFault::of_file(FaultCode::ClaimsDisagree, &path, message));
         }
     }
     faults
 }
 
 /// A program's terms are an expression, and of one that is known they are its own.
-fn of_tool(scene: &SceneFile, tool: &LicensedTool) -> Option<Fault> {
-    let stated = match Expression::parse(&tool.licence) {
+fn of_tool(scene: &SceneRecord, tool: &LicensedTool) -> Option<AuditFault> {
+    let stated = match LicenceExpression::parse(&tool.licence) {
         Ok(stated) => stated,
         Err(e) => {
-            return Some(Fault::of_scene(Code::LicenceInvalid, &scene.id, format!("{}: {e}", tool.name)));
+            return Some(AuditFault::of_scene(
+                FaultCode::LicenceInvalid,
+                &scene.id,
+                format!("{}: {e}", tool.name),
+            ));
         }
     };
     let id = ledger::find_tool(&tool.name)?.ids.iter().find(|id| !stated.demands(id))?;
     let message = format!("{} is under {id}, and is said to be under `{stated}`", tool.name);
-    Some(Fault::of_scene(Code::LicenceForbidden, &scene.id, message))
+    Some(AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message))
 }
 
 /// Upstream photos are never passed on, whatever their name.
-fn photo_faults(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
+fn photo_faults(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let photos: BTreeSet<&str> = scene.images.iter().filter_map(|image| image.sha256.as_deref()).collect();
     let found = tree.intact.iter().filter(|(_, sha256)| photos.contains(*sha256));
     let message = "it is a photo of the source, by its SHA-256";
-    found.map(|(path, _)| Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)).collect()
+    found
+        .map(|(path, _)| AuditFault::of_file(FaultCode::LicenceForbidden, path, message).in_scene(&scene.id))
+        .collect()
 }
 
 /// What is derived from restricted material may be there where the releaser says why, and the scene is gated.
-fn restricted_faults(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<Fault> {
+fn restricted_faults(scene: &SceneRecord, asset: &LedgerAsset, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
         let message = format!("its source {} must be gated, and it is not", asset.name);
-        faults.push(Fault::of_scene(Code::LicenceForbidden, &scene.id, message));
+        faults.push(AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message));
     }
     let reason = scene.licence.redistribution.as_deref().unwrap_or_default();
     if !reason.trim().is_empty() && !scene.licence.withheld {
@@ -153,36 +167,44 @@ fn restricted_faults(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<F
     faults.extend(derived.map(|path| {
         let message =
             format!("it is derived from {}, and nothing says why this release may pass that on", asset.name);
-        Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)
+        AuditFault::of_file(FaultCode::LicenceForbidden, path, message).in_scene(&scene.id)
     }));
     faults
 }
 
 /// A text for every id in use, and none for another; and the whole release's terms are those of its scenes.
-pub(super) fn text_faults(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
-    let parsed = manifest.scenes.iter().filter_map(|scene| Expression::parse(&scene.licence).ok());
-    let expressions: Vec<Expression> = parsed.collect();
+pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
+    let parsed = manifest.scenes.iter().filter_map(|scene| LicenceExpression::parse(&scene.licence).ok());
+    let expressions: Vec<LicenceExpression> = parsed.collect();
     let loader = tree.has(loader::NAME).then(loader::licence_ids).into_iter().flatten();
-    let used: BTreeSet<String> = expressions.iter().flat_map(Expression::ids).chain(loader).collect();
+    let used: BTreeSet<String> = expressions.iter().flat_map(LicenceExpression::ids).chain(loader).collect();
     let name = |path: &str| Some(path.strip_prefix("LICENSES/")?.strip_suffix(".txt")?.to_owned());
     let shipped: BTreeSet<String> = tree.intact.keys().filter_map(|path| name(path)).collect();
     let path = |id: &String| format!("LICENSES/{id}.txt");
     let mut faults = Vec::new();
     for id in used.difference(&shipped) {
-        faults.push(Fault::of_file(
-            Code::LicenceTextMissing,
+        faults.push(AuditFault::of_file(
+            FaultCode::LicenceTextMissing,
             &path(id),
             "the licence is in use and has no text that is whole",
         ));
     }
     for id in shipped.difference(&used) {
-        faults.push(Fault::of_file(Code::LicenceUnused, &path(id), "nothing here is under this licence"));
+        faults.push(AuditFault::of_file(
+            FaultCode::LicenceUnused,
+            &path(id),
+            "nothing here is under this licence",
+        ));
     }
     if !expressions.is_empty() {
-        let whole = Expression::conjunction_of(expressions).to_string();
+        let whole = LicenceExpression::conjunction_of(expressions).to_string();
         if manifest.licence != whole {
             let message = format!("its licence is `{}`, the scenes' together is `{whole}`", manifest.licence);
-            faults.push(Fault::of_file(Code::ClaimsDisagree, crate::release::manifest::NAME, message));
+            faults.push(AuditFault::of_file(
+                FaultCode::ClaimsDisagree,
+                crate::release::manifest::NAME,
+                message,
+            ));
         }
     }
     faults
@@ -190,10 +212,19 @@ pub(super) fn text_faults(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
 
 /// What `REUSE.toml` says of every file is what the scenes say, all of which are given; and the datasheet
 /// states the terms of the whole.
-pub(super) fn reuse_faults(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+pub(super) fn reuse_faults(
+    tree: &TrustedTree<'_>,
+    manifest: &ReleaseManifest,
+    scenes: &[SceneRecord],
+) -> Vec<AuditFault> {
     let read = |path: &str| {
-        let absent =
-            || Fault::of_file(Code::Missing, path, "a release has one, and it is not there, or not whole");
+        let absent = || {
+            AuditFault::of_file(
+                FaultCode::Missing,
+                path,
+                "a release has one, and it is not there, or not whole",
+            )
+        };
         if !tree.has(path) {
             return Err(absent());
         }
@@ -201,7 +232,7 @@ pub(super) fn reuse_faults(tree: &Tree<'_>, manifest: &Manifest, scenes: &[Scene
     };
     let holds = |path: &str, so: &dyn Fn(&str) -> bool, message: &str| match read(path) {
         Ok(text) if so(&text) => None,
-        Ok(_) => Some(Fault::of_file(Code::ClaimsDisagree, path, message)),
+        Ok(_) => Some(AuditFault::of_file(FaultCode::ClaimsDisagree, path, message)),
         Err(fault) => Some(fault),
     };
     let whole = format!("The whole: `{}`.", manifest.licence);
@@ -214,12 +245,12 @@ pub(super) fn reuse_faults(tree: &Tree<'_>, manifest: &Manifest, scenes: &[Scene
     reuse.into_iter().chain(sheet).collect()
 }
 
-fn text_of(tree: &Tree<'_>, path: &str) -> io::Result<String> {
-    files::read_text_with(&tree.path_of(path), Links::Refuse, files::MAX_DOCUMENT)
+fn text_of(tree: &TrustedTree<'_>, path: &str) -> io::Result<String> {
+    files::read_text_with(&tree.path_of(path), LinkRule::Refuse, files::MAX_DOCUMENT)
 }
 
 /// The card's head states the terms of the whole.
-pub(super) fn card_fault(tree: &Tree<'_>, manifest: &Manifest) -> Option<Fault> {
+pub(super) fn card_fault(tree: &TrustedTree<'_>, manifest: &ReleaseManifest) -> Option<AuditFault> {
     const CARD: &str = "README.md";
     if !tree.has(CARD) {
         return None;
@@ -232,5 +263,5 @@ pub(super) fn card_fault(tree: &Tree<'_>, manifest: &Manifest) -> Option<Fault> 
     }
     let stated = stated.unwrap_or_else(|| "nothing".into());
     let message = format!("its head says `{stated}`, the release is under `{}`", manifest.licence);
-    Some(Fault::of_file(Code::CardLicence, CARD, message))
+    Some(AuditFault::of_file(FaultCode::CardLicence, CARD, message))
 }

@@ -1,6 +1,6 @@
 //! What lies in the tree.
 
-use super::{Code, Fault};
+use super::{AuditFault, FaultCode};
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
@@ -8,21 +8,21 @@ use walkdir::WalkDir;
 
 /// The tree's files, and what has no place in a release.
 #[derive(Debug)]
-pub(super) struct Listing {
+pub(super) struct TreeListing {
     /// Paths of regular files, `/`-separated.
     pub(super) files: BTreeSet<String>,
     /// Links, special files, empty folders, and names that are no text.
-    pub(super) oddities: Vec<Fault>,
+    pub(super) oddities: Vec<AuditFault>,
 }
 
 /// Lists the tree below `dir`.
-pub(super) fn walk_tree(dir: &Path) -> io::Result<Listing> {
-    let mut listing = Listing { files: BTreeSet::new(), oddities: Vec::new() };
+pub(super) fn walk_tree(dir: &Path) -> io::Result<TreeListing> {
+    let mut listing = TreeListing { files: BTreeSet::new(), oddities: Vec::new() };
     for entry in WalkDir::new(dir).min_depth(1).sort_by_file_name() {
         let entry = entry?;
         let below = entry.path().strip_prefix(dir).expect("a walk stays below its root");
         let mut odd = |what: &str| {
-            listing.oddities.push(Fault::of_file(Code::Unlisted, &below.to_string_lossy(), what));
+            listing.oddities.push(AuditFault::of_file(FaultCode::Unlisted, &below.to_string_lossy(), what));
         };
         let kind = entry.file_type();
         match below.to_str() {

@@ -1,33 +1,33 @@
 //! The record sets: the rows of the index, and a record of each `scene.json`.
 
-use crate::recipe::Splits;
-use crate::release::index::table::Kind;
+use crate::recipe::SplitPlan;
+use crate::release::index::table::ColumnKind;
 use crate::release::index::{self, COLUMNS};
 use serde_json::{Value, json};
 
 /// What is told of a `scene.json`: name, kind and path in it, and what it is.
-const SCENE: [(&str, Kind, &str, &str); 12] = [
-    ("id", Kind::Text, "$.id", "scene id, and its folder"),
-    ("source", Kind::Text, "$.source.kind", "kind of source that the poses come from"),
-    ("licence", Kind::Text, "$.licence.expression", "SPDX expression"),
-    ("attribution", Kind::Text, "$.licence.attribution", "who is to be named"),
-    ("gated", Kind::Flag, "$.licence.gated", "whether receivers must accept the upstream terms first"),
-    ("width", Kind::Whole, "$.camera.width", "width of the camera, px"),
-    ("height", Kind::Whole, "$.camera.height", "height of the camera, px"),
-    ("fx", Kind::Number, "$.camera.fx", "focal length, px"),
-    ("fy", Kind::Number, "$.camera.fy", "focal length, px"),
-    ("cx", Kind::Number, "$.camera.cx", "principal point, px"),
-    ("cy", Kind::Number, "$.camera.cy", "principal point, px"),
-    ("recipe_sha256", Kind::Text, "$.recipe_sha256", "SHA-256 of the recipe as compact JSON"),
+const SCENE: [(&str, ColumnKind, &str, &str); 12] = [
+    ("id", ColumnKind::Text, "$.id", "scene id, and its folder"),
+    ("source", ColumnKind::Text, "$.source.kind", "kind of source that the poses come from"),
+    ("licence", ColumnKind::Text, "$.licence.expression", "SPDX expression"),
+    ("attribution", ColumnKind::Text, "$.licence.attribution", "who is to be named"),
+    ("gated", ColumnKind::Flag, "$.licence.gated", "whether receivers must accept the upstream terms first"),
+    ("width", ColumnKind::Whole, "$.camera.width", "width of the camera, px"),
+    ("height", ColumnKind::Whole, "$.camera.height", "height of the camera, px"),
+    ("fx", ColumnKind::Number, "$.camera.fx", "focal length, px"),
+    ("fy", ColumnKind::Number, "$.camera.fy", "focal length, px"),
+    ("cx", ColumnKind::Number, "$.camera.cx", "principal point, px"),
+    ("cy", ColumnKind::Number, "$.camera.cy", "principal point, px"),
+    ("recipe_sha256", ColumnKind::Text, "$.recipe_sha256", "SHA-256 of the recipe as compact JSON"),
 ];
 
 /// How Croissant calls a kind.
-pub(in crate::release) fn data_type(kind: Kind) -> &'static str {
+pub(in crate::release) fn data_type(kind: ColumnKind) -> &'static str {
     match kind {
-        Kind::Text => "sc:Text",
-        Kind::Whole => "sc:Integer",
-        Kind::Number => "sc:Float",
-        Kind::Flag => "sc:Boolean",
+        ColumnKind::Text => "sc:Text",
+        ColumnKind::Whole => "sc:Integer",
+        ColumnKind::Number => "sc:Float",
+        ColumnKind::Flag => "sc:Boolean",
     }
 }
 
@@ -38,7 +38,7 @@ fn record_set(name: &str, description: &str, key: &str, fields: &[Value]) -> Val
     })
 }
 
-fn record_field(set: &str, name: &str, kind: Kind, description: &str, source: Value) -> Value {
+fn record_field(set: &str, name: &str, kind: ColumnKind, description: &str, source: Value) -> Value {
     let mut field = json!({
         "@type": "cr:Field", "@id": format!("{set}/{name}"), "name": name, "description": description,
         "dataType": data_type(kind),
@@ -48,7 +48,7 @@ fn record_field(set: &str, name: &str, kind: Kind, description: &str, source: Va
 }
 
 /// The rows of the index. Where there are splits, the column of them refers to their records.
-pub(super) fn index_records(splits: Option<&Splits>) -> Value {
+pub(super) fn index_records(splits: Option<&SplitPlan>) -> Value {
     let from =
         |column: &str| json!({ "fileObject": { "@id": index::NAME }, "extract": { "column": column } });
     let mut fields: Vec<Value> =
@@ -64,7 +64,7 @@ pub(super) fn index_records(splits: Option<&Splits>) -> Value {
 pub(in crate::release) const SPLITS: &str = "splits";
 
 /// The splits, a record each, written out.
-pub(super) fn split_records(splits: &Splits) -> Value {
+pub(super) fn split_records(splits: &SplitPlan) -> Value {
     let name = format!("{SPLITS}/name");
     let field = json!({
         "@type": "cr:Field", "@id": name, "name": "name", "description": "name of the split",

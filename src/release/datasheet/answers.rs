@@ -1,9 +1,9 @@
 //! The answers.
 
-use super::{Asked, UNKNOWN, UNSTATED};
-use crate::licence::Obligation;
-use crate::recipe::{By, ReleaseInfo};
-use crate::release::facts::{Counts, Facts, plain_text};
+use super::{DatasheetEntry, UNKNOWN, UNSTATED};
+use crate::licence::LicenceObligation;
+use crate::recipe::{ReleaseInfo, SplitUnit};
+use crate::release::facts::{FileCounts, ReleaseFacts, plain_text};
 use crate::release::published::PublishedScene;
 use crate::release::{TOOL, card, croissant};
 use std::collections::BTreeMap;
@@ -11,8 +11,8 @@ use std::fmt::Write as _;
 
 /// What answers are made from.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Answers<'a> {
-    pub(super) facts: &'a Facts<'a>,
+pub(super) struct AnswerContext<'a> {
+    pub(super) facts: &'a ReleaseFacts<'a>,
     pub(super) info: &'a ReleaseInfo,
 }
 
@@ -27,14 +27,14 @@ fn counted_list<K: AsRef<str>>(counts: &BTreeMap<K, usize>) -> String {
     each.join(", ")
 }
 
-impl Answers<'_> {
+impl AnswerContext<'_> {
     /// What `release.yaml` says where it has a default, which nobody said.
     fn said(&self, of: fn(&ReleaseInfo) -> &String) -> String {
         let given = of(self.info);
         stated_or_silent(Some(given).filter(|text| *text != of(&ReleaseInfo::default())))
     }
 
-    pub(super) fn motivation(&self) -> Vec<Asked> {
+    pub(super) fn motivation(&self) -> Vec<DatasheetEntry> {
         vec![
             ("For what purpose was the dataset created?", stated_or_silent(self.info.purpose.as_ref())),
             (
@@ -46,7 +46,7 @@ impl Answers<'_> {
         ]
     }
 
-    pub(super) fn composition(&self) -> Vec<Asked> {
+    pub(super) fn composition(&self) -> Vec<DatasheetEntry> {
         let none = "No.".to_owned();
         vec![
             ("What do the instances represent?", INSTANCES.to_owned()),
@@ -72,7 +72,7 @@ impl Answers<'_> {
     }
 
     fn how_many(&self) -> String {
-        let Counts { scenes, trajectories, poses, streams, events, withheld, .. } = self.facts.counts();
+        let FileCounts { scenes, trajectories, poses, streams, events, withheld, .. } = self.facts.counts();
         let pictures = self.facts.pictures();
         let mut text = format!(
             "{scenes} scenes ({}) with {trajectories} trajectories of {poses} poses together; in the release are {streams} \
@@ -109,7 +109,7 @@ impl Answers<'_> {
                 "The {count} photos of the captures are not in the release: `scene.json` has name and SHA-256 of each. "
             ),
         };
-        let Counts { withheld, .. } = self.facts.counts();
+        let FileCounts { withheld, .. } = self.facts.counts();
         let withheld = match withheld {
             0 => String::new(),
             count => format!("Events and pictures of {count} scenes are withheld. "),
@@ -140,8 +140,8 @@ impl Answers<'_> {
             return "No: the release is not dealt into splits.".to_owned();
         };
         let by = match splits.by {
-            By::Capture => "captures",
-            By::Object => "objects",
+            SplitUnit::Capture => "captures",
+            SplitUnit::Object => "objects",
         };
         format!(
             "Yes, by whole {by}, never by trajectory: {} scenes. A group lies where SHA-256 of salt, a NUL and its key puts \
@@ -184,7 +184,7 @@ impl Answers<'_> {
         croissant::personal_words(self.facts.made_up()).to_owned()
     }
 
-    pub(super) fn collection(&self) -> Vec<Asked> {
+    pub(super) fn collection(&self) -> Vec<DatasheetEntry> {
         let trained = self.facts.trained().map_or_else(
             || "No scene was trained.".to_owned(),
             |how| format!("Gaussians were trained with: {how}."),
@@ -247,7 +247,7 @@ impl Answers<'_> {
         format!("{whom} {}", self.taken_down()).trim_end().to_owned()
     }
 
-    pub(super) fn preprocessing(&self) -> Vec<Asked> {
+    pub(super) fn preprocessing(&self) -> Vec<DatasheetEntry> {
         vec![
             ("Was there preprocessing, cleaning or labelling?", PREPROCESSING.to_owned()),
             (
@@ -266,7 +266,7 @@ impl Answers<'_> {
         ]
     }
 
-    pub(super) fn uses(&self) -> Vec<Asked> {
+    pub(super) fn uses(&self) -> Vec<DatasheetEntry> {
         vec![
             ("Has it been used for any tasks already?", UNSTATED.to_owned()),
             ("Is there a list of papers or systems that use it?", UNSTATED.to_owned()),
@@ -283,7 +283,7 @@ impl Answers<'_> {
         ]
     }
 
-    pub(super) fn distribution(&self) -> Vec<Asked> {
+    pub(super) fn distribution(&self) -> Vec<DatasheetEntry> {
         let gated = if self.facts.licence.gated {
             " Receivers accept the terms of the upstreams first, where it is distributed: the card has the form."
         } else {
@@ -312,7 +312,7 @@ impl Answers<'_> {
     }
 
     fn restrictions(&self) -> String {
-        let asked: Vec<&str> = self.facts.obligations().into_iter().map(Obligation::words).collect();
+        let asked: Vec<&str> = self.facts.obligations().into_iter().map(LicenceObligation::words).collect();
         let unverified: Vec<&str> =
             self.facts.assets().iter().filter(|asset| !asset.verified).map(|asset| asset.name).collect();
         let mut text = match asked.as_slice() {
@@ -325,7 +325,7 @@ impl Answers<'_> {
         text
     }
 
-    pub(super) fn maintenance(&self) -> Vec<Asked> {
+    pub(super) fn maintenance(&self) -> Vec<DatasheetEntry> {
         vec![
             ("Who supports, hosts and maintains it?", stated_or_silent(self.info.maintenance.as_ref())),
             ("How can the publisher be contacted?", stated_or_silent(self.info.contact.as_ref())),

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 /// A value that differs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Change {
+pub struct ValueChange {
     /// Its place: keys, indices and names of list elements, joined by dots.
     pub path: String,
     /// The value in the old release; `None` where it was absent.
@@ -19,13 +19,13 @@ pub struct Change {
 ///
 /// Elements of a list are held against each other by their `name` where all have one, else by index where the lists
 /// are of one length; lists that are neither differ as a whole.
-pub(super) fn value_changes(old: &Value, new: &Value) -> Vec<Change> {
+pub(super) fn value_changes(old: &Value, new: &Value) -> Vec<ValueChange> {
     let mut found = Vec::new();
     walk_values(&mut found, "", Some(old), Some(new));
     found
 }
 
-fn walk_values(found: &mut Vec<Change>, path: &str, old: Option<&Value>, new: Option<&Value>) {
+fn walk_values(found: &mut Vec<ValueChange>, path: &str, old: Option<&Value>, new: Option<&Value>) {
     if old == new {
         return;
     }
@@ -34,7 +34,7 @@ fn walk_values(found: &mut Vec<Change>, path: &str, old: Option<&Value>, new: Op
         _ => None,
     };
     let Some(pairs) = pairs else {
-        found.push(Change { path: path.to_owned(), old: old.cloned(), new: new.cloned() });
+        found.push(ValueChange { path: path.to_owned(), old: old.cloned(), new: new.cloned() });
         return;
     };
     for (name, old, new) in pairs {
@@ -43,10 +43,10 @@ fn walk_values(found: &mut Vec<Change>, path: &str, old: Option<&Value>, new: Op
     }
 }
 
-type Pair<'a> = (String, Option<&'a Value>, Option<&'a Value>);
+type ValuePair<'a> = (String, Option<&'a Value>, Option<&'a Value>);
 
 /// The parts of two values that belong together; `None` where the values can only be told as a whole.
-fn value_pairs<'a>(old: &'a Value, new: &'a Value) -> Option<Vec<Pair<'a>>> {
+fn value_pairs<'a>(old: &'a Value, new: &'a Value) -> Option<Vec<ValuePair<'a>>> {
     match (old, new) {
         (Value::Object(a), Value::Object(b)) => {
             let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
@@ -57,7 +57,7 @@ fn value_pairs<'a>(old: &'a Value, new: &'a Value) -> Option<Vec<Pair<'a>>> {
     }
 }
 
-fn by_name<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<Pair<'a>>> {
+fn by_name<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>> {
     fn name(element: &Value) -> Option<&str> {
         element.get("name")?.as_str()
     }
@@ -71,7 +71,7 @@ fn by_name<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<Pair<'a>>> {
     Some(names.into_iter().map(|name| (name.to_owned(), find(old, name), find(new, name))).collect())
 }
 
-fn by_index<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<Pair<'a>>> {
+fn by_index<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>> {
     let both = old.iter().zip(new).enumerate();
     (old.len() == new.len()).then(|| both.map(|(i, (a, b))| (i.to_string(), Some(a), Some(b))).collect())
 }

@@ -1,8 +1,8 @@
 //! A small table as Parquet (parquet.apache.org, format 2): every column may be null, one row group, plain values,
 //! compressed by zstd, and no word of when it was written, so that equal tables are equal bytes.
 
-use crate::budget::{Budget, OverBudget};
-use crate::files::{self, Links};
+use crate::budget::{ByteBudget, OverBudget};
+use crate::files::{self, LinkRule};
 use parquet::basic::{Compression, Type as Physical, ZstdLevel};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::release) enum Kind {
+pub(in crate::release) enum ColumnKind {
     /// UTF-8.
     Text,
     /// 64 bits, signed.
@@ -34,7 +34,7 @@ pub(in crate::release) enum Kind {
 
 /// A cell.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::release) enum Value {
+pub(in crate::release) enum CellValue {
     Null,
     Text(String),
     Whole(i64),
@@ -42,7 +42,7 @@ pub(in crate::release) enum Value {
     Flag(bool),
 }
 
-impl fmt::Display for Value {
+impl fmt::Display for CellValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Null => f.write_str("nothing"),
@@ -54,44 +54,44 @@ impl fmt::Display for Value {
     }
 }
 
-impl From<&str> for Value {
+impl From<&str> for CellValue {
     fn from(text: &str) -> Self {
         Self::Text(text.to_owned())
     }
 }
 
-impl From<String> for Value {
+impl From<String> for CellValue {
     fn from(text: String) -> Self {
         Self::Text(text)
     }
 }
 
-impl From<i64> for Value {
+impl From<i64> for CellValue {
     fn from(value: i64) -> Self {
         Self::Whole(value)
     }
 }
 
-impl From<u64> for Value {
+impl From<u64> for CellValue {
     /// Nothing that is counted reaches 2^63.
     fn from(value: u64) -> Self {
         i64::try_from(value).map_or(Self::Null, Self::Whole)
     }
 }
 
-impl From<f64> for Value {
+impl From<f64> for CellValue {
     fn from(value: f64) -> Self {
         Self::Number(value)
     }
 }
 
-impl From<bool> for Value {
+impl From<bool> for CellValue {
     fn from(value: bool) -> Self {
         Self::Flag(value)
     }
 }
 
-impl<T: Into<Self>> From<Option<T>> for Value {
+impl<T: Into<Self>> From<Option<T>> for CellValue {
     fn from(value: Option<T>) -> Self {
         value.map_or(Self::Null, Into::into)
     }
@@ -99,32 +99,32 @@ impl<T: Into<Self>> From<Option<T>> for Value {
 
 /// A table that was read.
 #[derive(Debug)]
-pub(in crate::release) struct Table {
+pub(in crate::release) struct IndexTable {
     /// Name and kind of each column; none where a column holds what is never written here.
-    pub(in crate::release) columns: Vec<(String, Option<Kind>)>,
+    pub(in crate::release) columns: Vec<(String, Option<ColumnKind>)>,
     /// Rows of as many cells.
-    pub(in crate::release) rows: Vec<Vec<Value>>,
+    pub(in crate::release) rows: Vec<Vec<CellValue>>,
 }
 
 /// The file that holds these rows; each has a cell for each column, of its kind or null.
 pub(in crate::release) fn write_table(
-    columns: &[(&str, Kind)],
-    rows: &[Vec<Value>],
+    columns: &[(&str, ColumnKind)],
+    rows: &[Vec<CellValue>],
     writer: &str,
 ) -> Vec<u8> {
     encode_table(columns, rows, writer).expect("a Vec takes any bytes, and cells are of their columns' kinds")
 }
 
 fn encode_table(
-    columns: &[(&str, Kind)],
-    rows: &[Vec<Value>],
+    columns: &[(&str, ColumnKind)],
+    rows: &[Vec<CellValue>],
     writer: &str,
 ) -> Result<Vec<u8>, ParquetError> {
-    let field = |(name, kind): &(&str, Kind)| match kind {
-        Kind::Text => format!("optional binary {name} (STRING);"),
-        Kind::Whole => format!("optional int64 {name};"),
-        Kind::Number => format!("optional double {name};"),
-        Kind::Flag => format!("optional boolean {name};"),
+    let field = |(name, kind): &(&str, ColumnKind)| match kind {
+        ColumnKind::Text => format!("optional binary {name} (STRING);"),
+        ColumnKind::Whole => format!("optional int64 {name};"),
+        ColumnKind::Number => format!("optional double {name};"),
+        ColumnKind::Flag => format!("optional boolean {name};"),
     };
     let fields: String = columns.iter().map(field).collect();
     let schema = parse_message_type(&format!("message rows {{ {fields} }}"))?;
@@ -139,7 +139,7 @@ fn encode_table(
     let mut group = file.next_row_group()?;
     for i in 0..columns.len() {
         let mut column = group.next_column()?.expect("the schema has as many columns");
-        let cells: Vec<&Value> = rows.iter().map(|row| &row[i]).collect();
+        let cells: Vec<&CellValue> = rows.iter().map(|row| &row[i]).collect();
         write_column(column.untyped(), &cells)?;
         column.close()?;
     }
@@ -147,30 +147,33 @@ fn encode_table(
     file.into_inner()
 }
 
-fn write_column(column: &mut ColumnWriter<'_>, cells: &[&Value]) -> Result<(), ParquetError> {
-    let present: Vec<i16> = cells.iter().map(|cell| i16::from(**cell != Value::Null)).collect();
+fn write_column(column: &mut ColumnWriter<'_>, cells: &[&CellValue]) -> Result<(), ParquetError> {
+    let present: Vec<i16> = cells.iter().map(|cell| i16::from(**cell != CellValue::Null)).collect();
     let present = Some(present.as_slice());
     match column {
         ColumnWriter::ByteArrayColumnWriter(column) => {
-            let text = |cell: &&Value| match cell {
-                Value::Text(text) => Some(ByteArray::from(text.as_str())),
+            let text = |cell: &&CellValue| match cell {
+                CellValue::Text(text) => Some(ByteArray::from(text.as_str())),
                 _ => None,
             };
             let values: Vec<ByteArray> = cells.iter().filter_map(text).collect();
             column.write_batch(&values, present, None)?;
         }
         ColumnWriter::Int64ColumnWriter(column) => {
-            let whole = |cell: &&Value| if let Value::Whole(value) = cell { Some(*value) } else { None };
+            let whole =
+                |cell: &&CellValue| if let CellValue::Whole(value) = cell { Some(*value) } else { None };
             let values: Vec<i64> = cells.iter().filter_map(whole).collect();
             column.write_batch(&values, present, None)?;
         }
         ColumnWriter::DoubleColumnWriter(column) => {
-            let number = |cell: &&Value| if let Value::Number(value) = cell { Some(*value) } else { None };
+            let number =
+                |cell: &&CellValue| if let CellValue::Number(value) = cell { Some(*value) } else { None };
             let values: Vec<f64> = cells.iter().filter_map(number).collect();
             column.write_batch(&values, present, None)?;
         }
         ColumnWriter::BoolColumnWriter(column) => {
-            let flag = |cell: &&Value| if let Value::Flag(value) = cell { Some(*value) } else { None };
+            let flag =
+                |cell: &&CellValue| if let CellValue::Flag(value) = cell { Some(*value) } else { None };
             let values: Vec<bool> = cells.iter().filter_map(flag).collect();
             column.write_batch(&values, present, None)?;
         }
@@ -183,43 +186,43 @@ fn write_column(column: &mut ColumnWriter<'_>, cells: &[&Value]) -> Result<(), P
 ///
 /// # Errors
 /// When it cannot be read, or is no Parquet.
-pub(in crate::release) fn read_table(path: &Path) -> Result<Table, ParquetError> {
+pub(in crate::release) fn read_table(path: &Path) -> Result<IndexTable, ParquetError> {
     // The library panics on some damaged files where an error is due; no state outlives the call.
-    let read = AssertUnwindSafe(|| decode_table(files::open_with(path, Links::Refuse)?));
+    let read = AssertUnwindSafe(|| decode_table(files::open_with(path, LinkRule::Refuse)?));
     let damaged = |_| Err(ParquetError::General("it is damaged, in a way that stops its reader".into()));
     catch_unwind(read).unwrap_or_else(damaged)
 }
 
-fn decode_table(file: File) -> Result<Table, ParquetError> {
-    let mut budget = Budget::of_file(file.metadata()?.len());
+fn decode_table(file: File) -> Result<IndexTable, ParquetError> {
+    let mut budget = ByteBudget::of_file(file.metadata()?.len());
     let reader = SerializedFileReader::new(file)?;
     let schema = reader.metadata().file_metadata().schema_descr();
     let kind = |physical| match physical {
-        Physical::BYTE_ARRAY => Some(Kind::Text),
-        Physical::INT64 => Some(Kind::Whole),
-        Physical::DOUBLE => Some(Kind::Number),
-        Physical::BOOLEAN => Some(Kind::Flag),
+        Physical::BYTE_ARRAY => Some(ColumnKind::Text),
+        Physical::INT64 => Some(ColumnKind::Whole),
+        Physical::DOUBLE => Some(ColumnKind::Number),
+        Physical::BOOLEAN => Some(ColumnKind::Flag),
         _ => None,
     };
     let columns = schema.columns().iter();
     let columns = columns.map(|column| (column.path().string(), kind(column.physical_type())));
-    let columns: Vec<(String, Option<Kind>)> = columns.collect();
+    let columns: Vec<(String, Option<ColumnKind>)> = columns.collect();
     claim(reader.metadata(), columns.len(), &mut budget)?;
     let mut rows = Vec::new();
     let mut text = 0;
     for row in reader.get_row_iter(None)? {
-        let cells: Vec<Value> = row?.into_columns().into_iter().map(column_cell).collect();
+        let cells: Vec<CellValue> = row?.into_columns().into_iter().map(column_cell).collect();
         // A dictionary of one long text can stand for many.
         text += cells.iter().map(text_bytes).sum::<usize>();
         budget.check(text, 1).map_err(over)?;
         rows.push(cells);
     }
-    Ok(Table { columns, rows })
+    Ok(IndexTable { columns, rows })
 }
 
 /// Bytes of a cell outside the row.
-fn text_bytes(cell: &Value) -> usize {
-    if let Value::Text(text) = cell { text.capacity() } else { 0 }
+fn text_bytes(cell: &CellValue) -> usize {
+    if let CellValue::Text(text) = cell { text.capacity() } else { 0 }
 }
 
 fn over(error: OverBudget) -> ParquetError {
@@ -227,11 +230,11 @@ fn over(error: OverBudget) -> ParquetError {
 }
 
 /// Holds the rows and the pages that a file says it has against its bytes, and takes their memory from the budget.
-fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut Budget) -> Result<(), ParquetError> {
+fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut ByteBudget) -> Result<(), ParquetError> {
     let negative = |_| ParquetError::General("it says that it has less than nothing".to_owned());
     for group in metadata.row_groups() {
         let rows = usize::try_from(group.num_rows()).map_err(negative)?;
-        budget.take(rows, columns * size_of::<Value>() + size_of::<Vec<Value>>()).map_err(over)?;
+        budget.take(rows, columns * size_of::<CellValue>() + size_of::<Vec<CellValue>>()).map_err(over)?;
         // The pages of one group at a time are in memory.
         let pages = group.columns().iter().map(|column| usize::try_from(column.uncompressed_size()));
         let pages = pages.sum::<Result<usize, _>>().map_err(negative)?;
@@ -240,15 +243,15 @@ fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut Budget) -> Res
     Ok(())
 }
 
-fn column_cell((_, field): (String, Field)) -> Value {
+fn column_cell((_, field): (String, Field)) -> CellValue {
     match field {
-        Field::Null => Value::Null,
-        Field::Str(text) => Value::Text(text),
-        Field::Long(value) => Value::Whole(value),
-        Field::Double(value) => Value::Number(value),
-        Field::Bool(value) => Value::Flag(value),
+        Field::Null => CellValue::Null,
+        Field::Str(text) => CellValue::Text(text),
+        Field::Long(value) => CellValue::Whole(value),
+        Field::Double(value) => CellValue::Number(value),
+        Field::Bool(value) => CellValue::Flag(value),
         // What is never written here equals nothing that is.
-        other => Value::Text(format!("{other:?}")),
+        other => CellValue::Text(format!("{other:?}")),
     }
 }
 
@@ -258,12 +261,21 @@ mod tests {
 
     #[test]
     fn what_was_written_is_read() {
-        let columns =
-            [("name", Kind::Text), ("count", Kind::Whole), ("rate", Kind::Number), ("good", Kind::Flag)];
+        let columns = [
+            ("name", ColumnKind::Text),
+            ("count", ColumnKind::Whole),
+            ("rate", ColumnKind::Number),
+            ("good", ColumnKind::Flag),
+        ];
         let rows = vec![
-            vec!["a/ü".into(), Value::Whole(i64::MAX), Value::Number(-0.1), Value::Flag(true)],
-            vec![Value::Null, Value::Null, Value::Null, Value::Null],
-            vec!["".into(), Value::Whole(-1), Value::Number(f64::MIN_POSITIVE), Value::Flag(false)],
+            vec!["a/ü".into(), CellValue::Whole(i64::MAX), CellValue::Number(-0.1), CellValue::Flag(true)],
+            vec![CellValue::Null, CellValue::Null, CellValue::Null, CellValue::Null],
+            vec![
+                "".into(),
+                CellValue::Whole(-1),
+                CellValue::Number(f64::MIN_POSITIVE),
+                CellValue::Flag(false),
+            ],
         ];
         let bytes = write_table(&columns, &rows, "a test");
         assert_eq!(bytes, write_table(&columns, &rows, "a test"));
@@ -272,7 +284,7 @@ mod tests {
         std::fs::write(&path, &bytes).unwrap();
         let table = read_table(&path).unwrap();
         assert_eq!(table.rows, rows);
-        let wanted: Vec<(String, Option<Kind>)> =
+        let wanted: Vec<(String, Option<ColumnKind>)> =
             columns.iter().map(|(name, kind)| ((*name).to_owned(), Some(*kind))).collect();
         assert_eq!(table.columns, wanted);
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
@@ -281,8 +293,8 @@ mod tests {
 
     #[test]
     fn a_damaged_file_stops_nobody() {
-        let columns = [("name", Kind::Text), ("count", Kind::Whole)];
-        let rows = [vec![Value::Null, Value::Whole(3)], vec!["b".into(), Value::Null]];
+        let columns = [("name", ColumnKind::Text), ("count", ColumnKind::Whole)];
+        let rows = [vec![CellValue::Null, CellValue::Whole(3)], vec!["b".into(), CellValue::Null]];
         let bytes = write_table(&columns, &rows, "a test");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.parquet");

@@ -1,6 +1,6 @@
 //! Small curves over time, event rates and speeds, and how strokes are written.
 
-use super::html::Html;
+use super::html::HtmlFragment;
 use std::fmt::Write as _;
 
 /// Size of a curve's picture, px.
@@ -8,12 +8,12 @@ const SIZE: [i32; 2] = [480, 96];
 
 /// Values over time.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Curve {
+pub(super) struct ReportCurve {
     /// Share of the whole time, 0 to 1, and value.
     points: Vec<[f64; 2]>,
 }
 
-impl Curve {
+impl ReportCurve {
     /// The curve through `values`, each of which holds for `durations` of its own; neighbours are put together until there
     /// are at most `most`.
     pub(super) fn new(values: &[f64], durations: &[f64], most: usize) -> Self {
@@ -78,7 +78,7 @@ pub(super) fn stroke_path(points: impl IntoIterator<Item = [f64; 2]>) -> String 
 }
 
 /// Curves on one scale from 0 to the highest of them, each with the class that colours it. The caption says what they are.
-pub(super) fn draw_curves(html: &mut Html, curves: &[(&'static str, &Curve)]) {
+pub(super) fn draw_curves(html: &mut HtmlFragment, curves: &[(&'static str, &ReportCurve)]) {
     let highest = curves.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max);
     let [width, height] = SIZE;
     let view = format!("0 0 {width} {height}");
@@ -96,11 +96,11 @@ mod tests {
 
     #[test]
     fn a_curve_is_drawn_in_steps() {
-        let curve = Curve::new(&[0.0, 1.0, 2.0, 2.0], &[1.0; 4], 10);
+        let curve = ReportCurve::new(&[0.0, 1.0, 2.0, 2.0], &[1.0; 4], 10);
         // Middles of four equal parts of 480 px; 0 at the bottom (94), 2 at the top (2).
         assert_eq!(curve.data(2.0), "M60 94l120-46 120-46 120 0");
-        assert_eq!(Curve::new(&[], &[], 10).data(1.0), "");
-        assert_eq!(Curve::new(&[0.0], &[1.0], 10).data(0.0), "M240 94");
+        assert_eq!(ReportCurve::new(&[], &[], 10).data(1.0), "");
+        assert_eq!(ReportCurve::new(&[0.0], &[1.0], 10).data(0.0), "M240 94");
     }
 
     #[test]
@@ -112,15 +112,15 @@ mod tests {
 
     #[test]
     fn neighbours_are_put_together_by_their_time() {
-        let curve = Curve::new(&[1.0, 3.0, 5.0, 9.0], &[1.0, 3.0, 2.0, 2.0], 2);
+        let curve = ReportCurve::new(&[1.0, 3.0, 5.0, 9.0], &[1.0, 3.0, 2.0, 2.0], 2);
         assert_eq!(curve.points, [[0.25, 2.5], [0.75, 7.0]]);
         assert_eq!(curve.over_mean().points, [[0.25, 2.5 / 4.75], [0.75, 7.0 / 4.75]]);
     }
 
     #[test]
     fn what_has_no_value_is_not_drawn() {
-        let curve = Curve::new(&[1.0, f64::NAN, 2.0], &[1.0; 3], 9);
+        let curve = ReportCurve::new(&[1.0, f64::NAN, 2.0], &[1.0; 3], 9);
         assert_eq!(curve.points.len(), 2);
-        assert!(Curve::new(&[0.0, 0.0], &[1.0; 2], 9).over_mean().points.is_empty());
+        assert!(ReportCurve::new(&[0.0, 0.0], &[1.0; 2], 9).over_mean().points.is_empty());
     }
 }

@@ -5,22 +5,22 @@
 
 /// What is shown of each trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Depth {
+pub(super) struct DetailLevel {
     /// Most trajectories of a page of this depth.
     most: usize,
     /// Width of the pictures in the table of scenes, px.
     pub(super) thumbnail: u32,
     /// Width of the pictures of trajectories, px.
     pub(super) picture: u32,
-    /// Whether every trajectory has pictures, or the first of each scene.
+    /// True if every trajectory has pictures, or the first of each scene.
     pub(super) every: bool,
-    /// Whether a trajectory's own sharp frame is shown, or only that in the table of scenes.
+    /// True if a trajectory's own sharp frame is shown, or only that in the table of scenes.
     pub(super) sharp: bool,
     /// Most pictures of checks of a trajectory.
     pub(super) check_pictures: usize,
-    /// Whether pictures of checks that passed are among them.
+    /// True if pictures of checks that passed are among them.
     pub(super) passed_pictures: bool,
-    /// Whether statements that passed are listed, or counted.
+    /// True if statements that passed are listed, or counted.
     pub(super) passes: bool,
     /// Most points of a curve.
     pub(super) points: usize,
@@ -28,8 +28,8 @@ pub(super) struct Depth {
     pub(super) cameras: usize,
 }
 
-const DEPTHS: [Depth; 3] = [
-    Depth {
+const DEPTHS: [DetailLevel; 3] = [
+    DetailLevel {
         most: 60,
         thumbnail: 160,
         picture: 320,
@@ -41,7 +41,7 @@ const DEPTHS: [Depth; 3] = [
         points: 120,
         cameras: 9,
     },
-    Depth {
+    DetailLevel {
         most: 600,
         thumbnail: 128,
         picture: 192,
@@ -53,7 +53,7 @@ const DEPTHS: [Depth; 3] = [
         points: 96,
         cameras: 5,
     },
-    Depth {
+    DetailLevel {
         most: usize::MAX,
         thumbnail: 112,
         picture: 112,
@@ -67,7 +67,7 @@ const DEPTHS: [Depth; 3] = [
     },
 ];
 
-impl Depth {
+impl DetailLevel {
     /// Of a release of this many trajectories.
     pub(super) fn for_trajectories(trajectories: usize) -> Self {
         let [whole, part, brief] = DEPTHS;
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_more_there_is_the_less_is_shown_of_each() {
-        let depths = [1, 60, 61, 600, 601, 6000].map(Depth::for_trajectories);
+        let depths = [1, 60, 61, 600, 601, 6000].map(DetailLevel::for_trajectories);
         assert_eq!(depths[0], depths[1]);
         assert_eq!(depths[2], depths[3]);
         assert_eq!(depths[4], depths[5]);

@@ -12,14 +12,14 @@ const SMALL_PNG: usize = 12 << 10;
 
 /// A picture of the page.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Picture {
+pub(super) struct EmbeddedPicture {
     /// Its bytes as an address.
     pub(super) address: String,
     pub(super) width: u32,
     pub(super) height: u32,
 }
 
-impl Picture {
+impl EmbeddedPicture {
     /// The picture, at most `width` columns wide; `None` where it has no pixels.
     pub(super) fn from_image(image: &Image<[u8; 3]>, width: u32) -> Option<Self> {
         let small = shrink::to_width(image, width);
@@ -91,13 +91,13 @@ mod tests {
             bytes
         };
         let drawing = written(&Image::filled(size, [255; 3]));
-        let picture = Picture::of_png(&drawing, 320).unwrap();
+        let picture = EmbeddedPicture::of_png(&drawing, 320).unwrap();
         assert_eq!(picture.address, format!("data:image/png;base64,{}", encode_base64(&drawing)));
-        let picture = Picture::of_png(&written(&noise), 320).unwrap();
+        let picture = EmbeddedPicture::of_png(&written(&noise), 320).unwrap();
         assert!(picture.address.starts_with("data:image/jpeg;base64,/9j/"));
         assert_eq!((picture.width, picture.height), (300, 100));
-        let picture = Picture::of_png(&drawing, 150).unwrap();
+        let picture = EmbeddedPicture::of_png(&drawing, 150).unwrap();
         assert_eq!((picture.width, picture.height), (150, 50));
-        assert_eq!(Picture::of_png(b"no picture", 320), None);
+        assert_eq!(EmbeddedPicture::of_png(b"no picture", 320), None);
     }
 }

@@ -1,6 +1,6 @@
 //! What checks found: verdicts counted, tables of statements with faults first.
 
-use super::html::Html;
+use super::html::HtmlFragment;
 use crate::check::{Finding, Verdict};
 use crate::trajectory::picture::short_number;
 
@@ -13,7 +13,7 @@ pub(super) fn verdict_rank(verdict: Verdict) -> usize {
     WORST_FIRST.iter().position(|other| *other == verdict).unwrap_or(WORST_FIRST.len())
 }
 
-/// Whether something was found to be outside its limits.
+/// Returns true if something was found to be outside its limits.
 pub(super) fn is_fault(verdict: Verdict) -> bool {
     matches!(verdict, Verdict::Fail | Verdict::Warn | Verdict::Waived)
 }
@@ -25,9 +25,9 @@ pub(super) fn worst_verdict<'a>(findings: impl IntoIterator<Item = &'a Finding>)
 
 /// How many statements have each verdict, the worst first.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Count([usize; 5]);
+pub(super) struct VerdictCount([usize; 5]);
 
-impl Count {
+impl VerdictCount {
     pub(super) fn from_findings<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Self {
         let mut count = Self::default();
         findings.into_iter().for_each(|finding| count.0[verdict_rank(finding.verdict)] += 1);
@@ -54,7 +54,7 @@ impl Count {
     }
 
     /// A bar whose parts are as long as there are verdicts, the worst at the left.
-    pub(super) fn bar(self, html: &mut Html) {
+    pub(super) fn bar(self, html: &mut HtmlFragment) {
         let total = self.total().max(1);
         let words = self.words();
         let attributes =
@@ -75,7 +75,7 @@ impl Count {
     }
 
     /// Each verdict with its count.
-    pub(super) fn badges(self, html: &mut Html) {
+    pub(super) fn badges(self, html: &mut HtmlFragment) {
         for (verdict, count) in self.present() {
             write_badge(html, verdict, &format!("{count} {}", verdict.name()));
         }
@@ -93,13 +93,13 @@ pub(super) fn verdict_class(verdict: Verdict) -> &'static str {
     }
 }
 
-pub(super) fn write_badge(html: &mut Html, verdict: Verdict, words: &str) {
+pub(super) fn write_badge(html: &mut HtmlFragment, verdict: Verdict, words: &str) {
     html.leaf("span", &[("class", &format!("badge {}", verdict_class(verdict)))], words);
 }
 
 /// A table of statements, faults first, in the order of reports else. Subjects are told without `prefix`.
 pub(super) fn write_table<'a>(
-    html: &mut Html,
+    html: &mut HtmlFragment,
     caption: &str,
     prefix: &str,
     findings: impl IntoIterator<Item = &'a Finding>,
@@ -127,7 +127,11 @@ pub(super) fn write_table<'a>(
 }
 
 /// The same in a line each: what a browser shows sooner where there are thousands.
-pub(super) fn write_list<'a>(html: &mut Html, prefix: &str, findings: impl IntoIterator<Item = &'a Finding>) {
+pub(super) fn write_list<'a>(
+    html: &mut HtmlFragment,
+    prefix: &str,
+    findings: impl IntoIterator<Item = &'a Finding>,
+) {
     let mut findings: Vec<&Finding> = findings.into_iter().collect();
     findings.sort_by_key(|finding| verdict_rank(finding.verdict));
     html.within("ul", &[("class", "listed")], |html| {
@@ -160,7 +164,7 @@ fn unit_text(finding: &Finding) -> &str {
 }
 
 /// The head of a table: each column's name and class.
-pub(super) fn write_heads(html: &mut Html, columns: &[(&str, &str)]) {
+pub(super) fn write_heads(html: &mut HtmlFragment, columns: &[(&str, &str)]) {
     html.within("thead", &[], |html| {
         html.within("tr", &[], |html| {
             for (name, class) in columns {
@@ -170,7 +174,7 @@ pub(super) fn write_heads(html: &mut Html, columns: &[(&str, &str)]) {
     });
 }
 
-fn write_row(html: &mut Html, finding: &Finding, prefix: &str) {
+fn write_row(html: &mut HtmlFragment, finding: &Finding, prefix: &str) {
     let number = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), short_number);
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], &finding.check);
@@ -214,29 +218,29 @@ pub(super) mod tests {
             finding("speed", "s/t#chord", Verdict::Warn),
             finding("polarity", "s/t/fine", Verdict::Waived),
         ];
-        let mut html = Html::default();
+        let mut html = HtmlFragment::default();
         write_table(&mut html, "all", "s/t", &findings);
-        let page = Html::whole_page(|page| page.append(&html));
+        let page = HtmlFragment::whole_page(|page| page.append(&html));
         let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words} in {page}"));
         let order = ["<td>arc", "<td>chord", "<td>fine", "<td>order", ">schema<"].map(place);
         assert!(order.is_sorted(), "{page}");
-        let mut html = Html::default();
+        let mut html = HtmlFragment::default();
         write_list(&mut html, "s/t", &findings[2..]);
-        let page = Html::whole_page(|page| page.append(&html));
+        let page = HtmlFragment::whole_page(|page| page.append(&html));
         let [first, last] = ["warn: speed arc, measured 0.25: a reason<", "waived: polarity fine,"];
         assert!(page.find(first) < page.find(last) && page.contains(first), "{page}");
         assert_eq!(worst_verdict(&findings), Some(Verdict::Warn));
-        assert_eq!(Count::from_findings(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
-        assert_eq!(Count::default().words(), "no statement");
+        assert_eq!(VerdictCount::from_findings(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
+        assert_eq!(VerdictCount::default().words(), "no statement");
     }
 
     #[test]
     fn the_rarest_fault_is_seen() {
         let mut findings = vec![finding("speed", "", Verdict::Warn)];
         findings.resize(5000, finding("schema", "", Verdict::Pass));
-        let mut html = Html::default();
-        Count::from_findings(&findings).bar(&mut html);
-        let page = Html::whole_page(|page| page.append(&html));
+        let mut html = HtmlFragment::default();
+        VerdictCount::from_findings(&findings).bar(&mut html);
+        let page = HtmlFragment::whole_page(|page| page.append(&html));
         assert!(page.contains("class=\"warn\" x=\"0\" width=\"8\""), "{page}");
     }
 }

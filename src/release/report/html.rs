@@ -9,9 +9,9 @@ type Attributes<'a> = &'a [(&'static str, &'a str)];
 
 /// A piece of a page under construction.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub(super) struct Html(String);
+pub(super) struct HtmlFragment(String);
 
-impl Html {
+impl HtmlFragment {
     /// A whole page.
     pub(super) fn whole_page(inside: impl FnOnce(&mut Self)) -> String {
         let mut page = Self("<!DOCTYPE html>\n".to_owned());
@@ -139,7 +139,7 @@ mod tests {
 
     /// What a strict reader makes of a text and of a value.
     fn read_back(words: &str) -> [String; 2] {
-        let page = Html::whole_page(|html| html.leaf("p", &[("title", words)], words));
+        let page = HtmlFragment::whole_page(|html| html.leaf("p", &[("title", words)], words));
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
         let document = roxmltree::Document::parse_with_options(&page, options).unwrap();
         let elements: Vec<_> = document.descendants().filter(|n| n.is_element()).collect();

@@ -1,14 +1,14 @@
 //! The release as a whole: what there is, the table of scenes, what checks said, what was not run, and what was left out.
 
-use super::Page;
-use super::findings::{self, Count, write_badge, write_heads};
-use super::html::Html;
+use super::ReportPage;
+use super::findings::{self, VerdictCount, write_badge, write_heads};
+use super::html::HtmlFragment;
 use super::section::{
-    self, Part, counted_noun, file_link, number_span, on_share, section_link, thousands_number,
+    self, SceneSection, counted_noun, file_link, number_span, on_share, section_link, thousands_number,
 };
 use crate::check::{self, Finding, Verdict};
 use crate::release::TOOL;
-use crate::release::left_out::Row;
+use crate::release::left_out::OmissionRow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Faults that are listed at the top of the page.
@@ -17,7 +17,7 @@ const MOST_FAULTS: usize = 200;
 const MOST_REASONS: usize = 6;
 
 /// The head of the page: whose release it is, under which terms, and how much there is.
-pub(super) fn write_head(html: &mut Html, page: &Page<'_>) {
+pub(super) fn write_head(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let info = page.info;
     html.within("header", &[], |html| {
         html.within("h1", &[], |html| {
@@ -52,9 +52,9 @@ const SECTIONS: [(&str, &str); 6] = [
 ];
 
 /// How much there is, in large figures.
-fn write_figures(html: &mut Html, page: &Page<'_>) {
+fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let parts = || page.entries.iter().flat_map(|entry| &entry.scene.file.trajectories);
-    let streams = || page.entries.iter().flat_map(section::Entry::counted);
+    let streams = || page.entries.iter().flat_map(section::SceneEntry::counted);
     let sum = |values: &mut dyn Iterator<Item = u64>| thousands_number(values.sum());
     let frames = |kind: &str| {
         let paths = page.entries.iter().flat_map(|entry| entry.below(""));
@@ -88,7 +88,7 @@ fn write_figures(html: &mut Html, page: &Page<'_>) {
             });
         }
     });
-    let count = Count::from_findings(page.findings());
+    let count = VerdictCount::from_findings(page.findings());
     html.within("div", &[("class", "verdict-line")], |html| {
         count.bar(html);
         html.within("p", &[], |html| {
@@ -99,7 +99,7 @@ fn write_figures(html: &mut Html, page: &Page<'_>) {
 }
 
 /// The table of scenes.
-pub(super) fn write_scenes(html: &mut Html, page: &Page<'_>, parts: &[Part]) {
+pub(super) fn write_scenes(html: &mut HtmlFragment, page: &ReportPage<'_>, parts: &[SceneSection]) {
     html.within("section", &[("id", "scenes")], |html| {
         html.leaf("h2", &[], "Scenes");
         if let Some(words) = page.depth.left_out(page.trajectories()) {
@@ -134,7 +134,7 @@ const COLUMNS: [(&str, &str); 11] = [
 
 /// Which rows are shown, by the style sheet alone: the table stands behind these and beside them, so that one sibling decides
 /// about the other. (`:has()` would do as well, and have a browser look again with each of thousands of rows.)
-fn write_filters(html: &mut Html, page: &Page<'_>) {
+fn write_filters(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let with = |verdict| page.entries.iter().filter(|entry| entry.count().get(verdict) > 0).count();
     let kinds = [
         ("warn", "with a warning", with(Verdict::Warn)),
@@ -158,17 +158,20 @@ fn write_filters(html: &mut Html, page: &Page<'_>) {
 }
 
 /// What the checks said of the whole release, by check; and every fault.
-pub(super) fn write_checks(html: &mut Html, page: &Page<'_>) {
+pub(super) fn write_checks(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "checks")], |html| {
         html.leaf("h2", &[], "Checks");
         html.leaf("p", &[], VERDICTS);
         html.within("table", &[("class", "by-check")], |html| {
             html.leaf("caption", &[], "Statements by check");
             write_heads(html, &[("check", ""), ("verdicts", ""), ("statements", "")]);
-            let count = |name| Count::from_findings(page.findings().filter(|finding| finding.check == name));
+            let count =
+                |name| VerdictCount::from_findings(page.findings().filter(|finding| finding.check == name));
             html.within("tbody", &[], |html| {
                 let counts = check::NAMES.into_iter().map(|name| (name, count(name)));
-                counts.filter(|(_, count)| *count != Count::default()).for_each(|of| by_check(html, of));
+                counts
+                    .filter(|(_, count)| *count != VerdictCount::default())
+                    .for_each(|of| by_check(html, of));
             });
         });
         write_faults(html, page);
@@ -179,7 +182,7 @@ const VERDICTS: &str = "pass: within limits. warn: outside a limit that does not
     by the recipe with a reason. not-run: could not be judged, and why is told below. A release with a failed check is not \
     written.";
 
-fn by_check(html: &mut Html, (name, count): (&str, Count)) {
+fn by_check(html: &mut HtmlFragment, (name, count): (&str, VerdictCount)) {
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], name);
         html.within("td", &[("class", "verdicts")], |html| count.bar(html));
@@ -187,7 +190,7 @@ fn by_check(html: &mut Html, (name, count): (&str, Count)) {
     });
 }
 
-fn write_faults(html: &mut Html, page: &Page<'_>) {
+fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let mut faults: Vec<(&str, &Finding)> = page
         .entries
         .iter()
@@ -221,7 +224,7 @@ fn write_faults(html: &mut Html, page: &Page<'_>) {
 }
 
 /// What could not be judged, by check and reason.
-pub(super) fn not_run(html: &mut Html, page: &Page<'_>) {
+pub(super) fn not_run(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let reasons = not_run_reasons(page.findings());
     let silent: BTreeSet<&str> = page.findings().map(|finding| finding.check.as_str()).collect();
     let silent: Vec<&str> = check::NAMES.into_iter().filter(|name| !silent.contains(name)).collect();
@@ -248,7 +251,7 @@ pub(super) fn not_run(html: &mut Html, page: &Page<'_>) {
 
 /// Statements that were not run for one reason.
 #[derive(Debug, PartialEq, Eq)]
-struct Reason<'a> {
+struct NotRunReason<'a> {
     check: &'a str,
     statements: usize,
     because: String,
@@ -256,7 +259,7 @@ struct Reason<'a> {
 }
 
 /// The reasons of each check in the order of names, the commonest first; those past the first few are put together.
-fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reason<'a>> {
+fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<NotRunReason<'a>> {
     let mut counted: BTreeMap<(&str, &str), (usize, &str)> = BTreeMap::new();
     for finding in findings.filter(|finding| finding.verdict == Verdict::NotRun) {
         let own = counted.entry((&finding.check, &finding.because)).or_insert((0, &finding.subject));
@@ -266,8 +269,8 @@ fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reaso
     let checks: BTreeSet<&str> = counted.keys().map(|(check, _)| *check).collect();
     for check in checks {
         let of = counted.iter().filter(|((name, _), _)| *name == check);
-        let mut own: Vec<Reason<'_>> = of
-            .map(|((_, because), (statements, first))| Reason {
+        let mut own: Vec<NotRunReason<'_>> = of
+            .map(|((_, because), (statements, first))| NotRunReason {
                 check,
                 statements: *statements,
                 because: (*because).to_owned(),
@@ -280,13 +283,13 @@ fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reaso
         if let Some(first) = rest.first().map(|reason| reason.first) {
             let statements = rest.iter().map(|reason| reason.statements).sum();
             let because = format!("{} other reasons, each in checks.json", rest.len());
-            all.push(Reason { check, statements, because, first });
+            all.push(NotRunReason { check, statements, because, first });
         }
     }
     all
 }
 
-fn reason_row(html: &mut Html, reason: &Reason<'_>) {
+fn reason_row(html: &mut HtmlFragment, reason: &NotRunReason<'_>) {
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], reason.check);
         html.leaf("td", &[("class", "n")], &thousands_number(reason.statements as u64));
@@ -296,7 +299,7 @@ fn reason_row(html: &mut Html, reason: &Reason<'_>) {
 }
 
 /// What was left out: of what was asked for, and of the work.
-pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
+pub(super) fn left_out(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "left-out")], |html| {
         html.leaf("h2", &[], "Left out");
         html.within("ul", &[], |html| {
@@ -332,9 +335,9 @@ const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of wh
 
 /// What is not in the release, a sentence each: scenes that are withheld, photos, events that nobody asked for. Whatever else
 /// keeps something out of a release is told here too.
-fn absence_sentences(page: &Page<'_>) -> Vec<String> {
+fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     let withheld: Vec<&str> =
-        page.entries.iter().filter(|entry| entry.is_withheld()).map(section::Entry::id).collect();
+        page.entries.iter().filter(|entry| entry.is_withheld()).map(section::SceneEntry::id).collect();
     let images = page.entries.iter().flat_map(|entry| &entry.scene.file.images);
     let [unused, photos] = images.fold([0u64; 2], |[unused, all], i| [unused + u64::from(!i.used), all + 1]);
     let silent = page.entries.iter().filter(|entry| entry.counted().next().is_none()).count();
@@ -370,8 +373,8 @@ fn absence_sentences(page: &Page<'_>) -> Vec<String> {
 }
 
 /// The same rows of all trajectories, summed. How much there was is not known where one does not say.
-fn omission_sums<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Row> {
-    let mut sums: BTreeMap<(&str, &str, &str, &str), Row> = BTreeMap::new();
+fn omission_sums<'a>(rows: impl Iterator<Item = &'a OmissionRow>) -> Vec<OmissionRow> {
+    let mut sums: BTreeMap<(&str, &str, &str, &str), OmissionRow> = BTreeMap::new();
     for row in rows {
         let own = sums.entry((&row.step, &row.what, &row.unit, &row.proof));
         own.and_modify(|sum| {
@@ -383,7 +386,7 @@ fn omission_sums<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Row> {
     sums.into_values().collect()
 }
 
-fn sum_row(html: &mut Html, row: &Row) {
+fn sum_row(html: &mut HtmlFragment, row: &OmissionRow) {
     let none = || "\u{2013}".to_owned();
     let share = row.of.filter(|of| *of > 0).map(|of| 100.0 * row.how_much as f64 / of as f64);
     html.within("tr", &[], |html| {
@@ -398,7 +401,7 @@ fn sum_row(html: &mut Html, row: &Row) {
 }
 
 /// The files at the top of the tree, and the terms.
-pub(super) fn write_files(html: &mut Html, page: &Page<'_>) {
+pub(super) fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "files")], |html| {
         html.leaf("h2", &[], "Files and terms");
         html.within("p", &[("class", "files")], |html| {
@@ -461,7 +464,7 @@ mod tests {
 
     #[test]
     fn rows_are_summed_and_unknown_wholes_stay_unknown() {
-        let row = |what: &str, how_much, of| Row {
+        let row = |what: &str, how_much, of| OmissionRow {
             step: "events".into(),
             what: what.into(),
             how_much,

@@ -1,30 +1,30 @@
 //! The part of one scene: its row in the table of scenes, and its section.
 
-use super::Page;
-use super::embed::Picture;
-use super::findings::{self, Count, WORST_FIRST};
-use super::html::{Html, link_address};
+use super::ReportPage;
+use super::embed::EmbeddedPicture;
+use super::findings::{self, VerdictCount, WORST_FIRST};
+use super::html::{HtmlFragment, link_address};
 use super::trajectory;
 use crate::check::{Finding, Verdict};
 use crate::release::published::{PublishedScene, PublishedTrajectory};
-use crate::release::scene::{SceneFile, SensorPart, Statistics, TrajectoryPart};
+use crate::release::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use crate::trajectory::picture::short_number;
 
 /// A scene of the page.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Entry<'a> {
+pub(super) struct SceneEntry<'a> {
     pub(super) scene: &'a PublishedScene,
 }
 
 /// A trajectory of the page.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Track<'a> {
-    pub(super) entry: Entry<'a>,
+pub(super) struct ReportTrajectory<'a> {
+    pub(super) entry: SceneEntry<'a>,
     pub(super) part: &'a TrajectoryPart,
     pub(super) published: &'a PublishedTrajectory,
 }
 
-impl<'a> Track<'a> {
+impl<'a> ReportTrajectory<'a> {
     /// The path of a file in its folder.
     pub(super) fn path_of(&self, name: &str) -> String {
         format!("{}/{}/{name}", self.entry.id(), self.part.name)
@@ -40,28 +40,28 @@ impl<'a> Track<'a> {
 
 /// What one scene adds to the page.
 #[derive(Debug)]
-pub(super) struct Part {
-    pub(super) row: Html,
-    pub(super) section: Html,
+pub(super) struct SceneSection {
+    pub(super) row: HtmlFragment,
+    pub(super) section: HtmlFragment,
 }
 
-impl<'a> Entry<'a> {
+impl<'a> SceneEntry<'a> {
     pub(super) fn id(&self) -> &'a str {
         &self.scene.file.id
     }
 
-    /// Whether nothing that shows the scene may be passed on.
+    /// Returns true if nothing that shows the scene may be passed on.
     pub(super) fn is_withheld(&self) -> bool {
         self.scene.is_withheld()
     }
 
     /// Its trajectories.
-    pub(super) fn tracks(self) -> impl Iterator<Item = Track<'a>> {
-        self.scene.paths().map(move |(part, published)| Track { entry: self, part, published })
+    pub(super) fn tracks(self) -> impl Iterator<Item = ReportTrajectory<'a>> {
+        self.scene.paths().map(move |(part, published)| ReportTrajectory { entry: self, part, published })
     }
 
-    pub(super) fn count(&self) -> Count {
-        Count::from_findings(self.scene.all_findings())
+    pub(super) fn count(&self) -> VerdictCount {
+        VerdictCount::from_findings(self.scene.all_findings())
     }
 
     /// Paths of its files below its folder.
@@ -71,13 +71,13 @@ impl<'a> Entry<'a> {
     }
 
     /// The counts of its streams.
-    pub(super) fn counted(&self) -> impl Iterator<Item = &'a Statistics> + use<'a> {
+    pub(super) fn counted(&self) -> impl Iterator<Item = &'a TrajectoryStatistics> + use<'a> {
         self.scene.file.trajectories.iter().flat_map(stream_statistics)
     }
 }
 
 /// The counts of a trajectory's streams.
-fn stream_statistics(part: &TrajectoryPart) -> impl Iterator<Item = &Statistics> {
+fn stream_statistics(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics> {
     let named = part.sensors.values().map(|SensorPart { statistics, .. }| statistics);
     std::iter::once(&part.statistics).chain(named).filter(|counted| counted.events.is_some())
 }
@@ -88,17 +88,17 @@ fn section_id(id: &str) -> String {
 }
 
 /// A link to a scene's section.
-pub(super) fn section_link(html: &mut Html, id: &str, words: &str) {
+pub(super) fn section_link(html: &mut HtmlFragment, id: &str, words: &str) {
     html.leaf("a", &[("href", &format!("#{}", link_address(&section_id(id))))], words);
 }
 
 /// A link to a file of the tree.
-pub(super) fn file_link(html: &mut Html, path: &str, words: &str) {
+pub(super) fn file_link(html: &mut HtmlFragment, path: &str, words: &str) {
     html.leaf("a", &[("href", &link_address(path))], words);
 }
 
 /// An embedded picture.
-pub(super) fn write_image(html: &mut Html, picture: &Picture, class: &str, alt: &str) {
+pub(super) fn write_image(html: &mut HtmlFragment, picture: &EmbeddedPicture, class: &str, alt: &str) {
     let [width, height] = [picture.width, picture.height].map(|side| side.to_string());
     html.empty(
         "img",
@@ -142,20 +142,20 @@ pub(super) fn number_span(values: impl Iterator<Item = f64>) -> String {
 }
 
 /// The share of ON events.
-pub(super) fn on_share(counted: &Statistics) -> Option<f64> {
+pub(super) fn on_share(counted: &TrajectoryStatistics) -> Option<f64> {
     let (events, on) = (counted.events?, counted.on?);
     (events > 0).then(|| on as f64 / events as f64)
 }
 
 /// Composes the scene's part.
-pub(super) fn compose_section(page: &Page<'_>, entry: &Entry<'_>) -> Part {
-    let (mut row, mut section) = (Html::default(), Html::default());
+pub(super) fn compose_section(page: &ReportPage<'_>, entry: &SceneEntry<'_>) -> SceneSection {
+    let (mut row, mut section) = (HtmlFragment::default(), HtmlFragment::default());
     table_row(&mut row, page, entry);
     write_details(&mut section, page, entry);
-    Part { row, section }
+    SceneSection { row, section }
 }
 
-fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn table_row(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let count = entry.count();
     let kinds =
         WORST_FIRST.into_iter().filter(|verdict| count.get(*verdict) > 0).map(findings::verdict_class);
@@ -170,7 +170,7 @@ fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
             html.text(&file.licence.expression);
             write_marks(html, entry);
         });
-        let number = |html: &mut Html, words: &str| html.leaf("td", &[("class", "n")], words);
+        let number = |html: &mut HtmlFragment, words: &str| html.leaf("td", &[("class", "n")], words);
         let poses: u64 = file.trajectories.iter().map(|t| t.poses as u64).sum();
         let sharp = entry.below("").filter(|path| is_frame(path, "sharp")).count();
         number(html, &file.trajectories.len().to_string());
@@ -190,16 +190,17 @@ fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     });
 }
 
-/// Whether a file of a scene is a frame of this kind, `sharp` or `blur`.
+/// Returns true if a file of a scene is a frame of this kind, `sharp` or `blur`.
 pub(super) fn is_frame(path: &str, kind: &str) -> bool {
     path.ends_with(".png") && path.rsplit('/').nth(1) == Some(kind)
 }
 
-fn write_thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
-    let sharp = |track: Track<'_>| super::seen::sharp_picture(track, page.places, page.depth.thumbnail);
+    let sharp =
+        |track: ReportTrajectory<'_>| super::seen::sharp_picture(track, page.places, page.depth.thumbnail);
     match entry.tracks().find_map(sharp) {
         Some(shown) => {
             write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))
@@ -209,7 +210,7 @@ fn write_thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
 }
 
 /// What binds who has the scene, beside the licence's name.
-fn write_marks(html: &mut Html, entry: &Entry<'_>) {
+fn write_marks(html: &mut HtmlFragment, entry: &SceneEntry<'_>) {
     if entry.scene.file.licence.gated {
         html.leaf("span", &[("class", "mark")], "gated");
     }
@@ -218,7 +219,7 @@ fn write_marks(html: &mut Html, entry: &Entry<'_>) {
     }
 }
 
-fn write_details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn write_details(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let open = [("class", "scene"), ("open", "")];
     html.within("details", if page.is_short() { &open } else { &open[..1] }, |html| {
         html.within("summary", &[], |html| {
@@ -237,7 +238,7 @@ fn write_details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
 }
 
 /// Files of the scene itself.
-fn write_files(html: &mut Html, entry: &Entry<'_>) {
+fn write_files(html: &mut HtmlFragment, entry: &SceneEntry<'_>) {
     let own = entry.below("").filter_map(|path| path.strip_prefix(entry.id())?.strip_prefix('/'));
     let own: Vec<&str> = own.filter(|name| !name.contains('/')).collect();
     html.within("p", &[("class", "files")], |html| {
@@ -249,7 +250,7 @@ fn write_files(html: &mut Html, entry: &Entry<'_>) {
     });
 }
 
-fn write_facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let file = &entry.scene.file;
     let camera = &file.camera;
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short_number);
@@ -277,13 +278,13 @@ fn write_facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     });
 }
 
-fn source_words(file: &SceneFile) -> String {
+fn source_words(file: &SceneRecord) -> String {
     let source = &file.source;
     let told = [&source.upstream_id, &source.upstream_url].into_iter().flatten().map(String::as_str);
     std::iter::once(source.kind.as_str()).chain(told).collect::<Vec<_>>().join(", ")
 }
 
-fn reconstruction_words(file: &SceneFile) -> String {
+fn reconstruction_words(file: &SceneRecord) -> String {
     let Some(of) = &file.reconstruction else { return "nothing is rendered".to_owned() };
     let mut words = format!(
         "{}, {} Gaussians, harmonics of degree {}",
@@ -305,7 +306,7 @@ fn reconstruction_words(file: &SceneFile) -> String {
     words
 }
 
-fn licence_words(file: &SceneFile) -> String {
+fn licence_words(file: &SceneRecord) -> String {
     let licence = &file.licence;
     let mut words = licence.expression.clone();
     if !licence.attribution.is_empty() {
@@ -326,20 +327,20 @@ fn licence_words(file: &SceneFile) -> String {
 }
 
 /// The findings on the scene itself, by its photos and its capture.
-fn own_findings(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+fn own_findings(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let Some(findings) = &entry.scene.findings else { return };
     write_findings(html, page, "Checks of the scene", entry.id(), findings);
 }
 
 /// Findings as deep as the page goes.
 pub(super) fn write_findings(
-    html: &mut Html,
-    page: &Page<'_>,
+    html: &mut HtmlFragment,
+    page: &ReportPage<'_>,
     caption: &str,
     prefix: &str,
     findings: &[Finding],
 ) {
-    let count = Count::from_findings(findings);
+    let count = VerdictCount::from_findings(findings);
     let shown = |f: &&Finding| page.depth.passes || f.verdict != Verdict::Pass;
     let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
     let caption = format!("{caption}: {}", count.words());

@@ -4,72 +4,80 @@
 //! frame nearest to it, and the events around that. What cannot be read is not shown; the release finds out why when it
 //! copies the file.
 
-use super::curve::Curve;
-use super::depth::Depth;
-use super::embed::Picture;
-use super::section::Track;
-use crate::artifact::Stream;
-use crate::event::picture::Picture as Balance;
+use super::curve::ReportCurve;
+use super::depth::DetailLevel;
+use super::embed::EmbeddedPicture;
+use super::section::ReportTrajectory;
+use crate::artifact::EventStream;
+use crate::event::picture::WindowCounts as Balance;
 use crate::event::{EventSink as _, EventSource as _, h5};
 use crate::files;
 use crate::image::Size;
-use crate::release::published::{self, Places};
+use crate::release::published::{self, StoredPlaces};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A picture and what it shows.
 #[derive(Debug)]
-pub(super) struct Shown {
-    pub(super) picture: Picture,
+pub(super) struct ShownPicture {
+    pub(super) picture: EmbeddedPicture,
     pub(super) words: String,
 }
 
 /// The sharp frame nearest to the middle of the trajectory: its number and path.
-fn middle_frame<'a>(track: &Track<'a>) -> Option<(usize, &'a str)> {
+fn middle_frame<'a>(track: &ReportTrajectory<'a>) -> Option<(usize, &'a str)> {
     let middle = track.part.poses / 2;
     track.frames("sharp").min_by_key(|(number, _)| (number.abs_diff(middle), *number))
 }
 
 /// When it is, us.
-fn moment_us(track: &Track<'_>) -> i64 {
+fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
     let stamps = &track.published.motion.trajectory.stamps_us;
     let number = middle_frame(track).map_or(stamps.len() / 2, |(number, _)| number);
     stamps.get(number).copied().unwrap_or(0)
 }
 
 /// A PNG file of the tree.
-fn picture(path: &str, places: Places<'_>, width: u32) -> Option<Picture> {
-    let bytes = files::read_with(&places(path)?, files::Links::Refuse, files::MAX_DOCUMENT).ok()?;
-    Picture::of_png(&bytes, width)
+fn picture(path: &str, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
+    let bytes = files::read_with(&places(path)?, files::LinkRule::Refuse, files::MAX_DOCUMENT).ok()?;
+    EmbeddedPicture::of_png(&bytes, width)
 }
 
 /// The sharp frame of the middle.
-pub(super) fn sharp_picture(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
+pub(super) fn sharp_picture(
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
+    width: u32,
+) -> Option<ShownPicture> {
     let (number, path) = middle_frame(&track)?;
     let words = format!("sharp frame {number} at {:.1} ms", moment_us(&track) as f64 * 1e-3);
-    Some(Shown { picture: picture(path, places, width)?, words })
+    Some(ShownPicture { picture: picture(path, places, width)?, words })
 }
 
 /// The blurred frame nearest to that.
-pub(super) fn blurred_picture(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
+pub(super) fn blurred_picture(
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
+    width: u32,
+) -> Option<ShownPicture> {
     let exposures = published::exposures(track.part, &track.published.motion);
     let moment = moment_us(&track);
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
     let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
     let (_, path) = track.frames("blur").find(|(number, _)| number == pose)?;
     let [from, to] = times.map(|us| us as f64 * 1e-3);
-    Some(Shown {
+    Some(ShownPicture {
         picture: picture(path, places, width)?,
         words: format!("blurred frame {pose}, exposed from {from:.1} to {to:.1} ms"),
     })
 }
 
 /// The rate of a stream over time, by its file: events per second, over a trajectory of this length.
-pub(super) fn stream_rate(file: &Path, duration_us: i64, points: usize) -> Option<Curve> {
+pub(super) fn stream_rate(file: &Path, duration_us: i64, points: usize) -> Option<ReportCurve> {
     let index = h5::Reader::open(file).ok()?.index().ok()?;
     let counts: Vec<f64> = index.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
     let (hz, ms) = millisecond_rates(&counts, duration_us as f64 * 1e-3);
-    Some(Curve::new(&hz, &ms, points))
+    Some(ReportCurve::new(&hz, &ms, points))
 }
 
 /// Events per second from the counts of milliseconds, and how long each holds, ms. The last millisecond is there in part: less
@@ -87,7 +95,7 @@ fn millisecond_rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// The events of a stream around the middle of its trajectory.
-pub(super) fn events_picture(track: Track<'_>, file: &Path, width: u32) -> Option<Shown> {
+pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u32) -> Option<ShownPicture> {
     let camera = &track.entry.scene.file.camera;
     let size = Size { width: camera.width, height: camera.height };
     let mut reader = h5::Reader::open(file).ok()?;
@@ -105,9 +113,9 @@ pub(super) fn events_picture(track: Track<'_>, file: &Path, width: u32) -> Optio
             break;
         }
     }
-    let picture = Picture::from_image(&balance.image(), width)?;
+    let picture = EmbeddedPicture::from_image(&balance.image(), width)?;
     let words = format!("events of {} to {} ms: brighter in red, darker in blue", ms.start, ms.end);
-    Some(Shown { picture, words })
+    Some(ShownPicture { picture, words })
 }
 
 /// A picture of events has one on about every so many pixels.
@@ -135,13 +143,13 @@ pub(super) struct OfCheck<'a> {
 }
 
 impl OfCheck<'_> {
-    pub(super) fn read(&self, places: Places<'_>, width: u32) -> Option<Picture> {
+    pub(super) fn read(&self, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
         picture(self.path, places, width)
     }
 }
 
 /// The pictures of checks that the page shows, faults first.
-pub(super) fn of_checks(track: Track<'_>, depth: Depth) -> Vec<OfCheck<'_>> {
+pub(super) fn of_checks(track: ReportTrajectory<'_>, depth: DetailLevel) -> Vec<OfCheck<'_>> {
     let paths = track.entry.below(&format!("{}/checks/", track.part.name));
     let mut pictures: Vec<OfCheck<'_>> = paths.filter_map(output_number).collect();
     let findings = &track.published.findings;
@@ -163,9 +171,14 @@ fn output_number(path: &str) -> Option<OfCheck<'_>> {
 }
 
 /// The event files of a trajectory, with the names of their sensors.
-pub(super) fn stream_outputs<'a>(track: Track<'a>, places: Places<'_>) -> Vec<(Option<&'a str>, PathBuf)> {
+pub(super) fn stream_outputs<'a>(
+    track: ReportTrajectory<'a>,
+    places: StoredPlaces<'_>,
+) -> Vec<(Option<&'a str>, PathBuf)> {
     let names = published::stream_names(track.part).into_iter();
-    names.filter_map(|name| Some((name, places(&track.path_of(&Stream::released_name(name)))?))).collect()
+    names
+        .filter_map(|name| Some((name, places(&track.path_of(&EventStream::released_name(name)))?)))
+        .collect()
 }
 
 #[cfg(test)]

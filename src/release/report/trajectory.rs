@@ -1,14 +1,14 @@
 //! One trajectory in the section of its scene: what was counted, what it looks like, curves, files and checks.
 
-use super::Page;
-use super::curve::{self, Curve, stroke_path};
+use super::ReportPage;
+use super::curve::{self, ReportCurve, stroke_path};
 use super::findings::is_fault;
-use super::html::Html;
-use super::section::{self, Track, file_link, on_share, thousands_number, write_image};
-use super::seen::{self, Shown};
+use super::html::HtmlFragment;
+use super::section::{self, ReportTrajectory, file_link, on_share, thousands_number, write_image};
+use super::seen::{self, ShownPicture};
 use crate::release::published::PublishedTrajectory;
-use crate::release::scene::{Range, Statistics, TrajectoryPart};
-use crate::trajectory::picture::{Sketch, short_number, sketch};
+use crate::release::scene::{QuantityExtent, TrajectoryPart, TrajectoryStatistics};
+use crate::trajectory::picture::{PathSketch, short_number, sketch};
 use crate::units::format_amount;
 use std::fmt::Write as _;
 
@@ -16,8 +16,8 @@ use std::fmt::Write as _;
 const VIEW: [f64; 2] = [240.0, 160.0];
 
 /// Writes it.
-pub(super) fn write_trajectory(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
-    let Track { entry, part, published } = track;
+pub(super) fn write_trajectory(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
+    let ReportTrajectory { entry, part, published } = track;
     html.within("article", &[], |html| {
         html.within("h4", &[], |html| {
             html.text(&part.name);
@@ -44,7 +44,7 @@ pub(super) fn write_trajectory(html: &mut Html, page: &Page<'_>, track: Track<'_
 fn count_words(part: &TrajectoryPart) -> String {
     let mut words =
         format!("{} poses, {:.1} ms", thousands_number(part.poses as u64), part.duration_us as f64 * 1e-3);
-    let stream = |words: &mut String, name: Option<&str>, counted: &Statistics| {
+    let stream = |words: &mut String, name: Option<&str>, counted: &TrajectoryStatistics| {
         let Some(events) = counted.events else { return };
         let _ = write!(
             words,
@@ -70,7 +70,7 @@ fn count_words(part: &TrajectoryPart) -> String {
     words
 }
 
-fn write_figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut Html)) {
+fn write_figure(html: &mut HtmlFragment, class: &str, caption: &str, inside: impl FnOnce(&mut HtmlFragment)) {
     html.within("figure", &[("class", class)], |html| {
         inside(html);
         html.leaf("figcaption", &[], caption);
@@ -78,15 +78,15 @@ fn write_figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce
 }
 
 /// The sharp frame of the middle, and the events around it.
-fn write_pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+fn write_pictures(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let (depth, places) = (page.depth, page.places);
     let trajectories = &track.entry.scene.file.trajectories;
     let first = trajectories.first().is_some_and(|first| first.name == track.part.name);
     if !depth.every && !first {
         return;
     }
-    let mut show = |shown: Option<Shown>| {
-        if let Some(Shown { picture, words }) = shown {
+    let mut show = |shown: Option<ShownPicture>| {
+        if let Some(ShownPicture { picture, words }) = shown {
             write_figure(html, "", &words, |html| write_image(html, &picture, "", &words));
         }
     };
@@ -97,8 +97,8 @@ fn write_pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     let most = if depth.every { MOST_STREAMS } else { 1 };
     for (name, file) in seen::stream_outputs(track, places).into_iter().take(most) {
         let shown = seen::events_picture(track, &file, depth.picture);
-        let named = |shown: Shown| match name {
-            Some(name) => Shown { words: format!("{name}: {}", shown.words), ..shown },
+        let named = |shown: ShownPicture| match name {
+            Some(name) => ShownPicture { words: format!("{name}: {}", shown.words), ..shown },
             None => shown,
         };
         show(shown.map(named));
@@ -109,15 +109,15 @@ fn write_pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
 const MOST_STREAMS: usize = 4;
 
 /// The path from above and from the side.
-fn write_path(html: &mut Html, page: &Page<'_>, published: &PublishedTrajectory) {
+fn write_path(html: &mut HtmlFragment, page: &ReportPage<'_>, published: &PublishedTrajectory) {
     let motion = &published.motion;
     let counts = [page.depth.points, page.depth.cameras];
     let views = sketch(&motion.trajectory.world_from_camera, &motion.report.linear_unit_s, VIEW, counts);
     let Some(views) = views else { return };
-    let speeds = Range::from_values(&motion.report.linear_unit_s);
+    let speeds = QuantityExtent::from_values(&motion.report.linear_unit_s);
     let [from_above, from_the_side] = [0, 1].map(|i: usize| views[i].name);
     let mut caption = format!("path {from_above}, and {from_the_side}");
-    if let Some(Range { min, max, .. }) = speeds {
+    if let Some(QuantityExtent { min, max, .. }) = speeds {
         let _ = write!(
             caption,
             "; cameras from {} units/s (dark) to {} (yellow)",
@@ -134,13 +134,13 @@ fn write_path(html: &mut Html, page: &Page<'_>, published: &PublishedTrajectory)
 }
 
 /// Both views beside each other, what is drawn alike in one stroke: a page has thousands of them.
-fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
+fn draw_views(html: &mut HtmlFragment, views: &[PathSketch; 2]) {
     let [width, height] = VIEW;
-    let both = |of: &dyn Fn(&Sketch) -> Vec<[f64; 2]>| -> String {
-        let at = |(view, left): (&Sketch, f64)| stroke_path(of(view).iter().map(|[x, y]| [x + left, *y]));
+    let both = |of: &dyn Fn(&PathSketch) -> Vec<[f64; 2]>| -> String {
+        let at = |(view, left): (&PathSketch, f64)| stroke_path(of(view).iter().map(|[x, y]| [x + left, *y]));
         views.iter().zip([0.0, width]).map(at).collect()
     };
-    let bar = |view: &Sketch| vec![[8.0, height - 8.0], [8.0 + view.bar, height - 8.0]];
+    let bar = |view: &PathSketch| vec![[8.0, height - 8.0], [8.0 + view.bar, height - 8.0]];
     html.empty("path", &[("class", "way"), ("d", &(both(&|view| view.path.clone()) + &both(&bar)))]);
     for (number, (_, colour)) in views[0].frusta.iter().enumerate() {
         html.empty("path", &[("stroke", colour), ("d", &both(&|view| view.frusta[number].0.to_vec()))]);
@@ -159,8 +159,8 @@ fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
 }
 
 /// Event rates and speeds over time.
-fn write_curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
-    let Track { part, published, .. } = track;
+fn write_curves(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
+    let ReportTrajectory { part, published, .. } = track;
     let points = page.depth.points;
     // A scene that is withheld has no event files here.
     for (name, file) in seen::stream_outputs(track, page.places).into_iter().take(MOST_STREAMS) {
@@ -173,10 +173,10 @@ fn write_curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     }
     let report = &published.motion.report;
     let durations: Vec<f64> = report.durations().collect();
-    let curve = |values: &[f64]| Curve::new(values, &durations, points).over_mean();
+    let curve = |values: &[f64]| ReportCurve::new(values, &durations, points).over_mean();
     let (linear, angular) = (curve(&report.linear_unit_s), curve(&report.angular_rad_s));
     let words = format!("speed over time, from 0, each over its mean: {}", speed_words(&part.statistics));
-    let drawn: Vec<(&'static str, &Curve)> =
+    let drawn: Vec<(&'static str, &ReportCurve)> =
         [("a", &linear, report.linear_ratio.is_some()), ("b", &angular, report.angular_ratio.is_some())]
             .into_iter()
             .filter(|(.., moves)| *moves)
@@ -187,9 +187,9 @@ fn write_curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
     }
 }
 
-fn speed_words(counted: &Statistics) -> String {
-    let of = |range: Option<Range>, name: &str, unit: &str| {
-        range.map(|Range { min, max, .. }| {
+fn speed_words(counted: &TrajectoryStatistics) -> String {
+    let of = |range: Option<QuantityExtent>, name: &str, unit: &str| {
+        range.map(|QuantityExtent { min, max, .. }| {
             format!("{name} {} to {} {unit}", short_number(min), short_number(max))
         })
     };
@@ -199,7 +199,7 @@ fn speed_words(counted: &Statistics) -> String {
 }
 
 /// Pictures that checks made.
-fn pictures_of_checks(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+fn pictures_of_checks(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     for of in seen::of_checks(track, page.depth) {
         let Some(picture) = of.read(page.places, page.depth.picture) else { continue };
         let own = track.published.findings.iter().filter(|finding| finding.check == of.check);
@@ -216,7 +216,7 @@ fn pictures_of_checks(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
 }
 
 /// The trajectory's files in the tree; of a folder of many, the first. A brief page links to the most wanted.
-fn write_files(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let folder = format!("{}/", track.part.name);
     let prefix = track.path_of("");
     let paths: Vec<&str> = track.entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();

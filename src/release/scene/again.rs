@@ -4,14 +4,15 @@ use super::trajectory::{
     blur_value, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value, twin_of,
 };
 use super::{
-    CameraPart, Range, ReconstructionPart, SceneFile, SensorPart, Statistics, TrajectoryPart, draw_seeds,
-    kind_of_gaussians, licence, scene_attributes, sensor_seed, source_part, training_command,
+    CameraPart, QuantityExtent, ReconstructionPart, SceneRecord, SensorPart, TrajectoryPart,
+    TrajectoryStatistics, draw_seeds, kind_of_gaussians, licence, scene_attributes, sensor_seed, source_part,
+    training_command,
 };
-use crate::artifact::Motion;
+use crate::artifact::TrajectoryProduct;
 use crate::camera;
 use crate::image::Size;
-use crate::recipe::{Output, Recipe};
-use crate::reconstruct::Command;
+use crate::recipe::{OutputKind, Recipe};
+use crate::reconstruct::TrainerCommand;
 use crate::release::checksum;
 use crate::release::published::PublishedScene;
 use serde_json::Value;
@@ -19,19 +20,19 @@ use serde_json::Value;
 /// The file as it follows from the recipe and the other files. The following is taken as it stands, since no other file
 /// of the tree has it: photos, a capture's own camera, what is known of the Gaussians, the rate and error that a
 /// tolerance led to, and counts of the simulation that the events do not show.
-pub(in crate::release) fn again(scene: &PublishedScene) -> SceneFile {
+pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
     let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);
     let photos = found.images.iter().filter(|_| recipe.source.has_photos());
-    SceneFile {
+    SceneRecord {
         schema: 1,
         id: recipe.scene.clone(),
         gs2e_version: env!("CARGO_PKG_VERSION").into(),
         source: source_part(recipe),
         images: photos.cloned().collect(),
         camera: camera(recipe, &found.camera),
-        conventions: super::Conventions::for_brightness(&recipe.merged),
+        conventions: super::SceneConventions::for_brightness(&recipe.merged),
         reconstruction: found.reconstruction.as_ref().map(|found| reconstruction(recipe, found)),
         licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
@@ -65,12 +66,12 @@ fn reconstruction(recipe: &Recipe, found: &ReconstructionPart) -> Reconstruction
     ReconstructionPart {
         kind: kind_of_gaussians(recipe).into(),
         iterations: command.and_then(|command| command.iterations),
-        command: command.map(Command::written),
+        command: command.map(TrainerCommand::written),
         ..found.clone()
     }
 }
 
-fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -> TrajectoryPart {
+fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &TrajectoryProduct) -> TrajectoryPart {
     let recipe = &scene.recipe;
     let asked = recipe.trajectories.iter().find(|asked| asked.name == found.name);
     let stamps = &motion.trajectory.stamps_us;
@@ -78,7 +79,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -
     let size = Size { width: scene.file.camera.width, height: scene.file.camera.height };
     // A tolerance chooses how brightness is taken between frames, which is a parameter of some sensors.
     let chosen = recipe.tolerance.is_some();
-    let simulated = recipe.outputs.contains(&Output::Events);
+    let simulated = recipe.outputs.contains(&OutputKind::Events);
     let seed = sensor_seed(recipe, &found.name);
     let sensors = || recipe.sensors.iter().filter(|_| simulated);
     let one = sensors().find(|(name, _)| name.is_none());
@@ -107,18 +108,18 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -
             found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor_value(seed, own))
         }),
         sensors: several.collect(),
-        blur: recipe.outputs.contains(&Output::Blur).then(|| {
+        blur: recipe.outputs.contains(&OutputKind::Blur).then(|| {
             blur_value(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))
         }),
-        statistics: Statistics {
-            linear_unit_s: Range::from_values(&motion.report.linear_unit_s),
-            angular_rad_s: Range::from_values(&motion.report.angular_rad_s),
+        statistics: TrajectoryStatistics {
+            linear_unit_s: QuantityExtent::from_values(&motion.report.linear_unit_s),
+            angular_rad_s: QuantityExtent::from_values(&motion.report.angular_rad_s),
             ..counted(&found.statistics, size, last_us)
         },
     }
 }
 
-/// Whether a scene that says so itself is antialiased is known to the simulation alone.
+/// Returns true if a scene that says so itself is antialiased is known to the simulation alone.
 fn rules(recipe: &Recipe, simulated: bool, found: &Value) -> Value {
     let mut rules = super::trajectory::render_rules(recipe.render, None);
     if simulated && found["antialiased"].is_boolean() {
@@ -128,8 +129,8 @@ fn rules(recipe: &Recipe, simulated: bool, found: &Value) -> Value {
 }
 
 /// Counts, with those recomputed that follow from others.
-fn counted(found: &Statistics, size: Size, last_us: i64) -> Statistics {
-    Statistics {
+fn counted(found: &TrajectoryStatistics, size: Size, last_us: i64) -> TrajectoryStatistics {
+    TrajectoryStatistics {
         off: found.events.zip(found.on).and_then(|(events, on)| events.checked_sub(on)),
         rate_ev_px_s: found.events.and_then(|events| rate_ev_px_s(events, size, last_us)),
         ..found.clone()

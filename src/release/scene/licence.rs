@@ -1,6 +1,6 @@
 //! Under which terms a scene is passed on, part by part.
 
-use crate::licence::{Composed, Grant, Obligation, Part, Passing};
+use crate::licence::{ComposedTerms, HolderTerms, LicenceObligation, Redistributability, UpstreamGrant};
 use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +14,12 @@ pub struct LicencePart {
     pub parts: Vec<LicensedPart>,
     /// The tools that it was made with; their licences do not enter the expression.
     pub tools: Vec<LicensedTool>,
-    /// Whether receivers must accept the upstream terms first.
+    /// True if receivers must accept the upstream terms first.
     pub gated: bool,
     /// Why the releaser may pass on what upstream does not let everyone pass on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redistribution: Option<String>,
-    /// Whether what shows the scene (events, pictures) is left out of the release, as upstream forbids to pass it on.
+    /// True if what shows the scene (events, pictures) is left out of the release, as upstream forbids to pass it on.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub withheld: bool,
     /// Who is to be named.
@@ -42,7 +42,7 @@ pub struct LicensedPart {
     /// Who is to be named; empty where nobody is stated.
     pub attribution: String,
     /// What is asked of whoever receives it, as far as it is known.
-    pub obligations: Vec<Obligation>,
+    pub obligations: Vec<LicenceObligation>,
     /// Of a dataset: whether its terms were read in full at their holder's. The owner's part is what the recipe says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified: Option<bool>,
@@ -51,11 +51,11 @@ pub struct LicensedPart {
     pub evidence: Vec<String>,
     /// Why the terms are other than those that the dataset has for everybody, where they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub grant: Option<Grant>,
+    pub grant: Option<UpstreamGrant>,
 }
 
 impl LicensedPart {
-    fn from_terms(part: &Part) -> Self {
+    fn from_terms(part: &HolderTerms) -> Self {
         let evidence = part.asset.iter().flat_map(|asset| asset.evidence);
         Self {
             path: "**".into(),
@@ -83,7 +83,7 @@ pub struct LicensedTool {
 }
 
 /// The terms of a scene.
-pub(super) fn licence_part(recipe: &Recipe, licence: &Composed) -> LicencePart {
+pub(super) fn licence_part(recipe: &Recipe, licence: &ComposedTerms) -> LicencePart {
     let tool = |name: &str, version: &str, licence: &str| LicensedTool {
         name: name.into(),
         version: version.into(),
@@ -100,13 +100,13 @@ pub(super) fn licence_part(recipe: &Recipe, licence: &Composed) -> LicencePart {
             .collect(),
         gated: licence.gated,
         redistribution: licence.passing.because().map(str::to_owned),
-        withheld: licence.passing == Passing::Withheld,
+        withheld: licence.passing == Redistributability::Withheld,
         attribution: attribution_names(licence),
     }
 }
 
 /// Everybody who is to be named.
-fn attribution_names(licence: &Composed) -> String {
+fn attribution_names(licence: &ComposedTerms) -> String {
     let named = licence.parts.iter().map(|part| part.attribution.as_str());
     named.filter(|name| !name.is_empty()).collect::<Vec<_>>().join("; ")
 }

@@ -1,16 +1,16 @@
 //! What `scene.json` says of one trajectory.
 
-use super::{DepthQuantiles, Range, SensorPart, Statistics, TrajectoryPart};
-use crate::artifact::{Blurred, Simulation, Stream};
+use super::{DepthQuantiles, QuantityExtent, SensorPart, TrajectoryPart, TrajectoryStatistics};
+use crate::artifact::{BlurredFrames, EventStream, SimulationRecord};
 use crate::image::Size;
 use crate::recipe::{Recipe, TrajectoryRecipe};
 use crate::release::built::BuiltTrajectory;
 use crate::render::RenderChoice;
-use crate::render::flow::Quantiles;
+use crate::render::flow::FlowQuantiles;
 use crate::seed::Seed;
-use crate::sensor::Sensor;
-use crate::sensor::voltmeter::Voltmeter;
-use crate::trajectory::Kind;
+use crate::sensor::SensorChoice;
+use crate::sensor::voltmeter::VoltmeterModel;
+use crate::trajectory::CourseKind;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -36,12 +36,12 @@ pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> Traje
 }
 
 /// How a path was made, as recipes call it.
-pub(super) fn kind_name(kind: Kind) -> &'static str {
+pub(super) fn kind_name(kind: CourseKind) -> &'static str {
     match kind {
-        Kind::Refine => "refine",
-        Kind::Novel => "novel",
-        Kind::Orbit => "orbit",
-        Kind::Keyframes => "keyframes",
+        CourseKind::Refine => "refine",
+        CourseKind::Novel => "novel",
+        CourseKind::Orbit => "orbit",
+        CourseKind::Keyframes => "keyframes",
     }
 }
 
@@ -50,13 +50,13 @@ pub(super) fn blur_value(recipe: &Recipe, most: &Value) -> Value {
     json!({ "frames": recipe.shutter.frames, "stride": recipe.shutter.frames, "subframes": most })
 }
 
-fn most_subframes(blurred: &Blurred) -> Option<u32> {
+fn most_subframes(blurred: &BlurredFrames) -> Option<u32> {
     blurred.exposures.iter().map(|exposure| exposure.subframes).max()
 }
 
 /// Frames a second, and how brightness was taken between frames, as the recipe says in full; for a tolerance what was chosen,
 /// and the error that was foreseen and found.
-pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
+pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&SimulationRecord>) -> Value {
     let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
@@ -86,18 +86,18 @@ fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
     of_it.map(|shown| shown["speed"].clone()).unwrap_or_default()
 }
 
-pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
+pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&SimulationRecord>) -> Value {
     let antialiased = simulation.map(|s| s.antialiased);
     json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
 }
 
 /// The one stream, where there are not several.
-fn the_one(built: &BuiltTrajectory) -> Option<(&Simulation, &Stream)> {
+fn the_one(built: &BuiltTrajectory) -> Option<(&SimulationRecord, &EventStream)> {
     let stream = built.streams().first().filter(|stream| stream.name.is_none());
     built.simulation().zip(stream)
 }
 
-pub(super) fn sensor_value(seed: Seed, sensor: &Sensor) -> Value {
+pub(super) fn sensor_value(seed: Seed, sensor: &SensorChoice) -> Value {
     let model = sensor.as_model();
     let (c_on, c_off) = model.contrast();
     let mut out = json!({
@@ -105,9 +105,9 @@ pub(super) fn sensor_value(seed: Seed, sensor: &Sensor) -> Value {
         "seed": seed.0.to_string(),
     });
     let parameters = match sensor {
-        Sensor::Voltmeter(v) => voltmeter_value(v),
-        Sensor::Esim(sensor) => json!(sensor),
-        Sensor::V2e(sensor) => json!(sensor),
+        SensorChoice::Voltmeter(v) => voltmeter_value(v),
+        SensorChoice::Esim(sensor) => json!(sensor),
+        SensorChoice::V2e(sensor) => json!(sensor),
     };
     if let (Value::Object(out), Value::Object(parameters)) = (&mut out, parameters) {
         out.extend(parameters);
@@ -115,7 +115,7 @@ pub(super) fn sensor_value(seed: Seed, sensor: &Sensor) -> Value {
     out
 }
 
-fn voltmeter_value(v: &Voltmeter) -> Value {
+fn voltmeter_value(v: &VoltmeterModel) -> Value {
     let mut out = json!({
         "law": v.law, "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
         "theta_on": v.threshold_on, "theta_off": v.threshold_off,
@@ -139,7 +139,7 @@ fn voltmeter_value(v: &Voltmeter) -> Value {
 fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     let Some(simulation) = built.simulation() else { return BTreeMap::new() };
     let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
-    let part = |(i, stream, name): (usize, &Stream, String)| {
+    let part = |(i, stream, name): (usize, &EventStream, String)| {
         let counted = stream_statistics(built, simulation, i);
         let others = simulation.streams.iter().map(|other| (other.name.as_deref(), &other.sensor));
         let twin_of = twin_of(&stream.sensor, others).map(str::to_owned);
@@ -157,11 +157,11 @@ fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
 
 /// The name of the first sensor that this one without noise would be, if its noise were taken away.
 pub(super) fn twin_of<'s>(
-    own: &Sensor,
-    mut all: impl Iterator<Item = (Option<&'s str>, &'s Sensor)>,
+    own: &SensorChoice,
+    mut all: impl Iterator<Item = (Option<&'s str>, &'s SensorChoice)>,
 ) -> Option<&'s str> {
     let own = own.without_labels();
-    let is_twin = |other: &Sensor| {
+    let is_twin = |other: &SensorChoice| {
         let noisy = other.without_labels();
         noisy != own && noisy.without_noise() == own
     };
@@ -169,17 +169,21 @@ pub(super) fn twin_of<'s>(
 }
 
 /// What was counted of stream `i`.
-fn stream_statistics(built: &BuiltTrajectory, simulation: &Simulation, i: usize) -> Statistics {
+fn stream_statistics(
+    built: &BuiltTrajectory,
+    simulation: &SimulationRecord,
+    i: usize,
+) -> TrajectoryStatistics {
     let account = &simulation.streams[i].account;
     let last_us = built.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
-    Statistics {
+    TrajectoryStatistics {
         events: Some(account.events),
         on: Some(account.on),
         off: Some(account.off),
         rate_ev_px_s: rate_ev_px_s(account.events, simulation.camera.size, last_us),
         peak_ev_per_ms: built.peaks_ev_per_ms.get(i).copied(),
         active_pixels: Some(account.active_pixels),
-        ..Statistics::default()
+        ..TrajectoryStatistics::default()
     }
 }
 
@@ -189,14 +193,14 @@ pub(super) fn rate_ev_px_s(events: u64, size: Size, last_us: i64) -> Option<f64>
     (pixel_seconds > 0.0).then(|| events as f64 / pixel_seconds)
 }
 
-fn trajectory_statistics(built: &BuiltTrajectory) -> Statistics {
+fn trajectory_statistics(built: &BuiltTrajectory) -> TrajectoryStatistics {
     let report = &built.motion.report;
     let simulation = built.simulation();
     let depth = simulation.and_then(|s| s.depth_unit);
-    Statistics {
-        linear_unit_s: Range::from_values(&report.linear_unit_s),
-        angular_rad_s: Range::from_values(&report.angular_rad_s),
-        max_step_px: simulation.and_then(|s| s.flow_px).map(|Quantiles { max, .. }| max),
+    TrajectoryStatistics {
+        linear_unit_s: QuantityExtent::from_values(&report.linear_unit_s),
+        angular_rad_s: QuantityExtent::from_values(&report.angular_rad_s),
+        max_step_px: simulation.and_then(|s| s.flow_px).map(|FlowQuantiles { max, .. }| max),
         depth_unit: depth.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
         ..the_one(built).map(|(simulation, _)| stream_statistics(built, simulation, 0)).unwrap_or_default()
     }

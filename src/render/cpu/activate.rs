@@ -2,7 +2,7 @@
 //! projection.
 
 use super::extent;
-use crate::render::Rules;
+use crate::render::RenderRules;
 use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DQuat};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ pub(super) type Lane = [f32; LANES];
 
 /// Gaussians in activated form, in the order of the file.
 #[derive(Debug, Clone)]
-pub(super) struct Block {
+pub(super) struct GaussianBlock {
     /// Number of Gaussians in the block. Lanes beyond it are padding.
     pub(super) len: usize,
     /// Indices of the Gaussians in the scene.
@@ -32,23 +32,23 @@ pub(super) struct Block {
     pub(super) reach: Lane,
 }
 
-/// One Gaussian in activated form: see [`Block`].
+/// One Gaussian in activated form: see [`GaussianBlock`].
 #[derive(Debug, Clone, Copy)]
-pub(in crate::render) struct Activated {
+pub(in crate::render) struct ActivatedGaussian {
     pub(in crate::render) axes: [[f32; 3]; 3],
     pub(in crate::render) opacity: f32,
 }
 
 /// Applies the activations to one Gaussian in f64, and rounds the result.
-pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> Activated {
-    Activated { axes: scaled_axes(scene, i), opacity: logistic_opacity(scene.opacity_logits[i]) }
+pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedGaussian {
+    ActivatedGaussian { axes: scaled_axes(scene, i), opacity: logistic_opacity(scene.opacity_logits[i]) }
 }
 
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
 const LEAST_NORM: f64 = 1e-12;
 
 /// Applies the activations to the Gaussians with these indices.
-pub(super) fn activate_all(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
+pub(super) fn activate_all(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Vec<GaussianBlock> {
     numbers.par_chunks(LANES).map(|numbers| activate_block(scene, rules, numbers)).collect()
 }
 
@@ -65,9 +65,9 @@ pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
     (1..=scene.sh_degree).rev().find(|&degree| is_used(degree)).unwrap_or(0)
 }
 
-fn activate_block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
+fn activate_block(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> GaussianBlock {
     let zero = [0.0; LANES];
-    let mut block = Block {
+    let mut block = GaussianBlock {
         len: numbers.len(),
         numbers: [0; LANES],
         positions: [zero; 3],
@@ -77,7 +77,7 @@ fn activate_block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
     };
     for (lane, &number) in numbers.iter().enumerate() {
         let i = number as usize;
-        let Activated { axes, opacity } = activate_one(scene, i);
+        let ActivatedGaussian { axes, opacity } = activate_one(scene, i);
         block.numbers[lane] = number;
         block.opacity[lane] = opacity;
         block.reach[lane] = extent::opacity_reach(rules, opacity);

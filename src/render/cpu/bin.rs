@@ -24,7 +24,7 @@ const NEAR: usize = 32;
 
 /// The division of an image into tiles, row by row.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Grid {
+pub(super) struct TileGrid {
     /// Size of the image.
     pub(super) size: Size,
     /// Tiles per row.
@@ -33,7 +33,7 @@ pub(super) struct Grid {
     pub(super) rows: usize,
 }
 
-impl Grid {
+impl TileGrid {
     /// The tiles of an image.
     pub(super) fn new(size: Size) -> Self {
         let count = |edge: u32| (edge as usize).div_ceil(TILE);
@@ -46,30 +46,30 @@ impl Grid {
     }
 }
 
-/// Maximum number of entries that all lists may have at once: about 100 MB at 8 bytes per [`Pair`]
+/// Maximum number of entries that all lists may have at once: about 100 MB at 8 bytes per [`TilePair`]
 /// plus 4.
 pub(super) const BUDGET: usize = 1 << 23;
 
 /// The lists of a band of tiles. The band covers all tiles if they are within the budget.
 #[derive(Debug)]
-pub(super) struct Lists {
+pub(super) struct TileLists {
     budget: usize,
     /// Indices of the band's tiles in the grid.
     band: Range<usize>,
-    chunks: Vec<Chunk>,
+    chunks: Vec<SplatChunk>,
 }
 
 /// The lists of one chunk of splats in the frame's order.
 #[derive(Debug, Default)]
-struct Chunk {
+struct SplatChunk {
     /// Start of each tile's list in `places`, then the end of the last list.
     starts: Vec<u32>,
     places: Vec<u32>,
-    pairs: Vec<Pair>,
+    pairs: Vec<TilePair>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Pair {
+struct TilePair {
     /// Index of the tile, counted from the band's first.
     tile: u32,
     place: u32,
@@ -77,16 +77,16 @@ struct Pair {
 
 /// The input of the pass.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ordered<'a> {
+pub(super) struct OrderedSplats<'a> {
     /// The frame's front-to-back order.
     pub(super) order: &'a [u64],
     /// The splats to which the order refers.
     pub(super) splats: &'a [Splat],
     /// The division into tiles.
-    pub(super) grid: Grid,
+    pub(super) grid: TileGrid,
 }
 
-impl Lists {
+impl TileLists {
     /// Empty lists. They will never hold more than `budget` entries at once, unless a single tile
     /// has more.
     pub(super) fn new(budget: usize) -> Self {
@@ -95,7 +95,7 @@ impl Lists {
 
     /// Lists the splats of every tile, band by band, and calls `each` with the lists of each band.
     /// Returns the number of entries. There is one band if all tiles are within the budget.
-    pub(super) fn run(&mut self, frame: Ordered<'_>, mut each: impl FnMut(&Self)) -> u64 {
+    pub(super) fn run(&mut self, frame: OrderedSplats<'_>, mut each: impl FnMut(&Self)) -> u64 {
         let all = 0..frame.grid.len();
         if let Some(pairs) = self.fill(frame, all, self.budget) {
             each(self);
@@ -122,22 +122,23 @@ impl Lists {
 
     /// Lists the splats of the band's tiles, and returns the number of entries. Returns `None` if
     /// there are more than `bound`; the lists are then invalid.
-    fn fill(&mut self, frame: Ordered<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
+    fn fill(&mut self, frame: OrderedSplats<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
         let used = frame.order.len().div_ceil(CHUNK);
         if used.saturating_mul(band.len()) > bound {
             return None;
         }
-        self.chunks.resize_with(used, Chunk::default);
+        self.chunks.resize_with(used, SplatChunk::default);
         self.band = band.clone();
-        let room = Room { bound, taken: AtomicUsize::new(0) };
-        let fill = |(chunk, order): (&mut Chunk, _)| chunk.run(Ordered { order, ..frame }, &band, &room);
+        let room = ListCapacity { bound, taken: AtomicUsize::new(0) };
+        let fill =
+            |(chunk, order): (&mut SplatChunk, _)| chunk.run(OrderedSplats { order, ..frame }, &band, &room);
         // If the total exceeds the bound, the chunk that adds last sees it, whatever the order.
         let within = self.chunks.par_iter_mut().zip(frame.order.par_chunks(CHUNK)).all(fill);
         within.then(|| room.taken.into_inner() as u64)
     }
 
     /// Divides the tiles into bands within the budget.
-    fn bands(&self, frame: Ordered<'_>) -> Vec<Range<usize>> {
+    fn bands(&self, frame: OrderedSplats<'_>) -> Vec<Range<usize>> {
         let most = (self.budget / frame.order.len().div_ceil(CHUNK)).max(1);
         let mut bands: Vec<Range<usize>> = Vec::new();
         let mut listed = usize::MAX;
@@ -156,7 +157,7 @@ impl Lists {
 }
 
 /// Length of each tile's list.
-fn list_lengths(frame: Ordered<'_>) -> Vec<u32> {
+fn list_lengths(frame: OrderedSplats<'_>) -> Vec<u32> {
     let none = || vec![0_u32; frame.grid.len() + 1];
     // A difference array: plus one where a run of tiles begins, minus one where it ends. Arithmetic
     // is modulo 2^32; no tile has more splats than that.
@@ -181,22 +182,22 @@ fn list_lengths(frame: Ordered<'_>) -> Vec<u32> {
 }
 
 /// Number of entries so far, and its limit.
-struct Room {
+struct ListCapacity {
     bound: usize,
     taken: AtomicUsize,
 }
 
-impl Room {
+impl ListCapacity {
     /// Adds entries, and returns whether the total is within the bound.
     fn take(&self, entries: usize) -> bool {
         self.taken.fetch_add(entries, Ordering::Relaxed) + entries <= self.bound
     }
 }
 
-impl Chunk {
+impl SplatChunk {
     /// Lists the chunk's splats for the band. Returns `false`, with nothing listed, if that exceeds
     /// the bound.
-    fn run(&mut self, frame: Ordered<'_>, band: &Range<usize>, room: &Room) -> bool {
+    fn run(&mut self, frame: OrderedSplats<'_>, band: &Range<usize>, room: &ListCapacity) -> bool {
         self.pairs.clear();
         self.starts.clear();
         self.starts.resize(band.len() + 1, 0);
@@ -213,7 +214,7 @@ impl Chunk {
                     for tile in run {
                         let tile = tile - band.start;
                         self.starts[tile] += 1;
-                        self.pairs.push(Pair { tile: tile as u32, place });
+                        self.pairs.push(TilePair { tile: tile as u32, place });
                     }
                 });
             }
@@ -256,7 +257,7 @@ fn tiles([first, end]: [u16; 2]) -> Range<usize> {
 
 /// Calls `each` with every run of tiles, row by row, in the band that the splat's ellipse may
 /// touch.
-fn each_run(splat: &Splat, grid: Grid, band: &Range<usize>, mut each: impl FnMut(Range<usize>)) {
+fn each_run(splat: &Splat, grid: TileGrid, band: &Range<usize>, mut each: impl FnMut(Range<usize>)) {
     let rows = tiles(splat.rows);
     let one_row_or_column = rows.len() == 1 || tiles(splat.columns).len() == 1;
     let outline = splat.outline();

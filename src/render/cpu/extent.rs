@@ -1,13 +1,13 @@
 //! The pixels that a projected Gaussian may touch, under each of the rules.
 
 use super::splat::{clamp_pixel, edge_margin, pixels_within};
-use crate::render::Rules;
+use crate::render::RenderRules;
 use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
 
 /// The exponent `q` at which `opacity * 2^-q` falls to the smallest opacity that is blended, which
 /// is `log2(255 opacity)` except under `soft`, plus a margin: the exponential has a relative error
 /// of 2e-7, and `q` itself of some units of 2^-24.
-pub(super) fn opacity_reach(rules: Rules, opacity: f32) -> f32 {
+pub(super) fn opacity_reach(rules: RenderRules, opacity: f32) -> f32 {
     libm::log2f(opacity / least_alpha(rules)).max(0.0) * (1.0 + 1e-5) + 1e-5
 }
 
@@ -20,19 +20,20 @@ pub(super) fn opacity_reach(rules: Rules, opacity: f32) -> f32 {
 /// opacity, so omitting them changes nothing.
 #[inline(always)]
 pub(super) fn touched_pixels(
-    rules: Rules,
+    rules: RenderRules,
     mean: [f32; 2],
     [a, b, c]: [f32; 3],
     reach: f32,
     size: [f32; 2],
 ) -> [[u16; 2]; 2] {
     let longest = longest([a, b, c]);
-    let side = |k: usize, variance: f32| Side { mean: mean[k], variance, longest, reach, size: size[k] };
+    let side =
+        |k: usize, variance: f32| ExtentSide { mean: mean[k], variance, longest, reach, size: size[k] };
     [side(0, a).pixels(rules), side(1, c).pixels(rules)]
 }
 
 /// Inputs of the extent along one image axis.
-struct Side {
+struct ExtentSide {
     mean: f32,
     /// Variance along the axis, px^2.
     variance: f32,
@@ -42,22 +43,22 @@ struct Side {
     size: f32,
 }
 
-impl Side {
+impl ExtentSide {
     #[inline(always)]
-    fn pixels(&self, rules: Rules) -> [u16; 2] {
+    fn pixels(&self, rules: RenderRules) -> [u16; 2] {
         // q = log2(e)/2 * d^T S^-1 d, so the half-widths of the box are sqrt(2 ln 2 q S_ii).
         let half = (2.0 * std::f32::consts::LN_2 * self.reach * self.variance).sqrt();
         let wide = half + edge_margin(half);
         let within = pixels_within(self.mean - wide, self.mean + wide, self.size);
         match rules {
-            Rules::Exact | Rules::Soft => within,
-            Rules::Gsplat => {
+            RenderRules::Exact | RenderRules::Soft => within,
+            RenderRules::Gsplat => {
                 // 2 ln(255 opacity) is 2 ln 2 times the reach.
                 let sigmas = (2.0 * std::f32::consts::LN_2 * self.reach).sqrt().min(GSPLAT_SIGMAS);
                 let radius = (sigmas * self.variance.sqrt()).ceil();
                 common(within, gsplat_extent(self.mean, radius, self.size))
             }
-            Rules::Official => {
+            RenderRules::Official => {
                 let radius = (EXTENT_SIGMAS * self.longest.sqrt()).ceil();
                 common(within, official_extent(self.mean - 0.5, radius, self.size))
             }
@@ -131,10 +132,10 @@ mod tests {
     fn exact_extents_hold_every_pixel_that_counts_and_few_others() {
         for (variance, opacity) in [(0.3, 1.0), (4.0, 0.5), (900.0, 0.99), (4.0, 0.004)] {
             let [columns, rows] = touched_pixels(
-                Rules::Exact,
+                RenderRules::Exact,
                 [500.25, 300.375],
                 [variance, 0.0, variance],
-                opacity_reach(Rules::Exact, opacity),
+                opacity_reach(RenderRules::Exact, opacity),
                 [1000.0, 600.0],
             );
             // alpha = opacity exp(-d^2 / 2 variance) >= 1/255.

@@ -5,9 +5,9 @@
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
 use crate::camera::Camera;
-use crate::render::dual::{Real, cross_product, dot_product};
+use crate::render::dual::{RealNumber, cross_product, dot_product};
 use crate::render::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
-use crate::render::{Rules, Velocity, View};
+use crate::render::{CameraVelocity, CameraView, RenderRules};
 use glam::{DMat3, DVec3};
 
 /// `sqrt(log2(e) / 2)`. Scaling by it turns `exp(-x^2 / 2)` into `2^-x^2`.
@@ -15,7 +15,7 @@ const TO_BINARY: f32 = 0.849_321_8;
 
 /// A view, prepared for the projection of many Gaussians.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Eye {
+pub(super) struct ViewTransform {
     pub(super) camera_from_world: DMat3,
     /// `camera_from_world`, rounded to `f32`, by rows.
     rows: [[f32; 3]; 3],
@@ -28,7 +28,7 @@ pub(super) struct Eye {
     /// Size of the image, px.
     pub(super) size: [f32; 2],
     /// Velocity of the camera, in its own axes.
-    velocity: Velocity,
+    velocity: CameraVelocity,
     /// Angular velocity, rounded to `f32`.
     turning: [f32; 3],
     /// Rate of the ray from the camera to any fixed point: world axes, units per second.
@@ -36,13 +36,13 @@ pub(super) struct Eye {
 }
 
 /// Bounds of `x / z`, then of `y / z`, at which the derivative of the projection is taken.
-pub(in crate::render) fn slope_bounds(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
+pub(in crate::render) fn slope_bounds(camera: &Camera, rules: RenderRules) -> [[f64; 2]; 2] {
     let along = |focal: f64, centre: f64, edge: u32| match rules {
-        Rules::Official | Rules::Exact | Rules::Soft => {
+        RenderRules::Official | RenderRules::Exact | RenderRules::Soft => {
             let most = FRUSTUM_SLACK * f64::from(edge) / (2.0 * focal);
             [-most, most]
         }
-        Rules::Gsplat => {
+        RenderRules::Gsplat => {
             let size = f64::from(edge);
             let more = GSPLAT_SLACK * size / focal;
             [-(centre / focal + more), (size - centre) / focal + more]
@@ -51,9 +51,9 @@ pub(in crate::render) fn slope_bounds(camera: &Camera, rules: Rules) -> [[f64; 2
     [along(camera.fx, camera.cx, camera.size.width), along(camera.fy, camera.cy, camera.size.height)]
 }
 
-impl Eye {
+impl ViewTransform {
     /// Prepares the view of a scene with positions relative to `origin`.
-    pub(super) fn new(view: &View, origin: DVec3, rules: Rules) -> Self {
+    pub(super) fn new(view: &CameraView, origin: DVec3, rules: RenderRules) -> Self {
         let camera = view.camera;
         let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
         let size = [camera.size.width, camera.size.height].map(f64::from);
@@ -75,7 +75,7 @@ impl Eye {
 
 /// The dilated covariance `[[a, b], [b, c]]` of a Gaussian on the image, px^2, and related values.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Footprint<S> {
+pub(super) struct SplatCovariance<S> {
     /// Variance along x.
     pub(super) a: S,
     /// Covariance.
@@ -90,7 +90,7 @@ pub(super) struct Footprint<S> {
     pub(super) depth_deviation: f32,
 }
 
-impl<S: Real<Plain = f32>> Footprint<S> {
+impl<S: RealNumber<Plain = f32>> SplatCovariance<S> {
     /// `w1, w2, w3` of [`Splat`]. `w2` is computed as `-b / sqrt(c) / sqrt(det)`: the product `c
     /// det` overflows first.
     #[inline(always)]
@@ -102,7 +102,7 @@ impl<S: Real<Plain = f32>> Footprint<S> {
 }
 
 /// The projection of a Gaussian's mean.
-pub(super) struct Sight<S> {
+pub(super) struct ProjectedMean<S> {
     pub(super) depth: S,
     /// Position on the image, px.
     pub(super) mean: [S; 2],
@@ -110,7 +110,7 @@ pub(super) struct Sight<S> {
     pub(super) slopes: [S; 2],
 }
 
-impl Eye {
+impl ViewTransform {
     /// The vector from the camera's centre to a point relative to the scene's origin, in world
     /// axes.
     #[inline(always)]
@@ -120,11 +120,11 @@ impl Eye {
 
     /// A point in camera axes. While the camera moves, `qdot = -v - w x q`.
     #[inline(always)]
-    pub(super) fn sight<S: Real<Plain = f32>>(&self, point: DVec3) -> Sight<S> {
+    pub(super) fn sight<S: RealNumber<Plain = f32>>(&self, point: DVec3) -> ProjectedMean<S> {
         let rate = -self.velocity.linear - self.velocity.angular.cross(point);
         let (u, v) = (point.x / point.z, point.y / point.z);
         let (u_rate, v_rate) = ((rate.x - u * rate.z) / point.z, (rate.y - v * rate.z) / point.z);
-        Sight {
+        ProjectedMean {
             depth: S::with_rate(point.z as f32, rate.z as f32),
             mean: [self.mean(0, u, u_rate), self.mean(1, v, v_rate)],
             slopes: [self.clamped(0, u, u_rate), self.clamped(1, v, v_rate)],
@@ -132,12 +132,12 @@ impl Eye {
     }
 
     #[inline(always)]
-    fn mean<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
+    fn mean<S: RealNumber<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
         S::with_rate((self.focal[k] * slope + self.centre[k]) as f32, (self.focal[k] * rate) as f32)
     }
 
     #[inline(always)]
-    fn clamped<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
+    fn clamped<S: RealNumber<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
         let [low, high] = self.slack[k];
         let inside = (low < slope) & (slope < high);
         // `f64::clamp` without its check of the bounds.
@@ -148,12 +148,12 @@ impl Eye {
 
     /// The covariance on the image of a Gaussian with these scaled world axes.
     #[inline(always)]
-    pub(super) fn footprint<S: Real<Plain = f32>>(
+    pub(super) fn footprint<S: RealNumber<Plain = f32>>(
         &self,
         slopes: [S; 2],
         depth: S,
         axes: [[f32; 3]; 3],
-    ) -> Footprint<S> {
+    ) -> SplatCovariance<S> {
         let [m0, m1, m2] = [self.turned(axes[0]), self.turned(axes[1]), self.turned(axes[2])];
         let along = [m0[2], m1[2], m2[2]];
         // Rows of the projection's derivative times the axes. In the Gaussian's own axes, the cross
@@ -174,7 +174,7 @@ impl Eye {
         let (aa, cc, det0) = (dot_product(a0, a0), dot_product(a1, a1), dot_product(n, n));
         let d = S::with_rate(DILATION, 0.0);
         let depth_deviation = dot_product(along, along).value().sqrt();
-        Footprint {
+        SplatCovariance {
             a: aa + d,
             b: dot_product(a0, a1),
             c: cc + d,
@@ -186,7 +186,7 @@ impl Eye {
 
     /// A world direction in camera axes. It turns against the camera.
     #[inline(always)]
-    fn turned<S: Real<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
+    fn turned<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
         let seen = [
             dot_product(self.rows[0], axis),
             dot_product(self.rows[1], axis),
@@ -199,7 +199,7 @@ impl Eye {
     /// The direction from the camera to a point. Only the component of the rate across the ray
     /// turns it.
     #[inline(always)]
-    pub(super) fn direction<S: Real<Plain = f32>>(&self, point: [f32; 3]) -> [S; 3] {
+    pub(super) fn direction<S: RealNumber<Plain = f32>>(&self, point: [f32; 3]) -> [S; 3] {
         let ray = self.ray(point);
         let direction = ray.normalize();
         let rate = self.ray_rate;
@@ -214,6 +214,6 @@ impl Eye {
 
 /// An entry of a row of the projection's derivative times one axis.
 #[inline(always)]
-fn derivative_entry<S: Real<Plain = f32>>(scale: S, slope: S, axis: [S; 3], k: usize) -> S {
+fn derivative_entry<S: RealNumber<Plain = f32>>(scale: S, slope: S, axis: [S; 3], k: usize) -> S {
     scale * (axis[k] - slope * axis[2])
 }

@@ -7,12 +7,12 @@ use fearless_simd::Level;
 
 /// An instruction set that this machine supports.
 #[derive(Debug, Clone, Copy)]
-pub struct Instructions {
+pub struct InstructionSet {
     pub(super) level: Level,
     name: &'static str,
 }
 
-impl Instructions {
+impl InstructionSet {
     /// The widest instruction set.
     ///
     /// # Panics

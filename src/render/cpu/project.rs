@@ -8,16 +8,16 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
-use super::activate::{Block, LANES, Lane};
+use super::activate::{GaussianBlock, LANES, Lane};
 use super::extent;
-use super::eye::Eye;
-use super::splat::{MAX_FEATURES, Rates, Splat};
+use super::eye::ViewTransform;
+use super::splat::{MAX_FEATURES, Splat, SplatRates};
 use crate::image::luminance;
-use crate::render::dual::{Dual, Real};
+use crate::render::dual::{DualNumber, RealNumber};
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, GSPLAT_FAR, GSPLAT_NEAR, NEAR, least_alpha,
 };
-use crate::render::{Channels, Rules, Style, Work};
+use crate::render::{ChannelSet, RenderRules, RenderStyle, RenderWork};
 use crate::scene::{Gaussians, sh};
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 /// output begins.
 pub(super) const CHUNK: usize = 4096;
 
-/// Whether a Gaussian is drawn, and why not if it is not.
+/// True if a Gaussian is drawn, and why not if it is not.
 type Fate = u32;
 const DRAWN: Fate = 0;
 const BEHIND: Fate = 1;
@@ -35,46 +35,46 @@ const OUTSIDE: Fate = 3;
 
 /// The input of the pass.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Projection<'a> {
+pub(super) struct ProjectionInput<'a> {
     /// The scene.
     pub(super) scene: &'a Gaussians,
     /// Gaussians that the view may see, in activated form. All blocks but the last are full.
-    pub(super) blocks: &'a [Block],
+    pub(super) blocks: &'a [GaussianBlock],
     /// Highest degree of harmonics that is evaluated.
     pub(super) sh_degree: u8,
     /// Rendering parameters.
-    pub(super) style: Style,
+    pub(super) style: RenderStyle,
     /// The view.
-    pub(super) eye: Eye,
+    pub(super) eye: ViewTransform,
     /// The features that the splats carry.
-    pub(super) want: Channels,
+    pub(super) want: ChannelSet,
     /// The instruction set.
     pub(super) level: Level,
 }
 
 /// Counts for one [`CHUNK`] of Gaussians.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Projected {
+pub(super) struct ProjectedChunk {
     /// Number of splats at the front of the chunk's part of `splats`.
     pub(super) drawn: usize,
     /// Counts.
-    pub(super) work: Work,
+    pub(super) work: RenderWork,
 }
 
 /// A number, or a number with its rate, stored as one array per block.
-trait Each: Real<Plain = f32> {
+trait LaneValue: RealNumber<Plain = f32> {
     /// The array for a block.
     type Lanes: Copy;
     /// An array of zeros.
     const ZEROS: Self::Lanes;
-    /// Whether there are rates.
+    /// True if there are rates.
     const MOVING: bool;
 
     fn at(lanes: &Self::Lanes, i: usize) -> Self;
     fn put(self, lanes: &mut Self::Lanes, i: usize);
 }
 
-impl Each for f32 {
+impl LaneValue for f32 {
     type Lanes = Lane;
     const ZEROS: Lane = [0.0; LANES];
     const MOVING: bool = false;
@@ -90,25 +90,25 @@ impl Each for f32 {
     }
 }
 
-impl Each for Dual<f32> {
-    type Lanes = Dual<Lane>;
-    const ZEROS: Dual<Lane> = Dual { value: [0.0; LANES], rate: [0.0; LANES] };
+impl LaneValue for DualNumber<f32> {
+    type Lanes = DualNumber<Lane>;
+    const ZEROS: DualNumber<Lane> = DualNumber { value: [0.0; LANES], rate: [0.0; LANES] };
     const MOVING: bool = true;
 
     #[inline(always)]
-    fn at(lanes: &Dual<Lane>, i: usize) -> Self {
+    fn at(lanes: &DualNumber<Lane>, i: usize) -> Self {
         Self { value: lanes.value[i], rate: lanes.rate[i] }
     }
 
     #[inline(always)]
-    fn put(self, lanes: &mut Dual<Lane>, i: usize) {
+    fn put(self, lanes: &mut DualNumber<Lane>, i: usize) {
         lanes.value[i] = self.value;
         lanes.rate[i] = self.rate;
     }
 }
 
 /// The projection of a block, lane by lane.
-struct Seen<S: Each> {
+struct ProjectedBlock<S: LaneValue> {
     fate: [Fate; LANES],
     depth: S::Lanes,
     mean: [S::Lanes; 2],
@@ -129,20 +129,28 @@ struct Seen<S: Each> {
     basis: [S::Lanes; sh::MAX_LEN],
 }
 
-impl Projection<'_> {
+impl ProjectionInput<'_> {
     /// Projects all Gaussians. The splats of chunk `k` start at `splats[k * CHUNK]`, in file order.
     /// The same holds for `rates`, if a channel needs rates.
-    pub(super) fn run(&self, splats: &mut Vec<Splat>, rates: &mut Vec<Rates>, chunks: &mut Vec<Projected>) {
+    pub(super) fn run(
+        &self,
+        splats: &mut Vec<Splat>,
+        rates: &mut Vec<SplatRates>,
+        chunks: &mut Vec<ProjectedChunk>,
+    ) {
         let count = self.blocks.iter().map(|block| block.len).sum();
         splats.resize(count, Splat::default());
         let parts = self.blocks.par_chunks(CHUNK / LANES).zip(splats.par_chunks_mut(CHUNK));
         if self.want.luminance_rate {
-            rates.resize(count, Rates::default());
+            rates.resize(count, SplatRates::default());
             let parts = parts.zip(rates.par_chunks_mut(CHUNK));
-            let project = |((blocks, splats), rates): ((&[Block], &mut [Splat]), &mut [Rates])| dispatch!(self.level, _simd => self.chunk::<Dual<f32>>(blocks, splats, rates));
+            let project = |((blocks, splats), rates): (
+                (&[GaussianBlock], &mut [Splat]),
+                &mut [SplatRates],
+            )| dispatch!(self.level, _simd => self.chunk::<DualNumber<f32>>(blocks, splats, rates));
             parts.map(project).collect_into_vec(chunks);
         } else {
-            let project = |(blocks, splats): (&[Block], &mut [Splat])| dispatch!(self.level, _simd => self.chunk::<f32>(blocks, splats, &mut []));
+            let project = |(blocks, splats): (&[GaussianBlock], &mut [Splat])| dispatch!(self.level, _simd => self.chunk::<f32>(blocks, splats, &mut []));
             parts.map(project).collect_into_vec(chunks);
         }
     }
@@ -150,9 +158,14 @@ impl Projection<'_> {
     /// Projects one chunk. This function and all that it calls are inlined into one copy per
     /// instruction set.
     #[inline(always)]
-    fn chunk<S: Each>(&self, blocks: &[Block], splats: &mut [Splat], rates: &mut [Rates]) -> Projected {
-        let mut done = Projected::default();
-        let mut seen = Seen::<S>::new();
+    fn chunk<S: LaneValue>(
+        &self,
+        blocks: &[GaussianBlock],
+        splats: &mut [Splat],
+        rates: &mut [SplatRates],
+    ) -> ProjectedChunk {
+        let mut done = ProjectedChunk::default();
+        let mut seen = ProjectedBlock::<S>::new();
         for block in blocks {
             self.block(block, &mut seen, &mut done, splats, rates);
         }
@@ -160,13 +173,13 @@ impl Projection<'_> {
     }
 
     #[inline(always)]
-    fn block<S: Each>(
+    fn block<S: LaneValue>(
         &self,
-        block: &Block,
-        seen: &mut Seen<S>,
-        done: &mut Projected,
+        block: &GaussianBlock,
+        seen: &mut ProjectedBlock<S>,
+        done: &mut ProjectedChunk,
         splats: &mut [Splat],
-        rates: &mut [Rates],
+        rates: &mut [SplatRates],
     ) {
         seen.locate(&self.eye, self.style.rules, block);
         if self.style.antialiased {
@@ -177,9 +190,9 @@ impl Projection<'_> {
             seen.reach = block.reach;
         }
         match self.style.rules {
-            Rules::Official => seen.bound(Rules::Official, self.eye.size),
-            Rules::Exact | Rules::Soft => seen.bound(Rules::Exact, self.eye.size),
-            Rules::Gsplat => seen.bound(Rules::Gsplat, self.eye.size),
+            RenderRules::Official => seen.bound(RenderRules::Official, self.eye.size),
+            RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, self.eye.size),
+            RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, self.eye.size),
         }
         let count = seen.count(block.len, &mut done.work);
         let coloured = self.want.rgb || self.want.luminance || self.want.luminance_rate;
@@ -203,9 +216,14 @@ impl Projection<'_> {
         }
     }
 
-    /// The features to blend, in the order of [`Channels`].
+    /// The features to blend, in the order of [`ChannelSet`].
     #[inline(always)]
-    fn features<S: Each>(&self, colour: [f32; 3], seen: &Seen<S>, i: usize) -> [f32; MAX_FEATURES] {
+    fn features<S: LaneValue>(
+        &self,
+        colour: [f32; 3],
+        seen: &ProjectedBlock<S>,
+        i: usize,
+    ) -> [f32; MAX_FEATURES] {
         let mut features = [0.0; MAX_FEATURES];
         let mut n = 0;
         if self.want.rgb {
@@ -227,7 +245,7 @@ impl Projection<'_> {
     }
 }
 
-impl<S: Each> Seen<S> {
+impl<S: LaneValue> ProjectedBlock<S> {
     #[inline(always)]
     fn new() -> Self {
         let zero = [0.0; LANES];
@@ -251,11 +269,11 @@ impl<S: Each> Seen<S> {
 
     /// Projects the means.
     #[inline(always)]
-    fn locate(&mut self, eye: &Eye, rules: Rules, block: &Block) {
+    fn locate(&mut self, eye: &ViewTransform, rules: RenderRules, block: &GaussianBlock) {
         let [x, y, z] = &block.positions;
         let (nearest, farthest) = match rules {
-            Rules::Official | Rules::Exact | Rules::Soft => (NEAR.next_up(), f32::INFINITY),
-            Rules::Gsplat => (GSPLAT_NEAR, GSPLAT_FAR),
+            RenderRules::Official | RenderRules::Exact | RenderRules::Soft => (NEAR.next_up(), f32::INFINITY),
+            RenderRules::Gsplat => (GSPLAT_NEAR, GSPLAT_FAR),
         };
         for i in 0..LANES {
             let sight = eye.sight::<S>(eye.camera_from_world * eye.ray([x[i], y[i], z[i]]));
@@ -272,7 +290,12 @@ impl<S: Each> Seen<S> {
 
     /// Projects the covariances. If `ANTIALIASED`, the opacities are scaled too.
     #[inline(always)]
-    fn shape<const ANTIALIASED: bool>(&mut self, eye: &Eye, rules: Rules, block: &Block) {
+    fn shape<const ANTIALIASED: bool>(
+        &mut self,
+        eye: &ViewTransform,
+        rules: RenderRules,
+        block: &GaussianBlock,
+    ) {
         let least = least_alpha(rules);
         let [m0, m1, m2] = &block.axes;
         for i in 0..LANES {
@@ -304,7 +327,7 @@ impl<S: Each> Seen<S> {
 
     /// The reach of the scaled opacities.
     #[inline(always)]
-    fn reach_anew(&mut self, rules: Rules) {
+    fn reach_anew(&mut self, rules: RenderRules) {
         for i in 0..LANES {
             if self.fate[i] == DRAWN {
                 self.reach[i] = extent::opacity_reach(rules, S::at(&self.opacity, i).value());
@@ -314,7 +337,7 @@ impl<S: Each> Seen<S> {
 
     /// The pixel ranges that the splats may touch.
     #[inline(always)]
-    fn bound(&mut self, rules: Rules, size: [f32; 2]) {
+    fn bound(&mut self, rules: RenderRules, size: [f32; 2]) {
         let [a, b, c] = &self.covariance;
         for i in 0..LANES {
             let mean = [S::at(&self.mean[0], i).value(), S::at(&self.mean[1], i).value()];
@@ -331,7 +354,7 @@ impl<S: Each> Seen<S> {
 
     /// Lists the drawn lanes among the first `len`, and counts all outcomes.
     #[inline(always)]
-    fn count(&mut self, len: usize, work: &mut Work) -> usize {
+    fn count(&mut self, len: usize, work: &mut RenderWork) -> usize {
         let mut drawn = 0;
         for i in 0..len {
             self.drawn[drawn] = i as u8;
@@ -349,7 +372,7 @@ impl<S: Each> Seen<S> {
         drawn
     }
 
-    /// Whether the standard deviation of depth exceeds this share of the depth.
+    /// Returns true if the standard deviation of depth exceeds this share of the depth.
     #[inline(always)]
     fn is_deeper(&self, i: usize, share: f32) -> bool {
         self.depth_deviation[i] > share * S::at(&self.depth, i).value()
@@ -357,7 +380,7 @@ impl<S: Each> Seen<S> {
 
     /// The harmonics in the directions of the drawn lanes.
     #[inline(always)]
-    fn face(&mut self, eye: &Eye, block: &Block, degree: u8, count: usize) {
+    fn face(&mut self, eye: &ViewTransform, block: &GaussianBlock, degree: u8, count: usize) {
         for k in 0..count {
             let i = usize::from(self.drawn[k]);
             for (to, from) in self.positions.iter_mut().zip(&block.positions) {
@@ -373,7 +396,7 @@ impl<S: Each> Seen<S> {
     }
 
     #[inline(always)]
-    fn face_to(&mut self, eye: &Eye, degree: u8, count: usize) {
+    fn face_to(&mut self, eye: &ViewTransform, degree: u8, count: usize) {
         // Whole vectors of the widest set. Lanes beyond `count` hold values of an earlier block,
         // which nothing reads.
         for k in 0..count.next_multiple_of(16) {
@@ -424,10 +447,10 @@ impl<S: Each> Seen<S> {
     }
 
     #[inline(always)]
-    fn rates(&self, i: usize, grey: f32, grey_rate: f32) -> Rates {
+    fn rates(&self, i: usize, grey: f32, grey_rate: f32) -> SplatRates {
         let rate = |lanes: &S::Lanes| S::at(lanes, i).rate();
         let opacity = S::at(&self.opacity, i);
-        Rates {
+        SplatRates {
             mean: [rate(&self.mean[0]), rate(&self.mean[1])],
             w: [rate(&self.w[0]), rate(&self.w[1]), rate(&self.w[2])],
             opacity: opacity.rate() / opacity.value(),

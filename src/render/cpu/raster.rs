@@ -22,13 +22,13 @@ mod blended;
 mod block;
 mod cover;
 
-use super::bin::{Grid, Lists};
-use super::splat::{Rates, Splat};
-use crate::render::dual::Dual;
+use super::bin::{TileGrid, TileLists};
+use super::splat::{Splat, SplatRates};
+use crate::render::dual::DualNumber;
 use crate::render::shared::TILE;
-use crate::render::{Layering, Omit, Rules, Work};
-use block::Pixels;
-use cover::Shapes;
+use crate::render::{LayerOrder, OmissionPolicy, RenderRules, RenderWork};
+use block::TilePixels;
+use cover::BatchEllipses;
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
@@ -50,21 +50,21 @@ const BATCH: usize = 64;
 
 /// The input of the pass.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Frame<'a> {
+pub(super) struct RasterInput<'a> {
     /// Projected Gaussians.
     pub(super) splats: &'a [Splat],
     /// The splats' rates; empty if rates were not requested.
-    pub(super) rates: &'a [Rates],
+    pub(super) rates: &'a [SplatRates],
     /// The lists of the tiles.
-    pub(super) lists: &'a Lists,
+    pub(super) lists: &'a TileLists,
     /// The tiles.
-    pub(super) grid: Grid,
+    pub(super) grid: TileGrid,
     /// The rules.
-    pub(super) rules: Rules,
+    pub(super) rules: RenderRules,
     /// The order in which layers are blended.
-    pub(super) order: Layering,
+    pub(super) order: LayerOrder,
     /// Work that the pass may skip.
-    pub(super) omit: Omit,
+    pub(super) omit: OmissionPolicy,
     /// The instruction set.
     pub(super) level: Level,
 }
@@ -79,9 +79,9 @@ pub(super) fn plane_count(features: usize, rate: bool) -> usize {
 /// of the luminance. A tile's part of `out` is [`plane_count`] of [`PIXELS`] values: the sums of weight
 /// times feature, the transmittance, then the rates of luminance and transmittance.
 pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
-    frame: Frame<'_>,
+    frame: RasterInput<'_>,
     out: &mut Vec<f32>,
-) -> Work {
+) -> RenderWork {
     let stride = plane_count(N, RATE) * PIXELS;
     out.resize(frame.grid.len() * stride, 0.0);
     let band = frame.lists.band();
@@ -90,34 +90,34 @@ pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
         .skip(band.start)
         .take(band.len())
         .map(|(index, out)| match (frame.order, RATE) {
-            (Layering::Depth, _) => {
+            (LayerOrder::Depth, _) => {
                 dispatch!(frame.level, simd => blend_tile::<_, N, SOFT, RATE>(simd, frame, index, out))
             }
-            (Layering::Blended, false) => {
+            (LayerOrder::Blended, false) => {
                 dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, f32, N>(simd, frame, index, out))
             }
-            (Layering::Blended, true) => {
-                dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, Dual<f32>, N>(simd, frame, index, out))
+            (LayerOrder::Blended, true) => {
+                dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, DualNumber<f32>, N>(simd, frame, index, out))
             }
         })
-        .reduce(Work::default, |mut a, b| {
+        .reduce(RenderWork::default, |mut a, b| {
             a += b;
             a
         })
 }
 
 /// The next splats of a tile, copied out of the frame's array.
-struct Batch {
+struct SplatBatch {
     splats: [Splat; BATCH],
-    rates: [Rates; BATCH],
-    shapes: Shapes,
+    rates: [SplatRates; BATCH],
+    shapes: BatchEllipses,
 }
 
-impl Batch {
+impl SplatBatch {
     /// Copies the splats at `places`. Most of these reads miss the cache; a plain copy loop lets
     /// them overlap, where the blending loop would wait for each.
     #[inline(always)]
-    fn fill<const RATE: bool>(&mut self, frame: Frame<'_>, places: &[u32]) {
+    fn fill<const RATE: bool>(&mut self, frame: RasterInput<'_>, places: &[u32]) {
         for (near, &place) in self.splats.iter_mut().zip(places) {
             *near = frame.splats[place as usize];
         }
@@ -135,19 +135,19 @@ impl Batch {
 #[inline(always)]
 fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
     simd: S,
-    frame: Frame<'_>,
+    frame: RasterInput<'_>,
     index: usize,
     out: &mut [f32],
-) -> Work {
+) -> RenderWork {
     let corner = [index % frame.grid.columns * TILE, index / frame.grid.columns * TILE];
-    let mut pixels = Pixels::<N>::new(corner, frame.grid.size, frame.rules);
-    let mut batch = Batch {
+    let mut pixels = TilePixels::<N>::new(corner, frame.grid.size, frame.rules);
+    let mut batch = SplatBatch {
         splats: [Splat::default(); BATCH],
-        rates: [Rates::default(); BATCH],
-        shapes: Shapes::default(),
+        rates: [SplatRates::default(); BATCH],
+        shapes: BatchEllipses::default(),
     };
-    let mut work = Work::default();
-    let whole = frame.omit == Omit::Nothing;
+    let mut work = RenderWork::default();
+    let whole = frame.omit == OmissionPolicy::Nothing;
     for run in frame.lists.of(index) {
         for places in run.chunks(BATCH) {
             // Nothing behind an opaque tile can change it, so the rest of the list is only counted.

@@ -1,25 +1,30 @@
 //! Pass 5: turns the sums of the tiles into images, with the background added and depth normalised.
 
-use super::bin::Grid;
+use super::bin::TileGrid;
 use super::raster::PIXELS;
 use crate::image::{Image, luminance};
 use crate::render::shared::{DEPTH_MIN_ALPHA, TILE};
-use crate::render::{Channels, Rendered};
+use crate::render::{ChannelSet, RenderedImages};
 use rayon::prelude::*;
 
 /// The blended tiles of a frame, as written by the raster pass.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Blended<'a> {
+pub(super) struct BlendedTiles<'a> {
     /// Planes of all tiles.
     pub(super) tiles: &'a [f32],
     /// Number of features per splat.
     pub(super) features: usize,
     /// The division into tiles.
-    pub(super) grid: Grid,
+    pub(super) grid: TileGrid,
 }
 
 /// Writes the requested images.
-pub(super) fn resolve_tiles(blended: Blended<'_>, want: Channels, background: [f32; 3], out: &mut Rendered) {
+pub(super) fn resolve_tiles(
+    blended: BlendedTiles<'_>,
+    want: ChannelSet,
+    background: [f32; 3],
+    out: &mut RenderedImages,
+) {
     let mut first = 0;
     let mut next = |n: usize| {
         first += n;
@@ -47,13 +52,13 @@ pub(super) fn resolve_tiles(blended: Blended<'_>, want: Channels, background: [f
 }
 
 /// The values of one pixel in the planes of its tile.
-struct Pixel<'a> {
+struct ResolvedPixel<'a> {
     tile: &'a [f32],
     index: usize,
     features: usize,
 }
 
-impl Pixel<'_> {
+impl ResolvedPixel<'_> {
     fn sum(&self, plane: usize) -> f32 {
         self.tile[plane * PIXELS + self.index]
     }
@@ -68,14 +73,14 @@ fn fill_image<T: Copy + Send>(
     image: &mut Option<Image<T>>,
     blank: T,
     feature: Option<usize>,
-    blended: Blended<'_>,
-    value: impl Fn(Pixel<'_>, usize) -> T + Sync,
+    blended: BlendedTiles<'_>,
+    value: impl Fn(ResolvedPixel<'_>, usize) -> T + Sync,
 ) {
     let Some(feature) = feature else {
         *image = None;
         return;
     };
-    let Blended { tiles, features, grid } = blended;
+    let BlendedTiles { tiles, features, grid } = blended;
     let stride = tiles.len() / grid.len();
     let reused = image.take().filter(|i| i.size() == grid.size);
     let mut filled = reused.unwrap_or_else(|| Image::filled(grid.size, blank));
@@ -83,7 +88,7 @@ fn fill_image<T: Copy + Send>(
         let tiles = tiles[y / TILE * grid.columns * stride..].chunks_exact(stride);
         for (tile, run) in tiles.zip(row.chunks_mut(TILE)) {
             for (x, to) in run.iter_mut().enumerate() {
-                *to = value(Pixel { tile, index: y % TILE * TILE + x, features }, feature);
+                *to = value(ResolvedPixel { tile, index: y % TILE * TILE + x, features }, feature);
             }
         }
     });

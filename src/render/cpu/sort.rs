@@ -7,7 +7,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "keys are taken apart into 32-bit halves and digits")]
 
-use super::project::{CHUNK, Projected};
+use super::project::{CHUNK, ProjectedChunk};
 use super::splat::Splat;
 use rayon::prelude::*;
 
@@ -17,15 +17,15 @@ const DIGIT_BITS: u32 = 13;
 
 /// Sorts splats by the bits of their depth; ties keep the order of the file.
 #[derive(Debug, Default)]
-pub(super) struct Sorter {
+pub(super) struct DepthSorter {
     /// Position of the depth bits, above the splat's place.
     keys: Vec<u64>,
     spare: Vec<u64>,
 }
 
-impl Sorter {
+impl DepthSorter {
     /// The order of the projected splats: one key each, with the splat's place in its low half.
-    pub(super) fn run(&mut self, splats: &[Splat], chunks: &[Projected]) -> &[u64] {
+    pub(super) fn run(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> &[u64] {
         let [low, high] = self.lay_down(splats, chunks);
         let bits = u32::BITS - high.saturating_sub(low).leading_zeros();
         let passes = bits.div_ceil(DIGIT_BITS);
@@ -38,7 +38,7 @@ impl Sorter {
     }
 
     /// Writes the keys in file order, and returns the bits of the smallest and largest depth.
-    fn lay_down(&mut self, splats: &[Splat], chunks: &[Projected]) -> [u32; 2] {
+    fn lay_down(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> [u32; 2] {
         self.keys.resize(chunks.iter().map(|chunk| chunk.drawn).sum(), 0);
         let mut rest = self.keys.as_mut_slice();
         let keys = chunks.iter().map(|c| rest.split_off_mut(..c.drawn).expect("as many as are drawn"));
@@ -88,14 +88,14 @@ mod tests {
     fn check(depths: &[f32]) {
         let splats: Vec<Splat> = depths.iter().map(|&depth| Splat { depth, ..Splat::default() }).collect();
         // The last splat of each chunk is not drawn.
-        let chunks: Vec<Projected> = splats
+        let chunks: Vec<ProjectedChunk> = splats
             .chunks(CHUNK)
-            .map(|chunk| Projected { drawn: chunk.len() - 1, ..Projected::default() })
+            .map(|chunk| ProjectedChunk { drawn: chunk.len() - 1, ..ProjectedChunk::default() })
             .collect();
         let drawn = |i: &usize| i % CHUNK + 1 < CHUNK && i + 1 < depths.len();
         let mut wanted: Vec<usize> = (0..depths.len()).filter(drawn).collect();
         wanted.sort_by(|&a, &b| depths[a].total_cmp(&depths[b]));
-        let mut sorter = Sorter::default();
+        let mut sorter = DepthSorter::default();
         // Twice, because buffers are reused.
         for _ in 0..2 {
             let order = sorter.run(&splats, &chunks);

@@ -37,7 +37,7 @@ pub(super) struct Splat {
 
 /// Rates of a splat's values while the camera moves, per second.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Rates {
+pub(super) struct SplatRates {
     /// Rate of the mean, px.
     pub(super) mean: [f32; 2],
     /// Rates of `w1, w2, w3`.
@@ -98,18 +98,18 @@ impl Splat {
 
     /// The outline of the splat.
     #[inline(always)]
-    pub(super) fn outline(&self) -> Outline<'_> {
+    pub(super) fn outline(&self) -> SplatEllipse<'_> {
         let [w1, w2, w3] = self.w;
         let (skew, root) = ((w2 * w2 + w3 * w3).sqrt(), self.reach.sqrt());
         let half = root * skew / (w1 * w3);
         let turn = -w2 * root / (w3 * skew);
-        Outline { splat: self, wide: half + edge_margin(half), turn, slack: edge_margin(turn.abs()) }
+        SplatEllipse { splat: self, wide: half + edge_margin(half), turn, slack: edge_margin(turn.abs()) }
     }
 }
 
 /// The ellipse `q <= reach` of a splat.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Outline<'a> {
+pub(super) struct SplatEllipse<'a> {
     splat: &'a Splat,
     /// Half its width, with the margin for rounding, px.
     wide: f32,
@@ -119,7 +119,7 @@ pub(super) struct Outline<'a> {
     slack: f32,
 }
 
-impl Outline<'_> {
+impl SplatEllipse<'_> {
     /// The columns that may be touched in rows `first..end`, which lie within the splat's rows.
     #[inline(always)]
     pub(super) fn columns_in(&self, first: u16, end: u16) -> [u16; 2] {
@@ -141,9 +141,9 @@ impl Outline<'_> {
 pub(super) mod tests {
     use super::super::exp2;
     use super::super::extent;
-    use super::super::eye::Footprint;
+    use super::super::eye::SplatCovariance;
     use super::*;
-    use crate::render::Rules;
+    use crate::render::RenderRules;
     use crate::render::shared::{DILATION, MIN_ALPHA, TILE};
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
@@ -157,7 +157,7 @@ pub(super) mod tests {
         let [a0, a1] = [[long * c, -short * s], [long * s, short * c]];
         let det0 = (a0[0] * a1[1] - a0[1] * a1[0]).powi(2);
         let (aa, cc) = (a0[0] * a0[0] + a0[1] * a0[1], a1[0] * a1[0] + a1[1] * a1[1]);
-        let shape = Footprint {
+        let shape = SplatCovariance {
             a: aa + DILATION,
             b: a0[0] * a1[0] + a0[1] * a1[1],
             c: cc + DILATION,
@@ -165,10 +165,10 @@ pub(super) mod tests {
             det0,
             depth_deviation: 0.0,
         };
-        let reach = extent::opacity_reach(Rules::Exact, opacity);
+        let reach = extent::opacity_reach(RenderRules::Exact, opacity);
         let size = [f32::from(EDGE); 2];
         let [columns, rows] =
-            extent::touched_pixels(Rules::Exact, mean, [shape.a, shape.b, shape.c], reach, size);
+            extent::touched_pixels(RenderRules::Exact, mean, [shape.a, shape.b, shape.c], reach, size);
         if columns[0] >= columns[1] || rows[0] >= rows[1] {
             return None;
         }

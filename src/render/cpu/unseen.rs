@@ -41,7 +41,7 @@
 use super::eye::slope_bounds;
 use super::{activate, extent};
 use crate::camera::Camera;
-use crate::render::Rules;
+use crate::render::RenderRules;
 use crate::render::shared::{DILATION, GSPLAT_NEAR, NEAR, least_alpha};
 use crate::scene::Gaussians;
 use crate::se3::Se3;
@@ -70,17 +70,22 @@ pub(super) fn all_indices(scene: &Gaussians) -> Vec<u32> {
 }
 
 /// The indices of the Gaussians that some pose may see, in order; all of them if there is no pose.
-pub(super) fn seen_indices(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se3]) -> Vec<u32> {
+pub(super) fn seen_indices(
+    scene: &Gaussians,
+    rules: RenderRules,
+    camera: &Camera,
+    poses: &[Se3],
+) -> Vec<u32> {
     let px = [camera.fx, camera.fy, camera.cx, camera.cy];
     if poses.is_empty() || !px.iter().all(|v| v.abs() <= LARGEST_PX) {
         return all_indices(scene);
     }
-    let hull = Hull::new(scene.origin, rules, camera, poses);
+    let hull = PathHull::new(scene.origin, rules, camera, poses);
     all_indices(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
 }
 
 /// A plane in camera axes. Visible points lie in front of it.
-struct Plane {
+struct CullPlane {
     /// Unit normal, pointing inwards.
     normal: DVec3,
     /// Smallest distance in front of the plane, scene units.
@@ -90,8 +95,8 @@ struct Plane {
 }
 
 /// The near plane and the edges of the image.
-fn frustum_planes(rules: Rules, camera: &Camera) -> [Plane; 5] {
-    let near = if rules == Rules::Gsplat { GSPLAT_NEAR } else { NEAR };
+fn frustum_planes(rules: RenderRules, camera: &Camera) -> [CullPlane; 5] {
+    let near = if rules == RenderRules::Gsplat { GSPLAT_NEAR } else { NEAR };
     let widest = extent_sigmas(extent::opacity_reach(rules, 1.0));
     let margin = widest * f64::from(DILATION).sqrt() + GRACE_PX;
     let edge = |k: usize, sign: f64| {
@@ -103,9 +108,9 @@ fn frustum_planes(rules: Rules, camera: &Camera) -> [Plane; 5] {
         let [low, high] = slope_bounds(camera, rules)[k];
         let steepest = low.abs().max(high.abs());
         let spread = SPREAD * (steepest * steepest + 1.0).sqrt() / normal.length();
-        Plane { normal: normal.normalize(), least: 0.0, spread }
+        CullPlane { normal: normal.normalize(), least: 0.0, spread }
     };
-    let near = Plane { normal: DVec3::Z, least: f64::from(near) * (1.0 - 1e-6), spread: 0.0 };
+    let near = CullPlane { normal: DVec3::Z, least: f64::from(near) * (1.0 - 1e-6), spread: 0.0 };
     [near, edge(0, 1.0), edge(0, -1.0), edge(1, 1.0), edge(1, -1.0)]
 }
 
@@ -115,32 +120,32 @@ fn extent_sigmas(reach: f32) -> f64 {
 }
 
 /// The bounding planes of a path's runs.
-struct Hull {
-    planes: [Plane; 5],
-    rules: Rules,
+struct PathHull {
+    planes: [CullPlane; 5],
+    rules: RenderRules,
     /// Runs as a tree in preorder: each run before its halves.
-    runs: Vec<Run>,
+    runs: Vec<PathRun>,
 }
 
-struct Run {
+struct PathRun {
     /// Centre of the run, relative to the scene's origin.
     centre: DVec3,
-    faces: [Face; 5],
-    /// Whether the run has no halves.
+    faces: [RunPlane; 5],
+    /// True if the run has no halves.
     shortest: bool,
     /// Index after the last of its parts.
     end: usize,
 }
 
 /// A plane over a run: see the head of the module.
-struct Face {
+struct RunPlane {
     normal: DVec3,
     turn: f64,
     shift: f64,
 }
 
-impl Hull {
-    fn new(origin: DVec3, rules: Rules, camera: &Camera, poses: &[Se3]) -> Self {
+impl PathHull {
+    fn new(origin: DVec3, rules: RenderRules, camera: &Camera, poses: &[Se3]) -> Self {
         let mut hull = Self { planes: frustum_planes(rules, camera), rules, runs: Vec::new() };
         hull.cut(origin, poses, poses.len().div_ceil(RUNS));
         hull
@@ -149,7 +154,7 @@ impl Hull {
     /// Adds the run of these poses, and its halves while they are longer than `shortest`.
     fn cut(&mut self, origin: DVec3, poses: &[Se3], shortest: usize) {
         let place = self.runs.len();
-        self.runs.push(Run::new(&self.planes, origin, poses));
+        self.runs.push(PathRun::new(&self.planes, origin, poses));
         if poses.len() > shortest {
             let (first, second) = poses.split_at(poses.len() / 2);
             self.cut(origin, first, shortest);
@@ -160,7 +165,7 @@ impl Hull {
         self.runs[place].end = end;
     }
 
-    /// Whether no pose sees the Gaussian.
+    /// Returns true if no pose sees the Gaussian.
     fn excludes(&self, scene: &Gaussians, i: usize) -> bool {
         let opacity = activate::logistic_opacity(scene.opacity_logits[i]);
         // Slightly below the exact bound, because the antialiased rule may round a factor of 1 up.
@@ -188,26 +193,26 @@ impl Hull {
     }
 }
 
-impl Run {
-    fn new(planes: &[Plane; 5], origin: DVec3, poses: &[Se3]) -> Self {
+impl PathRun {
+    fn new(planes: &[CullPlane; 5], origin: DVec3, poses: &[Se3]) -> Self {
         let share = 1.0 / poses.len() as f64;
         let centre = poses.iter().map(|pose| pose.translation * share).sum::<DVec3>();
         let farthest = poses.iter().fold(origin.length(), |most, pose| most.max(pose.translation.length()));
-        let face = |plane: &Plane| {
+        let face = |plane: &CullPlane| {
             let normals = || poses.iter().map(|pose| pose.rotation_matrix() * plane.normal);
             let normal = normals().map(|n| n * share).sum::<DVec3>();
             let turn = normals().map(|n| (n - normal).length()).fold(0.0, larger_or_nan);
             let shifts = normals().zip(poses).map(|(n, pose)| n.dot(centre - pose.translation));
             let shift = shifts.fold(f64::NEG_INFINITY, larger_or_nan);
-            Face { normal, turn: turn + ROUNDING, shift: shift + ROUNDING * farthest }
+            RunPlane { normal, turn: turn + ROUNDING, shift: shift + ROUNDING * farthest }
         };
         let [a, b, c, d, e] = planes;
         let faces = [face(a), face(b), face(c), face(d), face(e)];
         Self { centre: centre - origin, faces, shortest: true, end: 0 }
     }
 
-    /// Whether none of the run's poses sees a Gaussian with this mean; `wide` is `k s`.
-    fn excludes(&self, planes: &[Plane; 5], position: DVec3, wide: f64) -> bool {
+    /// Returns true if none of the run's poses sees a Gaussian with this mean; `wide` is `k s`.
+    fn excludes(&self, planes: &[CullPlane; 5], position: DVec3, wide: f64) -> bool {
         let from_centre = position - self.centre;
         let distance = from_centre.length();
         self.faces.iter().zip(planes).any(|(face, plane)| {

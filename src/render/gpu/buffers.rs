@@ -1,10 +1,10 @@
 //! The device memory of a frame, and its bindings for the passes.
 
-use super::device::{Device, GpuError};
-use super::passes::Layouts;
-use super::scene::{MOST_GROUPS, Part};
+use super::device::{GpuDevice, GpuError};
+use super::passes::BindingLayouts;
+use super::scene::{MOST_GROUPS, ScenePart};
 use super::shader::{BLOCK, DIGIT_BITS, DISPATCHES, GROUP, TOTALS};
-use super::{Region, frame};
+use super::{TileRegion, frame};
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding,
     BufferDescriptor, BufferSize, BufferUsages,
@@ -12,7 +12,7 @@ use wgpu::{
 
 /// Capacities of the buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Room {
+pub(super) struct BufferCapacity {
     pub(super) splats: u32,
     pub(super) pairs: u32,
     pub(super) tiles: u32,
@@ -22,7 +22,7 @@ pub(super) struct Room {
     pub(super) splat_rows: u32,
 }
 
-impl Room {
+impl BufferCapacity {
     /// The larger of both capacities, field by field.
     pub(super) fn or(self, o: Self) -> Self {
         Self {
@@ -55,19 +55,19 @@ pub(super) const DIGITS: u32 = 32 / DIGIT_BITS;
 
 /// The buffers of a frame, with their bind groups.
 #[derive(Debug)]
-pub(super) struct Buffers {
-    pub(super) room: Room,
+pub(super) struct FrameBuffers {
+    pub(super) room: BufferCapacity,
     pub(super) frame: Buffer,
     pub(super) totals: Buffer,
     pub(super) groups: Buffer,
     pub(super) lists: Buffer,
     pub(super) images: Buffer,
-    pub(super) bound: Bound,
+    pub(super) bound: PassBindings,
 }
 
 /// Bind groups of the passes.
 #[derive(Debug)]
-pub(super) struct Bound {
+pub(super) struct PassBindings {
     pub(super) frame: BindGroup,
     /// One group per part of the scene.
     pub(super) project: Vec<BindGroup>,
@@ -85,7 +85,7 @@ pub(super) struct Bound {
 }
 
 /// Buffers that only the passes use.
-struct Inner {
+struct PassBuffers {
     drawn: Buffer,
     sums: Buffer,
     counts: Buffer,
@@ -97,23 +97,23 @@ struct Inner {
     no_part: Buffer,
 }
 
-impl Buffers {
+impl FrameBuffers {
     /// Allocates buffers with these capacities.
     pub(super) fn new(
-        device: &Device,
-        layouts: &Layouts,
-        parts: &[Part],
-        room: Room,
+        device: &GpuDevice,
+        layouts: &BindingLayouts,
+        parts: &[ScenePart],
+        room: BufferCapacity,
     ) -> Result<Self, GpuError> {
         let groups = parts.iter().map(|p| p.groups).max().unwrap_or(0);
-        let sizes = Sizes::new(room, groups);
+        let sizes = BufferSizes::new(room, groups);
         device.allocate("splats, pairs and images", sizes.sum(), |gpu| {
             let buffer = |size: u64, usage| {
                 let size = size.max(16);
                 gpu.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
             };
             let storage = |size| buffer(size, BufferUsages::STORAGE);
-            let inner = Inner {
+            let inner = PassBuffers {
                 drawn: storage(sizes.drawn),
                 sums: storage(sizes.sums),
                 counts: storage(sizes.counts),
@@ -142,7 +142,7 @@ impl Buffers {
 }
 
 /// Sizes of the buffers, bytes.
-struct Sizes {
+struct BufferSizes {
     drawn: u64,
     sums: u64,
     counts: u64,
@@ -153,8 +153,8 @@ struct Sizes {
     images: u64,
 }
 
-impl Sizes {
-    fn new(room: Room, part_groups: u32) -> Self {
+impl BufferSizes {
+    fn new(room: BufferCapacity, part_groups: u32) -> Self {
         let blocks = room.splats.max(room.pairs).div_ceil(BLOCK);
         Self {
             drawn: 4 * u64::from(part_groups) * u64::from(GROUP),
@@ -185,14 +185,14 @@ fn digit_entries() -> Vec<u8> {
     bytes
 }
 
-impl Inner {
+impl PassBuffers {
     fn bind(
         &self,
         gpu: &wgpu::Device,
-        layouts: &Layouts,
-        parts: &[Part],
+        layouts: &BindingLayouts,
+        parts: &[ScenePart],
         [frame, totals, groups, lists, images]: [&Buffer; 5],
-    ) -> Bound {
+    ) -> PassBindings {
         let group = |layout: &BindGroupLayout, buffers: &[&Buffer]| {
             let whole: Vec<BufferBinding<'_>> =
                 buffers.iter().map(|b| b.as_entire_buffer_binding()).collect();
@@ -200,8 +200,8 @@ impl Inner {
         };
         let Self { drawn, sums, counts, splats, order: [a, b], touched, pairs: [c, d], digits, no_part } =
             self;
-        let project = |part: &Part| {
-            let Part { counts, means, axes, harmonics, .. } = part;
+        let project = |part: &ScenePart| {
+            let ScenePart { counts, means, axes, harmonics, .. } = part;
             group(&layouts.project, &[counts, means, axes, harmonics, drawn, sums, totals, splats, a])
         };
         // A dispatch selects one entry by its dynamic offset.
@@ -213,7 +213,7 @@ impl Inner {
         let bin = |pairs| group(&layouts.bin, &[splats, a, touched, sums, totals, pairs, lists]);
         let raster = |pairs| group(&layouts.raster, &[splats, pairs, lists, images, totals]);
         let scan = |of, part| group(&layouts.scan, &[of, totals, groups, part]);
-        Bound {
+        PassBindings {
             frame: group(&layouts.frame, &[frame]),
             project: parts.iter().map(project).collect(),
             scan_parts: parts.iter().map(|part| scan(sums, &part.counts)).collect(),
@@ -236,7 +236,7 @@ fn bind_buffers(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBin
 }
 
 /// Capacities for the tiles and images of a region.
-pub(super) fn room_of(region: Region, pixels: u64, floats: u32) -> Room {
+pub(super) fn room_of(region: TileRegion, pixels: u64, floats: u32) -> BufferCapacity {
     let [columns, rows] = region.tiles();
-    Room { tiles: columns * rows, floats: pixels * u64::from(floats), ..Room::default() }
+    BufferCapacity { tiles: columns * rows, floats: pixels * u64::from(floats), ..BufferCapacity::default() }
 }

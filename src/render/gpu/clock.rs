@@ -1,6 +1,6 @@
 //! Time that the device spends on each stage of a frame, by its own clock if it has one.
 
-use super::device::Device;
+use super::device::GpuDevice;
 use std::time::Duration;
 use wgpu::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoder, ComputePassTimestampWrites, QuerySet,
@@ -9,7 +9,7 @@ use wgpu::{
 
 /// A stage of a frame that is timed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum TimedStage {
     /// Projection of every Gaussian.
     Project,
     /// Sort of the splats by depth.
@@ -22,7 +22,7 @@ pub enum Stage {
     Raster,
 }
 
-impl Stage {
+impl TimedStage {
     /// All stages, in the order in which the device runs them.
     pub const ALL: [Self; 5] = [Self::Project, Self::Sort, Self::List, Self::Bin, Self::Raster];
 
@@ -40,22 +40,22 @@ impl Stage {
 }
 
 /// Number of time stamps of a frame: the begin and the end of each stage.
-const STAMPS: u32 = 2 * (Stage::Raster as u32 + 1);
+const STAMPS: u32 = 2 * (TimedStage::Raster as u32 + 1);
 
 /// Size of the time stamps, bytes.
 pub(super) const BYTES: usize = 8 * STAMPS as usize;
 
 /// Reads the clock of the device.
 #[derive(Debug)]
-pub(super) struct Clock {
+pub(super) struct DeviceClock {
     stamps: QuerySet,
     resolved: Buffer,
     nanoseconds_a_tick: f32,
 }
 
-impl Clock {
+impl DeviceClock {
     /// The clock of the device, if it has one.
-    pub(super) fn new(device: &Device) -> Option<Self> {
+    pub(super) fn new(device: &GpuDevice) -> Option<Self> {
         let gpu = &device.device;
         gpu.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Self {
             stamps: gpu.create_query_set(&QuerySetDescriptor {
@@ -74,7 +74,7 @@ impl Clock {
     }
 
     /// Records time stamps at the begin and the end of a stage.
-    pub(super) fn stamp(&self, stage: Stage) -> ComputePassTimestampWrites<'_> {
+    pub(super) fn stamp(&self, stage: TimedStage) -> ComputePassTimestampWrites<'_> {
         let first = 2 * stage as u32;
         ComputePassTimestampWrites {
             query_set: &self.stamps,
@@ -91,9 +91,9 @@ impl Clock {
 
     /// Durations of the stages, from the copied time stamps.
     #[expect(clippy::cast_precision_loss, reason = "53 bits of a duration are more than the clock has")]
-    pub(super) fn times(&self, stamps: &[u8]) -> [Duration; Stage::ALL.len()] {
+    pub(super) fn times(&self, stamps: &[u8]) -> [Duration; TimedStage::ALL.len()] {
         let stamp = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| stamps[8 * i + k]));
-        Stage::ALL.map(|stage| {
+        TimedStage::ALL.map(|stage| {
             let ticks = stamp(2 * stage as usize + 1).saturating_sub(stamp(2 * stage as usize));
             Duration::from_secs_f64(ticks as f64 * f64::from(self.nanoseconds_a_tick) * 1e-9)
         })

@@ -8,7 +8,7 @@ use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, ErrorFilter, Limits};
 
 /// The choice of a GPU.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Choice {
+pub enum DeviceChoice {
     /// The most capable one. A software implementation only if there is no other.
     #[default]
     Any,
@@ -20,7 +20,7 @@ pub enum Choice {
     Name(String),
 }
 
-impl FromStr for Choice {
+impl FromStr for DeviceChoice {
     type Err = std::convert::Infallible;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -84,7 +84,7 @@ pub enum GpuError {
 
 /// An open GPU.
 #[derive(Debug, Clone)]
-pub struct Device {
+pub struct GpuDevice {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     name: String,
@@ -100,28 +100,28 @@ pub struct Device {
 /// every change of a pixel's bits.
 const CLASS: &str = "gpu/1";
 
-impl Device {
+impl GpuDevice {
     /// Opens one of the machine's GPUs.
     ///
     /// # Errors
     /// There is no GPU, none matches, or it lacks what WebGPU guarantees.
-    pub fn open(choice: &Choice) -> Result<Self, GpuError> {
-        if *choice == Choice::Hardware && !may_have_hardware() {
+    pub fn open(choice: &DeviceChoice) -> Result<Self, GpuError> {
+        if *choice == DeviceChoice::Hardware && !may_have_hardware() {
             return Err(GpuError::None("this system shows no device of one".to_owned()));
         }
         let mut adapters = list_adapters()?;
         let found = adapters.iter().map(|a| adapter_name(&a.get_info())).collect::<Vec<_>>().join(", ");
         let fits = |a: &Adapter, i: usize| match choice {
-            Choice::Any => true,
-            Choice::Hardware => a.get_info().device_type != DeviceType::Cpu,
-            Choice::Index(wanted) => i == *wanted,
-            Choice::Name(part) => a.get_info().name.to_lowercase().contains(&part.to_lowercase()),
+            DeviceChoice::Any => true,
+            DeviceChoice::Hardware => a.get_info().device_type != DeviceType::Cpu,
+            DeviceChoice::Index(wanted) => i == *wanted,
+            DeviceChoice::Name(part) => a.get_info().name.to_lowercase().contains(&part.to_lowercase()),
         };
         let Some(at) = (0..adapters.len()).find(|&i| fits(&adapters[i], i)) else {
             let wanted = match choice {
-                Choice::Any | Choice::Hardware => "of hardware".to_owned(),
-                Choice::Index(i) => format!("number {i}"),
-                Choice::Name(part) => format!("called `{part}`"),
+                DeviceChoice::Any | DeviceChoice::Hardware => "of hardware".to_owned(),
+                DeviceChoice::Index(i) => format!("number {i}"),
+                DeviceChoice::Name(part) => format!("called `{part}`"),
             };
             return Err(GpuError::Other { wanted, found });
         };
@@ -228,7 +228,7 @@ impl Device {
     }
 }
 
-/// Whether a hardware GPU may be present, as far as this can be known without loading drivers. A
+/// Returns true if a hardware GPU may be present, as far as this can be known without loading drivers. A
 /// software implementation alone is a library of 60 MB.
 fn may_have_hardware() -> bool {
     if !cfg!(target_os = "linux") {
@@ -293,8 +293,8 @@ mod tests {
 
     #[test]
     fn a_gpu_is_chosen_by_place_or_by_name() {
-        assert_eq!("1".parse(), Ok(Choice::Index(1)));
-        assert_eq!("RTX 4090".parse(), Ok(Choice::Name("RTX 4090".to_owned())));
+        assert_eq!("1".parse(), Ok(DeviceChoice::Index(1)));
+        assert_eq!("RTX 4090".parse(), Ok(DeviceChoice::Name("RTX 4090".to_owned())));
     }
 
     #[test]

@@ -2,10 +2,10 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "a value is cut into two of 32 bits")]
 
-use super::Region;
+use super::TileRegion;
 use crate::image::luminance;
 use crate::render::cpu::eye::slope_bounds;
-use crate::render::{Style, View};
+use crate::render::{CameraView, RenderStyle};
 use glam::DVec3;
 
 /// Size of `Frame`, bytes: fifteen rows of four words and nine words, rounded up to whole rows.
@@ -14,10 +14,10 @@ pub(super) const BYTES: u64 = 18 * 16;
 /// The bytes of `Frame` for a view of a scene with positions relative to `origin`, for the tiles of
 /// a region, with these capacities for splats and pairs.
 pub(super) fn frame_bytes(
-    view: &View,
+    view: &CameraView,
     origin: DVec3,
-    style: &Style,
-    region: Region,
+    style: &RenderStyle,
+    region: TileRegion,
     room: [u32; 2],
 ) -> Vec<u8> {
     let camera = view.camera;

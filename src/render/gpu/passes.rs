@@ -1,11 +1,11 @@
 //! The passes of a frame, in the order in which the device runs them.
 
-use super::Region;
-use super::buffers::{ALIGNED, Buffers, DIGITS};
-use super::clock::{Clock, Stage};
-use super::device::Device;
-use super::scene::Part;
-use super::shader::{DIGIT_BITS, Dispatch, Shader, Variant};
+use super::TileRegion;
+use super::buffers::{ALIGNED, DIGITS, FrameBuffers};
+use super::clock::{DeviceClock, TimedStage};
+use super::device::GpuDevice;
+use super::scene::ScenePart;
+use super::shader::{DIGIT_BITS, Dispatch, ShaderKind, ShaderVariant};
 use wgpu::{
     BindGroup, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
     BufferBindingType, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
@@ -15,7 +15,7 @@ use wgpu::{
 
 /// Bind group layouts of the shaders, in addition to the frame's.
 #[derive(Debug)]
-pub(super) struct Layouts {
+pub(super) struct BindingLayouts {
     pub(super) frame: BindGroupLayout,
     pub(super) project: BindGroupLayout,
     pub(super) scan: BindGroupLayout,
@@ -26,7 +26,7 @@ pub(super) struct Layouts {
 
 /// Kinds of buffer bindings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Use {
+enum BufferUse {
     Uniform,
     /// A uniform buffer of several entries; a dispatch selects one by its offset.
     Entry,
@@ -34,10 +34,10 @@ enum Use {
     Write,
 }
 
-impl Layouts {
-    pub(super) fn new(device: &Device) -> Self {
-        use Use::{Entry, Read, Uniform, Write};
-        let layout = |uses: &[Use]| bind_layout(&device.device, uses);
+impl BindingLayouts {
+    pub(super) fn new(device: &GpuDevice) -> Self {
+        use BufferUse::{Entry, Read, Uniform, Write};
+        let layout = |uses: &[BufferUse]| bind_layout(&device.device, uses);
         Self {
             frame: layout(&[Uniform]),
             project: layout(&[Uniform, Read, Read, Read, Write, Write, Write, Write, Write]),
@@ -48,28 +48,28 @@ impl Layouts {
         }
     }
 
-    fn of(&self, shader: Shader) -> &BindGroupLayout {
+    fn of(&self, shader: ShaderKind) -> &BindGroupLayout {
         match shader {
-            Shader::Project => &self.project,
-            Shader::Scan => &self.scan,
-            Shader::Bin => &self.bin,
-            Shader::Sort => &self.sort,
-            Shader::Raster => &self.raster,
+            ShaderKind::Project => &self.project,
+            ShaderKind::Scan => &self.scan,
+            ShaderKind::Bin => &self.bin,
+            ShaderKind::Sort => &self.sort,
+            ShaderKind::Raster => &self.raster,
         }
     }
 }
 
-fn bind_layout(gpu: &wgpu::Device, uses: &[Use]) -> BindGroupLayout {
-    let entry = |(binding, of): (u32, &Use)| BindGroupLayoutEntry {
+fn bind_layout(gpu: &wgpu::Device, uses: &[BufferUse]) -> BindGroupLayout {
+    let entry = |(binding, of): (u32, &BufferUse)| BindGroupLayoutEntry {
         binding,
         visibility: ShaderStages::COMPUTE,
         ty: BindingType::Buffer {
             ty: match of {
-                Use::Uniform | Use::Entry => BufferBindingType::Uniform,
-                Use::Read => BufferBindingType::Storage { read_only: true },
-                Use::Write => BufferBindingType::Storage { read_only: false },
+                BufferUse::Uniform | BufferUse::Entry => BufferBindingType::Uniform,
+                BufferUse::Read => BufferBindingType::Storage { read_only: true },
+                BufferUse::Write => BufferBindingType::Storage { read_only: false },
             },
-            has_dynamic_offset: *of == Use::Entry,
+            has_dynamic_offset: *of == BufferUse::Entry,
             min_binding_size: None,
         },
         count: None,
@@ -80,7 +80,7 @@ fn bind_layout(gpu: &wgpu::Device, uses: &[Use]) -> BindGroupLayout {
 
 /// The compiled pipelines of a frame.
 #[derive(Debug)]
-pub(super) struct Pipelines {
+pub(super) struct FramePipelines {
     measure: ComputePipeline,
     place: ComputePipeline,
     scan_splats: ComputePipeline,
@@ -95,11 +95,11 @@ pub(super) struct Pipelines {
     raster: ComputePipeline,
 }
 
-impl Pipelines {
-    pub(super) fn new(device: &Device, layouts: &Layouts, variant: &Variant) -> Self {
+impl FramePipelines {
+    pub(super) fn new(device: &GpuDevice, layouts: &BindingLayouts, variant: &ShaderVariant) -> Self {
         let [project, scan, bin, sort, raster] =
-            [Shader::Project, Shader::Scan, Shader::Bin, Shader::Sort, Shader::Raster]
-                .map(|shader| Compiler::new(device, layouts, shader, variant));
+            [ShaderKind::Project, ShaderKind::Scan, ShaderKind::Bin, ShaderKind::Sort, ShaderKind::Raster]
+                .map(|shader| ShaderCompiler::new(device, layouts, shader, variant));
         Self {
             measure: project.entry("measure"),
             place: project.entry("place"),
@@ -118,14 +118,19 @@ impl Pipelines {
 }
 
 /// One shader module, from which entry points are compiled.
-struct Compiler<'a> {
+struct ShaderCompiler<'a> {
     gpu: &'a wgpu::Device,
     module: wgpu::ShaderModule,
     layout: wgpu::PipelineLayout,
 }
 
-impl<'a> Compiler<'a> {
-    fn new(device: &'a Device, layouts: &Layouts, shader: Shader, variant: &Variant) -> Self {
+impl<'a> ShaderCompiler<'a> {
+    fn new(
+        device: &'a GpuDevice,
+        layouts: &BindingLayouts,
+        shader: ShaderKind,
+        variant: &ShaderVariant,
+    ) -> Self {
         let gpu = &device.device;
         let source = ShaderSource::Wgsl(shader.text(variant).into());
         let module = gpu.create_shader_module(ShaderModuleDescriptor { label: Some(shader.name()), source });
@@ -153,29 +158,31 @@ impl<'a> Compiler<'a> {
 }
 
 /// The inputs for the passes of one region.
-pub(super) struct Passes<'a> {
-    pub(super) pipelines: &'a Pipelines,
-    pub(super) buffers: &'a Buffers,
-    pub(super) parts: &'a [Part],
-    pub(super) region: Region,
-    pub(super) clock: Option<&'a Clock>,
+pub(super) struct RegionPasses<'a> {
+    pub(super) pipelines: &'a FramePipelines,
+    pub(super) buffers: &'a FrameBuffers,
+    pub(super) parts: &'a [ScenePart],
+    pub(super) region: TileRegion,
+    pub(super) clock: Option<&'a DeviceClock>,
 }
 
-impl Passes<'_> {
+impl RegionPasses<'_> {
     /// Records all passes.
     pub(super) fn record(&self, encoder: &mut CommandEncoder) {
         let buffers = self.buffers;
         for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
             encoder.clear_buffer(buffer, 0, None);
         }
-        self.stage(encoder, Stage::Project, |pass| self.project(pass));
+        self.stage(encoder, TimedStage::Project, |pass| self.project(pass));
         let bound = &buffers.bound;
         let (by, scan) = (Dispatch::SplatBlocks, &self.pipelines.scan_splat_digits);
-        self.stage(encoder, Stage::Sort, |pass| self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan)));
-        self.stage(encoder, Stage::List, |pass| self.list(pass));
+        self.stage(encoder, TimedStage::Sort, |pass| {
+            self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan))
+        });
+        self.stage(encoder, TimedStage::List, |pass| self.list(pass));
         let digits = self.tile_digits();
         let (by, scan) = (Dispatch::PairBlocks, &self.pipelines.scan_pair_digits);
-        self.stage(encoder, Stage::Bin, |pass| {
+        self.stage(encoder, TimedStage::Bin, |pass| {
             self.sort(pass, (DIGITS, digits), &bound.sort_pairs, (by, scan));
             self.indirect(
                 pass,
@@ -184,7 +191,7 @@ impl Passes<'_> {
                 Dispatch::PairBlocks,
             );
         });
-        self.stage(encoder, Stage::Raster, |pass| {
+        self.stage(encoder, TimedStage::Raster, |pass| {
             let [columns, rows] = self.region.tiles();
             pass.set_pipeline(&self.pipelines.raster);
             pass.set_bind_group(1, &bound.raster[(digits % 2) as usize], &[]);
@@ -192,7 +199,12 @@ impl Passes<'_> {
         });
     }
 
-    fn stage(&self, encoder: &mut CommandEncoder, stage: Stage, fill: impl FnOnce(&mut ComputePass<'_>)) {
+    fn stage(
+        &self,
+        encoder: &mut CommandEncoder,
+        stage: TimedStage,
+        fill: impl FnOnce(&mut ComputePass<'_>),
+    ) {
         let timestamp_writes = self.clock.map(|clock| clock.stamp(stage));
         let described = ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
         let mut pass = encoder.begin_compute_pass(&described);

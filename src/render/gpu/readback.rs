@@ -1,11 +1,11 @@
 //! Transfer of images and counts from the device.
 
-use super::clock::{self, Clock};
-use super::device::{Device, GpuError};
-use super::shader::{Layout, TOTALS, Total, UNDEFINED};
-use super::{Region, buffers::Buffers};
+use super::clock::{self, DeviceClock};
+use super::device::{GpuDevice, GpuError};
+use super::shader::{ImageLayout, TOTALS, Total, UNDEFINED};
+use super::{TileRegion, buffers::FrameBuffers};
 use crate::image::{Image, Size};
-use crate::render::{Channels, Rendered, Work};
+use crate::render::{ChannelSet, RenderWork, RenderedImages};
 use std::sync::mpsc;
 use wgpu::{
     Buffer, BufferDescriptor, BufferUsages, BufferView, CommandEncoder, MapMode, PollType, SubmissionIndex,
@@ -38,10 +38,10 @@ impl Ring {
     /// Submits the encoder's commands, then a copy of the counts and of this many floats of images.
     pub(super) fn submit(
         &mut self,
-        device: &Device,
+        device: &GpuDevice,
         mut encoder: CommandEncoder,
-        (from, floats): (&Buffers, u64),
-        clock: Option<&Clock>,
+        (from, floats): (&FrameBuffers, u64),
+        clock: Option<&DeviceClock>,
     ) -> Result<Copy, GpuError> {
         let size = transfer_bytes(floats);
         let at = self.idle.iter().position(|b| b.size() >= size);
@@ -77,7 +77,7 @@ impl Ring {
     /// Waits for the transfer, and passes on counts, time stamps and images.
     pub(super) fn read<T>(
         &mut self,
-        device: &Device,
+        device: &GpuDevice,
         copy: Copy,
         floats: u64,
         read: impl FnOnce(&Totals, &[u8], &[u8]) -> T,
@@ -114,9 +114,9 @@ impl Totals {
     }
 
     /// The work of a region. Every region counts what was left out of the whole image.
-    pub(super) fn work(&self, gaussians: usize) -> Work {
+    pub(super) fn work(&self, gaussians: usize) -> RenderWork {
         let count = |total| u64::from(self.of_count(total));
-        Work {
+        RenderWork {
             gaussians: gaussians as u64,
             behind: count(Total::Behind),
             degenerate: count(Total::Degenerate),
@@ -126,7 +126,7 @@ impl Totals {
             stopped: count(Total::Stopped),
             affine_doubtful: count(Total::Doubtful),
             affine_invalid: count(Total::Invalid),
-            ..Work::default()
+            ..RenderWork::default()
         }
     }
 }
@@ -134,10 +134,10 @@ impl Totals {
 /// Copies a region's images into those of the whole image.
 pub(super) fn place_region(
     images: &[u8],
-    region: Region,
+    region: TileRegion,
     size: Size,
-    (want, layout): (Channels, Layout),
-    out: &mut Rendered,
+    (want, layout): (ChannelSet, ImageLayout),
+    out: &mut RenderedImages,
 ) {
     let pixels = region.pixels(size);
     let from = |at: Option<u32>, floats: usize| {
@@ -167,7 +167,7 @@ fn fill_region<T: std::marker::Copy + Default, const N: usize>(
     image: &mut Option<Image<T>>,
     wanted: bool,
     bytes: &[u8],
-    (region, size): (Region, Size),
+    (region, size): (TileRegion, Size),
     value: impl Fn(&[u8; N]) -> T,
 ) {
     if !wanted {

@@ -2,9 +2,9 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "a part's Gaussians are few enough for 32 bits")]
 
-use super::device::{Device, GpuError};
+use super::device::{GpuDevice, GpuError};
 use super::shader::{GROUP, LOST, SPOILT};
-use crate::render::cpu::activate::{self, Activated};
+use crate::render::cpu::activate::{self, ActivatedGaussian};
 use crate::scene::Gaussians;
 use rayon::prelude::*;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
@@ -14,10 +14,10 @@ pub(super) const MOST_GROUPS: u32 = 65_535;
 
 /// Gaussians that one dispatch projects.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(super) struct ScenePart {
     /// Number of workgroups, at one thread per Gaussian.
     pub(super) groups: u32,
-    /// `Part` of the shaders.
+    /// `ScenePart` of the shaders.
     pub(super) counts: Buffer,
     pub(super) means: Buffer,
     pub(super) axes: Buffer,
@@ -30,23 +30,23 @@ const AXES: u64 = 36;
 const HARMONIC: u64 = 12;
 
 /// Uploads a scene. Activations are applied here, once, with the code of the CPU renderer.
-pub(super) fn upload_scene(scene: &Gaussians, device: &Device) -> Result<Vec<Part>, GpuError> {
-    let activated: Vec<Activated> =
+pub(super) fn upload_scene(scene: &Gaussians, device: &GpuDevice) -> Result<Vec<ScenePart>, GpuError> {
+    let activated: Vec<ActivatedGaussian> =
         (0..scene.len()).into_par_iter().map(|i| activate::activate_one(scene, i)).collect();
     let each = (HARMONIC * scene.sh_len() as u64).max(AXES).max(MEAN);
     let most = (device.limit / each).min(u64::from(MOST_GROUPS * GROUP)).max(1) as usize;
     (0..scene.len())
         .step_by(most)
-        .map(|first| Part::new(scene, &activated, first..scene.len().min(first + most), device))
+        .map(|first| ScenePart::new(scene, &activated, first..scene.len().min(first + most), device))
         .collect()
 }
 
-impl Part {
+impl ScenePart {
     fn new(
         scene: &Gaussians,
-        activated: &[Activated],
+        activated: &[ActivatedGaussian],
         range: std::ops::Range<usize>,
-        device: &Device,
+        device: &GpuDevice,
     ) -> Result<Self, GpuError> {
         let (count, n) = (range.len() as u64, scene.sh_len());
         let [means, axes, harmonics] = [MEAN, AXES, HARMONIC * n as u64].map(|each| each * count);
@@ -80,7 +80,7 @@ impl Part {
 
 /// Position and opacity. NaN is not portable in WGSL, so special opacities mark values that are not
 /// finite.
-fn mean_row(position: [f32; 3], activated: &Activated) -> [f32; 4] {
+fn mean_row(position: [f32; 3], activated: &ActivatedGaussian) -> [f32; 4] {
     let [x, y, z] = position;
     match (position.iter().all(|v| v.is_finite()), activated.axes[0][0].is_nan()) {
         (false, _) => [0.0, 0.0, 0.0, LOST],
@@ -89,13 +89,13 @@ fn mean_row(position: [f32; 3], activated: &Activated) -> [f32; 4] {
     }
 }
 
-fn axes_of(activated: &Activated) -> [f32; 9] {
+fn axes_of(activated: &ActivatedGaussian) -> [f32; 9] {
     let [[a, b, c], [d, e, f], [g, h, i]] = activated.axes;
     if a.is_nan() { [0.0; 9] } else { [a, b, c, d, e, f, g, h, i] }
 }
 
 /// Uploads rows in chunks of some MiB.
-fn write_rows<const N: usize>(device: &Device, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
+fn write_rows<const N: usize>(device: &GpuDevice, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
     const ENOUGH: usize = 4 << 20;
     let (mut bytes, mut at) = (Vec::with_capacity(ENOUGH + 4 * N), 0);
     for row in rows {

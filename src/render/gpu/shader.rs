@@ -5,7 +5,7 @@ use super::super::shared::{
     EXTENT_SIGMAS, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, MAX_ALPHA, NEAR, STOP, TILE, least_alpha,
 };
 use crate::image::LUMINANCE_WEIGHTS;
-use crate::render::{Channels, Rules, Style};
+use crate::render::{ChannelSet, RenderRules, RenderStyle};
 use crate::scene::sh;
 use std::f64::consts::LOG2_E;
 use std::fmt::{Display, Write as _};
@@ -69,7 +69,7 @@ impl Dispatch {
 
 /// Place of each image, in floats per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct ImageLayout {
     pub(super) rgb: Option<u32>,
     pub(super) grey: Option<u32>,
     pub(super) alpha: Option<u32>,
@@ -80,9 +80,9 @@ pub(super) struct Layout {
     pub(super) floats: u32,
 }
 
-impl Layout {
+impl ImageLayout {
     /// The layout for these channels. Flow is computed from depth.
-    pub(super) fn new(want: Channels) -> Self {
+    pub(super) fn new(want: ChannelSet) -> Self {
         let mut floats = 0;
         let mut next = |wanted: bool, n: u32| {
             let at = floats;
@@ -106,7 +106,7 @@ pub(super) fn splat_rows(rate: bool) -> u32 {
 
 /// One of the shaders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shader {
+pub(super) enum ShaderKind {
     Project,
     Scan,
     Bin,
@@ -116,13 +116,13 @@ pub(super) enum Shader {
 
 /// Properties of the shaders that depend on scene and frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Variant {
-    pub(super) style: Style,
+pub(super) struct ShaderVariant {
+    pub(super) style: RenderStyle,
     pub(super) sh_degree: u8,
-    pub(super) layout: Layout,
+    pub(super) layout: ImageLayout,
 }
 
-impl Shader {
+impl ShaderKind {
     /// All shaders.
     #[cfg(test)]
     pub(super) const ALL: [Self; 5] = [Self::Project, Self::Scan, Self::Bin, Self::Sort, Self::Raster];
@@ -139,7 +139,7 @@ impl Shader {
     }
 
     /// Complete text of the shader.
-    pub(super) fn text(self, variant: &Variant) -> String {
+    pub(super) fn text(self, variant: &ShaderVariant) -> String {
         const FRAME: &str = include_str!("frame.wgsl");
         const SPLAT: &str = include_str!("splat.wgsl");
         let parts: &[&str] = match self {
@@ -160,7 +160,7 @@ impl Shader {
 }
 
 /// Constants for all shaders.
-fn shader_prelude(variant: &Variant) -> String {
+fn shader_prelude(variant: &ShaderVariant) -> String {
     let mut text = String::new();
     let rules = variant.style.rules;
     let rate = variant.layout.rate.is_some();
@@ -170,7 +170,7 @@ fn shader_prelude(variant: &Variant) -> String {
     for (name, value) in count_words(variant) {
         write_constant(&mut text, name, "u32", format_args!("{value}u"));
     }
-    let stop = if rules == Rules::Gsplat { STOP.next_up() } else { STOP };
+    let stop = if rules == RenderRules::Gsplat { STOP.next_up() } else { STOP };
     for (name, value) in FLOATS.iter().chain(&[("LEAST_ALPHA", least_alpha(rules)), ("STOP", stop)]) {
         write_constant(&mut text, name, "f32", float_literal(f64::from(*value)));
     }
@@ -212,7 +212,7 @@ const FLOATS: [(&str, f32); 18] = [
 ];
 
 #[expect(clippy::cast_possible_truncation, reason = "an edge of a tile is small")]
-fn count_words(variant: &Variant) -> Vec<(&'static str, u32)> {
+fn count_words(variant: &ShaderVariant) -> Vec<(&'static str, u32)> {
     let layout = variant.layout;
     let at = |offset: Option<u32>| offset.unwrap_or(u32::MAX);
     vec![
@@ -223,9 +223,9 @@ fn count_words(variant: &Variant) -> Vec<(&'static str, u32)> {
         ("BATCH", BATCH),
         ("SPLAT_ROWS", splat_rows(layout.rate.is_some())),
         ("SH_LEN", (u32::from(variant.sh_degree) + 1).pow(2)),
-        ("OFFICIAL", Rules::Official as u32),
-        ("GSPLAT", Rules::Gsplat as u32),
-        ("SOFT", Rules::Soft as u32),
+        ("OFFICIAL", RenderRules::Official as u32),
+        ("GSPLAT", RenderRules::Gsplat as u32),
+        ("SOFT", RenderRules::Soft as u32),
         ("RULES", variant.style.rules as u32),
         ("ABSENT", u32::MAX),
         ("RGB_AT", at(layout.rgb)),
@@ -265,10 +265,10 @@ fn float_literal(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::Layering;
+    use crate::render::LayerOrder;
     use wgpu::naga;
 
-    fn validate(shader: Shader, variant: &Variant) {
+    fn validate(shader: ShaderKind, variant: &ShaderVariant) {
         let text = shader.text(variant);
         let module = naga::front::wgsl::parse_str(&text)
             .unwrap_or_else(|e| panic!("{}: {}", shader.name(), e.emit_to_string(&text)));
@@ -287,14 +287,19 @@ mod tests {
 
     #[test]
     fn every_shader_is_valid_within_portable_limits() {
-        for rules in [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft] {
+        for rules in [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft] {
             for (antialiased, rate) in [(false, false), (true, true)] {
                 for sh_degree in 0..=sh::MAX_DEGREE {
-                    let want =
-                        Channels { rgb: !rate, luminance: rate, luminance_rate: rate, ..Channels::default() };
-                    let style = Style { rules, order: Layering::Depth, antialiased, background: [0.0; 3] };
-                    let variant = Variant { style, sh_degree, layout: Layout::new(want) };
-                    Shader::ALL.iter().for_each(|shader| validate(*shader, &variant));
+                    let want = ChannelSet {
+                        rgb: !rate,
+                        luminance: rate,
+                        luminance_rate: rate,
+                        ..ChannelSet::default()
+                    };
+                    let style =
+                        RenderStyle { rules, order: LayerOrder::Depth, antialiased, background: [0.0; 3] };
+                    let variant = ShaderVariant { style, sh_degree, layout: ImageLayout::new(want) };
+                    ShaderKind::ALL.iter().for_each(|shader| validate(*shader, &variant));
                 }
             }
         }
@@ -302,11 +307,16 @@ mod tests {
 
     #[test]
     fn images_lie_one_after_another() {
-        let all =
-            Channels { rgb: true, luminance: true, flow: true, luminance_rate: true, ..Channels::default() };
-        let layout = Layout::new(all);
+        let all = ChannelSet {
+            rgb: true,
+            luminance: true,
+            flow: true,
+            luminance_rate: true,
+            ..ChannelSet::default()
+        };
+        let layout = ImageLayout::new(all);
         assert_eq!([layout.rgb, layout.grey, layout.depth, layout.rate], [0, 3, 4, 5].map(Some));
         assert_eq!((layout.alpha, layout.floats), (None, 6));
-        assert_eq!(Layout::new(Channels::default()).floats, 0);
+        assert_eq!(ImageLayout::new(ChannelSet::default()).floats, 0);
     }
 }

@@ -1,19 +1,19 @@
 //! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
-use crate::render::dual::{Real, cross_product, dot_product};
+use crate::render::dual::{RealNumber, cross_product, dot_product};
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
     FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
 };
-use crate::render::{Rules, Style, View};
+use crate::render::{CameraView, RenderRules, RenderStyle};
 use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DQuat, DVec3};
 use std::ops::Range;
 
 /// A Gaussian on the image plane.
 #[derive(Debug, Clone)]
-pub(super) struct Layer {
+pub(super) struct ReferenceLayer {
     /// Index in the scene, and the depth by which layers are sorted.
     pub(super) order: (u32, usize),
     pub(super) mean: [D; 2],
@@ -22,9 +22,9 @@ pub(super) struct Layer {
     pub(super) opacity: D,
     pub(super) colour: [D; 3],
     pub(super) depth: D,
-    /// Whether the Gaussian is too deep for its distance.
+    /// True if the Gaussian is too deep for its distance.
     pub(super) doubtful: bool,
-    /// Whether the Gaussian is far too deep for its distance.
+    /// True if the Gaussian is far too deep for its distance.
     pub(super) invalid: bool,
     /// Pixels that it may touch under the rules.
     pub(super) columns: Range<usize>,
@@ -33,32 +33,32 @@ pub(super) struct Layer {
 
 /// The reason why a Gaussian makes no layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Culled {
+pub(super) enum CullReason {
     Behind,
     Degenerate,
     Outside,
 }
 
 /// A view, prepared for the projection of many Gaussians.
-pub(super) struct Eye<'a> {
-    view: &'a View,
+pub(super) struct ReferenceView<'a> {
+    view: &'a CameraView,
     camera_from_world: DMat3,
     origin: DVec3,
-    style: Style,
+    style: RenderStyle,
 }
 
-impl<'a> Eye<'a> {
-    pub(super) fn new(view: &'a View, style: Style, scene_origin: DVec3) -> Self {
+impl<'a> ReferenceView<'a> {
+    pub(super) fn new(view: &'a CameraView, style: RenderStyle, scene_origin: DVec3) -> Self {
         let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
         Self { view, camera_from_world, origin: scene_origin - view.world_from_camera.translation, style }
     }
 
     /// The layer of Gaussian `i`, or the reason why it makes none.
-    pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Result<Layer, Culled> {
+    pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Result<ReferenceLayer, CullReason> {
         let from_camera = self.origin + DVec3::from_array(scene.positions[i].map(f64::from));
         let [x, y, z] = self.moving(self.camera_from_world * from_camera, self.view.velocity.linear);
         if !self.in_depth(z.value) {
-            return Err(Culled::Behind);
+            return Err(CullReason::Behind);
         }
         let (u, v) = (x / z, y / z);
         let camera = self.view.camera;
@@ -71,18 +71,18 @@ impl<'a> Eye<'a> {
         // All back ends leave out what overflows in f32.
         let in_range = (shape.det.value as f32).is_finite() && shape.det.value > 0.0;
         if !(is_finite(scene, i) && in_range && mean.iter().all(|m| m.value.is_finite())) {
-            return Err(Culled::Degenerate);
+            return Err(CullReason::Degenerate);
         }
         // Under the published rules too, no pixel of it would be blended.
         if opacity.value < least_alpha(self.style.rules) {
-            return Err(Culled::Outside);
+            return Err(CullReason::Outside);
         }
         let [columns, rows] = self.extent(mean.map(|m| m.value), &shape, opacity.value);
         if columns.is_empty() || rows.is_empty() {
-            return Err(Culled::Outside);
+            return Err(CullReason::Outside);
         }
         let deep = self.depth_deviation(scene, i) / z.value;
-        Ok(Layer {
+        Ok(ReferenceLayer {
             order: ((z.value as f32).to_bits(), i),
             mean,
             w: shape.weights(),
@@ -104,8 +104,8 @@ impl<'a> Eye<'a> {
 
     fn in_depth(&self, z: f64) -> bool {
         match self.style.rules {
-            Rules::Gsplat => (f64::from(GSPLAT_NEAR)..=f64::from(GSPLAT_FAR)).contains(&z),
-            Rules::Official | Rules::Exact | Rules::Soft => z > f64::from(NEAR),
+            RenderRules::Gsplat => (f64::from(GSPLAT_NEAR)..=f64::from(GSPLAT_FAR)).contains(&z),
+            RenderRules::Official | RenderRules::Exact | RenderRules::Soft => z > f64::from(NEAR),
         }
     }
 
@@ -114,7 +114,7 @@ impl<'a> Eye<'a> {
         self.axes(scene, i).map(|axis| axis[2].value).map(|v| v * v).iter().sum::<f64>().sqrt()
     }
 
-    fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> Shape {
+    fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> ImageCovariance {
         let axes = self.axes(scene, i);
         let camera = self.view.camera;
         let [uc, vc] = self.clamped([u, v]);
@@ -126,7 +126,7 @@ impl<'a> Eye<'a> {
         let (aa, cc, det0) = (dot_product(a0, a0), dot_product(a1, a1), dot_product(n, n));
         let d = D::constant(f64::from(DILATION));
         let (a, b, c) = (aa + d, dot_product(a0, a1), cc + d);
-        Shape { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
+        ImageCovariance { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
     }
 
     /// The scaled axes of a Gaussian, in camera axes.
@@ -145,18 +145,18 @@ impl<'a> Eye<'a> {
             let edge = f64::from(edge);
             let slack = FRUSTUM_SLACK * edge / (2.0 * focal);
             match self.style.rules {
-                Rules::Gsplat => {
+                RenderRules::Gsplat => {
                     let more = GSPLAT_SLACK * edge / focal;
                     slope.clamp(-(centre / focal + more), (edge - centre) / focal + more)
                 }
-                Rules::Official | Rules::Exact | Rules::Soft => slope.clamp(-slack, slack),
+                RenderRules::Official | RenderRules::Exact | RenderRules::Soft => slope.clamp(-slack, slack),
             }
         };
         let size = camera.size;
         [side(u, size.width, camera.fx, camera.cx), side(v, size.height, camera.fy, camera.cy)]
     }
 
-    fn opacity(&self, logit: f32, shape: &Shape) -> D {
+    fn opacity(&self, logit: f32, shape: &ImageCovariance) -> D {
         let opacity = D::constant(1.0 / (1.0 + libm::exp(-f64::from(logit))));
         if !self.style.antialiased {
             return opacity;
@@ -174,7 +174,7 @@ impl<'a> Eye<'a> {
 
     /// Columns and rows that a Gaussian may touch under the rules, without those where it is below
     /// the smallest opacity.
-    fn extent(&self, mean: [f64; 2], shape: &Shape, opacity: f64) -> [Range<usize>; 2] {
+    fn extent(&self, mean: [f64; 2], shape: &ImageCovariance, opacity: f64) -> [Range<usize>; 2] {
         let size = [self.view.camera.size.width, self.view.camera.size.height].map(f64::from);
         let (a, c) = (shape.a.value, shape.c.value);
         let least = least_alpha(self.style.rules);
@@ -185,18 +185,18 @@ impl<'a> Eye<'a> {
             let half = reach * variance.sqrt() * (1.0 + 1e-9) + 1e-9;
             let [low, high] = [(mean[k] - half - 0.5).ceil(), (mean[k] + half + 0.5).floor()];
             let [first, end] = match self.style.rules {
-                Rules::Official => {
+                RenderRules::Official => {
                     let mid = 0.5 * (a + c);
                     let root = (mid * mid - shape.det.value).max(f64::from(EXTENT_ROOT_FLOOR)).sqrt();
                     let radius = (f64::from(EXTENT_SIGMAS) * (mid + root).sqrt()).ceil();
                     let index = mean[k] - 0.5;
                     [(index - radius) / tile, (index + radius + tile - 1.0) / tile].map(|t| t.trunc() * tile)
                 }
-                Rules::Gsplat => {
+                RenderRules::Gsplat => {
                     let radius = (reach.min(f64::from(GSPLAT_SIGMAS)) * variance.sqrt()).ceil();
                     [((mean[k] - radius) / tile).floor() * tile, ((mean[k] + radius) / tile).ceil() * tile]
                 }
-                Rules::Exact | Rules::Soft => [low, high],
+                RenderRules::Exact | RenderRules::Soft => [low, high],
             };
             touched_range(first.max(low), end.min(high), size[k])
         };
@@ -205,7 +205,7 @@ impl<'a> Eye<'a> {
 }
 
 /// A dilated covariance on the image, px^2.
-struct Shape {
+struct ImageCovariance {
     a: D,
     b: D,
     c: D,
@@ -213,7 +213,7 @@ struct Shape {
     det: D,
 }
 
-impl Shape {
+impl ImageCovariance {
     fn weights(&self) -> [D; 3] {
         let root = self.c.sqrt();
         [(self.c / self.det).sqrt(), -(self.b / root / self.det.sqrt()), D::constant(1.0) / root]
@@ -221,10 +221,10 @@ impl Shape {
 }
 
 /// Opacity below which a layer is skipped, in f64.
-pub(super) fn least_alpha(rules: Rules) -> f64 {
+pub(super) fn least_alpha(rules: RenderRules) -> f64 {
     match rules {
-        Rules::Official | Rules::Exact | Rules::Gsplat => 1.0 / 255.0,
-        Rules::Soft => 0.5 / 255.0,
+        RenderRules::Official | RenderRules::Exact | RenderRules::Gsplat => 1.0 / 255.0,
+        RenderRules::Soft => 0.5 / 255.0,
     }
 }
 

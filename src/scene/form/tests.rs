@@ -1,7 +1,7 @@
 //! What is written is read back as near as the form allows, and a second time unchanged.
 
 use super::*;
-use crate::scene::{Screening, read_by_content};
+use crate::scene::{SceneScreening, read_by_content};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -41,22 +41,26 @@ fn scenes(extent: f64) -> impl Strategy<Value = Gaussians> {
                 sh,
                 sh_degree: degree,
                 antialiased,
-                screening: Screening { read: n as u64, ..Screening::default() },
+                screening: SceneScreening { read: n as u64, ..SceneScreening::default() },
             }
         })
     })
 }
 
-fn read(form: Form, bytes: &[u8]) -> Gaussians {
-    if form == Form::Splat { splat::read_splat(bytes).unwrap() } else { read_by_content(bytes).unwrap() }
+fn read(form: SceneFormat, bytes: &[u8]) -> Gaussians {
+    if form == SceneFormat::Splat {
+        splat::read_splat(bytes).unwrap()
+    } else {
+        read_by_content(bytes).unwrap()
+    }
 }
 
-fn largest(losses: &[Loss], field: &str) -> f64 {
+fn largest(losses: &[FormatLoss], field: &str) -> f64 {
     losses.iter().filter(|l| l.field == field).filter_map(|l| l.largest).fold(0.0, f64::max)
 }
 
 /// No number is farther off than half a step, and a hair of 32-bit rounding.
-fn check_steps(losses: &[Loss], steps: &[(&str, f64)]) -> Result<(), TestCaseError> {
+fn check_steps(losses: &[FormatLoss], steps: &[(&str, f64)]) -> Result<(), TestCaseError> {
     for (field, step) in steps {
         let off = largest(losses, field);
         prop_assert!(off <= step / 2.0 + 1e-5 * step.max(0.01), "{field}: {off}");
@@ -69,7 +73,7 @@ proptest! {
 
     #[test]
     fn spz_is_off_by_half_a_step_at_most(scene in scenes(20.0)) {
-        let (bytes, losses) = Form::Spz.write(&scene).unwrap();
+        let (bytes, losses) = SceneFormat::Spz.write(&scene).unwrap();
         let position = 2_f64.powi(-i32::from(spz::fractional_bits(&scene).unwrap()));
         // Opacity: the ends count as half a step. Colours: C0 of 1/255/0.15.
         let steps = [("positions", position), ("log scales", 0.0625), ("opacities", 1.0 / 255.0),
@@ -78,26 +82,26 @@ proptest! {
         // Three components are off by sqrt(1/2)/1022 each; the fourth, at least 1/2, by at most that times the sum of
         // the others over it, 3 at most: a chord of 12^(1/2) of it, and an angle of twice the chord.
         prop_assert!(largest(&losses, "rotations") < 2.0 * 12_f64.sqrt() * 0.000_692 + 1e-6);
-        let back = read(Form::Spz, &bytes);
+        let back = read(SceneFormat::Spz, &bytes);
         prop_assert_eq!(back.antialiased, Some(scene.antialiased == Some(true)));
         prop_assert!(losses.iter().all(|l| l.largest.is_some()), "{losses:?}");
-        let (again, losses) = Form::Spz.write(&back).unwrap();
+        let (again, losses) = SceneFormat::Spz.write(&back).unwrap();
         // What was read is written as it is, but where the two largest components of a rotation nearly tie: then the other
         // one is left out, and computed by the reader.
         prop_assert!(losses.iter().all(|l| l.field == "rotations" && l.largest < Some(1e-3)), "{losses:?}");
         if losses.is_empty() {
-            prop_assert_eq!(read(Form::Spz, &again), back);
+            prop_assert_eq!(read(SceneFormat::Spz, &again), back);
         }
     }
 
     #[test]
     fn splat_is_off_by_half_a_step_at_most(scene in scenes(20.0)) {
-        let (bytes, losses) = Form::Splat.write(&scene).unwrap();
+        let (bytes, losses) = SceneFormat::Splat.write(&scene).unwrap();
         // Positions: an ulp of 32 bits at 1,020 is 2^-13. Scales: exp and log of 32 bits, an ulp of 10 each.
         let steps = [("positions", 2_f64.powi(-13)), ("log scales", 4e-6), ("opacities", 1.0 / 255.0),
             ("colours", 1.0 / 255.0)];
         check_steps(&losses, &steps)?;
-        let back = read(Form::Splat, &bytes);
+        let back = read(SceneFormat::Splat, &bytes);
         prop_assert_eq!((back.len(), back.sh_degree, back.antialiased), (scene.len(), 0, None));
         // A component of 1 is cut to 127/128, a step; four components off by a step: a chord of 2/128, twice that.
         prop_assert!(largest(&losses, "rotations") < 4.0 / 128.0);
@@ -108,9 +112,9 @@ proptest! {
 
     #[test]
     fn ply_loses_nothing(scene in scenes(20.0)) {
-        let (bytes, losses) = Form::Ply.write(&scene).unwrap();
+        let (bytes, losses) = SceneFormat::Ply.write(&scene).unwrap();
         prop_assert_eq!(losses, []);
-        prop_assert_eq!(read(Form::Ply, &bytes).len(), scene.len());
+        prop_assert_eq!(read(SceneFormat::Ply, &bytes).len(), scene.len());
     }
 }
 
@@ -124,16 +128,16 @@ fn one(position: [f32; 3]) -> Gaussians {
         sh: vec![[0.0; 3], [0.5, -0.25, 3.0], [0.5; 3], [0.5; 3]],
         sh_degree: 1,
         antialiased: Some(true),
-        screening: Screening::default(),
+        screening: SceneScreening::default(),
     }
 }
 
 #[test]
 fn positions_have_as_many_bits_as_fit() {
     let t = |x: f32, bits: u8| {
-        let (bytes, losses) = Form::Spz.write(&one([0.0, x, 0.0])).unwrap();
+        let (bytes, losses) = SceneFormat::Spz.write(&one([0.0, x, 0.0])).unwrap();
         assert_eq!(spz::fractional_bits(&one([0.0, x, 0.0])).unwrap(), bits, "{x}");
-        let back = read(Form::Spz, &bytes).positions[0][1];
+        let back = read(SceneFormat::Spz, &bytes).positions[0][1];
         assert!((back - x).abs() <= 0.5 / (1_u32 << bits) as f32, "{x}: {back}");
         assert_eq!((back + 0.0).to_bits() == x.to_bits(), largest(&losses, "positions") == 0.0, "{x}");
     };
@@ -143,17 +147,18 @@ fn positions_have_as_many_bits_as_fit() {
     t(2_047.999_8, 12);
     t(-2048.0, 11);
     t(8_388_607.0, 0);
-    let error = Form::Spz.write(&one([8_388_608.0, 0.0, 0.0])).unwrap_err().to_string();
+    let error = SceneFormat::Spz.write(&one([8_388_608.0, 0.0, 0.0])).unwrap_err().to_string();
     assert_eq!(error, "write .spz: found a coordinate of 8.388608e6, wanted less than 2^23");
-    let error = Form::Splat.write(&Gaussians { log_scales: vec![[100.0; 3]], ..one([0.0; 3]) }).unwrap_err();
+    let error =
+        SceneFormat::Splat.write(&Gaussians { log_scales: vec![[100.0; 3]], ..one([0.0; 3]) }).unwrap_err();
     assert!(error.to_string().contains("1 Gaussians have a position or a scale beyond"), "{error}");
 }
 
 /// What is out of range goes to the nearest end, and is told.
 #[test]
 fn losses_are_named_with_their_size() {
-    let (bytes, losses) = Form::Spz.write(&one([1.0; 3])).unwrap();
-    let back = read(Form::Spz, &bytes);
+    let (bytes, losses) = SceneFormat::Spz.write(&one([1.0; 3])).unwrap();
+    let back = read(SceneFormat::Spz, &bytes);
     assert_eq!(back.log_scales, [[-4.0, 5.9375, -10.0]]);
     // A function that is odd in y turns its sign on the way, and 1 lies beyond 127/128.
     assert_eq!(back.sh[1..], [[0.5, -0.25, 1.0], [0.5; 3], [0.5; 3]]);
@@ -164,7 +169,7 @@ fn losses_are_named_with_their_size() {
     let fields: Vec<&str> = told.iter().map(|(field, _)| *field).collect();
     assert_eq!(fields, ["log scales", "opacities", "colours", "harmonics"]);
     assert_eq!(told[3].1, "rounded to steps of 1/128 within 127/128, at most 2.00e0 off");
-    let (_, losses) = Form::Splat.write(&one([1.0; 3])).unwrap();
+    let (_, losses) = SceneFormat::Splat.write(&one([1.0; 3])).unwrap();
     let dropped: Vec<&str> = losses.iter().filter(|l| l.largest.is_none()).map(|l| l.what.as_str()).collect();
     assert_eq!(dropped, ["dropped above degree 0, which was 1", "dropped: a reader has to be told"]);
 }

@@ -1,41 +1,41 @@
 //! The body of a `.ply` file: rows of vertices, and numbers in a row.
 
-use super::header::{Element, Encoding, Header, Kind, Number};
-use crate::budget::Budget;
+use super::header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
+use crate::budget::ByteBudget;
 use crate::scene::SceneError;
-use crate::scene::cursor::Cursor;
+use crate::scene::cursor::ByteCursor;
 
 /// One property of the vertices, with the place of its number in a row.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Column {
+pub(super) struct VertexColumn {
     offset: usize,
-    number: Real,
+    number: RealKind,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Real {
+enum RealKind {
     LittleF32,
     BigF32,
     LittleF64,
     BigF64,
 }
 
-impl Column {
+impl VertexColumn {
     /// The column of `property`: `None` if there is no such property, and an error if it is not
     /// float or double.
     pub(super) fn find_column(
-        element: &Element,
+        element: &PlyElement,
         property: &str,
-        encoding: Encoding,
-        at: &Cursor,
+        encoding: BodyEncoding,
+        at: &ByteCursor,
     ) -> Result<Option<Self>, SceneError> {
         let mut offset = 0;
         for p in &element.properties {
             let number = match (p.kind, encoding) {
-                (Kind::One(Number::F32), Encoding::BigEndian) => Some(Real::BigF32),
-                (Kind::One(Number::F64), Encoding::BigEndian) => Some(Real::BigF64),
-                (Kind::One(Number::F32), _) => Some(Real::LittleF32),
-                (Kind::One(Number::F64), _) => Some(Real::LittleF64),
+                (PropertyKind::One(NumberType::F32), BodyEncoding::BigEndian) => Some(RealKind::BigF32),
+                (PropertyKind::One(NumberType::F64), BodyEncoding::BigEndian) => Some(RealKind::BigF64),
+                (PropertyKind::One(NumberType::F32), _) => Some(RealKind::LittleF32),
+                (PropertyKind::One(NumberType::F64), _) => Some(RealKind::LittleF64),
                 _ => None,
             };
             if p.name == property {
@@ -43,7 +43,7 @@ impl Column {
                     || at.malformed(format!("property `{property}` as {:?}", p.kind), "float or double");
                 return number.ok_or_else(wrong).map(|number| Some(Self { offset, number }));
             }
-            if let Kind::One(number) = p.kind {
+            if let PropertyKind::One(number) = p.kind {
                 offset += number.size();
             }
         }
@@ -51,17 +51,17 @@ impl Column {
     }
 
     pub(super) fn is_double(self) -> bool {
-        matches!(self.number, Real::LittleF64 | Real::BigF64)
+        matches!(self.number, RealKind::LittleF64 | RealKind::BigF64)
     }
 
     /// The number in a row of the column's element. Widening is exact.
     #[inline]
     pub(super) fn get(self, row: &[u8]) -> f64 {
         match self.number {
-            Real::LittleF32 => f64::from(f32::from_le_bytes(field_bytes(row, self.offset))),
-            Real::BigF32 => f64::from(f32::from_be_bytes(field_bytes(row, self.offset))),
-            Real::LittleF64 => f64::from_le_bytes(field_bytes(row, self.offset)),
-            Real::BigF64 => f64::from_be_bytes(field_bytes(row, self.offset)),
+            RealKind::LittleF32 => f64::from(f32::from_le_bytes(field_bytes(row, self.offset))),
+            RealKind::BigF32 => f64::from(f32::from_be_bytes(field_bytes(row, self.offset))),
+            RealKind::LittleF64 => f64::from_le_bytes(field_bytes(row, self.offset)),
+            RealKind::BigF64 => f64::from_be_bytes(field_bytes(row, self.offset)),
         }
     }
 }
@@ -74,7 +74,7 @@ pub(super) fn field_bytes<const N: usize>(row: &[u8], offset: usize) -> [u8; N] 
 
 /// The rows of one element, in binary.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rows<'a> {
+pub(super) struct ElementRows<'a> {
     pub(super) bytes: &'a [u8],
     /// Where they begin.
     pub(super) offset: usize,
@@ -83,24 +83,28 @@ pub(super) struct Rows<'a> {
 /// The rows of the elements with these names, empty if absent. Every element of the file is
 /// visited, so that a file that ends too early or too late is reported.
 pub(super) fn element_rows<'a, const N: usize>(
-    header: &Header,
+    header: &PlyHeader,
     wanted: [&str; N],
-    cursor: &mut Cursor<'a>,
-) -> Result<[Rows<'a>; N], SceneError> {
-    let mut rows = [Rows { bytes: &[], offset: cursor.offset() }; N];
+    cursor: &mut ByteCursor<'a>,
+) -> Result<[ElementRows<'a>; N], SceneError> {
+    let mut rows = [ElementRows { bytes: &[], offset: cursor.offset() }; N];
     for element in &header.elements {
         let before = cursor.clone();
         skip_element(element, header.encoding, cursor)?;
         if let Some(k) = wanted.iter().position(|name| element.name == *name) {
             let len = cursor.offset() - before.offset();
-            rows[k] = Rows { bytes: &before.rest()[..len], offset: before.offset() };
+            rows[k] = ElementRows { bytes: &before.rest()[..len], offset: before.offset() };
         }
     }
     cursor.end()?;
     Ok(rows)
 }
 
-fn skip_element(element: &Element, encoding: Encoding, cursor: &mut Cursor) -> Result<(), SceneError> {
+fn skip_element(
+    element: &PlyElement,
+    encoding: BodyEncoding,
+    cursor: &mut ByteCursor,
+) -> Result<(), SceneError> {
     let what = format!("element `{}`", element.name);
     if let Some(stride) = element.stride() {
         let len = stride.saturating_mul(element.count);
@@ -109,8 +113,8 @@ fn skip_element(element: &Element, encoding: Encoding, cursor: &mut Cursor) -> R
     for _ in 0..element.count {
         for property in &element.properties {
             let len = match property.kind {
-                Kind::One(number) => number.size(),
-                Kind::List { length, item } => read_length(length, encoding, cursor)? * item.size(),
+                PropertyKind::One(number) => number.size(),
+                PropertyKind::List { length, item } => read_length(length, encoding, cursor)? * item.size(),
             };
             cursor.take(len, &what)?;
         }
@@ -119,18 +123,23 @@ fn skip_element(element: &Element, encoding: Encoding, cursor: &mut Cursor) -> R
 }
 
 /// The length before a list: an integer below 2^32.
-fn read_length(number: Number, encoding: Encoding, cursor: &mut Cursor) -> Result<usize, SceneError> {
+fn read_length(
+    number: NumberType,
+    encoding: BodyEncoding,
+    cursor: &mut ByteCursor,
+) -> Result<usize, SceneError> {
     let at = cursor.clone();
     let mut wide = [0; 4];
     let found = cursor.take(number.size(), "a list's length")?;
-    if matches!(number, Number::F32 | Number::F64) {
+    if matches!(number, NumberType::F32 | NumberType::F64) {
         return Err(at.malformed("a list whose length is no integer", "a length of an integer type"));
     }
     wide[..found.len()].copy_from_slice(found);
-    if encoding == Encoding::BigEndian {
+    if encoding == BodyEncoding::BigEndian {
         wide[..found.len()].reverse();
     }
-    let negative = matches!(number, Number::I8 | Number::I16 | Number::I32) && wide[found.len() - 1] >= 0x80;
+    let negative =
+        matches!(number, NumberType::I8 | NumberType::I16 | NumberType::I32) && wide[found.len() - 1] >= 0x80;
     if negative {
         return Err(at.malformed("a negative length", "a list's length"));
     }
@@ -139,15 +148,15 @@ fn read_length(number: Number, encoding: Encoding, cursor: &mut Cursor) -> Resul
 
 /// The body at `cursor` in binary: unchanged, or in `buffer` the conversion of an ascii body.
 pub(super) fn binary_body<'a>(
-    header: &Header,
-    mut cursor: Cursor<'a>,
+    header: &PlyHeader,
+    mut cursor: ByteCursor<'a>,
     buffer: &'a mut Vec<u8>,
-) -> Result<Cursor<'a>, SceneError> {
-    if header.encoding != Encoding::Ascii {
+) -> Result<ByteCursor<'a>, SceneError> {
+    if header.encoding != BodyEncoding::Ascii {
         return Ok(cursor);
     }
     // Short words stand for long numbers: what takes more than its budget is read twice, first to nothing.
-    let mut budget = Budget::of(cursor.rest().len());
+    let mut budget = ByteBudget::of(cursor.rest().len());
     if header
         .elements
         .iter()
@@ -156,21 +165,21 @@ pub(super) fn binary_body<'a>(
         binary_from_ascii(header, &mut cursor.clone(), &mut |_| ())?;
     }
     binary_from_ascii(header, &mut cursor, &mut |number| buffer.extend_from_slice(number))?;
-    Ok(Cursor::new(".ply (as binary)", buffer))
+    Ok(ByteCursor::new(".ply (as binary)", buffer))
 }
 
 /// Turns the words of an ascii body into the little-endian body that they stand for, number by number.
 fn binary_from_ascii(
-    header: &Header,
-    text: &mut Cursor,
+    header: &PlyHeader,
+    text: &mut ByteCursor,
     put: &mut dyn FnMut(&[u8]),
 ) -> Result<(), SceneError> {
     for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
         for _ in 0..element.count {
             for property in &element.properties {
                 match property.kind {
-                    Kind::One(number) => transcode_word(text, number, put)?,
-                    Kind::List { .. } => {
+                    PropertyKind::One(number) => transcode_word(text, number, put)?,
+                    PropertyKind::List { .. } => {
                         return Err(text.unsupported("a list in an ascii file", "convert it to binary"));
                     }
                 }
@@ -181,14 +190,18 @@ fn binary_from_ascii(
     text.end()
 }
 
-fn skip_spaces(text: &mut Cursor) -> Result<(), SceneError> {
+fn skip_spaces(text: &mut ByteCursor) -> Result<(), SceneError> {
     let spaces = text.rest().len() - text.rest().trim_ascii_start().len();
     text.take(spaces, "spaces").map(|_| ())
 }
 
 /// Puts the number of the next word. A word counts only when something ends it, so that a file cut
 /// inside its last number is told.
-fn transcode_word(text: &mut Cursor, number: Number, put: &mut dyn FnMut(&[u8])) -> Result<(), SceneError> {
+fn transcode_word(
+    text: &mut ByteCursor,
+    number: NumberType,
+    put: &mut dyn FnMut(&[u8]),
+) -> Result<(), SceneError> {
     skip_spaces(text)?;
     let at = text.clone();
     let word = text.until(u8::is_ascii_whitespace, "a number and the space after it")?;
@@ -199,16 +212,16 @@ fn transcode_word(text: &mut Cursor, number: Number, put: &mut dyn FnMut(&[u8]))
     })
 }
 
-fn put_number(word: &str, number: Number, put: &mut dyn FnMut(&[u8])) -> Option<()> {
+fn put_number(word: &str, number: NumberType, put: &mut dyn FnMut(&[u8])) -> Option<()> {
     match number {
-        Number::I8 => put(&word.parse::<i8>().ok()?.to_le_bytes()),
-        Number::U8 => put(&word.parse::<u8>().ok()?.to_le_bytes()),
-        Number::I16 => put(&word.parse::<i16>().ok()?.to_le_bytes()),
-        Number::U16 => put(&word.parse::<u16>().ok()?.to_le_bytes()),
-        Number::I32 => put(&word.parse::<i32>().ok()?.to_le_bytes()),
-        Number::U32 => put(&word.parse::<u32>().ok()?.to_le_bytes()),
-        Number::F32 => put(&word.parse::<f32>().ok()?.to_le_bytes()),
-        Number::F64 => put(&word.parse::<f64>().ok()?.to_le_bytes()),
+        NumberType::I8 => put(&word.parse::<i8>().ok()?.to_le_bytes()),
+        NumberType::U8 => put(&word.parse::<u8>().ok()?.to_le_bytes()),
+        NumberType::I16 => put(&word.parse::<i16>().ok()?.to_le_bytes()),
+        NumberType::U16 => put(&word.parse::<u16>().ok()?.to_le_bytes()),
+        NumberType::I32 => put(&word.parse::<i32>().ok()?.to_le_bytes()),
+        NumberType::U32 => put(&word.parse::<u32>().ok()?.to_le_bytes()),
+        NumberType::F32 => put(&word.parse::<f32>().ok()?.to_le_bytes()),
+        NumberType::F64 => put(&word.parse::<f64>().ok()?.to_le_bytes()),
     }
     Some(())
 }

@@ -2,13 +2,13 @@
 //!
 //! Grammar: Greg Turk, "The PLY Polygon File Format", 1994.
 
-use super::notes::Notes;
+use super::notes::PlyNotes;
 use crate::scene::SceneError;
-use crate::scene::cursor::Cursor;
+use crate::scene::cursor::ByteCursor;
 
 /// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum BodyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -16,7 +16,7 @@ pub(super) enum Encoding {
 
 /// A property's number type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Number {
+pub(super) enum NumberType {
     I8,
     U8,
     I16,
@@ -27,7 +27,7 @@ pub(super) enum Number {
     F64,
 }
 
-impl Number {
+impl NumberType {
     /// Number of bytes of a value.
     pub(super) fn size(self) -> usize {
         match self {
@@ -55,32 +55,35 @@ impl Number {
 
 /// The type of a property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    One(Number),
-    List { length: Number, item: Number },
+pub(super) enum PropertyKind {
+    One(NumberType),
+    List { length: NumberType, item: NumberType },
 }
 
 #[derive(Debug, Clone)]
-pub(super) struct Property {
+pub(super) struct PlyProperty {
     pub(super) name: String,
-    pub(super) kind: Kind,
+    pub(super) kind: PropertyKind,
 }
 
 #[derive(Debug, Clone)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub(super) name: String,
     pub(super) count: usize,
-    pub(super) properties: Vec<Property>,
+    pub(super) properties: Vec<PlyProperty>,
 }
 
-impl Element {
+impl PlyElement {
     /// Number of bytes of a row, or `None` if rows contain a list and differ.
     pub(super) fn stride(&self) -> Option<usize> {
-        self.properties.iter().map(|p| if let Kind::One(n) = p.kind { Some(n.size()) } else { None }).sum()
+        self.properties
+            .iter()
+            .map(|p| if let PropertyKind::One(n) = p.kind { Some(n.size()) } else { None })
+            .sum()
     }
 
     /// Number of bytes of a row; an error if rows differ.
-    pub(super) fn flat_stride(&self, at: &Cursor) -> Result<usize, SceneError> {
+    pub(super) fn flat_stride(&self, at: &ByteCursor) -> Result<usize, SceneError> {
         let what = format!("a list among the properties of `{}`", self.name);
         self.stride().ok_or_else(|| at.unsupported(what, "remove that property"))
     }
@@ -95,22 +98,22 @@ impl Element {
 pub(super) const MAX_LEN: usize = 1 << 16;
 
 #[derive(Debug)]
-pub(super) struct Header {
-    pub(super) encoding: Encoding,
-    pub(super) elements: Vec<Element>,
+pub(super) struct PlyHeader {
+    pub(super) encoding: BodyEncoding,
+    pub(super) elements: Vec<PlyElement>,
     /// Prefix of our own comments.
-    pub(super) notes: Notes,
+    pub(super) notes: PlyNotes,
 }
 
-impl Header {
+impl PlyHeader {
     /// Reads the header, and leaves `cursor` at the body.
-    pub(super) fn read(cursor: &mut Cursor) -> Result<Self, SceneError> {
+    pub(super) fn read(cursor: &mut ByteCursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         if cursor.line("a header line")? != "ply" {
             return Err(at.malformed("another first line", "`ply`"));
         }
         let encoding = read_encoding(cursor)?;
-        let mut header = Self { encoding, elements: Vec::new(), notes: Notes::default() };
+        let mut header = Self { encoding, elements: Vec::new(), notes: PlyNotes::default() };
         loop {
             let at = cursor.clone();
             let line = cursor.line("a header line")?;
@@ -125,57 +128,58 @@ impl Header {
     }
 
     /// The element with this name.
-    pub(super) fn element(&self, name: &str, at: &Cursor) -> Result<&Element, SceneError> {
+    pub(super) fn element(&self, name: &str, at: &ByteCursor) -> Result<&PlyElement, SceneError> {
         let found = self.elements.iter().find(|e| e.name == name);
         found.ok_or_else(|| at.malformed(format!("no element `{name}`"), format!("an element `{name}`")))
     }
 
-    fn take_line(&mut self, line: &str, at: &Cursor) -> Result<(), SceneError> {
+    fn take_line(&mut self, line: &str, at: &ByteCursor) -> Result<(), SceneError> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
-            ["comment", Notes::MARK, ref note @ ..] => self.notes.read(note, at),
+            ["comment", PlyNotes::MARK, ref note @ ..] => self.notes.read(note, at),
             ["comment" | "obj_info", ..] | [] => Ok(()),
             ["element", name, count] => self.add_element(name, count, at),
             ["property", number, name] => {
-                let kind = Kind::One(parse_number(number, at)?);
+                let kind = PropertyKind::One(parse_number(number, at)?);
                 self.add_property(name, kind, at)
             }
             ["property", "list", length, item, name] => {
-                let kind = Kind::List { length: parse_number(length, at)?, item: parse_number(item, at)? };
+                let kind =
+                    PropertyKind::List { length: parse_number(length, at)?, item: parse_number(item, at)? };
                 self.add_property(name, kind, at)
             }
             _ => Err(at.malformed(format!("the line `{line}`"), "comment, element, property or end_header")),
         }
     }
 
-    fn add_element(&mut self, name: &str, count: &str, at: &Cursor) -> Result<(), SceneError> {
+    fn add_element(&mut self, name: &str, count: &str, at: &ByteCursor) -> Result<(), SceneError> {
         let count = count.parse().map_err(|_| at.malformed(format!("`{count}`"), "a count of rows"))?;
         if self.elements.iter().any(|e| e.name == name) {
             return Err(at.malformed(format!("a second element `{name}`"), "each element once"));
         }
-        self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+        self.elements.push(PlyElement { name: name.to_owned(), count, properties: Vec::new() });
         Ok(())
     }
 
-    fn add_property(&mut self, name: &str, kind: Kind, at: &Cursor) -> Result<(), SceneError> {
+    fn add_property(&mut self, name: &str, kind: PropertyKind, at: &ByteCursor) -> Result<(), SceneError> {
         let Some(element) = self.elements.last_mut() else {
             return Err(at.malformed(format!("property `{name}` of no element"), "an element first"));
         };
         if element.has(name) {
             return Err(at.malformed(format!("a second property `{name}`"), "each property once"));
         }
-        element.properties.push(Property { name: name.to_owned(), kind });
+        element.properties.push(PlyProperty { name: name.to_owned(), kind });
         Ok(())
     }
 }
 
-fn read_encoding(cursor: &mut Cursor) -> Result<Encoding, SceneError> {
+fn read_encoding(cursor: &mut ByteCursor) -> Result<BodyEncoding, SceneError> {
     let at = cursor.clone();
     let line = cursor.line("a header line")?;
     match line.split_ascii_whitespace().collect::<Vec<_>>()[..] {
-        ["format", "ascii", "1.0"] => Ok(Encoding::Ascii),
-        ["format", "binary_little_endian", "1.0"] => Ok(Encoding::LittleEndian),
-        ["format", "binary_big_endian", "1.0"] => Ok(Encoding::BigEndian),
+        ["format", "ascii", "1.0"] => Ok(BodyEncoding::Ascii),
+        ["format", "binary_little_endian", "1.0"] => Ok(BodyEncoding::LittleEndian),
+        ["format", "binary_big_endian", "1.0"] => Ok(BodyEncoding::BigEndian),
         _ => Err(at.malformed(
             format!("the line `{line}`"),
             "format ascii, binary_little_endian or binary_big_endian, version 1.0",
@@ -183,7 +187,7 @@ fn read_encoding(cursor: &mut Cursor) -> Result<Encoding, SceneError> {
     }
 }
 
-fn parse_number(name: &str, at: &Cursor) -> Result<Number, SceneError> {
-    Number::from_name(name)
+fn parse_number(name: &str, at: &ByteCursor) -> Result<NumberType, SceneError> {
+    NumberType::from_name(name)
         .ok_or_else(|| at.malformed(format!("the type `{name}`"), "a number type such as float or uchar"))
 }

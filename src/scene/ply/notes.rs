@@ -7,20 +7,20 @@
 //! comment gs2e origin 4.5e5 -1.25e3 0e0
 //! ```
 
-use crate::scene::cursor::Cursor;
-use crate::scene::{Gaussians, SceneError, Screening};
+use crate::scene::cursor::ByteCursor;
+use crate::scene::{Gaussians, SceneError, SceneScreening};
 use glam::DVec3;
 use std::fmt;
 
 /// The notes of one file; each may be absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Notes {
+pub(super) struct PlyNotes {
     pub(super) antialiased: Option<bool>,
-    pub(super) screening: Option<Screening>,
+    pub(super) screening: Option<SceneScreening>,
     pub(super) origin: Option<DVec3>,
 }
 
-impl Notes {
+impl PlyNotes {
     /// First word of a comment with a note.
     pub(super) const MARK: &str = "gs2e";
 
@@ -34,7 +34,7 @@ impl Notes {
     }
 
     /// Parses the words of a note after the prefix.
-    pub(super) fn read(&mut self, words: &[&str], at: &Cursor) -> Result<(), SceneError> {
+    pub(super) fn read(&mut self, words: &[&str], at: &ByteCursor) -> Result<(), SceneError> {
         let known = match *words {
             ["antialiased", flag] => flag.parse().is_ok_and(|flag| {
                 self.antialiased = Some(flag);
@@ -60,8 +60,8 @@ impl Notes {
     }
 }
 
-fn parse_screening([read, non_finite, zero]: [&str; 3]) -> Option<Screening> {
-    Some(Screening {
+fn parse_screening([read, non_finite, zero]: [&str; 3]) -> Option<SceneScreening> {
+    Some(SceneScreening {
         read: read.parse().ok()?,
         non_finite: non_finite.parse().ok()?,
         zero_quaternions: zero.parse().ok()?,
@@ -74,12 +74,12 @@ fn parse_origin([x, y, z]: [&str; 3]) -> Option<DVec3> {
 }
 
 /// The notes as header lines. `{:e}` prints the shortest digits that parse to the same number.
-impl fmt::Display for Notes {
+impl fmt::Display for PlyNotes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(flag) = self.antialiased {
             writeln!(f, "comment {} antialiased {flag}", Self::MARK)?;
         }
-        if let Some(Screening { read, non_finite, zero_quaternions }) = self.screening {
+        if let Some(SceneScreening { read, non_finite, zero_quaternions }) = self.screening {
             writeln!(
                 f,
                 "comment {} screening read {read} non_finite {non_finite} zero_quaternions {zero_quaternions}",

@@ -5,11 +5,11 @@
 //! words, and the optional element `sh` has `f_rest_*` channel by channel. Axes are those of plain
 //! files.
 
-use super::body::{self, Rows, field_bytes};
+use super::body::{self, ElementRows, field_bytes};
 use super::degree_of;
-use super::header::{Element, Encoding, Header, Kind, Number};
-use crate::scene::collector::{Collector, Gaussian};
-use crate::scene::cursor::Cursor;
+use super::header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
+use crate::scene::collector::{Gaussian, GaussianCollector};
+use crate::scene::cursor::ByteCursor;
 use crate::scene::opacity::logit_of_byte;
 use crate::scene::{Gaussians, SceneError, sh};
 use glam::DVec3;
@@ -18,12 +18,12 @@ use std::f64::consts::SQRT_2;
 /// Number of Gaussians in a chunk.
 const CHUNK: usize = 256;
 
-/// Whether a file with these vertices is compressed.
-pub(super) fn is_packed(vertices: &Element) -> bool {
+/// Returns true if a file with these vertices is compressed.
+pub(super) fn is_packed(vertices: &PlyElement) -> bool {
     vertices.has(WORDS[0])
 }
 
-/// Whether the vertices' property with this name is read.
+/// Returns true if the vertices' property with this name is read.
 pub(super) fn knows_property(name: &str) -> bool {
     WORDS.contains(&name)
 }
@@ -32,14 +32,14 @@ pub(super) fn knows_property(name: &str) -> bool {
 const WORDS: [&str; 4] = ["packed_position", "packed_scale", "packed_rotation", "packed_color"];
 
 /// Reads the body of a compressed file.
-pub(super) fn read_packed(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneError> {
-    let layout = Layout::find_layout(header, &cursor)?;
+pub(super) fn read_packed(header: &PlyHeader, cursor: ByteCursor) -> Result<Gaussians, SceneError> {
+    let layout = PackedLayout::find_layout(header, &cursor)?;
     let mut buffer = Vec::new();
     let mut cursor = body::binary_body(header, cursor, &mut buffer)?;
     let [chunks, vertices, harmonics] = body::element_rows(header, ["chunk", "vertex", "sh"], &mut cursor)?;
     let chunks = layout.chunks(chunks, &cursor)?;
     let rest_len = sh::function_count(layout.sh_degree) - 1;
-    let mut collector = Collector::new(layout.sh_degree, layout.vertices.count)?;
+    let mut collector = GaussianCollector::new(layout.sh_degree, layout.vertices.count)?;
     let mut coefficients = vec![[0.0; 3]; rest_len + 1];
     for i in 0..layout.vertices.count {
         let word = |k: usize| layout.vertices.u32(vertices, i, layout.words[k]);
@@ -64,21 +64,21 @@ pub(super) fn read_packed(header: &Header, cursor: Cursor) -> Result<Gaussians, 
 }
 
 /// Places of the numbers of the three elements.
-struct Layout {
-    chunks: Table,
+struct PackedLayout {
+    chunks: PackedTable,
     /// Minima and maxima of positions, log scales and, if present, colours.
     bounds: Vec<usize>,
-    vertices: Table,
+    vertices: PackedTable,
     /// Position, scale, rotation, colour.
     words: [usize; 4],
-    harmonics: Table,
+    harmonics: PackedTable,
     /// `f_rest_*` in file order.
     rest: Vec<usize>,
     sh_degree: u8,
 }
 
-impl Layout {
-    fn find_layout(header: &Header, at: &Cursor) -> Result<Self, SceneError> {
+impl PackedLayout {
+    fn find_layout(header: &PlyHeader, at: &ByteCursor) -> Result<Self, SceneError> {
         let [chunk, vertex] = [header.element("chunk", at)?, header.element("vertex", at)?];
         let harmonics = header.elements.iter().find(|e| e.name == "sh");
         let count = vertex.count;
@@ -86,23 +86,23 @@ impl Layout {
         harmonics.map_or(Ok(()), |sh| check_rows(sh, count, at))?;
         let rest_len =
             harmonics.map_or(0, |sh| sh.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count());
-        let word = |name: &str| property_offset(vertex, name, Number::U32, at);
+        let word = |name: &str| property_offset(vertex, name, NumberType::U32, at);
         let rest = harmonics.map_or(Ok(Vec::new()), |sh| {
-            (0..rest_len).map(|k| property_offset(sh, &format!("f_rest_{k}"), Number::U8, at)).collect()
+            (0..rest_len).map(|k| property_offset(sh, &format!("f_rest_{k}"), NumberType::U8, at)).collect()
         })?;
         Ok(Self {
-            chunks: Table::for_element(chunk, header.encoding, at)?,
+            chunks: PackedTable::for_element(chunk, header.encoding, at)?,
             bounds: bound_columns(chunk, at)?,
-            vertices: Table::for_element(vertex, header.encoding, at)?,
+            vertices: PackedTable::for_element(vertex, header.encoding, at)?,
             words: [word(WORDS[0])?, word(WORDS[1])?, word(WORDS[2])?, word(WORDS[3])?],
             harmonics: harmonics
-                .map_or(Ok(Table::default()), |sh| Table::for_element(sh, header.encoding, at))?,
+                .map_or(Ok(PackedTable::default()), |sh| PackedTable::for_element(sh, header.encoding, at))?,
             rest,
             sh_degree: degree_of(rest_len, at)?,
         })
     }
 
-    fn chunks(&self, rows: Rows, at: &Cursor) -> Result<Vec<Chunk>, SceneError> {
+    fn chunks(&self, rows: ElementRows, at: &ByteCursor) -> Result<Vec<PackedChunk>, SceneError> {
         (0..self.chunks.count)
             .map(|i| {
                 let mut bounds = [0.0; 18];
@@ -113,14 +113,14 @@ impl Layout {
                         return Err(at.at(place).malformed(format!("the bound {bound}"), "a finite number"));
                     }
                 }
-                Ok(Chunk::from_bounds(bounds, self.bounds.len() == bounds.len()))
+                Ok(PackedChunk::from_bounds(bounds, self.bounds.len() == bounds.len()))
             })
             .collect()
     }
 }
 
 /// The columns of a chunk's bounds. Those of colours are present together or not at all.
-fn bound_columns(chunk: &Element, at: &Cursor) -> Result<Vec<usize>, SceneError> {
+fn bound_columns(chunk: &PlyElement, at: &ByteCursor) -> Result<Vec<usize>, SceneError> {
     const NAMES: [&str; 18] = [
         "min_x",
         "min_y",
@@ -143,10 +143,10 @@ fn bound_columns(chunk: &Element, at: &Cursor) -> Result<Vec<usize>, SceneError>
     ];
     let coloured = NAMES[12..].iter().any(|name| chunk.has(name));
     let names = if coloured { &NAMES[..] } else { &NAMES[..12] };
-    names.iter().map(|name| property_offset(chunk, name, Number::F32, at)).collect()
+    names.iter().map(|name| property_offset(chunk, name, NumberType::F32, at)).collect()
 }
 
-fn check_rows(element: &Element, wanted: usize, at: &Cursor) -> Result<(), SceneError> {
+fn check_rows(element: &PlyElement, wanted: usize, at: &ByteCursor) -> Result<(), SceneError> {
     if element.count == wanted {
         return Ok(());
     }
@@ -156,10 +156,10 @@ fn check_rows(element: &Element, wanted: usize, at: &Cursor) -> Result<(), Scene
 
 /// Offset of `property` in a row, bytes.
 fn property_offset(
-    element: &Element,
+    element: &PlyElement,
     property: &str,
-    number: Number,
-    at: &Cursor,
+    number: NumberType,
+    at: &ByteCursor,
 ) -> Result<usize, SceneError> {
     let Some(i) = element.properties.iter().position(|p| p.name == property) else {
         let name = &element.name;
@@ -168,49 +168,53 @@ fn property_offset(
         );
     };
     let kind = element.properties[i].kind;
-    if kind != Kind::One(number) {
+    if kind != PropertyKind::One(number) {
         return Err(at.malformed(format!("property `{property}` as {kind:?}"), format!("{number:?}")));
     }
     let before = element.properties[..i].iter();
-    Ok(before.map(|p| if let Kind::One(number) = p.kind { number.size() } else { 0 }).sum())
+    Ok(before.map(|p| if let PropertyKind::One(number) = p.kind { number.size() } else { 0 }).sum())
 }
 
 /// Rows of equal length.
 #[derive(Debug, Clone, Copy, Default)]
-struct Table {
+struct PackedTable {
     count: usize,
     stride: usize,
     is_big_endian: bool,
 }
 
-impl Table {
-    fn for_element(element: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
+impl PackedTable {
+    fn for_element(
+        element: &PlyElement,
+        encoding: BodyEncoding,
+        at: &ByteCursor,
+    ) -> Result<Self, SceneError> {
         let stride = element.flat_stride(at)?;
-        Ok(Self { count: element.count, stride, is_big_endian: encoding == Encoding::BigEndian })
+        Ok(Self { count: element.count, stride, is_big_endian: encoding == BodyEncoding::BigEndian })
     }
 
-    fn u32(self, rows: Rows, row: usize, column: usize) -> u32 {
+    fn u32(self, rows: ElementRows, row: usize, column: usize) -> u32 {
         let word = field_bytes(rows.bytes, row * self.stride + column);
         if self.is_big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
     }
 
-    fn f32(self, rows: Rows, row: usize, column: usize) -> f32 {
+    fn f32(self, rows: ElementRows, row: usize, column: usize) -> f32 {
         f32::from_bits(self.u32(rows, row, column))
     }
 }
 
 /// The bounds of a chunk's Gaussians.
-struct Chunk {
-    position: Range,
-    log_scale: Range,
-    colour: Range,
+struct PackedChunk {
+    position: AxisBounds,
+    log_scale: AxisBounds,
+    colour: AxisBounds,
 }
 
-impl Chunk {
+impl PackedChunk {
     fn from_bounds(bounds: [f32; 18], coloured: bool) -> Self {
         let three = |k: usize| [bounds[k], bounds[k + 1], bounds[k + 2]];
-        let range = |k: usize| Range { min: three(k), max: three(k + 3) };
-        let colour = if coloured { range(12) } else { Range { min: [0.0; 3], max: [1.0; 3] } };
+        let range = |k: usize| AxisBounds { min: three(k), max: three(k + 3) };
+        let colour = if coloured { range(12) } else { AxisBounds { min: [0.0; 3], max: [1.0; 3] } };
         Self { position: range(0), log_scale: range(6), colour }
     }
 
@@ -223,12 +227,12 @@ impl Chunk {
 }
 
 /// Bounds along three axes.
-struct Range {
+struct AxisBounds {
     min: [f32; 3],
     max: [f32; 3],
 }
 
-impl Range {
+impl AxisBounds {
     fn lerp(&self, share: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| {
             let [min, max] = [self.min[k], self.max[k]].map(f64::from);

@@ -1,7 +1,7 @@
 //! The canonical `.ply` form of a scene.
 
 use super::position::to_absolute;
-use super::{notes::Notes, property_names};
+use super::{notes::PlyNotes, property_names};
 use crate::scene::Gaussians;
 use glam::DVec3;
 use std::fmt::Write as _;
@@ -28,7 +28,7 @@ pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
 
 fn header_text(scene: &Gaussians) -> String {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
-    let notes = Notes::for_scene(scene);
+    let notes = PlyNotes::for_scene(scene);
     let (count, position) = (scene.len(), if notes.origin.is_some() { "double" } else { "float" });
     let _ = writeln!(text, "{notes}element vertex {count}");
     for (i, name) in property_names(scene.sh_degree).iter().enumerate() {

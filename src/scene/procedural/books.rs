@@ -1,9 +1,10 @@
 //! A stack of books and, on top of it, an armillary sphere of brass.
 
 use super::object::{
-    Arrangement, Finish, Look, Part, ball_sheet, display_colour, revolved_sheet, table_point, turn_sine,
+    Look, ObjectPart, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet,
+    table_point, turn_sine,
 };
-use super::shape::{Sheet, Spot};
+use super::shape::{Sheet, SurfelSpot};
 use super::texture::{blend_colours, cloud_noise, mix_values, smooth_step, stripe_share, value_noise};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -11,9 +12,9 @@ use std::f64::consts::PI;
 /// Middle of the stack's foot.
 const STACK: DVec3 = DVec3::new(1.32, 0.0, 0.42);
 
-pub(super) fn add_books(seed: u64, into: &mut Arrangement) {
+pub(super) fn add_books(seed: u64, into: &mut TableArrangement) {
     let books = [
-        Book {
+        ClosedBook {
             bottom: 0.0,
             height: 0.15,
             size: [0.56, 0.40],
@@ -21,7 +22,7 @@ pub(super) fn add_books(seed: u64, into: &mut Arrangement) {
             cover: 0x23_4a3c,
             foil: 0xc9_a24a,
         },
-        Book {
+        ClosedBook {
             bottom: 0.15,
             height: 0.11,
             size: [0.50, 0.37],
@@ -29,7 +30,7 @@ pub(super) fn add_books(seed: u64, into: &mut Arrangement) {
             cover: 0x8a_2a22,
             foil: 0xe0_d2a8,
         },
-        Book {
+        ClosedBook {
             bottom: 0.26,
             height: 0.13,
             size: [0.44, 0.33],
@@ -50,7 +51,7 @@ pub(super) fn add_books(seed: u64, into: &mut Arrangement) {
 
 /// A closed book on its side, with its spine towards the viewer.
 #[derive(Debug, Clone, Copy)]
-struct Book {
+struct ClosedBook {
     bottom: f64,
     height: f64,
     /// Half the length of the spine, half the width of the cover.
@@ -61,7 +62,7 @@ struct Book {
     foil: u32,
 }
 
-impl Book {
+impl ClosedBook {
     /// The point at `a` along the spine and `b` across the cover (both -1 to 1), at a fraction of
     /// the height.
     fn point(self, a: f64, b: f64, height: f64) -> DVec3 {
@@ -70,9 +71,9 @@ impl Book {
         STACK + table_point(cos * x - sin * z, self.bottom + height * self.height, sin * x + cos * z)
     }
 
-    fn add(self, seed: u64, into: &mut Arrangement) {
+    fn add(self, seed: u64, into: &mut TableArrangement) {
         let mut side = |sheet: Sheet, look: Look| {
-            into.parts.push(Part::sheet("books", sheet, look).detail(1.9));
+            into.parts.push(ObjectPart::sheet("books", sheet, look).detail(1.9));
         };
         let (left_right, right_left) = (|u| mix_values(-1.0, 1.0, u), |u| mix_values(1.0, -1.0, u));
         side(Box::new(move |u, v| self.point(left_right(u), left_right(v), 1.0)), self.lid(seed));
@@ -83,7 +84,7 @@ impl Book {
         side(Box::new(move |u, v| self.point(right_left(u), 1.0, v)), page_look());
     }
 
-    fn leather(self, seed: u64, s: &Spot) -> DVec3 {
+    fn leather(self, seed: u64, s: &SurfelSpot) -> DVec3 {
         display_colour(self.cover) * mix_values(0.75, 1.2, cloud_noise(seed, 14.0 * s.u, 10.0 * s.v))
     }
 
@@ -92,7 +93,10 @@ impl Book {
         Box::new(move |s| {
             let edge = (s.u - 0.5).abs().max((s.v - 0.5).abs());
             let frame = smooth_step(0.40, 0.415, edge) * (1.0 - smooth_step(0.435, 0.45, edge));
-            Finish::glossy(blend_colours(self.leather(seed, s), display_colour(self.foil), frame), 0.12)
+            SurfaceFinish::glossy(
+                blend_colours(self.leather(seed, s), display_colour(self.foil), frame),
+                0.12,
+            )
         })
     }
 
@@ -103,7 +107,7 @@ impl Book {
             let title = line * smooth_step(0.34, 0.36, s.u) * (1.0 - smooth_step(0.64, 0.66, s.u));
             let letters = title * smooth_step(0.42, 0.5, value_noise(seed.wrapping_add(40), 60.0 * s.u, 2.0));
             let bands = stripe_share(s.u - 0.08, 0.21, 0.018, s.spacing[0] / (2.0 * self.size[0]));
-            Finish::glossy(
+            SurfaceFinish::glossy(
                 blend_colours(self.leather(seed, s), display_colour(self.foil), bands.max(letters)),
                 0.12,
             )
@@ -116,7 +120,7 @@ fn page_look() -> Look {
     Box::new(|s| {
         let leaves = value_noise(5, 4.0 * s.u, 40.0 * s.v);
         let board = 1.0 - smooth_step(0.07, 0.10, s.v.min(1.0 - s.v));
-        Finish::matt(blend_colours(
+        SurfaceFinish::matt(blend_colours(
             display_colour(0xdc_cfae) * mix_values(0.7, 1.0, leaves),
             display_colour(0x3a_2c20),
             board,
@@ -125,22 +129,23 @@ fn page_look() -> Look {
 }
 
 /// Rings about a globe, on a turned stand.
-fn add_armillary(foot: DVec3, into: &mut Arrangement) {
+fn add_armillary(foot: DVec3, into: &mut TableArrangement) {
     let middle = foot + table_point(0.0, 0.52, 0.0);
     add_rings(middle, into);
-    let land = |s: &Spot| {
+    let land = |s: &SurfelSpot| {
         let shore = smooth_step(0.48, 0.54, cloud_noise(31, 5.0 * s.u, 3.0 * s.v));
-        Finish::glossy(blend_colours(display_colour(0x2a_5a7e), display_colour(0xb8_a468), shore), 0.4)
+        SurfaceFinish::glossy(blend_colours(display_colour(0x2a_5a7e), display_colour(0xb8_a468), shore), 0.4)
     };
-    into.parts
-        .push(Part::sheet("armillary", ball_sheet(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2));
+    into.parts.push(
+        ObjectPart::sheet("armillary", ball_sheet(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2),
+    );
     let axis = Box::new(move |t: f64| middle + table_point(0.16, 0.36, 0.0) * mix_values(-1.0, 1.0, t));
-    into.parts.push(Part::strand("armillary", axis, 0.008, brass_look()).detail(1.5));
+    into.parts.push(ObjectPart::strand("armillary", axis, 0.008, brass_look()).detail(1.5));
     let stand = |v: f64| {
         let knob = smooth_step(0.45, 0.55, v) * (1.0 - smooth_step(0.6, 0.7, v));
         (0.14 * (1.0 - smooth_step(0.05, 0.25, v)) + 0.022 + 0.028 * knob, 0.18 * v)
     };
-    into.parts.push(Part::sheet("armillary", revolved_sheet(foot, stand), brass_look()).detail(2.5));
+    into.parts.push(ObjectPart::sheet("armillary", revolved_sheet(foot, stand), brass_look()).detail(2.5));
     into.shadow("armillary", middle, 0.1);
 }
 
@@ -148,11 +153,14 @@ fn add_armillary(foot: DVec3, into: &mut Arrangement) {
 fn brass_look() -> Look {
     Box::new(|s| {
         let marks = stripe_share(s.u, 1.0 / 120.0, 0.3 / 120.0, s.spacing[0] / 2.0);
-        Finish::glossy(blend_colours(display_colour(0xb0_8436), display_colour(0x5a_3c14), 0.4 * marks), 0.4)
+        SurfaceFinish::glossy(
+            blend_colours(display_colour(0xb0_8436), display_colour(0x5a_3c14), 0.4 * marks),
+            0.4,
+        )
     })
 }
 
-fn add_rings(middle: DVec3, into: &mut Arrangement) {
+fn add_rings(middle: DVec3, into: &mut TableArrangement) {
     // tilt and heading in turns, radius
     let rings =
         [(0.0, 0.0, 0.34), (0.25, 0.02, 0.33), (0.065, 0.10, 0.31), (-0.11, 0.30, 0.29), (0.19, 0.62, 0.30)];
@@ -162,7 +170,7 @@ fn add_rings(middle: DVec3, into: &mut Arrangement) {
             let (sin, cos) = turn_sine(t);
             middle + radius * (a * cos + b * sin)
         });
-        into.parts.push(Part::strand("armillary", ring, 0.0125, brass_look()).detail(1.8));
+        into.parts.push(ObjectPart::strand("armillary", ring, 0.0125, brass_look()).detail(1.8));
     }
 }
 

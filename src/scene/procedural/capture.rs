@@ -1,12 +1,12 @@
 //! The capture of the still life: photos from an arc, by hand.
 
 use super::StillLife;
-use super::draw::Draws;
+use super::draw::SceneDraws;
 use super::object::{table_point, turn_sine};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::Se3;
-use crate::source::{Capture, Lens, View};
+use crate::source::{Capture, CapturedView, LensModel};
 use glam::{DMat3, DQuat, DVec3};
 
 /// The photos' size and focal length, px: a horizontal field of view of 52.2 degrees.
@@ -24,10 +24,10 @@ const TREMBLE: f64 = 0.05 / 360.0;
 const STREAM: u64 = 2 << 32;
 
 pub(super) fn arc_capture(life: &StillLife) -> Capture {
-    let mut draws = Draws::new(life.seed, STREAM);
+    let mut draws = SceneDraws::new(life.seed, STREAM);
     let turns = uneven_angles(life.views, life.arc / 360.0, &mut draws);
     let digits = life.views.to_string().len().max(3);
-    let views = turns.into_iter().enumerate().map(|(k, turns)| View {
+    let views = turns.into_iter().enumerate().map(|(k, turns)| CapturedView {
         name: format!("{:0digits$}.jpg", k + 1),
         world_from_camera: arc_pose(turns, &mut draws),
         camera: Camera {
@@ -37,14 +37,14 @@ pub(super) fn arc_capture(life: &StillLife) -> Capture {
             cx: f64::from(SIZE.width) / 2.0,
             cy: f64::from(SIZE.height) / 2.0,
         },
-        lens: Lens::Pinhole,
+        lens: LensModel::Pinhole,
         sha256: None,
     });
-    views.collect::<Vec<View>>().into()
+    views.collect::<Vec<CapturedView>>().into()
 }
 
 /// `count` angles from `-arc / 2` to `arc / 2`, in turns, with steps that differ by up to a factor of two.
-fn uneven_angles(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
+fn uneven_angles(count: u32, arc: f64, draws: &mut SceneDraws) -> Vec<f64> {
     let mut sums = vec![0.0];
     for k in 1..count {
         sums.push(sums[k as usize - 1] + draws.uniform(0.67, 1.33));
@@ -55,10 +55,10 @@ fn uneven_angles(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
 
 /// The camera at this angle around the target. Its height varies slightly along the arc, and it
 /// trembles.
-fn arc_pose(turns: f64, draws: &mut Draws) -> Se3 {
+fn arc_pose(turns: f64, draws: &mut SceneDraws) -> Se3 {
     let (sin, cos) = turn_sine(turns);
     let (up, out) = turn_sine(RISE + 0.004 * turn_sine(4.0 * turns).0);
-    let shake = |draws: &mut Draws| DVec3::new(draws.bell(SHAKE), draws.bell(SHAKE), draws.bell(SHAKE));
+    let shake = |draws: &mut SceneDraws| DVec3::new(draws.bell(SHAKE), draws.bell(SHAKE), draws.bell(SHAKE));
     let centre = TARGET + DISTANCE * table_point(out * sin, up, -out * cos) + shake(draws);
     let aim = TARGET + shake(draws);
     let forward = (aim - centre).normalize();

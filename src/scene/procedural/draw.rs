@@ -5,9 +5,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// A stream of draws: ChaCha with 12 rounds, keyed by the seed. The stream number is the purpose.
 #[derive(Debug)]
-pub(super) struct Draws(ChaCha12Rng);
+pub(super) struct SceneDraws(ChaCha12Rng);
 
-impl Draws {
+impl SceneDraws {
     pub(super) fn new(seed: u64, stream: u64) -> Self {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());

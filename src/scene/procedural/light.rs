@@ -7,7 +7,7 @@ use glam::DVec3;
 
 /// An occluder of light: a sphere that belongs to the object with this name.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Occluder {
+pub(super) struct SphereOccluder {
     pub(super) object: &'static str,
     pub(super) centre: DVec3,
     pub(super) radius: f64,
@@ -15,7 +15,7 @@ pub(super) struct Occluder {
 
 /// A point of a surface, with the properties that lighting needs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lit {
+pub(super) struct LitPoint {
     pub(super) object: &'static str,
     pub(super) position: DVec3,
     /// Unit normal, outwards.
@@ -39,7 +39,7 @@ fn to_lamp(point: DVec3) -> (DVec3, f64) {
 }
 
 /// Linear light that leaves a matt surface of this albedo.
-pub(super) fn shade_point(lit: Lit, albedo: DVec3, occluders: &[Occluder]) -> DVec3 {
+pub(super) fn shade_point(lit: LitPoint, albedo: DVec3, occluders: &[SphereOccluder]) -> DVec3 {
     let (direction, distance) = to_lamp(lit.position);
     let facing = lit.normal.dot(direction).max(0.0);
     let falloff = 30.0 / (distance * distance);
@@ -52,7 +52,7 @@ pub(super) fn shade_point(lit: Lit, albedo: DVec3, occluders: &[Occluder]) -> DV
 
 /// Visible share of the lamp past a sphere: from 1 down to 0 as the ray to its centre approaches
 /// the sphere's centre.
-fn lamp_share(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
+fn lamp_share(point: DVec3, direction: DVec3, o: &SphereOccluder) -> f64 {
     let to = o.centre - point;
     let along = to.dot(direction);
     if along <= 0.0 {
@@ -65,7 +65,7 @@ fn lamp_share(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
 
 /// Share of the sky that a sphere leaves visible: one minus its solid angle, weighted by the cosine
 /// at its centre (Quilez, "Sphere ambient occlusion").
-fn sky_share(lit: Lit, o: &Occluder) -> f64 {
+fn sky_share(lit: LitPoint, o: &SphereOccluder) -> f64 {
     let to = o.centre - lit.position;
     let squared = to.length_squared().max(o.radius * o.radius);
     let cosine = lit.normal.dot(to) / squared.sqrt();
@@ -89,7 +89,12 @@ const SHARPNESS: f64 = 9.0;
 ///
 /// The lobe is `((1 + t) / 2)^n`, `t` the cosine to its axis; by the Funk-Hecke theorem the coefficient of function
 /// `Y_lm` is `k_l Y_lm(axis)`, with `k_0 = 4 pi / (n + 1)` and `k_l = k_(l-1) (n + 1 - l) / (n + 1 + l)`.
-pub(super) fn add_gloss(lit: Lit, strength: f64, occluders: &[Occluder], coefficients: &mut [DVec3]) {
+pub(super) fn add_gloss(
+    lit: LitPoint,
+    strength: f64,
+    occluders: &[SphereOccluder],
+    coefficients: &mut [DVec3],
+) {
     let (direction, _) = to_lamp(lit.position);
     let facing = lit.normal.dot(direction);
     if strength <= 0.0 || facing <= 0.0 {

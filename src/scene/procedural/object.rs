@@ -1,14 +1,14 @@
 //! What the still life's objects are made of.
 
-use super::light::Occluder;
-use super::shape::{Cover, Path, Shape, Sheet, Spot};
+use super::light::SphereOccluder;
+use super::shape::{PartShape, Path, Sheet, SurfelCover, SurfelSpot};
 use crate::image::srgb;
 use glam::DVec3;
 use std::fmt;
 
 /// Appearance of a surfel before lighting.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Finish {
+pub(super) struct SurfaceFinish {
     /// Reflected share of red, green and blue light, linear.
     pub(super) albedo: DVec3,
     /// Height of the lamp's reflection on the display scale.
@@ -17,7 +17,7 @@ pub(super) struct Finish {
     pub(super) opacity: f64,
 }
 
-impl Finish {
+impl SurfaceFinish {
     /// A matt, solid surface.
     pub(super) fn matt(albedo: DVec3) -> Self {
         Self { albedo, gloss: 0.0, opacity: 0.985 }
@@ -30,36 +30,36 @@ impl Finish {
 }
 
 /// The appearance of a part at each of its spots.
-pub(super) type Look = Box<dyn Fn(&Spot) -> Finish>;
+pub(super) type Look = Box<dyn Fn(&SurfelSpot) -> SurfaceFinish>;
 
 /// One surface, strand or cloud of an object.
-pub(super) struct Part {
+pub(super) struct ObjectPart {
     pub(super) object: &'static str,
-    pub(super) shape: Shape,
+    pub(super) shape: PartShape,
     pub(super) look: Look,
     /// Surfel density relative to the other parts.
     pub(super) detail: f64,
-    /// Whether its back is visible too; the back is then lit like the front.
+    /// True if its back is visible too; the back is then lit like the front.
     pub(super) thin: bool,
 }
 
-impl fmt::Debug for Part {
+impl fmt::Debug for ObjectPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:?} of {}", self.shape, self.object)
     }
 }
 
-impl Part {
+impl ObjectPart {
     pub(super) fn sheet(object: &'static str, sheet: Sheet, look: Look) -> Self {
-        Self::covered(object, sheet, Cover::CLOSED, look)
+        Self::covered(object, sheet, SurfelCover::CLOSED, look)
     }
 
-    pub(super) fn covered(object: &'static str, sheet: Sheet, how: Cover, look: Look) -> Self {
-        Self { object, shape: Shape::Sheet(sheet, how), look, detail: 1.0, thin: false }
+    pub(super) fn covered(object: &'static str, sheet: Sheet, how: SurfelCover, look: Look) -> Self {
+        Self { object, shape: PartShape::Sheet(sheet, how), look, detail: 1.0, thin: false }
     }
 
     pub(super) fn strand(object: &'static str, path: Path, radius: f64, look: Look) -> Self {
-        Self { object, shape: Shape::Strand(path, radius), look, detail: 1.0, thin: false }
+        Self { object, shape: PartShape::Strand(path, radius), look, detail: 1.0, thin: false }
     }
 
     pub(super) fn detail(self, detail: f64) -> Self {
@@ -73,14 +73,14 @@ impl Part {
 
 /// The parts on the table, and the spheres that cast their shadows.
 #[derive(Debug, Default)]
-pub(super) struct Arrangement {
-    pub(super) parts: Vec<Part>,
-    pub(super) occluders: Vec<Occluder>,
+pub(super) struct TableArrangement {
+    pub(super) parts: Vec<ObjectPart>,
+    pub(super) occluders: Vec<SphereOccluder>,
 }
 
-impl Arrangement {
+impl TableArrangement {
     pub(super) fn shadow(&mut self, object: &'static str, centre: DVec3, radius: f64) {
-        self.occluders.push(Occluder { object, centre, radius });
+        self.occluders.push(SphereOccluder { object, centre, radius });
     }
 }
 

@@ -1,7 +1,7 @@
 //! The room: a tiled wall, a table of planks, and a chequered cloth.
 
-use super::object::{Arrangement, Finish, Part, display_colour, table_point, turn_sine};
-use super::shape::{Cover, Spot};
+use super::object::{ObjectPart, SurfaceFinish, TableArrangement, display_colour, table_point, turn_sine};
+use super::shape::{SurfelCover, SurfelSpot};
 use super::texture::{
     blend_colours, cloud_noise, lattice_value, mix_values, smooth_step, stripe_share, value_noise,
 };
@@ -18,7 +18,7 @@ const PLANK: f64 = 0.45;
 /// Height of the wall.
 const TOP: f64 = 2.4;
 
-pub(super) fn add_room(seed: u64, into: &mut Arrangement) {
+pub(super) fn add_room(seed: u64, into: &mut TableArrangement) {
     add_wall(seed, into);
     add_table(seed.wrapping_add(100), into);
     add_cloth(into);
@@ -35,15 +35,16 @@ const FAR: f64 = 9.0;
 ///
 /// Surfels are blended in the order of their centres. The backing must be deep enough that none of
 /// its wide surfels comes before the sharp ones.
-fn add_wall(seed: u64, into: &mut Arrangement) {
+fn add_wall(seed: u64, into: &mut TableArrangement) {
     let face = |left: f64, right: f64, z: f64| {
         Box::new(move |u: f64, v: f64| table_point(mix_values(left, right, u), mix_values(-0.06, TOP, v), z))
     };
-    let look = move || Box::new(move |s: &Spot| tile_finish(seed, s));
-    into.parts.push(Part::covered("wall", face(-NEAR, NEAR, WALL_Z), Cover::CRISP, look()).detail(0.8));
-    into.parts.push(Part::sheet("wall", face(-NEAR, NEAR, WALL_Z + 0.1), look()).detail(0.08));
+    let look = move || Box::new(move |s: &SurfelSpot| tile_finish(seed, s));
+    into.parts
+        .push(ObjectPart::covered("wall", face(-NEAR, NEAR, WALL_Z), SurfelCover::CRISP, look()).detail(0.8));
+    into.parts.push(ObjectPart::sheet("wall", face(-NEAR, NEAR, WALL_Z + 0.1), look()).detail(0.08));
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
-        into.parts.push(Part::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
+        into.parts.push(ObjectPart::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
     }
     for i in -6..=6 {
         for j in 0..=4 {
@@ -61,25 +62,25 @@ fn add_wall(seed: u64, into: &mut Arrangement) {
 }
 
 /// The blue ring around a corner of tiles.
-fn add_ring(centre: DVec3, into: &mut Arrangement) {
+fn add_ring(centre: DVec3, into: &mut TableArrangement) {
     let circle = Box::new(move |t: f64| {
         let (sin, cos) = turn_sine(t);
         centre + RING * TILE * table_point(cos, sin, 0.0)
     });
-    let blue = |_: &Spot| Finish::glossy(display_colour(0x25_5684), 0.10);
-    into.parts.push(Part::strand("wall", circle, 0.055 * TILE, Box::new(blue)).detail(1.2));
+    let blue = |_: &SurfelSpot| SurfaceFinish::glossy(display_colour(0x25_5684), 0.10);
+    into.parts.push(ObjectPart::strand("wall", circle, 0.055 * TILE, Box::new(blue)).detail(1.2));
 }
 
-fn add_grout(from: DVec3, to: DVec3, into: &mut Arrangement) {
+fn add_grout(from: DVec3, to: DVec3, into: &mut TableArrangement) {
     let line = Box::new(move |t: f64| from.lerp(to, t));
-    let grey = |_: &Spot| Finish::matt(display_colour(0x5a_554c));
-    into.parts.push(Part::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
+    let grey = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x5a_554c));
+    into.parts.push(ObjectPart::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
 }
 
 /// Glazed tiles in the style of azulejos: a blue ring around each corner, and a diamond in each
 /// centre.
 #[expect(clippy::cast_possible_truncation, reason = "a wall of a few dozen tiles")]
-fn tile_finish(seed: u64, s: &Spot) -> Finish {
+fn tile_finish(seed: u64, s: &SurfelSpot) -> SurfaceFinish {
     let (a, b) = (s.position.x / TILE, -s.position.y / TILE);
     let (i, j) = (a.floor(), b.floor());
     let (x, y) = (a - i, b - j);
@@ -97,7 +98,7 @@ fn tile_finish(seed: u64, s: &Spot) -> Finish {
     let blue = blend_colours(display_colour(0x1f_4a7c), display_colour(0x2f_6a92), tone);
     let painted = blend_colours(glaze, blue, ring);
     let painted = blend_colours(painted, display_colour(0xc7_7b2c), dot);
-    Finish::glossy(blend_colours(painted, display_colour(0xa8_3c28), diamond), 0.10)
+    SurfaceFinish::glossy(blend_colours(painted, display_colour(0xa8_3c28), diamond), 0.10)
 }
 
 /// 1 between `low` and `high`, 0 outside, with edges of width `blur`.
@@ -107,30 +108,30 @@ fn smooth_band(x: f64, low: f64, high: f64, blur: f64) -> f64 {
 }
 
 /// Sharp boards where the default arc looks, a backing, and coarse wings beyond; seams are strands.
-fn add_table(seed: u64, into: &mut Arrangement) {
+fn add_table(seed: u64, into: &mut TableArrangement) {
     let top = |left: f64, right: f64, height: f64| {
         Box::new(move |u: f64, v: f64| {
             table_point(mix_values(left, right, u), height, mix_values(-1.8, WALL_Z, v))
         })
     };
-    let look = move || Box::new(move |s: &Spot| plank_finish(seed, s));
-    let grain = Cover { aspect: 5.0, ..Cover::CRISP };
-    into.parts.push(Part::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
-    into.parts.push(Part::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
+    let look = move || Box::new(move |s: &SurfelSpot| plank_finish(seed, s));
+    let grain = SurfelCover { aspect: 5.0, ..SurfelCover::CRISP };
+    into.parts.push(ObjectPart::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
+    into.parts.push(ObjectPart::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
-        into.parts.push(Part::sheet("table", top(left, right, -0.2), look()).detail(0.02));
+        into.parts.push(ObjectPart::sheet("table", top(left, right, -0.2), look()).detail(0.02));
     }
     for k in -4..=3 {
         let z = f64::from(k) * PLANK;
         let seam = Box::new(move |t: f64| table_point(mix_values(-NEAR, NEAR, t), 0.004, z));
-        let dark = |_: &Spot| Finish::matt(display_colour(0x2c_180c));
-        into.parts.push(Part::strand("table", seam, 0.012, Box::new(dark)).detail(0.6));
+        let dark = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x2c_180c));
+        into.parts.push(ObjectPart::strand("table", seam, 0.012, Box::new(dark)).detail(0.6));
     }
 }
 
 /// Planks along x, each with its own tone and grain.
 #[expect(clippy::cast_possible_truncation, reason = "a table of a dozen planks")]
-fn plank_finish(seed: u64, s: &Spot) -> Finish {
+fn plank_finish(seed: u64, s: &SurfelSpot) -> SurfaceFinish {
     let (x, z) = (s.position.x, s.position.z / PLANK);
     let board = z.floor();
     let own = seed.wrapping_add(1000).wrapping_add((board as i64).cast_unsigned());
@@ -139,25 +140,29 @@ fn plank_finish(seed: u64, s: &Spot) -> Finish {
     let grain = cloud_noise(own, 0.9 * x + 7.0 * tone, 7.0 * z + 2.0 * warp);
     let rings = 0.5 + 0.5 * libm::sin(17.0 * (z + 0.25 * warp) + 9.0 * tone);
     let dark = smooth_step(0.2, 0.9, 0.45 * grain + 0.45 * rings + 0.25 * tone);
-    Finish::glossy(blend_colours(display_colour(0xb0_7442), display_colour(0x55_2d14), dark), 0.06)
+    SurfaceFinish::glossy(blend_colours(display_colour(0xb0_7442), display_colour(0x55_2d14), dark), 0.06)
 }
 
 /// A chequered cloth under the bowl, rotated on the table, with ripples and a hem.
-fn add_cloth(into: &mut Arrangement) {
-    let look = Box::new(|s: &Spot| {
+fn add_cloth(into: &mut TableArrangement) {
+    let look = Box::new(|s: &SurfelSpot| {
         let (a, b) = (1.96 * s.u, 1.42 * s.v);
         let (p, q) = (stripe_share(a, 0.36, 0.18, s.spacing[0]), stripe_share(b, 0.36, 0.18, s.spacing[1]));
-        Finish::matt(blend_colours(display_colour(0xe2_dbcc), display_colour(0xa0_1c1e), 0.5 * (p + q)))
+        SurfaceFinish::matt(blend_colours(
+            display_colour(0xe2_dbcc),
+            display_colour(0xa0_1c1e),
+            0.5 * (p + q),
+        ))
     });
-    into.parts.push(Part::sheet("cloth", Box::new(linen_colour), look).detail(2.4).thin());
+    into.parts.push(ObjectPart::sheet("cloth", Box::new(linen_colour), look).detail(2.4).thin());
     let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
     for (from, to) in corners.iter().zip(&corners[1..]).map(|(&a, &b)| (a, b)) {
         let edge = Box::new(move |t: f64| {
             linen_colour(mix_values(from.0, to.0, t), mix_values(from.1, to.1, t))
                 - table_point(0.0, 0.01, 0.0)
         });
-        let red = |_: &Spot| Finish::matt(display_colour(0x8c_1a1c));
-        into.parts.push(Part::strand("cloth", edge, 0.012, Box::new(red)).detail(1.0));
+        let red = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x8c_1a1c));
+        into.parts.push(ObjectPart::strand("cloth", edge, 0.012, Box::new(red)).detail(1.0));
     }
 }
 

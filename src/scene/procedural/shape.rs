@@ -7,7 +7,7 @@
     reason = "counts come from rounding shares of counts, which are not negative"
 )]
 
-use super::draw::Draws;
+use super::draw::SceneDraws;
 use glam::{DMat3, DQuat, DVec3};
 use std::fmt;
 
@@ -17,16 +17,16 @@ pub(super) type Sheet = Box<dyn Fn(f64, f64) -> DVec3>;
 pub(super) type Path = Box<dyn Fn(f64) -> DVec3>;
 
 /// Shape of a part of an object.
-pub(super) enum Shape {
+pub(super) enum PartShape {
     /// A surface and its coverage.
-    Sheet(Sheet, Cover),
+    Sheet(Sheet, SurfelCover),
     /// A thin tube along a curve, of this radius.
     Strand(Path, f64),
     /// Blobs in the air, with random centres and radii.
     Blobs { low: DVec3, high: DVec3, share: f64 },
 }
 
-impl fmt::Debug for Shape {
+impl fmt::Debug for PartShape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Sheet(..) => "Sheet",
@@ -38,7 +38,7 @@ impl fmt::Debug for Shape {
 
 /// Place of a surfel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Spot {
+pub(super) struct SurfelSpot {
     pub(super) u: f64,
     pub(super) v: f64,
     pub(super) position: DVec3,
@@ -53,7 +53,7 @@ pub(super) struct Spot {
 
 /// Coverage of a surface by surfels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cover {
+pub(super) struct SurfelCover {
     /// Standard deviation divided by the distance to the next surfel. 0.58 closes the surface;
     /// smaller values show a little of what lies behind, and keep patterns sharper.
     pub(super) overlap: f64,
@@ -61,7 +61,7 @@ pub(super) struct Cover {
     pub(super) aspect: f64,
 }
 
-impl Cover {
+impl SurfelCover {
     pub(super) const CLOSED: Self = Self { overlap: 0.58, aspect: 1.0 };
     pub(super) const CRISP: Self = Self { overlap: 0.47, aspect: 1.0 };
 }
@@ -74,18 +74,18 @@ const UNREST: f64 = 0.18;
 /// Number of rows and columns at which areas and lengths are measured.
 const MEASURED: u32 = 48;
 
-impl Shape {
+impl PartShape {
     /// Area of the surface. For a strand, its visible area plus [`BENDS`] per unit of length.
     pub(super) fn area(&self) -> f64 {
         match self {
-            Self::Sheet(sheet, _) => Rows::measure_sheet(sheet).area(),
+            Self::Sheet(sheet, _) => SurfaceRows::measure_sheet(sheet).area(),
             Self::Strand(path, radius) => piece_lengths(path).iter().sum::<f64>() * (2.0 * radius + BENDS),
             Self::Blobs { share, .. } => *share,
         }
     }
 
     /// Exactly `count` spots.
-    pub(super) fn spots(&self, count: usize, draws: &mut Draws, mut found: impl FnMut(&Spot)) {
+    pub(super) fn spots(&self, count: usize, draws: &mut SceneDraws, mut found: impl FnMut(&SurfelSpot)) {
         match self {
             Self::Sheet(sheet, how) => cover_sheet(sheet, *how, count, draws, &mut found),
             Self::Strand(path, radius) => follow_path(path, *radius, count, &mut found),
@@ -106,12 +106,12 @@ fn piece_lengths(curve: impl Fn(f64) -> DVec3) -> Vec<f64> {
 
 /// The measure of a surface: at `MEASURED` values of `v`, the length of the line of constant `v`,
 /// and the height of the strip around it.
-struct Rows {
+struct SurfaceRows {
     widths: Vec<f64>,
     heights: Vec<f64>,
 }
 
-impl Rows {
+impl SurfaceRows {
     fn measure_sheet(sheet: &Sheet) -> Self {
         let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(MEASURED);
         let widths = (0..MEASURED).map(|k| piece_lengths(|u| sheet(u, middle(k))).iter().sum()).collect();
@@ -146,8 +146,14 @@ impl Rows {
 }
 
 /// Covers a surface with rows of surfels; the number in each row depends on its length.
-fn cover_sheet(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
-    let rows = Rows::measure_sheet(sheet);
+fn cover_sheet(
+    sheet: &Sheet,
+    how: SurfelCover,
+    count: usize,
+    draws: &mut SceneDraws,
+    found: &mut impl FnMut(&SurfelSpot),
+) {
+    let rows = SurfaceRows::measure_sheet(sheet);
     let spacing = (rows.area() / (count.max(1) as f64 * how.aspect)).sqrt();
     let height: f64 = rows.heights.iter().sum();
     let row_count = ((height / spacing).round() as usize).clamp(1, count.max(1));
@@ -186,7 +192,7 @@ pub(super) fn split_count(count: usize, weights: &[f64]) -> Vec<usize> {
 
 /// The surfel at `(u, v)` in a cell of this size in the unit square. Its standard deviations follow
 /// the spacing.
-fn sheet_surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
+fn sheet_surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> SurfelSpot {
     let d = 1e-4;
     let along = |du: f64, dv: f64| {
         let (a, b) = ((u - du).max(0.0), (u + du).min(1.0));
@@ -197,7 +203,7 @@ fn sheet_surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
     let spacing = [du.length() * cell[0], dv.length() * cell[1]];
     let normal = du.cross(dv).normalize_or(DVec3::NEG_Y);
     let tangent = (du - normal * normal.dot(du)).normalize_or(normal.any_orthonormal_vector());
-    Spot {
+    SurfelSpot {
         u,
         v,
         position: sheet(u, v),
@@ -214,7 +220,7 @@ fn tangent_frame(tangent: DVec3, normal: DVec3) -> DQuat {
 }
 
 /// Long Gaussians along the chords of a curve. Their normals lean towards the lamp and the viewer.
-fn follow_path(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot)) {
+fn follow_path(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&SurfelSpot)) {
     let end = |i: usize| path(i as f64 / count as f64);
     for i in 0..count {
         let (from, to) = (end(i), end(i + 1));
@@ -223,25 +229,25 @@ fn follow_path(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&S
         let outwards = DVec3::new(-0.3, -0.6, -0.75);
         let normal = (outwards - tangent * tangent.dot(outwards)).normalize_or(DVec3::NEG_Z);
         let thick = 0.6 * radius;
-        found(&Spot {
+        found(&SurfelSpot {
             u: (i as f64 + 0.5) / count as f64,
             v: 0.5,
             position: (from + to) * 0.5,
             normal,
             spacing: [spacing, 2.0 * radius],
-            deviations: DVec3::new((Cover::CLOSED.overlap * spacing).max(0.2 * thick), thick, thick),
+            deviations: DVec3::new((SurfelCover::CLOSED.overlap * spacing).max(0.2 * thick), thick, thick),
             rotation: tangent_frame(tangent, normal),
         });
     }
 }
 
 /// A round blob at a random place in a box.
-fn random_blob(low: DVec3, high: DVec3, draws: &mut Draws) -> Spot {
+fn random_blob(low: DVec3, high: DVec3, draws: &mut SceneDraws) -> SurfelSpot {
     let position = DVec3::from_array([0, 1, 2].map(|k| draws.uniform(low[k], high[k])));
     let radius = draws.uniform(0.02, 0.07);
     let stretch = draws.uniform(0.6, 1.6);
     let normal = DVec3::new(draws.bell(1.0), draws.bell(1.0), draws.bell(1.0)).normalize_or(DVec3::Z);
-    Spot {
+    SurfelSpot {
         u: draws.uniform(0.0, 1.0),
         v: draws.uniform(0.0, 1.0),
         position,

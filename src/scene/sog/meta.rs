@@ -2,7 +2,7 @@
 
 use crate::budget::check_json;
 use crate::scene::SceneError;
-use crate::scene::cursor::Cursor;
+use crate::scene::cursor::ByteCursor;
 use crate::scene::sh;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -13,24 +13,24 @@ pub(super) const PART: &str = ".sog (meta.json)";
 
 /// The content of version 2. Other fields are not read.
 #[derive(Debug, Deserialize)]
-pub(super) struct Meta {
+pub(super) struct SogMeta {
     pub(super) count: usize,
     /// Flag of antialiasing in older files.
     antialias: Option<bool>,
     /// Flag of antialiasing in newer files.
-    model: Option<Model>,
-    pub(super) means: Means,
-    pub(super) scales: Coded,
-    pub(super) quats: Quats,
-    pub(super) sh0: Coded,
+    model: Option<TrainingModel>,
+    pub(super) means: MeansMeta,
+    pub(super) scales: CodedMeta,
+    pub(super) quats: QuatsMeta,
+    pub(super) sh0: CodedMeta,
     #[serde(rename = "shN")]
-    pub(super) palette: Option<Palette>,
+    pub(super) palette: Option<PaletteMeta>,
 }
 
 /// Training settings of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Model {
+enum TrainingModel {
     Default,
     Antialiased,
     #[serde(rename = "2dgs")]
@@ -39,7 +39,7 @@ enum Model {
 
 /// Positions: minimum and maximum of the 16-bit range, in `sign(x) ln(1 + |x|)`.
 #[derive(Debug, Deserialize)]
-pub(super) struct Means {
+pub(super) struct MeansMeta {
     pub(super) mins: [f64; 3],
     pub(super) maxs: [f64; 3],
     /// Low bytes, then high bytes.
@@ -49,21 +49,21 @@ pub(super) struct Means {
 
 /// Bytes that are indices into a codebook.
 #[derive(Debug, Deserialize)]
-pub(super) struct Coded {
+pub(super) struct CodedMeta {
     pub(super) codebook: Codebook,
     #[serde(deserialize_with = "parse_names")]
     pub(super) files: [String; 1],
 }
 
 #[derive(Debug, Deserialize)]
-pub(super) struct Quats {
+pub(super) struct QuatsMeta {
     #[serde(deserialize_with = "parse_names")]
     pub(super) files: [String; 1],
 }
 
 /// Palette of harmonics.
 #[derive(Debug, Deserialize)]
-pub(super) struct Palette {
+pub(super) struct PaletteMeta {
     pub(super) count: usize,
     #[serde(deserialize_with = "parse_bands")]
     pub(super) bands: u8,
@@ -115,10 +115,10 @@ fn parse_bands<'de, D: Deserializer<'de>>(from: D) -> Result<u8, D::Error> {
     Err(D::Error::custom(format!("{bands} bands of harmonics, wanted 1 to {}", sh::MAX_DEGREE)))
 }
 
-impl Meta {
+impl SogMeta {
     /// Parses the content of the file.
     pub(super) fn parse_meta(json: &[u8]) -> Result<Self, SceneError> {
-        let start = Cursor::new(PART, json);
+        let start = ByteCursor::new(PART, json);
         check_json(json).map_err(|e| start.malformed(e.to_string(), "`meta.json` of version 2"))?;
         let value: Value = serde_json::from_slice(json).map_err(|e| meta_error(json, &e))?;
         match value.get("version") {
@@ -130,10 +130,10 @@ impl Meta {
             Some(version) => return Err(start.malformed(format!("version {version}"), "version 2")),
         }
         let meta: Self = serde_json::from_slice(json).map_err(|e| meta_error(json, &e))?;
-        if meta.model == Some(Model::Surfels) {
+        if meta.model == Some(TrainingModel::Surfels) {
             return Err(start.unsupported("the model `2dgs`", "only Gaussians of three axes are drawn"));
         }
-        let Means { mins, maxs, .. } = &meta.means;
+        let MeansMeta { mins, maxs, .. } = &meta.means;
         if let Some(k) = (0..3).find(|&k| mins[k] > maxs[k]) {
             let found = format!("positions from {} to {}", mins[k], maxs[k]);
             return Err(start.malformed(found, "`mins` below `maxs`"));
@@ -144,7 +144,7 @@ impl Meta {
     /// Returns true if the scene was trained with the antialiased rule; `None` if the file does not
     /// say.
     pub(super) fn antialiased(&self) -> Option<bool> {
-        self.model.map(|model| model == Model::Antialiased).or(self.antialias)
+        self.model.map(|model| model == TrainingModel::Antialiased).or(self.antialias)
     }
 }
 
@@ -154,5 +154,5 @@ fn meta_error(json: &[u8], because: &serde_json::Error) -> SceneError {
     let offset = before.map(<[u8]>::len).sum::<usize>() + because.column().saturating_sub(1);
     let text = because.to_string();
     let found = text.split(" at line ").next().unwrap_or_default().to_owned();
-    Cursor::new(PART, json).at(offset.min(json.len())).malformed(found, "`meta.json` of version 2")
+    ByteCursor::new(PART, json).at(offset.min(json.len())).malformed(found, "`meta.json` of version 2")
 }

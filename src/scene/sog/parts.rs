@@ -1,9 +1,9 @@
 //! Access to the parts of a SOG, in an archive or in a folder.
 
-use crate::budget::Budget;
+use crate::budget::ByteBudget;
 use crate::files;
 use crate::scene::SceneError;
-use crate::scene::cursor::Cursor;
+use crate::scene::cursor::ByteCursor;
 use std::io::{self, Read};
 use std::path::Path;
 use zip::ZipArchive;
@@ -12,18 +12,23 @@ use zip::result::ZipError;
 const ARCHIVE: &str = ".sog (archive)";
 
 /// A set of named files.
-pub(super) trait Parts {
+pub(super) trait SogParts {
     /// The content of `name`, which errors call `part`; its memory comes out of `budget`.
-    fn part(&mut self, name: &str, part: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError>;
+    fn part(
+        &mut self,
+        name: &str,
+        part: &'static str,
+        budget: &mut ByteBudget,
+    ) -> Result<Vec<u8>, SceneError>;
 }
 
 /// The files of a zip archive.
-pub(super) struct Archive<'a> {
+pub(super) struct ArchiveParts<'a> {
     bytes: &'a [u8],
     zip: ZipArchive<io::Cursor<&'a [u8]>>,
 }
 
-impl<'a> Archive<'a> {
+impl<'a> ArchiveParts<'a> {
     pub(super) fn open(bytes: &'a [u8]) -> Result<Self, SceneError> {
         let zip = ZipArchive::new(io::Cursor::new(bytes)).map_err(|e| broken_archive(bytes, &e))?;
         Ok(Self { bytes, zip })
@@ -36,24 +41,29 @@ impl<'a> Archive<'a> {
 }
 
 fn broken_archive(bytes: &[u8], because: &ZipError) -> SceneError {
-    let at = Cursor::new(ARCHIVE, bytes);
+    let at = ByteCursor::new(ARCHIVE, bytes);
     at.malformed(format!("a broken archive ({because})"), "a zip archive, stored or deflated")
 }
 
-impl Parts for Archive<'_> {
-    fn part(&mut self, name: &str, part: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
+impl SogParts for ArchiveParts<'_> {
+    fn part(
+        &mut self,
+        name: &str,
+        part: &'static str,
+        budget: &mut ByteBudget,
+    ) -> Result<Vec<u8>, SceneError> {
         let limit = self.limit();
         let mut file = match self.zip.by_name(name) {
             Ok(file) => file,
             Err(ZipError::FileNotFound) => {
-                let at = Cursor::new(ARCHIVE, self.bytes);
+                let at = ByteCursor::new(ARCHIVE, self.bytes);
                 return Err(at.malformed("an archive without it", format!("`{name}`, the {part}")));
             }
             Err(e) => return Err(broken_archive(self.bytes, &e)),
         };
         let mut content = Vec::new();
         let read = file.by_ref().take(limit as u64 + 1).read_to_end(&mut content);
-        let at = Cursor::new(part, &content).at(content.len());
+        let at = ByteCursor::new(part, &content).at(content.len());
         match read {
             Err(e) => Err(at.malformed(format!("a broken stream ({e})"), format!("`{name}`"))),
             Ok(_) if content.len() > limit => Err(at.malformed("more bytes", format!("at most {limit}"))),
@@ -66,10 +76,10 @@ impl Parts for Archive<'_> {
 }
 
 /// The files of a folder.
-pub(super) struct Folder<'a>(pub(super) &'a Path);
+pub(super) struct FolderParts<'a>(pub(super) &'a Path);
 
-impl Parts for Folder<'_> {
-    fn part(&mut self, name: &str, _: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
+impl SogParts for FolderParts<'_> {
+    fn part(&mut self, name: &str, _: &'static str, budget: &mut ByteBudget) -> Result<Vec<u8>, SceneError> {
         let path = self.0.join(name);
         let content =
             files::read(&path, files::MAX_PICTURE).map_err(|because| SceneError::File { path, because })?;

@@ -1,8 +1,8 @@
 //! The images of a SOG as pixels.
 
-use super::meta::Palette;
-use crate::budget::{Budget, try_filled};
-use crate::scene::cursor::Cursor;
+use super::meta::PaletteMeta;
+use crate::budget::{ByteBudget, try_filled};
+use crate::scene::cursor::ByteCursor;
 use crate::scene::{SceneError, sh};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io;
@@ -14,19 +14,19 @@ const FREE_PIXELS: usize = 1 << 16;
 
 /// How many pixels an image may have.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
+pub(super) struct PixelRoom {
     least: usize,
     most: usize,
 }
 
-impl Room {
+impl PixelRoom {
     /// An image of one pixel per Gaussian.
     pub(super) fn of_scene(count: usize) -> Self {
         Self { least: count, ..Self::up_to(count) }
     }
 
     /// The sets of a palette: writers round the stated count up.
-    pub(super) fn of_palette(palette: &Palette) -> Self {
+    pub(super) fn of_palette(palette: &PaletteMeta) -> Self {
         Self::up_to(palette.count.saturating_mul(sh::function_count(palette.bands)))
     }
 
@@ -36,7 +36,7 @@ impl Room {
 }
 
 /// A decoded image.
-pub(super) struct Pixels {
+pub(super) struct DecodedPixels {
     part: &'static str,
     pub(super) width: usize,
     pub(super) height: usize,
@@ -45,15 +45,15 @@ pub(super) struct Pixels {
     bytes: Vec<u8>,
 }
 
-impl Pixels {
+impl DecodedPixels {
     /// Decodes a lossless WebP image, whose memory comes out of `budget`.
     pub(super) fn decode_webp(
         file: &[u8],
         part: &'static str,
-        room: Room,
-        budget: &mut Budget,
+        room: PixelRoom,
+        budget: &mut ByteBudget,
     ) -> Result<Self, SceneError> {
-        let at = Cursor::new(part, file);
+        let at = ByteCursor::new(part, file);
         let broken = |e: DecodingError| at.malformed(format!("a broken image ({e})"), "a WebP image");
         let mut decoder = WebPDecoder::new(io::Cursor::new(file)).map_err(broken)?;
         if decoder.is_animated() || decoder.is_lossy() {
@@ -62,7 +62,7 @@ impl Pixels {
         let (width, height) = decoder.dimensions();
         let (width, height) = (width as usize, height as usize);
         let refuse = |wanted: String| at.malformed(format!("an image of {width}x{height} pixels"), wanted);
-        let Room { least, most } = room;
+        let PixelRoom { least, most } = room;
         if !(least..=most).contains(&(width * height)) {
             return Err(refuse(format!("{least} to {most} pixels")));
         }
@@ -74,8 +74,8 @@ impl Pixels {
     }
 
     /// Returns a cursor at pixel `i`, for errors.
-    pub(super) fn at(&self, i: usize) -> Cursor<'_> {
-        Cursor::new(self.part, &self.bytes).at(self.channels * i)
+    pub(super) fn at(&self, i: usize) -> ByteCursor<'_> {
+        ByteCursor::new(self.part, &self.bytes).at(self.channels * i)
     }
 
     /// Returns red, green and blue of pixel `i`, counted row by row.

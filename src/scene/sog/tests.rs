@@ -260,7 +260,7 @@ fn every_truncation_is_an_error() {
     }
     let text = scene.meta.to_string();
     for len in 0..text.len() {
-        assert!(Meta::parse_meta(&text.as_bytes()[..len]).is_err(), "{len} of {} bytes", text.len());
+        assert!(SogMeta::parse_meta(&text.as_bytes()[..len]).is_err(), "{len} of {} bytes", text.len());
     }
 }
 

@@ -1,7 +1,7 @@
 //! Conversion from the axes of a `.spz` file to those of `.ply`: right, down, front.
 
 use crate::scene::SceneError;
-use crate::scene::cursor::Cursor;
+use crate::scene::cursor::ByteCursor;
 use crate::scene::sh;
 
 /// Record type of Adobe's coordinate-system extension (nianticlabs/spz, `extensions/README.md`).
@@ -9,7 +9,7 @@ const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
 
 /// For each axis, true if it points opposite to the axis of `.ply`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Flip(pub(super) [bool; 3]);
+pub(super) struct AxisFlip(pub(super) [bool; 3]);
 
 /// For each function of [`sh::basis_values`], the axes in which it is odd.
 const ODD: [[bool; 3]; sh::MAX_LEN] = {
@@ -35,7 +35,7 @@ const ODD: [[bool; 3]; sh::MAX_LEN] = {
     ]
 };
 
-impl Flip {
+impl AxisFlip {
     /// The default axes of the format: right, up, back.
     pub(super) const RIGHT_UP_BACK: Self = Self([false, true, true]);
 
@@ -57,7 +57,7 @@ impl Flip {
     }
 
     /// Returns the flip of the coordinate-system record; records of other types are skipped.
-    pub(super) fn from_extensions(cursor: &mut Cursor) -> Result<Self, SceneError> {
+    pub(super) fn from_extensions(cursor: &mut ByteCursor) -> Result<Self, SceneError> {
         let mut flip = Self::RIGHT_UP_BACK;
         while !cursor.rest().is_empty() {
             let kind = cursor.u32("an extension's type")?;
@@ -73,7 +73,7 @@ impl Flip {
 
     /// Converts the numbers 1 to 8 of nianticlabs/spz, `CoordinateSystem`. Counted from zero, bit 0
     /// is right, bit 1 up, bit 2 front. Numbers from 9 on permute the axes.
-    fn from_number(cursor: &mut Cursor) -> Result<Self, SceneError> {
+    fn from_number(cursor: &mut ByteCursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         let number = cursor.u32("a coordinate system")?;
         match number {
@@ -103,21 +103,21 @@ mod tests {
     /// docs/design/pipeline.md, "Scene files" lists them.
     #[test]
     fn the_published_terms_flip() {
-        let flipped: Vec<usize> = Flip::RIGHT_UP_BACK
+        let flipped: Vec<usize> = AxisFlip::RIGHT_UP_BACK
             .of_harmonics()
             .iter()
             .enumerate()
             .filter_map(|(i, &s)| (s < 0.0).then_some(i))
             .collect();
         assert_eq!(flipped, [1, 2, 4, 7, 9, 11, 12, 14]);
-        assert_eq!(Flip::RIGHT_UP_BACK.of_rotation().map(f32::is_sign_negative), [false, true, true]);
+        assert_eq!(AxisFlip::RIGHT_UP_BACK.of_rotation().map(f32::is_sign_negative), [false, true, true]);
     }
 
     /// From the flipped direction, the flipped coefficients give the same colour.
     #[test]
     fn flipping_harmonics_and_direction_changes_nothing() {
         for bits in 0..8 {
-            let flip = Flip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
+            let flip = AxisFlip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
             let dir = [0.48_f32, -0.6, 0.64];
             let seen = sh::basis_values(3, dir);
             let s = flip.of_position();
@@ -133,7 +133,7 @@ mod tests {
     fn flipping_rotations_is_conjugation() {
         let (w, v) = (0.8_f32, glam::Vec3::new(0.36, -0.48, 0.0));
         for bits in 0..8 {
-            let flip = Flip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
+            let flip = AxisFlip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
             let f = glam::Mat3::from_diagonal(glam::Vec3::from_array(flip.of_position()));
             let q = glam::Quat::from_xyzw(v.x, v.y, v.z, w);
             let flipped = v * glam::Vec3::from_array(flip.of_rotation());
@@ -152,8 +152,8 @@ mod tests {
             for word in [COORDINATE_SYSTEM, 4, number] {
                 bytes.extend(word.to_le_bytes());
             }
-            let flip = Flip::from_extensions(&mut Cursor::new("extensions", &bytes)).ok();
-            assert_eq!(flip, wanted.map(Flip), "{number}");
+            let flip = AxisFlip::from_extensions(&mut ByteCursor::new("extensions", &bytes)).ok();
+            assert_eq!(flip, wanted.map(AxisFlip), "{number}");
         };
         t(1, Some([true, false, true])); // left, down, back
         t(4, Some([false, true, true])); // right, up, back

@@ -1,10 +1,10 @@
 //! The two containers of `.spz`: one gzip stream, or a table of zstd streams.
 
-use super::Header;
-use super::axes::Flip;
-use super::planes::{COUNT, NAMES, Planes};
-use crate::budget::Budget;
-use crate::scene::cursor::Cursor;
+use super::SpzHeader;
+use super::axes::AxisFlip;
+use super::planes::{AttributePlanes, COUNT, NAMES};
+use crate::budget::ByteBudget;
+use crate::scene::cursor::ByteCursor;
 use crate::scene::{Gaussians, SceneError};
 use std::io::{self, Read};
 
@@ -19,21 +19,21 @@ const MAX_RATIO: usize = 1024;
 
 /// Reads versions 2 and 3. Offsets in errors count decompressed bytes.
 pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    let mut stream = Stream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
+    let mut stream = SpzStream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
     let start = stream.take(16, "header")?;
-    let mut cursor = Cursor::new(LEGACY, &start);
-    let header = Header::read(&mut cursor)?;
+    let mut cursor = ByteCursor::new(LEGACY, &start);
+    let header = SpzHeader::read(&mut cursor)?;
     if header.version == 4 {
         return Err(cursor.malformed("version 4 within gzip", "version 2 or 3"));
     }
     bound_count(&header, bytes.len(), &cursor)?;
     if is_beyond_budget(&header, bytes.len()) {
-        let mut trial = Stream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
+        let mut trial = SpzStream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
         trial.skip(start.len(), "header")?;
         header.plane_lens().into_iter().zip(NAMES).try_for_each(|(len, name)| trial.skip(len, name))?;
         legacy_flip(&header, &mut trial)?;
     }
-    let mut planes = Planes(Default::default());
+    let mut planes = AttributePlanes(Default::default());
     for ((plane, len), name) in planes.0.iter_mut().zip(header.plane_lens()).zip(NAMES) {
         *plane = stream.take(len, name)?;
     }
@@ -42,7 +42,7 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 }
 
 /// Reads to the end of the stream, because gzip verifies its checksum there.
-fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, SceneError> {
+fn legacy_flip(header: &SpzHeader, stream: &mut SpzStream<impl Read>) -> Result<AxisFlip, SceneError> {
     let start = stream.offset;
     let rest = stream.up_to(MAX_EXTENSIONS + 1, "extensions")?;
     let allowed = if header.has_extensions { MAX_EXTENSIONS } else { 0 };
@@ -50,13 +50,13 @@ fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, 
         let wanted = format!("the end of the data within {allowed} bytes");
         return Err(stream.malformed(start, "more bytes", wanted));
     }
-    Flip::from_extensions(&mut Cursor::new(EXTENSIONS, &rest))
+    AxisFlip::from_extensions(&mut ByteCursor::new(EXTENSIONS, &rest))
 }
 
 /// Reads version 4.
 pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    let mut cursor = Cursor::new(".spz", bytes);
-    let header = Header::read(&mut cursor)?;
+    let mut cursor = ByteCursor::new(".spz", bytes);
+    let header = SpzHeader::read(&mut cursor)?;
     if header.version != 4 {
         return Err(cursor.malformed(format!("version {} without gzip", header.version), "version 4"));
     }
@@ -70,9 +70,9 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     };
     let extensions = cursor.take(extensions_len, "extensions")?;
     let flip = if header.has_extensions {
-        Flip::from_extensions(&mut Cursor::new(EXTENSIONS, extensions))?
+        AxisFlip::from_extensions(&mut ByteCursor::new(EXTENSIONS, extensions))?
     } else {
-        Flip::RIGHT_UP_BACK
+        AxisFlip::RIGHT_UP_BACK
     };
     let planes = read_streams(&header, stream_count, bytes.len(), &mut cursor)?;
     header.scene(&planes, flip)
@@ -80,11 +80,11 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 
 /// The table and the streams behind it. A plane without bytes, harmonics of degree 0, has no stream.
 fn read_streams(
-    header: &Header,
+    header: &SpzHeader,
     stream_count: u8,
     file_len: usize,
-    cursor: &mut Cursor,
-) -> Result<Planes, SceneError> {
+    cursor: &mut ByteCursor,
+) -> Result<AttributePlanes, SceneError> {
     let lens = header.plane_lens();
     let present: Vec<usize> = (0..COUNT).filter(|&i| lens[i] > 0).collect();
     if usize::from(stream_count) != present.len() {
@@ -109,37 +109,37 @@ fn read_streams(
     cursor.end()?;
     if is_beyond_budget(header, file_len) {
         for (i, compressed, at) in &streams {
-            decompress_stream(compressed, lens[*i], NAMES[*i], at, Stream::skip)?;
+            decompress_stream(compressed, lens[*i], NAMES[*i], at, SpzStream::skip)?;
         }
     }
-    let mut planes = Planes(Default::default());
+    let mut planes = AttributePlanes(Default::default());
     for (i, compressed, at) in &streams {
-        planes.0[*i] = decompress_stream(compressed, lens[*i], NAMES[*i], at, Stream::take)?;
+        planes.0[*i] = decompress_stream(compressed, lens[*i], NAMES[*i], at, SpzStream::take)?;
     }
     Ok(planes)
 }
 
-/// Whether the planes take more memory than a file of this length may: then it is decompressed to nothing first, so that
+/// Returns true if the planes take more memory than a file of this length may: then it is decompressed to nothing first, so that
 /// a broken one takes none.
-fn is_beyond_budget(header: &Header, file_len: usize) -> bool {
-    Budget::of(file_len).check(header.plane_lens().iter().sum(), 1).is_err()
+fn is_beyond_budget(header: &SpzHeader, file_len: usize) -> bool {
+    ByteBudget::of(file_len).check(header.plane_lens().iter().sum(), 1).is_err()
 }
 
 /// A stream of a plane, whose bytes `read` keeps or passes over.
-type Zstd<'a> = Stream<zstd::stream::read::Decoder<'a, &'a [u8]>>;
+type Zstd<'a> = SpzStream<zstd::stream::read::Decoder<'a, &'a [u8]>>;
 
 fn decompress_stream<'a, T>(
     compressed: &'a [u8],
     len: usize,
     name: &'static str,
-    at: &Cursor,
+    at: &ByteCursor,
     read: impl FnOnce(&mut Zstd<'a>, usize, &'static str) -> Result<T, SceneError>,
 ) -> Result<T, SceneError> {
     let broken = |e: io::Error| at.malformed(format!("a broken stream of {name} ({e})"), "a zstd stream");
     let mut inner = zstd::stream::read::Decoder::with_buffer(compressed).map_err(broken)?;
     // No window needs to be larger than the plane. Every decoder must support 8 MiB (RFC 8878).
     inner.window_log_max((usize::BITS - len.leading_zeros()).clamp(23, 27)).map_err(broken)?;
-    let mut stream = Stream { format: PLANE, inner, offset: 0 };
+    let mut stream = SpzStream { format: PLANE, inner, offset: 0 };
     let plane = read(&mut stream, len, name)?;
     let rest = stream.up_to(1, name)?;
     if rest.is_empty() {
@@ -148,7 +148,7 @@ fn decompress_stream<'a, T>(
     Err(at.malformed(format!("more than {len} bytes of {name}"), "as many as the table says"))
 }
 
-fn bound_count(header: &Header, file_len: usize, at: &Cursor) -> Result<(), SceneError> {
+fn bound_count(header: &SpzHeader, file_len: usize, at: &ByteCursor) -> Result<(), SceneError> {
     let [positions, ..] = header.plane_lens();
     if positions > file_len.saturating_mul(MAX_RATIO) {
         let found = format!("{} Gaussians in {file_len} bytes", header.count);
@@ -158,13 +158,13 @@ fn bound_count(header: &Header, file_len: usize, at: &Cursor) -> Result<(), Scen
 }
 
 /// A decompressed stream. Memory grows with the actual output, not with the stated size.
-struct Stream<R> {
+struct SpzStream<R> {
     format: &'static str,
     inner: R,
     offset: usize,
 }
 
-impl<R: Read> Stream<R> {
+impl<R: Read> SpzStream<R> {
     /// Reads exactly `len` bytes.
     fn take(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
         let start = self.offset;

@@ -1,7 +1,7 @@
 //! The planes of a `.spz` file and the Gaussians in them.
 
-use super::{Flip, Header};
-use crate::scene::collector::{Collector, Gaussian};
+use super::{AxisFlip, SpzHeader};
+use crate::scene::collector::{Gaussian, GaussianCollector};
 use crate::scene::opacity::logit_of_byte;
 use crate::scene::sh;
 use std::f32::consts::FRAC_1_SQRT_2;
@@ -14,13 +14,13 @@ pub(super) const NAMES: [&str; COUNT] =
 
 /// The bytes of the planes, each of the length that the header determines.
 #[derive(Debug)]
-pub(super) struct Planes(pub(super) [Vec<u8>; COUNT]);
+pub(super) struct AttributePlanes(pub(super) [Vec<u8>; COUNT]);
 
-impl Planes {
+impl AttributePlanes {
     /// Adds every Gaussian to `collector`.
-    pub(super) fn collect(&self, header: &Header, flip: Flip, collector: &mut Collector) {
+    pub(super) fn collect(&self, header: &SpzHeader, flip: AxisFlip, collector: &mut GaussianCollector) {
         let [positions, opacities, colours, scales, rotations, harmonics] = &self.0;
-        let signs = Signs::for_flip(flip);
+        let signs = QuaternionSigns::for_flip(flip);
         let unit = 1.0 / (1_u32 << header.fractional_bits) as f32;
         let rotation_len = rotations.len() / header.count.max(1);
         let rest_len = sh::function_count(header.sh_degree) - 1;
@@ -50,14 +50,14 @@ impl Planes {
 /// white.
 pub(super) const COLOUR_SCALE: f32 = 0.15;
 
-struct Signs {
+struct QuaternionSigns {
     position: [f32; 3],
     rotation: [f32; 3],
     harmonics: [f32; sh::MAX_LEN],
 }
 
-impl Signs {
-    fn for_flip(flip: Flip) -> Self {
+impl QuaternionSigns {
+    fn for_flip(flip: AxisFlip) -> Self {
         Self { position: flip.of_position(), rotation: flip.of_rotation(), harmonics: flip.of_harmonics() }
     }
 }

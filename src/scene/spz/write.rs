@@ -2,7 +2,7 @@
 //! rotation component.
 
 use super::planes::{COLOUR_SCALE, smallest_three};
-use super::{Flip, MAGIC, MAX_FRACTIONAL_BITS};
+use super::{AxisFlip, MAGIC, MAX_FRACTIONAL_BITS};
 use crate::scene::opacity::byte_of_logit;
 use crate::scene::rotation::unit_quaternion;
 use crate::scene::{Gaussians, WriteError, nearest_byte};
@@ -47,7 +47,7 @@ fn scale_value(bits: u8) -> f64 {
 }
 
 fn encode_planes(scene: &Gaussians, bits: u8) -> [Vec<u8>; 6] {
-    let flip = Flip::RIGHT_UP_BACK;
+    let flip = AxisFlip::RIGHT_UP_BACK;
     let (signs, turns, parities) = (flip.of_position(), flip.of_rotation(), flip.of_harmonics());
     let mut planes: [Vec<u8>; 6] = Default::default();
     let [positions, opacities, colours, scales, rotations, harmonics] = &mut planes;

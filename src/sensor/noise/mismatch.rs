@@ -5,15 +5,15 @@
 //! once per sensor, ESIM for every pixel and frame. In real pixels, thresholds are fixed at
 //! manufacture.
 
-use super::Site;
-use crate::seed::Space;
+use super::PixelSite;
+use crate::seed::DrawSpace;
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
 /// The time at which thresholds are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Redraw {
+pub enum RedrawRule {
     /// Once per sensor.
     #[default]
     PerSensor,
@@ -23,7 +23,7 @@ pub enum Redraw {
 
 /// Nominal thresholds of a sensor and their spread.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Threshold {
+pub struct ThresholdMismatch {
     /// Nominal threshold of ON events, above 0.
     pub on: f64,
     /// Nominal threshold of OFF events, above 0.
@@ -36,7 +36,7 @@ pub struct Threshold {
 /// Smallest threshold of a pixel where thresholds differ, as in the programs of ESIM and v2e.
 pub const FLOOR: f64 = 0.01;
 
-impl Threshold {
+impl ThresholdMismatch {
     /// Checks the numbers.
     ///
     /// # Errors
@@ -60,7 +60,7 @@ impl Threshold {
     }
 
     /// The thresholds of the pixel at `site`. `frame` is 0 if they are drawn once.
-    pub(in crate::sensor) fn at(&self, site: Site, frame: u64) -> [f64; 2] {
+    pub(in crate::sensor) fn at(&self, site: PixelSite, frame: u64) -> [f64; 2] {
         draw_thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
     }
 }
@@ -70,13 +70,13 @@ pub(in crate::sensor) fn draw_thresholds(
     nominal: [f64; 2],
     spread: f64,
     floors: [f64; 2],
-    site: Site,
+    site: PixelSite,
     frame: u64,
 ) -> [f64; 2] {
     if spread == 0.0 {
         return nominal;
     }
-    let mut draws = site.draws(Space::Mismatch, frame);
+    let mut draws = site.draws(DrawSpace::Mismatch, frame);
     let [on, off] = [0, 1].map(|side| (nominal[side] + spread * draws.normal()).max(floors[side]));
     [on, off]
 }
@@ -87,7 +87,7 @@ mod tests {
     use crate::seed::{Seed, ks};
 
     fn sample(spread: f64, frame: u64) -> Vec<[f64; 2]> {
-        let site = |i: u16| Site { seed: Seed(5), x: i % 200, y: i / 200 };
+        let site = |i: u16| PixelSite { seed: Seed(5), x: i % 200, y: i / 200 };
         (0..20_000).map(|i| draw_thresholds([0.2, 0.3], spread, [0.01; 2], site(i), frame)).collect()
     }
 

@@ -4,12 +4,12 @@
 //! with mean 1. The events therefore do not depend on how frames divide the time, as long as the
 //! rate stays the same function of time.
 
-use super::Site;
-use crate::seed::Space;
+use super::PixelSite;
+use crate::seed::DrawSpace;
 
 /// The process of one pixel: the exposure that is left until its next event.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::sensor) struct Train {
+pub(in crate::sensor) struct PoissonTrain {
     left: f64,
     /// Index of the next event, from 1.
     next: u64,
@@ -17,13 +17,13 @@ pub(in crate::sensor) struct Train {
 
 /// A rate between two instants, in events per ns, linear from the first to the second.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::sensor) struct Rates {
+pub(in crate::sensor) struct LinearRate {
     pub(in crate::sensor) ends: [f64; 2],
     /// Time between the instants, ns.
     pub(in crate::sensor) length: f64,
 }
 
-impl Rates {
+impl LinearRate {
     /// Integral of the rate from the first instant to `t`.
     fn exposure(&self, t: f64) -> f64 {
         let [from, to] = self.ends;
@@ -40,9 +40,9 @@ impl Rates {
     }
 }
 
-impl Train {
+impl PoissonTrain {
     /// The process from its start.
-    pub(in crate::sensor) fn new(site: Site, space: Space) -> Self {
+    pub(in crate::sensor) fn new(site: PixelSite, space: DrawSpace) -> Self {
         let mut train = Self { left: 0.0, next: 0 };
         train.wait(site, space);
         train
@@ -55,7 +55,7 @@ impl Train {
 
     /// Moves from `start` to the next event. If that lies after the second instant, moves to the
     /// second instant and returns no event.
-    pub(in crate::sensor) fn advance(&mut self, rates: &Rates, start: f64) -> Option<f64> {
+    pub(in crate::sensor) fn advance(&mut self, rates: &LinearRate, start: f64) -> Option<f64> {
         if self.left == f64::INFINITY {
             return None;
         }
@@ -75,7 +75,7 @@ impl Train {
 
     /// Starts the wait for the next event. Returns a uniform draw that belongs to the event that
     /// has just happened.
-    pub(in crate::sensor) fn wait(&mut self, site: Site, space: Space) -> f64 {
+    pub(in crate::sensor) fn wait(&mut self, site: PixelSite, space: DrawSpace) -> f64 {
         let mut happened = site.draws(space, self.next);
         happened.uniform();
         self.next += 1;
@@ -89,21 +89,21 @@ mod tests {
     use super::*;
     use crate::seed::{Seed, ks, rival};
 
-    fn site(x: u16) -> Site {
-        Site { seed: Seed(3), x, y: 9 }
+    fn site(x: u16) -> PixelSite {
+        PixelSite { seed: Seed(3), x, y: 9 }
     }
 
     /// Event times of one pixel, simulated in steps of `step` ns up to `end`, at the rate
     /// `rate(t)`.
     fn times(x: u16, end: f64, step: f64, rate: impl Fn(f64) -> f64) -> Vec<f64> {
-        let mut train = Train::new(site(x), Space::Shot);
+        let mut train = PoissonTrain::new(site(x), DrawSpace::Shot);
         let (mut times, mut from) = (Vec::new(), 0.0);
         while from < end {
-            let rates = Rates { ends: [rate(from), rate(from + step)], length: step };
+            let rates = LinearRate { ends: [rate(from), rate(from + step)], length: step };
             let mut start = 0.0;
             while let Some(t) = train.advance(&rates, start) {
                 times.push(from + t);
-                train.wait(site(x), Space::Shot);
+                train.wait(site(x), DrawSpace::Shot);
                 start = t;
             }
             from += step;
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn gaps_are_distributed_as_those_of_rand_distr() {
         const RATE: f64 = 2e-4;
-        let gap = |x: u16| Train::new(site(x), Space::Shot).gap(RATE).unwrap();
+        let gap = |x: u16| PoissonTrain::new(site(x), DrawSpace::Shot).gap(RATE).unwrap();
         let ours: Vec<f64> = (0..u16::try_from(rival::N).unwrap()).map(gap).collect();
         rival::compare("exponential", &ours, &rival::theirs(&rand_distr::Exp::new(RATE).unwrap()), |t| {
             1.1 * t
@@ -165,17 +165,17 @@ mod tests {
 
     #[test]
     fn a_rate_that_falls_to_nothing_makes_no_event_after_it() {
-        let rates = Rates { ends: [1e-3, 0.0], length: 1e6 };
-        let mut train = Train::new(site(7), Space::Hot);
+        let rates = LinearRate { ends: [1e-3, 0.0], length: 1e6 };
+        let mut train = PoissonTrain::new(site(7), DrawSpace::Hot);
         let mut start = 0.0;
         let mut count = 0;
         while let Some(t) = train.advance(&rates, start) {
             assert!(t >= start && t <= 1e6);
-            train.wait(site(7), Space::Hot);
+            train.wait(site(7), DrawSpace::Hot);
             (start, count) = (t, count + 1);
         }
         // Poisson with mean 500.
         assert!((400..600).contains(&count), "{count}");
-        assert_eq!(Train::silent().advance(&rates, 0.0), None);
+        assert_eq!(PoissonTrain::silent().advance(&rates, 0.0), None);
     }
 }

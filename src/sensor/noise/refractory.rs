@@ -8,17 +8,17 @@ const LONGEST_US: f64 = 1e9;
 
 /// The length of the dead time, and the reference after it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Refractory {
+pub struct RefractoryPeriod {
     /// Length of the dead time, microseconds; 0 for none.
     pub period_us: f64,
     /// The reference brightness after the dead time.
-    pub reference: Reference,
+    pub reference: ReferenceRule,
 }
 
 /// The brightness with which a pixel compares after its dead time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Reference {
+pub enum ReferenceRule {
     /// The level of the previous event. Thresholds that were crossed in the dead time make events
     /// at its end, one after the other (v2e).
     AtEvent,
@@ -31,7 +31,7 @@ pub enum Reference {
     Passing,
 }
 
-impl Refractory {
+impl RefractoryPeriod {
     /// The dead time in whole nanoseconds, rounded up.
     #[expect(clippy::cast_possible_truncation, reason = "periods are below 2^53 ns")]
     pub(in crate::sensor) fn period_ns(&self) -> i64 {

@@ -1,12 +1,12 @@
 //! Named parameter sets, as in the program's `--dvs_params`.
 
-use super::{Filter, Leak, V2e};
+use super::{FilterSteps, LeakNoise, V2eModel};
 use crate::sensor::front_end::FrontEnd;
-use crate::sensor::noise::{HotPixels, Reference, Refractory, Threshold};
+use crate::sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
 
 /// A named parameter set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preset {
+pub enum V2ePreset {
     /// Only a threshold spread of 0.02; the default.
     Clean,
     /// A threshold spread of 0.05, a cutoff of 30 Hz, shot noise of 5 Hz, and a leak of 0.1 Hz that
@@ -15,7 +15,7 @@ pub enum Preset {
     Noisy,
 }
 
-impl Preset {
+impl V2ePreset {
     /// All presets.
     pub const ALL: [Self; 2] = [Self::Clean, Self::Noisy];
 
@@ -35,29 +35,29 @@ impl Preset {
     }
 }
 
-impl From<Preset> for V2e {
+impl From<V2ePreset> for V2eModel {
     /// The parameters of the preset, with thresholds of 0.2, no dead time, no hot pixels and a cap
     /// of 1000.
-    fn from(preset: Preset) -> Self {
+    fn from(preset: V2ePreset) -> Self {
         let clean = Self {
-            threshold: Threshold { on: 0.2, off: 0.2, spread: 0.02 },
+            threshold: ThresholdMismatch { on: 0.2, off: 0.2, spread: 0.02 },
             cutoff: 0.0,
-            filter: Filter::Exact,
-            leak: Leak::default(),
+            filter: FilterSteps::Exact,
+            leak: LeakNoise::default(),
             shot: 0.0,
-            refractory: Refractory { period_us: 0.0, reference: Reference::AtEvent },
-            hot_pixels: HotPixels::default(),
+            refractory: RefractoryPeriod { period_us: 0.0, reference: ReferenceRule::AtEvent },
+            hot_pixels: HotPixelNoise::default(),
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
             front_end: FrontEnd::default(),
             labels: false,
         };
         match preset {
-            Preset::Clean => clean,
-            Preset::Noisy => Self {
-                threshold: Threshold { spread: 0.05, ..clean.threshold },
+            V2ePreset::Clean => clean,
+            V2ePreset::Noisy => Self {
+                threshold: ThresholdMismatch { spread: 0.05, ..clean.threshold },
                 cutoff: 30.0,
-                leak: Leak { rate: 0.1, jitter: 0.1, cov: 0.1 },
+                leak: LeakNoise { rate: 0.1, jitter: 0.1, cov: 0.1 },
                 shot: 5.0,
                 ..clean
             },

@@ -14,26 +14,26 @@
 //! vector registers, and a block's arrays stay in the first-level cache. The few pixels that need
 //! more are collected until there are enough of them to share the cost of the descent.
 
-use super::Between;
-use super::curve::{Curve, Ends, Wide};
-use super::noiseless::{self, Straight};
-use super::tree::{ROOT_DEVIATION, Walk, Walker, Walkers};
-use super::window::{Leg, Window};
-use super::writer::{Tally, Writer};
+use super::BetweenFrames;
+use super::curve::{DriftCurve, FrameEnds, Wide};
+use super::noiseless::{self, StraightDrift};
+use super::tree::{ROOT_DEVIATION, RootWalk, Walker, Walkers};
+use super::window::{FrameLeg, TimeStep};
+use super::writer::{BandWriter, PixelTally};
 use crate::elementary::{ln_ratio, load_eight, mask_bits, set_lanes, store_eight};
-use crate::seed::Space;
-use crate::seed::eight::{self, Cells};
+use crate::seed::DrawSpace;
+use crate::seed::eight::{self, SeedCells};
 use crate::sensor::SensorError;
-use crate::sensor::window::Packed;
+use crate::sensor::window::PackedEvent;
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
 use std::ops::ControlFlow;
 
 /// Working memory of one thread that crosses bands, and its results.
 #[derive(Debug, Default)]
-pub(super) struct Band {
-    block: Block,
+pub(super) struct BandCrosser {
+    block: BlockWindow,
     pub(super) walkers: Walkers,
-    pub(super) events: Vec<Packed>,
+    pub(super) events: Vec<PackedEvent>,
     /// Largest number of events of one pixel between two frames.
     pub(super) most: u32,
     pub(super) capped: Option<SensorError>,
@@ -45,7 +45,7 @@ pub(super) struct Band {
 /// The state of a band's pixels. Arrays are padded to a multiple of 8; `tally` is not, and gives
 /// the true number.
 #[derive(Debug)]
-pub(super) struct Slice<'a> {
+pub(super) struct BandSlice<'a> {
     /// Index of the band's first pixel in the image.
     pub(super) first: usize,
     /// Positions on the sensor, `y << 16 | x`.
@@ -54,7 +54,7 @@ pub(super) struct Slice<'a> {
     pub(super) drift: &'a mut [f64],
     pub(super) variance: &'a mut [f64],
     /// One tally for each pixel of the image, without padding.
-    pub(super) tally: &'a mut [Tally],
+    pub(super) tally: &'a mut [PixelTally],
 }
 
 /// Number of pixels that pass through each short loop together. Long enough to hide latencies, and
@@ -71,7 +71,7 @@ const CROWD: usize = 2048;
 
 /// Brightness and curves of a block's pixels in a window.
 #[derive(Debug, Default)]
-struct Block {
+struct BlockWindow {
     /// For each knot of the window: `L + k2`, the change of its logarithm up to the next knot, and
     /// the slope of the logarithm at the knot.
     knots: Vec<[Lane; 3]>,
@@ -82,7 +82,7 @@ struct Block {
 
 /// The motion of eight pixels over a window if they touch no barrier.
 #[derive(Clone, Copy)]
-struct Crossing<S: Simd> {
+struct FreeCrossing<S: Simd> {
     /// Increment of the Brownian motion over the root cell.
     increment: f64x8<S>,
     /// Drift over the window.
@@ -100,10 +100,15 @@ const SECONDS: f64 = 1e-9;
 
 const ZEROS: Lane = [0.0; BLOCK];
 
-impl Window<'_> {
+impl TimeStep<'_> {
     /// Moves every pixel of a band to the end of the window.
     #[inline(always)]
-    pub(super) fn cross<C: Curve, S: Simd>(&self, simd: S, mut slice: Slice<'_>, band: &mut Band) {
+    pub(super) fn cross<C: DriftCurve, S: Simd>(
+        &self,
+        simd: S,
+        mut slice: BandSlice<'_>,
+        band: &mut BandCrosser,
+    ) {
         band.walkers.clear();
         for start in (0..slice.voltage.len()).step_by(BLOCK) {
             let end = slice.voltage.len().min(start + BLOCK);
@@ -128,13 +133,13 @@ impl Window<'_> {
     }
 
     /// Moves the collected walkers to the end of the window.
-    fn walk<C: Curve, S: Simd>(&self, simd: S, slice: &mut Slice<'_>, band: &mut Band) {
-        let Band { walkers, events, most, capped, logs, .. } = band;
-        let Slice { first, voltage, tally, .. } = slice;
+    fn walk<C: DriftCurve, S: Simd>(&self, simd: S, slice: &mut BandSlice<'_>, band: &mut BandCrosser) {
+        let BandCrosser { walkers, events, most, capped, logs, .. } = band;
+        let BandSlice { first, voltage, tally, .. } = slice;
         let logs = logs.as_deref_mut();
-        let writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
+        let writer = BandWriter { window: self, first: *first, tally, events, most, capped, logs };
         // A break means that the step has failed; the failure is in `capped`.
-        let _ = Walk { window: self, walkers, writer }.cross::<C, S>(simd);
+        let _ = RootWalk { window: self, walkers, writer }.cross::<C, S>(simd);
         walkers.settled().for_each(|(pixel, x)| voltage[pixel] = x);
         walkers.clear();
     }
@@ -145,7 +150,7 @@ impl Window<'_> {
         if self.law.process.is_noiseless() {
             return;
         }
-        let cells = Cells { seed: self.law.seed, space: Space::Tree, level: 0, index: self.root() };
+        let cells = SeedCells { seed: self.law.seed, space: DrawSpace::Tree, level: 0, index: self.root() };
         for (i, seats) in (0..).step_by(8).zip(seats.chunks_exact(8)) {
             let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), 0);
             store_eight(eight::uniform_eight(draw), noise, i);
@@ -158,8 +163,8 @@ impl Window<'_> {
 
     /// Fills the block's knots for the pixels from `first` on.
     #[inline(always)]
-    fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut Block) {
-        let Block { knots, pieces } = block;
+    fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut BlockWindow) {
+        let BlockWindow { knots, pieces } = block;
         pieces.resize(self.legs.len(), [[0.0; 8]; 5]);
         knots.resize(self.knots.len(), [ZEROS; 3]);
         for ([level, _, slope], frame) in knots.iter_mut().zip(&self.frames[self.knots.clone()]) {
@@ -167,7 +172,7 @@ impl Window<'_> {
             for (i, luminance) in (0..).step_by(8).zip(luminance.chunks_exact(8)) {
                 let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
                 store_eight(here, level, i);
-                if self.law.between == Between::Hermite {
+                if self.law.between == BetweenFrames::Hermite {
                     let rate = f64x8::from_fn(simd, |lane| frame.rate[first + i + lane].into());
                     store_eight(rate * SECONDS / here, slope, i);
                 }
@@ -183,7 +188,7 @@ impl Window<'_> {
                 store_eight(ln_ratio([load_eight(simd, before, i), load_eight(simd, after, i)]), step, i);
             }
         }
-        if self.law.between == Between::Catmull {
+        if self.law.between == BetweenFrames::Catmull {
             self.slopes(simd, count, knots);
         }
     }
@@ -215,12 +220,18 @@ impl Window<'_> {
 
     /// The curve of a leg for eight pixels of a block, and the frame values from which it is made.
     #[inline(always)]
-    fn curve<C: Curve, S: Simd>(&self, simd: S, leg: usize, i: usize, block: &Block) -> (Wide<S>, Ends<S>) {
-        let Leg { inverse, frame, .. } = self.legs[leg];
+    fn curve<C: DriftCurve, S: Simd>(
+        &self,
+        simd: S,
+        leg: usize,
+        i: usize,
+        block: &BlockWindow,
+    ) -> (Wide<S>, FrameEnds<S>) {
+        let FrameLeg { inverse, frame, .. } = self.legs[leg];
         let at = frame - self.knots.start;
         let next = if inverse == 0.0 { at } else { at + 1 };
         let ends = [at, next].map(|knot| &block.knots[knot]);
-        let ends = Ends {
+        let ends = FrameEnds {
             levels: ends.map(|[level, ..]| load_eight(simd, level, i)),
             step: load_eight(simd, &ends[0][1], i),
             slopes: ends.map(|[.., slope]| load_eight(simd, slope, i)),
@@ -236,7 +247,12 @@ impl Window<'_> {
     /// The motion of eight pixels of a block, from the `i`-th on. Also stores the drift at the
     /// start of each leg in the block's pieces.
     #[inline(always)]
-    fn crossing<C: Curve, S: Simd>(&self, increment: f64x8<S>, i: usize, block: &mut Block) -> Crossing<S> {
+    fn crossing<C: DriftCurve, S: Simd>(
+        &self,
+        increment: f64x8<S>,
+        i: usize,
+        block: &mut BlockWindow,
+    ) -> FreeCrossing<S> {
         let (simd, process) = (increment.simd, &self.law.process);
         let zero = f64x8::splat(simd, 0.0);
         let (mut drift, mut curvature, mut level) = (zero, zero, zero);
@@ -258,21 +274,21 @@ impl Window<'_> {
         }
         let sigma = if process.is_noiseless() { zero } else { process.sigma(level) };
         let straying = curvature * (self.widest * self.widest * 0.125) + knots;
-        Crossing { increment, drift, sigma, curvature, straying }
+        FreeCrossing { increment, drift, sigma, curvature, straying }
     }
 
     /// Moves eight pixels to the end of the window where no barrier is within reach, and collects
     /// the others as walkers. `pixel` is the index of the first in the band, `i` in its block.
     #[inline(always)]
-    fn pass<C: Curve, S: Simd>(
+    fn pass<C: DriftCurve, S: Simd>(
         &self,
-        crossing: Crossing<S>,
+        crossing: FreeCrossing<S>,
         pixel: usize,
         i: usize,
-        slice: &mut Slice<'_>,
-        band: &mut Band,
+        slice: &mut BandSlice<'_>,
+        band: &mut BandCrosser,
     ) {
-        let Crossing { increment, drift, sigma, curvature, straying } = crossing;
+        let FreeCrossing { increment, drift, sigma, curvature, straying } = crossing;
         let simd = drift.simd;
         let x = load_eight(simd, slice.voltage, pixel);
         let y = x + drift + sigma * increment;
@@ -294,7 +310,7 @@ impl Window<'_> {
         let pixels = slice.tally.len();
         let live = set_lanes(live).take_while(|lane| pixel + lane < pixels);
         if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
-            let straight = Straight::new(barriers, [x, drift], self.length);
+            let straight = StraightDrift::new(barriers, [x, drift], self.length);
             return self.run_straight(live, pixel, &straight, slice, band);
         }
         // The curves are computed a second time, for few pixels: keeping them for all costs more
@@ -323,7 +339,7 @@ impl Window<'_> {
     }
 }
 
-impl Window<'_> {
+impl TimeStep<'_> {
     /// Moves pixels across the window without noise and with straight drift: lanes of eight from
     /// `pixel` on. Their voltages at the end, before the resets by events, are stored already.
     #[inline(always)]
@@ -331,14 +347,14 @@ impl Window<'_> {
         &self,
         lanes: impl Iterator<Item = usize>,
         pixel: usize,
-        straight: &Straight<S>,
-        slice: &mut Slice<'_>,
-        band: &mut Band,
+        straight: &StraightDrift<S>,
+        slice: &mut BandSlice<'_>,
+        band: &mut BandCrosser,
     ) {
-        let Band { events, most, capped, logs, .. } = band;
-        let Slice { first, seats, tally, voltage, .. } = slice;
+        let BandCrosser { events, most, capped, logs, .. } = band;
+        let BandSlice { first, seats, tally, voltage, .. } = slice;
         let logs = logs.as_deref_mut();
-        let mut writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
+        let mut writer = BandWriter { window: self, first: *first, tally, events, most, capped, logs };
         for lane in lanes {
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
             // A break means that the step has failed; the failure is in `capped`.
@@ -351,17 +367,17 @@ impl Window<'_> {
     /// Moves pixels across the window without noise: lanes of eight from `pixel` on, with their
     /// voltages at the start.
     #[inline(always)]
-    fn run<C: Curve>(
+    fn run<C: DriftCurve>(
         &self,
         lanes: impl Iterator<Item = usize>,
         (pixel, x): (usize, [f64; 8]),
-        slice: &mut Slice<'_>,
-        band: &mut Band,
+        slice: &mut BandSlice<'_>,
+        band: &mut BandCrosser,
     ) {
-        let Band { block, events, most, capped, logs, .. } = band;
-        let Slice { first, seats, tally, voltage, .. } = slice;
+        let BandCrosser { block, events, most, capped, logs, .. } = band;
+        let BandSlice { first, seats, tally, voltage, .. } = slice;
         let logs = logs.as_deref_mut();
-        let mut writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
+        let mut writer = BandWriter { window: self, first: *first, tally, events, most, capped, logs };
         for lane in lanes {
             let curves = block.pieces.iter().map(|[_, curve @ ..]| curve.each_ref().map(|c| c[lane]));
             let barriers = self.law.thresholds.of(*first + pixel + lane);

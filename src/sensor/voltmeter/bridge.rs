@@ -19,7 +19,7 @@ pub(crate) struct Barriers {
 
 /// The barriers that a path may touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Live {
+pub(super) enum LiveBarriers {
     Neither,
     Up,
     Down,
@@ -28,36 +28,40 @@ pub(super) enum Live {
 
 impl Barriers {
     /// The barriers that a path from `x` to `y` with variance `v` may touch.
-    pub(super) fn live(self, x: f64, y: f64, v: f64) -> Live {
+    pub(super) fn live(self, x: f64, y: f64, v: f64) -> LiveBarriers {
         match (within_reach(self.up - x, self.up - y, v), within_reach(self.down + x, self.down + y, v)) {
-            (false, false) => Live::Neither,
-            (true, false) => Live::Up,
-            (false, true) => Live::Down,
-            (true, true) => Live::Both,
+            (false, false) => LiveBarriers::Neither,
+            (true, false) => LiveBarriers::Up,
+            (false, true) => LiveBarriers::Down,
+            (true, true) => LiveBarriers::Both,
         }
     }
 
     /// The barrier that a path from `x` to `y` touches with the larger probability.
-    pub(super) fn likelier(self, x: f64, y: f64) -> Side {
-        if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) { Side::Up } else { Side::Down }
+    pub(super) fn likelier(self, x: f64, y: f64) -> BarrierSide {
+        if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) {
+            BarrierSide::Up
+        } else {
+            BarrierSide::Down
+        }
     }
 }
 
 /// The thresholds of eight pixels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Wide<S: Simd> {
+pub(super) struct WideBarriers<S: Simd> {
     pub(super) up: f64x8<S>,
     pub(super) down: f64x8<S>,
 }
 
-impl<S: Simd> Wide<S> {
+impl<S: Simd> WideBarriers<S> {
     /// The same thresholds for all eight.
     #[inline(always)]
     pub(super) fn splat(simd: S, Barriers { up, down }: Barriers) -> Self {
         Self { up: f64x8::splat(simd, up), down: f64x8::splat(simd, down) }
     }
 
-    /// Whether any barrier is within reach of paths from `x` to `y` with variance `v` that may
+    /// Returns true if any barrier is within reach of paths from `x` to `y` with variance `v` that may
     /// stray from the straight line by `straying`. This is [`Barriers::live`] for eight pixels,
     /// with the barriers moved nearer by `straying`.
     #[inline(always)]
@@ -70,7 +74,7 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-/// Whether a barrier at distances `a` and `g` from the ends (negative beyond the barrier) is within
+/// Returns true if a barrier at distances `a` and `g` from the ends (negative beyond the barrier) is within
 /// reach.
 fn within_reach(a: f64, g: f64, v: f64) -> bool {
     a <= 0.0 || g <= 0.0 || 2.0 * a * g < NEGLIGIBLE * v
@@ -78,12 +82,12 @@ fn within_reach(a: f64, g: f64, v: f64) -> bool {
 
 /// One of the two barriers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Side {
+pub(super) enum BarrierSide {
     Up,
     Down,
 }
 
-impl Side {
+impl BarrierSide {
     /// Distance of a voltage from the barrier; negative beyond it.
     pub(super) fn distance(self, barriers: Barriers, voltage: f64) -> f64 {
         match self {
@@ -129,12 +133,12 @@ pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Cell, Draws, Seed, Space};
+    use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
     use crate::seed::{ks, rival};
     use std::f64::consts::{PI, SQRT_2};
 
-    fn draws(index: u64) -> Draws {
-        Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
+    fn draws(index: u64) -> CellDraws {
+        Seed(7).draws(SeedCell { x: 0, y: 0, level: 0, index }, DrawSpace::Leaf)
     }
 
     /// Distribution function of the inverse Gaussian of mean `mean` (infinite: the Lévy
@@ -232,11 +236,11 @@ mod tests {
     fn barriers_within_reach() {
         let unit = Barriers { up: 1.0, down: 1.0 };
         let t = |x, y, v, live| assert_eq!(unit.live(x, y, v), live, "{x} {y} {v}");
-        t(0.0, 0.0, 0.0, Live::Neither);
-        t(0.0, 1.0, 0.0, Live::Up);
-        t(0.0, -1.5, 0.0, Live::Down);
-        t(0.0, 0.0, 0.049, Live::Neither);
-        t(0.0, 0.0, 0.051, Live::Both);
-        t(0.9, 0.9, 0.001, Live::Up);
+        t(0.0, 0.0, 0.0, LiveBarriers::Neither);
+        t(0.0, 1.0, 0.0, LiveBarriers::Up);
+        t(0.0, -1.5, 0.0, LiveBarriers::Down);
+        t(0.0, 0.0, 0.049, LiveBarriers::Neither);
+        t(0.0, 0.0, 0.051, LiveBarriers::Both);
+        t(0.9, 0.9, 0.001, LiveBarriers::Up);
     }
 }

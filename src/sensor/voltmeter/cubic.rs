@@ -4,19 +4,19 @@
 //! leak's part is the integral of the parabola through the brightness at both frames and in the
 //! middle, which is a cubic too. Slopes are not limited.
 
-use super::curve::{Curve, Ends, One, Wide};
-use super::drift::Process;
+use super::curve::{DriftCurve, FrameEnds, One, Wide};
+use super::drift::DriftProcess;
 use crate::elementary;
 use fearless_simd::{Simd, SimdBase as _, f64x8};
 
 /// `((c3 s + c2) s + c1) s` with `s = t/h`: coefficients c1, c2, c3 and `1/h`.
 #[derive(Debug)]
-pub(super) struct Cubic;
+pub(super) struct CubicDrift;
 
 /// `V - V0` as coefficients of `s`, `s^2` and `s^3`.
 #[inline(always)]
-fn log_cubic<S: Simd>(ends: &Ends<S>) -> [f64x8<S>; 3] {
-    let Ends { step, slopes, inverse, .. } = *ends;
+fn log_cubic<S: Simd>(ends: &FrameEnds<S>) -> [f64x8<S>; 3] {
+    let FrameEnds { step, slopes, inverse, .. } = *ends;
     let [a, b] = slopes.map(|slope| slope * (1.0 / inverse));
     [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
 }
@@ -26,10 +26,10 @@ fn horner<S: Simd>([c1, c2, c3]: [f64x8<S>; 3], s: f64) -> f64x8<S> {
     ((c3 * s + c2) * s + c1) * s
 }
 
-impl Curve for Cubic {
+impl DriftCurve for CubicDrift {
     #[inline(always)]
-    fn between<S: Simd>(process: &Process, ends: &Ends<S>) -> Wide<S> {
-        let Process { k1, k2, k4, k5, .. } = *process;
+    fn between<S: Simd>(process: &DriftProcess, ends: &FrameEnds<S>) -> Wide<S> {
+        let DriftProcess { k1, k2, k4, k5, .. } = *process;
         let inverse = ends.inverse;
         let length = 1.0 / inverse;
         let signal = log_cubic(ends).map(|c| c * k1);
@@ -49,7 +49,7 @@ impl Curve for Cubic {
     }
 
     #[inline(always)]
-    fn level<S: Simd>(_: &Process, ends: &Ends<S>, t: f64) -> f64x8<S> {
+    fn level<S: Simd>(_: &DriftProcess, ends: &FrameEnds<S>, t: f64) -> f64x8<S> {
         let start = ends.levels[0];
         if ends.inverse == 0.0 {
             return start;
@@ -58,7 +58,7 @@ impl Curve for Cubic {
     }
 
     #[inline(always)]
-    fn rise<S: Simd>(_: &Process, [c1, c2, c3, inverse]: &Wide<S>, t: f64) -> f64x8<S> {
+    fn rise<S: Simd>(_: &DriftProcess, [c1, c2, c3, inverse]: &Wide<S>, t: f64) -> f64x8<S> {
         let s = *inverse * t;
         ((*c3 * s + *c2) * s + *c1) * s
     }
@@ -102,7 +102,7 @@ impl Curve for Cubic {
         *c2 == 0.0 && *c3 == 0.0
     }
 
-    fn are_straight(_: &Process) -> bool {
+    fn are_straight(_: &DriftProcess) -> bool {
         false
     }
 }
@@ -110,7 +110,7 @@ impl Curve for Cubic {
 #[cfg(test)]
 mod tests {
     use super::super::curve::{of_one, wide_arithmetic};
-    use super::super::{Preset, Voltmeter};
+    use super::super::{VoltmeterModel, VoltmeterPreset};
     use super::*;
 
     const LENGTH: f64 = 4e5;
@@ -120,18 +120,18 @@ mod tests {
         [4.5 + 0.7 * s - 1.9 * s * s + 0.8 * s * s * s, 0.7 - 3.8 * s + 2.4 * s * s]
     }
 
-    fn sensor(k5: f64) -> Process {
-        let [k1, k2, ..] = Preset::Dvs346.k();
-        Process::new(&Voltmeter::new([k1, k2, 0.0, 1e-5, k5, 0.0]))
+    fn sensor(k5: f64) -> DriftProcess {
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+        DriftProcess::new(&VoltmeterModel::new([k1, k2, 0.0, 1e-5, k5, 0.0]))
     }
 
     /// The curve of [`signal`] over `[from, to]`, in units of `LENGTH`.
-    fn piece(process: &Process, [from, to]: [f64; 2]) -> One {
+    fn piece(process: &DriftProcess, [from, to]: [f64; 2]) -> One {
         let knot = |s: f64| {
             let [log, slope] = signal(s);
             [libm::exp(log), slope / LENGTH]
         };
-        of_one::<Cubic>(process, [knot(from), knot(to)], LENGTH * (to - from))
+        of_one::<CubicDrift>(process, [knot(from), knot(to)], LENGTH * (to - from))
     }
 
     #[test]
@@ -143,10 +143,10 @@ mod tests {
                 let s = cut[0] + (cut[1] - cut[0]) * f64::from(i) / 20.0;
                 let t = (s - cut[0]) * LENGTH;
                 let wanted = process.k1 * (signal(s)[0] - signal(cut[0])[0]) + process.k4 * t;
-                let found = Cubic::rise_of_one(&curve, t);
+                let found = CubicDrift::rise_of_one(&curve, t);
                 // V is at most about 20 and k1 is 5: a few ulp of 100.
                 assert!((found - wanted).abs() < 5e-14, "{cut:?} {s}: {found} {wanted}");
-                assert_eq!(wide_arithmetic::<Cubic>(&process, &curve, t)[0].to_bits(), found.to_bits());
+                assert_eq!(wide_arithmetic::<CubicDrift>(&process, &curve, t)[0].to_bits(), found.to_bits());
             }
         }
     }
@@ -165,7 +165,7 @@ mod tests {
             let part = |i: i32| {
                 let cut = [i, i + 1].map(|i| f64::from(i) / f64::from(cuts));
                 let end = LENGTH / f64::from(cuts);
-                [&process, &quiet].map(|process| Cubic::rise_of_one(&piece(process, cut), end))
+                [&process, &quiet].map(|process| CubicDrift::rise_of_one(&piece(process, cut), end))
             };
             let found: f64 = (0..cuts).map(part).map(|[with, without]| with - without).sum();
             (found - wanted).abs() / wanted
@@ -181,29 +181,30 @@ mod tests {
         let process = sensor(1e-6);
         let curve = piece(&process, [-1.0, 2.0]);
         for [from, to] in [[0.0, 3.0], [0.2, 0.9], [1.4, 1.5]].map(|span| span.map(|s| s * LENGTH)) {
-            let [a, b] = [from, to].map(|t| Cubic::rise_of_one(&curve, t));
+            let [a, b] = [from, to].map(|t| CubicDrift::rise_of_one(&curve, t));
             let stray = |i: i32| {
                 let share = f64::from(i) / 1000.0;
                 let t = from + (to - from) * share;
-                (Cubic::rise_of_one(&curve, t) - a - (b - a) * share).abs()
+                (CubicDrift::rise_of_one(&curve, t) - a - (b - a) * share).abs()
             };
             let largest = (0..=1000).map(stray).fold(0.0, f64::max);
-            let bound = Cubic::bulge_of_one(&curve, [from, to]);
+            let bound = CubicDrift::bulge_of_one(&curve, [from, to]);
             // Over a long span, the two parts of the bound may stray to opposite sides.
             let loose = if to - from < LENGTH { 4.0 } else { 10.0 };
             assert!(bound >= largest && bound < loose * largest, "{bound} {largest}");
         }
         let largest = (0..=1000).map(|i| 3e-3 * f64::from(i) * LENGTH).map(|t| {
             let h = 1.0;
-            (Cubic::rate_of_one(&curve, t + h) - Cubic::rate_of_one(&curve, t - h)).abs() / (2.0 * h)
+            (CubicDrift::rate_of_one(&curve, t + h) - CubicDrift::rate_of_one(&curve, t - h)).abs()
+                / (2.0 * h)
         });
-        let curvature = wide_arithmetic::<Cubic>(&process, &curve, 3.0 * LENGTH)[1];
+        let curvature = wide_arithmetic::<CubicDrift>(&process, &curve, 3.0 * LENGTH)[1];
         assert!(curvature * (1.0 + 1e-5) >= largest.fold(0.0, f64::max));
-        let turns = Cubic::turns_of_one(&curve, [0.0, 3.0 * LENGTH]).map(Option::unwrap);
+        let turns = CubicDrift::turns_of_one(&curve, [0.0, 3.0 * LENGTH]).map(Option::unwrap);
         // The signal itself turns at s = 0.213 and 1.370, and the leak is weak.
         for (turn, s) in turns.into_iter().zip([0.213, 1.370]) {
             assert!((turn / LENGTH - 1.0 - s).abs() < 0.02, "{turn}");
-            assert!(Cubic::rate_of_one(&curve, turn).abs() * LENGTH < 1e-13);
+            assert!(CubicDrift::rate_of_one(&curve, turn).abs() * LENGTH < 1e-13);
         }
     }
 }

@@ -3,7 +3,7 @@
 //! A curve is four coefficients. The operations needed for every pixel are written for eight pixels
 //! at a time; those needed only for pixels with events, for one.
 
-use super::drift::Process;
+use super::drift::DriftProcess;
 use fearless_simd::{Simd, f64x8};
 
 /// Curves of eight pixels.
@@ -13,7 +13,7 @@ pub(super) type One = [f64; 4];
 
 /// Brightness of eight pixels at two frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ends<S: Simd> {
+pub(super) struct FrameEnds<S: Simd> {
     /// `L + k2` at both frames.
     pub(super) levels: [f64x8<S>; 2],
     /// Change of the logarithm `V = ln(L + k2)`.
@@ -25,15 +25,15 @@ pub(super) struct Ends<S: Simd> {
 }
 
 /// The operations of a family of curves. Times are ns since the earlier frame.
-pub(super) trait Curve {
+pub(super) trait DriftCurve {
     /// The curve between two frames.
-    fn between<S: Simd>(process: &Process, ends: &Ends<S>) -> Wide<S>;
+    fn between<S: Simd>(process: &DriftProcess, ends: &FrameEnds<S>) -> Wide<S>;
 
     /// `L + k2` at `t`.
-    fn level<S: Simd>(process: &Process, ends: &Ends<S>, t: f64) -> f64x8<S>;
+    fn level<S: Simd>(process: &DriftProcess, ends: &FrameEnds<S>, t: f64) -> f64x8<S>;
 
     /// The drift since the earlier frame, `D(t) - D(0)`.
-    fn rise<S: Simd>(process: &Process, curve: &Wide<S>, t: f64) -> f64x8<S>;
+    fn rise<S: Simd>(process: &DriftProcess, curve: &Wide<S>, t: f64) -> f64x8<S>;
 
     /// A bound on `|D''|` over `[from, to]`.
     fn curvature<S: Simd>(curve: &Wide<S>, times: [f64; 2]) -> f64x8<S>;
@@ -41,7 +41,7 @@ pub(super) trait Curve {
     /// A bound on the distance between the curve and its chord over `[from, to]`.
     fn bulge_of_one(curve: &One, times: [f64; 2]) -> f64;
 
-    /// [`Curve::rise`] for one pixel.
+    /// [`DriftCurve::rise`] for one pixel.
     fn rise_of_one(curve: &One, t: f64) -> f64;
 
     /// The slope `D'(t)`.
@@ -50,29 +50,29 @@ pub(super) trait Curve {
     /// The times within `(from, to)` at which the drift turns around, in order.
     fn turns_of_one(curve: &One, span: [f64; 2]) -> [Option<f64>; 2];
 
-    /// Whether the drift is proportional to time.
+    /// Returns true if the drift is proportional to time.
     fn is_straight(curve: &One) -> bool;
 
-    /// Whether every curve of the process is straight.
-    fn are_straight(process: &Process) -> bool;
+    /// Returns true if every curve of the process is straight.
+    fn are_straight(process: &DriftProcess) -> bool;
 }
 
 /// The curve of one pixel, for tests: `L + k2` and the slope of its logarithm at two frames, `length` ns apart.
 #[cfg(test)]
-pub(super) fn of_one<C: Curve>(process: &Process, knots: [[f64; 2]; 2], length: f64) -> One {
+pub(super) fn of_one<C: DriftCurve>(process: &DriftProcess, knots: [[f64; 2]; 2], length: f64) -> One {
     use fearless_simd::{Level, SimdBase as _, dispatch};
     dispatch!(Level::new(), simd => {
         let levels = knots.map(|[level, _]| f64x8::splat(simd, level));
         let slopes = knots.map(|[_, slope]| f64x8::splat(simd, slope));
         let step = crate::elementary::ln_ratio(levels);
-        C::between(process, &Ends { levels, step, slopes, inverse: 1.0 / length }).map(|c| c[5])
+        C::between(process, &FrameEnds { levels, step, slopes, inverse: 1.0 / length }).map(|c| c[5])
     })
 }
 
 /// The eight-lane arithmetic of a family applied to one curve, for tests: the rise to `t` and the
 /// curvature over `[0, t]`.
 #[cfg(test)]
-pub(super) fn wide_arithmetic<C: Curve>(process: &Process, curve: &One, t: f64) -> [f64; 2] {
+pub(super) fn wide_arithmetic<C: DriftCurve>(process: &DriftProcess, curve: &One, t: f64) -> [f64; 2] {
     use fearless_simd::{Level, SimdBase as _, dispatch};
     dispatch!(Level::new(), simd => {
         let curve = curve.map(|c| f64x8::splat(simd, c));

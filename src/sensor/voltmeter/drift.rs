@@ -2,8 +2,8 @@
 //! in nanoseconds.
 
 use super::bridge::Barriers;
-use super::{Gain, Voltmeter};
-use crate::sensor::statistics::Renewal;
+use super::{DriftGain, VoltmeterModel};
+use crate::sensor::statistics::RenewalProcess;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8};
 
 /// Microseconds in a nanosecond.
@@ -11,24 +11,24 @@ const US: f64 = 1e-3;
 
 /// The process with time in nanoseconds and brightness in grey 0..255.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Process {
+pub(super) struct DriftProcess {
     pub(super) k1: f64,
     pub(super) k2: f64,
     k3: f64,
     pub(super) k4: f64,
     pub(super) k5: f64,
     k6: f64,
-    pub(super) gain: Gain,
+    pub(super) gain: DriftGain,
 }
 
-impl Process {
-    pub(super) fn new(sensor: &Voltmeter) -> Self {
+impl DriftProcess {
+    pub(super) fn new(sensor: &VoltmeterModel) -> Self {
         let [k1, k2, k3, k4, k5, k6] = sensor.k;
         let root = US.sqrt();
         Self { k1, k2, k3: k3 * root, k4: k4 * US, k5: k5 * US, k6: k6 * root, gain: sensor.gain }
     }
 
-    /// Whether there is no noise at any brightness.
+    /// Returns true if there is no noise at any brightness.
     pub(super) fn is_noiseless(&self) -> bool {
         self.k3 == 0.0 && self.k6 == 0.0
     }
@@ -54,9 +54,9 @@ impl Process {
     }
 
     /// The process at a pixel of constant grey, per nanosecond.
-    pub(super) fn at_rest(&self, luminance: f64, barriers: Barriers) -> Renewal {
+    pub(super) fn at_rest(&self, luminance: f64, barriers: Barriers) -> RenewalProcess {
         let sigma = self.sigma_of_one(luminance);
         let Barriers { up, down } = barriers;
-        Renewal { drift: self.k4 + self.k5 * luminance, variance: sigma * sigma, up, down }
+        RenewalProcess { drift: self.k4 + self.k5 * luminance, variance: sigma * sigma, up, down }
     }
 }

@@ -6,22 +6,22 @@
 //! their order do not change the result.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
-use super::band::{Band, Slice};
+use super::band::{BandCrosser, BandSlice};
 use super::bridge::Barriers;
-use super::cubic::Cubic;
-use super::drift::Process;
-use super::line::Line;
-use super::thresholds::Thresholds;
+use super::cubic::CubicDrift;
+use super::drift::DriftProcess;
+use super::line::LineDrift;
+use super::thresholds::PixelThresholds;
 use super::tree::ROOT;
-use super::window::Window;
-use super::writer::Tally;
-use super::{Between, Initial, Voltmeter};
+use super::window::TimeStep;
+use super::writer::PixelTally;
+use super::{BetweenFrames, InitialVoltage, VoltmeterModel};
 use crate::event::EventSink;
-use crate::frames::Frame;
+use crate::frames::DenseFrame;
 use crate::image::Size;
-use crate::seed::{Cell, Seed, Space};
-use crate::sensor::window::{LONGEST, Windows};
-use crate::sensor::{Account, Pixels, SensorError, input};
+use crate::seed::{DrawSpace, Seed, SeedCell};
+use crate::sensor::window::{EventWindow, LONGEST};
+use crate::sensor::{SensorError, SensorPixels, SimulationAccount, input};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -37,32 +37,32 @@ const LEAST_BAND: usize = 4096;
 
 /// State of the exact sampler.
 #[derive(Debug)]
-pub(super) struct Exact {
-    law: Law,
+pub(super) struct ExactSampler {
+    law: ExactSettings,
     /// The instruction set in use.
     level: Level,
-    frames: VecDeque<Stored>,
+    frames: VecDeque<PendingFrame>,
     /// Frames that are no longer needed; their memory is reused.
-    spare: Vec<Stored>,
-    state: State,
+    spare: Vec<PendingFrame>,
+    state: PixelStates,
     /// Number of pixels in a band, a multiple of 8.
     band: usize,
-    bands: Vec<Band>,
+    bands: Vec<BandCrosser>,
     /// Time up to which windows have been crossed, ns.
     crossed: i64,
-    windows: Windows,
+    windows: EventWindow,
     negative_luminance: u64,
 }
 
 /// The settings, which do not change during a simulation.
 #[derive(Debug)]
-pub(super) struct Law {
-    pub(super) process: Process,
-    pub(super) thresholds: Thresholds,
-    pub(super) initial: Initial,
-    pub(super) between: Between,
+pub(super) struct ExactSettings {
+    pub(super) process: DriftProcess,
+    pub(super) thresholds: PixelThresholds,
+    pub(super) initial: InitialVoltage,
+    pub(super) between: BetweenFrames,
     pub(super) cap: u32,
-    /// Whether events are labelled.
+    /// True if events are labelled.
     labels: bool,
     pub(super) size: Size,
     pub(super) origin: [u16; 2],
@@ -71,7 +71,7 @@ pub(super) struct Law {
 
 /// A frame that later windows still need, in row-major order.
 #[derive(Debug, Default)]
-pub(super) struct Stored {
+pub(super) struct PendingFrame {
     pub(super) index: usize,
     pub(super) t: i64,
     /// Luminance, at least 0. Padded with zeros to a multiple of 8.
@@ -83,7 +83,7 @@ pub(super) struct Stored {
 /// State of the pixels at the end of the last window. All arrays but `tally` are padded to a
 /// multiple of 8.
 #[derive(Debug)]
-struct State {
+struct PixelStates {
     /// Positions on the sensor, `y << 16 | x`.
     seats: Vec<u32>,
     /// Voltage in thresholds, between the barriers.
@@ -92,17 +92,17 @@ struct State {
     drift: Vec<f64>,
     /// Variance of the noise since the first frame.
     variance: Vec<f64>,
-    tally: Vec<Tally>,
+    tally: Vec<PixelTally>,
 }
 
-impl Exact {
-    pub(super) fn new(sensor: &Voltmeter, size: Size, origin: [u16; 2], seed: Seed) -> Self {
-        let thresholds = Thresholds::new(sensor, size, origin, seed);
-        let (process, initial) = (Process::new(sensor), sensor.initial);
+impl ExactSampler {
+    pub(super) fn new(sensor: &VoltmeterModel, size: Size, origin: [u16; 2], seed: Seed) -> Self {
+        let thresholds = PixelThresholds::new(sensor, size, origin, seed);
+        let (process, initial) = (DriftProcess::new(sensor), sensor.initial);
         let cap = sensor.max_events_per_pixel_frame;
         let between = sensor.between;
         let labels = sensor.labels;
-        let law = Law { process, thresholds, initial, between, cap, labels, size, origin, seed };
+        let law = ExactSettings { process, thresholds, initial, between, cap, labels, size, origin, seed };
         let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
         let seat = |pixel| {
             let [x, y] = law.at_sensor(pixel);
@@ -117,17 +117,17 @@ impl Exact {
             level: Level::new(),
             frames: VecDeque::new(),
             spare: Vec::new(),
-            state: State {
+            state: PixelStates {
                 seats,
                 voltage: vec![0.0; padded],
                 drift: vec![0.0; padded],
                 variance: vec![0.0; padded],
-                tally: vec![Tally::default(); n],
+                tally: vec![PixelTally::default(); n],
             },
             band,
-            bands: std::iter::repeat_with(Band::default).take(n.div_ceil(band)).collect(),
+            bands: std::iter::repeat_with(BandCrosser::default).take(n.div_ceil(band)).collect(),
             crossed: 0,
-            windows: Windows::default(),
+            windows: EventWindow::default(),
             negative_luminance: 0,
         }
     }
@@ -163,8 +163,8 @@ impl Exact {
     }
 
     fn cross_window(&mut self, end: i64, last: i64) -> Result<(), SensorError> {
-        let State { seats, voltage, drift, variance, tally } = &mut self.state;
-        let window = Window::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
+        let PixelStates { seats, voltage, drift, variance, tally } = &mut self.state;
+        let window = TimeStep::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
         let size = self.band;
         let chunks = (
             seats.par_chunks(size),
@@ -176,11 +176,13 @@ impl Exact {
         );
         let level = self.level;
         chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
-            let slice = Slice { first: i * size, seats, voltage, drift, variance, tally };
+            let slice = BandSlice { first: i * size, seats, voltage, drift, variance, tally };
             match window.law.between {
-                Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
-                Between::Catmull | Between::Hermite => {
-                    dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
+                BetweenFrames::Linear => {
+                    dispatch!(level, simd => window.cross::<LineDrift, _>(simd, slice, band))
+                }
+                BetweenFrames::Catmull | BetweenFrames::Hermite => {
+                    dispatch!(level, simd => window.cross::<CubicDrift, _>(simd, slice, band));
                 }
             }
         });
@@ -195,7 +197,7 @@ impl Exact {
     }
 
     /// Checks and converts a frame.
-    fn store(&mut self, frame: &Frame) -> Result<(), SensorError> {
+    fn store(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
         input::check_order(self.frames.back().map(|before| before.t), frame, self.law.size)?;
         let luminance = frame.luminance.pixels();
         let mut stored = self.spare.pop().unwrap_or_default();
@@ -207,7 +209,7 @@ impl Exact {
             return Err(input::not_finite(frame));
         }
         self.negative_luminance += negative;
-        if self.law.between == Between::Hermite {
+        if self.law.between == BetweenFrames::Hermite {
             let refuse = |because| SensorError::Frame { frame: frame.index, because };
             let rate = usable_rate(frame).map_err(refuse)?;
             stored.rate.clear();
@@ -223,7 +225,7 @@ impl Exact {
     }
 
     /// Sets the brightness from which labels count to that of the first frame.
-    fn begin_logs(&mut self, first: &Stored) {
+    fn begin_logs(&mut self, first: &PendingFrame) {
         if !self.law.labels {
             return;
         }
@@ -234,9 +236,10 @@ impl Exact {
     }
 
     /// The counts of the simulation.
-    fn settle(&self) -> Account {
-        let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
-        let State { drift, variance, tally, .. } = &self.state;
+    fn settle(&self) -> SimulationAccount {
+        let mut account =
+            SimulationAccount { negative_luminance: self.negative_luminance, ..SimulationAccount::default() };
+        let PixelStates { drift, variance, tally, .. } = &self.state;
         for (pixel, ((tally, drift), variance)) in tally.iter().zip(drift).zip(variance).enumerate() {
             let barriers = self.law.thresholds.of(pixel);
             // Events times thresholds can differ from the drift by the voltage left at the end and
@@ -255,17 +258,17 @@ impl Exact {
     }
 }
 
-impl Law {
+impl ExactSettings {
     /// Sets the voltages at the first frame.
     fn begin(&self, luminance: &[f32], voltage: &mut [f64]) {
-        if self.initial == Initial::Zero {
+        if self.initial == InitialVoltage::Zero {
             return;
         }
         voltage.par_iter_mut().take(self.size.pixels()).zip(luminance).enumerate().for_each(
             |(pixel, (voltage, luminance))| {
                 let [x, y] = self.at_sensor(pixel);
-                let cell = Cell { x, y, level: 0, index: 0 };
-                let share = self.seed.draws(cell, Space::Initial).uniform();
+                let cell = SeedCell { x, y, level: 0, index: 0 };
+                let share = self.seed.draws(cell, DrawSpace::Initial).uniform();
                 let barriers = self.thresholds.of(pixel);
                 *voltage = self.process.at_rest(f64::from(*luminance), barriers).residual(share);
             },
@@ -275,15 +278,15 @@ impl Law {
     /// Largest difference between the voltages at the first and the last frame.
     fn left_over(&self, Barriers { up, down }: Barriers) -> f64 {
         match self.initial {
-            Initial::Zero => up.max(down),
-            Initial::Stationary => up + down,
+            InitialVoltage::Zero => up.max(down),
+            InitialVoltage::Stationary => up + down,
         }
     }
 
     /// Number of frames before the end of a leg that its curve depends on; it depends on as many
     /// after its start.
     fn kept(&self) -> usize {
-        if self.between == Between::Catmull { 2 } else { 1 }
+        if self.between == BetweenFrames::Catmull { 2 } else { 1 }
     }
 
     /// Coordinates of a pixel in the frame.
@@ -300,7 +303,7 @@ impl Law {
 }
 
 /// The rate of change of a frame.
-fn usable_rate(frame: &Frame) -> Result<&[f32], String> {
+fn usable_rate(frame: &DenseFrame) -> Result<&[f32], String> {
     let Some(rate) = &frame.rate else {
         return Err("it has no rate of change, which `between: hermite` goes by".to_owned());
     };
@@ -340,14 +343,14 @@ fn clamp_luminance<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
     (negative, finite)
 }
 
-impl Pixels for Exact {
-    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+impl SensorPixels for ExactSampler {
+    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.store(frame)?;
         let until = self.frames.len().checked_sub(self.law.kept()).map_or(0, |at| self.frames[at].t);
         self.cross_until(until, i64::MAX, sink)
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
         let last = self.frames.back().map_or(0, |frame| frame.t);
         // The last root cell reaches beyond the last frame. Its draws are needed whole; later
         // events are dropped.
@@ -360,20 +363,25 @@ impl Pixels for Exact {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Preset;
+    use super::super::VoltmeterPreset;
     use super::*;
     use crate::image::Image;
-    use crate::sensor::Model;
+    use crate::sensor::SensorModel;
     use crate::units::Timestamp;
 
     const SIZE: Size = Size { width: 3, height: 2 };
 
-    fn frame(index: usize, ns: i64, luminance: [f32; 6]) -> Frame {
-        Frame { index, t: Timestamp(ns), luminance: Image::from_vec(SIZE, luminance.to_vec()), rate: None }
+    fn frame(index: usize, ns: i64, luminance: [f32; 6]) -> DenseFrame {
+        DenseFrame {
+            index,
+            t: Timestamp(ns),
+            luminance: Image::from_vec(SIZE, luminance.to_vec()),
+            rate: None,
+        }
     }
 
     /// The counts for these frames, or the first error.
-    fn run(sensor: &Voltmeter, frames: &[Frame]) -> Result<Account, SensorError> {
+    fn run(sensor: &VoltmeterModel, frames: &[DenseFrame]) -> Result<SimulationAccount, SensorError> {
         let mut pixels = sensor.start(SIZE, [0, 0], Seed(1))?;
         let mut events = Vec::new();
         for frame in frames {
@@ -382,13 +390,13 @@ mod tests {
         pixels.finish(&mut events)
     }
 
-    fn dvs346() -> Voltmeter {
-        Voltmeter::new(Preset::Dvs346.k())
+    fn dvs346() -> VoltmeterModel {
+        VoltmeterModel::new(VoltmeterPreset::Dvs346.k())
     }
 
     #[test]
     fn frames_that_cannot_be_used_are_refused_with_their_number() {
-        let t = |frames: &[Frame], message: &str| {
+        let t = |frames: &[DenseFrame], message: &str| {
             assert_eq!(run(&dvs346(), frames).unwrap_err().to_string(), message);
         };
         let grey = [9.0; 6];
@@ -403,12 +411,12 @@ mod tests {
             "frame 1: the luminance of pixel (1, 1) is NaN, not a finite number",
         );
         let other = Image::filled(Size { width: 2, height: 3 }, 0.0);
-        let other = Frame { index: 0, t: Timestamp(0), luminance: other, rate: None };
+        let other = DenseFrame { index: 0, t: Timestamp(0), luminance: other, rate: None };
         t(&[other], "frame 0: it is 2x3, the sequence is 3x2");
     }
 
     /// Frames with events of both polarities, quiet pixels, and more than one leg in a window.
-    fn lively() -> Vec<Frame> {
+    fn lively() -> Vec<DenseFrame> {
         let grey =
             |i: usize, pixel: usize| 120.0 + 110.0 * libm::sinf(0.3 * (i * pixel) as f32 + pixel as f32);
         (0..40).map(|i| frame(i, 416_667 * i as i64, std::array::from_fn(|pixel| grey(i, pixel)))).collect()
@@ -423,16 +431,16 @@ mod tests {
             levels.extend(best.as_sse4_2().map(Level::Sse4_2));
             levels.extend(best.as_avx2().map(Level::Avx2));
         }
-        let on = |sensor: &Voltmeter, level| {
-            let mut pixels = Exact::new(sensor, SIZE, [7, 9], Seed(1));
+        let on = |sensor: &VoltmeterModel, level| {
+            let mut pixels = ExactSampler::new(sensor, SIZE, [7, 9], Seed(1));
             pixels.level = level;
             let mut events: Vec<crate::event::Event> = Vec::new();
             lively().iter().for_each(|frame| pixels.advance(frame, &mut events).unwrap());
             (pixels.finish(&mut events).unwrap(), events)
         };
-        let noisy = Voltmeter::new([8.0, 16.0, 2e-2, 1e-5, 1e-6, 4e-3]);
-        let quiet = Voltmeter::new([8.0, 16.0, 0.0, 1e-5, 1e-6, 0.0]);
-        let curved = Voltmeter { between: Between::Catmull, ..noisy.clone() };
+        let noisy = VoltmeterModel::new([8.0, 16.0, 2e-2, 1e-5, 1e-6, 4e-3]);
+        let quiet = VoltmeterModel::new([8.0, 16.0, 0.0, 1e-5, 1e-6, 0.0]);
+        let curved = VoltmeterModel { between: BetweenFrames::Catmull, ..noisy.clone() };
         for sensor in [noisy, quiet, curved, dvs346()] {
             let wanted = on(&sensor, best);
             assert!(wanted.0.events > 100, "{:?}", wanted.0);
@@ -443,8 +451,9 @@ mod tests {
     #[test]
     fn sensors_that_cannot_be_set_up_are_refused() {
         let mut sensor = dvs346();
-        let at =
-            |sensor: &Voltmeter, origin| sensor.start(SIZE, origin, Seed(1)).err().map(|e| e.to_string());
+        let at = |sensor: &VoltmeterModel, origin| {
+            sensor.start(SIZE, origin, Seed(1)).err().map(|e| e.to_string())
+        };
         assert_eq!(at(&sensor, [u16::MAX - 2, u16::MAX - 1]), None);
         let wanted = "frames of 3x2 at (65534, 0) reach beyond the 65536 columns and rows of events";
         assert_eq!(at(&sensor, [u16::MAX - 1, 0]).as_deref(), Some(wanted));
@@ -455,12 +464,12 @@ mod tests {
     #[test]
     fn the_cap_names_pixel_frames_and_luminance() {
         let steps = [[0.0; 6], [0.0; 6], [0.0, 0.0, 0.0, 0.0, 0.0, 255.0]];
-        let frames: Vec<Frame> = (0..3).map(|i| frame(i, 400_000 * i as i64, steps[i])).collect();
+        let frames: Vec<DenseFrame> = (0..3).map(|i| frame(i, 400_000 * i as i64, steps[i])).collect();
         // Grey 0 to 255 is 13.8 thresholds.
-        let mut sensor = Voltmeter { max_events_per_pixel_frame: 13, ..dvs346() };
+        let mut sensor = VoltmeterModel { max_events_per_pixel_frame: 13, ..dvs346() };
         assert_eq!(run(&sensor, &frames).unwrap().max_per_pixel_frame, 13);
         for k in [dvs346().k, [5.265, 20.0, 0.0, 0.0, 0.0, 0.0]] {
-            sensor = Voltmeter { k, max_events_per_pixel_frame: 12, ..sensor };
+            sensor = VoltmeterModel { k, max_events_per_pixel_frame: 12, ..sensor };
             assert_eq!(
                 run(&sensor, &frames).unwrap_err().to_string(),
                 "pixel (2, 1) fires more than 12 events between frames 1 and 2 (luminance 0 to 255 of 255)"
@@ -472,8 +481,8 @@ mod tests {
     fn the_cap_counts_between_frames_whatever_the_clock_cuts() {
         // 10 events in each of 5 intervals of 3 ms, each of which spans several root cells.
         let greys = |i: usize| [0.0f32, 113.6][i % 2];
-        let frames: Vec<Frame> = (0..6).map(|i| frame(i, 3_000_000 * i as i64, [greys(i); 6])).collect();
-        let account = run(&Voltmeter { max_events_per_pixel_frame: 10, ..dvs346() }, &frames).unwrap();
+        let frames: Vec<DenseFrame> = (0..6).map(|i| frame(i, 3_000_000 * i as i64, [greys(i); 6])).collect();
+        let account = run(&VoltmeterModel { max_events_per_pixel_frame: 10, ..dvs346() }, &frames).unwrap();
         assert_eq!((account.max_per_pixel_frame, account.active_pixels), (10, 6));
     }
 
@@ -482,26 +491,27 @@ mod tests {
         let frames = |grey: f32| [frame(0, 0, [grey; 6]), frame(1, 1_000_000, [100.0; 6])];
         let black = run(&dvs346(), &frames(0.0)).unwrap();
         let negative = run(&dvs346(), &frames(-1e-3)).unwrap();
-        assert_eq!(negative, Account { negative_luminance: 6, ..black });
+        assert_eq!(negative, SimulationAccount { negative_luminance: 6, ..black });
     }
 
     #[test]
     fn a_sequence_without_time_has_no_events() {
-        assert_eq!(run(&dvs346(), &[]).unwrap(), Account::default());
-        assert_eq!(run(&dvs346(), &[frame(0, 0, [200.0; 6])]).unwrap(), Account::default());
+        assert_eq!(run(&dvs346(), &[]).unwrap(), SimulationAccount::default());
+        assert_eq!(run(&dvs346(), &[frame(0, 0, [200.0; 6])]).unwrap(), SimulationAccount::default());
     }
 
     #[test]
     fn extremes_of_brightness_and_time_stay_finite() {
         let greys = [0.0, 1e-12, 255.0, 1e6, f32::MIN_POSITIVE, 1.0];
         let swapped = [1e6, 255.0, 0.0, 1e-12, 1.0, 0.0];
-        for k in [Preset::Dvs346.k(), Preset::Gs2eSi.k(), [5.265, 20.0, 0.0, 0.0, 0.0, 0.0]] {
+        for k in [VoltmeterPreset::Dvs346.k(), VoltmeterPreset::Gs2eSi.k(), [5.265, 20.0, 0.0, 0.0, 0.0, 0.0]]
+        {
             // Two frames a microsecond apart, then a gap of an hour.
             let stamps = [0, 1000, 2000, 3_600_000_000_000];
             let last = if k[2] > 0.0 { 3 } else { 4 };
-            let frames: Vec<Frame> =
+            let frames: Vec<DenseFrame> =
                 (0..last).map(|i| frame(i, stamps[i], if i % 2 == 0 { greys } else { swapped })).collect();
-            let account = run(&Voltmeter::new(k), &frames).unwrap();
+            let account = run(&VoltmeterModel::new(k), &frames).unwrap();
             assert_eq!(account.drift_violations, 0, "{account:?}");
             assert!(account.on > 0 && account.off > 0 && account.drift_worst.is_finite());
         }

@@ -16,20 +16,20 @@
 //! barriers are within reach, no closed form tells which comes first; the span is halved by one
 //! normal draw until only one barrier is.
 
-use super::bridge::{Barriers, Live, Side, touch_probability, touch_time};
+use super::bridge::{BarrierSide, Barriers, LiveBarriers, touch_probability, touch_time};
 use crate::event::Polarity;
-use crate::seed::Draws;
+use crate::seed::CellDraws;
 use std::ops::ControlFlow;
 
 /// Receives the events of one pixel in order of time.
-pub(crate) trait Emit {
+pub(crate) trait EmitEvents {
     /// Takes an event at `t` ns since the window's start. `Break` ends the simulation.
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()>;
 }
 
 /// The part of a leaf from the present time on, up to a known end.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Span {
+pub(crate) struct LeafSpan {
     /// Voltage at its end if no further event happens, in thresholds.
     pub(crate) end: f64,
     /// Time of its end, ns since the window's start.
@@ -38,23 +38,23 @@ pub(crate) struct Span {
 
 /// A cell in which the drift is straight and both ends are known.
 #[derive(Debug)]
-pub(crate) struct Leaf {
+pub(crate) struct ClockLeaf {
     pub(crate) barriers: Barriers,
     /// Variance of the noise per nanosecond.
     pub(crate) variance: f64,
-    pub(crate) draws: Draws,
+    pub(crate) draws: CellDraws,
     /// Present time, ns since the window's start.
     pub(crate) time: f64,
 }
 
-impl Leaf {
+impl ClockLeaf {
     /// Moves the voltage from `x` across the leaf, and returns the voltage at its end.
     pub(crate) fn cross(
         &mut self,
         mut x: f64,
-        whole: Span,
-        spans: &mut Vec<Span>,
-        emit: &mut impl Emit,
+        whole: LeafSpan,
+        spans: &mut Vec<LeafSpan>,
+        emit: &mut impl EmitEvents,
     ) -> ControlFlow<(), f64> {
         // An explicit stack in place of recursion: a burst makes thousands of events in one leaf.
         spans.clear();
@@ -63,18 +63,18 @@ impl Leaf {
             let length = span.until - self.time;
             let v = self.variance * length;
             let side = match self.barriers.live(x, span.end, v) {
-                Live::Neither => None,
-                Live::Up => Some(Side::Up),
-                Live::Down => Some(Side::Down),
+                LiveBarriers::Neither => None,
+                LiveBarriers::Up => Some(BarrierSide::Up),
+                LiveBarriers::Down => Some(BarrierSide::Down),
                 // The middle of the bridge is normal around the mean of its ends with variance v/4.
-                Live::Both if length > 1.0 => {
+                LiveBarriers::Both if length > 1.0 => {
                     let end = 0.5 * (x + span.end) + 0.5 * v.sqrt() * self.draws.normal();
-                    spans.extend([span, Span { end, until: self.time + 0.5 * length }]);
+                    spans.extend([span, LeafSpan { end, until: self.time + 0.5 * length }]);
                     continue;
                 }
                 // Below one nanosecond the order of two touches has no meaning any more, and
                 // halving might never end.
-                Live::Both => Some(self.barriers.likelier(x, span.end)),
+                LiveBarriers::Both => Some(self.barriers.likelier(x, span.end)),
             };
             let touched = side.and_then(|side| Some((side, self.touch(side, [x, span.end], v)?)));
             let Some((side, share)) = touched else {
@@ -96,7 +96,7 @@ impl Leaf {
 
     /// The first touch of the barrier by the path between two voltages, as a share of the path's
     /// length. `None` if the path does not touch it.
-    fn touch(&mut self, side: Side, [x, y]: [f64; 2], v: f64) -> Option<f64> {
+    fn touch(&mut self, side: BarrierSide, [x, y]: [f64; 2], v: f64) -> Option<f64> {
         let (a, g) = (side.distance(self.barriers, x), side.distance(self.barriers, y));
         // A path that ends beyond the barrier touches it for certain, so no draw is spent on the
         // question.
@@ -108,39 +108,39 @@ impl Leaf {
     }
 }
 
-fn side_polarity(side: Side) -> Polarity {
+fn side_polarity(side: BarrierSide) -> Polarity {
     match side {
-        Side::Up => Polarity::On,
-        Side::Down => Polarity::Off,
+        BarrierSide::Up => Polarity::On,
+        BarrierSide::Down => Polarity::Off,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Cell, Seed, Space};
-    use crate::sensor::statistics::Renewal;
+    use crate::seed::{DrawSpace, Seed, SeedCell};
+    use crate::sensor::statistics::RenewalProcess;
 
     const UNIT: Barriers = Barriers { up: 1.0, down: 1.0 };
 
-    impl Emit for Vec<(f64, Polarity)> {
+    impl EmitEvents for Vec<(f64, Polarity)> {
         fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
             self.push((t, polarity));
             ControlFlow::Continue(())
         }
     }
 
-    fn draws(index: u64) -> Draws {
-        Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
+    fn draws(index: u64) -> CellDraws {
+        Seed(11).draws(SeedCell { x: 0, y: 0, level: 0, index }, DrawSpace::Leaf)
     }
 
     /// Events of a leaf of 1024 ns from `x` to `y` with total variance `v`, and the voltage at its
     /// end.
-    fn leaf(x: f64, y: f64, v: f64, draws: Draws) -> (Vec<(f64, Polarity)>, f64) {
+    fn leaf(x: f64, y: f64, v: f64, draws: CellDraws) -> (Vec<(f64, Polarity)>, f64) {
         let length = 1024.0;
-        let mut leaf = Leaf { barriers: UNIT, variance: v / length, draws, time: 0.0 };
+        let mut leaf = ClockLeaf { barriers: UNIT, variance: v / length, draws, time: 0.0 };
         let mut events = Vec::new();
-        match leaf.cross(x, Span { end: y, until: length }, &mut Vec::new(), &mut events) {
+        match leaf.cross(x, LeafSpan { end: y, until: length }, &mut Vec::new(), &mut events) {
             ControlFlow::Continue(end) => (events, end),
             ControlFlow::Break(()) => unreachable!("the sink never breaks"),
         }
@@ -148,7 +148,7 @@ mod tests {
 
     /// Share of `n` leaves with a first event of that polarity. `end` draws the far end of each
     /// leaf.
-    fn first(n: u64, polarity: Polarity, x: f64, v: f64, end: impl Fn(&mut Draws) -> f64) -> f64 {
+    fn first(n: u64, polarity: Polarity, x: f64, v: f64, end: impl Fn(&mut CellDraws) -> f64) -> f64 {
         let count = (0..n).filter(|&i| {
             let mut draws = draws(i);
             let y = end(&mut draws);
@@ -159,15 +159,15 @@ mod tests {
 
     /// A planted defect: the value of `first` if only the barrier nearer to the start were
     /// considered.
-    fn first_off_of_nearer_barrier(n: u64, x: f64, v: f64, end: impl Fn(&mut Draws) -> f64) -> f64 {
+    fn first_off_of_nearer_barrier(n: u64, x: f64, v: f64, end: impl Fn(&mut CellDraws) -> f64) -> f64 {
         let count = (0..n).filter(|&i| {
             let mut draws = draws(i);
             let y = end(&mut draws);
             // If the end is beyond the far barrier, the defect takes that barrier and ignores the
             // near one.
-            let side = if y >= UNIT.up { Side::Up } else { Side::Down };
+            let side = if y >= UNIT.up { BarrierSide::Up } else { BarrierSide::Down };
             let g = side.distance(UNIT, y);
-            side == Side::Down && draws.uniform() < touch_probability(side.distance(UNIT, x), g, v)
+            side == BarrierSide::Down && draws.uniform() < touch_probability(side.distance(UNIT, x), g, v)
         });
         count.count() as f64 / n as f64
     }
@@ -195,9 +195,9 @@ mod tests {
     fn the_nearer_barrier_counts_where_the_end_is_beyond_the_other() {
         // From -0.99 with drift 3 and variance 0.05: the exit problem from 0 between barriers at
         // 1.99 and -0.01.
-        let exit = Renewal { drift: 3.0, variance: 0.05, up: 1.99, down: 0.01 };
+        let exit = RenewalProcess { drift: 3.0, variance: 0.05, up: 1.99, down: 0.01 };
         let wanted = 1.0 - exit.on_share();
-        let end = |draws: &mut Draws| -0.99 + 3.0 + 0.05f64.sqrt() * draws.normal();
+        let end = |draws: &mut CellDraws| -0.99 + 3.0 + 0.05f64.sqrt() * draws.normal();
         let n = 100_000;
         let z = standard_errors(first(n, Polarity::Off, -0.99, 0.05, end), wanted, n);
         let defect = standard_errors(first_off_of_nearer_barrier(n, -0.99, 0.05, end), wanted, n);

@@ -5,29 +5,29 @@
 //! that form is sampled more finely. The midpoint form of the published program is the case `g =
 //! 0`.
 
-use super::Gain;
-use super::curve::{Curve, Ends, One, Wide};
-use super::drift::Process;
+use super::DriftGain;
+use super::curve::{DriftCurve, FrameEnds, One, Wide};
+use super::drift::DriftProcess;
 use crate::elementary;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdMask as _, f64x8};
 
 /// `slope t + bend t E(growth t)`: coefficients slope, bend, growth, and the largest second derivative.
 #[derive(Debug)]
-pub(super) struct Line;
+pub(super) struct LineDrift;
 
-impl Curve for Line {
+impl DriftCurve for LineDrift {
     #[inline(always)]
-    fn between<S: Simd>(process: &Process, ends: &Ends<S>) -> Wide<S> {
-        let Ends { levels: [from, to], step, inverse, .. } = *ends;
+    fn between<S: Simd>(process: &DriftProcess, ends: &FrameEnds<S>) -> Wide<S> {
+        let FrameEnds { levels: [from, to], step, inverse, .. } = *ends;
         let zero = f64x8::splat(step.simd, 0.0);
-        let Process { k1, k2, k4, k5, .. } = *process;
+        let DriftProcess { k1, k2, k4, k5, .. } = *process;
         match process.gain {
-            Gain::Log => {
+            DriftGain::Log => {
                 let growth = step * inverse;
                 let slope = growth * k1 + (k4 - k5 * k2);
                 [slope, from * k5, growth, (growth * k5).abs() * from.max(to)]
             }
-            Gain::Midpoint => {
+            DriftGain::Midpoint => {
                 let middle = (from + to) * 0.5;
                 let signal = (to - from) * k1 / middle * inverse;
                 [signal + k4 + (middle - k2) * k5, zero, zero, zero]
@@ -36,16 +36,16 @@ impl Curve for Line {
     }
 
     #[inline(always)]
-    fn level<S: Simd>(process: &Process, ends: &Ends<S>, t: f64) -> f64x8<S> {
-        let Ends { levels: [from, to], step, inverse, .. } = *ends;
+    fn level<S: Simd>(process: &DriftProcess, ends: &FrameEnds<S>, t: f64) -> f64x8<S> {
+        let FrameEnds { levels: [from, to], step, inverse, .. } = *ends;
         match process.gain {
-            Gain::Log => from * exp_small(step * inverse * t),
-            Gain::Midpoint => (from + to) * 0.5,
+            DriftGain::Log => from * exp_small(step * inverse * t),
+            DriftGain::Midpoint => (from + to) * 0.5,
         }
     }
 
     #[inline(always)]
-    fn rise<S: Simd>(process: &Process, curve: &Wide<S>, t: f64) -> f64x8<S> {
+    fn rise<S: Simd>(process: &DriftProcess, curve: &Wide<S>, t: f64) -> f64x8<S> {
         let [slope, bend, growth, _] = *curve;
         // If the leak does not depend on brightness, `bend` is 0 and the general form gives the
         // same value.
@@ -83,8 +83,8 @@ impl Curve for Line {
         bend * growth == 0.0
     }
 
-    fn are_straight(process: &Process) -> bool {
-        process.k5 == 0.0 || process.gain == Gain::Midpoint
+    fn are_straight(process: &DriftProcess) -> bool {
+        process.k5 == 0.0 || process.gain == DriftGain::Midpoint
     }
 }
 
@@ -138,17 +138,17 @@ fn series_of_one(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::curve::{of_one, wide_arithmetic};
-    use super::super::{Preset, Voltmeter};
+    use super::super::{VoltmeterModel, VoltmeterPreset};
     use super::*;
 
-    fn process(change: impl Fn(&mut Voltmeter)) -> Process {
-        let mut sensor = Voltmeter::new(Preset::Dvs240.k());
+    fn process(change: impl Fn(&mut VoltmeterModel)) -> DriftProcess {
+        let mut sensor = VoltmeterModel::new(VoltmeterPreset::Dvs240.k());
         change(&mut sensor);
-        Process::new(&sensor)
+        DriftProcess::new(&sensor)
     }
 
-    fn between(process: &Process, greys: [f64; 2], length: f64) -> One {
-        of_one::<Line>(process, greys.map(|l| [l + process.k2, 0.0]), length)
+    fn between(process: &DriftProcess, greys: [f64; 2], length: f64) -> One {
+        of_one::<LineDrift>(process, greys.map(|l| [l + process.k2, 0.0]), length)
     }
 
     /// `D` over `[0, t]` of a piece by Simpson's rule on the drift's definition.
@@ -168,18 +168,18 @@ mod tests {
 
     #[test]
     fn drift_is_the_integral_of_its_definition() {
-        let k = Preset::Dvs240.k();
+        let k = VoltmeterPreset::Dvs240.k();
         let process = process(|_| {});
         for greys in [[0.0, 255.0], [255.0, 0.0], [100.0, 101.0], [64.0, 64.0], [0.0, 0.0]] {
             let length = 1e9;
             let piece = between(&process, greys, length);
             for t in [1.0, 1e3, 0.3 * length, length] {
                 let wanted = by_quadrature(k, greys, [length, t]);
-                let found = Line::rise_of_one(&piece, t);
+                let found = LineDrift::rise_of_one(&piece, t);
                 // Simpson's rule on 2000 panels of a smooth function of log range 2.5 has an error
                 // of 1e-13 of the leak, which is 13.
                 assert!((found - wanted).abs() < 2e-12, "{greys:?} {t}: {found} {wanted}");
-                assert_eq!(wide_arithmetic::<Line>(&process, &piece, t)[0].to_bits(), found.to_bits());
+                assert_eq!(wide_arithmetic::<LineDrift>(&process, &piece, t)[0].to_bits(), found.to_bits());
             }
         }
     }
@@ -187,10 +187,10 @@ mod tests {
     #[test]
     fn the_largest_step_in_thresholds() {
         // Grey 0 to 255, signal alone.
-        for (preset, wanted) in [(Preset::Dvs346, 13.799_77), (Preset::Gs2eSi, 3.454_38)] {
+        for (preset, wanted) in [(VoltmeterPreset::Dvs346, 13.799_77), (VoltmeterPreset::Gs2eSi, 3.454_38)] {
             let [k1, k2, ..] = preset.k();
             let process = process(|sensor| sensor.k = [k1, k2, 0.0, 0.0, 0.0, 0.0]);
-            let rise = Line::rise_of_one(&between(&process, [0.0, 255.0], 417e3), 417e3);
+            let rise = LineDrift::rise_of_one(&between(&process, [0.0, 255.0], 417e3), 417e3);
             assert!((rise - wanted).abs() < 5e-6, "{rise}");
         }
     }
@@ -198,13 +198,13 @@ mod tests {
     #[test]
     fn the_midpoint_form_is_linear_in_time() {
         let process = process(|sensor| {
-            sensor.k = Preset::Dvs346.k();
-            sensor.gain = Gain::Midpoint;
+            sensor.k = VoltmeterPreset::Dvs346.k();
+            sensor.gain = DriftGain::Midpoint;
         });
         let piece = between(&process, [100.0, 110.0], 416e3);
         let wanted = 5.265 * 10.0 / 125.0 + (1e-7 + 5e-9 * 105.0) * 416.0;
-        assert!((Line::rise_of_one(&piece, 416e3) - wanted).abs() < 1e-15);
-        assert!((Line::rise_of_one(&piece, 104e3) - 0.25 * wanted).abs() < 1e-15);
+        assert!((LineDrift::rise_of_one(&piece, 416e3) - wanted).abs() < 1e-15);
+        assert!((LineDrift::rise_of_one(&piece, 104e3) - 0.25 * wanted).abs() < 1e-15);
     }
 
     #[test]
@@ -212,12 +212,12 @@ mod tests {
         let process = process(|sensor| sensor.k[4] = 1e-3);
         for greys in [[10.0, 200.0], [200.0, 190.0], [190.0, 0.0], [0.0, 255.0]] {
             let piece = between(&process, greys, 2e5);
-            let [end, curvature] = wide_arithmetic::<Line>(&process, &piece, 2e5);
-            let bound = Line::bulge_of_one(&piece, [0.0, 2e5]);
+            let [end, curvature] = wide_arithmetic::<LineDrift>(&process, &piece, 2e5);
+            let bound = LineDrift::bulge_of_one(&piece, [0.0, 2e5]);
             assert!(curvature * 2e5 * 2e5 / 8.0 >= bound);
             let stray = |i: i32| {
                 let share = f64::from(i) / 1000.0;
-                (Line::rise_of_one(&piece, share * 2e5) - share * end).abs()
+                (LineDrift::rise_of_one(&piece, share * 2e5) - share * end).abs()
             };
             let largest = (0..=1000).map(stray).fold(0.0, f64::max);
             assert!(bound >= largest && bound < 6.0 * largest, "{greys:?}: {bound} {largest}");
@@ -228,10 +228,10 @@ mod tests {
     fn turns_are_where_leak_and_signal_cancel() {
         let process = process(|sensor| sensor.k = [1.0, 1.0, 0.0, 0.0, 1e-2, 0.0]);
         let piece = between(&process, [200.0, 0.0], 1e6);
-        let [turn, none] = Line::turns_of_one(&piece, [0.0, 1e6]);
+        let [turn, none] = LineDrift::turns_of_one(&piece, [0.0, 1e6]);
         let turn = turn.unwrap();
-        assert!(Line::rate_of_one(&piece, turn).abs() < 1e-15 * 2e-3 && none.is_none());
-        assert!(Line::rate_of_one(&piece, 0.0) > 0.0 && Line::rate_of_one(&piece, 1e6) < 0.0);
+        assert!(LineDrift::rate_of_one(&piece, turn).abs() < 1e-15 * 2e-3 && none.is_none());
+        assert!(LineDrift::rate_of_one(&piece, 0.0) > 0.0 && LineDrift::rate_of_one(&piece, 1e6) < 0.0);
     }
 
     #[test]

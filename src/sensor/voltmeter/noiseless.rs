@@ -1,10 +1,10 @@
 //! The law without noise: an event happens where the drift crosses a level. No random number is
 //! drawn.
 
-use super::bridge::{Barriers, Side, Wide};
-use super::curve::{Curve, One};
-use super::leaf::Emit;
-use super::window::Window;
+use super::bridge::{BarrierSide, Barriers, WideBarriers};
+use super::curve::{DriftCurve, One};
+use super::leaf::EmitEvents;
+use super::window::TimeStep;
 use crate::event::Polarity;
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 use std::marker::PhantomData;
@@ -13,16 +13,16 @@ use std::ops::ControlFlow;
 /// Moves a pixel of voltage `x` across the window along its curve of each leg, and returns the
 /// voltage at the end.
 #[inline(always)]
-pub(super) fn cross_window<C: Curve>(
-    window: &Window<'_>,
+pub(super) fn cross_window<C: DriftCurve>(
+    window: &TimeStep<'_>,
     barriers: Barriers,
     mut x: f64,
     curves: impl Iterator<Item = One>,
-    emit: &mut impl Emit,
+    emit: &mut impl EmitEvents,
 ) -> ControlFlow<(), f64> {
     for (leg, curve) in window.legs.iter().zip(curves) {
         let span = [leg.from - leg.stamp, leg.to - leg.stamp];
-        let run = Run::<C> { curve: &curve, stamp: leg.stamp, family: PhantomData };
+        let run = DriftRun::<C> { curve: &curve, stamp: leg.stamp, family: PhantomData };
         x = run.cross(barriers, x, span, emit)?;
     }
     ControlFlow::Continue(x)
@@ -30,7 +30,7 @@ pub(super) fn cross_window<C: Curve>(
 
 /// Eight pixels with drift proportional to time.
 #[derive(Debug)]
-pub(super) struct Straight<S: Simd> {
+pub(super) struct StraightDrift<S: Simd> {
     /// Drift over the window.
     rise: f64x8<S>,
     /// Drift up to the first event, and drift between events.
@@ -42,17 +42,17 @@ pub(super) struct Straight<S: Simd> {
     length: f64,
 }
 
-impl<S: Simd> Straight<S> {
+impl<S: Simd> StraightDrift<S> {
     /// Pixels that start at the voltages `x` and drift by `rise` over `length` ns.
     #[inline(always)]
-    pub(super) fn new(barriers: Wide<S>, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
+    pub(super) fn new(barriers: WideBarriers<S>, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
         let step = rise.simd_ge(0.0).select(barriers.up, -barriers.down);
         Self { rise, first: step - x, step, pace: f64x8::splat(x.simd, length) / rise, length }
     }
 
     /// Emits the events of one pixel, and returns the voltage that they subtract.
     #[inline(always)]
-    pub(super) fn cross(&self, lane: usize, emit: &mut impl Emit) -> ControlFlow<(), f64> {
+    pub(super) fn cross(&self, lane: usize, emit: &mut impl EmitEvents) -> ControlFlow<(), f64> {
         let Self { rise, first, step, pace, length } = self;
         let [rise, first, step, pace] = [rise, first, step, pace].map(|eight| eight[lane]);
         let polarity = if rise >= 0.0 { Polarity::On } else { Polarity::Off };
@@ -69,21 +69,21 @@ impl<S: Simd> Straight<S> {
 }
 
 /// The drift of a pixel along a leg.
-struct Run<'a, C> {
+struct DriftRun<'a, C> {
     curve: &'a One,
     /// Start of the curve, ns since the window's start.
     stamp: f64,
     family: PhantomData<C>,
 }
 
-impl<C: Curve> Run<'_, C> {
+impl<C: DriftCurve> DriftRun<'_, C> {
     /// The voltage at the end of a span of the curve, from `x` at its start.
     fn cross(
         &self,
         barriers: Barriers,
         mut x: f64,
         span: [f64; 2],
-        emit: &mut impl Emit,
+        emit: &mut impl EmitEvents,
     ) -> ControlFlow<(), f64> {
         let [mut from, end] = span;
         for to in C::turns_of_one(self.curve, span).into_iter().flatten().chain([end]) {
@@ -99,12 +99,12 @@ impl<C: Curve> Run<'_, C> {
         barriers: Barriers,
         x: f64,
         [start, to]: [f64; 2],
-        emit: &mut impl Emit,
+        emit: &mut impl EmitEvents,
     ) -> ControlFlow<(), f64> {
         let base = C::rise_of_one(self.curve, start);
         let rise = C::rise_of_one(self.curve, to) - base;
         let (side, polarity) =
-            if rise >= 0.0 { (Side::Up, Polarity::On) } else { (Side::Down, Polarity::Off) };
+            if rise >= 0.0 { (BarrierSide::Up, Polarity::On) } else { (BarrierSide::Down, Polarity::Off) };
         let (first, step) = (side.step(barriers) - x, side.step(barriers));
         let pace = (to - start) / rise;
         let mut crossed = 0.0;
@@ -124,7 +124,7 @@ impl<C: Curve> Run<'_, C> {
 
 /// The time in `[low, high]` at which a monotonic drift reaches `level`: Newton's method from `t`,
 /// kept inside a bracket, to the last bit.
-fn solve_monotonic<C: Curve>(
+fn solve_monotonic<C: DriftCurve>(
     curve: &One,
     level: f64,
     t: f64,
@@ -158,14 +158,14 @@ fn solve_monotonic<C: Curve>(
 #[cfg(test)]
 mod tests {
     use super::super::curve::of_one;
-    use super::super::drift::Process;
-    use super::super::line::Line;
-    use super::super::{Preset, Voltmeter};
+    use super::super::drift::DriftProcess;
+    use super::super::line::LineDrift;
+    use super::super::{VoltmeterModel, VoltmeterPreset};
     use super::*;
 
     const UNIT: Barriers = Barriers { up: 1.0, down: 1.0 };
 
-    impl Emit for Vec<(f64, i32)> {
+    impl EmitEvents for Vec<(f64, i32)> {
         fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
             self.push((t, if polarity == Polarity::On { 1 } else { -1 }));
             ControlFlow::Continue(())
@@ -174,13 +174,13 @@ mod tests {
 
     /// One piece between two greys.
     fn piece(k: [f64; 6], greys: [f64; 2], length: f64) -> One {
-        let process = Process::new(&Voltmeter::new(k));
-        of_one::<Line>(&process, greys.map(|l| [l + process.k2, 0.0]), length)
+        let process = DriftProcess::new(&VoltmeterModel::new(k));
+        of_one::<LineDrift>(&process, greys.map(|l| [l + process.k2, 0.0]), length)
     }
 
     fn events(barriers: Barriers, curve: &One, length: f64) -> (Vec<(f64, i32)>, f64) {
         let mut events = Vec::new();
-        let run = Run::<Line> { curve, stamp: 0.0, family: PhantomData };
+        let run = DriftRun::<LineDrift> { curve, stamp: 0.0, family: PhantomData };
         match run.cross(barriers, 0.0, [0.0, length], &mut events) {
             ControlFlow::Continue(x) => (events, x),
             ControlFlow::Break(()) => unreachable!("the sink never breaks"),
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn without_leak_events_divide_the_signal_evenly() {
         // k1 V is linear in time, so event j happens where it has risen by j.
-        let [k1, k2, ..] = Preset::Dvs346.k();
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
         for (greys, sign) in [([0.0, 255.0], 1), ([255.0, 0.0], -1)] {
             let (found, x) = events(UNIT, &piece([k1, k2, 0.0, 0.0, 0.0, 0.0], greys, 1e6), 1e6);
             let rise = k1 * (275.0f64 / 20.0).ln();
@@ -216,10 +216,10 @@ mod tests {
             count[usize::from(polarity > 0)] += 1.0;
             level = 1.3 * count[1] - 0.7 * count[0];
             // The drift reaches 20,000, where an ulp is 4e-12; its slope is 8e-3 per ns, an ulp of t 5e-10 ns.
-            let drift = Line::rise_of_one(&curve, t);
+            let drift = LineDrift::rise_of_one(&curve, t);
             assert!((drift - level).abs() < 2e-11, "{t}: {drift} {level}");
         }
-        assert!((Line::rise_of_one(&curve, 3e6) - level - x).abs() < 1e-8 && x < 1.3 && x > -0.7);
+        assert!((LineDrift::rise_of_one(&curve, 3e6) - level - x).abs() < 1e-8 && x < 1.3 && x > -0.7);
     }
 
     #[test]

@@ -20,15 +20,15 @@
 //! frame; events of one microsecond have one order. Any addition to either list makes another law:
 //! raise `VERSION`.
 
-use super::drift::Process;
-use super::{Voltmeter, thresholds};
-use crate::event::{Label, Polarity};
-use crate::seed::{Draws, Space, normal};
+use super::drift::DriftProcess;
+use super::{VoltmeterModel, thresholds};
+use crate::event::{EventLabel, Polarity};
+use crate::seed::{CellDraws, DrawSpace, normal};
 use crate::sensor::label;
-use crate::sensor::noise::poisson::{Rates, Train};
-use crate::sensor::noise::{HotPixels, Site};
-use crate::sensor::pairs::{Law, Pair, Writer};
-use crate::sensor::statistics::Renewal;
+use crate::sensor::noise::poisson::{LinearRate, PoissonTrain};
+use crate::sensor::noise::{HotPixelNoise, PixelSite};
+use crate::sensor::pairs::{FrameLaw, PairWriter, PixelPair};
+use crate::sensor::statistics::RenewalProcess;
 use std::ops::ControlFlow;
 
 /// Version of the law. Raise it when a draw or one of the lists above changes.
@@ -36,29 +36,29 @@ pub(super) const VERSION: u32 = 1;
 
 /// The law.
 #[derive(Debug)]
-pub(super) struct Official {
-    process: Process,
+pub(super) struct OfficialSampler {
+    process: DriftProcess,
     thresholds: [f64; 2],
     spread: f64,
-    hot: HotPixels,
+    hot: HotPixelNoise,
     labels: bool,
 }
 
 /// State of one pixel.
 #[derive(Debug)]
-pub(super) struct Pixel {
+pub(super) struct OfficialPixel {
     voltage: f64,
     thresholds: [f64; 2],
     /// `ln(L + k2)` at the pixel's last event, or at the first frame before any event. Only for
     /// labelled events.
     log: f64,
-    own: Train,
+    own: PoissonTrain,
 }
 
-impl Official {
-    pub(super) fn new(sensor: &Voltmeter) -> Self {
+impl OfficialSampler {
+    pub(super) fn new(sensor: &VoltmeterModel) -> Self {
         Self {
-            process: Process::new(sensor),
+            process: DriftProcess::new(sensor),
             thresholds: [sensor.threshold_on, sensor.threshold_off],
             spread: sensor.threshold_spread,
             hot: sensor.hot_pixels,
@@ -67,20 +67,25 @@ impl Official {
     }
 
     /// Drift and standard deviation of the noise between two frames, per ns and per square root of a ns.
-    fn motion(&self, pair: &Pair) -> [f64; 2] {
+    fn motion(&self, pair: &PixelPair) -> [f64; 2] {
         let [from, to] = pair.luminance;
         [self.process.midpoint_drift([from, to], pair.length), self.process.sigma_of_one(0.5 * (from + to))]
     }
 
     /// Moves the voltage from frame to frame.
-    fn walk(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
+    fn walk(
+        &self,
+        pixel: &mut OfficialPixel,
+        pair: &PixelPair,
+        writer: &mut PairWriter<'_>,
+    ) -> ControlFlow<()> {
         let [drift, sigma] = self.motion(pair);
-        let mut draws = pair.site.draws(Space::Pair, pair.frame);
+        let mut draws = pair.site.draws(DrawSpace::Pair, pair.frame);
         let [up, down] = pixel.thresholds;
         let mut t = 0.0;
         loop {
             let x = pixel.voltage;
-            let exit = Renewal { drift, variance: sigma * sigma, up: up - x, down: down + x };
+            let exit = RenewalProcess { drift, variance: sigma * sigma, up: up - x, down: down + x };
             let on = draws.uniform() <= exit.on_share();
             let (distance, speed) = if on { (exit.up, drift) } else { (exit.down, -drift) };
             let tau = passage_time(distance, speed, sigma, &mut draws);
@@ -91,15 +96,15 @@ impl Official {
             }
             t += tau;
             pixel.voltage = 0.0;
-            let label = if self.labels { self.label(pixel, pair, (t, on)) } else { Label::Signal };
+            let label = if self.labels { self.label(pixel, pair, (t, on)) } else { EventLabel::Signal };
             writer.event(t, if on { Polarity::On } else { Polarity::Off }, label)?;
         }
     }
 
     /// The label of an event `t` ns after the earlier frame. The logarithm is linear between the
     /// two frames.
-    fn label(&self, pixel: &mut Pixel, pair: &Pair, (t, on): (f64, bool)) -> Label {
-        let Process { k1, k2, .. } = self.process;
+    fn label(&self, pixel: &mut OfficialPixel, pair: &PixelPair, (t, on): (f64, bool)) -> EventLabel {
+        let DriftProcess { k1, k2, .. } = self.process;
         let [from, to] = pair.luminance.map(|luminance| libm::log(luminance + k2));
         let log = from + (to - from) * (t / pair.length);
         let rise = k1 * (log - pixel.log);
@@ -109,28 +114,38 @@ impl Official {
     }
 
     /// The events of a hot pixel's own process.
-    fn own(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
-        let rates = Rates { ends: [self.hot.per_ns(); 2], length: pair.length };
+    fn own(
+        &self,
+        pixel: &mut OfficialPixel,
+        pair: &PixelPair,
+        writer: &mut PairWriter<'_>,
+    ) -> ControlFlow<()> {
+        let rates = LinearRate { ends: [self.hot.per_ns(); 2], length: pair.length };
         let mut start = 0.0;
         while let Some(t) = pixel.own.advance(&rates, start) {
-            writer.event(t, Polarity::On, Label::Noise)?;
-            pixel.own.wait(pair.site, Space::Hot);
+            writer.event(t, Polarity::On, EventLabel::Noise)?;
+            pixel.own.wait(pair.site, DrawSpace::Hot);
             start = t;
         }
         ControlFlow::Continue(())
     }
 }
 
-impl Law for Official {
-    type Pixel = Pixel;
+impl FrameLaw for OfficialSampler {
+    type Pixel = OfficialPixel;
 
-    fn begin(&self, site: Site, luminance: f64) -> Pixel {
+    fn begin(&self, site: PixelSite, luminance: f64) -> OfficialPixel {
         let thresholds = thresholds::drawn_pair(self.thresholds, self.spread, site);
         let log = if self.labels { libm::log(luminance + self.process.k2) } else { 0.0 };
-        Pixel { voltage: 0.0, thresholds, log, own: self.hot.train(site) }
+        OfficialPixel { voltage: 0.0, thresholds, log, own: self.hot.train(site) }
     }
 
-    fn cross(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
+    fn cross(
+        &self,
+        pixel: &mut OfficialPixel,
+        pair: &PixelPair,
+        writer: &mut PairWriter<'_>,
+    ) -> ControlFlow<()> {
         self.walk(pixel, pair, writer)?;
         self.own(pixel, pair, writer)
     }
@@ -140,13 +155,13 @@ impl Law for Official {
     }
 
     /// The residual is drawn again in each frame, so the number of events and the drift diverge.
-    fn imbalance(&self, _: &Pixel, _: u32, _: u32) -> Option<f64> {
+    fn imbalance(&self, _: &OfficialPixel, _: u32, _: u32) -> Option<f64> {
         None
     }
 }
 
 /// The published time to a barrier at `distance`, by a drift of `speed` towards it.
-fn passage_time(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
+fn passage_time(distance: f64, speed: f64, sigma: f64, draws: &mut CellDraws) -> f64 {
     if distance <= 0.0 {
         return 0.0;
     }
@@ -193,17 +208,17 @@ fn counter_drift_time(shape: f64, phi: f64, u: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Preset;
+    use super::super::VoltmeterPreset;
     use super::*;
-    use crate::frames::Frame;
+    use crate::frames::DenseFrame;
     use crate::image::{Image, Size};
-    use crate::seed::{Cell, Seed, ks, rival};
-    use crate::sensor::{Account, Model, SensorError};
+    use crate::seed::{Seed, SeedCell, ks, rival};
+    use crate::sensor::{SensorError, SensorModel, SimulationAccount};
     use crate::units::Timestamp;
     use std::f64::consts::SQRT_2;
 
-    fn draws(index: u64) -> Draws {
-        Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Pair)
+    fn draws(index: u64) -> CellDraws {
+        Seed(7).draws(SeedCell { x: 0, y: 0, level: 0, index }, DrawSpace::Pair)
     }
 
     /// For each phi, `1 + y/(2 phi) - sqrt(4 phi y + y^2)/(2 phi)` with `y = z^2` and z = 1e-6,
@@ -311,7 +326,7 @@ mod tests {
         ];
         for (drift, shares) in wanted {
             for (x, wanted) in [0.5, 0.999].into_iter().zip(shares) {
-                let found = Renewal { drift, variance: 2.0, up: 1.0 - x, down: 1.0 + x }.on_share();
+                let found = RenewalProcess { drift, variance: 2.0, up: 1.0 - x, down: 1.0 + x }.on_share();
                 assert!((found - wanted).abs() < 5e-16, "{drift:e} {x}: {found:e}, wanted {wanted:e}");
             }
         }
@@ -387,12 +402,16 @@ mod tests {
 
     const SIZE: Size = Size { width: 2, height: 1 };
 
-    fn run(sensor: &Voltmeter, greys: &[[f32; 2]], step_ns: i64) -> Result<Account, SensorError> {
+    fn run(
+        sensor: &VoltmeterModel,
+        greys: &[[f32; 2]],
+        step_ns: i64,
+    ) -> Result<SimulationAccount, SensorError> {
         let mut pixels = sensor.start(SIZE, [0, 0], Seed(1))?;
         let mut events = Vec::new();
         for (index, grey) in greys.iter().enumerate() {
             let luminance = Image::from_vec(SIZE, grey.to_vec());
-            let frame = Frame { index, t: Timestamp(step_ns * index as i64), luminance, rate: None };
+            let frame = DenseFrame { index, t: Timestamp(step_ns * index as i64), luminance, rate: None };
             pixels.advance(&frame, &mut events)?;
         }
         let account = pixels.finish(&mut events)?;
@@ -402,13 +421,13 @@ mod tests {
         Ok(account)
     }
 
-    fn official(k: [f64; 6]) -> Voltmeter {
-        Voltmeter { law: super::super::Law::Official, ..Voltmeter::new(k) }
+    fn official(k: [f64; 6]) -> VoltmeterModel {
+        VoltmeterModel { law: super::super::SamplerKind::Official, ..VoltmeterModel::new(k) }
     }
 
     #[test]
     fn a_burst_is_a_loop_and_the_cap_ends_or_thins_it() {
-        let [k1, k2, ..] = Preset::Dvs346.k();
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
         // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint
         // form.
         let steep = official([1000.0 * k1, k2, 1e-4, 0.0, 0.0, 0.0]);
@@ -419,23 +438,24 @@ mod tests {
             error.starts_with("pixel (0, 0) fires more than 1000 events between frames 0 and 1"),
             "{error}"
         );
-        let raised = Voltmeter { max_events_per_pixel_frame: 20_000, ..steep.clone() };
+        let raised = VoltmeterModel { max_events_per_pixel_frame: 20_000, ..steep.clone() };
         let account = run(&raised, &frames, 2000).unwrap();
         // Noise of deviation `1e-4 sqrt(127.5 2)/147.5` a frame moves the count by one at most.
         assert!((account.on as f64 - events).abs() <= 1.0 && (account.off as f64 - events).abs() <= 1.0);
         assert!(account.on > 9000 && account.capped == 0, "{account:?}");
-        let thinned = run(&Voltmeter { allow_cap: true, ..steep }, &frames, 2000).unwrap();
+        let thinned = run(&VoltmeterModel { allow_cap: true, ..steep }, &frames, 2000).unwrap();
         assert_eq!((thinned.on, thinned.off, thinned.max_per_pixel_frame), (1000, 1000, 1000));
         assert_eq!(thinned.capped + 2000, account.events);
     }
 
     #[test]
     fn extremes_of_brightness_and_time_stay_finite() {
-        for k in [Preset::Dvs346.k(), Preset::Gs2eSi.k(), [5.265, 20.0, 0.0, 0.0, 0.0, 0.0]] {
+        for k in [VoltmeterPreset::Dvs346.k(), VoltmeterPreset::Gs2eSi.k(), [5.265, 20.0, 0.0, 0.0, 0.0, 0.0]]
+        {
             // In an hour the leak of a grey of 1e6 would be 9 million events.
             for (step_ns, white) in [(1000, 1e6), (3_600_000_000_000, 255.0)] {
                 let steps = [[0.0, white], [white, 0.0], [f32::MIN_POSITIVE, 255.0], [0.0, 1e-12]];
-                let sensor = Voltmeter { max_events_per_pixel_frame: 1_000_000, ..official(k) };
+                let sensor = VoltmeterModel { max_events_per_pixel_frame: 1_000_000, ..official(k) };
                 let account = run(&sensor, &steps, step_ns).unwrap();
                 assert!(account.on > 0 || k[0] < 1.0, "{k:?} {step_ns}: {account:?}");
             }
@@ -444,24 +464,24 @@ mod tests {
 
     #[test]
     fn what_the_law_does_not_know_is_refused() {
-        let with = |sensor: Voltmeter| sensor.start(SIZE, [0, 0], Seed(1)).err().map(|e| e.to_string());
-        let plain = official(Preset::Dvs346.k());
+        let with = |sensor: VoltmeterModel| sensor.start(SIZE, [0, 0], Seed(1)).err().map(|e| e.to_string());
+        let plain = official(VoltmeterPreset::Dvs346.k());
         assert_eq!(with(plain.clone()), None);
-        let cubic = Voltmeter { between: super::super::Between::Catmull, ..plain.clone() };
+        let cubic = VoltmeterModel { between: super::super::BetweenFrames::Catmull, ..plain.clone() };
         assert_eq!(with(cubic).as_deref(), Some("the law official goes linearly between frames"));
-        let spread = Voltmeter { initial: super::super::Initial::Stationary, ..plain };
+        let spread = VoltmeterModel { initial: super::super::InitialVoltage::Stationary, ..plain };
         assert_eq!(with(spread).as_deref(), Some("the law official begins with all voltages at zero"));
     }
 
     #[test]
     fn unequal_and_hot_pixels() {
         let dark = [[50.0; 2]; 3];
-        let hot = HotPixels { share: 1.0, rate: 1e4 };
+        let hot = HotPixelNoise { share: 1.0, rate: 1e4 };
         let quiet = [5.0, 20.0, 0.0, 0.0, 0.0, 0.0];
-        let account = run(&Voltmeter { hot_pixels: hot, ..official(quiet) }, &dark, 50_000_000).unwrap();
+        let account = run(&VoltmeterModel { hot_pixels: hot, ..official(quiet) }, &dark, 50_000_000).unwrap();
         // 2 pixels, 0.1 s: Poisson of mean 2000.
         assert!((account.on as f64 - 2000.0).abs() < 4.5 * 2000f64.sqrt() && account.off == 0, "{account:?}");
-        let spread = Voltmeter { threshold_spread: 0.3, ..official(quiet) };
+        let spread = VoltmeterModel { threshold_spread: 0.3, ..official(quiet) };
         let ramp = run(&spread, &[[0.0; 2], [255.0; 2]], 1_000_000).unwrap();
         let equal = run(&official(quiet), &[[0.0; 2], [255.0; 2]], 1_000_000).unwrap();
         assert_ne!(ramp.on, equal.on);

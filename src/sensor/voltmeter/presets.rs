@@ -1,10 +1,10 @@
 //! Parameter sets by name.
 
-use super::units::{Brightness, TimeUnit, Units};
+use super::units::{ConstantUnits, TimeUnit, WhiteBrightness};
 
 /// A named parameter set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preset {
+pub enum VoltmeterPreset {
     /// DAVIS346, as published with DVS-Voltmeter; the default.
     Dvs346,
     /// DAVIS240, as published with DVS-Voltmeter.
@@ -15,7 +15,7 @@ pub enum Preset {
     Gs2eSi,
 }
 
-impl Preset {
+impl VoltmeterPreset {
     /// Every preset.
     pub const ALL: [Self; 3] = [Self::Dvs346, Self::Dvs240, Self::Gs2eSi];
 
@@ -41,7 +41,7 @@ impl Preset {
         match self {
             Self::Dvs346 => [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5],
             Self::Dvs240 => [4.42411, 23.0, 2e-4, 1e-7, 5e-8, 1e-5],
-            Self::Gs2eSi => Units { time: TimeUnit::S, brightness: Brightness::Unit }
+            Self::Gs2eSi => ConstantUnits { time: TimeUnit::S, brightness: WhiteBrightness::Unit }
                 .to_official([0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5]),
         }
     }
@@ -53,17 +53,17 @@ mod tests {
 
     #[test]
     fn names_lead_back() {
-        for preset in Preset::ALL {
-            assert_eq!(Preset::by_name(preset.name()), Some(preset));
+        for preset in VoltmeterPreset::ALL {
+            assert_eq!(VoltmeterPreset::by_name(preset.name()), Some(preset));
         }
-        assert_eq!(Preset::by_name("dvs128"), None);
+        assert_eq!(VoltmeterPreset::by_name("dvs128"), None);
     }
 
     #[test]
     fn the_printed_set_of_gs2e_in_official_units() {
         // The figures of an independent conversion, to the digits given.
         let wanted = [0.5, 0.255, 1.596872e-3, 1e-8, 3.921569e-10, 1e-8];
-        for (found, wanted) in Preset::Gs2eSi.k().into_iter().zip(wanted) {
+        for (found, wanted) in VoltmeterPreset::Gs2eSi.k().into_iter().zip(wanted) {
             assert!((found - wanted).abs() <= 5e-7 * wanted, "{found:e}, wanted {wanted:e}");
         }
     }

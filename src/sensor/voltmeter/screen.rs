@@ -1,22 +1,28 @@
 //! Predictions for a parameter set of the voltmeter: ranges, noise at constant grey, refusals.
 
-use super::{Between, Gain, Initial, Law, Preset, Voltmeter};
-use crate::sensor::screening::{Noise, ScreenError, Screening, Warning, at_least_zero};
-use crate::sensor::statistics::Renewal;
+use super::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset};
+use crate::sensor::screening::{
+    ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, at_least_zero,
+};
+use crate::sensor::statistics::RenewalProcess;
 use crate::units::Hertz;
 
-impl Voltmeter {
+impl VoltmeterModel {
     /// The behaviour of a pixel of this constant grey.
     #[must_use]
-    pub fn noise(&self, grey: f64) -> Noise {
+    pub fn noise(&self, grey: f64) -> ConstantLightNoise {
         let [_, k2, k3, k4, k5, k6] = self.k;
         let sigma = k3 * grey.sqrt() / (grey + k2) + k6;
         let drift = k4 + k5 * grey;
-        let renewal =
-            Renewal { drift, variance: sigma * sigma, up: self.threshold_on, down: self.threshold_off };
+        let renewal = RenewalProcess {
+            drift,
+            variance: sigma * sigma,
+            up: self.threshold_on,
+            down: self.threshold_off,
+        };
         let leak = drift / if drift < 0.0 { self.threshold_off } else { self.threshold_on };
         let share = renewal.on_share();
-        Noise {
+        ConstantLightNoise {
             grey,
             leak_hz: PER_SECOND * leak,
             total_hz: PER_SECOND * renewal.rate(),
@@ -24,7 +30,7 @@ impl Voltmeter {
         }
     }
 
-    /// Whether every parameter is within its range.
+    /// Returns true if every parameter is within its range.
     ///
     /// # Errors
     /// Names the first parameter that is outside its range.
@@ -41,7 +47,7 @@ impl Voltmeter {
                 return Err(ScreenError::Parameter { name, found, wanted });
             }
         }
-        if self.gain == Gain::Midpoint && self.between != Between::Linear {
+        if self.gain == DriftGain::Midpoint && self.between != BetweenFrames::Linear {
             return Err(ScreenError::Combination("`gain: midpoint` goes with `between: linear` only"));
         }
         if self.max_events_per_pixel_frame == 0 {
@@ -56,10 +62,10 @@ impl Voltmeter {
         let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
         at_least_zero("threshold.spread", *spread)?;
         hot.validate()?;
-        if self.law == Law::Official && self.initial == Initial::Stationary {
+        if self.law == SamplerKind::Official && self.initial == InitialVoltage::Stationary {
             return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
         }
-        if self.law == Law::Official && self.between != Between::Linear {
+        if self.law == SamplerKind::Official && self.between != BetweenFrames::Linear {
             return Err(ScreenError::Combination("the law official goes linearly between frames"));
         }
         Ok(())
@@ -70,13 +76,14 @@ impl Voltmeter {
     /// # Errors
     /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and
     /// frame interval at grey 0, 1, 16, 64, 128 or 255.
-    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
         let mut screening =
-            Screening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| self.noise(grey))?;
-        let as_printed = self.k.iter().zip(Preset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
-        screening.warnings.extend(as_printed.then_some(Warning::UncertainUnits));
+            SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| self.noise(grey))?;
+        let as_printed =
+            self.k.iter().zip(VoltmeterPreset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
+        screening.warnings.extend(as_printed.then_some(ScreeningWarning::UncertainUnits));
         Ok(screening)
     }
 }
@@ -86,7 +93,7 @@ const PER_SECOND: f64 = 1e6;
 
 #[cfg(test)]
 mod tests {
-    use super::super::units::{Brightness, TimeUnit, Units};
+    use super::super::units::{ConstantUnits, TimeUnit, WhiteBrightness};
     use super::*;
 
     const PRINTED: [f64; 6] = [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5];
@@ -95,8 +102,8 @@ mod tests {
         Hertz("2400".parse().unwrap())
     }
 
-    fn reading(time: TimeUnit, brightness: Brightness) -> Voltmeter {
-        Voltmeter::new(Units { time, brightness }.to_official(PRINTED))
+    fn reading(time: TimeUnit, brightness: WhiteBrightness) -> VoltmeterModel {
+        VoltmeterModel::new(ConstantUnits { time, brightness }.to_official(PRINTED))
     }
 
     /// Relative tolerance of a figure given to two digits or more: half of its last digit.
@@ -107,22 +114,22 @@ mod tests {
     #[test]
     fn contrast_and_leak_of_the_presets() {
         // The published presets, to the digits given.
-        let t = |preset: Preset, contrast: f64, leaks: [f64; 5]| {
-            let screening = Voltmeter::new(preset.k()).screen(rate()).unwrap();
+        let t = |preset: VoltmeterPreset, contrast: f64, leaks: [f64; 5]| {
+            let screening = VoltmeterModel::new(preset.k()).screen(rate()).unwrap();
             near(screening.contrast[0], contrast, 3e-3);
             for (noise, leak) in screening.noise.iter().zip(leaks) {
                 near(noise.leak_hz, leak, 0.05);
             }
         };
-        t(Preset::Dvs346, 0.190, [0.10, 0.18, 0.42, 0.74, 1.375]);
-        t(Preset::Dvs240, 0.226, [0.10, 0.90, 3.3, 6.5, 12.85]);
-        t(Preset::Gs2eSi, 2.0, [0.010, 0.016, 0.035, 0.060, 0.11]);
+        t(VoltmeterPreset::Dvs346, 0.190, [0.10, 0.18, 0.42, 0.74, 1.375]);
+        t(VoltmeterPreset::Dvs240, 0.226, [0.10, 0.90, 3.3, 6.5, 12.85]);
+        t(VoltmeterPreset::Gs2eSi, 2.0, [0.010, 0.016, 0.035, 0.060, 0.11]);
     }
 
     #[test]
     fn noise_of_gs2e_si() {
         // Rates of the printed set, read as seconds and brightness 0..1.
-        let sensor = Voltmeter::new(Preset::Gs2eSi.k());
+        let sensor = VoltmeterModel::new(VoltmeterPreset::Gs2eSi.k());
         let t = |grey, hz, share: f64| {
             let noise = sensor.noise(grey);
             near(noise.total_hz, hz, 0.02);
@@ -148,20 +155,20 @@ mod tests {
             }
             assert_eq!(sensor.screen(rate()).is_ok(), usable, "{time:?} {brightness:?}");
         };
-        t(TimeUnit::Us, Brightness::Grey255, [1.1e5, 1.6e6, 1.28e7], false);
-        t(TimeUnit::Us, Brightness::Unit, [1.6e6, 1.6e5, 6.0e4], false);
-        t(TimeUnit::Ms, Brightness::Grey255, [110.0, 1610.0, 12810.0], true);
-        t(TimeUnit::Ms, Brightness::Unit, [1619.0, 155.0, 60.0], true);
-        t(TimeUnit::S, Brightness::Grey255, [0.11, 1.6, 12.8], true);
-        t(TimeUnit::S, Brightness::Unit, [1.62, 0.155, 0.060], true);
+        t(TimeUnit::Us, WhiteBrightness::Grey255, [1.1e5, 1.6e6, 1.28e7], false);
+        t(TimeUnit::Us, WhiteBrightness::Unit, [1.6e6, 1.6e5, 6.0e4], false);
+        t(TimeUnit::Ms, WhiteBrightness::Grey255, [110.0, 1610.0, 12810.0], true);
+        t(TimeUnit::Ms, WhiteBrightness::Unit, [1619.0, 155.0, 60.0], true);
+        t(TimeUnit::S, WhiteBrightness::Grey255, [0.11, 1.6, 12.8], true);
+        t(TimeUnit::S, WhiteBrightness::Unit, [1.62, 0.155, 0.060], true);
     }
 
     #[test]
     fn the_refusal_names_grey_and_rate() {
-        let error = reading(TimeUnit::Us, Brightness::Grey255).screen(rate()).unwrap_err();
+        let error = reading(TimeUnit::Us, WhiteBrightness::Grey255).screen(rate()).unwrap_err();
         assert!(error.to_string().starts_with("a static pixel of grey 255 would make 255100"), "{error}");
         // 25.5 kHz at grey 255 are 10.6 events in a frame interval of 1/2400 s and 510 in one of 1/50 s.
-        let slow = reading(TimeUnit::Ms, Brightness::Grey255).screen(Hertz("50".parse().unwrap()));
+        let slow = reading(TimeUnit::Ms, WhiteBrightness::Grey255).screen(Hertz("50".parse().unwrap()));
         assert!(
             matches!(slow, Err(ScreenError::Impossible { per_frame, .. }) if (509.0..511.0).contains(&per_frame))
         );
@@ -169,20 +176,22 @@ mod tests {
 
     #[test]
     fn warnings() {
-        let codes = |sensor: Voltmeter| sensor.screen(rate()).unwrap().warnings;
-        assert_eq!(codes(Voltmeter::new(Preset::Dvs346.k())), []);
+        let codes = |sensor: VoltmeterModel| sensor.screen(rate()).unwrap().warnings;
+        assert_eq!(codes(VoltmeterModel::new(VoltmeterPreset::Dvs346.k())), []);
         assert_eq!(
-            codes(Voltmeter::new(Preset::Gs2eSi.k())),
-            [Warning::Insensitive { contrast: 2.0 }, Warning::UncertainUnits]
+            codes(VoltmeterModel::new(VoltmeterPreset::Gs2eSi.k())),
+            [ScreeningWarning::Insensitive { contrast: 2.0 }, ScreeningWarning::UncertainUnits]
         );
-        let noisy = codes(reading(TimeUnit::Ms, Brightness::Unit));
-        assert!(matches!(noisy[..], [Warning::Insensitive { .. }, Warning::Noisy { hz }] if hz > 59.0));
+        let noisy = codes(reading(TimeUnit::Ms, WhiteBrightness::Unit));
+        assert!(
+            matches!(noisy[..], [ScreeningWarning::Insensitive { .. }, ScreeningWarning::Noisy { hz }] if hz > 59.0)
+        );
     }
 
     #[test]
     fn parameters_out_of_range_are_named() {
-        let t = |change: fn(&mut Voltmeter), message: &str| {
-            let mut sensor = Voltmeter::new(Preset::Dvs346.k());
+        let t = |change: fn(&mut VoltmeterModel), message: &str| {
+            let mut sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
             change(&mut sensor);
             assert_eq!(sensor.validate().unwrap_err().to_string(), message);
         };
@@ -196,7 +205,7 @@ mod tests {
 
     #[test]
     fn the_table_is_for_people() {
-        let table = Voltmeter::new(Preset::Dvs346.k()).screen(rate()).unwrap().to_string();
+        let table = VoltmeterModel::new(VoltmeterPreset::Dvs346.k()).screen(rate()).unwrap().to_string();
         let lines: Vec<&str> = table.lines().collect();
         assert_eq!(lines[0], "contrast C: ON 0.1899 (brightness x1.209), OFF 0.1899 (x0.827)");
         assert_eq!(lines[2], "    0     0.1000     0.1000    1.000");

@@ -4,25 +4,25 @@
 //! It is needed only where an event happens, so it works on one pixel at a time and computes its
 //! own logarithms.
 
-use super::Between;
-use super::exact::Stored;
-use super::window::{Leg, Window};
-use crate::event::{Label, Polarity};
+use super::BetweenFrames;
+use super::exact::PendingFrame;
+use super::window::{FrameLeg, TimeStep};
+use crate::event::{EventLabel, Polarity};
 use crate::sensor::label;
 
 /// Seconds in a nanosecond.
 const SECONDS: f64 = 1e-9;
 
-impl Window<'_> {
+impl TimeStep<'_> {
     /// The label of an event in a leg, `t` ns after the window's start. `log` is `ln(L + k2)` at
     /// the pixel's previous event; it is set to that of this event.
     pub(super) fn label(
         &self,
         pixel: usize,
-        leg: &Leg,
+        leg: &FrameLeg,
         (t, polarity): (f64, Polarity),
         log: &mut f64,
-    ) -> Label {
+    ) -> EventLabel {
         let before = std::mem::replace(log, self.log(pixel, leg, t));
         let rise = self.law.process.k1 * (*log - before);
         let barriers = self.law.thresholds.of(pixel);
@@ -33,14 +33,14 @@ impl Window<'_> {
     }
 
     /// `ln(L + k2)` of a pixel of the image in a leg, `t` ns after the window's start.
-    fn log(&self, pixel: usize, leg: &Leg, t: f64) -> f64 {
+    fn log(&self, pixel: usize, leg: &FrameLeg, t: f64) -> f64 {
         let from = self.log_at(pixel, leg.frame);
         if leg.inverse == 0.0 {
             return from;
         }
         let step = self.log_at(pixel, leg.frame + 1) - from;
         let s = (t - leg.stamp) * leg.inverse;
-        if self.law.between == Between::Linear {
+        if self.law.between == BetweenFrames::Linear {
             return from + step * s;
         }
         let [a, b] = [leg.frame, leg.frame + 1].map(|frame| self.slope(pixel, frame) / leg.inverse);
@@ -56,7 +56,7 @@ impl Window<'_> {
     /// through three frames, or of the line through two at the ends of the sequence.
     fn slope(&self, pixel: usize, frame: usize) -> f64 {
         let here = self.frames[frame];
-        if self.law.between == Between::Hermite {
+        if self.law.between == BetweenFrames::Hermite {
             return f64::from(here.rate[pixel]) * SECONDS / self.law.level(here, pixel);
         }
         let secant = |first: usize| {
@@ -74,14 +74,14 @@ impl Window<'_> {
     }
 }
 
-impl super::exact::Law {
+impl super::exact::ExactSettings {
     /// `L + k2`.
-    fn level(&self, frame: &Stored, pixel: usize) -> f64 {
+    fn level(&self, frame: &PendingFrame, pixel: usize) -> f64 {
         f64::from(frame.luminance[pixel]) + self.process.k2
     }
 
     /// `ln(L + k2)` of all pixels of a frame.
-    pub(super) fn logs<'a>(&'a self, frame: &'a Stored) -> impl Iterator<Item = f64> {
+    pub(super) fn logs<'a>(&'a self, frame: &'a PendingFrame) -> impl Iterator<Item = f64> {
         (0..self.size.pixels()).map(|pixel| libm::log(self.level(frame, pixel)))
     }
 }

@@ -1,17 +1,17 @@
 //! The thresholds of all pixels: one pair, or one pair per pixel where pixels are unequal.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
-use super::Voltmeter;
-use super::bridge::{Barriers, Wide};
+use super::VoltmeterModel;
+use super::bridge::{Barriers, WideBarriers};
 use crate::elementary::load_eight;
 use crate::image::Size;
 use crate::seed::Seed;
-use crate::sensor::noise::{Site, mismatch};
+use crate::sensor::noise::{PixelSite, mismatch};
 use fearless_simd::Simd;
 
 /// Thresholds of ON and OFF for every pixel.
 #[derive(Debug)]
-pub(super) enum Thresholds {
+pub(super) enum PixelThresholds {
     Equal(Barriers),
     /// One value per pixel, padded with the nominal threshold to a multiple of 8.
     Unequal([Vec<f64>; 2]),
@@ -21,13 +21,13 @@ pub(super) enum Thresholds {
 const FLOOR: f64 = 0.01;
 
 /// The thresholds of ON and OFF of the pixel at `site`, drawn once for a sensor.
-pub(super) fn drawn_pair(nominal: [f64; 2], spread: f64, site: Site) -> [f64; 2] {
+pub(super) fn drawn_pair(nominal: [f64; 2], spread: f64, site: PixelSite) -> [f64; 2] {
     mismatch::draw_thresholds(nominal, spread, nominal.map(|threshold| FLOOR * threshold), site, 0)
 }
 
-impl Thresholds {
+impl PixelThresholds {
     /// The thresholds of a sensor with its first pixel at `origin`.
-    pub(super) fn new(sensor: &Voltmeter, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
+    pub(super) fn new(sensor: &VoltmeterModel, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
         let [up, down] = [sensor.threshold_on, sensor.threshold_off];
         if sensor.threshold_spread == 0.0 {
             return Self::Equal(Barriers { up, down });
@@ -37,7 +37,8 @@ impl Thresholds {
         let width = size.width as usize;
         for pixel in 0..size.pixels() {
             let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
-            let own = drawn_pair([up, down], sensor.threshold_spread, Site { seed, x: left + x, y: top + y });
+            let own =
+                drawn_pair([up, down], sensor.threshold_spread, PixelSite { seed, x: left + x, y: top + y });
             both.iter_mut().zip(own).for_each(|(all, own)| all[pixel] = own);
         }
         Self::Unequal(both)
@@ -54,11 +55,11 @@ impl Thresholds {
 
     /// The thresholds of eight pixels from `first` on.
     #[inline(always)]
-    pub(super) fn eight<S: Simd>(&self, simd: S, first: usize) -> Wide<S> {
+    pub(super) fn eight<S: Simd>(&self, simd: S, first: usize) -> WideBarriers<S> {
         match self {
-            Self::Equal(barriers) => Wide::splat(simd, *barriers),
+            Self::Equal(barriers) => WideBarriers::splat(simd, *barriers),
             Self::Unequal([up, down]) => {
-                Wide { up: load_eight(simd, up, first), down: load_eight(simd, down, first) }
+                WideBarriers { up: load_eight(simd, up, first), down: load_eight(simd, down, first) }
             }
         }
     }

@@ -16,9 +16,9 @@
 //! cell. Frames, neighbours and threads therefore cannot change it.
 //!
 //! A cell ends in one of three ways. If no barrier is within reach, the voltage moves to its end in
-//! one step ([`Walk::visit`]). If the drift in the cell is straight enough, the cell is a leaf, and
+//! one step ([`RootWalk::visit`]). If the drift in the cell is straight enough, the cell is a leaf, and
 //! the first passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the
-//! cell is split, and its halves follow in order of time ([`Walk::halve`]).
+//! cell is split, and its halves follow in order of time ([`RootWalk::halve`]).
 //!
 //! Pixels descend together. All walkers that reach a cell share its times, so eight of them do the
 //! same arithmetic at once, and a cell's own cost (its legs, its index, the call) is spread over
@@ -27,15 +27,15 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "walkers of a band are counted in few bits")]
 
-use super::bridge::Wide;
-use super::curve::Curve;
-use super::leaf::{Leaf, Span};
-use super::thresholds::Thresholds;
-use super::window::Window;
-use super::writer::Writer;
+use super::bridge::WideBarriers;
+use super::curve::DriftCurve;
+use super::leaf::{ClockLeaf, LeafSpan};
+use super::thresholds::PixelThresholds;
+use super::window::TimeStep;
+use super::writer::BandWriter;
 use crate::elementary::{load_eight, mask_bits, set_lanes, store_eight};
-use crate::seed::Space;
-use crate::seed::eight::{self, Cells};
+use crate::seed::DrawSpace;
+use crate::seed::eight::{self, SeedCells};
 use fearless_simd::{Simd, SimdBase as _, SimdMask as _, f64x8, mask64x8, u64x8};
 use std::ops::{ControlFlow, Range};
 
@@ -68,11 +68,11 @@ pub(super) struct Walkers {
     /// the leg's curve.
     pieces: Vec<[f64; 5]>,
     /// One list per level of the clock, and one for the root.
-    lists: Vec<List>,
+    lists: Vec<CellList>,
     /// Walkers for which the current cell is a leaf.
-    leaves: List,
+    leaves: CellList,
     /// Stack of the leaf's spans, kept here so that its memory is reused.
-    spans: Vec<Span>,
+    spans: Vec<LeafSpan>,
     /// Number of leaves visited.
     pub(super) leaf_count: u64,
     /// Number of cells split.
@@ -82,7 +82,7 @@ pub(super) struct Walkers {
 /// Walkers that reach one cell. The arrays are longer than `len`, up to a multiple of 8, so that
 /// whole vectors can be loaded; the entries after `len` are padding.
 #[derive(Debug, Default)]
-struct List {
+struct CellList {
     len: usize,
     members: Vec<u64>,
     /// Increment of the Brownian motion over the cell, before it is scaled by sigma.
@@ -97,7 +97,7 @@ struct List {
     middle: Vec<f64>,
 }
 
-impl List {
+impl CellList {
     /// Makes room for eight more entries.
     #[inline(always)]
     fn reserve(&mut self) {
@@ -143,26 +143,26 @@ impl List {
         }
     }
 
-    fn whole(&self) -> Crowd<'_> {
+    fn whole(&self) -> CellCrowd<'_> {
         let Self { len, members, increment, from, to, .. } = self;
-        Crowd { len: *len, members, increment, from, to }
+        CellCrowd { len: *len, members, increment, from, to }
     }
 
     /// The walkers in the first half of the cell. Call it after the split.
-    fn first_half(&self) -> Crowd<'_> {
-        Crowd { increment: &self.half, to: &self.middle, ..self.whole() }
+    fn first_half(&self) -> CellCrowd<'_> {
+        CellCrowd { increment: &self.half, to: &self.middle, ..self.whole() }
     }
 
     /// The walkers in the second half of the cell. Call it after the split, which stores the second
     /// half's increment in the place of the whole cell's.
-    fn second_half(&self) -> Crowd<'_> {
-        Crowd { from: &self.middle, ..self.whole() }
+    fn second_half(&self) -> CellCrowd<'_> {
+        CellCrowd { from: &self.middle, ..self.whole() }
     }
 }
 
 /// A borrowed list at the start of a cell.
 #[derive(Debug, Clone, Copy)]
-struct Crowd<'a> {
+struct CellCrowd<'a> {
     len: usize,
     members: &'a [u64],
     increment: &'a [f64],
@@ -194,7 +194,7 @@ impl Walkers {
         self.pieces.clear();
         // Levels 0 to LEVELS, and one more list that holds the root's walkers while level 0 is
         // filled.
-        self.lists.resize_with(usize::from(LEVELS) + 2, List::default);
+        self.lists.resize_with(usize::from(LEVELS) + 2, CellList::default);
         self.lists[0].len = 0;
     }
 
@@ -235,13 +235,13 @@ impl Walkers {
 
 /// One cell of the dyadic clock.
 #[derive(Debug, Clone, Copy)]
-struct Node {
+struct ClockCell {
     level: u8,
     /// Start of the cell, ns since the root's start.
     start: u32,
 }
 
-impl Node {
+impl ClockCell {
     fn length(self) -> u32 {
         1 << (LEVELS - self.level)
     }
@@ -272,18 +272,18 @@ fn places_of(members: &[u64], i: usize) -> [usize; 8] {
 
 /// The descent of a band's walkers through one root cell.
 #[derive(Debug)]
-pub(super) struct Walk<'a> {
-    pub(super) window: &'a Window<'a>,
+pub(super) struct RootWalk<'a> {
+    pub(super) window: &'a TimeStep<'a>,
     pub(super) walkers: &'a mut Walkers,
-    pub(super) writer: Writer<'a>,
+    pub(super) writer: BandWriter<'a>,
 }
 
-impl Walk<'_> {
+impl RootWalk<'_> {
     /// Moves all walkers to the end of the root cell. Breaks where the step has failed.
-    pub(super) fn cross<C: Curve, S: Simd>(&mut self, simd: S) -> ControlFlow<()> {
+    pub(super) fn cross<C: DriftCurve, S: Simd>(&mut self, simd: S) -> ControlFlow<()> {
         // The root's walkers are read while `visit` fills list 0 with the survivors: they move to
         // their own list.
-        let root = Node { level: 0, start: 0 };
+        let root = ClockCell { level: 0, start: 0 };
         let mut all = std::mem::take(&mut self.walkers.lists[usize::from(LEVELS) + 1]);
         std::mem::swap(&mut all, &mut self.walkers.lists[0]);
         all.pad();
@@ -293,7 +293,12 @@ impl Walk<'_> {
     }
 
     /// Moves walkers to the end of a cell.
-    fn enter<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) -> ControlFlow<()> {
+    fn enter<C: DriftCurve, S: Simd>(
+        &mut self,
+        simd: S,
+        node: ClockCell,
+        crowd: &CellCrowd<'_>,
+    ) -> ControlFlow<()> {
         // The recursion itself stays outside `vectorize`: an inlined closure cannot contain a call
         // to itself.
         simd.vectorize(
@@ -308,7 +313,7 @@ impl Walk<'_> {
 
     /// Splits a cell for the walkers on its level's list, and moves them across both halves in
     /// order of time.
-    fn halve<C: Curve, S: Simd>(&mut self, simd: S, node: Node) -> ControlFlow<()> {
+    fn halve<C: DriftCurve, S: Simd>(&mut self, simd: S, node: ClockCell) -> ControlFlow<()> {
         let level = usize::from(node.level);
         if self.walkers.lists[level].len == 0 {
             return ControlFlow::Continue(());
@@ -331,11 +336,11 @@ impl Walk<'_> {
     /// Draws the middle of the cell: between known ends, a Brownian motion is normal around their
     /// mean, with a quarter of the cell's length as its variance.
     #[inline(always)]
-    fn split<C: Curve, S: Simd>(&self, simd: S, node: Node, list: &mut List) {
+    fn split<C: DriftCurve, S: Simd>(&self, simd: S, node: ClockCell, list: &mut CellList) {
         let Self { window, walkers, .. } = self;
         let law = window.law;
-        let (space, level, index) = (Space::Tree, node.level, node.index(window.root()));
-        let cells = Cells { seed: law.seed, space, level, index };
+        let (space, level, index) = (DrawSpace::Tree, node.level, node.index(window.root()));
+        let cells = SeedCells { seed: law.seed, space, level, index };
         let end = list.len.next_multiple_of(8);
         for i in (0..end).step_by(8) {
             let members = places_of(&list.members, i);
@@ -364,7 +369,7 @@ impl Walk<'_> {
     /// Moves each walker to the end of the cell if no barrier is within its reach. The others are
     /// put on the list of leaves or on the list of the cells to split.
     #[inline(always)]
-    fn visit<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) {
+    fn visit<C: DriftCurve, S: Simd>(&mut self, simd: S, node: ClockCell, crowd: &CellCrowd<'_>) {
         let level = usize::from(node.level);
         let mut next = std::mem::take(&mut self.walkers.lists[level]);
         let mut leaves = std::mem::take(&mut self.walkers.leaves);
@@ -407,22 +412,22 @@ impl Walk<'_> {
 
     /// The barriers of eight walkers.
     #[inline(always)]
-    fn barriers<S: Simd>(&self, simd: S, members: &[usize; 8]) -> Wide<S> {
+    fn barriers<S: Simd>(&self, simd: S, members: &[usize; 8]) -> WideBarriers<S> {
         let Self { window, walkers, writer } = self;
         match &window.law.thresholds {
-            Thresholds::Equal(barriers) => Wide::splat(simd, *barriers),
-            Thresholds::Unequal([up, down]) => {
+            PixelThresholds::Equal(barriers) => WideBarriers::splat(simd, *barriers),
+            PixelThresholds::Unequal([up, down]) => {
                 let [up, down] = [up, down].map(|values| {
                     f64x8::from_fn(simd, |lane| values[writer.first + walkers.pixels[members[lane]]])
                 });
-                Wide { up, down }
+                WideBarriers { up, down }
             }
         }
     }
 
     /// The legs of the window that begin strictly inside the cell: the drift may bend at their
     /// stamps.
-    fn knots(&self, node: Node) -> Range<usize> {
+    fn knots(&self, node: ClockCell) -> Range<usize> {
         let [a, b] = node.ends();
         let before = |t: f64| self.window.legs.partition_point(|leg| leg.stamp < t);
         before(a.next_up())..before(b)
@@ -433,7 +438,7 @@ impl Walk<'_> {
     fn knots_of<S: Simd>(
         &self,
         simd: S,
-        node: Node,
+        node: ClockCell,
         members: &[usize; 8],
         [from, to]: [f64x8<S>; 2],
         knots: Range<usize>,
@@ -453,7 +458,7 @@ impl Walk<'_> {
 
     /// The lanes for which a short cell is a leaf because the drift in it is straight.
     #[inline(always)]
-    fn leaves<C: Curve>(&self, node: Node, members: &[usize; 8], live: u64) -> u64 {
+    fn leaves<C: DriftCurve>(&self, node: ClockCell, members: &[usize; 8], live: u64) -> u64 {
         // A cell of one nanosecond is always a leaf: times are not resolved below it.
         if node.level == LEVELS {
             return live;
@@ -467,7 +472,7 @@ impl Walk<'_> {
 
     /// A bound on the distance between a walker's drift and its chord in a cell: the largest
     /// distance at the stamps inside, plus the largest distance of a piece from its own chord.
-    fn straying<C: Curve>(&self, node: Node, member: usize) -> f64 {
+    fn straying<C: DriftCurve>(&self, node: ClockCell, member: usize) -> f64 {
         let [a, b] = node.ends();
         let legs = &self.window.legs;
         let pieces = &self.walkers.pieces[member * legs.len()..][..legs.len()];
@@ -491,14 +496,14 @@ impl Walk<'_> {
 
     /// Moves walkers across a leaf, and writes their events.
     #[inline(always)]
-    fn cross_leaves<S: Simd>(&mut self, simd: S, node: Node) -> ControlFlow<()> {
+    fn cross_leaves<S: Simd>(&mut self, simd: S, node: ClockCell) -> ControlFlow<()> {
         let Self { window, walkers, writer } = self;
         let law = window.law;
         walkers.leaves.pad();
         walkers.leaf_count += walkers.leaves.len as u64;
         let [begin, end] = node.ends();
         let index = node.index(window.root());
-        let cells = Cells { seed: law.seed, space: Space::Leaf, level: node.level, index };
+        let cells = SeedCells { seed: law.seed, space: DrawSpace::Leaf, level: node.level, index };
         for i in (0..walkers.leaves.len).step_by(8) {
             let list = &walkers.leaves;
             let seats = u64x8::from_fn(simd, |lane| walkers.seats[list.members[i + lane] as usize]);
@@ -513,9 +518,9 @@ impl Walk<'_> {
                 let draws = cells.go_on(seats[lane], draws);
                 let variance = sigma * sigma;
                 let barriers = law.thresholds.of(writer.first + walkers.pixels[member]);
-                let mut leaf = Leaf { barriers, variance, draws, time: begin };
+                let mut leaf = ClockLeaf { barriers, variance, draws, time: begin };
                 let x = walkers.voltage[member];
-                let whole = Span { end: x + drift + sigma * list.increment[i + lane], until: end };
+                let whole = LeafSpan { end: x + drift + sigma * list.increment[i + lane], until: end };
                 let mut emit = writer.of(walkers.pixels[member], walkers.seats[member]);
                 walkers.voltage[member] = leaf.cross(x, whole, &mut walkers.spans, &mut emit)?;
             }

@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 /// Units of `k`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Units {
+pub struct ConstantUnits {
     /// Unit of time. Required.
     pub time: TimeUnit,
     /// Brightness of white. Required.
-    pub brightness: Brightness,
+    pub brightness: WhiteBrightness,
 }
 
 /// A unit of time.
@@ -42,14 +42,14 @@ impl TimeUnit {
 /// The brightness of white; `255` or `1` in a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u32", into = "u32")]
-pub enum Brightness {
+pub enum WhiteBrightness {
     /// Grey 0..255.
     Grey255,
     /// 0..1.
     Unit,
 }
 
-impl Brightness {
+impl WhiteBrightness {
     /// The number of greys of 0..255 in one unit of this scale.
     #[must_use]
     pub fn greys(self) -> f64 {
@@ -65,7 +65,7 @@ impl Brightness {
 #[error("brightness {0} is neither 255 nor 1")]
 pub struct BrightnessError(u32);
 
-impl TryFrom<u32> for Brightness {
+impl TryFrom<u32> for WhiteBrightness {
     type Error = BrightnessError;
 
     fn try_from(white: u32) -> Result<Self, BrightnessError> {
@@ -77,18 +77,18 @@ impl TryFrom<u32> for Brightness {
     }
 }
 
-impl From<Brightness> for u32 {
-    fn from(brightness: Brightness) -> Self {
+impl From<WhiteBrightness> for u32 {
+    fn from(brightness: WhiteBrightness) -> Self {
         match brightness {
-            Brightness::Grey255 => 255,
-            Brightness::Unit => 1,
+            WhiteBrightness::Grey255 => 255,
+            WhiteBrightness::Unit => 1,
         }
     }
 }
 
-impl Units {
+impl ConstantUnits {
     /// The units of the published program.
-    pub const OFFICIAL: Self = Self { time: TimeUnit::Us, brightness: Brightness::Grey255 };
+    pub const OFFICIAL: Self = Self { time: TimeUnit::Us, brightness: WhiteBrightness::Grey255 };
 
     /// Converts `k` from these units to the official ones. The process stays the same: every
     /// increment of the drift and of the noise's standard deviation is unchanged.
@@ -114,8 +114,8 @@ mod tests {
     fn a_process_does_not_know_its_units() {
         let k = [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5];
         for time in [TimeUnit::Us, TimeUnit::Ms, TimeUnit::S] {
-            for brightness in [Brightness::Grey255, Brightness::Unit] {
-                let units = Units { time, brightness };
+            for brightness in [WhiteBrightness::Grey255, WhiteBrightness::Unit] {
+                let units = ConstantUnits { time, brightness };
                 let (g, r) = (brightness.greys(), time.of_a_microsecond());
                 for [a, b] in [[1.0, 1.25], [16.0, 17.0], [128.0, 255.0]] {
                     let own = increments(k, [a / g, b / g], 416.0 * r);
@@ -132,16 +132,18 @@ mod tests {
     #[test]
     fn official_units_change_nothing() {
         let k = [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5];
-        assert!(Units::OFFICIAL.to_official(k).iter().zip(k).all(|(a, b)| a.to_bits() == b.to_bits()));
+        assert!(
+            ConstantUnits::OFFICIAL.to_official(k).iter().zip(k).all(|(a, b)| a.to_bits() == b.to_bits())
+        );
     }
 
     #[test]
     fn units_are_written_as_in_recipes() {
-        let units = Units { time: TimeUnit::Ms, brightness: Brightness::Unit };
+        let units = ConstantUnits { time: TimeUnit::Ms, brightness: WhiteBrightness::Unit };
         let text = r#"{"time":"ms","brightness":1}"#;
         assert_eq!(serde_json::to_string(&units).unwrap(), text);
-        assert_eq!(serde_json::from_str::<Units>(text).unwrap(), units);
-        let wrong = serde_json::from_str::<Units>(r#"{"time":"ms","brightness":100}"#).unwrap_err();
+        assert_eq!(serde_json::from_str::<ConstantUnits>(text).unwrap(), units);
+        let wrong = serde_json::from_str::<ConstantUnits>(r#"{"time":"ms","brightness":100}"#).unwrap_err();
         assert!(wrong.to_string().starts_with("brightness 100 is neither 255 nor 1"), "{wrong}");
     }
 }

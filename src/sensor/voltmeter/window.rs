@@ -1,18 +1,18 @@
 //! One window of time, and the legs between frames that it crosses.
 
-use super::Between;
-use super::exact::{Law, Stored};
+use super::BetweenFrames;
+use super::exact::{ExactSettings, PendingFrame};
 use super::tree::LEVELS;
 use std::ops::Range;
 
 /// One window of time, with the frames and legs that it crosses.
 #[derive(Debug)]
-pub(super) struct Window<'a> {
-    pub(super) law: &'a Law,
-    pub(super) frames: Vec<&'a Stored>,
+pub(super) struct TimeStep<'a> {
+    pub(super) law: &'a ExactSettings,
+    pub(super) frames: Vec<&'a PendingFrame>,
     /// The legs in order of time. The first begins at or before the window's start; the last ends
     /// at or after its end.
-    pub(super) legs: Vec<Leg>,
+    pub(super) legs: Vec<FrameLeg>,
     /// Indices of the frames that the legs' curves depend on.
     pub(super) knots: Range<usize>,
     /// The leg that contains the window's middle (the later one at a stamp), and the time since the
@@ -32,7 +32,7 @@ pub(super) struct Window<'a> {
 
 /// The stretch from one frame to the next, or beyond the last frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Leg {
+pub(super) struct FrameLeg {
     /// Position of the earlier frame among those that are kept.
     pub(super) frame: usize,
     /// Stamp of the earlier frame, ns since the window's start.
@@ -45,15 +45,20 @@ pub(super) struct Leg {
     pub(super) to: f64,
 }
 
-impl<'a> Window<'a> {
+impl<'a> TimeStep<'a> {
     /// The window from `start` to `end`, in ns. It does not begin before the first frame.
-    pub(super) fn new(law: &'a Law, frames: Vec<&'a Stored>, [start, end]: [i64; 2], last: i64) -> Self {
+    pub(super) fn new(
+        law: &'a ExactSettings,
+        frames: Vec<&'a PendingFrame>,
+        [start, end]: [i64; 2],
+        last: i64,
+    ) -> Self {
         let since_start = |t: i64| (t - start) as f64;
         let before = |t: i64| frames.partition_point(|frame| frame.t <= t) - 1;
         let leg = |frame: usize| {
             let stamp = frames[frame].t;
             let next = frames.get(frame + 1).map(|next| next.t);
-            Leg {
+            FrameLeg {
                 frame,
                 stamp: since_start(stamp),
                 inverse: next.map_or(0.0, |next| 1.0 / (next - stamp) as f64),
@@ -61,9 +66,9 @@ impl<'a> Window<'a> {
                 to: since_start(next.unwrap_or(end).min(end)),
             }
         };
-        let legs: Vec<Leg> = (before(start)..=before(end - 1)).map(leg).collect();
+        let legs: Vec<FrameLeg> = (before(start)..=before(end - 1)).map(leg).collect();
         let mut knots = before(start)..frames.len().min(before(end - 1) + 2);
-        if law.between == Between::Catmull {
+        if law.between == BetweenFrames::Catmull {
             knots = knots.start.saturating_sub(1)..frames.len().min(knots.end + 1);
         }
         let middle = start + (end - start) / 2;
@@ -71,7 +76,7 @@ impl<'a> Window<'a> {
         let middle = (holding - legs[0].frame, (middle - frames[holding].t) as f64);
         let last = last.saturating_sub(start) as f64;
         let into_microsecond = start.rem_euclid(1000).cast_unsigned();
-        let widest = legs.iter().map(|leg: &Leg| leg.to - leg.from).fold(0.0, f64::max);
+        let widest = legs.iter().map(|leg: &FrameLeg| leg.to - leg.from).fold(0.0, f64::max);
         Self {
             law,
             legs,

@@ -6,16 +6,16 @@
 )]
 
 use super::bridge::Barriers;
-use super::leaf::Emit;
-use super::window::Window;
-use crate::event::{Label, Polarity};
-use crate::sensor::window::Packed;
-use crate::sensor::{Account, SensorError};
+use super::leaf::EmitEvents;
+use super::window::TimeStep;
+use crate::event::{EventLabel, Polarity};
+use crate::sensor::window::PackedEvent;
+use crate::sensor::{SensorError, SimulationAccount};
 use std::ops::ControlFlow;
 
 /// The event counts of one pixel.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Tally {
+pub(super) struct PixelTally {
     on: u32,
     off: u32,
     /// Index of the frame before the latest event, and the number of events since that frame.
@@ -23,10 +23,10 @@ pub(super) struct Tally {
     since: u32,
 }
 
-impl Tally {
+impl PixelTally {
     /// Adds a pixel to the account. Events times thresholds differ from the drift over the run by
     /// noise and by the voltages at both ends; `bound` is the largest difference that is accepted.
-    pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut Account) {
+    pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut SimulationAccount) {
         account.on += u64::from(self.on);
         account.off += u64::from(self.off);
         account.active_pixels += u64::from(self.on + self.off > 0);
@@ -50,12 +50,12 @@ impl Tally {
 
 /// Stores the events of a band's pixels.
 #[derive(Debug)]
-pub(super) struct Writer<'a> {
-    pub(super) window: &'a Window<'a>,
+pub(super) struct BandWriter<'a> {
+    pub(super) window: &'a TimeStep<'a>,
     /// Index of the band's first pixel.
     pub(super) first: usize,
-    pub(super) tally: &'a mut [Tally],
-    pub(super) events: &'a mut Vec<Packed>,
+    pub(super) tally: &'a mut [PixelTally],
+    pub(super) events: &'a mut Vec<PackedEvent>,
     /// Largest number of events of one pixel between two frames.
     pub(super) most: &'a mut u32,
     pub(super) capped: &'a mut Option<SensorError>,
@@ -63,23 +63,23 @@ pub(super) struct Writer<'a> {
     pub(super) logs: Option<&'a mut [f64]>,
 }
 
-impl Writer<'_> {
+impl BandWriter<'_> {
     /// A sink for the events of one pixel of the band, at this position on the sensor (`y << 16 |
     /// x`).
     #[inline(always)]
-    pub(super) fn of(&mut self, pixel: usize, seat: u64) -> impl Emit {
+    pub(super) fn of(&mut self, pixel: usize, seat: u64) -> impl EmitEvents {
         let [left, top] = self.window.law.origin;
-        Pen { at: [seat as u16 - left, (seat >> 16) as u16 - top], pixel, writer: self }
+        PixelPen { at: [seat as u16 - left, (seat >> 16) as u16 - top], pixel, writer: self }
     }
 }
 
-struct Pen<'a, 'b> {
-    writer: &'a mut Writer<'b>,
+struct PixelPen<'a, 'b> {
+    writer: &'a mut BandWriter<'b>,
     pixel: usize,
     at: [u16; 2],
 }
 
-impl Emit for Pen<'_, '_> {
+impl EmitEvents for PixelPen<'_, '_> {
     #[inline(always)]
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
         let Self { writer, pixel, at } = self;
@@ -101,15 +101,15 @@ impl Emit for Pen<'_, '_> {
         }
         let ns = t as u64 + window.into_microsecond;
         let label = match &mut writer.logs {
-            None => Label::Signal,
+            None => EventLabel::Signal,
             Some(logs) => window.label(writer.first + *pixel, leg, (t, polarity), &mut logs[*pixel]),
         };
-        writer.events.push(Packed::new(ns, *at, polarity, label));
+        writer.events.push(PackedEvent::new(ns, *at, polarity, label));
         ControlFlow::Continue(())
     }
 }
 
-impl Writer<'_> {
+impl BandWriter<'_> {
     fn too_many(&self, pixel: usize, frame: usize) -> SensorError {
         let pixel = self.first + pixel;
         let [x, y] = self.window.law.at(pixel);

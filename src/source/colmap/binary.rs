@@ -2,10 +2,10 @@
 //! allocation.
 
 use super::lenses::CameraModel;
-use super::{Image, ModelCamera, Observation, Point, image_pose};
+use super::{ColmapImage, ColmapPoint, KeyPoint, ModelCamera, image_pose};
 use crate::files;
 use crate::image::Size;
-use crate::source::{Place, SourceError};
+use crate::source::{SourceError, SourcePlace};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -24,7 +24,7 @@ const TRACK_BYTES: usize = 8;
 
 pub(super) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
     let data = load_bytes(path)?;
-    let mut bytes = Bytes::new(path, &data);
+    let mut bytes = BinaryCursor::new(path, &data);
     let mut cameras = BTreeMap::new();
     bytes.records("camera", CAMERA_BYTES, |bytes| {
         let start = bytes.at;
@@ -37,7 +37,7 @@ pub(super) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, So
     Ok(cameras)
 }
 
-fn read_camera(bytes: &mut Bytes<'_>) -> Result<(u32, ModelCamera), SourceError> {
+fn read_camera(bytes: &mut BinaryCursor<'_>) -> Result<(u32, ModelCamera), SourceError> {
     let start = bytes.at;
     let id = bytes.u32()?;
     let model = CameraModel::from_number(bytes.u32()?.cast_signed()).map_err(|e| bytes.fault(start, e))?;
@@ -53,9 +53,9 @@ fn clamp_size(side: u64) -> u32 {
     u32::try_from(side).unwrap_or(u32::MAX)
 }
 
-pub(super) fn read_images(path: &Path) -> Result<Vec<Image>, SourceError> {
+pub(super) fn read_images(path: &Path) -> Result<Vec<ColmapImage>, SourceError> {
     let data = load_bytes(path)?;
-    let mut bytes = Bytes::new(path, &data);
+    let mut bytes = BinaryCursor::new(path, &data);
     let mut images = Vec::new();
     bytes.records("image", IMAGE_BYTES, |bytes| {
         images.push(read_image(bytes)?);
@@ -64,7 +64,7 @@ pub(super) fn read_images(path: &Path) -> Result<Vec<Image>, SourceError> {
     Ok(images)
 }
 
-fn read_image(bytes: &mut Bytes<'_>) -> Result<Image, SourceError> {
+fn read_image(bytes: &mut BinaryCursor<'_>) -> Result<ColmapImage, SourceError> {
     let start = bytes.at;
     let place = bytes.place(start);
     bytes.u32()?;
@@ -78,18 +78,18 @@ fn read_image(bytes: &mut Bytes<'_>) -> Result<Image, SourceError> {
         image_pose(numbers).map_err(|e| bytes.fault(start, format!("`{name}`: {e}")))?;
     let count = bytes.count(OBSERVATION_BYTES)?;
     let observations = (0..count).map(|_| read_observation(bytes)).collect::<Result<_, _>>()?;
-    Ok(Image { name, camera_id, rotation, translation, observations, place })
+    Ok(ColmapImage { name, camera_id, rotation, translation, observations, place })
 }
 
-fn read_observation(bytes: &mut Bytes<'_>) -> Result<Observation, SourceError> {
+fn read_observation(bytes: &mut BinaryCursor<'_>) -> Result<KeyPoint, SourceError> {
     let xy = [bytes.f64()?, bytes.f64()?];
     let point = Some(bytes.u64()?).filter(|&id| id != u64::MAX);
-    Ok(Observation { xy, point })
+    Ok(KeyPoint { xy, point })
 }
 
-pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
+pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, SourceError> {
     let data = load_bytes(path)?;
-    let mut bytes = Bytes::new(path, &data);
+    let mut bytes = BinaryCursor::new(path, &data);
     let mut points = BTreeMap::new();
     bytes.records("point", POINT_BYTES, |bytes| {
         let id = bytes.u64()?;
@@ -98,7 +98,7 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceErr
         let error = bytes.f64()?;
         let track = bytes.count(TRACK_BYTES)?;
         bytes.take(track * TRACK_BYTES)?;
-        points.insert(id, Point { xyz, rgb, error });
+        points.insert(id, ColmapPoint { xyz, rgb, error });
         Ok(())
     })?;
     Ok(points)
@@ -109,7 +109,7 @@ pub(super) fn count_records(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();
     let file = files::open(path).map_err(SourceError::io_error(path))?;
     file.take(8).read_to_end(&mut head).map_err(SourceError::io_error(path))?;
-    Bytes::new(path, &head).u64()
+    BinaryCursor::new(path, &head).u64()
 }
 
 fn load_bytes(path: &Path) -> Result<Vec<u8>, SourceError> {
@@ -117,14 +117,14 @@ fn load_bytes(path: &Path) -> Result<Vec<u8>, SourceError> {
 }
 
 /// The bytes of a file with the current position.
-struct Bytes<'a> {
+struct BinaryCursor<'a> {
     path: &'a Path,
     data: &'a [u8],
     at: usize,
     record: String,
 }
 
-impl<'a> Bytes<'a> {
+impl<'a> BinaryCursor<'a> {
     fn new(path: &'a Path, data: &'a [u8]) -> Self {
         Self { path, data, at: 0, record: "the head".to_owned() }
     }
@@ -147,8 +147,8 @@ impl<'a> Bytes<'a> {
         }
     }
 
-    fn place(&self, offset: usize) -> Place {
-        Place::Byte { record: self.record.clone(), offset }
+    fn place(&self, offset: usize) -> SourcePlace {
+        SourcePlace::Byte { record: self.record.clone(), offset }
     }
 
     fn fault(&self, offset: usize, because: String) -> SourceError {

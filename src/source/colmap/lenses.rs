@@ -3,7 +3,7 @@
 use super::ModelCamera;
 use crate::camera::Camera;
 use crate::image::Size;
-use crate::source::{Lens, screen_camera};
+use crate::source::{LensModel, screen_camera};
 
 /// A camera model with COLMAP's number and name.
 pub(super) struct CameraModel {
@@ -53,15 +53,15 @@ impl CameraModel {
     /// Returns the camera with these parameters; their number must match the model.
     pub(super) fn camera(&self, size: Size, parameters: &[f64]) -> Result<ModelCamera, String> {
         let ([fx, fy, cx, cy], lens) = match (self.name, parameters) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], Lens::Pinhole),
-            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], Lens::Pinhole),
-            ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f, cx, cy], Lens::SimpleRadial { k1 }),
-            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], Lens::Radial { k1, k2 }),
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], LensModel::Pinhole),
+            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], LensModel::Pinhole),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f, cx, cy], LensModel::SimpleRadial { k1 }),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], LensModel::Radial { k1, k2 }),
             ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-                ([fx, fy, cx, cy], Lens::OpenCv { k: [k1, k2, p1, p2] })
+                ([fx, fy, cx, cy], LensModel::OpenCv { k: [k1, k2, p1, p2] })
             }
             ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
-                ([fx, fy, cx, cy], Lens::FullOpenCv { k: [k1, k2, p1, p2, k3, k4, k5, k6] })
+                ([fx, fy, cx, cy], LensModel::FullOpenCv { k: [k1, k2, p1, p2, k3, k4, k5, k6] })
             }
             _ => return Err(format!("camera model {} is not supported; {HINT}", self.name)),
         };

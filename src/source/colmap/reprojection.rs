@@ -4,14 +4,14 @@
 //! The distances are measured from cameras, images and points through the whole lens. The stored
 //! `error` of the points is not used, because it is COLMAP's own claim.
 
-use super::{Image, Model, ModelCamera, Point};
+use super::{ColmapImage, ColmapModel, ColmapPoint, ModelCamera};
 use crate::files::is_there;
 use crate::source::SourceError;
 use std::collections::BTreeMap;
 
 /// Distances between key points and the projections of their points.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reprojection {
+pub struct ReprojectionStats {
     /// Number of points that an image sees.
     pub points: usize,
     /// Number of key points with a point.
@@ -27,22 +27,22 @@ pub struct Reprojection {
 
 /// Sum of the distances of a point's key points, px, and their number.
 #[derive(Debug, Clone, Copy, Default)]
-struct Distances {
+struct DistanceSum {
     sum_px: f64,
     count: f64,
 }
 
-impl Model {
+impl ColmapModel {
     /// Measures the model; `None` if it has no points or no image sees a point.
     ///
     /// # Errors
     /// A file is damaged, or refers to a camera or point that does not exist.
-    pub fn reprojection(&self) -> Result<Option<Reprojection>, SourceError> {
+    pub fn reprojection(&self) -> Result<Option<ReprojectionStats>, SourceError> {
         if !is_there(&self.file("points3D")) {
             return Ok(None);
         }
         let (cameras, points) = (self.cameras()?, self.points()?);
-        let mut of_points = BTreeMap::<u64, Distances>::new();
+        let mut of_points = BTreeMap::<u64, DistanceSum>::new();
         let mut behind = 0;
         for image in self.images()? {
             let fault = |because| SourceError::Content {
@@ -66,21 +66,21 @@ impl Model {
                 }
             }
         }
-        Ok(Reprojection::from_distances(&of_points, behind))
+        Ok(ReprojectionStats::from_distances(&of_points, behind))
     }
 }
 
 /// Projects a point into the photo, px; `None` if it is not in front of the camera.
-fn project_point(image: &Image, taken: &ModelCamera, point: &Point) -> Option<[f64; 2]> {
+fn project_point(image: &ColmapImage, taken: &ModelCamera, point: &ColmapPoint) -> Option<[f64; 2]> {
     let at = image.rotation.rotation * point.xyz + image.translation;
     let [x, y] = taken.lens.distort([at.x / at.z, at.y / at.z]);
     let camera = taken.camera;
     (at.z > 0.0).then_some([camera.fx * x + camera.cx, camera.fy * y + camera.cy])
 }
 
-impl Reprojection {
+impl ReprojectionStats {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of ones")]
-    fn from_distances(of_points: &BTreeMap<u64, Distances>, behind: usize) -> Option<Self> {
+    fn from_distances(of_points: &BTreeMap<u64, DistanceSum>, behind: usize) -> Option<Self> {
         let all = of_points.values();
         let count: f64 = all.clone().map(|d| d.count).sum();
         let means: f64 = all.clone().map(|d| d.sum_px / d.count).sum();

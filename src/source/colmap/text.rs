@@ -1,11 +1,11 @@
 //! The text form: one line per record, and two lines per image. The second may be empty.
 
 use super::lenses::CameraModel;
-use super::{Image, ModelCamera, Observation, Point, image_pose};
-use crate::budget::Budget;
+use super::{ColmapImage, ColmapPoint, KeyPoint, ModelCamera, image_pose};
+use crate::budget::ByteBudget;
 use crate::files;
 use crate::image::Size;
-use crate::source::{Place, SourceError};
+use crate::source::{SourceError, SourcePlace};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,7 +15,7 @@ pub(super) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, So
     let text = load_text(path)?;
     let mut cameras = BTreeMap::new();
     for (number, line) in record_lines(&text) {
-        let line = Line { path, number, text: line };
+        let line = TextLine { path, number, text: line };
         let mut words = line.text.split_whitespace();
         let id: u32 = line.number(words.next(), "a camera id")?;
         let model = CameraModel::from_name(words.next().unwrap_or_default()).map_err(|e| line.fault(e))?;
@@ -37,22 +37,22 @@ pub(super) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, So
     Ok(cameras)
 }
 
-pub(super) fn read_images(path: &Path) -> Result<Vec<Image>, SourceError> {
+pub(super) fn read_images(path: &Path) -> Result<Vec<ColmapImage>, SourceError> {
     let text = load_text(path)?;
     let mut images = Vec::new();
-    let mut budget = Budget::of(text.len());
+    let mut budget = ByteBudget::of(text.len());
     let mut lines = (1..).zip(text.lines());
     while let Some((number, head)) = lines.find(|(_, line)| is_record(line)) {
-        let mut image = read_image(&Line { path, number, text: head })?;
+        let mut image = read_image(&TextLine { path, number, text: head })?;
         if let Some((number, text)) = lines.next() {
-            image.observations = read_observations(&Line { path, number, text }, &mut budget)?;
+            image.observations = read_observations(&TextLine { path, number, text }, &mut budget)?;
         }
         images.push(image);
     }
     Ok(images)
 }
 
-fn read_image(line: &Line<'_>) -> Result<Image, SourceError> {
+fn read_image(line: &TextLine<'_>) -> Result<ColmapImage, SourceError> {
     // A name may contain spaces. It is the rest of the line after the ninth number.
     let mut rest = line.text.trim_start();
     let mut word = || {
@@ -71,22 +71,22 @@ fn read_image(line: &Line<'_>) -> Result<Image, SourceError> {
         return Err(line.fault("an image without a name".to_owned()));
     }
     let (rotation, translation) = image_pose(numbers).map_err(|e| line.fault(format!("`{name}`: {e}")))?;
-    Ok(Image {
+    Ok(ColmapImage {
         name,
         camera_id,
         rotation,
         translation,
         observations: Vec::new(),
-        place: Place::Line(line.number),
+        place: SourcePlace::Line(line.number),
     })
 }
 
-fn read_observations(line: &Line<'_>, budget: &mut Budget) -> Result<Vec<Observation>, SourceError> {
+fn read_observations(line: &TextLine<'_>, budget: &mut ByteBudget) -> Result<Vec<KeyPoint>, SourceError> {
     let count = line.text.split_whitespace().count();
     if !count.is_multiple_of(3) {
         return Err(line.fault(format!("{count} numbers, wanted x, y and point id for each key point")));
     }
-    let taken = budget.take(count / 3, size_of::<Observation>());
+    let taken = budget.take(count / 3, size_of::<KeyPoint>());
     taken.map_err(|e| line.fault(format!("key points that take {e}")))?;
     let mut observations = Vec::with_capacity(count / 3);
     let mut words = line.text.split_whitespace();
@@ -94,16 +94,16 @@ fn read_observations(line: &Line<'_>, budget: &mut Budget) -> Result<Vec<Observa
         let xy = [line.number(Some(x), "x")?, line.number(words.next(), "y")?];
         let id = words.next();
         let point = if id == Some("-1") { None } else { Some(line.number(id, "a point id")?) };
-        observations.push(Observation { xy, point });
+        observations.push(KeyPoint { xy, point });
     }
     Ok(observations)
 }
 
-pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
+pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, SourceError> {
     let text = load_text(path)?;
     let mut points = BTreeMap::new();
     for (number, line) in record_lines(&text) {
-        let line = Line { path, number, text: line };
+        let line = TextLine { path, number, text: line };
         let mut words = line.text.split_whitespace();
         let id = line.number(words.next(), "a point id")?;
         let mut coordinate = || line.number(words.next(), "x, y, z");
@@ -111,7 +111,7 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceErr
         let mut colour = || line.number(words.next(), "red, green, blue from 0 to 255");
         let rgb = [colour()?, colour()?, colour()?];
         let error = line.number(words.next(), "an error after red, green and blue")?;
-        points.insert(id, Point { xyz, rgb, error });
+        points.insert(id, ColmapPoint { xyz, rgb, error });
     }
     Ok(points)
 }
@@ -142,15 +142,15 @@ fn load_text(path: &Path) -> Result<String, SourceError> {
 }
 
 /// A line and its number, from 1.
-struct Line<'a> {
+struct TextLine<'a> {
     path: &'a Path,
     number: usize,
     text: &'a str,
 }
 
-impl Line<'_> {
+impl TextLine<'_> {
     fn fault(&self, because: String) -> SourceError {
-        SourceError::Content { path: self.path.to_owned(), place: Place::Line(self.number), because }
+        SourceError::Content { path: self.path.to_owned(), place: SourcePlace::Line(self.number), because }
     }
 
     fn number<T: FromStr>(&self, word: Option<&str>, wanted: &str) -> Result<T, SourceError> {

@@ -1,7 +1,7 @@
 //! Writer of the binary form (COLMAP `doc/format.rst`), the input of trainers. It writes pinhole
 //! cameras only, and neither key points nor tracks, which trainers do not read.
 
-use super::{Point, lenses};
+use super::{ColmapPoint, lenses};
 use crate::camera::Camera;
 use crate::se3::Se3;
 use std::fs::File;
@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// An image of a model to write.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
+pub struct WrittenImage {
     /// File name, without a NUL.
     pub name: String,
     /// Camera to world, OpenCV camera axes.
@@ -24,7 +24,7 @@ pub struct Taken {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write_model(dir: &Path, images: &[Taken], points: &[Point]) -> io::Result<()> {
+pub fn write_model(dir: &Path, images: &[WrittenImage], points: &[ColmapPoint]) -> io::Result<()> {
     let mut cameras: Vec<Camera> = Vec::new();
     let mut camera_ids = Vec::with_capacity(images.len());
     for image in images {
@@ -58,7 +58,7 @@ fn write_cameras(out: &mut impl Write, cameras: &[Camera]) -> io::Result<()> {
     Ok(())
 }
 
-fn write_images(out: &mut impl Write, images: &[Taken], camera_ids: &[usize]) -> io::Result<()> {
+fn write_images(out: &mut impl Write, images: &[WrittenImage], camera_ids: &[usize]) -> io::Result<()> {
     write_count(out, images.len())?;
     for ((id, image), camera_id) in (1u32..).zip(images).zip(camera_ids) {
         let Se3 { rotation, translation } = image.world_from_camera.inverse();
@@ -73,7 +73,7 @@ fn write_images(out: &mut impl Write, images: &[Taken], camera_ids: &[usize]) ->
     Ok(())
 }
 
-fn write_points(out: &mut impl Write, points: &[Point]) -> io::Result<()> {
+fn write_points(out: &mut impl Write, points: &[ColmapPoint]) -> io::Result<()> {
     write_count(out, points.len())?;
     for (id, point) in (1u64..).zip(points) {
         out.write_all(&id.to_le_bytes())?;
@@ -95,7 +95,7 @@ fn write_numbers(out: &mut impl Write, numbers: &[f64]) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Model, binary};
+    use super::super::{ColmapModel, binary};
     use super::*;
     use crate::image::Size;
     use glam::{DQuat, DVec3};
@@ -104,10 +104,10 @@ mod tests {
         Camera { size: Size { width: 640, height: 360 }, fx, fy: 501.25, cx: 320.5, cy: 180.25 }
     }
 
-    fn taken(name: &str, fx: f64, turn: [f64; 4]) -> Taken {
+    fn taken(name: &str, fx: f64, turn: [f64; 4]) -> WrittenImage {
         let rotation = DQuat::from_array(turn).normalize();
         let world_from_camera = Se3 { rotation, translation: DVec3::new(1.5, -2.25, 1.0 / 3.0) };
-        Taken { name: name.to_owned(), world_from_camera, camera: camera(fx) }
+        WrittenImage { name: name.to_owned(), world_from_camera, camera: camera(fx) }
     }
 
     #[test]
@@ -119,11 +119,11 @@ mod tests {
             taken("000002.jpg", 500.0, [0.0, 0.0, 0.0, 1.0]),
         ];
         let points = [
-            Point { xyz: DVec3::new(0.1, -1e-9, 7e5), rgb: [0, 128, 255], error: 0.75 },
-            Point { xyz: DVec3::ZERO, rgb: [1, 2, 3], error: 0.0 },
+            ColmapPoint { xyz: DVec3::new(0.1, -1e-9, 7e5), rgb: [0, 128, 255], error: 0.75 },
+            ColmapPoint { xyz: DVec3::ZERO, rgb: [1, 2, 3], error: 0.0 },
         ];
         write_model(dir.path(), &images, &points).unwrap();
-        let model = Model::find_model(dir.path()).unwrap();
+        let model = ColmapModel::find_model(dir.path()).unwrap();
         let cameras = model.cameras().unwrap();
         assert_eq!(cameras.keys().copied().collect::<Vec<_>>(), [1, 2], "equal cameras are one");
         let read = model.images().unwrap();
@@ -131,7 +131,7 @@ mod tests {
         for (image, taken) in read.iter().zip(&images) {
             assert_eq!(image.name, taken.name);
             assert_eq!(cameras[&image.camera_id].camera, taken.camera);
-            assert_eq!(cameras[&image.camera_id].lens, crate::source::Lens::Pinhole);
+            assert_eq!(cameras[&image.camera_id].lens, crate::source::LensModel::Pinhole);
             let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
             // Both the camera's centre and a point in front of it must agree, up to a few roundings
             // of numbers up to 3.
@@ -149,12 +149,12 @@ mod tests {
     #[test]
     fn the_bytes_are_those_of_the_format() {
         let dir = tempfile::tempdir().unwrap();
-        let image = Taken {
+        let image = WrittenImage {
             name: "a.png".into(),
             world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(-1.0, 0.0, -4.0) },
             camera: camera(500.0),
         };
-        let point = Point { xyz: DVec3::new(1.0, 2.0, 3.0), rgb: [9, 8, 7], error: 0.5 };
+        let point = ColmapPoint { xyz: DVec3::new(1.0, 2.0, 3.0), rgb: [9, 8, 7], error: 0.5 };
         write_model(dir.path(), &[image], &[point]).unwrap();
         let read = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
         let f = |x: f64| x.to_le_bytes().to_vec();

@@ -5,12 +5,12 @@
 //! therefore hold for the real value (of the expression in the doubles nearest its constants) and
 //! for the value that `f64` evaluation gives.
 
-use super::{Binary, Function};
+use super::{BinaryOperator, UnaryFunction};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// All values from `low` to `high`, both finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Interval {
+pub(super) struct ValueInterval {
     pub(super) low: f64,
     pub(super) high: f64,
 }
@@ -22,7 +22,7 @@ const LARGEST_ANGLE: f64 = 1e9;
 /// Margin around extrema, relative to 1 + the argument. It covers the rounding of a multiple of pi.
 const ANGLE_MARGIN: f64 = 1e-14;
 
-impl Interval {
+impl ValueInterval {
     pub(super) fn single_value(value: f64) -> Self {
         Self { low: value, high: value }
     }
@@ -46,22 +46,22 @@ impl Interval {
     }
 
     /// Bounds of `op`; `None` if the result may be undefined or has no finite bounds.
-    pub(super) fn binary_bounds(op: Binary, a: Self, b: Self) -> Option<Self> {
+    pub(super) fn binary_bounds(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
         let corners =
             |f: fn(f64, f64) -> f64| [f(a.low, b.low), f(a.low, b.high), f(a.high, b.low), f(a.high, b.high)];
         match op {
-            Binary::Add => Self::hull_of(&[a.low + b.low, a.high + b.high], 1),
-            Binary::Subtract => Self::hull_of(&[a.low - b.high, a.high - b.low], 1),
-            Binary::Multiply => Self::hull_of(&corners(|x, y| x * y), 1),
-            Binary::Divide if b.low <= 0.0 && b.high >= 0.0 => None,
-            Binary::Divide => Self::hull_of(&corners(|x, y| x / y), 1),
+            BinaryOperator::Add => Self::hull_of(&[a.low + b.low, a.high + b.high], 1),
+            BinaryOperator::Subtract => Self::hull_of(&[a.low - b.high, a.high - b.low], 1),
+            BinaryOperator::Multiply => Self::hull_of(&corners(|x, y| x * y), 1),
+            BinaryOperator::Divide if b.low <= 0.0 && b.high >= 0.0 => None,
+            BinaryOperator::Divide => Self::hull_of(&corners(|x, y| x / y), 1),
             // On a positive base, the power is monotonic in base and exponent, rising or falling.
-            Binary::Power if a.low > 0.0 || (a.low >= 0.0 && b.low > 0.0) => {
+            BinaryOperator::Power if a.low > 0.0 || (a.low >= 0.0 && b.low > 0.0) => {
                 Self::hull_of(&corners(libm::pow), LIBM_ULPS)
             }
-            Binary::Power => None,
-            Binary::Min => Some(Self { low: a.low.min(b.low), high: a.high.min(b.high) }),
-            Binary::Max => Some(Self { low: a.low.max(b.low), high: a.high.max(b.high) }),
+            BinaryOperator::Power => None,
+            BinaryOperator::Min => Some(Self { low: a.low.min(b.low), high: a.high.min(b.high) }),
+            BinaryOperator::Max => Some(Self { low: a.low.max(b.low), high: a.high.max(b.high) }),
         }
     }
 
@@ -81,22 +81,22 @@ impl Interval {
     }
 
     /// Bounds of a function; `None` if it may be undefined or has no finite bounds.
-    pub(super) fn call_bounds(f: Function, a: Self) -> Option<Self> {
+    pub(super) fn call_bounds(f: UnaryFunction, a: Self) -> Option<Self> {
         let ends = |f: fn(f64) -> f64, ulps| Self::hull_of(&[f(a.low), f(a.high)], ulps);
         match f {
-            Function::Sin => a.wave(libm::sin, FRAC_PI_2),
-            Function::Cos => a.wave(libm::cos, 0.0),
-            Function::Tan if a.holds(FRAC_PI_2, PI) => None,
-            Function::Tan => ends(libm::tan, LIBM_ULPS),
-            Function::Exp => ends(libm::exp, LIBM_ULPS),
-            Function::Log if a.low <= 0.0 => None,
-            Function::Log => ends(libm::log, LIBM_ULPS),
-            Function::Sqrt if a.low < 0.0 => None,
-            Function::Sqrt => ends(f64::sqrt, 1).map(|r| Self { low: r.low.max(0.0), ..r }),
-            Function::Abs if a.low <= 0.0 && a.high >= 0.0 => {
+            UnaryFunction::Sin => a.wave(libm::sin, FRAC_PI_2),
+            UnaryFunction::Cos => a.wave(libm::cos, 0.0),
+            UnaryFunction::Tan if a.holds(FRAC_PI_2, PI) => None,
+            UnaryFunction::Tan => ends(libm::tan, LIBM_ULPS),
+            UnaryFunction::Exp => ends(libm::exp, LIBM_ULPS),
+            UnaryFunction::Log if a.low <= 0.0 => None,
+            UnaryFunction::Log => ends(libm::log, LIBM_ULPS),
+            UnaryFunction::Sqrt if a.low < 0.0 => None,
+            UnaryFunction::Sqrt => ends(f64::sqrt, 1).map(|r| Self { low: r.low.max(0.0), ..r }),
+            UnaryFunction::Abs if a.low <= 0.0 && a.high >= 0.0 => {
                 Some(Self { low: 0.0, high: a.high.max(-a.low) })
             }
-            Function::Abs => ends(f64::abs, 0),
+            UnaryFunction::Abs => ends(f64::abs, 0),
         }
     }
 
@@ -112,7 +112,7 @@ impl Interval {
         Some(Self { low: bounds.low.max(-1.0), high: bounds.high.min(1.0) })
     }
 
-    /// Whether `phase + k * period` may lie inside for some integer `k`.
+    /// Returns true if `phase + k * period` may lie inside for some integer `k`.
     fn holds(self, phase: f64, period: f64) -> bool {
         let largest = self.low.abs().max(self.high.abs());
         if largest > LARGEST_ANGLE {
@@ -130,33 +130,33 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FUNCTIONS: [Function; 7] = [
-        Function::Sin,
-        Function::Cos,
-        Function::Tan,
-        Function::Exp,
-        Function::Log,
-        Function::Sqrt,
-        Function::Abs,
+    const FUNCTIONS: [UnaryFunction; 7] = [
+        UnaryFunction::Sin,
+        UnaryFunction::Cos,
+        UnaryFunction::Tan,
+        UnaryFunction::Exp,
+        UnaryFunction::Log,
+        UnaryFunction::Sqrt,
+        UnaryFunction::Abs,
     ];
-    const BINARY: [Binary; 7] = [
-        Binary::Add,
-        Binary::Subtract,
-        Binary::Multiply,
-        Binary::Divide,
-        Binary::Power,
-        Binary::Min,
-        Binary::Max,
+    const BINARY: [BinaryOperator; 7] = [
+        BinaryOperator::Add,
+        BinaryOperator::Subtract,
+        BinaryOperator::Multiply,
+        BinaryOperator::Divide,
+        BinaryOperator::Power,
+        BinaryOperator::Min,
+        BinaryOperator::Max,
     ];
 
-    fn interval() -> impl Strategy<Value = Interval> {
+    fn interval() -> impl Strategy<Value = ValueInterval> {
         let scale = prop_oneof![Just(1e-9), Just(0.1), Just(1.0), Just(30.0), Just(1e5)];
         (-1.0..1.0f64, 0.0..1.0f64, scale.clone(), scale)
-            .prop_map(|(low, width, a, b)| Interval { low: low * a, high: low * a + width * b })
+            .prop_map(|(low, width, a, b)| ValueInterval { low: low * a, high: low * a + width * b })
     }
 
     /// The value lies within `bounds`, if there are any. Without bounds, nothing is claimed.
-    fn check(bounds: Option<Interval>, value: f64) -> Result<(), TestCaseError> {
+    fn check(bounds: Option<ValueInterval>, value: f64) -> Result<(), TestCaseError> {
         if let Some(b) = bounds {
             prop_assert!(b.low <= value && value <= b.high, "{value} outside {b:?}");
         }
@@ -166,13 +166,13 @@ mod tests {
     proptest! {
         #[test]
         fn values_lie_within_their_bounds(a in interval(), b in interval(), x in 0.0..=1.0f64, y in 0.0..=1.0f64) {
-            let inside = |i: Interval, share: f64| (i.low + (i.high - i.low) * share).clamp(i.low, i.high);
+            let inside = |i: ValueInterval, share: f64| (i.low + (i.high - i.low) * share).clamp(i.low, i.high);
             let (p, q) = (inside(a, x), inside(b, y));
             for f in FUNCTIONS {
-                check(Interval::call_bounds(f, a), f.value(p))?;
+                check(ValueInterval::call_bounds(f, a), f.value(p))?;
             }
             for op in BINARY {
-                check(Interval::binary_bounds(op, a, b), op.value(p, q))?;
+                check(ValueInterval::binary_bounds(op, a, b), op.value(p, q))?;
             }
             for exponent in [-3.0, -2.0, 0.0, 1.0, 2.0, 3.0, 4.0] {
                 check(a.whole_power(exponent), libm::pow(p, exponent))?;
@@ -183,18 +183,18 @@ mod tests {
     #[test]
     fn waves_reach_their_extrema_inside_an_interval() {
         let t = |f, low: f64, high: f64, want: [f64; 2]| {
-            let got = Interval::call_bounds(f, Interval { low, high }).unwrap();
+            let got = ValueInterval::call_bounds(f, ValueInterval { low, high }).unwrap();
             assert!(
                 (got.low - want[0]).abs() < 1e-12 && (got.high - want[1]).abs() < 1e-12,
                 "{low} {high} {got:?}"
             );
         };
-        t(Function::Sin, 0.0, 1.0, [0.0, 1.0f64.sin()]);
-        t(Function::Sin, 1.0, 2.0, [1.0f64.sin(), 1.0]);
-        t(Function::Sin, -2.0, -1.0, [-1.0, (-1.0f64).sin()]);
-        t(Function::Sin, 7.0, 14.0, [-1.0, 1.0]);
-        t(Function::Cos, -1.0, 1.0, [1.0f64.cos(), 1.0]);
-        t(Function::Cos, 3.0, 4.0, [-1.0, 4.0f64.cos()]);
-        t(Function::Cos, 1.0, 2.0, [2.0f64.cos(), 1.0f64.cos()]);
+        t(UnaryFunction::Sin, 0.0, 1.0, [0.0, 1.0f64.sin()]);
+        t(UnaryFunction::Sin, 1.0, 2.0, [1.0f64.sin(), 1.0]);
+        t(UnaryFunction::Sin, -2.0, -1.0, [-1.0, (-1.0f64).sin()]);
+        t(UnaryFunction::Sin, 7.0, 14.0, [-1.0, 1.0]);
+        t(UnaryFunction::Cos, -1.0, 1.0, [1.0f64.cos(), 1.0]);
+        t(UnaryFunction::Cos, 3.0, 4.0, [-1.0, 4.0f64.cos()]);
+        t(UnaryFunction::Cos, 1.0, 2.0, [2.0f64.cos(), 1.0f64.cos()]);
     }
 }

@@ -1,6 +1,6 @@
 //! Parser of speed expressions, by recursive descent.
 
-use super::{Binary, ExpressionError, Function, Node};
+use super::{BinaryOperator, ExpressionError, SyntaxNode, UnaryFunction};
 
 /// Maximum length of a text, bytes.
 const LONGEST: usize = 1000;
@@ -11,11 +11,11 @@ const DEEPEST: usize = 100;
 const TALLEST: usize = 250;
 
 /// Parses `text` into a tree.
-pub(super) fn parse_expression(text: &str) -> Result<Node, ExpressionError> {
+pub(super) fn parse_expression(text: &str) -> Result<SyntaxNode, ExpressionError> {
     if text.len() > LONGEST {
         return Err(ExpressionError::TooLong { bytes: text.len(), limit: LONGEST });
     }
-    let mut parser = Parser { text, at: 0, depth: 0 };
+    let mut parser = ExpressionParser { text, at: 0, depth: 0 };
     let (node, _) = parser.sum()?;
     match parser.peek() {
         None => Ok(node),
@@ -24,15 +24,15 @@ pub(super) fn parse_expression(text: &str) -> Result<Node, ExpressionError> {
 }
 
 /// A tree and its height.
-type Tall = (Node, usize);
+type Tall = (SyntaxNode, usize);
 
-struct Parser<'a> {
+struct ExpressionParser<'a> {
     text: &'a str,
     at: usize,
     depth: usize,
 }
 
-impl Parser<'_> {
+impl ExpressionParser<'_> {
     /// The next character that is not a space; its place is in `at`.
     fn peek(&mut self) -> Option<char> {
         let rest = &self.text[self.at..];
@@ -55,12 +55,12 @@ impl Parser<'_> {
         ExpressionError::TooDeep { at: self.at, limit }
     }
 
-    fn join(&self, op: Binary, a: Tall, b: Tall) -> Result<Tall, ExpressionError> {
+    fn join(&self, op: BinaryOperator, a: Tall, b: Tall) -> Result<Tall, ExpressionError> {
         let height = 1 + a.1.max(b.1);
         if height > TALLEST {
             Err(self.too_deep(TALLEST))
         } else {
-            Ok((Node::Binary(op, Box::new([a.0, b.0])), height))
+            Ok((SyntaxNode::Binary(op, Box::new([a.0, b.0])), height))
         }
     }
 
@@ -68,8 +68,8 @@ impl Parser<'_> {
         let mut left = self.product()?;
         loop {
             let op = match self.peek() {
-                Some('+') => Binary::Add,
-                Some('-') => Binary::Subtract,
+                Some('+') => BinaryOperator::Add,
+                Some('-') => BinaryOperator::Subtract,
                 _ => return Ok(left),
             };
             self.at += 1;
@@ -82,8 +82,8 @@ impl Parser<'_> {
         let mut left = self.sign()?;
         loop {
             let op = match self.peek() {
-                Some('*') => Binary::Multiply,
-                Some('/') => Binary::Divide,
+                Some('*') => BinaryOperator::Multiply,
+                Some('/') => BinaryOperator::Divide,
                 _ => return Ok(left),
             };
             self.at += 1;
@@ -100,7 +100,7 @@ impl Parser<'_> {
         }
         let signed = if self.takes("-") {
             let (node, height) = self.sign()?;
-            (Node::Negated(Box::new(node)), height + 1)
+            (SyntaxNode::Negated(Box::new(node)), height + 1)
         } else if self.takes("+") {
             self.sign()?
         } else {
@@ -114,7 +114,7 @@ impl Parser<'_> {
         let base = self.atom()?;
         if self.takes("**") || self.takes("^") {
             let exponent = self.sign()?;
-            return self.join(Binary::Power, base, exponent);
+            return self.join(BinaryOperator::Power, base, exponent);
         }
         Ok(base)
     }
@@ -127,7 +127,7 @@ impl Parser<'_> {
                 self.close("an operator or `)`")?;
                 Ok(inner)
             }
-            Some(c) if c.is_ascii_digit() || c == '.' => Ok((Node::Number(self.number()?), 1)),
+            Some(c) if c.is_ascii_digit() || c == '.' => Ok((SyntaxNode::Number(self.number()?), 1)),
             Some(c) if c.is_ascii_alphabetic() => self.named(),
             _ => Err(self.unexpected("a number, t, pi, e, a function or `(`")),
         }
@@ -171,24 +171,24 @@ impl Parser<'_> {
         let name = &rest[..rest.bytes().take_while(|b| b.is_ascii_alphanumeric() || *b == b'_').count()];
         self.at += name.len();
         let function = match name {
-            "t" => return Ok((Node::T, 1)),
-            "pi" => return Ok((Node::Pi, 1)),
-            "e" => return Ok((Node::E, 1)),
-            "min" => return self.extreme(Binary::Min),
-            "max" => return self.extreme(Binary::Max),
-            "sin" => Function::Sin,
-            "cos" => Function::Cos,
-            "tan" => Function::Tan,
-            "exp" => Function::Exp,
-            "log" => Function::Log,
-            "sqrt" => Function::Sqrt,
-            "abs" => Function::Abs,
+            "t" => return Ok((SyntaxNode::T, 1)),
+            "pi" => return Ok((SyntaxNode::Pi, 1)),
+            "e" => return Ok((SyntaxNode::E, 1)),
+            "min" => return self.extreme(BinaryOperator::Min),
+            "max" => return self.extreme(BinaryOperator::Max),
+            "sin" => UnaryFunction::Sin,
+            "cos" => UnaryFunction::Cos,
+            "tan" => UnaryFunction::Tan,
+            "exp" => UnaryFunction::Exp,
+            "log" => UnaryFunction::Log,
+            "sqrt" => UnaryFunction::Sqrt,
+            "abs" => UnaryFunction::Abs,
             _ => return Err(ExpressionError::Name { at, name: name.to_owned() }),
         };
         self.open()?;
         let (argument, height) = self.sum()?;
         self.close("an operator or `)`")?;
-        Ok((Node::Call(function, Box::new(argument)), height + 1))
+        Ok((SyntaxNode::Call(function, Box::new(argument)), height + 1))
     }
 
     fn open(&mut self) -> Result<(), ExpressionError> {
@@ -196,7 +196,7 @@ impl Parser<'_> {
     }
 
     /// The arguments of `min` or `max`, two or more.
-    fn extreme(&mut self, op: Binary) -> Result<Tall, ExpressionError> {
+    fn extreme(&mut self, op: BinaryOperator) -> Result<Tall, ExpressionError> {
         self.open()?;
         let mut left = self.sum()?;
         if !self.takes(",") {

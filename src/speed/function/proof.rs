@@ -5,8 +5,8 @@
 //! be proved positive is refused: one that touches zero, or one with bounds wider than its value
 //! (the same `t` in opposing places).
 
-use super::interval::Interval;
-use super::{Binary, ExpressionError, Node};
+use super::interval::ValueInterval;
+use super::{BinaryOperator, ExpressionError, SyntaxNode};
 
 /// Maximum number of halvings of [0, 1].
 const DEPTH: u32 = 16;
@@ -15,10 +15,10 @@ const GRID: u32 = 1024;
 
 /// Proves that the value of `node` is positive and finite for all t in [0, 1]. Reports the leftmost
 /// failure.
-pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
+pub(super) fn prove_positive(node: &SyntaxNode) -> Result<(), ExpressionError> {
     let mut open = vec![(0.0, 1.0, 0)];
     while let Some((from, to, depth)) = open.pop() {
-        let bounds = node.bounds(Interval { low: from, high: to });
+        let bounds = node.bounds(ValueInterval { low: from, high: to });
         if bounds.is_some_and(|b| b.low > 0.0) {
             continue;
         }
@@ -35,7 +35,7 @@ pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
 
 /// The error for `[from, to]`, where the proof failed: a `t` at which the law fails, there or
 /// anywhere on a grid, or the lack of a proof.
-fn explain_failure(node: &Node, from: f64, to: f64, bounds: Option<Interval>) -> ExpressionError {
+fn explain_failure(node: &SyntaxNode, from: f64, to: f64, bounds: Option<ValueInterval>) -> ExpressionError {
     let here = [from, f64::midpoint(from, to), to].map(|t| (t, from, to));
     let grid = (0..=GRID).map(|k| {
         let cell = |k: u32| f64::from(k.min(GRID)) / f64::from(GRID);
@@ -57,24 +57,24 @@ fn explain_failure(node: &Node, from: f64, to: f64, bounds: Option<Interval>) ->
     ExpressionError::Unproved { from, to, bounds }
 }
 
-impl Node {
+impl SyntaxNode {
     /// Bounds of the value for all `t` in an interval.
-    fn bounds(&self, t: Interval) -> Option<Interval> {
+    fn bounds(&self, t: ValueInterval) -> Option<ValueInterval> {
         match self {
             Self::T => Some(t),
-            Self::Pi | Self::E | Self::Number(_) => Some(Interval::single_value(self.value(0.0))),
-            Self::Negated(a) => a.bounds(t).map(Interval::negated),
-            Self::Binary(Binary::Power, operands) => {
+            Self::Pi | Self::E | Self::Number(_) => Some(ValueInterval::single_value(self.value(0.0))),
+            Self::Negated(a) => a.bounds(t).map(ValueInterval::negated),
+            Self::Binary(BinaryOperator::Power, operands) => {
                 let base = operands[0].bounds(t)?;
                 match operands[1].whole_number() {
                     Some(exponent) => base.whole_power(exponent),
-                    None => Interval::binary_bounds(Binary::Power, base, operands[1].bounds(t)?),
+                    None => ValueInterval::binary_bounds(BinaryOperator::Power, base, operands[1].bounds(t)?),
                 }
             }
             Self::Binary(op, operands) => {
-                Interval::binary_bounds(*op, operands[0].bounds(t)?, operands[1].bounds(t)?)
+                ValueInterval::binary_bounds(*op, operands[0].bounds(t)?, operands[1].bounds(t)?)
             }
-            Self::Call(f, a) => Interval::call_bounds(*f, a.bounds(t)?),
+            Self::Call(f, a) => ValueInterval::call_bounds(*f, a.bounds(t)?),
         }
     }
 

@@ -1,8 +1,8 @@
 //! Pictures for passes whose result is easier to see than to read.
 
-use crate::check::Tally;
+use crate::check::StreamTally;
 use crate::image::{Image, Size, png};
-use crate::stage::{Context, StageError};
+use crate::stage::{StageContext, StageError};
 use std::fs::File;
 use std::io::BufWriter;
 
@@ -12,7 +12,11 @@ const IMPOSSIBLE: f32 = 1.1;
 const WIDEST: u32 = 320;
 
 /// Writes the pictures of a stream. `name` is its suffix; empty for the only stream.
-pub(super) fn write_pictures(name: &str, tally: &Tally, cx: &Context<'_>) -> Result<(), StageError> {
+pub(super) fn write_pictures(
+    name: &str,
+    tally: &StreamTally,
+    cx: &StageContext<'_>,
+) -> Result<(), StageError> {
     let prefix = name.strip_prefix('/').map_or_else(String::new, |name| format!("{name}."));
     let save = |check: &str, image: &Image<[u8; 3]>| {
         let path = cx.out.join(format!("{prefix}{check}.png"));

@@ -1,17 +1,17 @@
 //! Some intervals of a stream with twice the frames, to measure the effect of frames in between.
 
-use super::Simulating;
+use super::EventsStage;
 use crate::camera::Camera;
 use crate::check::drift::DriftLaw;
-use crate::check::sampling::Resampled;
+use crate::check::sampling::ResampledIntervals;
 use crate::event::{Event, EventSink};
 use crate::frames::rendered::RenderedFrames;
-use crate::frames::{Frame, Frames as _};
+use crate::frames::{DenseFrame, FrameSequence as _};
 use crate::render::Renderer;
-use crate::sampling::path::Path;
-use crate::sensor::voltmeter::Between;
-use crate::sensor::{Model, Sensor, SensorError};
-use crate::stage::{Context, StageError};
+use crate::sampling::path::SampledPath;
+use crate::sensor::voltmeter::BetweenFrames;
+use crate::sensor::{SensorChoice, SensorError, SensorModel};
+use crate::stage::{StageContext, StageError};
 use crate::units::Timestamp;
 
 /// Number of intervals.
@@ -22,26 +22,26 @@ const ROWS: u16 = 4;
 
 /// The events of the compared rows.
 #[derive(Default)]
-struct Rows(Vec<Event>);
+struct ResampledRows(Vec<Event>);
 
-impl EventSink for Rows {
+impl EventSink for ResampledRows {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.0.extend(events.iter().filter(|event| event.y % ROWS == 0));
         Ok(())
     }
 }
 
-impl Simulating {
+impl EventsStage {
     /// The events of each sensor in the middle of the sequence, with its frames and with twice as
     /// many. `None` for a sensor with noise per frame, or one that sees colour.
     pub(super) fn resample(
         &self,
-        path: &Path,
+        path: &SampledPath,
         stamps_us: &[i64],
         (camera, renderer): (Camera, Box<dyn Renderer>),
-        cx: &Context<'_>,
-    ) -> Result<Vec<Option<Resampled>>, StageError> {
-        let sensors: Vec<&Sensor> = self.sensors().map(|(_, sensor)| sensor).collect();
+        cx: &StageContext<'_>,
+    ) -> Result<Vec<Option<ResampledIntervals>>, StageError> {
+        let sensors: Vec<&SensorChoice> = self.sensors().map(|(_, sensor)| sensor).collect();
         let intervals = INTERVALS.min(stamps_us.len().saturating_sub(1));
         if intervals == 0 || !sensors.iter().any(|sensor| is_comparable(sensor)) {
             return Ok(vec![None; sensors.len()]);
@@ -49,7 +49,7 @@ impl Simulating {
         let from = (stamps_us.len() - 1 - intervals) / 2;
         let (trajectory, velocities) = path.sampled(&doubled_stamps(&stamps_us[from..=from + intervals]));
         let mut rendered = RenderedFrames::new(renderer, camera, trajectory);
-        if sensors.iter().any(|sensor| sensor.between() == Between::Hermite) {
+        if sensors.iter().any(|sensor| sensor.between() == BetweenFrames::Hermite) {
             rendered = rendered.with_rates(velocities);
         }
         let mut frames = Vec::new();
@@ -58,10 +58,15 @@ impl Simulating {
             frames.push(frame);
         }
         let tolerance = self.tolerance.map(|asked| asked.rms);
-        let of = |sensor: &&Sensor| {
+        let of = |sensor: &&SensorChoice| {
             let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
-                .then(|| Ok(Resampled { tolerance, ..Resampled::pair_events(intervals, both(2)?, both(1)?) }))
+                .then(|| {
+                    Ok(ResampledIntervals {
+                        tolerance,
+                        ..ResampledIntervals::pair_events(intervals, both(2)?, both(1)?)
+                    })
+                })
                 .transpose()
         };
         let tried: Result<_, SensorError> = sensors.iter().map(of).collect();
@@ -70,15 +75,15 @@ impl Simulating {
 
     fn events_of<'a>(
         &self,
-        model: &dyn Model,
-        frames: impl Iterator<Item = &'a Frame>,
+        model: &dyn SensorModel,
+        frames: impl Iterator<Item = &'a DenseFrame>,
     ) -> Result<Vec<Event>, SensorError> {
-        let (front_end, mut events, mut pixels) = (model.front_end(), Rows::default(), None);
+        let (front_end, mut events, mut pixels) = (model.front_end(), ResampledRows::default(), None);
         let mut start = None;
         for (index, frame) in frames.enumerate() {
             // Sensors count time from their first frame.
             let t = Timestamp(frame.t.0 - start.get_or_insert(frame.t).0);
-            let frame = Frame { index, t, ..frame.clone() };
+            let frame = DenseFrame { index, t, ..frame.clone() };
             let seen = if front_end.is_plain() { frame } else { front_end.see(&frame, None) };
             let pixels = match &mut pixels {
                 Some(pixels) => pixels,
@@ -93,8 +98,8 @@ impl Simulating {
     }
 }
 
-/// Whether a sensor's noise does not depend on the frames, and it sees luminance only.
-fn is_comparable(sensor: &Sensor) -> bool {
+/// Returns true if a sensor's noise does not depend on the frames, and it sees luminance only.
+fn is_comparable(sensor: &SensorChoice) -> bool {
     DriftLaw::for_sensor(sensor).is_ok() && !sensor.as_model().front_end().needs_colour()
 }
 

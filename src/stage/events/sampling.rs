@@ -1,78 +1,78 @@
 //! Times of the frames: at the poses, or where a tolerance requires them.
 
-use super::Simulating;
-use crate::artifact::{Motion, Stream};
+use super::EventsStage;
+use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
-use crate::frames::anchors::Anchors;
-use crate::render::{Layering, Renderer, Rules, Velocity};
-use crate::sampling::choose::{ChooseError, Question};
-use crate::sampling::flow::Flow;
+use crate::frames::anchors::AnchorFrames;
+use crate::render::{CameraVelocity, LayerOrder, RenderRules, Renderer};
+use crate::sampling::choose::{ChoiceQuestion, ChooseError};
+use crate::sampling::flow::PathFlow;
 use crate::sampling::jitter::lost_in_noise;
-use crate::sampling::measure::Scale;
-use crate::sampling::path::Path;
-use crate::sampling::scout::{Scout, ScoutError};
-use crate::sampling::{Chosen, Tolerance};
-use crate::sensor::Sensor;
-use crate::sensor::voltmeter::{Between, Voltmeter};
-use crate::stage::{Context, StageError};
+use crate::sampling::measure::SensorScale;
+use crate::sampling::path::SampledPath;
+use crate::sampling::scout::{ScoutError, ScoutRenderer};
+use crate::sampling::{ErrorTolerance, SamplingChoice};
+use crate::sensor::SensorChoice;
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use crate::stage::{StageContext, StageError};
 use crate::trajectory::Trajectory;
 use crate::units::format_amount;
 
 /// Times of the frames, and their renderer.
-pub(super) struct Sampled {
+pub(super) struct SampledFrames {
     pub(super) trajectory: Trajectory,
-    pub(super) velocities: Vec<Velocity>,
+    pub(super) velocities: Vec<CameraVelocity>,
     /// `None` for frames at the poses.
-    pub(super) chosen: Option<Chosen>,
+    pub(super) chosen: Option<SamplingChoice>,
     pub(super) renderer: Box<dyn Renderer>,
 }
 
-impl Simulating {
+impl EventsStage {
     pub(super) fn sample(
         &self,
-        motion: Motion,
+        motion: TrajectoryProduct,
         camera: Camera,
         renderer: Box<dyn Renderer>,
-        cx: &Context<'_>,
-    ) -> Result<Sampled, StageError> {
+        cx: &StageContext<'_>,
+    ) -> Result<SampledFrames, StageError> {
         match self.tolerance {
             Some(tolerance) if motion.trajectory.stamps_us.len() > 1 => {
                 self.choose(tolerance, &motion, camera, renderer, cx)
             }
             _ => {
                 let velocities = motion.velocities();
-                Ok(Sampled { trajectory: motion.trajectory, velocities, chosen: None, renderer })
+                Ok(SampledFrames { trajectory: motion.trajectory, velocities, chosen: None, renderer })
             }
         }
     }
 
     fn choose(
         &self,
-        tolerance: Tolerance,
-        motion: &Motion,
+        tolerance: ErrorTolerance,
+        motion: &TrajectoryProduct,
         camera: Camera,
         mut renderer: Box<dyn Renderer>,
-        cx: &Context<'_>,
-    ) -> Result<Sampled, StageError> {
+        cx: &StageContext<'_>,
+    ) -> Result<SampledFrames, StageError> {
         let poses = &motion.trajectory.world_from_camera;
-        let path = Path::through_poses(poses, motion.seconds())
+        let path = SampledPath::through_poses(poses, motion.seconds())
             .map_err(StageError::work_failed("follow the path"))?;
         let end_us = motion.trajectory.stamps_us[poses.len() - 1];
-        let flow = Flow::measure_path(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
+        let flow = PathFlow::measure_path(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
             .map_err(StageError::work_failed("measure the optical flow"))?;
         let front_ends = self.front_ends();
-        let scales: Vec<Scale> = self
+        let scales: Vec<SensorScale> = self
             .voltmeters()
             .map(|sensor| {
                 let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end);
-                Scale::for_sensor(sensor, behind.expect("it is one of theirs"))
+                SensorScale::for_sensor(sensor, behind.expect("it is one of theirs"))
             })
             .collect();
-        let all = [Between::Linear, Between::Catmull, Between::Hermite];
+        let all = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
         let rated = !front_ends.iter().any(|front_end| front_end.needs_colour());
-        let known = all.into_iter().filter(|between| rated || *between != Between::Hermite);
+        let known = all.into_iter().filter(|between| rated || *between != BetweenFrames::Hermite);
         let asked = known.filter(|between| tolerance.between.is_none_or(|asked| asked == *between));
-        let question = Question {
+        let question = ChoiceQuestion {
             tolerance,
             flow: &flow,
             intervals: poses.len() - 1,
@@ -82,19 +82,21 @@ impl Simulating {
             advice: self.advice(),
         };
         let go_on = || cx.go_on().is_ok();
-        let mut scout = Scout::new(renderer, camera, &path, &front_ends, &go_on);
+        let mut scout = ScoutRenderer::new(renderer, camera, &path, &front_ends, &go_on);
         let (chosen, moments) = question.answer(&mut scout).map_err(|error| match error {
             ChooseError::View(ScoutError::Interrupted) => StageError::Cancelled,
             error => StageError::work_failed("choose frames for sampling.tolerance")(error),
         })?;
         let (trajectory, velocities) = path.sampled(&moments);
-        Ok(Sampled { trajectory, velocities, chosen: Some(chosen), renderer: scout.into_renderer() })
+        Ok(SampledFrames { trajectory, velocities, chosen: Some(chosen), renderer: scout.into_renderer() })
     }
 
     /// The same parameters with another interpolation of brightness.
-    pub(super) fn between(&self, between: Between) -> Self {
-        let with = |sensor: &Sensor| match sensor {
-            Sensor::Voltmeter(sensor) => Sensor::Voltmeter(Voltmeter { between, ..sensor.clone() }),
+    pub(super) fn between(&self, between: BetweenFrames) -> Self {
+        let with = |sensor: &SensorChoice| match sensor {
+            SensorChoice::Voltmeter(sensor) => {
+                SensorChoice::Voltmeter(VoltmeterModel { between, ..sensor.clone() })
+            }
             other => other.clone(),
         };
         Self {
@@ -110,9 +112,9 @@ impl Simulating {
     pub(super) fn tell(
         &self,
         trajectory: &Trajectory,
-        chosen: Option<&Chosen>,
-        (streams, anchors): (&[Stream], &[Anchors]),
-        cx: &mut Context<'_>,
+        chosen: Option<&SamplingChoice>,
+        (streams, anchors): (&[EventStream], &[AnchorFrames]),
+        cx: &mut StageContext<'_>,
     ) {
         let events = format_amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
         let Some(chosen) = chosen else {
@@ -122,8 +124,8 @@ impl Simulating {
         cx.remark = Some(format!("{events}, {chosen}"));
         let front_ends = self.front_ends();
         let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
-        let hidden = |stream: &Stream| {
-            let Sensor::Voltmeter(sensor) = &stream.sensor else { return None };
+        let hidden = |stream: &EventStream| {
+            let SensorChoice::Voltmeter(sensor) = &stream.sensor else { return None };
             let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end)?;
             let first = anchors.get(behind)?.images.first()?;
             let warning = lost_in_noise(chosen.tolerance, sensor, first, &stream.account, end_us)?;
@@ -133,19 +135,21 @@ impl Simulating {
         cx.warnings.extend(streams.iter().filter_map(hidden));
     }
 
-    fn voltmeters(&self) -> impl Iterator<Item = &Voltmeter> {
+    fn voltmeters(&self) -> impl Iterator<Item = &VoltmeterModel> {
         self.sensors().filter_map(|(_, sensor)| match sensor {
-            Sensor::Voltmeter(sensor) => Some(sensor),
-            Sensor::Esim(_) | Sensor::V2e(_) => None,
+            SensorChoice::Voltmeter(sensor) => Some(sensor),
+            SensorChoice::Esim(_) | SensorChoice::V2e(_) => None,
         })
     }
 
     /// A suggestion to reduce jumps.
     fn advice(&self) -> &'static str {
         match (self.render.rules, self.render.order) {
-            (Rules::Soft, Layering::Blended) => "",
-            (Rules::Soft, Layering::Depth) => "; render: { rules: soft, order: blended } has fewer",
-            (Rules::Official | Rules::Exact | Rules::Gsplat, _) => "; render: { rules: soft } has fewer",
+            (RenderRules::Soft, LayerOrder::Blended) => "",
+            (RenderRules::Soft, LayerOrder::Depth) => "; render: { rules: soft, order: blended } has fewer",
+            (RenderRules::Official | RenderRules::Exact | RenderRules::Gsplat, _) => {
+                "; render: { rules: soft } has fewer"
+            }
         }
     }
 }

@@ -1,37 +1,37 @@
 //! A program that trains a scene on the capture.
 
 use crate::files::is_there;
-use crate::reconstruct::{Command, Desk, LAYOUT, LayoutError, TrainError, Trained};
+use crate::reconstruct::{LAYOUT, LayoutError, TrainError, TrainedScene, TrainerCommand, TrainingWorkspace};
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
 use crate::render::fidelity::held_out;
 use crate::scene::Gaussians;
 use crate::source::Capture;
-use crate::stage::capture::Capturing;
+use crate::stage::capture::CaptureStage;
 use crate::stage::fidelity::{measure_fidelity, views_taken};
-use crate::stage::{Context, SourceFile, Stage, StageError};
+use crate::stage::{SourceFile, Stage, StageContext, StageError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Parameters: the program, and the form in which it gets the capture.
 #[derive(Debug, Serialize)]
-pub struct Training {
+pub struct TrainingStage {
     /// The program.
     #[serde(flatten)]
-    command: Command,
+    command: TrainerCommand,
     /// See [`LAYOUT`].
     layout: u32,
     /// Location of its photos and points.
     #[serde(skip)]
-    source: Capturing,
+    source: CaptureStage,
     /// Rendering for the comparison with the photos.
     #[serde(skip)]
     render: RenderChoice,
 }
 
-impl Training {
-    pub(super) fn new(command: &Command, source: Capturing, render: RenderChoice) -> Self {
+impl TrainingStage {
+    pub(super) fn new(command: &TrainerCommand, source: CaptureStage, render: RenderChoice) -> Self {
         Self { command: command.clone(), layout: LAYOUT, source, render }
     }
 
@@ -61,7 +61,7 @@ impl Training {
         self.command.lines()
     }
 
-    pub(super) fn run(&self, capture: &Capture, cx: &mut Context<'_>) -> Result<Gaussians, StageError> {
+    pub(super) fn run(&self, capture: &Capture, cx: &mut StageContext<'_>) -> Result<Gaussians, StageError> {
         if !cx.allows_commands {
             return Err(StageError::Refused { programs: self.programs() });
         }
@@ -69,10 +69,14 @@ impl Training {
         std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
         let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
         let files = self.given()?.into_iter().map(|file| (file.name, file.path)).collect::<Vec<_>>();
-        let desk =
-            Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
+        let desk = TrainingWorkspace {
+            folder: &folder,
+            log: &log,
+            goes_on: &|| !cx.is_cancelled(),
+            programs: &cx.programs,
+        };
         let trained = self.command.train(capture, &files, desk);
-        let Trained { gaussians, without_photo } = trained.map_err(stage_failure)?;
+        let TrainedScene { gaussians, without_photo } = trained.map_err(stage_failure)?;
         // Nothing in this folder is part of the product.
         std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
         let gaussians = Arc::new(gaussians);
@@ -90,7 +94,7 @@ impl Training {
         &self,
         capture: &Capture,
         gaussians: &Arc<Gaussians>,
-        cx: &Context<'_>,
+        cx: &StageContext<'_>,
     ) -> Result<(), StageError> {
         let photos = self.source.photos()?;
         let mut taken = views_taken(capture, &photos);
@@ -101,7 +105,7 @@ impl Training {
     }
 }
 
-/// Whether the capture contains everything that a file of a source says.
+/// Returns true if the capture contains everything that a file of a source says.
 fn holds_poses(file: &Path) -> bool {
     let is = |name: &str| file.file_name().is_some_and(|found| found == name);
     let is_json = file.extension().is_some_and(|extension| extension == "json");

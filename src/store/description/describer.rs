@@ -1,6 +1,6 @@
-//! A serde serializer that makes a [`Value`] from parameters.
+//! A serde serializer that makes a [`DescribedValue`] from parameters.
 
-use super::Value;
+use super::DescribedValue;
 use serde::ser::{self, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,40 +8,40 @@ use std::fmt;
 /// The reason why a value cannot be described.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub(super) struct Undescribable(String);
+pub(super) struct DescribeError(String);
 
-impl ser::Error for Undescribable {
+impl ser::Error for DescribeError {
     fn custom<T: fmt::Display>(message: T) -> Self {
         Self(message.to_string())
     }
 }
 
 /// `None` means an absent field.
-type Described = Result<Option<Value>, Undescribable>;
+type Described = Result<Option<DescribedValue>, DescribeError>;
 
-pub(super) struct Describer;
+pub(super) struct ValueDescriber;
 
 fn real_value(v: f64) -> Described {
     if !v.is_finite() {
-        return Err(Undescribable(format!("{v} has no place in a key")));
+        return Err(DescribeError(format!("{v} has no place in a key")));
     }
     // Adding +0 turns -0 into +0, and changes nothing else.
-    Ok(Some(Value::Real(v + 0.0)))
+    Ok(Some(DescribedValue::Real(v + 0.0)))
 }
 
-impl ser::Serializer for Describer {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    type SerializeSeq = Elements;
-    type SerializeTuple = Elements;
-    type SerializeTupleStruct = Elements;
-    type SerializeTupleVariant = Elements;
-    type SerializeMap = Fields;
-    type SerializeStruct = Fields;
-    type SerializeStructVariant = Fields;
+impl ser::Serializer for ValueDescriber {
+    type Ok = Option<DescribedValue>;
+    type Error = DescribeError;
+    type SerializeSeq = SequenceDescriber;
+    type SerializeTuple = SequenceDescriber;
+    type SerializeTupleStruct = SequenceDescriber;
+    type SerializeTupleVariant = SequenceDescriber;
+    type SerializeMap = FieldDescriber;
+    type SerializeStruct = FieldDescriber;
+    type SerializeStructVariant = FieldDescriber;
 
     fn serialize_bool(self, v: bool) -> Described {
-        Ok(Some(Value::Bool(v)))
+        Ok(Some(DescribedValue::Bool(v)))
     }
     fn serialize_i8(self, v: i8) -> Described {
         self.serialize_i64(v.into())
@@ -53,7 +53,7 @@ impl ser::Serializer for Describer {
         self.serialize_i64(v.into())
     }
     fn serialize_i64(self, v: i64) -> Described {
-        Ok(Some(Value::Signed(v)))
+        Ok(Some(DescribedValue::Signed(v)))
     }
     fn serialize_u8(self, v: u8) -> Described {
         self.serialize_u64(v.into())
@@ -65,7 +65,7 @@ impl ser::Serializer for Describer {
         self.serialize_u64(v.into())
     }
     fn serialize_u64(self, v: u64) -> Described {
-        Ok(Some(Value::Unsigned(v)))
+        Ok(Some(DescribedValue::Unsigned(v)))
     }
     fn serialize_f32(self, v: f32) -> Described {
         real_value(v.into())
@@ -74,13 +74,13 @@ impl ser::Serializer for Describer {
         real_value(v)
     }
     fn serialize_char(self, v: char) -> Described {
-        Ok(Some(Value::Text(v.to_string())))
+        Ok(Some(DescribedValue::Text(v.to_string())))
     }
     fn serialize_str(self, v: &str) -> Described {
-        Ok(Some(Value::Text(v.to_owned())))
+        Ok(Some(DescribedValue::Text(v.to_owned())))
     }
     fn serialize_bytes(self, v: &[u8]) -> Described {
-        Ok(Some(Value::Bytes(v.to_vec())))
+        Ok(Some(DescribedValue::Bytes(v.to_vec())))
     }
     fn serialize_none(self) -> Described {
         Ok(None)
@@ -89,13 +89,13 @@ impl ser::Serializer for Describer {
         v.serialize(self)
     }
     fn serialize_unit(self) -> Described {
-        Ok(Some(Value::empty_record()))
+        Ok(Some(DescribedValue::empty_record()))
     }
     fn serialize_unit_struct(self, _: &'static str) -> Described {
         self.serialize_unit()
     }
     fn serialize_unit_variant(self, _: &'static str, _: u32, variant: &'static str) -> Described {
-        Ok(Some(Value::Variant(variant.to_owned(), Box::new(Value::empty_record()))))
+        Ok(Some(DescribedValue::Variant(variant.to_owned(), Box::new(DescribedValue::empty_record()))))
     }
     fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, v: &T) -> Described {
         v.serialize(self)
@@ -107,16 +107,16 @@ impl ser::Serializer for Describer {
         variant: &'static str,
         v: &T,
     ) -> Described {
-        let content = v.serialize(self)?.unwrap_or_else(Value::empty_record);
-        Ok(Some(Value::Variant(variant.to_owned(), Box::new(content))))
+        let content = v.serialize(self)?.unwrap_or_else(DescribedValue::empty_record);
+        Ok(Some(DescribedValue::Variant(variant.to_owned(), Box::new(content))))
     }
-    fn serialize_seq(self, _: Option<usize>) -> Result<Elements, Undescribable> {
-        Ok(Elements { variant: None, values: Vec::new() })
+    fn serialize_seq(self, _: Option<usize>) -> Result<SequenceDescriber, DescribeError> {
+        Ok(SequenceDescriber { variant: None, values: Vec::new() })
     }
-    fn serialize_tuple(self, _: usize) -> Result<Elements, Undescribable> {
+    fn serialize_tuple(self, _: usize) -> Result<SequenceDescriber, DescribeError> {
         self.serialize_seq(None)
     }
-    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<Elements, Undescribable> {
+    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<SequenceDescriber, DescribeError> {
         self.serialize_seq(None)
     }
     fn serialize_tuple_variant(
@@ -125,13 +125,13 @@ impl ser::Serializer for Describer {
         _: u32,
         variant: &'static str,
         _: usize,
-    ) -> Result<Elements, Undescribable> {
-        Ok(Elements { variant: Some(variant), values: Vec::new() })
+    ) -> Result<SequenceDescriber, DescribeError> {
+        Ok(SequenceDescriber { variant: Some(variant), values: Vec::new() })
     }
-    fn serialize_map(self, _: Option<usize>) -> Result<Fields, Undescribable> {
-        Ok(Fields { variant: None, fields: BTreeMap::new(), key: None })
+    fn serialize_map(self, _: Option<usize>) -> Result<FieldDescriber, DescribeError> {
+        Ok(FieldDescriber { variant: None, fields: BTreeMap::new(), key: None })
     }
-    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Fields, Undescribable> {
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<FieldDescriber, DescribeError> {
         self.serialize_map(None)
     }
     fn serialize_struct_variant(
@@ -140,60 +140,60 @@ impl ser::Serializer for Describer {
         _: u32,
         variant: &'static str,
         _: usize,
-    ) -> Result<Fields, Undescribable> {
-        Ok(Fields { variant: Some(variant), fields: BTreeMap::new(), key: None })
+    ) -> Result<FieldDescriber, DescribeError> {
+        Ok(FieldDescriber { variant: Some(variant), fields: BTreeMap::new(), key: None })
     }
 }
 
-fn in_variant(variant: Option<&'static str>, content: Value) -> Value {
+fn in_variant(variant: Option<&'static str>, content: DescribedValue) -> DescribedValue {
     match variant {
-        Some(name) => Value::Variant(name.to_owned(), Box::new(content)),
+        Some(name) => DescribedValue::Variant(name.to_owned(), Box::new(content)),
         None => content,
     }
 }
 
-pub(super) struct Elements {
+pub(super) struct SequenceDescriber {
     variant: Option<&'static str>,
-    values: Vec<Value>,
+    values: Vec<DescribedValue>,
 }
 
-impl Elements {
-    fn push<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
-        let value = v.serialize(Describer)?;
-        self.values.push(value.ok_or_else(|| Undescribable("an absent value in a list".into()))?);
+impl SequenceDescriber {
+    fn push<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), DescribeError> {
+        let value = v.serialize(ValueDescriber)?;
+        self.values.push(value.ok_or_else(|| DescribeError("an absent value in a list".into()))?);
         Ok(())
     }
 
-    fn close(self) -> Value {
-        in_variant(self.variant, Value::List(self.values))
+    fn close(self) -> DescribedValue {
+        in_variant(self.variant, DescribedValue::List(self.values))
     }
 }
 
-pub(super) struct Fields {
+pub(super) struct FieldDescriber {
     variant: Option<&'static str>,
-    fields: BTreeMap<String, Value>,
+    fields: BTreeMap<String, DescribedValue>,
     key: Option<String>,
 }
 
-impl Fields {
-    fn put<T: Serialize + ?Sized>(&mut self, name: &str, v: &T) -> Result<(), Undescribable> {
-        if let Some(value) = v.serialize(Describer)? {
+impl FieldDescriber {
+    fn put<T: Serialize + ?Sized>(&mut self, name: &str, v: &T) -> Result<(), DescribeError> {
+        if let Some(value) = v.serialize(ValueDescriber)? {
             self.fields.insert(name.to_owned(), value);
         }
         Ok(())
     }
 
-    fn close(self) -> Value {
-        in_variant(self.variant, Value::Record(self.fields))
+    fn close(self) -> DescribedValue {
+        in_variant(self.variant, DescribedValue::Record(self.fields))
     }
 }
 
 macro_rules! elements {
     ($($kind:ident $add:ident),+) => {$(
-        impl ser::$kind for Elements {
-            type Ok = Option<Value>;
-            type Error = Undescribable;
-            fn $add<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        impl ser::$kind for SequenceDescriber {
+            type Ok = Option<DescribedValue>;
+            type Error = DescribeError;
+            fn $add<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), DescribeError> {
                 self.push(v)
             }
             fn end(self) -> Described {
@@ -209,14 +209,14 @@ elements!(
 
 macro_rules! fields {
     ($($kind:ident),+) => {$(
-        impl ser::$kind for Fields {
-            type Ok = Option<Value>;
-            type Error = Undescribable;
+        impl ser::$kind for FieldDescriber {
+            type Ok = Option<DescribedValue>;
+            type Error = DescribeError;
             fn serialize_field<T: Serialize + ?Sized>(
                 &mut self,
                 name: &'static str,
                 v: &T,
-            ) -> Result<(), Undescribable> {
+            ) -> Result<(), DescribeError> {
                 self.put(name, v)
             }
             fn end(self) -> Described {
@@ -227,17 +227,17 @@ macro_rules! fields {
 }
 fields!(SerializeStruct, SerializeStructVariant);
 
-impl ser::SerializeMap for Fields {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), Undescribable> {
-        match key.serialize(Describer)? {
-            Some(Value::Text(name)) => self.key = Some(name),
-            other => return Err(Undescribable(format!("a map key that is no text: {other:?}"))),
+impl ser::SerializeMap for FieldDescriber {
+    type Ok = Option<DescribedValue>;
+    type Error = DescribeError;
+    fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), DescribeError> {
+        match key.serialize(ValueDescriber)? {
+            Some(DescribedValue::Text(name)) => self.key = Some(name),
+            other => return Err(DescribeError(format!("a map key that is no text: {other:?}"))),
         }
         Ok(())
     }
-    fn serialize_value<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+    fn serialize_value<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), DescribeError> {
         let name = self.key.take().expect("serde calls serialize_key first");
         self.put(&name, v)
     }

@@ -5,13 +5,13 @@
 //! the name and the content. Implied fields are left out, as in the encoding. JSON readers limit how deeply values
 //! nest, so a value that nests deeper than [`DEEPEST`] is `#encoded`: its encoding in hexadecimal digits.
 
-use super::Value;
+use super::DescribedValue;
 use crate::store::Digest;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 use std::collections::BTreeMap;
 
-impl Serialize for Value {
+impl Serialize for DescribedValue {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         if levels(self) > DEEPEST {
             let mut bytes = Vec::new();
@@ -41,15 +41,18 @@ impl Serialize for Value {
 const DEEPEST: usize = 64;
 
 /// Levels of JSON that a value takes.
-fn levels(value: &Value) -> usize {
+fn levels(value: &DescribedValue) -> usize {
     match value {
-        Value::List(values) => 1 + values.iter().map(levels).max().unwrap_or(0),
-        Value::Record(fields) => 1 + fields.values().map(levels).max().unwrap_or(0),
-        Value::Variant(_, value) => 2 + levels(value),
-        Value::Implied(value) => levels(value),
-        Value::Bytes(_) => 2,
-        Value::Signed(_) | Value::Digest(_) | Value::Encoded(_) => 1,
-        Value::Bool(_) | Value::Unsigned(_) | Value::Real(_) | Value::Text(_) => 0,
+        DescribedValue::List(values) => 1 + values.iter().map(levels).max().unwrap_or(0),
+        DescribedValue::Record(fields) => 1 + fields.values().map(levels).max().unwrap_or(0),
+        DescribedValue::Variant(_, value) => 2 + levels(value),
+        DescribedValue::Implied(value) => levels(value),
+        DescribedValue::Bytes(_) => 2,
+        DescribedValue::Signed(_) | DescribedValue::Digest(_) | DescribedValue::Encoded(_) => 1,
+        DescribedValue::Bool(_)
+        | DescribedValue::Unsigned(_)
+        | DescribedValue::Real(_)
+        | DescribedValue::Text(_) => 0,
     }
 }
 
@@ -77,51 +80,53 @@ fn tagged<S: Serializer>(serializer: S, tag: &str, value: &impl Serialize) -> Re
     map.end()
 }
 
-impl<'de> Deserialize<'de> for Value {
+impl<'de> Deserialize<'de> for DescribedValue {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let json = serde_json::Value::deserialize(deserializer)?;
         parse(json).map_err(D::Error::custom)
     }
 }
 
-fn parse(json: serde_json::Value) -> Result<Value, String> {
+fn parse(json: serde_json::Value) -> Result<DescribedValue, String> {
     use serde_json::Value as Json;
     match json {
         Json::Null => Err("null has no place in a description".into()),
-        Json::Bool(v) => Ok(Value::Bool(v)),
+        Json::Bool(v) => Ok(DescribedValue::Bool(v)),
         Json::Number(number) => match (number.as_u64(), number.as_f64()) {
-            (Some(v), _) => Ok(Value::Unsigned(v)),
-            (None, Some(v)) if number.is_f64() => Ok(Value::Real(v)),
+            (Some(v), _) => Ok(DescribedValue::Unsigned(v)),
+            (None, Some(v)) if number.is_f64() => Ok(DescribedValue::Real(v)),
             _ => Err(format!("{number} has no type: a negative integer is {{\"{SIGNED}\": {number}}}")),
         },
-        Json::String(v) => Ok(Value::Text(v)),
-        Json::Array(values) => values.into_iter().map(parse).collect::<Result<_, _>>().map(Value::List),
+        Json::String(v) => Ok(DescribedValue::Text(v)),
+        Json::Array(values) => {
+            values.into_iter().map(parse).collect::<Result<_, _>>().map(DescribedValue::List)
+        }
         Json::Object(mut fields) => match fields.keys().next().cloned() {
             Some(tag) if tag.starts_with('#') && fields.len() == 1 => {
                 of_tag(&tag, fields.remove(&tag).unwrap_or_default())
             }
             _ => {
                 let fields = fields.into_iter().map(|(name, value)| Ok((name, parse(value)?)));
-                fields.collect::<Result<BTreeMap<_, _>, String>>().map(Value::Record)
+                fields.collect::<Result<BTreeMap<_, _>, String>>().map(DescribedValue::Record)
             }
         },
     }
 }
 
-fn of_tag(tag: &str, json: serde_json::Value) -> Result<Value, String> {
+fn of_tag(tag: &str, json: serde_json::Value) -> Result<DescribedValue, String> {
     let failed = |e: serde_json::Error| format!("{tag}: {e}");
     match tag {
-        SIGNED => serde_json::from_value(json).map(Value::Signed).map_err(failed),
-        BYTES => serde_json::from_value(json).map(Value::Bytes).map_err(failed),
-        DIGEST => serde_json::from_value::<Digest>(json).map(Value::Digest).map_err(failed),
+        SIGNED => serde_json::from_value(json).map(DescribedValue::Signed).map_err(failed),
+        BYTES => serde_json::from_value(json).map(DescribedValue::Bytes).map_err(failed),
+        DIGEST => serde_json::from_value::<Digest>(json).map(DescribedValue::Digest).map_err(failed),
         VARIANT => {
-            let (name, value): (String, Value) = serde_json::from_value(json).map_err(failed)?;
-            Ok(Value::Variant(name, Box::new(value)))
+            let (name, value): (String, DescribedValue) = serde_json::from_value(json).map_err(failed)?;
+            Ok(DescribedValue::Variant(name, Box::new(value)))
         }
         ENCODED => {
             let text: String = serde_json::from_value(json).map_err(failed)?;
             from_hex(&text)
-                .map(Value::Encoded)
+                .map(DescribedValue::Encoded)
                 .ok_or_else(|| format!("{tag}: wanted pairs of hexadecimal digits"))
         }
         _ => Err(format!("`{tag}` is not a type of values")),
@@ -132,7 +137,7 @@ fn of_tag(tag: &str, json: serde_json::Value) -> Result<Value, String> {
 mod tests {
     use super::*;
 
-    fn encoded(value: &Value) -> Vec<u8> {
+    fn encoded(value: &DescribedValue) -> Vec<u8> {
         let mut out = Vec::new();
         value.encode(&mut out);
         out
@@ -140,26 +145,39 @@ mod tests {
 
     #[test]
     fn a_value_that_was_written_and_read_has_the_same_encoding() {
-        let record = |fields: Vec<(&str, Value)>| {
-            Value::Record(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
+        let record = |fields: Vec<(&str, DescribedValue)>| {
+            DescribedValue::Record(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
         };
         let value = record(vec![
-            ("truth", Value::Bool(true)),
-            ("signed", Value::Signed(7)),
-            ("below", Value::Signed(-7)),
-            ("unsigned", Value::Unsigned(u64::MAX)),
-            ("real", Value::Real(1.0)),
-            ("small", Value::Real(5e-324)),
-            ("third", Value::Real(1.0 / 3.0)),
-            ("text", Value::Text("#signed".into())),
-            ("bytes", Value::Bytes(vec![0, 255])),
-            ("list", Value::List(vec![Value::Unsigned(1), Value::Real(1.0), Value::empty_record()])),
-            ("choice", Value::Variant("plain".into(), Box::new(record(vec![("a", Value::Signed(1))])))),
-            ("input", Value::Digest(Digest::of_bytes(b"input"))),
-            ("implied", Value::Implied(Box::new(Value::Bool(false)))),
+            ("truth", DescribedValue::Bool(true)),
+            ("signed", DescribedValue::Signed(7)),
+            ("below", DescribedValue::Signed(-7)),
+            ("unsigned", DescribedValue::Unsigned(u64::MAX)),
+            ("real", DescribedValue::Real(1.0)),
+            ("small", DescribedValue::Real(5e-324)),
+            ("third", DescribedValue::Real(1.0 / 3.0)),
+            ("text", DescribedValue::Text("#signed".into())),
+            ("bytes", DescribedValue::Bytes(vec![0, 255])),
+            (
+                "list",
+                DescribedValue::List(vec![
+                    DescribedValue::Unsigned(1),
+                    DescribedValue::Real(1.0),
+                    DescribedValue::empty_record(),
+                ]),
+            ),
+            (
+                "choice",
+                DescribedValue::Variant(
+                    "plain".into(),
+                    Box::new(record(vec![("a", DescribedValue::Signed(1))])),
+                ),
+            ),
+            ("input", DescribedValue::Digest(Digest::of_bytes(b"input"))),
+            ("implied", DescribedValue::Implied(Box::new(DescribedValue::Bool(false)))),
         ]);
         let json = serde_json::to_string(&value).unwrap();
-        let read: Value = serde_json::from_str(&json).unwrap();
+        let read: DescribedValue = serde_json::from_str(&json).unwrap();
         assert_eq!(encoded(&read), encoded(&value), "{json}");
         assert_eq!(serde_json::to_string(&read).unwrap(), json);
         assert!(!json.contains("implied"), "{json}");
@@ -167,10 +185,12 @@ mod tests {
 
     #[test]
     fn a_deep_value_can_be_read_and_has_the_same_encoding() {
-        let nest = |value, _: u32| Value::Variant("negated".into(), Box::new(Value::List(vec![value])));
-        let value = (0..250).fold(Value::Real(0.5), nest);
+        let nest = |value, _: u32| {
+            DescribedValue::Variant("negated".into(), Box::new(DescribedValue::List(vec![value])))
+        };
+        let value = (0..250).fold(DescribedValue::Real(0.5), nest);
         let json = serde_json::to_string(&value).unwrap();
-        let read: Value = serde_json::from_str(&json).unwrap();
+        let read: DescribedValue = serde_json::from_str(&json).unwrap();
         assert_eq!(encoded(&read), encoded(&value));
         assert_eq!(serde_json::to_string(&read).unwrap(), json);
     }
@@ -185,7 +205,7 @@ mod tests {
             "{\"#digest\": \"00\"}",
             "{\"#encoded\": \"0g\"}",
         ] {
-            serde_json::from_str::<Value>(json).unwrap_err();
+            serde_json::from_str::<DescribedValue>(json).unwrap_err();
         }
     }
 }

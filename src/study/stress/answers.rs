@@ -5,7 +5,7 @@ const TABLE: &str = include_str!("answers.txt");
 
 /// One point of a table of answers.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct KnownAnswer {
     /// Input of the program.
     pub given: Vec<f64>,
     /// Correct output.
@@ -17,15 +17,15 @@ pub struct Answer {
 /// # Panics
 /// There are none: the table is part of the program.
 #[must_use]
-pub fn find_answers(name: &str) -> Vec<Answer> {
+pub fn find_answers(name: &str) -> Vec<KnownAnswer> {
     let numbers = |text: &str| -> Vec<f64> {
         text.split_whitespace().map(|number| number.parse().expect("the table holds numbers")).collect()
     };
     let of_line = |line: &str| {
         let (given, wanted) = line.strip_prefix(name)?.strip_prefix(' ')?.split_once('=')?;
-        Some(Answer { given: numbers(given), wanted: numbers(wanted) })
+        Some(KnownAnswer { given: numbers(given), wanted: numbers(wanted) })
     };
-    let found: Vec<Answer> = TABLE.lines().filter_map(of_line).collect();
+    let found: Vec<KnownAnswer> = TABLE.lines().filter_map(of_line).collect();
     assert!(!found.is_empty(), "no answers are called `{name}`");
     found
 }

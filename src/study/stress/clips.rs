@@ -3,10 +3,10 @@
 pub use crate::seed::ks::scaled_distance as ks;
 
 use crate::event::{Event, Polarity};
-use crate::frames::array::{ArrayFrames, FullScale, Samples};
+use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use crate::image::Size;
 use crate::seed::Seed;
-use crate::sensor::{Account, Model, simulate_one};
+use crate::sensor::{SensorModel, SimulationAccount, simulate_one};
 use std::ops::ControlFlow;
 
 /// Frames with this luminance, 0..255, as a function of column, row and time in us.
@@ -22,7 +22,7 @@ pub fn make_clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64
             samples.extend((0..size.width).map(|x| luminance(x, y, t) as f32));
         }
     }
-    ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), stamps_us)
+    ArrayFrames::new(size, ArraySamples::Floats(samples, FullScale::Grey255), stamps_us)
         .expect("stamps increase, and there is a sample a pixel")
 }
 
@@ -31,7 +31,11 @@ pub fn make_clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64
 /// # Panics
 /// The sensor refuses the clip. Clips and sensors of cases are valid.
 #[must_use]
-pub fn run_sensor(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
+pub fn run_sensor(
+    sensor: &dyn SensorModel,
+    frames: &ArrayFrames,
+    seed: u64,
+) -> (Vec<Event>, SimulationAccount) {
     let (mut events, mut frames) = (Vec::new(), frames.clone());
     let mut go_on = |_: &_| ControlFlow::Continue(());
     let account = simulate_one(&mut frames, sensor, Seed(seed), &mut events, &mut go_on);

@@ -4,17 +4,17 @@
 mod sameness;
 
 use super::clips::{Train, by_pixel, make_clip, run_sensor};
-use super::{Area, Case, Found, Point, Worst};
+use super::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 use crate::event::file::shift_event;
-use crate::event::{Event, Label, Polarity};
+use crate::event::{Event, EventLabel, Polarity};
 use crate::image::Size;
-use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::voltmeter::VoltmeterModel;
 use crate::units::Timestamp;
 
 /// All cases of time.
 #[must_use]
-pub fn clock_cases<'a>() -> Vec<Case<'a>> {
-    let case = |words, run: fn() -> Found| Case::new(Area::Clock, words, run);
+pub fn clock_cases<'a>() -> Vec<StressCase<'a>> {
+    let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Clock, words, run);
     let mut all = vec![
         case(
             ["first-stamp", "16.8 s, 2^31 us, 1e15 us, negative: the events of 0", "events"],
@@ -23,7 +23,7 @@ pub fn clock_cases<'a>() -> Vec<Case<'a>> {
         case(["absolute-stamps", "the same in files: integers, to the microsecond", "events"], || {
             absolute_stamps(|first_us, ns| {
                 let event =
-                    Event { t: Timestamp(ns), x: 0, y: 0, polarity: Polarity::On, label: Label::Signal };
+                    Event { t: Timestamp(ns), x: 0, y: 0, polarity: Polarity::On, label: EventLabel::Signal };
                 shift_event(event, first_us).map(|event| event.t.floor_micros())
             })
         }),
@@ -43,8 +43,8 @@ const FIRST: [i64; 6] = [0, 16_800_000, 1 << 31, 1_000_000_000_000_000, -5, -3_0
 
 /// The stamp in a file, us, of an event at this time after the first stamp, ns.
 #[must_use]
-pub fn absolute_stamps(clock: impl Fn(i64, i64) -> Option<i64>) -> Found {
-    let mut worst = Worst::default();
+pub fn absolute_stamps(clock: impl Fn(i64, i64) -> Option<i64>) -> CaseResult {
+    let mut worst = WorstPoint::default();
     for first_us in FIRST {
         let times: Vec<i64> = (0..2000).map(|i| i * 1_333 + i * i).collect();
         let wanted = |ns: i64| i128::from(first_us) + i128::from(ns.div_euclid(1000));
@@ -61,34 +61,34 @@ const LIMIT_NS: f64 = 1.0;
 
 /// A sensor with this gain over `ln(L + 16)` and this leak per us, without noise or with almost
 /// none: the two use different code.
-fn plain_sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
+fn plain_sensors(gain: f64, leak: f64) -> [(&'static str, VoltmeterModel); 2] {
     [("no noise", 0.0), ("faint noise", 1e-150)].map(|(name, sigma)| {
         let k = [gain, 16.0, 0.0, leak, 0.0, sigma];
-        (name, Voltmeter { max_events_per_pixel_frame: u32::MAX, ..Voltmeter::new(k) })
+        (name, VoltmeterModel { max_events_per_pixel_frame: u32::MAX, ..VoltmeterModel::new(k) })
     })
 }
 
 /// Compares the events of one pixel in a clip of this length with even times, `every_ns` apart.
-fn hold_even(worst: &mut Worst, events: &[Event], [length_ns, every_ns]: [f64; 2], what: &str) {
+fn hold_even(worst: &mut WorstPoint, events: &[Event], [length_ns, every_ns]: [f64; 2], what: &str) {
     let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
-    worst.see(Point::exact_count(unsorted as u64, 0), || format!("{what}: out of order"));
-    let number = Point::absolute_error(events.len() as f64, (length_ns / every_ns).floor(), 0.0);
+    worst.see(StressPoint::exact_count(unsorted as u64, 0), || format!("{what}: out of order"));
+    let number = StressPoint::absolute_error(events.len() as f64, (length_ns / every_ns).floor(), 0.0);
     worst.see(number, || format!("{what}: number"));
     let train: Train = by_pixel(PIXEL, events).swap_remove(0);
     for (i, (t, _)) in train.iter().enumerate() {
-        let point = Point::absolute_error(*t as f64 + 0.5, (i + 1) as f64 * every_ns, LIMIT_NS);
+        let point = StressPoint::absolute_error(*t as f64 + 0.5, (i + 1) as f64 * every_ns, LIMIT_NS);
         worst.see(point, || format!("{what}: event {i}"));
     }
 }
 
 /// Each frame doubles `L + 16`, which 32 bits represent exactly.
-fn doubling_frames() -> Found {
+fn doubling_frames() -> CaseResult {
     const OCTAVES: i64 = 15;
     const GAIN: f64 = 100.0;
     let stamps: Vec<i64> = (0..=OCTAVES).collect();
     let clip = make_clip(PIXEL, &stamps, |_, _, t| 16.0 * (1_i64 << t) as f64 - 16.0);
     let rise = GAIN * OCTAVES as f64 * std::f64::consts::LN_2;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for (name, sensor) in plain_sensors(GAIN, 0.0) {
         let (events, _) = run_sensor(&sensor, &clip, 1);
         let length = OCTAVES as f64 * 1e3;
@@ -98,12 +98,12 @@ fn doubling_frames() -> Found {
 }
 
 /// A leak of an event in 1.001 s.
-fn slow_leak() -> Found {
+fn slow_leak() -> CaseResult {
     const HOUR: i64 = 3_600_000_000;
     const EVERY_US: f64 = 1_001_000.0;
     let stamps = [0, 1000, 2000, 2000 + HOUR, 3000 + HOUR];
     let clip = make_clip(PIXEL, &stamps, |_, _, _| 77.0);
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for (name, sensor) in plain_sensors(1.0, 1.0 / EVERY_US) {
         let (events, _) = run_sensor(&sensor, &clip, 1);
         hold_even(&mut worst, &events, [(3000 + HOUR) as f64 * 1e3, EVERY_US * 1e3], name);
@@ -112,18 +112,20 @@ fn slow_leak() -> Found {
 }
 
 /// A leak of two million events a us, between frames of which one is a us long.
-fn fast_leak() -> Found {
+fn fast_leak() -> CaseResult {
     const EVENTS: u64 = 2_000_000;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     let clip = make_clip(PIXEL, &[0, 1], |_, _, _| 77.0);
     for (name, sensor) in plain_sensors(1.0, EVENTS as f64 + 0.5) {
         let (events, account) = run_sensor(&sensor, &clip, 1);
         let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
-        worst.see(Point::exact_count(unsorted as u64, 0), || format!("{name}: out of order"));
+        worst.see(StressPoint::exact_count(unsorted as u64, 0), || format!("{name}: out of order"));
         let outside = events.iter().filter(|e| !(0..=1000).contains(&e.t.0)).count();
-        worst.see(Point::exact_count(outside as u64, 0), || format!("{name}: outside of the microsecond"));
-        worst.see(Point::exact_count(events.len() as u64, EVENTS), || format!("{name}: number"));
-        worst.see(Point::exact_count(account.on, EVENTS), || format!("{name}: ON by the account"));
+        worst.see(StressPoint::exact_count(outside as u64, 0), || {
+            format!("{name}: outside of the microsecond")
+        });
+        worst.see(StressPoint::exact_count(events.len() as u64, EVENTS), || format!("{name}: number"));
+        worst.see(StressPoint::exact_count(account.on, EVENTS), || format!("{name}: ON by the account"));
     }
     worst.found()
 }

@@ -6,19 +6,19 @@ mod passages;
 
 pub use passages::{bridge_off, first_off};
 
-use super::answers::{Answer, find_answers};
-use super::{Area, Case, Found, Point, Worst};
-use crate::sensor::statistics::Renewal;
-use crate::sensor::voltmeter::units::{Brightness, TimeUnit, Units};
-use crate::sensor::voltmeter::{self, Voltmeter};
+use super::answers::{KnownAnswer, find_answers};
+use super::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use crate::sensor::statistics::RenewalProcess;
+use crate::sensor::voltmeter::units::{ConstantUnits, TimeUnit, WhiteBrightness};
+use crate::sensor::voltmeter::{self, VoltmeterModel};
 
 /// All cases of the sensor.
 #[must_use]
-pub fn sensor_cases<'a>() -> Vec<Case<'a>> {
-    let case = |words, run: fn() -> Found| Case::new(Area::Sensor, words, run);
+pub fn sensor_cases<'a>() -> Vec<StressCase<'a>> {
+    let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Sensor, words, run);
     let mut all = vec![
         case(["polarity", "2 mu Th/s^2 of 0 and +-1e-20 .. +-1e3, residual 0, .5, .999", "1"], || {
-            polarity_case(|drift, up, down| Renewal { drift, variance: 2.0, up, down }.on_share())
+            polarity_case(|drift, up, down| RenewalProcess { drift, variance: 2.0, up, down }.on_share())
         }),
         case(["inverse-gaussian-root", "phi 1e-12 .. 1e8, z 0 and 1e-6 .. 6; all > 0", "rel"], || {
             root_case(voltmeter::touch_time)
@@ -53,11 +53,11 @@ pub fn sensor_cases<'a>() -> Vec<Case<'a>> {
 /// The probability that a voltage with this drift and variance 2 leaves through the upper barrier,
 /// not through the lower one, at these distances.
 #[must_use]
-pub fn polarity_case(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("polarity") {
+pub fn polarity_case(on_share: impl Fn(f64, f64, f64) -> f64) -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("polarity") {
         let [drift, up, down] = [given[0], given[1], given[2]];
-        let point = Point::absolute_error(on_share(drift, up, down), wanted[0], 5e-16);
+        let point = StressPoint::absolute_error(on_share(drift, up, down), wanted[0], 5e-16);
         worst.see(point, || format!("2 mu/s^2 = {drift:e}, up {up}"));
     }
     worst.found()
@@ -67,19 +67,19 @@ pub fn polarity_case(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
 /// its ends, its variance, and a normal and a uniform draw. The cases cover both roots of the
 /// inverse Gaussian's transform, with `a` and the variance equal to 1.
 #[must_use]
-pub fn root_case(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
+pub fn root_case(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> CaseResult {
     /// The draw takes the larger root if the smaller one is less likely than this.
     const LIKELY: f64 = 0.99;
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("root") {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("root") {
         let [phi, z] = [given[0], given[1]];
         let [smaller, larger, likelihood] = [wanted[0], wanted[1], wanted[2]];
         let second = (likelihood < LIKELY).then_some((LIKELY, larger));
         for (u, share) in [(0.0, smaller)].into_iter().chain(second) {
             let found = touch_time(1.0, phi, 1.0, z, u);
-            let point = Point::relative_error(found, share, 1e-15);
+            let point = StressPoint::relative_error(found, share, 1e-15);
             // An invalid time has an infinite error.
-            let point = if found > 0.0 { point } else { Point { error: f64::INFINITY, ..point } };
+            let point = if found > 0.0 { point } else { StressPoint { error: f64::INFINITY, ..point } };
             worst.see(point, || format!("phi {phi:e}, z {z:e}, u {u}"));
         }
     }
@@ -90,33 +90,36 @@ pub fn root_case(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
 const PRINTED: [f64; 6] = [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5];
 
 /// The units of a reading, by their names in the table of answers.
-fn reading_units(microsecond: f64, white: f64) -> Units {
+fn reading_units(microsecond: f64, white: f64) -> ConstantUnits {
     let time = [TimeUnit::Us, TimeUnit::Ms, TimeUnit::S];
     let time = time.into_iter().find(|unit| unit.of_a_microsecond().to_bits() == microsecond.to_bits());
-    let brightness = if white > 1.0 { Brightness::Grey255 } else { Brightness::Unit };
-    Units { time: time.expect("us, ms or s"), brightness }
+    let brightness = if white > 1.0 { WhiteBrightness::Grey255 } else { WhiteBrightness::Unit };
+    ConstantUnits { time: time.expect("us, ms or s"), brightness }
 }
 
-fn units_case() -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("units") {
+fn units_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("units") {
         let units = reading_units(given[0], given[1]);
         for (i, (found, wanted)) in units.to_official(PRINTED).into_iter().zip(wanted).enumerate() {
             let ulp = wanted.next_up() - wanted;
-            worst.see(Point::scaled_error(found, wanted, ulp, 4.0), || format!("k{} of {units:?}", i + 1));
+            worst.see(StressPoint::scaled_error(found, wanted, ulp, 4.0), || {
+                format!("k{} of {units:?}", i + 1)
+            });
         }
     }
     worst.found()
 }
 
 /// Rates of both polarities together. The form for small drift omits a relative part of 1e-8.
-fn noise_case() -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("noise") {
+fn noise_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("noise") {
         let units = reading_units(given[0], given[1]);
-        let found = Voltmeter::new(units.to_official(PRINTED)).noise(given[2]).total_hz;
-        worst
-            .see(Point::relative_error(found, wanted[0], 1e-8), || format!("grey {} of {units:?}", given[2]));
+        let found = VoltmeterModel::new(units.to_official(PRINTED)).noise(given[2]).total_hz;
+        worst.see(StressPoint::relative_error(found, wanted[0], 1e-8), || {
+            format!("grey {} of {units:?}", given[2])
+        });
     }
     worst.found()
 }

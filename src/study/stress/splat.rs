@@ -10,16 +10,16 @@ pub mod scenes;
 
 pub use needles::judge_needles;
 
-use super::{Area, Case, NotRun, Outcome};
+use super::{NotRun, Outcome, StressArea, StressCase};
 use crate::render::backend::Backend;
-use crate::render::reference::Reference;
-use crate::render::{Channels, RenderError, Rendered, Style, View, Work};
+use crate::render::reference::ReferenceRenderer;
+use crate::render::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
 use crate::scene::Gaussians;
 use std::sync::Arc;
 
 /// The back ends and scenes for the cases of the renderers.
 #[derive(Debug, Default)]
-pub struct Stage {
+pub struct SplatBench {
     /// The back ends by name, or the reason why one is absent.
     pub backends: Vec<(&'static str, Result<Backend, NotRun>)>,
     /// A scene of the user, in addition to the embedded one.
@@ -28,7 +28,7 @@ pub struct Stage {
 
 /// Precision of a back end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Precision {
+pub enum FloatPrecision {
     /// 32.
     Single,
     /// 64.
@@ -37,13 +37,13 @@ pub enum Precision {
 
 /// A renderer as used by cases.
 #[derive(Debug, Clone, Copy)]
-struct Player<'a>(&'a Backend);
+struct CaseRenderer<'a>(&'a Backend);
 
-impl Player<'_> {
-    fn precision(self) -> Precision {
+impl CaseRenderer<'_> {
+    fn precision(self) -> FloatPrecision {
         match self.0 {
-            Backend::Reference => Precision::Double,
-            Backend::Cpu | Backend::Gpu(_) | Backend::Unopened(_) => Precision::Single,
+            Backend::Reference => FloatPrecision::Double,
+            Backend::Cpu | Backend::Gpu(_) | Backend::Unopened(_) => FloatPrecision::Single,
         }
     }
 
@@ -57,11 +57,11 @@ impl Player<'_> {
     fn picture(
         self,
         scene: &Arc<Gaussians>,
-        style: Style,
-        view: &View,
-        want: Channels,
-    ) -> Result<(Rendered, Work), NotRun> {
-        let mut out = Rendered::default();
+        style: RenderStyle,
+        view: &CameraView,
+        want: ChannelSet,
+    ) -> Result<(RenderedImages, RenderWork), NotRun> {
+        let mut out = RenderedImages::default();
         let work = self.0.renderer(scene.clone(), style).and_then(|mut r| r.render(view, want, &mut out));
         Ok((out, work.map_err(not_run)?))
     }
@@ -76,32 +76,34 @@ fn not_run(error: RenderError) -> NotRun {
 }
 
 /// Luminance and rate of every pixel, by the reference in 64 bits.
-fn exact_luminance(scene: &Arc<Gaussians>, style: Style, view: &View) -> Vec<[f64; 2]> {
-    let reference = Reference::new(scene.clone(), style).and_then(|reference| reference.luminance(view));
+fn exact_luminance(scene: &Arc<Gaussians>, style: RenderStyle, view: &CameraView) -> Vec<[f64; 2]> {
+    let reference =
+        ReferenceRenderer::new(scene.clone(), style).and_then(|reference| reference.luminance(view));
     reference.unwrap_or_else(|e| panic!("a case is rendered: {e}"))
 }
 
 /// Opacity of every pixel.
-fn pixel_opacities(image: &Rendered) -> Vec<f64> {
+fn pixel_opacities(image: &RenderedImages) -> Vec<f64> {
     let plane = image.alpha.iter().flat_map(|plane| plane.pixels());
     plane.map(|&alpha| f64::from(alpha)).collect()
 }
 
 /// Every value of every image as bits, so that NaN equals itself.
-fn image_bits(image: &Rendered) -> Vec<u32> {
+fn image_bits(image: &RenderedImages) -> Vec<u32> {
     let planes = [&image.luminance, &image.alpha, &image.depth, &image.doubtful];
     let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
     let colour = image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened());
     grey.chain(colour).map(|v| v.to_bits()).collect()
 }
 
-type Run = fn(&Stage, Player<'_>) -> Outcome;
+type Run = fn(&SplatBench, CaseRenderer<'_>) -> Outcome;
 
 /// All cases of each back end.
 #[must_use]
-pub fn splat_cases(stage: &Stage) -> Vec<Case<'_>> {
+pub fn splat_cases(stage: &SplatBench) -> Vec<StressCase<'_>> {
     let of = |(name, backend): &'_ (&'static str, Result<Backend, NotRun>)| {
-        let precision = backend.as_ref().map_or(Precision::Single, |backend| Player(backend).precision());
+        let precision =
+            backend.as_ref().map_or(FloatPrecision::Single, |backend| CaseRenderer(backend).precision());
         let table = case_table(precision, stage.scene.is_some());
         let cases =
             table.into_iter().map(|(words, run)| make_case(stage, (*name, backend.clone()), words, run));
@@ -111,18 +113,18 @@ pub fn splat_cases(stage: &Stage) -> Vec<Case<'_>> {
 }
 
 fn make_case<'a>(
-    stage: &'a Stage,
+    stage: &'a SplatBench,
     (name, backend): (&'static str, Result<Backend, NotRun>),
     words: [&'static str; 3],
     run: Run,
-) -> Case<'a> {
-    let run = move || run(stage, Player(backend.as_ref().map_err(Clone::clone)?));
+) -> StressCase<'a> {
+    let run = move || run(stage, CaseRenderer(backend.as_ref().map_err(Clone::clone)?));
     let [case, regime, unit] = words;
-    Case { area: Area::Splat, name: case, regime, unit, backend: Some(name), run: Box::new(run) }
+    StressCase { area: StressArea::Splat, name: case, regime, unit, backend: Some(name), run: Box::new(run) }
 }
 
 /// The cases of a back end with this precision.
-fn case_table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)> {
+fn case_table(precision: FloatPrecision, own_scene: bool) -> Vec<([&'static str; 3], Run)> {
     let mut table: Vec<([&'static str; 3], Run)> = vec![
         (["needles", "aspect 10 .. 1e6, long axis 10 .. 30,000 px; near the mean", "power"], |_, by| {
             needles::near_case(by)
@@ -166,11 +168,11 @@ fn case_table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], 
 }
 
 /// The cases on the embedded scene.
-fn picture_cases(precision: Precision) -> Vec<([&'static str; 3], Run)> {
+fn picture_cases(precision: FloatPrecision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["luminance-path", "one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =
         vec![(grey, |_, by| pictures::luminance_case(&pictures::embedded_setup(), by))];
-    if precision == Precision::Single {
+    if precision == FloatPrecision::Single {
         let value = ["picture", "still life, 32 bits against 64: 99 % of values, and the rest", "1"];
         let rate = ["luminance-rate", "dL/dt in 32 bits against 64, 99 % of pixels", "of largest"];
         table.push((value, |_, by| pictures::value_case(&pictures::embedded_setup(), by)));
@@ -185,11 +187,11 @@ fn picture_cases(precision: Precision) -> Vec<([&'static str; 3], Run)> {
 }
 
 /// The cases on the user's scene.
-fn own_pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
+fn own_pictures(precision: FloatPrecision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["own-luminance-path", "the scene given: one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =
         vec![(grey, |stage, by| pictures::luminance_case(&pictures::user_setup(stage), by))];
-    if precision == Precision::Single {
+    if precision == FloatPrecision::Single {
         let value = ["own-picture", "the scene given, 32 bits against 64: 99 %, and the rest", "1"];
         let rate = ["own-luminance-rate", "dL/dt in 32 bits against 64, 99 % of pixels", "of largest"];
         table.push((value, |stage, by| pictures::value_case(&pictures::user_setup(stage), by)));

@@ -7,24 +7,24 @@ mod smoothness;
 pub use lengths::length_case;
 pub use smoothness::{joints_case, rates_case};
 
-use super::answers::{Answer, find_answers};
-use super::{Area, Case, Found, Point, Worst};
+use super::answers::{KnownAnswer, find_answers};
+use super::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 use crate::se3::rotation::{exp_vector, log_vector};
 use crate::se3::{Se3, look_at};
-use crate::speed::function::Expression;
-use crate::speed::list::List;
-use crate::speed::{Law, Meaning, Speed};
-use crate::trajectory::refine::{Refine, refine_views};
-use crate::trajectory::sample::Summation;
-use crate::trajectory::{Made, NamedPose, Timing};
+use crate::speed::function::SpeedExpression;
+use crate::speed::list::SpeedLevels;
+use crate::speed::{SpeedChoice, SpeedLaw, SpeedMeaning};
+use crate::trajectory::refine::{RefinePath, refine_views};
+use crate::trajectory::sample::SummationRule;
+use crate::trajectory::{MadeTrajectory, NamedPose, PoseTiming};
 use crate::units::{Hertz, Ratio};
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
 /// All cases of paths.
 #[must_use]
-pub fn trajectory_cases<'a>() -> Vec<Case<'a>> {
-    let case = |words, run: fn() -> Found| Case::new(Area::Trajectory, words, run);
+pub fn trajectory_cases<'a>() -> Vec<StressCase<'a>> {
+    let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Trajectory, words, run);
     vec![
         case(["arc-length", "near-cusps to 1e-9 of their way, a cusp, a speed ratio of 50", "of S"], || {
             length_case(lengths::measured_length)
@@ -49,48 +49,50 @@ pub fn trajectory_cases<'a>() -> Vec<Case<'a>> {
 /// The rotation vector of an exponential is the vector from which it was made; `log` is the
 /// inverse.
 #[must_use]
-pub fn turns_case(log: impl Fn(DQuat) -> DVec3) -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, .. } in find_answers("turn") {
+pub fn turns_case(log: impl Fn(DQuat) -> DVec3) -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, .. } in find_answers("turn") {
         let r = DVec3::new(given[0], given[1], given[2]);
         let (angle, found) = (r.length(), log(exp_vector(r)));
         // At a half turn, both directions are the same turn.
         let ends = if angle > PI - 1e-12 { [r, -r] } else { [r, r] };
         let error = (found - ends[0]).length().min((found - ends[1]).length());
         let error = if angle > 0.0 { error / angle } else { error };
-        let point = Point { computed: found.length(), answer: angle, error, limit: 1e-15 };
+        let point = StressPoint { computed: found.length(), answer: angle, error, limit: 1e-15 };
         worst.see(point, || format!("{angle} about {:.2}", r.normalize_or_zero()));
     }
     worst.found()
 }
 
-fn exponentials_case() -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("turn") {
+fn exponentials_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("turn") {
         let found = exp_vector(DVec3::new(given[0], given[1], given[2])).to_array();
         for (i, (found, wanted)) in found.into_iter().zip(wanted).enumerate() {
-            worst.see(Point::absolute_error(found, wanted, 1e-15), || format!("component {i} of {given:?}"));
+            worst.see(StressPoint::absolute_error(found, wanted, 1e-15), || {
+                format!("component {i} of {given:?}")
+            });
         }
     }
     worst.found()
 }
 
-fn law_case() -> Found {
-    let mut worst = Worst::default();
-    let law = Expression::parse("0.25*sin(t) + 1.1").expect("the published law");
+fn law_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
+    let law = SpeedExpression::parse("0.25*sin(t) + 1.1").expect("the published law");
     let answers = find_answers("law");
     let found = law.distances(answers.len() - 1);
-    for (found, Answer { given, wanted }) in found.into_iter().zip(answers) {
-        worst.see(Point::absolute_error(found, wanted[0], 1e-14), || format!("t = {}", given[0]));
+    for (found, KnownAnswer { given, wanted }) in found.into_iter().zip(answers) {
+        worst.see(StressPoint::absolute_error(found, wanted[0], 1e-14), || format!("t = {}", given[0]));
     }
     worst.found()
 }
 
-fn blend_case() -> Found {
-    let mut worst = Worst::default();
-    let list = List::new(vec![1.0, 0.5, 2.0], 0.1, Meaning::Speed).expect("positive levels");
-    for Answer { given, wanted } in find_answers("blend") {
-        let point = Point::absolute_error(list.distance(given[0]), wanted[0], 1e-14);
+fn blend_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
+    let list = SpeedLevels::new(vec![1.0, 0.5, 2.0], 0.1, SpeedMeaning::Speed).expect("positive levels");
+    for KnownAnswer { given, wanted } in find_answers("blend") {
+        let point = StressPoint::absolute_error(list.distance(given[0]), wanted[0], 1e-14);
         worst.see(point, || format!("t = {}", given[0]));
     }
     worst.found()
@@ -109,29 +111,31 @@ fn half_circle(offset: DVec3) -> Vec<(String, Se3)> {
     (0..30).map(pose).collect()
 }
 
-fn make_trajectory(offset: DVec3) -> Made {
+fn make_trajectory(offset: DVec3) -> MadeTrajectory {
     let views = half_circle(offset);
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    let speed = Speed::Function(Expression::parse("0.25*sin(t) + 1.1").expect("the published law"));
+    let speed =
+        SpeedChoice::Function(SpeedExpression::parse("0.25*sin(t) + 1.1").expect("the published law"));
     let rate = Hertz(Ratio::new(2400, 1).expect("positive"));
-    let timing = Timing { speed: &speed, rate, law: Summation::Sum };
-    refine_views(&views, &Refine::default(), timing).expect("a sound capture")
+    let timing = PoseTiming { speed: &speed, rate, law: SummationRule::Sum };
+    refine_views(&views, &RefinePath::default(), timing).expect("a sound capture")
 }
 
-fn far_away() -> Found {
-    let mut worst = Worst::default();
+fn far_away() -> CaseResult {
+    let mut worst = WorstPoint::default();
     let here = make_trajectory(DVec3::ZERO).trajectory.world_from_camera;
     let length: f64 = here.windows(2).map(|w| (w[1].translation - w[0].translation).length()).sum();
     for offset in [DVec3::splat(1e6), DVec3::new(1.0, -2.0, 0.5) * f64::from(1 << 20)] {
         let there = make_trajectory(offset).trajectory.world_from_camera;
         for (i, (a, b)) in here.iter().zip(&there).enumerate() {
             let way = (b.translation - offset - a.translation).length();
-            worst.see(Point { error: way / length, ..Point::absolute_error(way, 0.0, 1e-9) }, || {
-                format!("pose {i}")
-            });
+            worst.see(
+                StressPoint { error: way / length, ..StressPoint::absolute_error(way, 0.0, 1e-9) },
+                || format!("pose {i}"),
+            );
             let turn = log_vector(a.rotation.conjugate() * b.rotation).length();
-            worst.see(Point::absolute_error(turn, 0.0, 1e-9), || format!("turn of pose {i}"));
+            worst.see(StressPoint::absolute_error(turn, 0.0, 1e-9), || format!("turn of pose {i}"));
         }
     }
     worst.found()

@@ -1,19 +1,20 @@
 //! A study in brief: the cost of a given error under each rule set, and the lowest error of each.
 //! Markdown.
 
-use super::pick::{Measure, Place};
+use super::pick::{CostPlace, ErrorMeasure};
 use super::report::{at_most, short_number};
-use super::{Row, Study};
+use super::{SettingRow, StudyResult};
 use std::fmt::Write as _;
 
 /// Measures of the short table.
-const SHOWN: [Measure; 4] = [Measure::Rms, Measure::Count, Measure::Miscount, Measure::Median];
+const SHOWN: [ErrorMeasure; 4] =
+    [ErrorMeasure::Rms, ErrorMeasure::Count, ErrorMeasure::Miscount, ErrorMeasure::Median];
 /// Measures for which the lowest error is shown. A difference of counts may pass through 0 by
 /// chance.
-const LOWEST: [Measure; 2] = [Measure::Rms, Measure::Median];
+const LOWEST: [ErrorMeasure; 2] = [ErrorMeasure::Rms, ErrorMeasure::Median];
 
 /// The cheapest method of each rule set at the errors of the reference setting.
-pub(super) fn write_cheapest(out: &mut String, study: &Study, base: &Row) {
+pub(super) fn write_cheapest(out: &mut String, study: &StudyResult, base: &SettingRow) {
     let _ = writeln!(
         out,
         "## The cheapest at the errors of `{}`, {} frames a second\n\nEach rule set is held against its own limit.\n\n\
@@ -41,13 +42,13 @@ pub(super) fn write_cheapest(out: &mut String, study: &Study, base: &Row) {
     out.push('\n');
 }
 
-fn taken_words(method: &str, place: Place, base_core_s: f64) -> String {
+fn taken_words(method: &str, place: CostPlace, base_core_s: f64) -> String {
     let (frames, core_s) = (place.frames.round(), short_number(place.core_s));
     format!("`{method}` | {}{frames} | {core_s} | {:.2} |", at_most(&place), base_core_s / place.core_s)
 }
 
 /// The lowest errors of each rule set at these rates, and their cost.
-pub(super) fn write_lowest(out: &mut String, study: &Study) {
+pub(super) fn write_lowest(out: &mut String, study: &StudyResult) {
     let _ = writeln!(
         out,
         "## The lowest errors\n\nAt these rates, each rule set against its own limit.\n\n| {}: error | lowest | setting | \
@@ -74,7 +75,11 @@ pub(super) fn write_lowest(out: &mut String, study: &Study) {
 }
 
 /// The row of a rule set with the lowest error; among equals, the cheapest.
-fn lowest_of<'a>(study: &'a Study, rules: &str, measure: Measure) -> Option<(&'a Row, f64)> {
+fn lowest_of<'a>(
+    study: &'a StudyResult,
+    rules: &str,
+    measure: ErrorMeasure,
+) -> Option<(&'a SettingRow, f64)> {
     let rows = study.rows.iter().filter(|row| row.rules == rules);
     let known = rows.filter_map(|row| Some((row, measure.of(row)?)));
     known.min_by(|(a, x), (b, y)| x.total_cmp(y).then(a.core_s().total_cmp(&b.core_s())))

@@ -1,15 +1,15 @@
 //! Error over cost on logarithmic axes: one curve per method, with the sensor's own jitter and the
 //! error from jumps.
 
-use super::grid::Steps;
-use super::pick::Measure;
-use super::{Row, Study};
-use crate::sensor::voltmeter::Between;
-use crate::trajectory::picture::{Panel, Svg};
+use super::grid::StepRule;
+use super::pick::ErrorMeasure;
+use super::{SettingRow, StudyResult};
+use crate::sensor::voltmeter::BetweenFrames;
+use crate::trajectory::picture::{PicturePanel, SvgText};
 use std::ops::RangeInclusive;
 
 const SIZE: [f64; 2] = [960.0, 560.0];
-const INNER: Panel = Panel { left: 80.0, top: 46.0, width: 590.0, height: 450.0 };
+const INNER: PicturePanel = PicturePanel { left: 80.0, top: 46.0, width: 590.0, height: 450.0 };
 /// Colours of the rule sets, in order.
 const COLOURS: [&str; 5] = ["#d1495b", "#2a7fb8", "#3a8f4f", "#8a5fb0", "#c98a1b"];
 const GREY: &str = "#333333";
@@ -21,12 +21,12 @@ const LINE: f64 = 18.0;
 
 /// A logarithmic axis.
 #[derive(Debug, Clone, Copy)]
-struct Axis {
+struct LogAxis {
     low: f64,
     high: f64,
 }
 
-impl Axis {
+impl LogAxis {
     fn around_values(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
         (low > 0.0 && low.is_finite()).then(|| Self { low: low / ROOM, high: high * ROOM })
@@ -50,29 +50,30 @@ impl Axis {
 
 /// The chart of one measure as SVG; `None` if no setting has an error in it.
 #[must_use]
-pub fn chart_svg(study: &Study, measure: Measure) -> Option<String> {
-    let shown: Vec<(&Row, f64)> =
+pub fn chart_svg(study: &StudyResult, measure: ErrorMeasure) -> Option<String> {
+    let shown: Vec<(&SettingRow, f64)> =
         study.rows.iter().filter_map(|row| Some((row, measure.of(row).filter(|e| *e > 0.0)?))).collect();
     let lines = error_lines(study, measure);
-    let cost = Axis::around_values(shown.iter().map(|(row, _)| row.core_s()))?;
+    let cost = LogAxis::around_values(shown.iter().map(|(row, _)| row.core_s()))?;
     let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
     // Lines far below everything would only compress the curves.
     let within = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
-    let error = Axis::around_values(shown.iter().map(|(_, error)| *error).chain(within))?;
-    let mut out = Svg::new(SIZE);
+    let error = LogAxis::around_values(shown.iter().map(|(_, error)| *error).chain(within))?;
+    let mut out = SvgText::new(SIZE);
     let title = format!("{}: {}", study.scene, measure.title());
     out.text([INNER.left, 28.0], "start", GREY, &title);
     draw_axes(&mut out, cost, error, &study.machine());
-    let at = |row: &Row, value: f64| chart_point(cost.share(row.core_s()), error.share(value));
-    let mut entries: Vec<(String, Look)> = Vec::new();
+    let at = |row: &SettingRow, value: f64| chart_point(cost.share(row.core_s()), error.share(value));
+    let mut entries: Vec<(String, MethodStyle)> = Vec::new();
     for (row, _) in &shown {
         let method = row.method();
         if entries.iter().any(|(name, _)| *name == method) {
             continue;
         }
-        let mut curve: Vec<&(&Row, f64)> = shown.iter().filter(|(row, _)| row.method() == method).collect();
+        let mut curve: Vec<&(&SettingRow, f64)> =
+            shown.iter().filter(|(row, _)| row.method() == method).collect();
         curve.sort_by_key(|(row, _)| row.rate);
-        let look = Look::for_row(study, row);
+        let look = MethodStyle::for_row(study, row);
         look.curve(&mut out, &curve.iter().map(|(row, value)| at(row, *value)).collect::<Vec<_>>());
         entries.push((method, look));
     }
@@ -96,7 +97,7 @@ fn chart_point(x: f64, y: f64) -> [f64; 2] {
     [INNER.left + INNER.width * x, INNER.top + INNER.height * (1.0 - y)]
 }
 
-fn draw_axes(out: &mut Svg, cost: Axis, error: Axis, machine: &str) {
+fn draw_axes(out: &mut SvgText, cost: LogAxis, error: LogAxis, machine: &str) {
     out.frame(INNER);
     let bottom = INNER.top + INNER.height;
     for mark in cost.marks() {
@@ -120,24 +121,24 @@ fn plain_number(mark: f64) -> String {
 
 /// Drawing style of a method: rules by colour, interpolation by dashes, steps by marks.
 #[derive(Debug, Clone, Copy)]
-struct Look {
+struct MethodStyle {
     colour: &'static str,
     dashes: &'static str,
     filled: bool,
 }
 
-impl Look {
-    fn for_row(study: &Study, row: &Row) -> Self {
+impl MethodStyle {
+    fn for_row(study: &StudyResult, row: &SettingRow) -> Self {
         let rules = study.rules.iter().position(|of| of.rules == row.rules).unwrap_or(0);
         let dashes = match row.between {
-            Between::Hermite => "none",
-            Between::Catmull => "8 4",
-            Between::Linear => "2 3",
+            BetweenFrames::Hermite => "none",
+            BetweenFrames::Catmull => "8 4",
+            BetweenFrames::Linear => "2 3",
         };
-        Self { colour: COLOURS[rules % COLOURS.len()], dashes, filled: row.steps == Steps::Uniform }
+        Self { colour: COLOURS[rules % COLOURS.len()], dashes, filled: row.steps == StepRule::Uniform }
     }
 
-    fn curve(self, out: &mut Svg, points: &[[f64; 2]]) {
+    fn curve(self, out: &mut SvgText, points: &[[f64; 2]]) {
         draw_dashed(out, points, self.colour, self.dashes);
         let fill = if self.filled { self.colour } else { "#ffffff" };
         for [x, y] in points {
@@ -149,38 +150,42 @@ impl Look {
     }
 }
 
-fn draw_dashed(out: &mut Svg, points: &[[f64; 2]], colour: &str, dashes: &str) {
+fn draw_dashed(out: &mut SvgText, points: &[[f64; 2]], colour: &str, dashes: &str) {
     out.line(&format!("<g stroke-dasharray=\"{dashes}\">"));
     out.polyline(points.iter().copied(), colour, 1.4);
     out.line("</g>");
 }
 
 /// A horizontal line for an error that does not belong to a setting.
-struct Line {
+struct ErrorLine {
     error: f64,
     colour: &'static str,
     words: String,
 }
 
 /// The error from jumps for each rule set, and the sensor's jitter, if the measure has them.
-fn error_lines(study: &Study, measure: Measure) -> Vec<Line> {
+fn error_lines(study: &StudyResult, measure: ErrorMeasure) -> Vec<ErrorLine> {
     let mut lines = Vec::new();
     for (of, colour) in study.rules.iter().zip(COLOURS) {
-        let jumps = of.left_by_jumps().filter(|error| measure == Measure::Rms && *error > 0.0);
-        lines.extend(jumps.map(|error| Line { error, colour, words: format!("jumps of {}", of.rules) }));
+        let jumps = of.left_by_jumps().filter(|error| measure == ErrorMeasure::Rms && *error > 0.0);
+        lines.extend(jumps.map(|error| ErrorLine { error, colour, words: format!("jumps of {}", of.rules) }));
     }
     let jitter = study.rules.first().and_then(|of| of.jitter);
     let jitter = jitter.and_then(|jitter| match measure {
-        Measure::Rms => Some(jitter.rms_th),
-        Measure::Median => Some(jitter.us),
-        Measure::Count | Measure::Miscount | Measure::P99 | Measure::F1 => None,
+        ErrorMeasure::Rms => Some(jitter.rms_th),
+        ErrorMeasure::Median => Some(jitter.us),
+        ErrorMeasure::Count | ErrorMeasure::Miscount | ErrorMeasure::P99 | ErrorMeasure::F1 => None,
     });
     let jitter = jitter.filter(|error| *error > 0.0);
-    lines.extend(jitter.map(|error| Line { error, colour: GREY, words: "sensor's own jitter".to_owned() }));
+    lines.extend(jitter.map(|error| ErrorLine {
+        error,
+        colour: GREY,
+        words: "sensor's own jitter".to_owned(),
+    }));
     lines
 }
 
-fn draw_legend(out: &mut Svg, entries: &[(String, Look)], error: Axis, lines: &[Line]) {
+fn draw_legend(out: &mut SvgText, entries: &[(String, MethodStyle)], error: LogAxis, lines: &[ErrorLine]) {
     let [x, mut y] = LEGEND;
     // Labels of the lines stand at their right ends; the legend avoids them.
     let taken: Vec<f64> = lines.iter().map(|line| chart_point(1.0, error.share(line.error))[1]).collect();
@@ -201,7 +206,7 @@ mod tests {
     #[test]
     fn axes_are_marked_at_round_numbers() {
         let t = |low, high, wanted: &[f64]| {
-            let found = Axis { low, high }.marks();
+            let found = LogAxis { low, high }.marks();
             assert_eq!(found.len(), wanted.len(), "{found:?}");
             assert!(found.iter().zip(wanted).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{found:?}");
         };
@@ -210,7 +215,7 @@ mod tests {
         t(1e-4, 2.0, &[1e-4, 1e-3, 1e-2, 0.1, 1.0]);
         assert_eq!(plain_number(0.05), "0.05");
         assert_eq!(plain_number(2e-5), "2e-5");
-        let axis = Axis::around_values([1.0, 100.0].into_iter()).unwrap();
+        let axis = LogAxis::around_values([1.0, 100.0].into_iter()).unwrap();
         assert!((axis.share(10.0) - 0.5).abs() < 1e-12);
     }
 }

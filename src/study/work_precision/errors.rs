@@ -20,12 +20,12 @@ const PIXEL_BITS: u32 = u64::BITS - TIME_BITS - 1;
 /// Events of 8 bytes each: pixel, polarity and time from the highest bit down, so that their
 /// numerical order is that by pixel, polarity and time.
 #[derive(Debug, Clone, Default)]
-pub struct Packed {
+pub struct CompactEvents {
     width: u64,
     events: Vec<u64>,
 }
 
-impl Packed {
+impl CompactEvents {
     /// An empty stream of a sensor with this width.
     #[must_use]
     pub fn new(width: u32) -> Self {
@@ -47,7 +47,7 @@ impl Packed {
     }
 }
 
-impl EventSink for Packed {
+impl EventSink for CompactEvents {
     fn append(&mut self, events: &[Event]) -> io::Result<()> {
         self.events.reserve(events.len());
         for event in events {
@@ -66,7 +66,7 @@ pub fn active_pixels(sorted: &[u64]) -> usize {
 
 /// Errors of a stream against a reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Errors {
+pub struct StreamErrors {
     /// Number of events.
     pub events: usize,
     /// Number of events of the reference.
@@ -83,8 +83,8 @@ pub struct Errors {
     pub p99_us: Option<f64>,
 }
 
-impl Errors {
-    /// Compares two sorted streams ([`Packed::sorted`]).
+impl StreamErrors {
+    /// Compares two sorted streams ([`CompactEvents::sorted`]).
     #[must_use]
     pub fn compare_streams(found: &[u64], reference: &[u64]) -> Self {
         let mut miscount = 0;
@@ -168,11 +168,11 @@ fn match_events(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{Label, Polarity};
+    use crate::event::{EventLabel, Polarity};
     use crate::units::Timestamp;
 
     fn packed(events: &[(u16, i64, Polarity)]) -> Vec<u64> {
-        let mut sink = Packed::new(4);
+        let mut sink = CompactEvents::new(4);
         let events: Vec<Event> = events
             .iter()
             .map(|(pixel, us, polarity)| Event {
@@ -180,7 +180,7 @@ mod tests {
                 x: pixel % 4,
                 y: pixel / 4,
                 polarity: *polarity,
-                label: Label::Signal,
+                label: EventLabel::Signal,
             })
             .collect();
         sink.append(&events).unwrap();
@@ -204,7 +204,7 @@ mod tests {
             (7, 9_999, ON),
             (11, 3, OFF),
         ]);
-        let errors = Errors::compare_streams(&found, &reference);
+        let errors = StreamErrors::compare_streams(&found, &reference);
         assert_eq!((errors.events, errors.reference), (7, 6));
         // One OFF less and one ON more at 5; 6 lacks one; 7 and 11 have one more each.
         assert!((errors.miscount - 5.0 / 6.0).abs() < 1e-12 && (errors.count - 1.0 / 6.0).abs() < 1e-12);
@@ -213,7 +213,7 @@ mod tests {
         // 0, 8, 80 and 800 us.
         assert_eq!((errors.median_us, errors.p99_us), (Some(8.0), Some(800.0)));
         assert_eq!(active_pixels(&found), 4);
-        let same = Errors::compare_streams(&reference, &reference);
+        let same = StreamErrors::compare_streams(&reference, &reference);
         assert_eq!((same.miscount, same.f1, same.p99_us), (0.0, [1.0; 3], Some(0.0)));
     }
 
@@ -223,15 +223,15 @@ mod tests {
         let train = |skip: i64, late: i64| -> Vec<(u16, i64, Polarity)> {
             (0..20).filter(|k| *k != skip).map(|k| (3, 1000 + 300 * k + late, ON)).collect()
         };
-        let errors = Errors::compare_streams(&packed(&train(2, 20)), &packed(&train(-1, 0)));
+        let errors = StreamErrors::compare_streams(&packed(&train(2, 20)), &packed(&train(-1, 0)));
         assert_eq!((errors.median_us, errors.p99_us), (Some(20.0), Some(20.0)), "{errors:?}");
-        let other = Errors::compare_streams(&packed(&train(-1, 0)), &packed(&train(2, 20)));
+        let other = StreamErrors::compare_streams(&packed(&train(-1, 0)), &packed(&train(2, 20)));
         assert_eq!(other.p99_us, Some(20.0), "{other:?}");
     }
 
     #[test]
     fn nothing_is_without_error() {
-        let errors = Errors::compare_streams(&[], &[]);
+        let errors = StreamErrors::compare_streams(&[], &[]);
         assert_eq!((errors.count, errors.f1, errors.median_us), (0.0, [1.0; 3], None));
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Choice of frame times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Steps {
+pub enum StepRule {
     /// At a frame rate.
     Uniform,
     /// Steps with equal image motion.
@@ -15,9 +15,9 @@ pub enum Steps {
 
 /// Some frames of a fine sequence.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
+pub struct FrameGrid {
     /// The rule.
-    pub steps: Steps,
+    pub steps: StepRule,
     /// Frames per second. For flow steps, the rate of the uniform grid with the same number of
     /// frames.
     pub rate: u32,
@@ -26,7 +26,7 @@ pub struct Grid {
     pub places: Vec<usize>,
 }
 
-impl Grid {
+impl FrameGrid {
     /// Every n-th of `intervals + 1` fine frames.
     ///
     /// # Panics
@@ -36,7 +36,7 @@ impl Grid {
         assert!(finest.is_multiple_of(2 * rate) && intervals.is_multiple_of(2), "intervals have a middle");
         let every = (finest / rate) as usize;
         let places = (0..intervals).step_by(every).chain([intervals]).collect();
-        Self { steps: Steps::Uniform, rate, places }
+        Self { steps: StepRule::Uniform, rate, places }
     }
 
     /// The grid with the shortest flow steps that has no more frames than a uniform one. `flows` is
@@ -53,7 +53,7 @@ impl Grid {
                 low = middle
             }
         }
-        Self { steps: Steps::Flow, rate: uniform.rate, places: step_places(flows, high) }
+        Self { steps: StepRule::Flow, rate: uniform.rate, places: step_places(flows, high) }
     }
 }
 
@@ -85,8 +85,8 @@ mod tests {
 
     #[test]
     fn uniform_grids_hold_both_ends() {
-        assert_eq!(Grid::uniform_steps(600, 2400, 12).places, [0, 4, 8, 12]);
-        assert_eq!(Grid::uniform_steps(600, 2400, 10).places, [0, 4, 8, 10]);
+        assert_eq!(FrameGrid::uniform_steps(600, 2400, 12).places, [0, 4, 8, 12]);
+        assert_eq!(FrameGrid::uniform_steps(600, 2400, 10).places, [0, 4, 8, 10]);
     }
 
     #[test]
@@ -96,7 +96,7 @@ mod tests {
         assert_eq!(step_places(&flows, 16.0), [0, 16, 18, 20, 22, 24, 26, 28, 30, 32]);
         // A step does not extend into the fast part, where it would be too long.
         assert_eq!(step_places(&flows, 12.0)[..4], [0, 12, 16, 18]);
-        let even = Grid::flow_steps(&[1.0; 32], &Grid::uniform_steps(100, 800, 32));
+        let even = FrameGrid::flow_steps(&[1.0; 32], &FrameGrid::uniform_steps(100, 800, 32));
         assert_eq!(even.places, [0, 8, 16, 24, 32]);
     }
 
@@ -104,13 +104,13 @@ mod tests {
     fn flow_steps_have_no_more_frames_than_asked() {
         let flows: Vec<f64> = (0..960).map(|j| 1.0 + 0.9 * libm::sin(f64::from(j) * 0.02)).collect();
         for rate in [150, 300, 600, 1200, 2400] {
-            let uniform = Grid::uniform_steps(rate, 9600, 960);
-            let flow = Grid::flow_steps(&flows, &uniform);
+            let uniform = FrameGrid::uniform_steps(rate, 9600, 960);
+            let flow = FrameGrid::flow_steps(&flows, &uniform);
             let (found, wanted) = (flow.places.len(), uniform.places.len());
             assert!(found <= wanted && found * 10 >= wanted * 7, "{rate}: {found} of {wanted}");
             assert!(flow.places.windows(2).all(|w| (w[1] - w[0]).is_multiple_of(2) && w[0] < w[1]));
         }
-        let still = Grid::flow_steps(&[0.0; 96], &Grid::uniform_steps(150, 9600, 96));
+        let still = FrameGrid::flow_steps(&[0.0; 96], &FrameGrid::uniform_steps(150, 9600, 96));
         assert_eq!(still.places, [0, 96]);
     }
 }

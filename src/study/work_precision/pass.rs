@@ -1,63 +1,63 @@
 //! One pass over the fine frames of a rule set that feeds all settings.
 
-use super::Spent;
-use super::errors::{Packed, active_pixels};
-use super::grid::Grid;
-use super::voltage::{Seen, Voltages};
-use crate::frames::{Frame, Frames};
+use super::TimeSpent;
+use super::errors::{CompactEvents, active_pixels};
+use super::grid::FrameGrid;
+use super::voltage::{FrameVoltage, IntervalVoltages};
+use crate::frames::{DenseFrame, FrameSequence};
 use crate::image::Size;
-use crate::sampling::jitter::Jitter;
+use crate::sampling::jitter::IntervalNoise;
 use crate::seed::Seed;
-use crate::sensor::voltmeter::{Between, Voltmeter};
-use crate::sensor::{Model as _, Pixels, SensorError, SimulateError};
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use crate::sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// The inputs of a pass.
 #[derive(Debug)]
-pub struct Setup<'a> {
+pub struct PassSetup<'a> {
     /// The sensor of all settings; its interpolation is replaced.
-    pub sensor: &'a Voltmeter,
+    pub sensor: &'a VoltmeterModel,
     /// Seed of its noise, the same for all.
     pub seed: Seed,
     /// The grids.
-    pub grids: &'a [Grid],
+    pub grids: &'a [FrameGrid],
     /// The interpolations for each grid.
-    pub between: &'a [Between],
+    pub between: &'a [BetweenFrames],
 }
 
 /// The result of one setting.
 #[derive(Debug)]
-pub struct Fed {
+pub struct FedSetting {
     /// Index of the grid.
     pub grid: usize,
     /// Interpolation between its frames.
-    pub between: Between,
+    pub between: BetweenFrames,
     /// RMS error of k1 V at the middles of intervals, in thresholds.
     pub rms_th: f64,
     /// Its events, sorted.
     pub events: Vec<u64>,
     /// Time of its sensor.
-    pub spent: Spent,
+    pub spent: TimeSpent,
 }
 
 /// The result of a pass.
 #[derive(Debug)]
-pub struct Passed {
+pub struct PassResult {
     /// Events of the finest frames with `hermite`, sorted.
     pub reference: Vec<u64>,
     /// The settings, grid by grid.
-    pub fed: Vec<Fed>,
+    pub fed: Vec<FedSetting>,
     /// Mean luminance of the first frame, grey.
     pub grey: f64,
 }
 
-impl Passed {
+impl PassResult {
     /// Time jitter by noise of a sensor in this window; `None` without events.
     #[must_use]
-    pub fn jitter(&self, sensor: &Voltmeter, seconds: f64) -> Option<Jitter> {
+    pub fn jitter(&self, sensor: &VoltmeterModel, seconds: f64) -> Option<IntervalNoise> {
         let counts = [self.reference.len(), active_pixels(&self.reference)].map(|n| n as u64);
-        Jitter::for_sensor(sensor, self.grey, counts, seconds)
+        IntervalNoise::for_sensor(sensor, self.grey, counts, seconds)
     }
 }
 
@@ -67,14 +67,14 @@ impl Passed {
 /// # Errors
 /// A frame cannot be rendered, a sensor fails, or `tap` stops.
 pub fn feed_settings(
-    setup: &Setup<'_>,
-    frames: &mut dyn Frames,
-    clock: &dyn Fn() -> Spent,
+    setup: &PassSetup<'_>,
+    frames: &mut dyn FrameSequence,
+    clock: &dyn Fn() -> TimeSpent,
     tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
-) -> Result<Passed, SimulateError> {
+) -> Result<PassResult, SimulateError> {
     let size = frames.size();
-    let mut reference = Sensing::start_sensor(setup, Between::Hermite, size)?;
-    let mut gridded = setup.grids.iter().map(|grid| Gridded::start_grid(setup, grid, size));
+    let mut reference = SensorAtWork::start_sensor(setup, BetweenFrames::Hermite, size)?;
+    let mut gridded = setup.grids.iter().map(|grid| GridSettings::start_grid(setup, grid, size));
     let mut gridded = gridded.by_ref().collect::<Result<Vec<_>, _>>()?;
     let mut grey = 0.0;
     while let Some(frame) = frames.next()? {
@@ -84,7 +84,7 @@ pub fn feed_settings(
             grey = sum / size.pixels() as f64;
         }
         let wanted = gridded.iter().any(|grid| grid.wants(frame.index));
-        let seen = wanted.then(|| Arc::new(Seen::new(&frame, setup.sensor.k[1])));
+        let seen = wanted.then(|| Arc::new(FrameVoltage::new(&frame, setup.sensor.k[1])));
         if let Some(seen) = seen {
             gridded.iter_mut().try_for_each(|grid| grid.see(&frame, &seen, clock))?;
         }
@@ -96,31 +96,31 @@ pub fn feed_settings(
     for (number, grid) in gridded.into_iter().enumerate() {
         grid.end(setup, number, clock, &mut fed)?;
     }
-    Ok(Passed { reference: reference.end(clock)?.0, fed, grey })
+    Ok(PassResult { reference: reference.end(clock)?.0, fed, grey })
 }
 
 /// A sensor during the pass.
-struct Sensing {
-    pixels: Box<dyn Pixels>,
-    events: Packed,
-    spent: Spent,
+struct SensorAtWork {
+    pixels: Box<dyn SensorPixels>,
+    events: CompactEvents,
+    spent: TimeSpent,
 }
 
-impl Sensing {
-    fn start_sensor(setup: &Setup<'_>, between: Between, size: Size) -> Result<Self, SensorError> {
-        let sensor = Voltmeter { between, ..setup.sensor.clone() };
+impl SensorAtWork {
+    fn start_sensor(setup: &PassSetup<'_>, between: BetweenFrames, size: Size) -> Result<Self, SensorError> {
+        let sensor = VoltmeterModel { between, ..setup.sensor.clone() };
         let pixels = sensor.start(size, [0, 0], setup.seed)?;
-        Ok(Self { pixels, events: Packed::new(size.width), spent: Spent::default() })
+        Ok(Self { pixels, events: CompactEvents::new(size.width), spent: TimeSpent::default() })
     }
 
-    fn see(&mut self, frame: &Frame, clock: &dyn Fn() -> Spent) -> Result<(), SensorError> {
+    fn see(&mut self, frame: &DenseFrame, clock: &dyn Fn() -> TimeSpent) -> Result<(), SensorError> {
         let before = clock();
         self.pixels.advance(frame, &mut self.events)?;
         self.spent += clock() - before;
         Ok(())
     }
 
-    fn end(mut self, clock: &dyn Fn() -> Spent) -> Result<(Vec<u64>, Spent), SensorError> {
+    fn end(mut self, clock: &dyn Fn() -> TimeSpent) -> Result<(Vec<u64>, TimeSpent), SensorError> {
         let before = clock();
         self.pixels.finish(&mut self.events)?;
         let spent = self.spent + (clock() - before);
@@ -129,22 +129,22 @@ impl Sensing {
 }
 
 /// The settings of one grid.
-struct Gridded<'a> {
-    grid: &'a Grid,
+struct GridSettings<'a> {
+    grid: &'a FrameGrid,
     /// Index of its next frame among the grid's frames.
     next: usize,
-    sensing: Vec<Sensing>,
-    voltages: Voltages,
+    sensing: Vec<SensorAtWork>,
+    voltages: IntervalVoltages,
 }
 
-impl<'a> Gridded<'a> {
-    fn start_grid(setup: &Setup<'_>, grid: &'a Grid, size: Size) -> Result<Self, SensorError> {
-        let sensing = setup.between.iter().map(|between| Sensing::start_sensor(setup, *between, size));
+impl<'a> GridSettings<'a> {
+    fn start_grid(setup: &PassSetup<'_>, grid: &'a FrameGrid, size: Size) -> Result<Self, SensorError> {
+        let sensing = setup.between.iter().map(|between| SensorAtWork::start_sensor(setup, *between, size));
         Ok(Self {
             grid,
             next: 0,
             sensing: sensing.collect::<Result<_, _>>()?,
-            voltages: Voltages::new(setup.between),
+            voltages: IntervalVoltages::new(setup.between),
         })
     }
 
@@ -158,7 +158,12 @@ impl<'a> Gridded<'a> {
         self.grid.places.get(self.next) == Some(&fine) || self.middle() == Some(fine)
     }
 
-    fn see(&mut self, frame: &Frame, seen: &Arc<Seen>, clock: &dyn Fn() -> Spent) -> Result<(), SensorError> {
+    fn see(
+        &mut self,
+        frame: &DenseFrame,
+        seen: &Arc<FrameVoltage>,
+        clock: &dyn Fn() -> TimeSpent,
+    ) -> Result<(), SensorError> {
         if self.middle() == Some(frame.index) {
             self.voltages.middle(seen);
         }
@@ -172,17 +177,23 @@ impl<'a> Gridded<'a> {
 
     fn end(
         self,
-        setup: &Setup<'_>,
+        setup: &PassSetup<'_>,
         number: usize,
-        clock: &dyn Fn() -> Spent,
-        fed: &mut Vec<Fed>,
+        clock: &dyn Fn() -> TimeSpent,
+        fed: &mut Vec<FedSetting>,
     ) -> Result<(), SensorError> {
         let in_thresholds =
             setup.sensor.k[0] / f64::midpoint(setup.sensor.threshold_on, setup.sensor.threshold_off);
         let rms = self.voltages.finish();
         for ((sensing, rms), between) in self.sensing.into_iter().zip(rms).zip(setup.between) {
             let (events, spent) = sensing.end(clock)?;
-            fed.push(Fed { grid: number, between: *between, rms_th: rms * in_thresholds, events, spent });
+            fed.push(FedSetting {
+                grid: number,
+                between: *between,
+                rms_th: rms * in_thresholds,
+                events,
+                spent,
+            });
         }
         Ok(())
     }
@@ -190,11 +201,11 @@ impl<'a> Gridded<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::errors::Errors;
+    use super::super::errors::StreamErrors;
     use super::*;
     use crate::frames::FrameError;
     use crate::image::Image;
-    use crate::sensor::voltmeter::Preset;
+    use crate::sensor::voltmeter::VoltmeterPreset;
     use crate::units::Timestamp;
 
     const SIZE: Size = Size { width: 8, height: 8 };
@@ -205,7 +216,7 @@ mod tests {
     /// frequency of 30 Hz.
     struct Waves(usize);
 
-    impl Frames for Waves {
+    impl FrameSequence for Waves {
         fn size(&self) -> Size {
             SIZE
         }
@@ -215,11 +226,11 @@ mod tests {
         }
 
         #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
-        fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
             if self.0 > INTERVALS {
                 return Ok(None);
             }
-            let [k1, k2, ..] = Preset::Dvs346.k();
+            let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
             let index = self.0;
             let us = (index as f64 * 1e6 / f64::from(FINEST)).round() as i64;
             self.0 += 1;
@@ -231,18 +242,18 @@ mod tests {
                 *l = (level - k2) as f32;
                 *r = (level * 6.0 / k1 * omega * libm::cos(phase)) as f32;
             }
-            Ok(Some(Frame { index, t: Timestamp::from_micros(us), luminance, rate: Some(rate) }))
+            Ok(Some(DenseFrame { index, t: Timestamp::from_micros(us), luminance, rate: Some(rate) }))
         }
     }
 
-    fn passed() -> Passed {
-        let [k1, k2, ..] = Preset::Dvs346.k();
-        let sensor = Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
-        let grids = [300, 600].map(|rate| Grid::uniform_steps(rate, FINEST, INTERVALS));
-        let between = [Between::Linear, Between::Catmull, Between::Hermite];
-        let setup = Setup { sensor: &sensor, seed: Seed(1), grids: &grids, between: &between };
+    fn passed() -> PassResult {
+        let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+        let sensor = VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let grids = [300, 600].map(|rate| FrameGrid::uniform_steps(rate, FINEST, INTERVALS));
+        let between = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
+        let setup = PassSetup { sensor: &sensor, seed: Seed(1), grids: &grids, between: &between };
         let mut go_on = |_| ControlFlow::Continue(());
-        feed_settings(&setup, &mut Waves(0), &Spent::default, &mut go_on).unwrap()
+        feed_settings(&setup, &mut Waves(0), &TimeSpent::default, &mut go_on).unwrap()
     }
 
     /// Over whole periods, the curvature of a sine of amplitude A is `A w^2/sqrt(2)` rms, so lines
@@ -274,8 +285,11 @@ mod tests {
         // Three periods of 12 thresholds up and down: 72 events of a pixel, except at the turns.
         let each = passed.reference.len() as f64 / SIZE.pixels() as f64;
         assert!((60.0..72.0).contains(&each), "{each}");
-        let errors: Vec<Errors> =
-            passed.fed.iter().map(|fed| Errors::compare_streams(&fed.events, &passed.reference)).collect();
+        let errors: Vec<StreamErrors> = passed
+            .fed
+            .iter()
+            .map(|fed| StreamErrors::compare_streams(&fed.events, &passed.reference))
+            .collect();
         let median = |at: usize| errors[at].median_us.unwrap();
         // Linear at 300 and 600 Hz: times fall with the square of the step.
         assert!((3.0..5.0).contains(&(median(0) / median(3))), "{} {}", median(0), median(3));

@@ -1,12 +1,12 @@
 //! The cheapest setting at a given error.
 
-use super::Row;
+use super::SettingRow;
 use serde::Serialize;
 
 /// A measure of error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Measure {
+pub enum ErrorMeasure {
     /// RMS of k1 V at interval middles, in thresholds.
     Rms,
     /// Difference of the numbers of events, relative to all events.
@@ -21,13 +21,13 @@ pub enum Measure {
     F1,
 }
 
-impl Measure {
+impl ErrorMeasure {
     /// All measures.
     pub const ALL: [Self; 6] = [Self::Rms, Self::Count, Self::Miscount, Self::Median, Self::P99, Self::F1];
 
     /// The error of a row; `None` if there are too few events.
     #[must_use]
-    pub fn of(self, row: &Row) -> Option<f64> {
+    pub fn of(self, row: &SettingRow) -> Option<f64> {
         let value = match self {
             Self::Rms => Some(row.rms_th),
             Self::Count => Some(row.errors.count),
@@ -81,25 +81,25 @@ impl Measure {
 
 /// A point on a curve of error over cost.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Place {
+pub struct CostPlace {
     /// Core seconds.
     pub core_s: f64,
     /// Frames.
     pub frames: f64,
-    /// Whether the curve is below the error already at its start: a cheaper setting might be
+    /// True if the curve is below the error already at its start: a cheaper setting might be
     /// sufficient.
     pub at_most: bool,
 }
 
 /// A method at the requested error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Offer {
+pub struct MethodOffer {
     /// Name of the rule set.
     pub rules: String,
     /// Rules, interpolation and steps.
     pub method: String,
     /// The point at which its curve reaches the error; `None` if it does not.
-    pub place: Option<Place>,
+    pub place: Option<CostPlace>,
     /// Its lowest error.
     pub lowest: f64,
     /// Cost of its lowest error, core seconds.
@@ -108,21 +108,21 @@ pub struct Offer {
 
 /// The cost of all methods at one error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Pick {
+pub struct MethodComparison {
     /// The measure.
-    pub measure: Measure,
+    pub measure: ErrorMeasure,
     /// The error.
     pub error: f64,
     /// Core seconds of the reference setting, which has this error.
     pub base_core_s: f64,
     /// The methods, the cheapest first; those that do not reach the error come last.
-    pub offers: Vec<Offer>,
+    pub offers: Vec<MethodOffer>,
 }
 
-impl Pick {
+impl MethodComparison {
     /// Compares `rows` at the error of `base`; `None` if it has none.
     #[must_use]
-    pub fn at_error(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
+    pub fn at_error(measure: ErrorMeasure, base: &SettingRow, rows: &[SettingRow]) -> Option<Self> {
         let error = measure.of(base).filter(|error| *error > 0.0)?;
         let mut names: Vec<[String; 2]> = Vec::new();
         for row in rows.iter().map(|row| [row.rules.clone(), row.method()]) {
@@ -130,20 +130,21 @@ impl Pick {
                 names.push(row);
             }
         }
-        let mut offers: Vec<Offer> = Vec::new();
+        let mut offers: Vec<MethodOffer> = Vec::new();
         for name in names {
             let of_method = rows.iter().filter(|row| row.method() == name[1]);
-            let curve = of_method.filter_map(|row| Some(Point::from_row(row, measure.of(row)?))).collect();
+            let curve =
+                of_method.filter_map(|row| Some(CostPoint::from_row(row, measure.of(row)?))).collect();
             offers.extend(best_offer(name, curve, error));
         }
-        let cost = |offer: &Offer| offer.place.map_or(f64::INFINITY, |place| place.core_s);
+        let cost = |offer: &MethodOffer| offer.place.map_or(f64::INFINITY, |place| place.core_s);
         offers.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         Some(Self { measure, error, base_core_s: base.core_s(), offers })
     }
 
     /// The cheapest method at this error.
     #[must_use]
-    pub fn cheapest(&self) -> Option<(&Offer, Place)> {
+    pub fn cheapest(&self) -> Option<(&MethodOffer, CostPlace)> {
         self.offers.first().and_then(|offer| Some((offer, offer.place?)))
     }
 }
@@ -152,40 +153,40 @@ impl Pick {
 const LEAST: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy)]
-struct Point {
+struct CostPoint {
     core_s: f64,
     frames: f64,
     error: f64,
 }
 
-impl Point {
-    fn from_row(row: &Row, error: f64) -> Self {
+impl CostPoint {
+    fn from_row(row: &SettingRow, error: f64) -> Self {
         Self { core_s: row.core_s(), frames: row.frames as f64, error: error.max(LEAST) }
     }
 }
 
-fn best_offer([rules, method]: [String; 2], mut curve: Vec<Point>, error: f64) -> Option<Offer> {
+fn best_offer([rules, method]: [String; 2], mut curve: Vec<CostPoint>, error: f64) -> Option<MethodOffer> {
     curve.sort_by(|a, b| a.frames.total_cmp(&b.frames));
     let lowest = curve.iter().min_by(|a, b| a.error.total_cmp(&b.error))?;
     let (lowest, lowest_core_s) = (lowest.error, lowest.core_s);
-    Some(Offer { rules, method, place: reaching_place(&curve, error), lowest, lowest_core_s })
+    Some(MethodOffer { rules, method, place: reaching_place(&curve, error), lowest, lowest_core_s })
 }
 
 /// The point from which on a curve has at most this error, linear in logarithms between its points.
 /// A good point before worse ones is chance.
 /// good before worse ones is luck.
-fn reaching_place(curve: &[Point], error: f64) -> Option<Place> {
+fn reaching_place(curve: &[CostPoint], error: f64) -> Option<CostPlace> {
     let at = curve.iter().rposition(|point| point.error > error).map_or(0, |worse| worse + 1);
     if at == curve.len() {
         return None;
     }
     let to = curve[at];
     let Some(from) = at.checked_sub(1).map(|before| curve[before]) else {
-        return Some(Place { core_s: to.core_s, frames: to.frames, at_most: true });
+        return Some(CostPlace { core_s: to.core_s, frames: to.frames, at_most: true });
     };
     let share = libm::log(from.error / error) / libm::log(from.error / to.error);
     let along = |a: f64, b: f64| a * libm::pow(b / a, share);
-    Some(Place {
+    Some(CostPlace {
         core_s: along(from.core_s, to.core_s),
         frames: along(from.frames, to.frames),
         at_most: false,
@@ -197,10 +198,14 @@ mod tests {
     use super::*;
 
     /// Costs that rise with the frames, and errors that fall with a power of them down to a floor.
-    fn curve(cost: f64, c: f64, p: f64, floor: f64) -> Vec<Point> {
+    fn curve(cost: f64, c: f64, p: f64, floor: f64) -> Vec<CostPoint> {
         let frames = [100.0, 200.0, 400.0, 800.0, 1600.0];
         frames
-            .map(|frames| Point { core_s: cost * frames, frames, error: c / libm::pow(frames, p) + floor })
+            .map(|frames| CostPoint {
+                core_s: cost * frames,
+                frames,
+                error: c / libm::pow(frames, p) + floor,
+            })
             .to_vec()
     }
 

@@ -1,9 +1,9 @@
 //! The results of a study as a table for programs, and in words.
 
 use super::brief;
-use super::grid::Steps;
-use super::pick::{Measure, Offer, Pick, Place};
-use super::{Row, Study};
+use super::grid::StepRule;
+use super::pick::{CostPlace, ErrorMeasure, MethodComparison, MethodOffer};
+use super::{SettingRow, StudyResult};
 use crate::image::Size;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -12,7 +12,7 @@ use std::io::{self, Write};
 ///
 /// # Errors
 /// Writing fails.
-pub fn write_csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
+pub fn write_csv(study: &StudyResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "rules,between,steps,rate_hz,frames,rms_th,events,reference_events,count_error,miscount,f1_10us,f1_100us,\
@@ -21,7 +21,7 @@ pub fn write_csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
     let may = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     for row in &study.rows {
         let e = &row.errors;
-        let steps = if row.steps == Steps::Flow { "flow" } else { "uniform" };
+        let steps = if row.steps == StepRule::Flow { "flow" } else { "uniform" };
         write!(out, "{},{},{steps},{},{},", row.rules, row.between.name(), row.rate, row.frames)?;
         write!(out, "{},{},{},{},{},", row.rms_th, e.events, e.reference, e.count, e.miscount)?;
         write!(out, "{},{},{},{},{},", e.f1[0], e.f1[1], e.f1[2], may(e.median_us), may(e.p99_us))?;
@@ -35,7 +35,7 @@ pub fn write_csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
 
 /// The study in words: the cheapest setting at each error. Markdown.
 #[must_use]
-pub fn study_words(study: &Study) -> String {
+pub fn study_words(study: &StudyResult) -> String {
     let mut out = String::new();
     let Size { width, height } = study.size;
     let noise = if study.noise { "the sensor's noise, the same in all" } else { "no noise" };
@@ -60,7 +60,7 @@ pub fn study_words(study: &Study) -> String {
 
 /// Conclusions for the user.
 #[must_use]
-pub fn conclusion_words(study: &Study) -> String {
+pub fn conclusion_words(study: &StudyResult) -> String {
     let Some(base) = study.base() else { return String::new() };
     let mut said = format!(
         "`{}` at {} frames a second costs {} core-seconds.",
@@ -104,12 +104,12 @@ pub fn conclusion_words(study: &Study) -> String {
     said
 }
 
-pub(super) fn at_most(place: &Place) -> &'static str {
+pub(super) fn at_most(place: &CostPlace) -> &'static str {
     if place.at_most { "at most " } else { "" }
 }
 
 /// The cost of each method at the errors of the reference setting.
-fn write_picks(out: &mut String, study: &Study, base: &Row) {
+fn write_picks(out: &mut String, study: &StudyResult, base: &SettingRow) {
     let picks = study.picks();
     let _ = write!(
         out,
@@ -137,13 +137,13 @@ fn write_picks(out: &mut String, study: &Study, base: &Row) {
     out.push('\n');
 }
 
-fn offer_cell(pick: &Pick, offer: &Offer) -> String {
+fn offer_cell(pick: &MethodComparison, offer: &MethodOffer) -> String {
     let Some(place) = offer.place else { return format!("- ({})", short_number(offer.lowest)) };
     let times = pick.base_core_s / place.core_s;
     format!("{}{} ({:.0}, {times:.2}x)", at_most(&place), short_number(place.core_s), place.frames)
 }
 
-fn write_rules(out: &mut String, study: &Study) {
+fn write_rules(out: &mut String, study: &StudyResult) {
     let _ = writeln!(
         out,
         "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms; J is \
@@ -182,7 +182,7 @@ fn write_rules(out: &mut String, study: &Study) {
     out.push('\n');
 }
 
-fn write_pictures(out: &mut String, study: &Study) {
+fn write_pictures(out: &mut String, study: &StudyResult) {
     if study.pictures.is_empty() {
         return;
     }
@@ -207,7 +207,7 @@ fn write_pictures(out: &mut String, study: &Study) {
     out.push('\n');
 }
 
-fn write_settings(out: &mut String, study: &Study) {
+fn write_settings(out: &mut String, study: &StudyResult) {
     let _ = writeln!(
         out,
         "## Settings\n\n| method | rate | frames | core s (render, sensor) | RMS, thresholds | miscounted | count | F1 at \
@@ -215,7 +215,7 @@ fn write_settings(out: &mut String, study: &Study) {
     );
     for row in &study.rows {
         let e = &row.errors;
-        let us = |measure: Measure| measure.of(row).map_or_else(|| "0".to_owned(), short_number);
+        let us = |measure: ErrorMeasure| measure.of(row).map_or_else(|| "0".to_owned(), short_number);
         let _ = writeln!(
             out,
             "| {} | {} | {} | {} ({}, {}) | {} | {} | {} | {:.4}, {:.4}, {:.4} | {} | {} |",
@@ -231,8 +231,8 @@ fn write_settings(out: &mut String, study: &Study) {
             e.f1[0],
             e.f1[1],
             e.f1[2],
-            us(Measure::Median),
-            us(Measure::P99),
+            us(ErrorMeasure::Median),
+            us(ErrorMeasure::P99),
         );
     }
 }

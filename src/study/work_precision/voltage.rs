@@ -1,22 +1,22 @@
 //! Interpolation error of brightness between frames: the error of the signal, before any event.
 
-use crate::frames::Frame;
-use crate::sampling::between::{Knot, interpolated_value};
-use crate::sensor::voltmeter::Between;
+use crate::frames::DenseFrame;
+use crate::sampling::between::{BetweenKnot, interpolated_value};
+use crate::sensor::voltmeter::BetweenFrames;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// `V = ln(L + k2)` of a frame and its rate of change, if the frame has it.
 #[derive(Debug)]
-pub(super) struct Seen {
+pub(super) struct FrameVoltage {
     seconds: f64,
     v: Vec<f64>,
     rate: Vec<f64>,
 }
 
-impl Seen {
-    pub(super) fn new(frame: &Frame, k2: f64) -> Self {
+impl FrameVoltage {
+    pub(super) fn new(frame: &DenseFrame, k2: f64) -> Self {
         let luminance = frame.luminance.pixels();
         let level = |l: &f32| f64::from(l.max(0.0)) + k2;
         let v = luminance.par_iter().map(|l| libm::log(level(l))).collect();
@@ -26,38 +26,38 @@ impl Seen {
         Self { seconds: frame.t.seconds(), v, rate }
     }
 
-    fn knot(&self, i: usize) -> Knot {
-        Knot { seconds: self.seconds, v: self.v[i], slope: self.rate.get(i).copied().unwrap_or(0.0) }
+    fn knot(&self, i: usize) -> BetweenKnot {
+        BetweenKnot { seconds: self.seconds, v: self.v[i], slope: self.rate.get(i).copied().unwrap_or(0.0) }
     }
 }
 
 /// The intervals of one grid. Each is evaluated at its middle, after the frame that follows it has
 /// arrived.
 #[derive(Debug)]
-pub(super) struct Voltages {
-    between: Vec<Between>,
+pub(super) struct IntervalVoltages {
+    between: Vec<BetweenFrames>,
     /// The frame before an interval, its two ends, and the frame after it.
-    window: [Option<Arc<Seen>>; 4],
-    middles: VecDeque<Arc<Seen>>,
+    window: [Option<Arc<FrameVoltage>>; 4],
+    middles: VecDeque<Arc<FrameVoltage>>,
     /// Sums of squares by method.
     sums: Vec<f64>,
     count: usize,
 }
 
-impl Voltages {
-    pub(super) fn new(between: &[Between]) -> Self {
+impl IntervalVoltages {
+    pub(super) fn new(between: &[BetweenFrames]) -> Self {
         let sums = vec![0.0; between.len()];
         let (window, middles) = (Default::default(), VecDeque::new());
         Self { between: between.to_vec(), window, middles, sums, count: 0 }
     }
 
     /// A frame of the grid.
-    pub(super) fn node(&mut self, seen: &Arc<Seen>) {
+    pub(super) fn node(&mut self, seen: &Arc<FrameVoltage>) {
         self.shift(Some(seen.clone()));
     }
 
     /// The frame in the middle of the interval that begins at the last node.
-    pub(super) fn middle(&mut self, seen: &Arc<Seen>) {
+    pub(super) fn middle(&mut self, seen: &Arc<FrameVoltage>) {
         self.middles.push_back(seen.clone());
     }
 
@@ -68,7 +68,7 @@ impl Voltages {
         self.sums.iter().map(|sum| (sum / count).sqrt()).collect()
     }
 
-    fn shift(&mut self, after: Option<Arc<Seen>>) {
+    fn shift(&mut self, after: Option<Arc<FrameVoltage>>) {
         self.window.rotate_left(1);
         self.window[3] = after;
         let [before, Some(from), Some(to), after] = &self.window else { return };
@@ -96,7 +96,7 @@ mod tests {
     use crate::units::Timestamp;
 
     const K2: f64 = 20.0;
-    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+    const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
 
     /// One pixel with `V` and slope as functions of time, sampled at these microseconds, with
     /// middles between them.
@@ -106,15 +106,15 @@ mod tests {
             let (v, slope) = signal(t as f64 * 1e-6);
             let level = libm::exp(v);
             let one = |value: f64| Image::filled(Size { width: 1, height: 1 }, value as f32);
-            let frame = Frame {
+            let frame = DenseFrame {
                 index: 0,
                 t: Timestamp::from_micros(t),
                 luminance: one(level - K2),
                 rate: Some(one(level * slope)),
             };
-            Arc::new(Seen::new(&frame, K2))
+            Arc::new(FrameVoltage::new(&frame, K2))
         };
-        let mut voltages = Voltages::new(&ALL);
+        let mut voltages = IntervalVoltages::new(&ALL);
         for pair in times_us.windows(2) {
             voltages.node(&seen(pair[0]));
             voltages.middle(&seen(i64::midpoint(pair[0], pair[1])));

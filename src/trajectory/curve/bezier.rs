@@ -10,13 +10,13 @@ mod pinned;
 
 use super::PoseCurve;
 use crate::se3::rotation::{exp_vector, log_vector, settled_mean};
-use crate::se3::rotation_spline::{RotationSpline, Unsettled, quadratic_part, rate_from_slope_times};
-use crate::se3::spline::Place;
+use crate::se3::rotation_spline::{RotationSpline, SplineDiverged, quadratic_part, rate_from_slope_times};
+use crate::se3::spline::CurvePlace;
 use crate::se3::{Se3, Twist};
-use crate::trajectory::Warning;
+use crate::trajectory::TrajectoryWarning;
 use crate::trajectory::metric::running_sums;
 use glam::{DQuat, DVec3};
-use pinned::Pinned;
+use pinned::PinnedBulge;
 use std::f64::consts::PI;
 
 /// Maximum degree. The condition of its basis, 1e6, leaves ten digits.
@@ -27,24 +27,24 @@ const WIDEST: f64 = 170.0 / 180.0 * PI;
 
 /// A Bezier curve near its knots.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bezier {
+pub struct BezierCurve {
     steps: Vec<f64>,
     /// The parameter at each knot.
     before: Vec<f64>,
     degree: u32,
-    centres: Pinned,
-    rotations: Rotations,
+    centres: PinnedBulge,
+    rotations: RotationControl,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum Rotations {
+enum RotationControl {
     /// Rotation vectors about a mean.
-    Around(DQuat, Pinned),
+    Around(DQuat, PinnedBulge),
     /// A spline through the knots; for two knots, their slerp.
     Spline(RotationSpline),
 }
 
-impl Bezier {
+impl BezierCurve {
     /// The curve near `knots`, with `steps[i] > 0` as the length of the parameter from knot i to
     /// knot i+1. K knots determine a degree of K-1. A higher degree is reduced to that, since its
     /// elevated form is the same curve. A degree out of range is replaced by the nearest in range.
@@ -58,20 +58,20 @@ impl Bezier {
     ///
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
-    pub fn fit_knots(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, Unsettled> {
+    pub fn fit_knots(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, SplineDiverged> {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
         let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MOST_DEGREE);
         let degree = degree.clamp(1, determined);
         let before = running_sums(steps.iter().copied());
         let x: Vec<f64> = before.iter().map(|s| s / before[steps.len()]).collect();
-        let fit = |points: &[DVec3]| Pinned::fit_points(degree as usize, &x, points);
+        let fit = |points: &[DVec3]| PinnedBulge::fit_points(degree as usize, &x, points);
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
         Ok(Self {
             degree,
             centres: fit(&knots.iter().map(|k| k.translation).collect::<Vec<_>>()),
             rotations: match around_mean(&rotations) {
-                Some((mean, vectors)) => Rotations::Around(mean, fit(&vectors)),
-                None => Rotations::Spline(RotationSpline::new(steps, &rotations)?),
+                Some((mean, vectors)) => RotationControl::Around(mean, fit(&vectors)),
+                None => RotationControl::Spline(RotationSpline::new(steps, &rotations)?),
             },
             steps: steps.to_vec(),
             before,
@@ -84,7 +84,7 @@ impl Bezier {
     }
 
     /// The share of the parameter before a place.
-    fn share(&self, at: Place) -> f64 {
+    fn share(&self, at: CurvePlace) -> f64 {
         ((self.before[at.segment] + at.x) / self.whole()).min(1.0)
     }
 }
@@ -102,39 +102,39 @@ fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
     (near && no_leap).then_some((mean, vectors))
 }
 
-impl PoseCurve for Bezier {
+impl PoseCurve for BezierCurve {
     fn steps(&self) -> &[f64] {
         &self.steps
     }
 
-    fn pose(&self, at: Place) -> Se3 {
+    fn pose(&self, at: CurvePlace) -> Se3 {
         let x = self.share(at);
         let rotation = match &self.rotations {
-            Rotations::Around(mean, vectors) => (*mean * exp_vector(vectors.value(x))).normalize(),
-            Rotations::Spline(spline) => spline.rotation(at),
+            RotationControl::Around(mean, vectors) => (*mean * exp_vector(vectors.value(x))).normalize(),
+            RotationControl::Spline(spline) => spline.rotation(at),
         };
         Se3 { rotation, translation: self.centres.value(x) }
     }
 
-    fn twist(&self, at: Place) -> Twist {
+    fn twist(&self, at: CurvePlace) -> Twist {
         let (x, whole) = (self.share(at), self.whole());
         let angular = match &self.rotations {
-            Rotations::Around(_, vectors) => {
+            RotationControl::Around(_, vectors) => {
                 rate_from_slope_times(vectors.value(x), vectors.slope(x) / whole)
             }
-            Rotations::Spline(spline) => spline.rate(at),
+            RotationControl::Spline(spline) => spline.rate(at),
         };
         Twist { linear: self.centres.slope(x) / whole, angular }
     }
 
-    fn acceleration(&self, at: Place) -> Twist {
+    fn acceleration(&self, at: CurvePlace) -> Twist {
         let (x, whole) = (self.share(at), self.whole());
         let angular = match &self.rotations {
-            Rotations::Around(_, vectors) => {
+            RotationControl::Around(_, vectors) => {
                 let (r, slope) = (vectors.value(x), vectors.slope(x) / whole);
                 rate_from_slope_times(r, vectors.bend(x) / whole / whole) + quadratic_part(r, slope)
             }
-            Rotations::Spline(spline) => spline.acceleration(at),
+            RotationControl::Spline(spline) => spline.acceleration(at),
         };
         Twist { linear: self.centres.bend(x) / whole / whole, angular }
     }
@@ -143,8 +143,8 @@ impl PoseCurve for Bezier {
         Some(self.degree)
     }
 
-    fn warning(&self) -> Option<Warning> {
-        let instead = matches!(self.rotations, Rotations::Spline(_)) && self.steps.len() > 1;
-        instead.then_some(Warning::Spread)
+    fn warning(&self) -> Option<TrajectoryWarning> {
+        let instead = matches!(self.rotations, RotationControl::Spline(_)) && self.steps.len() > 1;
+        instead.then_some(TrajectoryWarning::Spread)
     }
 }

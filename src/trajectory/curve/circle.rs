@@ -5,13 +5,13 @@
 
 use super::PoseCurve;
 use crate::se3::rotation::exp_vector;
-use crate::se3::spline::Place;
+use crate::se3::spline::CurvePlace;
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
 
 /// A turn of a pose about an axis, one segment of length 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Circle {
+pub struct CirclePath {
     /// A point of the axis.
     centre: DVec3,
     /// Direction of the axis. Its length is the whole turn in radians.
@@ -19,7 +19,7 @@ pub struct Circle {
     start: Se3,
 }
 
-impl Circle {
+impl CirclePath {
     /// The turn of `start` about the axis through `centre` along `turn`, by `|turn|` radians.
     #[must_use]
     pub fn new(centre: DVec3, turn: DVec3, start: Se3) -> Self {
@@ -27,27 +27,27 @@ impl Circle {
     }
 
     /// The vector from the axis point to the camera at a place.
-    fn arm(&self, at: Place) -> DVec3 {
+    fn arm(&self, at: CurvePlace) -> DVec3 {
         exp_vector(self.turn * at.x) * (self.start.translation - self.centre)
     }
 }
 
-impl PoseCurve for Circle {
+impl PoseCurve for CirclePath {
     fn steps(&self) -> &[f64] {
         &[1.0]
     }
 
-    fn pose(&self, at: Place) -> Se3 {
+    fn pose(&self, at: CurvePlace) -> Se3 {
         let rotation = (exp_vector(self.turn * at.x) * self.start.rotation).normalize();
         Se3 { rotation, translation: self.centre + self.arm(at) }
     }
 
-    fn twist(&self, at: Place) -> Twist {
+    fn twist(&self, at: CurvePlace) -> Twist {
         let angular = self.start.rotation.conjugate() * self.turn;
         Twist { linear: self.turn.cross(self.arm(at)), angular }
     }
 
-    fn acceleration(&self, at: Place) -> Twist {
+    fn acceleration(&self, at: CurvePlace) -> Twist {
         Twist { linear: self.turn.cross(self.turn.cross(self.arm(at))), angular: DVec3::ZERO }
     }
 }

@@ -4,20 +4,20 @@
 //! unit of the steps.
 
 use super::PoseCurve;
-use crate::se3::rotation_spline::{RotationSpline, Unsettled};
-use crate::se3::spline::{CubicSpline, Place};
+use crate::se3::rotation_spline::{RotationSpline, SplineDiverged};
+use crate::se3::spline::{CubicSpline, CurvePlace};
 use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
 
 /// A pair of C2 splines through every knot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cubic {
+pub struct CubicPair {
     steps: Vec<f64>,
     centres: CubicSpline,
     rotations: RotationSpline,
 }
 
-impl Cubic {
+impl CubicPair {
     /// The splines through `knots`, with `steps[i] > 0` as the length of the parameter from knot i
     /// to knot i+1.
     ///
@@ -26,7 +26,7 @@ impl Cubic {
     ///
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
-    pub fn through_knots(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, Unsettled> {
+    pub fn through_knots(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, SplineDiverged> {
         let centres: Vec<DVec3> = knots.iter().map(|k| k.translation).collect();
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
         Ok(Self {
@@ -37,22 +37,22 @@ impl Cubic {
     }
 }
 
-impl PoseCurve for Cubic {
+impl PoseCurve for CubicPair {
     fn steps(&self) -> &[f64] {
         &self.steps
     }
 
-    fn pose(&self, at: Place) -> Se3 {
+    fn pose(&self, at: CurvePlace) -> Se3 {
         let translation = self.centres.segment(at.segment).value(at.x);
         Se3 { rotation: self.rotations.rotation(at), translation }
     }
 
-    fn twist(&self, at: Place) -> Twist {
+    fn twist(&self, at: CurvePlace) -> Twist {
         let linear = self.centres.segment(at.segment).slope(at.x);
         Twist { linear, angular: self.rotations.rate(at) }
     }
 
-    fn acceleration(&self, at: Place) -> Twist {
+    fn acceleration(&self, at: CurvePlace) -> Twist {
         let linear = self.centres.segment(at.segment).bend(at.x);
         Twist { linear, angular: self.rotations.acceleration(at) }
     }

@@ -9,7 +9,7 @@
 use super::PoseCurve;
 use crate::se3::rotation::exp_vector;
 use crate::se3::rotation_spline::turn_between;
-use crate::se3::spline::Place;
+use crate::se3::spline::CurvePlace;
 use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
 
@@ -18,7 +18,7 @@ const MULTIPLICITY: usize = 3;
 
 /// A cumulative B-spline near its knots.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cumulative {
+pub struct CumulativeSpline {
     steps: Vec<f64>,
     /// The knots, with threefold ends.
     control: Vec<Se3>,
@@ -27,9 +27,9 @@ pub struct Cumulative {
 }
 
 /// The three moves of a segment, weighted with the basis.
-struct Weights([f64; 3]);
+struct SegmentMoves([f64; 3]);
 
-impl Weights {
+impl SegmentMoves {
     /// The cumulative basis at `u` in [0, 1].
     fn basis_value(u: f64) -> Self {
         let (u2, u3) = (u * u, u * u * u);
@@ -48,7 +48,7 @@ impl Weights {
     }
 }
 
-impl Cumulative {
+impl CumulativeSpline {
     /// The curve near `knots`.
     ///
     /// # Panics
@@ -68,44 +68,44 @@ impl Cumulative {
         Self { steps: vec![1.0; moves.len() - more], control, moves }
     }
 
-    fn moves(&self, at: Place) -> &[Twist] {
+    fn moves(&self, at: CurvePlace) -> &[Twist] {
         &self.moves[at.segment..at.segment + 3]
     }
 
-    fn linear(&self, at: Place, weights: &Weights) -> DVec3 {
+    fn linear(&self, at: CurvePlace, weights: &SegmentMoves) -> DVec3 {
         self.moves(at).iter().zip(weights.0).map(|(step, weight)| step.linear * weight).sum()
     }
 
     /// Rotations of the three moves, and their weighted rates `b' W`.
-    fn turns(&self, at: Place) -> ([DQuat; 3], [DVec3; 3]) {
+    fn turns(&self, at: CurvePlace) -> ([DQuat; 3], [DVec3; 3]) {
         let (moves, value, slope) =
-            (self.moves(at), Weights::basis_value(at.x).0, Weights::basis_slope(at.x).0);
+            (self.moves(at), SegmentMoves::basis_value(at.x).0, SegmentMoves::basis_slope(at.x).0);
         let each = |k: usize| moves[k].angular;
         ([0, 1, 2].map(|k| exp_vector(each(k) * value[k])), [0, 1, 2].map(|k| each(k) * slope[k]))
     }
 }
 
-impl PoseCurve for Cumulative {
+impl PoseCurve for CumulativeSpline {
     fn steps(&self) -> &[f64] {
         &self.steps
     }
 
-    fn pose(&self, at: Place) -> Se3 {
+    fn pose(&self, at: CurvePlace) -> Se3 {
         let start = &self.control[at.segment];
         let ([a, b, c], _) = self.turns(at);
         let rotation = (start.rotation * a * b * c).normalize();
-        Se3 { rotation, translation: start.translation + self.linear(at, &Weights::basis_value(at.x)) }
+        Se3 { rotation, translation: start.translation + self.linear(at, &SegmentMoves::basis_value(at.x)) }
     }
 
-    fn twist(&self, at: Place) -> Twist {
+    fn twist(&self, at: CurvePlace) -> Twist {
         let ([_, b, c], [ra, rb, rc]) = self.turns(at);
         let angular = c.conjugate() * (b.conjugate() * ra + rb) + rc;
-        Twist { linear: self.linear(at, &Weights::basis_slope(at.x)), angular }
+        Twist { linear: self.linear(at, &SegmentMoves::basis_slope(at.x)), angular }
     }
 
-    fn acceleration(&self, at: Place) -> Twist {
+    fn acceleration(&self, at: CurvePlace) -> Twist {
         let ([_, b, c], [ra, rb, rc]) = self.turns(at);
-        let bends = Weights::basis_bend(at.x);
+        let bends = SegmentMoves::basis_bend(at.x);
         let [ba, bb, bc] = [0, 1, 2].map(|k| self.moves(at)[k].angular * bends.0[k]);
         // A vector in a body that turns at rate w: d/du (exp(-B) v) = exp(-B) v' + (exp(-B) v) x w.
         let carried = b.conjugate() * ra;
@@ -115,14 +115,14 @@ impl PoseCurve for Cumulative {
         Twist { linear: self.linear(at, &bends), angular }
     }
 
-    fn knot(&self, number: usize) -> Place {
+    fn knot(&self, number: usize) -> CurvePlace {
         // A segment starts nearest to the second of its four control poses. The outer knots lie on
         // the ends.
         let last = self.steps.len() - 2;
         match number {
-            0 => Place { segment: 0, x: 0.0 },
-            _ if number < last => Place { segment: number + 1, x: 0.0 },
-            _ => Place { segment: self.steps.len() - 1, x: 1.0 },
+            0 => CurvePlace { segment: 0, x: 0.0 },
+            _ if number < last => CurvePlace { segment: number + 1, x: 0.0 },
+            _ => CurvePlace { segment: self.steps.len() - 1, x: 1.0 },
         }
     }
 }

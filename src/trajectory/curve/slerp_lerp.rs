@@ -5,7 +5,7 @@
 use super::PoseCurve;
 use crate::se3::rotation::exp_vector;
 use crate::se3::rotation_spline::turn_between;
-use crate::se3::spline::Place;
+use crate::se3::spline::CurvePlace;
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
 
@@ -41,17 +41,17 @@ impl PoseCurve for SlerpLerp {
         &self.steps
     }
 
-    fn pose(&self, at: Place) -> Se3 {
+    fn pose(&self, at: CurvePlace) -> Se3 {
         let (start, rates) = (&self.starts[at.segment], &self.twists[at.segment]);
         let rotation = (start.rotation * exp_vector(rates.angular * at.x)).normalize();
         Se3 { rotation, translation: start.translation + rates.linear * at.x }
     }
 
-    fn twist(&self, at: Place) -> Twist {
+    fn twist(&self, at: CurvePlace) -> Twist {
         self.twists[at.segment]
     }
 
-    fn acceleration(&self, _: Place) -> Twist {
+    fn acceleration(&self, _: CurvePlace) -> Twist {
         Twist { linear: DVec3::ZERO, angular: DVec3::ZERO }
     }
 }

@@ -1,8 +1,8 @@
 //! Asked and achieved speed over time, each relative to its mean. If the curves coincide, the path
 //! follows its law.
 
-use super::{Panel, Svg, round_down, short_number, spread_indices};
-use crate::trajectory::report::Report;
+use super::{PicturePanel, SvgText, round_down, short_number, spread_indices};
+use crate::trajectory::report::SpeedReport;
 
 /// Maximum number of steps drawn.
 const STEPS: usize = 1200;
@@ -12,7 +12,7 @@ const BOTTOM: f64 = 40.0;
 const TOP: f64 = 34.0;
 
 /// A curve of the chart.
-struct Curve {
+struct ChartCurve {
     name: &'static str,
     colour: &'static str,
     width: f64,
@@ -20,10 +20,10 @@ struct Curve {
 }
 
 /// Draws the chart of a trajectory with a duration of `seconds`.
-pub(super) fn draw_chart(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
+pub(super) fn draw_chart(out: &mut SvgText, panel: PicturePanel, seconds: f64, report: &SpeedReport) {
     out.frame(panel);
     let curves = speed_curves(report);
-    let inner = Panel {
+    let inner = PicturePanel {
         left: panel.left + LEFT,
         top: panel.top + TOP,
         width: panel.width - LEFT - 16.0,
@@ -46,7 +46,7 @@ pub(super) fn draw_chart(out: &mut Svg, panel: Panel, seconds: f64, report: &Rep
     draw_legend(out, panel, &curves);
 }
 
-fn speed_curves(report: &Report) -> Vec<Curve> {
+fn speed_curves(report: &SpeedReport) -> Vec<ChartCurve> {
     let mixed: Vec<f64> = report
         .angular_rad_s
         .iter()
@@ -55,7 +55,7 @@ fn speed_curves(report: &Report) -> Vec<Curve> {
         .collect();
     let asked: Vec<f64> =
         report.asked_shares().zip(report.durations()).map(|(share, time)| share / time).collect();
-    let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative_to_mean(&asked) };
+    let asked = ChartCurve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative_to_mean(&asked) };
     let achieved = [
         ("linear", "#2a7fb8", 1.2, &report.linear_unit_s, report.linear_ratio.is_some()),
         ("angular", "#d1495b", 1.2, &report.angular_rad_s, report.angular_ratio.is_some()),
@@ -63,7 +63,7 @@ fn speed_curves(report: &Report) -> Vec<Curve> {
     ];
     let drawn = achieved.into_iter().filter(|(.., moves)| *moves);
     std::iter::once(asked)
-        .chain(drawn.map(|(name, colour, width, values, _)| Curve {
+        .chain(drawn.map(|(name, colour, width, values, _)| ChartCurve {
             name,
             colour,
             width,
@@ -73,7 +73,7 @@ fn speed_curves(report: &Report) -> Vec<Curve> {
 }
 
 /// The middle of every step, as a share of the duration.
-fn step_middles(report: &Report) -> Vec<f64> {
+fn step_middles(report: &SpeedReport) -> Vec<f64> {
     let mut end = 0.0;
     let middle = |duration: f64| {
         end += duration;
@@ -89,7 +89,7 @@ fn relative_to_mean(values: &[f64]) -> Vec<f64> {
     values.iter().map(|v| v / mean).collect()
 }
 
-fn draw_grid(out: &mut Svg, inner: Panel, highest: f64, seconds: f64) {
+fn draw_grid(out: &mut SvgText, inner: PicturePanel, highest: f64, seconds: f64) {
     let bottom = inner.top + inner.height;
     let step = round_down(highest / 3.0);
     for k in 0..=(0..).take_while(|k| f64::from(*k) * step <= highest).last().unwrap_or(0) {
@@ -107,7 +107,7 @@ fn draw_grid(out: &mut Svg, inner: Panel, highest: f64, seconds: f64) {
     }
 }
 
-fn draw_legend(out: &mut Svg, panel: Panel, curves: &[Curve]) {
+fn draw_legend(out: &mut SvgText, panel: PicturePanel, curves: &[ChartCurve]) {
     out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", "speed over its mean");
     let mut x = panel.left + panel.width - 16.0;
     for curve in curves.iter().rev() {

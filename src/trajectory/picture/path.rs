@@ -3,7 +3,7 @@
 //! A capture does not define up. The picture uses the mean of the cameras' up directions, and the
 //! line from the first camera to the one farthest from it as its horizontal.
 
-use super::{Panel, Svg, round_down, short_number, spread_indices};
+use super::{PicturePanel, SvgText, round_down, short_number, spread_indices};
 use crate::se3::Se3;
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ const FRUSTUM: f64 = 0.07;
 const INSET: f64 = 48.0;
 
 /// Draws both views and the colour scale. `speeds` are those of the steps, units per second.
-pub(super) fn draw_path(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], speeds: &[f64]) {
+pub(super) fn draw_path(out: &mut SvgText, [above, side]: [PicturePanel; 2], poses: &[Se3], speeds: &[f64]) {
     let axes = picture_axes(poses);
     draw_view(out, above, "from above", (poses, speeds), [axes[0], axes[1]]);
     draw_view(out, side, "from the side", (poses, speeds), [axes[0], -axes[2]]);
@@ -37,10 +37,16 @@ pub(super) fn picture_axes(poses: &[Se3]) -> [DVec3; 3] {
     [along, along.cross(up), up]
 }
 
-fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], &[f64]), plane: [DVec3; 2]) {
+fn draw_view(
+    out: &mut SvgText,
+    panel: PicturePanel,
+    name: &str,
+    (poses, speeds): (&[Se3], &[f64]),
+    plane: [DVec3; 2],
+) {
     out.frame(panel);
     out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", name);
-    let Some(map) = Map::fit_panel(panel, INSET, poses, plane) else { return };
+    let Some(map) = PanelMap::fit_panel(panel, INSET, poses, plane) else { return };
     out.polyline(
         spread_indices(poses.len(), POINTS).map(|j| map.point(poses[j].translation)),
         "#999999",
@@ -65,12 +71,12 @@ fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], 
     );
 }
 
-fn draw_frustum(out: &mut Svg, map: &Map, pose: &Se3, colour: &str) {
+fn draw_frustum(out: &mut SvgText, map: &PanelMap, pose: &Se3, colour: &str) {
     out.polyline(frustum_stroke(map, pose), colour, 1.2);
 }
 
 /// The pyramid of a camera with a field of view of 53 degrees and aspect 4:3, as one stroke.
-pub(super) fn frustum_stroke(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
+pub(super) fn frustum_stroke(map: &PanelMap, pose: &Se3) -> [[f64; 2]; 11] {
     let size = map.frustum;
     let corner =
         |x: f64, y: f64| map.point(pose.translation + pose.rotation * (DVec3::new(x, y, 1.0) * size));
@@ -81,7 +87,7 @@ pub(super) fn frustum_stroke(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
 }
 
 /// Map from the world to a panel: an orthographic projection, to scale.
-pub(super) struct Map {
+pub(super) struct PanelMap {
     origin: DVec3,
     plane: [DVec3; 2],
     centre: [f64; 2],
@@ -91,9 +97,14 @@ pub(super) struct Map {
     frustum: f64,
 }
 
-impl Map {
+impl PanelMap {
     /// The map that shows every pose with a margin of `inset` px; `None` without poses.
-    pub(super) fn fit_panel(panel: Panel, inset: f64, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
+    pub(super) fn fit_panel(
+        panel: PicturePanel,
+        inset: f64,
+        poses: &[Se3],
+        plane: [DVec3; 2],
+    ) -> Option<Self> {
         let origin = poses.first()?.translation;
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for pose in poses {
@@ -142,7 +153,7 @@ pub(super) fn scale_colour(share: f64) -> String {
     format!("rgb({},{},{})", mix(0), mix(1), mix(2))
 }
 
-fn colour_scale(out: &mut Svg, panel: Panel, speeds: &[f64]) {
+fn colour_scale(out: &mut SvgText, panel: PicturePanel, speeds: &[f64]) {
     let [low, high] = speed_range(speeds);
     let (width, y) = (120.0, panel.top + panel.height - 18.0);
     let left = panel.left + panel.width - width - 14.0;

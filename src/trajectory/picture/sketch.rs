@@ -1,7 +1,7 @@
 //! The path from above and from the side as a simple sketch, for pages with many trajectories.
 
-use super::path::{Map, frustum_stroke, picture_axes, range_share, scale_colour, speed_range};
-use super::{Panel, round_down, short_number, spread_indices};
+use super::path::{PanelMap, frustum_stroke, picture_axes, range_share, scale_colour, speed_range};
+use super::{PicturePanel, round_down, short_number, spread_indices};
 use crate::se3::Se3;
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ const BAR: f64 = 0.25;
 
 /// One view of a path. Places are px from the upper left corner.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Sketch {
+pub(crate) struct PathSketch {
     /// Name of the viewpoint.
     pub(crate) name: &'static str,
     /// The path, from the first pose.
@@ -33,19 +33,20 @@ pub(crate) fn sketch(
     speeds: &[f64],
     [width, height]: [f64; 2],
     [points, frusta]: [usize; 2],
-) -> Option<[Sketch; 2]> {
+) -> Option<[PathSketch; 2]> {
     if poses.is_empty() {
         return None;
     }
     let [along, across, up] = picture_axes(poses);
     let view = |name: &'static str, plane: [DVec3; 2]| {
-        let map = Map::fit_panel(Panel { left: 0.0, top: 0.0, width, height }, INSET, poses, plane)?;
+        let map =
+            PanelMap::fit_panel(PicturePanel { left: 0.0, top: 0.0, width, height }, INSET, poses, plane)?;
         let range = speed_range(speeds);
         // The last pose has no step after it.
         let speed = |j: usize| speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
         let camera = |j: usize| (frustum_stroke(&map, &poses[j]), scale_colour(range_share(speed(j), range)));
         let unit = round_down(width * BAR / map.scale);
-        Some(Sketch {
+        Some(PathSketch {
             name,
             path: spread_indices(poses.len(), points).map(|j| map.point(poses[j].translation)).collect(),
             frusta: spread_indices(poses.len(), frusta).map(camera).collect(),

@@ -1,7 +1,7 @@
 //! File operations that are carried out and written down.
 
 use gs2e::store::Digest;
-use gs2e::store::fs::{Entry, Fs, Real, Stat};
+use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
@@ -33,7 +33,7 @@ pub(super) struct Recorder {
     root: PathBuf,
     ops: Mutex<Vec<Op>>,
     /// The stat fields that the engine saw last of each file.
-    stats: Mutex<BTreeMap<PathBuf, Stat>>,
+    stats: Mutex<BTreeMap<PathBuf, FileStat>>,
 }
 
 impl Recorder {
@@ -50,7 +50,7 @@ impl Recorder {
         self.ops.lock().unwrap().clone()
     }
 
-    pub(super) fn stats(&self) -> BTreeMap<PathBuf, Stat> {
+    pub(super) fn stats(&self) -> BTreeMap<PathBuf, FileStat> {
         self.stats.lock().unwrap().clone()
     }
 
@@ -66,54 +66,54 @@ impl Recorder {
 impl Fs for Recorder {
     fn create_dir_all(&self, path: &Path) -> io::Result<()> {
         self.note(Op::Folder(self.below(path)));
-        Real.create_dir_all(path)
+        SystemFs.create_dir_all(path)
     }
 
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         self.note(Op::Write(self.below(path), bytes.to_vec()));
-        Real.write(path, bytes)
+        SystemFs.write(path, bytes)
     }
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        Real.read(path)
+        SystemFs.read(path)
     }
 
     fn digest(&self, path: &Path) -> io::Result<Digest> {
-        Real.digest(path)
+        SystemFs.digest(path)
     }
 
-    fn stat(&self, path: &Path) -> io::Result<Stat> {
-        let stat = Real.stat(path)?;
+    fn stat(&self, path: &Path) -> io::Result<FileStat> {
+        let stat = SystemFs.stat(path)?;
         if path.starts_with(&self.root) {
             self.stats.lock().unwrap().insert(path.to_owned(), stat);
         }
         Ok(stat)
     }
 
-    fn list(&self, path: &Path) -> io::Result<Vec<Entry>> {
-        Real.list(path)
+    fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>> {
+        SystemFs.list(path)
     }
 
     fn protect(&self, path: &Path) -> io::Result<()> {
-        Real.protect(path)
+        SystemFs.protect(path)
     }
 
     fn link(&self, from: &Path, to: &Path) -> io::Result<()> {
         let bytes = fs::read(from)?;
-        Real.link(from, to)?;
+        SystemFs.link(from, to)?;
         self.note(Op::Link(self.below(to), bytes));
         Ok(())
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         let bytes = fs::read(from).ok();
-        Real.rename(from, to)?;
+        SystemFs.rename(from, to)?;
         self.note(Op::Rename(self.below(from), self.below(to), bytes));
         Ok(())
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        Real.remove(path)?;
+        SystemFs.remove(path)?;
         self.note(Op::Remove(self.below(path)));
         Ok(())
     }

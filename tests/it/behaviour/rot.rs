@@ -2,11 +2,11 @@
 
 use super::{NONE, Workspace, built, made, recipe, stands_as_if_clean, steps};
 use gs2e::plan::Plan;
-use gs2e::plan::assess::{Action, assess_plan};
+use gs2e::plan::assess::{StepAction, assess_plan};
 use gs2e::recipe::read_all;
 use gs2e::render::backend::Backend;
-use gs2e::store::fs::{Fs, Real};
-use gs2e::store::{Access, Opening, Store};
+use gs2e::store::fs::{Fs, SystemFs};
+use gs2e::store::{Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::os::unix::fs::{FileExt, PermissionsExt};
@@ -33,14 +33,14 @@ fn rot(path: &Path) {
 
 /// The steps that a build would run, as somebody sees it who looks over these file operations.
 fn stale(place: &Workspace, fs: &Arc<Frozen>, verify: bool) -> Vec<String> {
-    let opening = Opening { verify, fs: fs.clone(), ..Access::Read.into() };
+    let opening = StoreOptions { verify, fs: fs.clone(), ..StoreAccess::Read.into() };
     let store = Store::open(&place.path(".gs2e"), opening, &mut |_| {}).unwrap();
     let plan = Plan::new(
         read_all(&[place.path("recipes")]).unwrap_or_else(|faults| panic!("{faults:?}")),
         &Backend::Cpu,
     );
     let assessed = assess_plan(&plan, &store).unwrap();
-    let steps = plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == Action::Run);
+    let steps = plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == StepAction::Run);
     steps.map(|(step, _)| format!("{}/{}", plan.scene_of(step), step.name)).collect()
 }
 
@@ -52,7 +52,7 @@ fn an_output_rots() {
     std::thread::sleep(Duration::from_millis(2100));
     place.ok(&format!("build --store {store}"));
     let path = steps(&place, "recipes")["b/base/trajectory"].outputs["poses.txt"].clone();
-    let frozen = Arc::new(Frozen::new(BTreeMap::from([(path.clone(), Real.stat(&path).unwrap())])));
+    let frozen = Arc::new(Frozen::new(BTreeMap::from([(path.clone(), SystemFs.stat(&path).unwrap())])));
     rot(&path);
     assert_eq!(stale(&place, &frozen, false), NONE, "no stat field tells of it");
     assert_eq!(stale(&place, &frozen, true), ["b/base/trajectory"]);

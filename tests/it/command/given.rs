@@ -6,9 +6,9 @@ use crate::support::shared::path as shared;
 use crate::support::workspace::Workspace;
 use glam::DVec3;
 use gs2e::image::{Image, Size, png};
-use gs2e::source::colmap::{self, Model, Point};
+use gs2e::source::colmap::{self, ColmapModel, ColmapPoint};
 use gs2e::source::undistort::undistort_photo;
-use gs2e::source::{Capture, Lens};
+use gs2e::source::{Capture, LensModel};
 use std::fs;
 
 /// A program that keeps what it was given beside itself.
@@ -16,10 +16,10 @@ fn keeping() -> String {
     format!("cp -r \"$1\" \"$beside/seen\"; {COPY}")
 }
 
-fn seen(place: &Workspace) -> (Capture, Vec<Point>) {
+fn seen(place: &Workspace) -> (Capture, Vec<ColmapPoint>) {
     place.ok("build -q --allow-commands recipe.yaml");
     let seen = place.path("seen");
-    let points = Model::find_model(&seen).unwrap().points().unwrap().into_values().collect();
+    let points = ColmapModel::find_model(&seen).unwrap().points().unwrap().into_values().collect();
     (colmap::read_capture(&seen).unwrap().0, points)
 }
 
@@ -35,7 +35,7 @@ fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
     assert_eq!(names(&capture), numbered);
     assert_eq!(found, points());
     for (view, taken) in capture.views.iter().zip(views()) {
-        assert_eq!((view.camera, &view.lens), (taken.camera, &Lens::Pinhole));
+        assert_eq!((view.camera, &view.lens), (taken.camera, &LensModel::Pinhole));
         let apart = view.world_from_camera.translation - taken.world_from_camera.translation;
         // The way there and back costs a few roundings of numbers up to 4.
         assert!(apart.length() < 1e-14, "{}: {apart}", taken.name);
@@ -122,9 +122,9 @@ fn bent_photos_are_given_straight() {
     let (capture, found) = seen(&place);
     assert_eq!((capture.views.len(), found), (6, vec![points()[0]]));
     let (bent, _) = colmap::read_capture(&place.path("capture")).unwrap();
-    assert_eq!(bent.views[0].lens, Lens::SimpleRadial { k1: -0.25 });
+    assert_eq!(bent.views[0].lens, LensModel::SimpleRadial { k1: -0.25 });
     for (view, own) in capture.views.iter().zip(&bent.views) {
-        assert_eq!((view.camera, &view.lens), (own.camera, &Lens::Pinhole));
+        assert_eq!((view.camera, &view.lens), (own.camera, &LensModel::Pinhole));
     }
     let given = fs::File::open(place.path("seen/images/000000.png")).unwrap();
     let given = png::read_rgb(std::io::BufReader::new(given)).unwrap();
@@ -144,6 +144,6 @@ fn a_real_capture_is_given_whole() {
     for view in &capture.views {
         let file = fs::File::open(place.path("seen/images").join(&view.name)).unwrap();
         assert_eq!(png::read_rgb(std::io::BufReader::new(file)).unwrap().size(), view.camera.size);
-        assert_eq!(view.lens, Lens::Pinhole);
+        assert_eq!(view.lens, LensModel::Pinhole);
     }
 }

@@ -1,7 +1,7 @@
 //! The recipes of `docs/trainers.md` are recipes.
 
 use crate::support::workspace::Workspace;
-use gs2e::recipe::{self, Reconstruct};
+use gs2e::recipe::{self, ReconstructMethod};
 use std::fs;
 use std::path::Path;
 
@@ -23,7 +23,7 @@ fn every_template_is_a_recipe() {
         place.write(&file, format!("{head}{block}trajectories: [{{ name: base, refine: {{}} }}]\n"));
         let recipes = recipe::read_all(&[place.path(&file)]);
         let recipes = recipes.unwrap_or_else(|faults| panic!("{block}\n{}", faults.render_text()));
-        let Some(Reconstruct::Command(command)) = &recipes[0].reconstruct else { panic!("{block}") };
+        let Some(ReconstructMethod::Command(command)) = &recipes[0].reconstruct else { panic!("{block}") };
         assert!(command.probe.is_some(), "a template asks for the version: {block}");
         let given = command.arguments.iter().any(|a| a.names("capture"));
         let out = command.arguments.iter().any(|a| a.names("out"));

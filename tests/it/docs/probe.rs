@@ -132,12 +132,12 @@ fn relative(found: &mut Recipe, base: &str) {
             *path = rest.to_owned();
         }
     };
-    if let recipe::Source::Captured(captured, _) = &mut found.source {
+    if let recipe::SceneSource::Captured(captured, _) = &mut found.source {
         short(&mut captured.path);
     }
     match &mut found.reconstruct {
-        Some(recipe::Reconstruct::Given(path) | recipe::Reconstruct::Newest(path)) => short(path),
-        Some(recipe::Reconstruct::Command(_)) | None => {}
+        Some(recipe::ReconstructMethod::Given(path) | recipe::ReconstructMethod::Newest(path)) => short(path),
+        Some(recipe::ReconstructMethod::Command(_)) | None => {}
     }
 }
 

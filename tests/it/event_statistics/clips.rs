@@ -4,8 +4,8 @@
 use super::{frames, run};
 use gs2e::frames::array::ArrayFrames;
 use gs2e::image::Size;
-use gs2e::sensor::Account;
-use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
+use gs2e::sensor::SimulationAccount;
+use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
 use std::f64::consts::TAU;
 
 /// A clip's size, number of frames, and grey by column, row and frame.
@@ -53,12 +53,13 @@ impl Clip {
 
 /// Means of 6 seeds of a sensor against a row of the table, whose own means are of at least 6. `deviation`
 /// is that of one seed's count: at most 6 in dvs346, 40 in gs2e-si.
-fn check(clip: &Clip, sensor: &Voltmeter, wanted: [f64; 2], deviation: f64) {
+fn check(clip: &Clip, sensor: &VoltmeterModel, wanted: [f64; 2], deviation: f64) {
     const SEEDS: u64 = 6;
     let frames = clip.frames();
-    let runs: Vec<Account> = (0..SEEDS).map(|seed| run(sensor, &frames, seed).1).collect();
-    let mean =
-        |count: fn(&Account) -> u64| runs.iter().map(|run| count(run) as f64).sum::<f64>() / SEEDS as f64;
+    let runs: Vec<SimulationAccount> = (0..SEEDS).map(|seed| run(sensor, &frames, seed).1).collect();
+    let mean = |count: fn(&SimulationAccount) -> u64| {
+        runs.iter().map(|run| count(run) as f64).sum::<f64>() / SEEDS as f64
+    };
     let found = [mean(|run| run.on), mean(|run| run.off)];
     println!("{:?}: {found:.1?}, wanted {wanted:?}", sensor.law);
     let error = deviation * (2.0 / SEEDS as f64).sqrt();
@@ -70,23 +71,23 @@ fn check(clip: &Clip, sensor: &Voltmeter, wanted: [f64; 2], deviation: f64) {
 
 #[test]
 fn counts_with_the_log_gain() {
-    let t = |clip: &Clip, preset: Preset, wanted, deviation| {
-        check(clip, &Voltmeter::new(preset.k()), wanted, deviation);
+    let t = |clip: &Clip, preset: VoltmeterPreset, wanted, deviation| {
+        check(clip, &VoltmeterModel::new(preset.k()), wanted, deviation);
     };
-    t(&EDGE, Preset::Dvs346, [12_619.7, 0.0], 2.0);
-    t(&GRATING, Preset::Dvs346, [62_866.0, 61_714.0], 6.0);
-    t(&FLICKER, Preset::Dvs346, [43_727.0, 43_759.0], 6.0);
-    t(&GRATING, Preset::Gs2eSi, [4_189.0, 4_535.0], 40.0);
+    t(&EDGE, VoltmeterPreset::Dvs346, [12_619.7, 0.0], 2.0);
+    t(&GRATING, VoltmeterPreset::Dvs346, [62_866.0, 61_714.0], 6.0);
+    t(&FLICKER, VoltmeterPreset::Dvs346, [43_727.0, 43_759.0], 6.0);
+    t(&GRATING, VoltmeterPreset::Gs2eSi, [4_189.0, 4_535.0], 40.0);
 }
 
 #[test]
 fn counts_of_the_published_law() {
-    let t = |clip: &Clip, preset: Preset, wanted, deviation| {
-        let sensor = Voltmeter { law: Law::Official, ..Voltmeter::new(preset.k()) };
+    let t = |clip: &Clip, preset: VoltmeterPreset, wanted, deviation| {
+        let sensor = VoltmeterModel { law: SamplerKind::Official, ..VoltmeterModel::new(preset.k()) };
         check(clip, &sensor, wanted, deviation);
     };
-    t(&EDGE, Preset::Dvs346, [12_598.6, 0.0], 2.0);
-    t(&GRATING, Preset::Dvs346, [62_498.5, 61_346.5], 6.0);
-    t(&FLICKER, Preset::Dvs346, [43_514.1, 43_523.3], 6.0);
-    t(&GRATING, Preset::Gs2eSi, [4_261.0, 4_565.0], 40.0);
+    t(&EDGE, VoltmeterPreset::Dvs346, [12_598.6, 0.0], 2.0);
+    t(&GRATING, VoltmeterPreset::Dvs346, [62_498.5, 61_346.5], 6.0);
+    t(&FLICKER, VoltmeterPreset::Dvs346, [43_514.1, 43_523.3], 6.0);
+    t(&GRATING, VoltmeterPreset::Gs2eSi, [4_261.0, 4_565.0], 40.0);
 }

@@ -2,12 +2,12 @@
 
 use super::{by_pixel, frames, run};
 use gs2e::event::{Event, Polarity};
-use gs2e::frames::Frames as _;
-use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
+use gs2e::frames::FrameSequence as _;
+use gs2e::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use gs2e::image::Size;
 use gs2e::seed::Seed;
-use gs2e::sensor::Model as _;
-use gs2e::sensor::voltmeter::{Between, Gain, Voltmeter};
+use gs2e::sensor::SensorModel as _;
+use gs2e::sensor::voltmeter::{BetweenFrames, DriftGain, VoltmeterModel};
 
 const SIZE: Size = Size { width: 8, height: 3 };
 const K2: f64 = 16.0;
@@ -19,14 +19,14 @@ fn of_signal(stamps_us: &[i64], signal: impl Fn(usize, f64) -> [f64; 2]) -> Arra
             stamps_us.iter().flat_map(|t| (0..SIZE.pixels()).map(move |pixel| (pixel, *t as f64 * 1e-6)));
         all.map(|(pixel, t)| value(signal(pixel, t)) as f32).collect()
     };
-    let samples = Samples::Floats(each(|[log, _]| libm::exp(log) - K2), FullScale::Grey255);
+    let samples = ArraySamples::Floats(each(|[log, _]| libm::exp(log) - K2), FullScale::Grey255);
     let rates = each(|[log, slope]| libm::exp(log) * slope);
     ArrayFrames::new(SIZE, samples, stamps_us).unwrap().with_rates(rates).unwrap()
 }
 
-fn sensor(between: Between, noise: f64) -> Voltmeter {
+fn sensor(between: BetweenFrames, noise: f64) -> VoltmeterModel {
     let k = [50.0, K2, noise, 1e-4, 0.0, 0.2 * noise];
-    Voltmeter { between, max_events_per_pixel_frame: 100_000, ..Voltmeter::new(k) }
+    VoltmeterModel { between, max_events_per_pixel_frame: 100_000, ..VoltmeterModel::new(k) }
 }
 
 /// Events that differ in number or polarity, and the largest difference in time of the others, ns.
@@ -57,19 +57,19 @@ fn a_signal_cubic_in_the_logarithm_can_be_sampled_finer() {
     // be the border of two. With noise they move within their leaves, 8192 ns long and with noise of 0.02 thresholds, as
     // far as 3e-6 thresholds (50 times 6e-8) do: by 1.2 ns, and by some ten times that where a path barely touches.
     for (noise, tolerance) in [(0.0, 1), (2e-2, 100)] {
-        let coarse = at(Between::Hermite, noise, &[0, END]);
+        let coarse = at(BetweenFrames::Hermite, noise, &[0, END]);
         assert!(coarse.len() > 2000, "{}", coarse.len());
-        let (differ, worst) = difference(&coarse, &at(Between::Hermite, noise, &cuts));
+        let (differ, worst) = difference(&coarse, &at(BetweenFrames::Hermite, noise, &cuts));
         println!("noise {noise}: {} events, {differ} differ, {worst} ns", coarse.len());
         assert!(differ == 0 && worst <= tolerance, "{differ} {worst}");
     }
-    let lines = [&[0, END][..], &cuts].map(|stamps| at(Between::Linear, 0.0, stamps));
+    let lines = [&[0, END][..], &cuts].map(|stamps| at(BetweenFrames::Linear, 0.0, stamps));
     let (_, worst) = difference(&lines[0], &lines[1]);
     assert!(worst > 1000, "lines reproduce no cubic: {worst}");
 }
 
 /// Median error of event times in ns, where event j is known to be where the drift is j.
-fn median_error(between: Between, intervals: i64) -> f64 {
+fn median_error(between: BetweenFrames, intervals: i64) -> f64 {
     const END: f64 = 0.02;
     let log = |s: f64| 4.0 + s + 0.12 * libm::sin(6.0 * s);
     let signal = |_: usize, t: f64| {
@@ -78,10 +78,10 @@ fn median_error(between: Between, intervals: i64) -> f64 {
     };
     let stamps: Vec<i64> =
         (0..=intervals).map(|i| (i as f64 * END * 1e6 / intervals as f64).round() as i64).collect();
-    let sensor = Voltmeter {
+    let sensor = VoltmeterModel {
         max_events_per_pixel_frame: 1000,
         between,
-        ..Voltmeter::new([300.0, K2, 0.0, 0.0, 0.0, 0.0])
+        ..VoltmeterModel::new([300.0, K2, 0.0, 0.0, 0.0, 0.0])
     };
     let (events, _) = run(&sensor, &of_signal(&stamps, signal), 1);
     let wanted = |level: f64| {
@@ -102,16 +102,18 @@ fn median_error(between: Between, intervals: i64) -> f64 {
 #[test]
 fn events_converge_with_the_order_of_the_curve() {
     // Lines: 2. Cubics with slopes from neighbours, which are good to order 2: 3. Cubics with true slopes: 4.
-    for (between, intervals, order) in
-        [(Between::Linear, 20, 2.0), (Between::Catmull, 20, 3.0), (Between::Hermite, 8, 4.0)]
-    {
+    for (between, intervals, order) in [
+        (BetweenFrames::Linear, 20, 2.0),
+        (BetweenFrames::Catmull, 20, 3.0),
+        (BetweenFrames::Hermite, 8, 4.0),
+    ] {
         let errors = [1, 2].map(|finer| median_error(between, intervals * finer));
         let found = libm::log2(errors[0] / errors[1]);
         println!("{between:?}: {errors:.0?} ns, order {found:.2}");
         assert!((found - order).abs() < 0.6, "{between:?}: order {found}");
     }
     let [linear, catmull, hermite] =
-        [Between::Linear, Between::Catmull, Between::Hermite].map(|b| median_error(b, 16));
+        [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite].map(|b| median_error(b, 16));
     assert!(linear > 3.0 * catmull && catmull > 3.0 * hermite, "{linear} {catmull} {hermite}");
 }
 
@@ -135,9 +137,12 @@ fn jumpy() -> ArrayFrames {
 
 #[test]
 fn what_happens_at_jumps_still_adds_up() {
-    for (between, noise) in
-        [(Between::Catmull, 0.0), (Between::Catmull, 2e-2), (Between::Hermite, 0.0), (Between::Hermite, 2e-2)]
-    {
+    for (between, noise) in [
+        (BetweenFrames::Catmull, 0.0),
+        (BetweenFrames::Catmull, 2e-2),
+        (BetweenFrames::Hermite, 0.0),
+        (BetweenFrames::Hermite, 2e-2),
+    ] {
         let (events, account) = run(&sensor(between, noise), &jumpy(), 2);
         println!("{between:?}, noise {noise}: {account:?}");
         assert!(events.is_sorted_by_key(Event::file_order) && events.len() > 1000);
@@ -149,7 +154,9 @@ fn what_happens_at_jumps_still_adds_up() {
 
 #[test]
 fn a_slope_from_neighbours_waits_for_the_frame_after() {
-    for (between, waits) in [(Between::Linear, 0), (Between::Hermite, 0), (Between::Catmull, 1)] {
+    for (between, waits) in
+        [(BetweenFrames::Linear, 0), (BetweenFrames::Hermite, 0), (BetweenFrames::Catmull, 1)]
+    {
         let (mut clip, sensor) = (jumpy(), sensor(between, 0.0));
         let whole = run(&sensor, &clip, 4).0;
         let mut pixels = sensor.start(SIZE, [0, 0], Seed(4)).unwrap();
@@ -168,16 +175,16 @@ fn a_slope_from_neighbours_waits_for_the_frame_after() {
 #[test]
 fn what_a_cubic_cannot_go_by_is_refused() {
     let bare = frames(SIZE, &[0, 417], |_, _, _| 9.0);
-    let refused = |sensor: &Voltmeter, mut clip: ArrayFrames| {
+    let refused = |sensor: &VoltmeterModel, mut clip: ArrayFrames| {
         let frame = clip.next().unwrap().unwrap();
         let started = sensor.start(SIZE, [0, 0], Seed(4));
         started.and_then(|mut pixels| pixels.advance(&frame, &mut Vec::new())).unwrap_err().to_string()
     };
-    let hermite = sensor(Between::Hermite, 0.0);
+    let hermite = sensor(BetweenFrames::Hermite, 0.0);
     assert_eq!(
         refused(&hermite, bare.clone()),
         "frame 0: it has no rate of change, which `between: hermite` goes by"
     );
-    let midpoint = Voltmeter { gain: Gain::Midpoint, ..sensor(Between::Catmull, 0.0) };
+    let midpoint = VoltmeterModel { gain: DriftGain::Midpoint, ..sensor(BetweenFrames::Catmull, 0.0) };
     assert_eq!(refused(&midpoint, bare), "`gain: midpoint` goes with `between: linear` only");
 }

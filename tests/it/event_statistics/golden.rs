@@ -4,10 +4,10 @@
 use super::{by_pixel, mean_and_deviation, run};
 use crate::support::golden;
 use gs2e::event::{Event, Polarity};
-use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::frames::array::{ArrayFrames, ArraySamples};
 use gs2e::image::Size;
-use gs2e::sensor::Account;
-use gs2e::sensor::voltmeter::{Gain, Law, Preset, Voltmeter};
+use gs2e::sensor::SimulationAccount;
+use gs2e::sensor::voltmeter::{DriftGain, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use serde_json::Value;
 use std::fs::File;
 use std::io::Read;
@@ -17,7 +17,7 @@ const SIZE: Size = Size { width: 64, height: 48 };
 const SEEDS: u64 = 24;
 
 /// The events of one seed.
-type Run = (Vec<Event>, Account);
+type Run = (Vec<Event>, SimulationAccount);
 
 /// A clip and what is known about it under one parameter set.
 struct Golden {
@@ -41,7 +41,7 @@ fn npz<T: npyz::Deserialize>(path: &Path, name: &str) -> Vec<T> {
 }
 
 impl Golden {
-    fn read(folder: &Path, clip: &str, preset: Preset, law: Law) -> Self {
+    fn read(folder: &Path, clip: &str, preset: VoltmeterPreset, law: SamplerKind) -> Self {
         let open = |file: String| File::open(folder.join(file)).unwrap();
         let greys: Vec<u8> = npy(open(format!("{clip}_frames.npy")));
         let stamps: Vec<i64> = npy(open(format!("{clip}_ts_us.npy")));
@@ -49,12 +49,12 @@ impl Golden {
         let all: Value = serde_json::from_reader(open("golden.json".to_owned())).unwrap();
         let k = &all["params_official_units(us,grey0-255)"][&set];
         let law = match law {
-            Law::Exact => "exact",
-            Law::Official => "official",
+            SamplerKind::Exact => "exact",
+            SamplerKind::Official => "official",
         };
         let measured = folder.join(format!("{clip}_{set}_{law}.npz"));
         Self {
-            frames: ArrayFrames::new(SIZE, Samples::Bytes(greys.clone()), &stamps).unwrap(),
+            frames: ArrayFrames::new(SIZE, ArraySamples::Bytes(greys.clone()), &stamps).unwrap(),
             greys,
             stamps,
             k: std::array::from_fn(|i| k[i].as_f64().unwrap()),
@@ -121,10 +121,10 @@ fn intervals(events: &[Event]) -> Vec<f64> {
     pixels.iter().flat_map(|events| events.windows(2).map(|w| (w[1].0 - w[0].0) as f64 * 1e-3)).collect()
 }
 
-fn check(clip: &str, preset: Preset, law: Law) {
+fn check(clip: &str, preset: VoltmeterPreset, law: SamplerKind) {
     let golden = Golden::read(&golden::folder("events"), clip, preset, law);
-    let sensor = Voltmeter { gain: Gain::Midpoint, law, ..Voltmeter::new(golden.k) };
-    let runs: Vec<(Vec<Event>, Account)> =
+    let sensor = VoltmeterModel { gain: DriftGain::Midpoint, law, ..VoltmeterModel::new(golden.k) };
+    let runs: Vec<(Vec<Event>, SimulationAccount)> =
         (0..SEEDS).map(|seed| run(&sensor, &golden.frames, seed)).collect();
     println!("{clip}, {}, {law:?}, {SEEDS} seeds:", preset.name());
     let over = |value: fn(&Run) -> f64| mean_and_deviation(&runs.iter().map(value).collect::<Vec<f64>>());
@@ -135,7 +135,7 @@ fn check(clip: &str, preset: Preset, law: Law) {
         assert!(events.is_sorted_by_key(Event::file_order));
         assert_eq!((events.len() as u64, account.drift_violations), (account.events, 0));
         // The published law draws what a frame leaves over anew, so its events and its drift part.
-        if law == Law::Exact {
+        if law == SamplerKind::Exact {
             golden.check_drift(events);
         }
     }
@@ -174,40 +174,40 @@ fn check_times(golden: &Golden, runs: &[Run]) {
 
 #[test]
 fn edge_of_dvs346() {
-    check("edge", Preset::Dvs346, Law::Exact);
+    check("edge", VoltmeterPreset::Dvs346, SamplerKind::Exact);
 }
 
 #[test]
 fn edge_of_gs2e_si() {
-    check("edge", Preset::Gs2eSi, Law::Exact);
+    check("edge", VoltmeterPreset::Gs2eSi, SamplerKind::Exact);
 }
 
 #[test]
 fn grating_of_dvs346() {
-    check("grating", Preset::Dvs346, Law::Exact);
+    check("grating", VoltmeterPreset::Dvs346, SamplerKind::Exact);
 }
 
 #[test]
 fn grating_of_gs2e_si() {
-    check("grating", Preset::Gs2eSi, Law::Exact);
+    check("grating", VoltmeterPreset::Gs2eSi, SamplerKind::Exact);
 }
 
 #[test]
 fn edge_of_dvs346_by_the_published_law() {
-    check("edge", Preset::Dvs346, Law::Official);
+    check("edge", VoltmeterPreset::Dvs346, SamplerKind::Official);
 }
 
 #[test]
 fn edge_of_gs2e_si_by_the_published_law() {
-    check("edge", Preset::Gs2eSi, Law::Official);
+    check("edge", VoltmeterPreset::Gs2eSi, SamplerKind::Official);
 }
 
 #[test]
 fn grating_of_dvs346_by_the_published_law() {
-    check("grating", Preset::Dvs346, Law::Official);
+    check("grating", VoltmeterPreset::Dvs346, SamplerKind::Official);
 }
 
 #[test]
 fn grating_of_gs2e_si_by_the_published_law() {
-    check("grating", Preset::Gs2eSi, Law::Official);
+    check("grating", VoltmeterPreset::Gs2eSi, SamplerKind::Official);
 }

@@ -3,15 +3,15 @@
 
 use super::{by_pixel, frames, run};
 use gs2e::event::{Event, Polarity};
-use gs2e::frames::Frames;
-use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
+use gs2e::frames::FrameSequence;
+use gs2e::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use gs2e::image::{Image, Size};
 use gs2e::seed::Seed;
-use gs2e::sensor::esim::Esim;
-use gs2e::sensor::noise::{HotPixels, Redraw, Threshold};
-use gs2e::sensor::v2e::{self, Leak, V2e};
-use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
-use gs2e::sensor::{Model, Sensor};
+use gs2e::sensor::esim::EsimModel;
+use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
+use gs2e::sensor::v2e::{self, LeakNoise, V2eModel};
+use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e::sensor::{SensorChoice, SensorModel};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 
@@ -33,8 +33,8 @@ fn same_events(size: Size, a: &[Event], b: &[Event], tolerance_ns: i64) {
 }
 
 /// A sensor noisy enough that every pixel fires now and then, static or not.
-fn noisy() -> Voltmeter {
-    Voltmeter::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
+fn noisy() -> VoltmeterModel {
+    VoltmeterModel::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
 }
 
 #[test]
@@ -68,8 +68,8 @@ fn a_signal_that_stays_the_same_can_be_sampled_finer() {
 #[test]
 fn without_noise_events_divide_the_signal_evenly() {
     let end = 1_000_000;
-    let [k1, k2, ..] = Preset::Dvs346.k();
-    let sensor = Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+    let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+    let sensor = VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
     let white = |x: u32| f64::from(10 * x + 1);
     let clip = frames(SIZE, &[0, end], |x, _, t| if t == 0 { 0.0 } else { white(x) });
     let (events, account) = run(&sensor, &clip, 1);
@@ -88,7 +88,7 @@ fn without_noise_events_divide_the_signal_evenly() {
 
 #[test]
 fn without_noise_leaks_are_clocks() {
-    let sensor = Voltmeter::new([5.0, 20.0, 0.0, 1.003e-4, 1e-6, 0.0]);
+    let sensor = VoltmeterModel::new([5.0, 20.0, 0.0, 1.003e-4, 1e-6, 0.0]);
     for rate in [3.0, 700.0] {
         let clip = frames(SIZE, &stamps(rate, 2_000_000), |x, _, _| f64::from(x));
         let (events, _) = run(&sensor, &clip, 1);
@@ -105,7 +105,7 @@ fn without_noise_leaks_are_clocks() {
 
 /// The thresholds by which the pixels of a size fire, without noise, on a ramp of the logarithm from grey
 /// to grey.
-fn thresholds(sensor: &Voltmeter, size: Size, greys: [f64; 2]) -> Vec<f64> {
+fn thresholds(sensor: &VoltmeterModel, size: Size, greys: [f64; 2]) -> Vec<f64> {
     let end = 1_000_000;
     let [k1, k2, ..] = sensor.k;
     let rise = k1 * ((greys[1] + k2) / (greys[0] + k2)).ln().abs();
@@ -127,11 +127,11 @@ fn thresholds(sensor: &Voltmeter, size: Size, greys: [f64; 2]) -> Vec<f64> {
 #[test]
 fn unequal_pixels_have_thresholds_of_their_own() {
     let size = Size { width: 90, height: 70 };
-    let [k1, k2, ..] = Preset::Dvs346.k();
-    let sensor = |k5, threshold_spread| Voltmeter {
+    let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
+    let sensor = |k5, threshold_spread| VoltmeterModel {
         threshold_off: 0.7,
         threshold_spread,
-        ..Voltmeter::new([k1, k2, 0.0, 0.0, k5, 0.0])
+        ..VoltmeterModel::new([k1, k2, 0.0, 0.0, k5, 0.0])
     };
     let [up, down] = [[0.0, 255.0], [255.0, 0.0]].map(|greys| thresholds(&sensor(0.0, 0.1), size, greys));
     for (values, nominal) in [(&up, 1.0), (&down, 0.7)] {
@@ -149,25 +149,31 @@ fn unequal_pixels_have_thresholds_of_their_own() {
         up.iter().zip(thresholds(&sensor(1e-18, 0.1), size, [0.0, 255.0])).all(|(a, b)| (a - b).abs() < 1e-7)
     );
     // The drift balance holds for each pixel with its own thresholds, under noise too.
-    let noisy = Voltmeter { threshold_spread: 0.2, ..noisy() };
+    let noisy = VoltmeterModel { threshold_spread: 0.2, ..noisy() };
     let (events, account) = run(&noisy, &moving(size), 9);
     assert!(events.len() > 1000 && account.drift_violations == 0, "{account:?}");
 }
 
 /// A noisy member of each kind of law, with labels.
-pub(super) fn models() -> [Sensor; 5] {
-    let hot_pixels = HotPixels { share: 0.2, rate: 900.0 };
-    let noisy = Voltmeter { labels: true, ..noisy() };
-    let unequal = Voltmeter { threshold_spread: 0.1, hot_pixels, ..noisy.clone() };
-    let official = Voltmeter { law: Law::Official, threshold_spread: 0.1, ..noisy.clone() };
-    let threshold = Threshold { on: 0.1, off: 0.15, spread: 0.02 };
-    let esim = Esim { threshold, mismatch: Redraw::PerFrame, hot_pixels, labels: true, ..Esim::default() };
-    let leak = Leak { rate: 300.0, jitter: 0.2, cov: 0.2 };
-    let usual = V2e::from(v2e::Preset::Noisy);
-    let v2e = V2e { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, labels: true, ..usual };
-    let voltmeters = [noisy, unequal, official].map(Sensor::Voltmeter);
+pub(super) fn models() -> [SensorChoice; 5] {
+    let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0 };
+    let noisy = VoltmeterModel { labels: true, ..noisy() };
+    let unequal = VoltmeterModel { threshold_spread: 0.1, hot_pixels, ..noisy.clone() };
+    let official = VoltmeterModel { law: SamplerKind::Official, threshold_spread: 0.1, ..noisy.clone() };
+    let threshold = ThresholdMismatch { on: 0.1, off: 0.15, spread: 0.02 };
+    let esim = EsimModel {
+        threshold,
+        mismatch: RedrawRule::PerFrame,
+        hot_pixels,
+        labels: true,
+        ..EsimModel::default()
+    };
+    let leak = LeakNoise { rate: 300.0, jitter: 0.2, cov: 0.2 };
+    let usual = V2eModel::from(v2e::V2ePreset::Noisy);
+    let v2e = V2eModel { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, labels: true, ..usual };
+    let voltmeters = [noisy, unequal, official].map(SensorChoice::Voltmeter);
     let [plain, unequal, official] = voltmeters;
-    [plain, unequal, official, Sensor::Esim(esim), Sensor::V2e(v2e)]
+    [plain, unequal, official, SensorChoice::Esim(esim), SensorChoice::V2e(v2e)]
 }
 
 /// A clip that moves, with dark, bright and static parts.
@@ -196,7 +202,7 @@ fn threads_do_not_show() {
 
 /// Events of the part of the clip that begins at `origin`, in the coordinates of the part.
 fn of_crop(
-    model: &Sensor,
+    model: &SensorChoice,
     clip: &ArrayFrames,
     [x0, y0]: [u16; 2],
     size: Size,
@@ -274,7 +280,7 @@ fn stamps_that_begin_elsewhere_change_nothing() {
     let greys: Vec<f32> = (0..5 * SIZE.pixels()).map(|i| (i * 37 % 256) as f32).collect();
     let at = |first: i64| {
         let stamps: Vec<i64> = [0, 300, 1700, 1701, 9000].map(|t| first + t).to_vec();
-        let samples = Samples::Floats(greys.clone(), FullScale::Grey255);
+        let samples = ArraySamples::Floats(greys.clone(), FullScale::Grey255);
         run(&noisy(), &ArrayFrames::new(SIZE, samples, &stamps).unwrap(), 1)
     };
     let wanted = at(0);

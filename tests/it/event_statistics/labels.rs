@@ -2,52 +2,52 @@
 
 use super::identity::{models, moving};
 use super::{frames, run};
-use gs2e::event::{Event, Label, Polarity};
+use gs2e::event::{Event, EventLabel, Polarity};
 use gs2e::frames::array::ArrayFrames;
 use gs2e::image::Size;
-use gs2e::sensor::esim::Esim;
-use gs2e::sensor::noise::{HotPixels, Reference, Refractory, Threshold};
-use gs2e::sensor::v2e::{self, Leak, V2e};
-use gs2e::sensor::voltmeter::{Between, Initial, Law, Voltmeter};
-use gs2e::sensor::{Model, Sensor};
+use gs2e::sensor::esim::EsimModel;
+use gs2e::sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e::sensor::v2e::{self, LeakNoise, V2eModel};
+use gs2e::sensor::voltmeter::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
+use gs2e::sensor::{SensorChoice, SensorModel};
 
 const SIZE: Size = Size { width: 40, height: 25 };
 
 /// Runs a sensor, every event of which must have this label; how many there are.
-fn all(sensor: &dyn Model, clip: &ArrayFrames, label: Label) -> Vec<Event> {
+fn all(sensor: &dyn SensorModel, clip: &ArrayFrames, label: EventLabel) -> Vec<Event> {
     let (events, _) = run(sensor, clip, 3);
     let other = events.iter().find(|event| event.label != label);
     assert_eq!(other, None, "of {} events", events.len());
     events
 }
 
-fn voltmeter(k: [f64; 6]) -> Voltmeter {
-    Voltmeter { labels: true, ..Voltmeter::new(k) }
+fn voltmeter(k: [f64; 6]) -> VoltmeterModel {
+    VoltmeterModel { labels: true, ..VoltmeterModel::new(k) }
 }
 
 /// v2e without noise, with thresholds of a tenth.
-fn clean() -> V2e {
-    let threshold = Threshold { on: 0.1, off: 0.1, spread: 0.0 };
-    V2e { threshold, labels: true, ..V2e::from(v2e::Preset::Clean) }
+fn clean() -> V2eModel {
+    let threshold = ThresholdMismatch { on: 0.1, off: 0.1, spread: 0.0 };
+    V2eModel { threshold, labels: true, ..V2eModel::from(v2e::V2ePreset::Clean) }
 }
 
 #[test]
 fn without_noise_all_is_signal() {
     let clip = moving(SIZE);
-    let exact = Voltmeter { threshold_spread: 0.1, ..voltmeter([5.0, 16.0, 0.0, 0.0, 0.0, 0.0]) };
-    let refractory = Refractory { period_us: 500.0, reference: Reference::AtEvent };
-    let threshold = Threshold { on: 0.1, off: 0.15, spread: 0.02 };
+    let exact = VoltmeterModel { threshold_spread: 0.1, ..voltmeter([5.0, 16.0, 0.0, 0.0, 0.0, 0.0]) };
+    let refractory = RefractoryPeriod { period_us: 500.0, reference: ReferenceRule::AtEvent };
+    let threshold = ThresholdMismatch { on: 0.1, off: 0.15, spread: 0.02 };
     let sensors = [
-        Sensor::Voltmeter(Voltmeter { between: Between::Catmull, ..exact.clone() }),
-        Sensor::Voltmeter(Voltmeter { law: Law::Official, ..exact.clone() }),
-        Sensor::Voltmeter(exact),
-        Sensor::Esim(Esim { threshold, labels: true, ..Esim::default() }),
-        Sensor::Esim(Esim { threshold, refractory, labels: true, ..Esim::default() }),
-        Sensor::V2e(V2e { cutoff: 0.0, ..clean() }),
-        Sensor::V2e(V2e { cutoff: 100.0, refractory, ..clean() }),
+        SensorChoice::Voltmeter(VoltmeterModel { between: BetweenFrames::Catmull, ..exact.clone() }),
+        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, ..exact.clone() }),
+        SensorChoice::Voltmeter(exact),
+        SensorChoice::Esim(EsimModel { threshold, labels: true, ..EsimModel::default() }),
+        SensorChoice::Esim(EsimModel { threshold, refractory, labels: true, ..EsimModel::default() }),
+        SensorChoice::V2e(V2eModel { cutoff: 0.0, ..clean() }),
+        SensorChoice::V2e(V2eModel { cutoff: 100.0, refractory, ..clean() }),
     ];
     for sensor in sensors {
-        let count = all(sensor.as_model(), &clip, Label::Signal).len();
+        let count = all(sensor.as_model(), &clip, EventLabel::Signal).len();
         assert!(count > 1000, "{count} of {sensor:?}");
     }
 }
@@ -62,9 +62,9 @@ fn brightness_between_frames_is_that_of_the_law() {
     let rate = |i| if i < SIZE.pixels() { 0.0 } else { 21.0 / 15.0 * 116.0 * 1e3 };
     let flat = frames(SIZE, &[0, 1000], |_, _, _| 100.0);
     let flat = flat.with_rates((0..2 * SIZE.pixels()).map(rate).collect()).unwrap();
-    for (between, clip) in [(Between::Catmull, step), (Between::Hermite, flat)] {
-        let sensor = Voltmeter { between, ..voltmeter([15.0, 16.0, 0.0, 0.0, 0.0, 0.0]) };
-        let events = all(&sensor, &clip, Label::Signal);
+    for (between, clip) in [(BetweenFrames::Catmull, step), (BetweenFrames::Hermite, flat)] {
+        let sensor = VoltmeterModel { between, ..voltmeter([15.0, 16.0, 0.0, 0.0, 0.0, 0.0]) };
+        let events = all(&sensor, &clip, EventLabel::Signal);
         let swing = events.iter().filter(|event| event.t.0 < 900_000);
         let (on, off): (Vec<&Event>, Vec<&Event>) = swing.partition(|event| event.polarity == Polarity::On);
         // Down to -3.08 or -3.11; after nine tenths it is at -1.7, and has passed -2 again.
@@ -75,25 +75,30 @@ fn brightness_between_frames_is_that_of_the_law() {
 #[test]
 fn without_a_change_all_is_noise() {
     let clip = frames(SIZE, &[0, 50_000, 100_000], |x, y, _| f64::from(5 * x + y));
-    let hot_pixels = HotPixels { share: 0.1, rate: 900.0 };
-    let noisy = Voltmeter { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]) };
+    let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0 };
+    let noisy = VoltmeterModel { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]) };
     let (leak, refractory) = (
-        Leak { rate: 300.0, jitter: 0.2, cov: 0.2 },
+        LeakNoise { rate: 300.0, jitter: 0.2, cov: 0.2 },
         // Several thresholds leak away in a dead time.
-        Refractory { period_us: 12_000.0, reference: Reference::AtEvent },
+        RefractoryPeriod { period_us: 12_000.0, reference: ReferenceRule::AtEvent },
     );
-    let v2e = V2e { leak, shot: 300.0, hot_pixels, cutoff: 100.0, ..clean() };
+    let v2e = V2eModel { leak, shot: 300.0, hot_pixels, cutoff: 100.0, ..clean() };
     let sensors = [
-        Sensor::Voltmeter(Voltmeter { law: Law::Official, ..noisy.clone() }),
-        Sensor::Voltmeter(Voltmeter { initial: Initial::Stationary, ..noisy.clone() }),
-        Sensor::Voltmeter(Voltmeter { hot_pixels: HotPixels::default(), ..noisy }),
-        Sensor::Esim(Esim { hot_pixels, labels: true, ..Esim::default() }),
-        Sensor::V2e(V2e { refractory, ..v2e.clone() }),
-        Sensor::V2e(V2e { shot: 0.0, refractory, hot_pixels: HotPixels::default(), ..v2e.clone() }),
-        Sensor::V2e(v2e),
+        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, ..noisy.clone() }),
+        SensorChoice::Voltmeter(VoltmeterModel { initial: InitialVoltage::Stationary, ..noisy.clone() }),
+        SensorChoice::Voltmeter(VoltmeterModel { hot_pixels: HotPixelNoise::default(), ..noisy }),
+        SensorChoice::Esim(EsimModel { hot_pixels, labels: true, ..EsimModel::default() }),
+        SensorChoice::V2e(V2eModel { refractory, ..v2e.clone() }),
+        SensorChoice::V2e(V2eModel {
+            shot: 0.0,
+            refractory,
+            hot_pixels: HotPixelNoise::default(),
+            ..v2e.clone()
+        }),
+        SensorChoice::V2e(v2e),
     ];
     for sensor in sensors {
-        let count = all(sensor.as_model(), &clip, Label::Noise).len();
+        let count = all(sensor.as_model(), &clip, EventLabel::Noise).len();
         assert!(count > 1000, "{count} of {sensor:?}");
     }
 }
@@ -121,7 +126,7 @@ fn half_of_the_way_is_what_tells_them_apart() {
     let (events, _) = run(&sensor, &frames(SIZE, &stamps, grey), 11);
     let (left, right): (Vec<Event>, Vec<Event>) =
         events.into_iter().partition(|event| u32::from(event.x) < SIZE.width / 2);
-    assert!(left.len() > 1000 && left.iter().all(|event| event.label == Label::Noise), "{}", left.len());
+    assert!(left.len() > 1000 && left.iter().all(|event| event.label == EventLabel::Noise), "{}", left.len());
     // The first 20 of each pixel: where a pixel's time ends, those that came early are too many.
     let mut seen = vec![0; SIZE.pixels()];
     let (mut count, mut noise) = (0, 0);
@@ -130,7 +135,7 @@ fn half_of_the_way_is_what_tells_them_apart() {
         *seen += 1;
         if *seen <= 20 {
             count += 1;
-            noise += u32::from(event.label == Label::Noise);
+            noise += u32::from(event.label == EventLabel::Noise);
         }
     }
     assert_eq!(count, 20 * SIZE.pixels() / 2);
@@ -150,12 +155,15 @@ fn a_leak_beside_brightness_is_weighed_against_it() {
         frames(SIZE, &[0, 30_000, 100_000], move |_, _, t| 100.0 * (way * (t as f64 * 1e-5)).exp())
     };
     let [up, down] = [0.95, -0.95].map(ramp);
-    for (rate, label) in
-        [(0.0, Label::Signal), (60.0, Label::Signal), (80.0, Label::Signal), (100.0, Label::Noise)]
-    {
-        let leaky = V2e { leak: Leak { rate, jitter: 0.0, cov: 0.0 }, cutoff: 0.0, ..clean() };
+    for (rate, label) in [
+        (0.0, EventLabel::Signal),
+        (60.0, EventLabel::Signal),
+        (80.0, EventLabel::Signal),
+        (100.0, EventLabel::Noise),
+    ] {
+        let leaky = V2eModel { leak: LeakNoise { rate, jitter: 0.0, cov: 0.0 }, cutoff: 0.0, ..clean() };
         let events = all(&leaky, &up, label);
-        let falling = all(&leaky, &down, Label::Signal);
+        let falling = all(&leaky, &down, EventLabel::Signal);
         // In a tenth of a second.
         for (events, thresholds, polarity) in
             [(events, 9.5 + 0.1 * rate, Polarity::On), (falling, 9.5 - 0.1 * rate, Polarity::Off)]
@@ -166,11 +174,13 @@ fn a_leak_beside_brightness_is_weighed_against_it() {
     }
 }
 
-fn without_labels(sensor: &Sensor) -> Sensor {
+fn without_labels(sensor: &SensorChoice) -> SensorChoice {
     match sensor.clone() {
-        Sensor::Voltmeter(sensor) => Sensor::Voltmeter(Voltmeter { labels: false, ..sensor }),
-        Sensor::Esim(sensor) => Sensor::Esim(Esim { labels: false, ..sensor }),
-        Sensor::V2e(sensor) => Sensor::V2e(V2e { labels: false, ..sensor }),
+        SensorChoice::Voltmeter(sensor) => {
+            SensorChoice::Voltmeter(VoltmeterModel { labels: false, ..sensor })
+        }
+        SensorChoice::Esim(sensor) => SensorChoice::Esim(EsimModel { labels: false, ..sensor }),
+        SensorChoice::V2e(sensor) => SensorChoice::V2e(V2eModel { labels: false, ..sensor }),
     }
 }
 
@@ -179,11 +189,12 @@ fn labels_change_no_event() {
     let clip = moving(SIZE);
     for sensor in models() {
         let (labelled, account) = run(sensor.as_model(), &clip, 3);
-        let plain = all(without_labels(&sensor).as_model(), &clip, Label::Signal);
-        let stripped: Vec<Event> = labelled.iter().map(|e| Event { label: Label::Signal, ..*e }).collect();
+        let plain = all(without_labels(&sensor).as_model(), &clip, EventLabel::Signal);
+        let stripped: Vec<Event> =
+            labelled.iter().map(|e| Event { label: EventLabel::Signal, ..*e }).collect();
         assert!(stripped == plain, "{sensor:?}");
         assert_eq!(account, run(without_labels(&sensor).as_model(), &clip, 3).1);
-        let noise = labelled.iter().filter(|event| event.label == Label::Noise).count();
+        let noise = labelled.iter().filter(|event| event.label == EventLabel::Noise).count();
         assert!(noise > 0 && noise < labelled.len(), "{noise} of {} in {sensor:?}", labelled.len());
     }
 }

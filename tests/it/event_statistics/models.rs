@@ -3,9 +3,9 @@
 use super::{by_pixel, frames, ks, run};
 use gs2e::event::{Event, Polarity};
 use gs2e::image::Size;
-use gs2e::sensor::esim::{Esim, Intensity};
-use gs2e::sensor::noise::{HotPixels, Redraw, Reference, Refractory, Threshold};
-use gs2e::sensor::v2e::{Filter, Leak, Preset, V2e};
+use gs2e::sensor::esim::{EsimModel, IntensityScale};
+use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e::sensor::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
 use std::f64::consts::TAU;
 
 const SIZE: Size = Size { width: 40, height: 25 };
@@ -14,13 +14,13 @@ const SMALL: Size = Size { width: 2, height: 1 };
 const Z_LIMIT: f64 = 4.6;
 const KS_LIMIT: f64 = 2.47;
 
-fn threshold(on: f64, off: f64) -> Threshold {
-    Threshold { on, off, spread: 0.0 }
+fn threshold(on: f64, off: f64) -> ThresholdMismatch {
+    ThresholdMismatch { on, off, spread: 0.0 }
 }
 
 /// No spread, no noise, no filter.
-fn ideal_v2e(on: f64, off: f64) -> V2e {
-    V2e { threshold: threshold(on, off), ..V2e::from(Preset::Clean) }
+fn ideal_v2e(on: f64, off: f64) -> V2eModel {
+    V2eModel { threshold: threshold(on, off), ..V2eModel::from(V2ePreset::Clean) }
 }
 
 fn every(step_us: i64, end_us: i64) -> Vec<i64> {
@@ -46,7 +46,7 @@ fn without_noise_events_lie_where_the_logarithm_crosses() {
     let end = 1_000_000;
     let white = |x: u32, t: i64| if (t == 0) == (x == 0) { 7.0 } else { 255.0 };
     let clip = frames(SMALL, &[0, end], |x, _, t| white(x, t));
-    let esim = Esim { threshold: threshold(0.11, 0.07), eps: 0.01, ..Esim::default() };
+    let esim = EsimModel { threshold: threshold(0.11, 0.07), eps: 0.01, ..EsimModel::default() };
     let (events, account) = run(&esim, &clip, 1);
     let seen = |l: f64| (0.01 + l / 255.0).ln();
     let pixels = by_pixel(SMALL, &events);
@@ -54,7 +54,7 @@ fn without_noise_events_lie_where_the_logarithm_crosses() {
     check_crossings(&pixels[1], [seen(255.0), seen(7.0)], 0.07, 1e9);
     assert_eq!(account.drift_violations, 0);
     assert!(account.drift_worst > 0.0 && account.drift_worst <= 1.0);
-    let linear = Esim { intensity: Intensity::Linear, ..esim };
+    let linear = EsimModel { intensity: IntensityScale::Linear, ..esim };
     let pixels = by_pixel(SMALL, &run(&linear, &clip, 1).0);
     check_crossings(&pixels[0], [7.0 / 255.0, 1.0], 0.11, 1e9);
     check_crossings(&pixels[1], [1.0, 7.0 / 255.0], 0.07, 1e9);
@@ -72,9 +72,12 @@ fn a_signal_that_is_straight_in_what_is_seen_can_be_cut_anywhere() {
     // 255 (eps + L/255) runs over three octaves; so does L for v2e, above 20.
     let end = 90_000;
     let octaves = |t: i64| 30.0 * (3.0 * t as f64 / end as f64).exp2();
-    let esim = Esim { threshold: Threshold { spread: 0.02, ..threshold(0.05, 0.05) }, ..Esim::default() };
+    let esim = EsimModel {
+        threshold: ThresholdMismatch { spread: 0.02, ..threshold(0.05, 0.05) },
+        ..EsimModel::default()
+    };
     let at = |stamps: &[i64]| run(&esim, &frames(SIZE, stamps, |_, _, t| octaves(t) - 0.255), 3).0;
-    let v2e = V2e { shot: 300.0, ..V2e::from(Preset::Clean) };
+    let v2e = V2eModel { shot: 300.0, ..V2eModel::from(V2ePreset::Clean) };
     let filtered = |stamps: &[i64]| run(&v2e, &frames(SIZE, stamps, |_, _, _| 90.0), 3).0;
     let same = |a: &[Event], b: &[Event], tolerance_ns: i64| {
         assert!(a.len() > 10_000 && a.len() == b.len(), "{} and {}", a.len(), b.len());
@@ -94,13 +97,13 @@ fn a_signal_that_is_straight_in_what_is_seen_can_be_cut_anywhere() {
 }
 
 /// Times of the events on a brightness that rises by a threshold every 100 us, with a dead time of 250 us.
-fn dead_times(reference: Reference) -> Vec<i64> {
-    let refractory = Refractory { period_us: 250.0, reference };
-    let esim = Esim {
+fn dead_times(reference: ReferenceRule) -> Vec<i64> {
+    let refractory = RefractoryPeriod { period_us: 250.0, reference };
+    let esim = EsimModel {
         threshold: threshold(0.01, 0.01),
-        intensity: Intensity::Linear,
+        intensity: IntensityScale::Linear,
         refractory,
-        ..Esim::default()
+        ..EsimModel::default()
     };
     let clip = frames(SMALL, &every(470, 9870), |_, _, t| 0.0255 * t as f64);
     by_pixel(SMALL, &run(&esim, &clip, 1).0)[0].iter().map(|event| event.0).collect()
@@ -117,9 +120,9 @@ fn dead_times_end_with_the_reference_that_is_asked_for() {
         }
     };
     // The next whole threshold after the dead time; a threshold after it; its end, for one is overdue.
-    t(Reference::Passing, 300_000);
-    t(Reference::AtEnd, 350_000);
-    t(Reference::AtEvent, 250_000);
+    t(ReferenceRule::Passing, 300_000);
+    t(ReferenceRule::AtEnd, 350_000);
+    t(ReferenceRule::AtEvent, 250_000);
 }
 
 /// Least time between events of one pixel, ns.
@@ -133,19 +136,27 @@ fn no_event_falls_into_a_dead_time() {
     let clip = frames(SIZE, &every(417, 40_000), |x, y, t| {
         120.0 + 119.0 * (f64::from(x * 3 + y) * 0.1 + t as f64 * 6e-4).sin()
     });
-    let hot_pixels = HotPixels { share: 0.5, rate: 3000.0 };
-    for reference in [Reference::AtEvent, Reference::AtEnd, Reference::Passing] {
-        let refractory = Refractory { period_us: 321.5, reference };
-        let esim = Esim { threshold: threshold(0.05, 0.05), refractory, hot_pixels, ..Esim::default() };
-        let leak = Leak { rate: 300.0, jitter: 0.3, cov: 0.2 };
+    let hot_pixels = HotPixelNoise { share: 0.5, rate: 3000.0 };
+    for reference in [ReferenceRule::AtEvent, ReferenceRule::AtEnd, ReferenceRule::Passing] {
+        let refractory = RefractoryPeriod { period_us: 321.5, reference };
+        let esim =
+            EsimModel { threshold: threshold(0.05, 0.05), refractory, hot_pixels, ..EsimModel::default() };
+        let leak = LeakNoise { rate: 300.0, jitter: 0.3, cov: 0.2 };
         let shot = 2000.0;
-        let v2e = V2e { refractory, hot_pixels, leak, shot, cutoff: 300.0, ..V2e::from(Preset::Noisy) };
+        let v2e = V2eModel {
+            refractory,
+            hot_pixels,
+            leak,
+            shot,
+            cutoff: 300.0,
+            ..V2eModel::from(V2ePreset::Noisy)
+        };
         for (name, (events, account)) in [("esim", run(&esim, &clip, 2)), ("v2e", run(&v2e, &clip, 2))] {
             let gap = least_gap(SIZE, &events);
             println!("{name} {reference:?}: {} events, least gap {gap} ns", account.events);
             assert!(account.events > 5000 && gap >= 321_500);
         }
-        let free = run(&Esim { refractory: Refractory::default(), ..esim }, &clip, 2).0;
+        let free = run(&EsimModel { refractory: RefractoryPeriod::default(), ..esim }, &clip, 2).0;
         assert!(least_gap(SIZE, &free) < 321_500, "without a dead time there would be such events");
     }
 }
@@ -153,8 +164,8 @@ fn no_event_falls_into_a_dead_time() {
 #[test]
 fn a_leak_without_jitter_is_a_clock() {
     // Its period is the nominal one whatever the pixel's threshold.
-    let leak = Leak { rate: 7.3, ..Leak::default() };
-    let v2e = V2e { leak, ..V2e::from(Preset::Clean) };
+    let leak = LeakNoise { rate: 7.3, ..LeakNoise::default() };
+    let v2e = V2eModel { leak, ..V2eModel::from(V2ePreset::Clean) };
     for step in [2_000_000, 33_333, 417] {
         let (events, _) = run(&v2e, &frames(SMALL, &every(step, 2_000_000), |_, _, _| 60.0), 1);
         let seconds = *every(step, 2_000_000).last().unwrap() as f64 * 1e-6;
@@ -173,14 +184,14 @@ fn a_leak_without_jitter_is_a_clock() {
 
 #[test]
 fn leaks_spread_by_decades_and_jitter_from_frame_to_frame() {
-    let first = |leak: Leak, step: i64| {
-        let v2e = V2e { leak, ..ideal_v2e(0.2, 0.2) };
+    let first = |leak: LeakNoise, step: i64| {
+        let v2e = V2eModel { leak, ..ideal_v2e(0.2, 0.2) };
         let (events, _) = run(&v2e, &frames(SIZE, &every(step, 400_000), |_, _, _| 60.0), 11);
         by_pixel(SIZE, &events).iter().map(|events| events[0].0 as f64 * 1e-9).collect::<Vec<f64>>()
     };
     let normal = |z: f64| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
     // The first event is after one period, `1/(rate 10^(cov z))`.
-    let spread = first(Leak { rate: 20.0, jitter: 0.0, cov: 0.1 }, 100_000);
+    let spread = first(LeakNoise { rate: 20.0, jitter: 0.0, cov: 0.1 }, 100_000);
     let decades = |scale: f64| {
         let mut z: Vec<f64> = spread.iter().map(|t| -(20.0 * t).log10() / scale).collect();
         z.sort_unstable_by(f64::total_cmp);
@@ -190,7 +201,7 @@ fn leaks_spread_by_decades_and_jitter_from_frame_to_frame() {
     println!("leak spread: KS {found:.2}, of a spread half as large again {defect:.2} (limit {KS_LIMIT})");
     assert!(found < KS_LIMIT && defect > KS_LIMIT);
     // The level falls by `rate dt (1 - j z)` a frame: after n frames by a normal of mean n and deviation j sqrt(n).
-    let jitter = first(Leak { rate: 20.0, jitter: 0.3, cov: 0.0 }, 1000);
+    let jitter = first(LeakNoise { rate: 20.0, jitter: 0.3, cov: 0.0 }, 1000);
     let mean = jitter.iter().sum::<f64>() / jitter.len() as f64;
     let deviation = (jitter.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / jitter.len() as f64).sqrt();
     // To first order a period of 50 frames has the deviation 0.3 sqrt(50) frames of 1 ms; a sample of 1000 knows it
@@ -205,7 +216,7 @@ fn leaks_spread_by_decades_and_jitter_from_frame_to_frame() {
 fn shot_noise_is_poisson_and_rarer_in_the_light() {
     let seconds = 2.0;
     for (grey, step) in [(0.0, 2_000_000), (128.0, 1000), (255.0, 10_000), (1e4, 500_000)] {
-        let v2e = V2e { shot: 40.0, ..ideal_v2e(0.2, 0.2) };
+        let v2e = V2eModel { shot: 40.0, ..ideal_v2e(0.2, 0.2) };
         let (events, _) = run(&v2e, &frames(SIZE, &every(step, 2_000_000), |_, _, _| grey), 21);
         let rate = 40.0 * (1.0 - 0.75 * (f64::min(grey, 255.0) + 20.0) / 275.0);
         let expected = rate * seconds * SIZE.pixels() as f64;
@@ -229,8 +240,8 @@ fn shot_noise_is_poisson_and_rarer_in_the_light() {
 #[test]
 fn shots_take_the_leak_its_time() {
     // A leak event needs a whole period T without a shot: rate s/(e^(sT) - 1) beside the shots' own s.
-    let leak = Leak { rate: 20.0, ..Leak::default() };
-    let v2e = V2e { leak, shot: 30.0, ..ideal_v2e(0.2, 0.2) };
+    let leak = LeakNoise { rate: 20.0, ..LeakNoise::default() };
+    let v2e = V2eModel { leak, shot: 30.0, ..ideal_v2e(0.2, 0.2) };
     let seconds = 4.0;
     let (events, _) = run(&v2e, &frames(SIZE, &every(4000, 4_000_000), |_, _, _| 50.0), 31);
     let shots = 30.0 * (1.0 - 0.75 * 70.0 / 275.0);
@@ -255,13 +266,13 @@ fn shots_take_the_leak_its_time() {
 fn a_step_comes_through_the_filter_exponentially() {
     // From 30 to 200 within a microsecond, then still.
     let answer = |stamps: &[i64], filter| {
-        let v2e = V2e { cutoff: 40.0, filter, ..ideal_v2e(0.1, 0.1) };
+        let v2e = V2eModel { cutoff: 40.0, filter, ..ideal_v2e(0.1, 0.1) };
         let clip = frames(SMALL, stamps, |_, _, t| if t == 0 { 30.0 } else { 200.0 });
         by_pixel(SMALL, &run(&v2e, &clip, 1).0)[0].iter().map(|event| event.0).collect::<Vec<i64>>()
     };
     let tau = 1e9 / (TAU * 40.0 * 220.0 / 275.0);
     let change = (200.0f64 / 30.0).ln();
-    let whole = answer(&[0, 1, 30_000], Filter::Exact);
+    let whole = answer(&[0, 1, 30_000], FilterSteps::Exact);
     assert_eq!(whole.len(), (change * (1.0 - (-30e6 / tau).exp()) / 0.1) as usize);
     for (j, &t) in whole.iter().enumerate() {
         let wanted = -tau * (1.0 - 0.1 * (j + 1) as f64 / change).ln();
@@ -269,10 +280,10 @@ fn a_step_comes_through_the_filter_exponentially() {
         assert!((t as f64 - wanted).abs() < 1001.0, "event {j} at {t}, wanted {wanted}");
     }
     let cut: Vec<i64> = [0, 1].into_iter().chain(every(500, 30_000).into_iter().skip(1)).collect();
-    let parts = answer(&cut, Filter::Exact);
+    let parts = answer(&cut, FilterSteps::Exact);
     assert!(parts.len() == whole.len() && parts.iter().zip(&whole).all(|(a, b)| (a - b).abs() <= 1));
     // Euler's steps of 0.5 ms are each 4 % too large to second order: `ln(1 - e)` for `-e`, e = 0.1.
-    let euler = answer(&cut, Filter::Euler);
+    let euler = answer(&cut, FilterSteps::Euler);
     let last = (*euler.last().unwrap().min(whole.last().unwrap())) as f64;
     assert!(euler.len().abs_diff(whole.len()) <= 1 && last > 1e6);
     assert!(euler.iter().zip(&whole).any(|(a, b)| (a - b).abs() > 10_000), "the two differ");
@@ -284,16 +295,16 @@ fn thresholds_are_a_pixel_s_own_or_a_frame_s() {
         let end = 100_000;
         frames(SIZE, &every(end / steps, end), move |_, _, t| 10.0 + 240.0 * t as f64 / end as f64)
     };
-    let wide = Threshold { spread: 0.04, ..threshold(0.2, 0.2) };
-    let sensor = |mismatch| Esim { threshold: wide, mismatch, ..Esim::default() };
+    let wide = ThresholdMismatch { spread: 0.04, ..threshold(0.2, 0.2) };
+    let sensor = |mismatch| EsimModel { threshold: wide, mismatch, ..EsimModel::default() };
     let counts = |mismatch, steps| {
         let events = run(&sensor(mismatch), &clip(steps), 5).0;
         by_pixel(SIZE, &events).iter().map(Vec::len).collect::<Vec<usize>>()
     };
     // A pixel's own threshold gives it the same number however often it is looked at.
-    assert_eq!(counts(Redraw::PerSensor, 1), counts(Redraw::PerSensor, 100));
+    assert_eq!(counts(RedrawRule::PerSensor, 1), counts(RedrawRule::PerSensor, 100));
     let spread = |counts: &[usize]| counts.iter().max().unwrap() - counts.iter().min().unwrap();
-    let [own, redrawn] = [Redraw::PerSensor, Redraw::PerFrame].map(|m| counts(m, 100));
+    let [own, redrawn] = [RedrawRule::PerSensor, RedrawRule::PerFrame].map(|m| counts(m, 100));
     println!("spread of counts: own {}, redrawn {}", spread(&own), spread(&redrawn));
     assert!(spread(&own) > 2 * spread(&redrawn), "many draws even out");
     // The least of a hundred draws comes first: more events than with one.
@@ -307,13 +318,13 @@ fn extremes_neither_lose_nor_disorder_events() {
         for end in [1, 2000, hour] {
             let clip =
                 frames(SMALL, &[0, end, 2 * end], |x, _, t| if (t == end) == (x == 0) { 255.0 } else { 0.0 });
-            let esim = Esim {
+            let esim = EsimModel {
                 threshold: threshold(c, c),
                 eps: 1e-5,
                 max_events_per_pixel_frame: cap,
-                ..Esim::default()
+                ..EsimModel::default()
             };
-            let v2e = V2e { max_events_per_pixel_frame: cap, ..ideal_v2e(c, c) };
+            let v2e = V2eModel { max_events_per_pixel_frame: cap, ..ideal_v2e(c, c) };
             let ranges = [(1.0f64 + 1e-5).ln() - 1e-5f64.ln(), 255f64.ln()];
             for ((events, account), range) in
                 [run(&esim, &clip, 1), run(&v2e, &clip, 1)].into_iter().zip(ranges)
@@ -330,8 +341,8 @@ fn extremes_neither_lose_nor_disorder_events() {
             }
         }
     }
-    let leak = Leak { rate: 0.1, ..Leak::default() };
-    let noisy = V2e { max_events_per_pixel_frame: 100_000, leak, shot: 5.0, ..ideal_v2e(0.2, 0.2) };
+    let leak = LeakNoise { rate: 0.1, ..LeakNoise::default() };
+    let noisy = V2eModel { max_events_per_pixel_frame: 100_000, leak, shot: 5.0, ..ideal_v2e(0.2, 0.2) };
     let (events, account) = run(&noisy, &frames(SMALL, &[0, hour], |_, _, _| 100.0), 1);
     let expected = 2.0 * 3600.0 * noisy.noise(100.0).total_hz;
     let z = (account.events as f64 - expected) / expected.sqrt();
@@ -342,14 +353,18 @@ fn extremes_neither_lose_nor_disorder_events() {
 #[test]
 fn the_cap_fails_by_name_or_keeps_the_first() {
     let clip = frames(SMALL, &[0, 1000], |x, _, t| if t == 0 || x == 1 { 0.0 } else { 255.0 });
-    let esim = Esim { threshold: threshold(0.01, 0.01), max_events_per_pixel_frame: 100, ..Esim::default() };
+    let esim = EsimModel {
+        threshold: threshold(0.01, 0.01),
+        max_events_per_pixel_frame: 100,
+        ..EsimModel::default()
+    };
     let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
     let seed = gs2e::seed::Seed(1);
     let failed = gs2e::sensor::simulate_one(&mut clip.clone(), &esim, seed, &mut Vec::new(), &mut go_on);
     let wanted = "pixel (0, 0) fires more than 100 events between frames 0 and 1 (luminance 0 to 255 of 255)";
     assert_eq!(failed.unwrap_err().to_string(), wanted);
-    let (kept, account) = run(&Esim { allow_cap: true, ..esim.clone() }, &clip, 1);
-    let all = run(&Esim { max_events_per_pixel_frame: 1000, ..esim }, &clip, 1).0;
+    let (kept, account) = run(&EsimModel { allow_cap: true, ..esim.clone() }, &clip, 1);
+    let all = run(&EsimModel { max_events_per_pixel_frame: 1000, ..esim }, &clip, 1).0;
     assert_eq!(kept, all[..100]);
     assert_eq!(account.capped, all.len() as u64 - 100);
 }

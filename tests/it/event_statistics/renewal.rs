@@ -1,13 +1,13 @@
 //! Static pixels make a renewal process whose rates, polarities and intervals are known
 //! (docs/design/numerics-sensor.md, "Closed forms").
 
-use super::interval_law::Exit;
+use super::interval_law::BarrierExit;
 use super::{by_pixel, frames, ks, ks_of_two, run};
 use crate::support::absent::not_run;
 use gs2e::event::Polarity;
 use gs2e::image::Size;
-use gs2e::sensor::statistics::Renewal;
-use gs2e::sensor::voltmeter::{Initial, Voltmeter};
+use gs2e::sensor::statistics::RenewalProcess;
+use gs2e::sensor::voltmeter::{InitialVoltage, VoltmeterModel};
 
 const SIZE: Size = Size { width: 40, height: 25 };
 /// Intervals taken of each pixel.
@@ -18,20 +18,20 @@ const Z_LIMIT: f64 = 5.0;
 
 /// What 1000 pixels of one constant brightness did, watched for 32 mean intervals.
 struct Watched {
-    process: Renewal,
+    process: RenewalProcess,
     /// Mean intervals they were watched for.
     duration: f64,
     pixels: Vec<Vec<(i64, Polarity)>>,
 }
 
 /// Time in us; the simulated noise is `distortion` times what it should be.
-fn watch(process: Renewal, distortion: f64, seed: u64) -> Watched {
+fn watch(process: RenewalProcess, distortion: f64, seed: u64) -> Watched {
     let sigma = process.variance.sqrt() * distortion;
-    let sensor = Voltmeter {
+    let sensor = VoltmeterModel {
         threshold_on: process.up,
         threshold_off: process.down,
         max_events_per_pixel_frame: u32::MAX,
-        ..Voltmeter::new([1.0, 1.0, 0.0, process.drift, 0.0, sigma])
+        ..VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, sigma])
     };
     let duration = (32.0 * process.mean_interval()).ceil();
     let (events, account) = run(&sensor, &frames(SIZE, &[0, duration as i64], |_, _, _| 77.0), seed);
@@ -60,8 +60,8 @@ impl Watched {
 
     /// KS distance of the intervals from their law.
     fn interval_distance(&self) -> f64 {
-        let Renewal { drift, variance, up, down } = self.process;
-        ks(&self.intervals(None), |t| Exit { drift, variance, up, down }.by(t))
+        let RenewalProcess { drift, variance, up, down } = self.process;
+        ks(&self.intervals(None), |t| BarrierExit { drift, variance, up, down }.by(t))
     }
 
     /// ON share of the first events in standard errors.
@@ -76,7 +76,7 @@ impl Watched {
     /// Balance of the two polarities in standard errors: drift, noise and the voltages at the end, each
     /// below 1.
     fn net_score(&self) -> f64 {
-        let Renewal { drift, variance, up, down } = self.process;
+        let RenewalProcess { drift, variance, up, down } = self.process;
         let balance: f64 =
             self.pixels.iter().flatten().map(|e| if e.1 == Polarity::On { up } else { -down }).sum();
         let n = self.pixels.len() as f64;
@@ -101,8 +101,8 @@ impl Watched {
 /// Mean voltage of a pixel long after its first frame, by integrating the Green's function of the exit
 /// problem: the mean time spent at each voltage, by Simpson's rule over the occupation density,
 /// docs/design/numerics-sensor.md, "Stationary voltage".
-fn stationary_mean(process: Renewal) -> f64 {
-    let Renewal { drift, variance, up, down } = process;
+fn stationary_mean(process: RenewalProcess) -> f64 {
+    let RenewalProcess { drift, variance, up, down } = process;
     let q = 2.0 * drift / variance;
     let share = process.on_share();
     let mass = drift * process.mean_interval();
@@ -130,10 +130,10 @@ fn stationary_mean(process: Renewal) -> f64 {
 }
 
 /// A process of drift over noise `nu = drift up/variance`, whose mean interval is about this many us.
-fn process(nu: f64, mean_us: f64, [up, down]: [f64; 2]) -> Renewal {
-    let unit = Renewal { drift: nu / up, variance: 1.0, up, down };
+fn process(nu: f64, mean_us: f64, [up, down]: [f64; 2]) -> RenewalProcess {
+    let unit = RenewalProcess { drift: nu / up, variance: 1.0, up, down };
     let speed = unit.mean_interval() / mean_us;
-    Renewal { drift: nu / up * speed, variance: speed, up, down }
+    RenewalProcess { drift: nu / up * speed, variance: speed, up, down }
 }
 
 /// Whether all that is known of a static pixel holds.
@@ -205,9 +205,9 @@ fn rates_hold_for_an_hour() {
         return not_run("RUN_SLOW_TESTS is not set");
     }
     let process = process(2.0, 1e6, [1.0, 1.0]);
-    let sensor = Voltmeter {
+    let sensor = VoltmeterModel {
         max_events_per_pixel_frame: u32::MAX,
-        ..Voltmeter::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
+        ..VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
     };
     let (size, hour) = (Size { width: 2, height: 2 }, 3_600_000_000);
     let (events, account) = run(&sensor, &frames(size, &[0, hour], |_, _, _| 77.0), 15);
@@ -231,9 +231,9 @@ fn five_percent_of_noise_are_noticed() {
 #[test]
 fn stationary_pixels_fire_evenly_from_the_start() {
     let process = process(3.0, 4000.0, [1.0, 1.0]);
-    let sensor = |initial| Voltmeter {
+    let sensor = |initial| VoltmeterModel {
         initial,
-        ..Voltmeter::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
+        ..VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
     };
     let counts = |initial| {
         let (events, account) = run(&sensor(initial), &frames(SIZE, &[0, 10_000], |_, _, _| 77.0), 14);
@@ -246,7 +246,7 @@ fn stationary_pixels_fire_evenly_from_the_start() {
     // binomial.
     let expected = SIZE.pixels() as f64 * 2000.0 / process.mean_interval();
     let scores = |initial| counts(initial).map(|count| (count - expected) / expected.sqrt());
-    let (even, in_step) = (scores(Initial::Stationary), scores(Initial::Zero));
+    let (even, in_step) = (scores(InitialVoltage::Stationary), scores(InitialVoltage::Zero));
     println!("z by fifth: stationary {even:.2?}, zero {in_step:.2?} (limit {Z_LIMIT})");
     assert!(even.iter().all(|z| z.abs() < Z_LIMIT));
     assert!(in_step.iter().any(|z| z.abs() > Z_LIMIT), "pixels that start at 0 fire in step");

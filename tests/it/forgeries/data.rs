@@ -1,7 +1,7 @@
 //! Forgeries of the data itself: events, pictures and arrays that stay what their formats prescribe.
 
 use super::super::audit::BASE;
-use gs2e::event::h5::{self, Filter, Options};
+use gs2e::event::h5::{self, ChunkFilter, H5Options};
 use gs2e::event::{Event, EventSink as _, EventSource as _};
 use gs2e::image::{Image, Size, npy, png};
 use std::fs;
@@ -9,7 +9,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 /// Rewrites the events of the first trajectory.
-pub(super) fn events(folder: &Path, options: Options, change: impl FnOnce(&mut Vec<Event>)) {
+pub(super) fn events(folder: &Path, options: H5Options, change: impl FnOnce(&mut Vec<Event>)) {
     let path = folder.join(BASE).join("events.h5");
     let mut reader = h5::Reader::open(&path).unwrap();
     let (header, mut events, mut chunk) = (reader.header().unwrap(), Vec::new(), Vec::new());
@@ -53,8 +53,8 @@ pub(super) fn drop_one(events: &mut Vec<Event>) {
 pub(super) fn nothing(_: &mut Vec<Event>) {}
 
 /// Another way to store the same events.
-pub(super) fn plain() -> Options {
-    Options { filter: Filter::None, ..Options::default() }
+pub(super) fn plain() -> H5Options {
+    H5Options { filter: ChunkFilter::None, ..H5Options::default() }
 }
 
 /// Rewrites a picture.

@@ -4,7 +4,7 @@ use super::super::audit::{BASE, SCENE};
 use super::Found::{self, Audit, Never, Rebuild};
 use super::{Forgery, data};
 use crate::release::forger::edit;
-use gs2e::event::h5::Options;
+use gs2e::event::h5::H5Options;
 use gs2e::image::Size;
 use serde_json::{Value, json};
 use std::fs;
@@ -246,7 +246,7 @@ fn statements() -> Vec<Forgery> {
             whole: false,
             ..row("the manifest on one line", Audit("not-composed"), |f| {
                 let path = f.join("manifest.json");
-                let value: gs2e::release::Manifest =
+                let value: gs2e::release::ReleaseManifest =
                     serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
                 fs::write(path, serde_json::to_vec(&value).unwrap()).unwrap();
             })
@@ -372,14 +372,14 @@ fn raw() -> Vec<Forgery> {
     let deep = |f: &Path| f.join(BASE).join("depth/000000.npy");
     vec![
         row("two events of a pixel trade polarities", Rebuild, |f| {
-            data::events(f, Options::default(), |events| data::trade_polarities(events));
+            data::events(f, H5Options::default(), |events| data::trade_polarities(events));
         }),
         row("an event is a microsecond late", Rebuild, |f| {
-            data::events(f, Options::default(), |events| data::delay_one(events));
+            data::events(f, H5Options::default(), |events| data::delay_one(events));
         }),
         row("events stored in another way", Rebuild, |f| data::events(f, data::plain(), data::nothing)),
         row("an event is gone", Audit("claims-disagree"), |f| {
-            data::events(f, Options::default(), data::drop_one);
+            data::events(f, H5Options::default(), data::drop_one);
         }),
         row("events of the other trajectory", Audit("claims-disagree"), |f| {
             fs::copy(f.join("small/one/slow/events.h5"), f.join(BASE).join("events.h5")).unwrap();

@@ -1,32 +1,32 @@
 //! One meaning, many spellings; and numbers that are exactly what is written.
 
 use super::{read, recipe, said, snapshot, sound};
-use gs2e::recipe::{Output, Reconstruct, Source, Upstream};
-use gs2e::render::Rules;
-use gs2e::sensor::esim::{Esim, Intensity};
-use gs2e::sensor::front_end::{Decode, FrontEnd, Luminance, Range};
-use gs2e::sensor::noise::{HotPixels, Redraw, Reference, Refractory, Threshold};
-use gs2e::sensor::v2e::{self, Filter, Leak, V2e};
-use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
-use gs2e::sensor::{Sensor, Sensors};
-use gs2e::source::Captured;
-use gs2e::source::kind::Kind;
-use gs2e::trajectory::path::Path;
-use gs2e::trajectory::refine::{Refine, Scale};
-use gs2e::trajectory::travel::Count;
+use gs2e::recipe::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin};
+use gs2e::render::RenderRules;
+use gs2e::sensor::esim::{EsimModel, IntensityScale};
+use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, GreyRange, LuminanceWeights};
+use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e::sensor::v2e::{self, FilterSteps, LeakNoise, V2eModel};
+use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e::sensor::{SensorChoice, SensorSet};
+use gs2e::source::DiskCapture;
+use gs2e::source::kind::CaptureKind;
+use gs2e::trajectory::path::CameraPath;
+use gs2e::trajectory::refine::{RefinePath, TranslationScale};
+use gs2e::trajectory::travel::PoseCount;
 use gs2e::units::Ratio;
 
-fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
+fn voltmeter(recipe: gs2e::recipe::Recipe) -> VoltmeterModel {
     match recipe.sensors {
-        Sensors::One(Sensor::Voltmeter(voltmeter)) => voltmeter,
+        SensorSet::One(SensorChoice::Voltmeter(voltmeter)) => voltmeter,
         other => panic!("{other:?}"),
     }
 }
 
 /// The path of the first trajectory.
-fn refined(recipe: &gs2e::recipe::Recipe) -> &Refine {
+fn refined(recipe: &gs2e::recipe::Recipe) -> &RefinePath {
     match &recipe.trajectories[0].path {
-        Path::Refine(refine) => refine,
+        CameraPath::Refine(refine) => refine,
         other => panic!("{other:?}"),
     }
 }
@@ -82,14 +82,14 @@ fn what_is_left_out_is_what_the_paper_does() {
     let recipe = sound("");
     assert_eq!(recipe.seed, 0);
     assert_eq!(recipe.rate.0, Ratio::new(2400, 1).unwrap());
-    assert_eq!(recipe.outputs, [Output::Events, Output::Sharp].into());
+    assert_eq!(recipe.outputs, [OutputKind::Events, OutputKind::Sharp].into());
     let (refine, speed) = (refined(&recipe), &recipe.trajectories[0].speed);
-    assert_eq!((refine.window, refine.count), (2, Count::Factor(Ratio::new(5, 1).unwrap())));
+    assert_eq!((refine.window, refine.count), (2, PoseCount::Factor(Ratio::new(5, 1).unwrap())));
     // A.1: the speed at both ends of the sequence.
     let law = speed.as_law();
     assert!((law.speed(0.0) - 1.1).abs() < 1e-15, "{}", law.speed(0.0));
     assert!((law.speed(1.0) - 1.310_367_746_201_974).abs() < 1e-15, "{}", law.speed(1.0));
-    assert_eq!(voltmeter(recipe), Voltmeter::new(Preset::Dvs346.k()));
+    assert_eq!(voltmeter(recipe), VoltmeterModel::new(VoltmeterPreset::Dvs346.k()));
 }
 
 #[test]
@@ -158,10 +158,11 @@ fn paths_start_at_the_file_that_names_them() {
     write("sub/a.yaml", "version: 1\nscene: a\nsource: { colmap: { path: ../capture } }\n");
     write("sub/b.yaml", "version: 1\nscene: b\nsource: { nerfstudio: { path: /abs/transforms.json } }\n");
     let recipes = gs2e::recipe::read_all(&[root.path().to_owned()]).unwrap();
-    let whole = |kind, path| Source::Captured(Captured::all_views(kind, path), Upstream::default());
-    assert_eq!(recipes[0].source, whole(Kind::Colmap, root.path().join("sub/../capture")));
-    assert_eq!(recipes[1].source, whole(Kind::Nerfstudio, "/abs/transforms.json".into()));
-    assert_eq!(recipes[0].reconstruct, Some(Reconstruct::Given(root.path().join("scenes/a.ply"))));
+    let whole =
+        |kind, path| SceneSource::Captured(DiskCapture::all_views(kind, path), UpstreamOrigin::default());
+    assert_eq!(recipes[0].source, whole(CaptureKind::Colmap, root.path().join("sub/../capture")));
+    assert_eq!(recipes[1].source, whole(CaptureKind::Nerfstudio, "/abs/transforms.json".into()));
+    assert_eq!(recipes[0].reconstruct, Some(ReconstructMethod::Given(root.path().join("scenes/a.ply"))));
     // As written, so that a release says the same wherever it is made.
     assert_eq!(recipes[0].merged["source"]["colmap"]["path"], "../capture");
     assert_eq!(recipes[0].merged["reconstruct"]["given"]["path"], "scenes/a.ply");
@@ -187,9 +188,9 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
 }
 
 /// A sensor means that, and so does the canonical form of its recipe.
-fn check_sensor(yaml: &str, wanted: Sensor) {
+fn check_sensor(yaml: &str, wanted: SensorChoice) {
     let found = sound(&format!("sensor: {yaml}"));
-    assert_eq!(found.sensors, Sensors::One(wanted), "{yaml}");
+    assert_eq!(found.sensors, SensorSet::One(wanted), "{yaml}");
     let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
     assert_eq!(said(again), said(found), "{yaml}");
 }
@@ -198,23 +199,29 @@ fn check_sensor(yaml: &str, wanted: Sensor) {
 fn front_ends_are_read() {
     let t = check_sensor;
     let seen = FrontEnd {
-        luminance: Luminance::from_weights([0.2, 0.7, 0.1]).unwrap(),
-        decode: Decode::Srgb,
+        luminance: LuminanceWeights::from_weights([0.2, 0.7, 0.1]).unwrap(),
+        decode: ChannelDecode::Srgb,
         exposure: 2.5,
-        range: Range { min: 1.0, max: Some(200.0) },
+        range: GreyRange { min: 1.0, max: Some(200.0) },
     };
     let words = "front_end: { luminance: { weights: [0.2, 0.7, 0.1] }, decode: srgb, exposure: 2.5, \
                  range: { min: 1, max: 200 } }";
     t(
         &format!("{{ voltmeter: {{ {words} }} }}"),
-        Sensor::Voltmeter(Voltmeter { front_end: seen, ..Voltmeter::new(Preset::Dvs346.k()) }),
+        SensorChoice::Voltmeter(VoltmeterModel {
+            front_end: seen,
+            ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k())
+        }),
     );
-    t(&format!("{{ esim: {{ {words} }} }}"), Sensor::Esim(Esim { front_end: seen, ..Esim::default() }));
-    let rec709 = FrontEnd { luminance: Luminance::Rec709, ..FrontEnd::default() };
+    t(
+        &format!("{{ esim: {{ {words} }} }}"),
+        SensorChoice::Esim(EsimModel { front_end: seen, ..EsimModel::default() }),
+    );
+    let rec709 = FrontEnd { luminance: LuminanceWeights::Rec709, ..FrontEnd::default() };
     for luminance in ["rec709", "{ weights: [0.2126, 0.7152, 0.0722] }"] {
         t(
             &format!("{{ v2e: {{ front_end: {{ luminance: {luminance} }} }} }}"),
-            Sensor::V2e(V2e { front_end: rec709, ..V2e::from(v2e::Preset::Clean) }),
+            SensorChoice::V2e(V2eModel { front_end: rec709, ..V2eModel::from(v2e::V2ePreset::Clean) }),
         );
     }
 }
@@ -222,14 +229,14 @@ fn front_ends_are_read() {
 #[test]
 fn all_sensors_are_read() {
     let t = check_sensor;
-    let dvs346 = Voltmeter::new(Preset::Dvs346.k());
-    let hot_pixels = HotPixels { share: 0.001, rate: 20.0 };
-    let official = Voltmeter { law: Law::Official, ..dvs346 };
-    t("{ voltmeter: { law: official } }", Sensor::Voltmeter(official.clone()));
+    let dvs346 = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
+    let hot_pixels = HotPixelNoise { share: 0.001, rate: 20.0 };
+    let official = VoltmeterModel { law: SamplerKind::Official, ..dvs346 };
+    t("{ voltmeter: { law: official } }", SensorChoice::Voltmeter(official.clone()));
     t(
         "{ voltmeter: { law: official, threshold: { spread: 0.1 }, hot_pixels: { share: 1e-3, rate: 20 }, allow_cap: true, \
          labels: true } }",
-        Sensor::Voltmeter(Voltmeter {
+        SensorChoice::Voltmeter(VoltmeterModel {
             threshold_spread: 0.1,
             hot_pixels,
             allow_cap: true,
@@ -237,17 +244,17 @@ fn all_sensors_are_read() {
             ..official
         }),
     );
-    t("{ esim: {} }", Sensor::Esim(Esim::default()));
+    t("{ esim: {} }", SensorChoice::Esim(EsimModel::default()));
     t(
         "{ esim: { threshold: { on: 0.3, spread: 0.02 }, mismatch: per-frame, intensity: linear, eps: 0.01, \
          refractory: { period_us: 100, reference: at-end }, hot_pixels: { share: 0.001, rate: 20 }, \
          max_events_per_pixel_frame: 7, allow_cap: true, labels: true } }",
-        Sensor::Esim(Esim {
-            threshold: Threshold { on: 0.3, off: 0.2, spread: 0.02 },
-            mismatch: Redraw::PerFrame,
-            intensity: Intensity::Linear,
+        SensorChoice::Esim(EsimModel {
+            threshold: ThresholdMismatch { on: 0.3, off: 0.2, spread: 0.02 },
+            mismatch: RedrawRule::PerFrame,
+            intensity: IntensityScale::Linear,
             eps: 0.01,
-            refractory: Refractory { period_us: 100.0, reference: Reference::AtEnd },
+            refractory: RefractoryPeriod { period_us: 100.0, reference: ReferenceRule::AtEnd },
             hot_pixels,
             max_events_per_pixel_frame: 7,
             allow_cap: true,
@@ -255,17 +262,20 @@ fn all_sensors_are_read() {
             labels: true,
         }),
     );
-    t("{ v2e: {} }", Sensor::V2e(V2e::from(v2e::Preset::Clean)));
-    let noisy = V2e::from(v2e::Preset::Noisy);
-    t("{ v2e: { preset: noisy, labels: true } }", Sensor::V2e(V2e { labels: true, ..noisy.clone() }));
-    t("{ v2e: { preset: noisy, labels: false } }", Sensor::V2e(noisy.clone()));
+    t("{ v2e: {} }", SensorChoice::V2e(V2eModel::from(v2e::V2ePreset::Clean)));
+    let noisy = V2eModel::from(v2e::V2ePreset::Noisy);
+    t(
+        "{ v2e: { preset: noisy, labels: true } }",
+        SensorChoice::V2e(V2eModel { labels: true, ..noisy.clone() }),
+    );
+    t("{ v2e: { preset: noisy, labels: false } }", SensorChoice::V2e(noisy.clone()));
     t(
         "{ v2e: { preset: noisy, cutoff: 100, filter: euler, leak: { rate: 0.5 }, refractory: { period_us: 10 } } }",
-        Sensor::V2e(V2e {
+        SensorChoice::V2e(V2eModel {
             cutoff: 100.0,
-            filter: Filter::Euler,
-            leak: Leak { rate: 0.5, ..noisy.leak },
-            refractory: Refractory { period_us: 10.0, ..noisy.refractory },
+            filter: FilterSteps::Euler,
+            leak: LeakNoise { rate: 0.5, ..noisy.leak },
+            refractory: RefractoryPeriod { period_us: 10.0, ..noisy.refractory },
             ..noisy
         }),
     );
@@ -274,17 +284,17 @@ fn all_sensors_are_read() {
 #[test]
 fn all_rules_of_rendering_are_read() {
     for (word, wanted) in [
-        ("official", Rules::Official),
-        ("exact", Rules::Exact),
-        ("gsplat", Rules::Gsplat),
-        ("soft", Rules::Soft),
+        ("official", RenderRules::Official),
+        ("exact", RenderRules::Exact),
+        ("gsplat", RenderRules::Gsplat),
+        ("soft", RenderRules::Soft),
     ] {
         let found = sound(&format!("render: {{ rules: {word} }}"));
         assert_eq!((found.render.rules, &found.merged["render"]["rules"]), (wanted, &word.into()));
         let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
         assert_eq!(said(again), said(found), "{word}");
     }
-    assert_eq!(sound("").render.rules, Rules::Official);
+    assert_eq!(sound("").render.rules, RenderRules::Official);
 }
 
 #[test]
@@ -296,10 +306,10 @@ fn all_ways_of_refining_are_read() {
         assert_eq!(said(super::recipe(&text).unwrap()), said(recipe.clone()), "{text}");
         refined(&recipe).clone()
     };
-    assert_eq!(refine("frames: 150").count, Count::Frames(150));
-    assert_eq!(refine("duration: 0.0625").count, Count::Duration(Ratio::new(1, 16).unwrap()));
-    assert_eq!(refine("metric: { scale: none }").scale, Scale::None);
-    assert_eq!(refine("metric: { scale: 2.5 }").scale, Scale::Fixed(2.5));
+    assert_eq!(refine("frames: 150").count, PoseCount::Frames(150));
+    assert_eq!(refine("duration: 0.0625").count, PoseCount::Duration(Ratio::new(1, 16).unwrap()));
+    assert_eq!(refine("metric: { scale: none }").scale, TranslationScale::None);
+    assert_eq!(refine("metric: { scale: 2.5 }").scale, TranslationScale::Fixed(2.5));
     let other = refine(
         "window: 0, order: nearest, rotation: slerp-midpoint, ends: pinned, gaps: refuse, literal: true",
     );

@@ -1,6 +1,6 @@
 //! Whatever bytes a recipe is made of, it is read or refused with a place; nothing panics.
 
-use gs2e::recipe::{Faults, read_all};
+use gs2e::recipe::{RecipeFaults, read_all};
 use proptest::prelude::{Just, Strategy, any, prop, prop_oneof};
 use proptest::test_runner::{Config, TestRunner};
 use std::ops::Range;
@@ -101,7 +101,7 @@ fn edited(edits: &[Edit]) -> Vec<u8> {
     bytes
 }
 
-fn has_places(faults: &Faults, bytes: &[u8]) {
+fn has_places(faults: &RecipeFaults, bytes: &[u8]) {
     let lines = bytes.split(|b| matches!(b, b'\n' | b'\r')).count();
     assert!(!faults.listed().is_empty() && faults.listed().len() <= 20);
     assert_eq!(faults.to_json().len(), faults.listed().len());

@@ -3,19 +3,19 @@
 use super::{recipe, said};
 use glam::{DQuat, DVec3};
 use gs2e::camera::CameraChoice;
-use gs2e::recipe::{Recipe, Source, TrajectoryRecipe, find_edits};
-use gs2e::seed::{Purpose, Seed};
-use gs2e::speed::function::Expression;
-use gs2e::speed::list::List;
-use gs2e::speed::{Flow, Meaning, Speed};
-use gs2e::trajectory::curve::Curve;
-use gs2e::trajectory::keyframes::{Facing, Keyframe, Keyframes};
-use gs2e::trajectory::novel::{Novel, NovelCurve};
-use gs2e::trajectory::orbit::Orbit;
-use gs2e::trajectory::path::Path;
-use gs2e::trajectory::refine::{Refine, Scale};
-use gs2e::trajectory::sample::Summation;
-use gs2e::trajectory::travel::Count;
+use gs2e::recipe::{Recipe, SceneSource, TrajectoryRecipe, find_edits};
+use gs2e::seed::{Seed, StreamPurpose};
+use gs2e::speed::function::SpeedExpression;
+use gs2e::speed::list::SpeedLevels;
+use gs2e::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
+use gs2e::trajectory::curve::CurveKind;
+use gs2e::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
+use gs2e::trajectory::novel::{GroupCurve, NovelGroup};
+use gs2e::trajectory::orbit::OrbitPath;
+use gs2e::trajectory::path::CameraPath;
+use gs2e::trajectory::refine::{RefinePath, TranslationScale};
+use gs2e::trajectory::sample::SummationRule;
+use gs2e::trajectory::travel::PoseCount;
 use gs2e::units::Ratio;
 
 /// A procedural recipe with these trajectories, a list in flow style; its merged form means the same.
@@ -42,8 +42,8 @@ fn one(keys: &str) -> TrajectoryRecipe {
     recipe.trajectories.remove(0)
 }
 
-fn law(text: &str) -> Expression {
-    Expression::parse(text).unwrap()
+fn law(text: &str) -> SpeedExpression {
+    SpeedExpression::parse(text).unwrap()
 }
 
 fn names(recipe: &Recipe) -> Vec<&str> {
@@ -52,31 +52,38 @@ fn names(recipe: &Recipe) -> Vec<&str> {
 
 #[test]
 fn curves_are_read() {
-    let t = |text: &str, wanted: Curve| {
-        let Path::Refine(Refine { curve, .. }) = one(&format!("refine: {{ curve: {text} }}")).path else {
+    let t = |text: &str, wanted: CurveKind| {
+        let CameraPath::Refine(RefinePath { curve, .. }) = one(&format!("refine: {{ curve: {text} }}")).path
+        else {
             panic!("another path")
         };
         assert_eq!(curve, wanted, "{text}");
     };
-    t("cubic", Curve::Cubic);
-    t("cumulative", Curve::Cumulative);
-    t("slerp-lerp", Curve::SlerpLerp);
-    t("{ bezier: { degree: 20 } }", Curve::Bezier { degree: 20 });
+    t("cubic", CurveKind::Cubic);
+    t("cumulative", CurveKind::Cumulative);
+    t("slerp-lerp", CurveKind::SlerpLerp);
+    t("{ bezier: { degree: 20 } }", CurveKind::Bezier { degree: 20 });
 }
 
 #[test]
 fn orbits_are_read() {
-    let t = |text: &str, wanted: Orbit| assert_eq!(one(text).path, Path::Orbit(wanted), "{text}");
-    let usual = Orbit { centre: None, from: None, up: None, arc: 360.0, count: Count::Frames(150) };
+    let t = |text: &str, wanted: OrbitPath| assert_eq!(one(text).path, CameraPath::Orbit(wanted), "{text}");
+    let usual = OrbitPath { centre: None, from: None, up: None, arc: 360.0, count: PoseCount::Frames(150) };
     t("orbit: {}", usual.clone());
-    t("orbit: { arc: -90, frames: 7 }", Orbit { arc: -90.0, count: Count::Frames(7), ..usual.clone() });
-    let seconds = Count::Duration(Ratio::new(1, 2).unwrap());
-    t("orbit: { up: [0, 0, 2], duration: 0.5 }", Orbit { up: Some(DVec3::Z * 2.0), count: seconds, ..usual });
+    t(
+        "orbit: { arc: -90, frames: 7 }",
+        OrbitPath { arc: -90.0, count: PoseCount::Frames(7), ..usual.clone() },
+    );
+    let seconds = PoseCount::Duration(Ratio::new(1, 2).unwrap());
+    t(
+        "orbit: { up: [0, 0, 2], duration: 0.5 }",
+        OrbitPath { up: Some(DVec3::Z * 2.0), count: seconds, ..usual },
+    );
     let whole = one("orbit: { centre: [1, 2, 3], from: [1, 2, 7.5], up: [0, -1, 0] }");
-    let Path::Orbit(Orbit { centre, from, up, .. }) = whole.path else { panic!("another path") };
+    let CameraPath::Orbit(OrbitPath { centre, from, up, .. }) = whole.path else { panic!("another path") };
     assert_eq!((centre, from), (Some(DVec3::new(1.0, 2.0, 3.0)), Some(DVec3::new(1.0, 2.0, 7.5))));
     assert_eq!(up, Some(DVec3::NEG_Y));
-    assert_eq!((whole.speed, whole.base), (Speed::Function(law("1")), None));
+    assert_eq!((whole.speed, whole.base), (SpeedChoice::Function(law("1")), None));
 }
 
 #[test]
@@ -86,22 +93,25 @@ fn keyframes_are_read() {
          curve: slerp-lerp, metric: { scale: 2 }, literal: true, factor: 3/2 }");
     let turned = Keyframe {
         position: DVec3::new(0.0, 0.0, -4.0),
-        facing: Facing::Rotation(DQuat::from_xyzw(0.0, 0.6, 0.0, 0.8)),
+        facing: CameraFacing::Rotation(DQuat::from_xyzw(0.0, 0.6, 0.0, 0.8)),
     };
-    let facing = Facing::Towards { target: DVec3::ZERO, up: DVec3::Y };
-    let wanted = Keyframes {
+    let facing = CameraFacing::Towards { target: DVec3::ZERO, up: DVec3::Y };
+    let wanted = KeyframePath {
         poses: vec![turned, Keyframe { position: DVec3::new(1.0, 0.0, -4.0), facing }],
-        count: Count::Factor(Ratio::new(3, 2).unwrap()),
-        curve: Curve::SlerpLerp,
-        scale: Scale::Fixed(2.0),
+        count: PoseCount::Factor(Ratio::new(3, 2).unwrap()),
+        curve: CurveKind::SlerpLerp,
+        scale: TranslationScale::Fixed(2.0),
         literal: true,
     };
-    assert_eq!((found.path, found.speed), (Path::Keyframes(wanted), Speed::Function(law("1"))));
+    assert_eq!((found.path, found.speed), (CameraPath::Keyframes(wanted), SpeedChoice::Function(law("1"))));
     let usual = one("keyframes: { poses: [{ position: [0, 0, 0], rotation: [0, 0, 0, 1] }] }");
-    let Path::Keyframes(Keyframes { count, curve, scale, literal, .. }) = usual.path else {
+    let CameraPath::Keyframes(KeyframePath { count, curve, scale, literal, .. }) = usual.path else {
         panic!("another path")
     };
-    assert_eq!((count, curve, scale, literal), (Count::Frames(150), Curve::Cubic, Scale::Scene, false));
+    assert_eq!(
+        (count, curve, scale, literal),
+        (PoseCount::Frames(150), CurveKind::Cubic, TranslationScale::Scene, false)
+    );
 }
 
 #[test]
@@ -112,18 +122,18 @@ fn each_group_is_a_trajectory_and_all_share_the_draws() {
     let bases: Vec<_> = recipe.trajectories.iter().map(|t| t.base.as_deref()).collect();
     assert_eq!(bases, [Some("round"), Some("round"), Some("round"), None, None]);
     for (group, trajectory) in (0..3).zip(&recipe.trajectories) {
-        let wanted = Novel {
+        let wanted = NovelGroup {
             group,
             groups: 3,
             keyframes: 5,
-            count: Count::Frames(150),
-            curve: NovelCurve::Any,
+            count: PoseCount::Frames(150),
+            curve: GroupCurve::Any,
             literal: false,
-            keyframes_seed: Seed::for_stream(7, "a", "mini", Purpose::Keyframes),
-            curve_seed: Seed::for_stream(7, "a", "mini", Purpose::Curve),
+            keyframes_seed: Seed::for_stream(7, "a", "mini", StreamPurpose::Keyframes),
+            curve_seed: Seed::for_stream(7, "a", "mini", StreamPurpose::Curve),
         };
-        assert_eq!(trajectory.path, Path::Novel(wanted));
-        assert_eq!((&trajectory.written[..], &trajectory.speed), ("mini", &Speed::Function(law("1"))));
+        assert_eq!(trajectory.path, CameraPath::Novel(wanted));
+        assert_eq!((&trajectory.written[..], &trajectory.speed), ("mini", &SpeedChoice::Function(law("1"))));
     }
     assert_eq!(recipe.merged["trajectories"].as_array().unwrap().len(), 3);
     assert_eq!(recipe.merged["trajectories"][0]["novel"]["base"], "round");
@@ -137,11 +147,14 @@ fn novel_paths_are_read() {
     );
     assert_eq!(names(&recipe), ["base", "one-0"]);
     let one = &recipe.trajectories[1];
-    let Path::Novel(novel) = &one.path else { panic!("another path") };
+    let CameraPath::Novel(novel) = &one.path else { panic!("another path") };
     let (groups, keyframes) = (novel.groups, novel.keyframes);
-    assert_eq!((groups, keyframes, novel.literal, &one.speed), (1, 2, true, &Speed::Function(law("1 + t"))));
-    assert_eq!(novel.curve, NovelCurve::Fixed(Curve::Bezier { degree: 4 }));
-    assert_eq!(novel.count, Count::Duration(Ratio::new(1, 1).unwrap()));
+    assert_eq!(
+        (groups, keyframes, novel.literal, &one.speed),
+        (1, 2, true, &SpeedChoice::Function(law("1 + t")))
+    );
+    assert_eq!(novel.curve, GroupCurve::Fixed(CurveKind::Bezier { degree: 4 }));
+    assert_eq!(novel.count, PoseCount::Duration(Ratio::new(1, 1).unwrap()));
     // As many key poses as the base has poses, each drawn once.
     with("{ name: base, refine: { frames: 15 } }, { name: mini, novel: {} }");
 }
@@ -161,44 +174,48 @@ fn edits_are_told_by_the_name_as_it_is_written() {
 
 #[test]
 fn the_usual_speed_is_the_papers_for_refined_paths_alone() {
-    assert_eq!(one("refine: {}").speed, Speed::Function(law("0.25*sin(t) + 1.1")));
-    assert_eq!(one("orbit: {}").speed, Speed::Function(law("1")));
+    assert_eq!(one("refine: {}").speed, SpeedChoice::Function(law("0.25*sin(t) + 1.1")));
+    assert_eq!(one("orbit: {}").speed, SpeedChoice::Function(law("1")));
 }
 
 #[test]
 fn speeds_are_read() {
-    let t = |text: &str, wanted: Speed| {
+    let t = |text: &str, wanted: SpeedChoice| {
         assert_eq!(one(&format!("refine: {{}}, speed: {{ {text} }}")).speed, wanted, "{text}");
     };
-    let list =
-        |levels: &[f64], blend, meaning| Speed::List(List::new(levels.to_vec(), blend, meaning).unwrap());
-    t("list: { multipliers: [1, 0.5, 2] }", list(&[1.0, 0.5, 2.0], 0.1, Meaning::Speed));
-    t("list: { multipliers: [3], blend: 0 }", list(&[3.0], 0.0, Meaning::Speed));
+    let list = |levels: &[f64], blend, meaning| {
+        SpeedChoice::List(SpeedLevels::new(levels.to_vec(), blend, meaning).unwrap())
+    };
+    t("list: { multipliers: [1, 0.5, 2] }", list(&[1.0, 0.5, 2.0], 0.1, SpeedMeaning::Speed));
+    t("list: { multipliers: [3], blend: 0 }", list(&[3.0], 0.0, SpeedMeaning::Speed));
     t(
         "list: { multipliers: [1, 2], blend: 0.5, meaning: frame-rate }",
-        list(&[1.0, 2.0], 0.5, Meaning::FrameRate),
+        list(&[1.0, 2.0], 0.5, SpeedMeaning::FrameRate),
     );
-    t("flow: { px_s: 400 }", Speed::Flow(Flow { px_s: 400.0, shape: law("1") }));
-    t("flow: { px_s: 0.5, function: 2 - t }", Speed::Flow(Flow { px_s: 0.5, shape: law("2 - t") }));
+    t("flow: { px_s: 400 }", SpeedChoice::Flow(FlowSpeed { px_s: 400.0, shape: law("1") }));
+    t(
+        "flow: { px_s: 0.5, function: 2 - t }",
+        SpeedChoice::Flow(FlowSpeed { px_s: 0.5, shape: law("2 - t") }),
+    );
     for path in
         ["refine: {}", "orbit: {}", "keyframes: { poses: [{ position: [0, 0, 0], rotation: [0, 0, 0, 1] }] }"]
     {
         let count = match one(&format!("{path}, speed: {{ flow: {{ px_s: 1 }} }}")).path {
-            Path::Refine(path) => path.count,
-            Path::Orbit(path) => path.count,
-            Path::Keyframes(path) => path.count,
-            Path::Novel(path) => path.count,
+            CameraPath::Refine(path) => path.count,
+            CameraPath::Orbit(path) => path.count,
+            CameraPath::Keyframes(path) => path.count,
+            CameraPath::Novel(path) => path.count,
         };
-        assert_eq!(count, Count::Flow, "{path}");
+        assert_eq!(count, PoseCount::Flow, "{path}");
     }
 }
 
 #[test]
 fn the_law_is_summed_or_integrated() {
     let yaml = "version: 1\nscene: a\nsource: { procedural: {} }\ntrajectories: [{ name: b, refine: {} }]\n";
-    assert_eq!(again(yaml).law, Summation::Sum);
-    assert_eq!(again(&format!("{yaml}sampling: {{ law: sum }}\n")).law, Summation::Sum);
-    assert_eq!(again(&format!("{yaml}sampling: {{ law: integral }}\n")).law, Summation::Integral);
+    assert_eq!(again(yaml).law, SummationRule::Sum);
+    assert_eq!(again(&format!("{yaml}sampling: {{ law: sum }}\n")).law, SummationRule::Sum);
+    assert_eq!(again(&format!("{yaml}sampling: {{ law: integral }}\n")).law, SummationRule::Integral);
 }
 
 #[test]
@@ -209,7 +226,7 @@ fn a_scene_without_a_capture_writes_its_camera() {
              trajectories: [{{ name: b, orbit: {{ centre: [0, 0, 0], from: [0, 0, 4], up: [0, 1, 0] }} }}]\n"
         );
         let recipe = again(&yaml);
-        assert_eq!((&recipe.source, recipe.source.kind()), (&Source::None, "none"));
+        assert_eq!((&recipe.source, recipe.source.kind()), (&SceneSource::None, "none"));
         let wanted = CameraChoice { width: 64, height: 48, intrinsics: Some(intrinsics) };
         assert_eq!(recipe.camera, Some(wanted), "{camera}");
     };

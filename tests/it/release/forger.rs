@@ -1,8 +1,8 @@
 //! A careful forger: rewrites every digest in a release after a change, so that what is found is what the files say.
 
-use gs2e::release::{Manifest, ManifestFile, ManifestScene, SceneFile};
+use gs2e::release::{ManifestFile, ManifestScene, ReleaseManifest, SceneRecord};
 use gs2e::store::Digest;
-use gs2e::store::record::{Output, content_digest};
+use gs2e::store::record::{StoredOutput, content_digest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -31,10 +31,10 @@ pub(crate) fn edit(folder: &Path, path: &str, change: impl FnOnce(&mut Value)) {
     let mut value: Value = serde_json::from_slice(&std::fs::read(&place).unwrap()).unwrap();
     change(&mut value);
     let written = match path.rsplit('/').next().unwrap() {
-        "manifest.json" => write_as::<Manifest>(&place, &value),
-        "scene.json" => write_as::<SceneFile>(&place, &value),
+        "manifest.json" => write_as::<ReleaseManifest>(&place, &value),
+        "scene.json" => write_as::<SceneRecord>(&place, &value),
         "checks.json" => write_as::<Vec<gs2e::check::Finding>>(&place, &value),
-        "speed.json" => write_as::<gs2e::trajectory::report::Report>(&place, &value),
+        "speed.json" => write_as::<gs2e::trajectory::report::SpeedReport>(&place, &value),
         _ => false,
     };
     if !written {
@@ -50,7 +50,8 @@ fn write_as<T: DeserializeOwned + Serialize>(path: &Path, value: &Value) -> bool
 /// Writes `manifest.json` with its steps, the sum in `croissant.json`, `B3SUMS` and `SHA256SUMS` again.
 pub(crate) fn reseal(folder: &Path) {
     let manifest = folder.join("manifest.json");
-    let typed = std::fs::read(&manifest).ok().and_then(|b| serde_json::from_slice::<Manifest>(&b).ok());
+    let typed =
+        std::fs::read(&manifest).ok().and_then(|b| serde_json::from_slice::<ReleaseManifest>(&b).ok());
     if let Some(mut typed) = typed {
         reseal_index(folder, &typed);
         reseal_manifest(folder, &mut typed);
@@ -79,7 +80,7 @@ fn sha256(bytes: &[u8]) -> String {
 }
 
 /// The sum and size in `croissant.json` of an index that was changed.
-fn reseal_index(folder: &Path, manifest: &Manifest) {
+fn reseal_index(folder: &Path, manifest: &ReleaseManifest) {
     let (Ok(index), Ok(text)) =
         (std::fs::read(folder.join("index.parquet")), std::fs::read(folder.join("croissant.json")))
     else {
@@ -96,7 +97,7 @@ fn reseal_index(folder: &Path, manifest: &Manifest) {
     write_json(&folder.join("croissant.json"), &value);
 }
 
-fn reseal_manifest(folder: &Path, manifest: &mut Manifest) {
+fn reseal_manifest(folder: &Path, manifest: &mut ReleaseManifest) {
     let mut files = read(folder);
     files.retain(|path, _| !["SHA256SUMS", "B3SUMS", "manifest.json"].contains(&path.as_str()));
     for scene in &mut manifest.scenes {
@@ -122,7 +123,7 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
         let Some((trajectory, kind)) = step.step.rsplit_once('/') else { continue };
         let folder = format!("{}/{trajectory}", scene.id);
         let released = released(&folder, kind, files);
-        let is_there = |output: &Output| released.iter().any(|other| other.name == output.name);
+        let is_there = |output: &StoredOutput| released.iter().any(|other| other.name == output.name);
         let whole = files.keys().any(|path| path.starts_with(&format!("{folder}/sharp/")));
         // Outputs that are no files of the release stay; of a scene that is withheld, those are most.
         step.outputs.retain(|output| !whole || !is_released(kind, &output.name) || is_there(output));
@@ -156,11 +157,11 @@ fn is_released(kind: &str, name: &str) -> bool {
 }
 
 /// The outputs of a step that lie in the trajectory's folder.
-fn released(folder: &str, kind: &str, files: &BTreeMap<String, Vec<u8>>) -> Vec<Output> {
+fn released(folder: &str, kind: &str, files: &BTreeMap<String, Vec<u8>>) -> Vec<StoredOutput> {
     let below = |prefix: String| {
         files.iter().filter_map(move |(path, bytes)| Some((path.strip_prefix(&prefix)?.to_owned(), bytes)))
     };
-    let output = |(name, bytes): (String, &Vec<u8>)| Output {
+    let output = |(name, bytes): (String, &Vec<u8>)| StoredOutput {
         name,
         digest: Digest::of_bytes(bytes),
         size: bytes.len() as u64,

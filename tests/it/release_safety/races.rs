@@ -49,10 +49,10 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
 fn who_waits_for_a_folder_says_for_whom() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let holder = gs2e::store::Lock::take_temporary(
+    let holder = gs2e::store::StoreLock::take_temporary(
         &path,
         &path,
-        (&gs2e::store::Claim { command: "gs2e release".into(), ..Default::default() }, false),
+        (&gs2e::store::LockClaim { command: "gs2e release".into(), ..Default::default() }, false),
         &false.into(),
         &mut |_| {},
     );
@@ -85,8 +85,9 @@ fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, Str
 fn an_interrupt_while_waiting_ends_it() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let claim = (&gs2e::store::Claim::default(), false);
-    let _holder = gs2e::store::Lock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
+    let claim = (&gs2e::store::LockClaim::default(), false);
+    let _holder =
+        gs2e::store::StoreLock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
     let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));

@@ -9,13 +9,13 @@ use gs2e::event::Event;
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::image::Size;
 use gs2e::render::Renderer;
-use gs2e::render::cpu::Cpu;
-use gs2e::render::gpu::Gpu;
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::gpu::GpuRenderer;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
 use gs2e::seed::Seed;
 use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use gs2e::trajectory::Trajectory;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -41,7 +41,14 @@ fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16),
     let mut frames = RenderedFrames::new(renderer, capture.views[0].camera.resized(SIZE), trajectory);
     let mut all: Vec<Event> = Vec::new();
     let mut go_on = |_: &_| ControlFlow::Continue(());
-    simulate_one(&mut frames, &Voltmeter::new(Preset::Dvs346.k()), Seed(7), &mut all, &mut go_on).unwrap();
+    simulate_one(
+        &mut frames,
+        &VoltmeterModel::new(VoltmeterPreset::Dvs346.k()),
+        Seed(7),
+        &mut all,
+        &mut go_on,
+    )
+    .unwrap();
     let mut pixels: BTreeMap<_, Vec<i64>> = BTreeMap::new();
     all.iter().for_each(|event| pixels.entry((event.x, event.y)).or_default().push(event.t.0));
     pixels.values_mut().for_each(|times| times.sort_unstable());
@@ -53,8 +60,8 @@ fn events_are_those_of_the_cpu() {
     let Some(device) = gpu::device() else { return };
     let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1 };
     let scene = Arc::new(procedural::still_life(&life));
-    let by_gpu = events(Box::new(Gpu::new(device, &scene, OFFICIAL).unwrap()), &life);
-    let by_cpu = events(Box::new(Cpu::new(scene, OFFICIAL).unwrap()), &life);
+    let by_gpu = events(Box::new(GpuRenderer::new(device, &scene, OFFICIAL).unwrap()), &life);
+    let by_cpu = events(Box::new(CpuRenderer::new(scene, OFFICIAL).unwrap()), &life);
     let count = |pixels: &BTreeMap<_, Vec<i64>>| pixels.values().map(Vec::len).sum::<usize>();
     let (found, wanted) = (count(&by_gpu), count(&by_cpu));
     let mut apart: Vec<i64> = by_cpu

@@ -3,12 +3,12 @@
 use super::{COUNT, RIGHT, SHAPE, SIZE, STAMPS_US, as_lines, greys, lines, npy, workspace};
 use crate::support::workspace::Workspace;
 use gs2e::event::Event;
-use gs2e::frames::Frame;
-use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::frames::DenseFrame;
+use gs2e::frames::array::{ArrayFrames, ArraySamples};
 use gs2e::image::{Image, png};
 use gs2e::seed::Seed;
 use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::ops::ControlFlow;
@@ -59,10 +59,10 @@ fn colours(place: &Workspace) {
 
 /// What the library makes of these greys.
 fn of_greys(greys: Vec<u8>) -> Vec<Event> {
-    let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(greys), &STAMPS_US).unwrap();
+    let mut frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(greys), &STAMPS_US).unwrap();
     let mut events = Vec::new();
-    let mut go_on = |_: &Frame| ControlFlow::Continue(());
-    let sensor = Voltmeter::new(Preset::Dvs346.k());
+    let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
+    let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
     simulate_one(&mut frames, &sensor, Seed(7), &mut events, &mut go_on).unwrap();
     events
 }

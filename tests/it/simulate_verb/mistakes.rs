@@ -4,7 +4,7 @@ use super::{COUNT, RIGHT, SHAPE, STAMPS_US, as_lines, by_library, greys, lines, 
 use crate::support::workspace::{Workspace, tree};
 use gs2e::event::Event;
 use gs2e::image::{Image, Size, png};
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -111,7 +111,7 @@ fn mistakes_are_named_and_nothing_is_written() {
 #[test]
 fn what_exceeds_the_cap_is_left_out_where_that_is_allowed() {
     let place = workspace();
-    let whole = by_library(&Voltmeter::new(Preset::Dvs346.k()), 7);
+    let whole = by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7);
     place.write("s.yaml", "voltmeter: { max_events_per_pixel_frame: 2 }\n");
     let args = format!("{} --allow-cap --json", RIGHT.replace("dvs346", "s.yaml"));
     let told: Value = serde_json::from_str(&place.ok(&args).stdout).unwrap();

@@ -1,8 +1,8 @@
 //! Half a pixel, which conventions lose: the same camera as COLMAP states it and as nerfstudio does, seen in pictures.
 
 use super::planted::{Camera, Image, Planted};
-use crate::support::gaussians::{Blob, OFFICIAL, blob_crowd, blob_scene, render};
-use gs2e::render::{Rendered, View};
+use crate::support::gaussians::{ColourBlob, OFFICIAL, blob_crowd, blob_scene, render};
+use gs2e::render::{CameraView, RenderedImages};
 use gs2e::scene::Gaussians;
 use gs2e::source::{Capture, colmap, nerfstudio};
 use serde_json::{Value, json};
@@ -46,9 +46,9 @@ fn of_nerfstudio(change: impl Fn(&mut Value)) -> Capture {
     nerfstudio::read_capture(dir.path()).unwrap().0
 }
 
-fn picture(of: Gaussians, capture: &Capture) -> Rendered {
+fn picture(of: Gaussians, capture: &Capture) -> RenderedImages {
     let view = &capture.views[0];
-    render(of, OFFICIAL, &View::at_rest(view.camera, view.world_from_camera)).0
+    render(of, OFFICIAL, &CameraView::at_rest(view.camera, view.world_from_camera)).0
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn colmaps_camera_and_its_export_see_the_same_picture() {
 
 #[test]
 fn a_point_is_seen_where_the_camera_equation_puts_it() {
-    let blob = Blob { position: [0.2, 0.1, 0.3], deviations: [0.01; 3], ..Blob::default() };
+    let blob = ColourBlob { position: [0.2, 0.1, 0.3], deviations: [0.01; 3], ..ColourBlob::default() };
     let capture = of_colmap();
     let alpha = picture(blob_scene(&[blob]), &capture).alpha.unwrap();
     let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);

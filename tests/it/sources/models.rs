@@ -4,13 +4,13 @@ use super::planted::{self, Planted, model};
 use super::{shared, size};
 use glam::DVec3;
 use gs2e::camera::Camera;
-use gs2e::source::{Capture, Lens, View, Why, colmap};
+use gs2e::source::{Capture, CapturedView, LensModel, UnusedReason, colmap};
 use std::path::Path;
 
 /// Mean distance in pixels between the key points of a model and its points seen through the capture: over points (of
 /// each point's mean) and over observations; and the number of points.
 pub(super) fn reprojection(dir: &Path) -> (f64, f64, usize) {
-    let model = colmap::Model::find_model(dir).unwrap();
+    let model = colmap::ColmapModel::find_model(dir).unwrap();
     let (capture, _) = colmap::read_capture(dir).unwrap();
     let points = model.points().unwrap();
     let mut of_point = std::collections::BTreeMap::<u64, Vec<f64>>::new();
@@ -47,7 +47,7 @@ fn colmaps_points_fall_on_its_key_points() {
         // Both were taken through a real lens: the user must hear that trajectories leave it out.
         let told = capture.distortion().expect("a bent lens is told").to_string();
         assert!(told.contains("distorted by up to"), "{told}");
-        let straight = View { lens: Lens::Pinhole, ..capture.views[0].clone() };
+        let straight = CapturedView { lens: LensModel::Pinhole, ..capture.views[0].clone() };
         assert_eq!(Capture::from(vec![straight]).distortion(), None);
     }
 }
@@ -60,9 +60,9 @@ fn the_text_form_says_what_the_binary_form_says() {
     model().write_text(&text);
     assert_eq!(colmap::read_capture(&binary).unwrap(), colmap::read_capture(&text).unwrap());
     let (binary, text) =
-        (colmap::Model::find_model(&binary).unwrap(), colmap::Model::find_model(&text).unwrap());
+        (colmap::ColmapModel::find_model(&binary).unwrap(), colmap::ColmapModel::find_model(&text).unwrap());
     assert_eq!(binary.points().unwrap(), text.points().unwrap());
-    let seen = |model: &colmap::Model| -> Vec<Vec<colmap::Observation>> {
+    let seen = |model: &colmap::ColmapModel| -> Vec<Vec<colmap::KeyPoint>> {
         model.images().unwrap().into_iter().map(|image| image.observations).collect()
     };
     assert_eq!(seen(&binary), seen(&text));
@@ -97,7 +97,7 @@ fn a_planted_model_is_read_as_planted() {
     let view = &capture.views[1];
     assert!((view.world_from_camera.translation - DVec3::new(3.0, -2.0, -1.0)).length() < 1e-15);
     assert!((view.world_from_camera.rotation * DVec3::Z - DVec3::NEG_X).length() < 1e-15);
-    assert_eq!(view.lens, Lens::SimpleRadial { k1: -0.01 });
+    assert_eq!(view.lens, LensModel::SimpleRadial { k1: -0.01 });
     assert_eq!(view.camera, Camera { size: size(640, 360), fx: 500.5, fy: 500.5, cx: 320.0, cy: 180.0 });
     assert!(capture.views.iter().all(|v| v.world_from_camera.rotation.w >= 0.0));
     // 500.5 against 500 is less than a pixel apart, but cy is 1 px apart and not more.
@@ -155,7 +155,7 @@ fn photos_are_hashed_and_listed_where_they_are() {
         ]
     );
     let [unused] = &capture.unused[..] else { panic!("{:?}", capture.unused) };
-    assert_eq!((unused.name.as_str(), unused.why), ("9_bg_removed.png", Why::NotRegistered));
+    assert_eq!((unused.name.as_str(), unused.why), ("9_bg_removed.png", UnusedReason::NotRegistered));
     assert!(files.iter().all(|(_, path)| path.is_file()));
 }
 
@@ -176,7 +176,7 @@ fn both_forms_together_are_compared() {
 fn models_cut_short_are_refused_with_their_place() {
     let dir = tempfile::tempdir().unwrap();
     model().write_binary(dir.path());
-    let find = || colmap::Model::find_model(dir.path()).unwrap();
+    let find = || colmap::ColmapModel::find_model(dir.path()).unwrap();
     for (stem, whole) in ["cameras", "images", "points3D"].iter().zip(model().binary()) {
         let file = dir.path().join(stem).with_extension("bin");
         for cut in (0..whole.len()).step_by(7).chain([whole.len() - 1]) {

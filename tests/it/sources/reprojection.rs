@@ -2,7 +2,7 @@
 
 use super::planted::{Camera, Image, Planted};
 use super::shared;
-use gs2e::source::colmap::{Model, Reprojection};
+use gs2e::source::colmap::{ColmapModel, ReprojectionStats};
 use std::path::Path;
 
 /// Images at x = 0, 0.1, 0.2, … that look along z through `camera`.
@@ -23,10 +23,10 @@ fn pinhole() -> Camera {
     Camera { id: 1, model: (1, "PINHOLE"), size: [640, 360], parameters }
 }
 
-fn measured(planted: &Planted) -> Result<Option<Reprojection>, String> {
+fn measured(planted: &Planted) -> Result<Option<ReprojectionStats>, String> {
     let dir = tempfile::tempdir().unwrap();
     planted.write_binary(dir.path());
-    Model::find_model(dir.path()).unwrap().reprojection().map_err(|e| e.to_string())
+    ColmapModel::find_model(dir.path()).unwrap().reprojection().map_err(|e| e.to_string())
 }
 
 fn close(found: f64, wanted: f64, tolerance: f64) {
@@ -85,19 +85,19 @@ fn a_model_without_points_is_not_measured_and_a_false_one_is_told() {
     let dir = tempfile::tempdir().unwrap();
     shifted().write_text(dir.path());
     std::fs::remove_file(dir.path().join("points3D.txt")).unwrap();
-    assert_eq!(Model::find_model(dir.path()).unwrap().reprojection().unwrap(), None);
+    assert_eq!(ColmapModel::find_model(dir.path()).unwrap().reprojection().unwrap(), None);
 }
 
 /// Against the figures that COLMAP prints of these models, and the errors that it wrote beside their points.
 #[test]
 fn real_models_are_as_far_off_as_colmap_says() {
     let told = |dir: &Path| {
-        let points = Model::find_model(dir).unwrap().points().unwrap();
+        let points = ColmapModel::find_model(dir).unwrap().points().unwrap();
         points.values().map(|point| point.error).sum::<f64>() / points.len() as f64
     };
     for (name, over_points, over_observations) in [("fox", 1.09, Some(1.15)), ("castle", 0.75, None)] {
         let Some(dir) = shared(&format!("captures/{name}")) else { return };
-        let found = Model::find_model(&dir).unwrap().reprojection().unwrap().unwrap();
+        let found = ColmapModel::find_model(&dir).unwrap().reprojection().unwrap().unwrap();
         eprintln!("{name}: {found:?}; its file says {:.6}", told(&dir));
         close(found.over_points_px, over_points, 0.005);
         if let Some(wanted) = over_observations {

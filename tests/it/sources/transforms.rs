@@ -4,7 +4,7 @@ use super::planted::model;
 use super::{shared, size};
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
-use gs2e::source::{Capture, Lens, SourceError, View, colmap, nerfstudio};
+use gs2e::source::{Capture, CapturedView, LensModel, SourceError, colmap, nerfstudio};
 use serde_json::{Value, json};
 
 #[test]
@@ -12,14 +12,14 @@ fn transforms_are_read() {
     let Some(file) = shared("scenes/playbot.transforms.json") else { return };
     let (capture, warnings) = nerfstudio::read_capture(&file).unwrap();
     assert_eq!((capture.views.len(), warnings), (30, vec![]));
-    assert!(capture.views.iter().all(|v| v.lens == Lens::Pinhole && v.sha256.is_none()));
+    assert!(capture.views.iter().all(|v| v.lens == LensModel::Pinhole && v.sha256.is_none()));
     let (camera, warning) = Capture::camera(&capture).unwrap();
     assert_eq!((camera.fx, camera.cx, camera.cy, warning), (1_483.637_806_505_496_2, 960.0, 540.0, None));
 }
 
 /// The capture as nerfstudio's exporter would write it: camera to world, y up and z back.
 fn exported(capture: &Capture) -> Value {
-    let frame = |view: &View| {
+    let frame = |view: &CapturedView| {
         let (r, c) = (view.world_from_camera.rotation_matrix(), view.world_from_camera.translation);
         let row = |i: usize| json!([r.x_axis[i], -r.y_axis[i], -r.z_axis[i], c[i]]);
         let (camera, k) = (&view.camera, view.lens.coefficients());
@@ -104,9 +104,9 @@ fn an_opengl_camera_at_rest_looks_along_minus_z() {
 fn a_lens_is_read_as_far_as_there_is_one() {
     let lens =
         |change: Value| read_transforms(&one_frame_with(&change)).map(|(c, _)| c.views[0].lens.clone());
-    assert_eq!(lens(json!({ "k1": 0, "p2": 0.0 })).unwrap(), Lens::Pinhole);
-    assert_eq!(lens(json!({ "k1": 0.1, "p2": 0.4 })).unwrap(), Lens::OpenCv { k: [0.1, 0.0, 0.0, 0.4] });
-    let full = Lens::FullOpenCv { k: [0.1, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0] };
+    assert_eq!(lens(json!({ "k1": 0, "p2": 0.0 })).unwrap(), LensModel::Pinhole);
+    assert_eq!(lens(json!({ "k1": 0.1, "p2": 0.4 })).unwrap(), LensModel::OpenCv { k: [0.1, 0.0, 0.0, 0.4] });
+    let full = LensModel::FullOpenCv { k: [0.1, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0] };
     assert_eq!(lens(json!({ "k1": 0.1, "k3": 0.3 })).unwrap(), full);
 }
 
@@ -206,5 +206,5 @@ fn the_photos_of_a_foreign_file_may_be_fewer_than_its_frames() {
     let (capture, _) = nerfstudio::read_capture(&file).unwrap();
     let photographed = capture.views.iter().filter(|v| v.sha256.is_some()).count();
     assert_eq!((capture.views.len(), photographed), (67, 50));
-    assert!(capture.views.iter().all(|v| matches!(v.lens, Lens::OpenCv { .. })));
+    assert!(capture.views.iter().all(|v| matches!(v.lens, LensModel::OpenCv { .. })));
 }

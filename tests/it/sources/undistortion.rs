@@ -8,7 +8,7 @@ use super::shared;
 use crate::support::absent::absent;
 use gs2e::image::{Image, jpeg, png};
 use gs2e::source::undistort::undistort_photo;
-use gs2e::source::{View, colmap};
+use gs2e::source::{CapturedView, colmap};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write as _};
 use std::path::Path;
@@ -37,7 +37,7 @@ fn opencv_is_there() -> bool {
 }
 
 /// The photo of a view as it was taken.
-fn photo(capture: &Path, view: &View) -> Image<[u8; 3]> {
+fn photo(capture: &Path, view: &CapturedView) -> Image<[u8; 3]> {
     let bytes = std::fs::read(capture.join("images").join(&view.name)).unwrap();
     let colours = jpeg::read_colours(&bytes, None).unwrap().colours.unwrap();
     png::to_bytes(&Image::from_vec(
@@ -47,7 +47,7 @@ fn photo(capture: &Path, view: &View) -> Image<[u8; 3]> {
 }
 
 /// OpenCV's picture of a photo without its lens.
-fn by_opencv(place: &Path, photo: &Image<[u8; 3]>, view: &View) -> Image<[u8; 3]> {
+fn by_opencv(place: &Path, photo: &Image<[u8; 3]>, view: &CapturedView) -> Image<[u8; 3]> {
     let (taken, straight) = (place.join("taken.png"), place.join("straight.png"));
     png::write_image(photo, BufWriter::new(File::create(&taken).unwrap())).unwrap();
     let camera = view.camera;

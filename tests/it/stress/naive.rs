@@ -4,13 +4,13 @@ use glam::{DQuat, DVec3};
 use gs2e::event::Polarity;
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
-use gs2e::seed::Draws;
-use gs2e::study::stress::splat::scenes::{self, Needle};
-use gs2e::study::stress::splat::{Precision, judge_needles};
-use gs2e::study::stress::{Found, clock, sensor, splat, trajectory};
-use gs2e::trajectory::curve::Curve;
+use gs2e::seed::CellDraws;
+use gs2e::study::stress::splat::scenes::{self, NeedleGaussian};
+use gs2e::study::stress::splat::{FloatPrecision, judge_needles};
+use gs2e::study::stress::{CaseResult, clock, sensor, splat, trajectory};
+use gs2e::trajectory::curve::CurveKind;
 
-fn misses(found: &Found, what: &str) {
+fn misses(found: &CaseResult, what: &str) {
     println!("{what}: {:e} of {:e}, {}", found.worst.error, found.worst.limit, found.at);
     assert!(!found.holds(), "{what} is within its limit: {found:?}");
 }
@@ -43,7 +43,7 @@ fn the_published_root_of_the_inverse_gaussian() {
 /// Only the barrier nearer to the path's end counts.
 #[test]
 fn the_nearer_barrier_alone() {
-    let nearer = |[x, y]: [f64; 2], variance: f64, mut draws: Draws| {
+    let nearer = |[x, y]: [f64; 2], variance: f64, mut draws: CellDraws| {
         let (polarity, a, g) = match y >= 0.0 {
             true => (Polarity::On, 1.0 - x, 1.0 - y),
             false => (Polarity::Off, 1.0 + x, 1.0 + y),
@@ -67,7 +67,7 @@ fn a_clock_of_32_bits() {
 #[test]
 #[expect(clippy::cast_possible_truncation, reason = "that is the defect")]
 fn the_textbook_determinant() {
-    let shape = |needle: &Needle| {
+    let shape = |needle: &NeedleGaussian| {
         let [along, across] = needle.variances().map(|v| v as f32);
         let (sin, cos) = (needle.angle.sin() as f32, needle.angle.cos() as f32);
         let a = along * cos * cos + across * sin * sin + 0.3;
@@ -83,7 +83,7 @@ fn the_textbook_determinant() {
         Ok((0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect())
     };
     misses(
-        &judge_needles(scenes::all_needles(), shape, Precision::Single).unwrap(),
+        &judge_needles(scenes::all_needles(), shape, FloatPrecision::Single).unwrap(),
         "the textbook determinant",
     );
 }
@@ -110,7 +110,7 @@ fn slerps() {
         .map(|i| f64::from(i * i))
         .map(|i| Se3 { rotation: exp_vector(DVec3::new(0.1 * i, 0.2, -0.05 * i)), translation: DVec3::X * i })
         .collect();
-    let slerps = Curve::SlerpLerp.through(vec![1.0; 3], &knots).unwrap();
+    let slerps = CurveKind::SlerpLerp.through(vec![1.0; 3], &knots).unwrap();
     misses(&trajectory::joints_case(&[slerps]), "slerps");
 }
 
@@ -118,8 +118,8 @@ fn slerps() {
 #[test]
 fn every_row_that_bites_is_one_of_the_table() {
     let stage =
-        splat::Stage { backends: vec![("cpu", Ok(gs2e::render::backend::Backend::Cpu))], scene: None };
-    let all = gs2e::study::stress::Area::ALL.map(|area| gs2e::study::stress::area_cases(area, &stage));
+        splat::SplatBench { backends: vec![("cpu", Ok(gs2e::render::backend::Backend::Cpu))], scene: None };
+    let all = gs2e::study::stress::StressArea::ALL.map(|area| gs2e::study::stress::area_cases(area, &stage));
     let names: Vec<&str> = all.iter().flatten().map(|case| case.name).collect();
     for name in [
         "polarity",

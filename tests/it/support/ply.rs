@@ -1,7 +1,7 @@
 //! The scenes of the golden renders.
 
 use glam::DVec3;
-use gs2e::scene::{Gaussians, Screening};
+use gs2e::scene::{Gaussians, SceneScreening};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -40,6 +40,6 @@ pub(crate) fn read(path: &Path) -> Gaussians {
             n => panic!("{n} coefficients a channel"),
         },
         antialiased: None,
-        screening: Screening::default(),
+        screening: SceneScreening::default(),
     }
 }

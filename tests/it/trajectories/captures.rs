@@ -3,9 +3,9 @@
 use super::{LAW, Views, refined};
 use glam::{DMat3, DVec3};
 use gs2e::se3::{OPENCV_FROM_OPENGL, Se3, rotation_from_matrix};
-use gs2e::trajectory::knots::Gap;
-use gs2e::trajectory::refine::Refine;
-use gs2e::trajectory::travel::Count;
+use gs2e::trajectory::knots::CaptureGap;
+use gs2e::trajectory::refine::RefinePath;
+use gs2e::trajectory::travel::PoseCount;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ fn real_captures_are_followed() {
         let Some(path) = data(name) else { return };
         for window in [0, 2] {
             let views = views(&path);
-            let got = refined(&views, &Refine { window, ..Refine::default() }, LAW);
+            let got = refined(&views, &RefinePath { window, ..RefinePath::default() }, LAW);
             let report = &got.report;
             assert_eq!(report.poses, 5 * views.len());
             let (arc, chord) = (report.mixed_ratio.unwrap(), report.mixed_chord_ratio.unwrap());
@@ -67,7 +67,7 @@ fn real_captures_are_followed() {
             // Chords fall short of arcs where a hand-held path turns sharply; elsewhere they are close.
             assert!(chord.min > 0.85 && chord.max < 1.01 && chord.rms < 0.02, "{chord:?}");
             // The photos between these two did not register.
-            let gap = |g: &Gap| g.after == "images/0054.jpg" && g.before == "images/0068.jpg";
+            let gap = |g: &CaptureGap| g.after == "images/0054.jpg" && g.before == "images/0068.jpg";
             assert_eq!(report.gaps.iter().any(gap), name.contains("fox"));
         }
     }
@@ -76,7 +76,11 @@ fn real_captures_are_followed() {
 #[test]
 fn a_long_path_of_a_real_capture_is_followed() {
     let Some(path) = data("captures/fox/transforms.json") else { return };
-    let got = refined(&views(&path), &Refine { count: Count::Frames(20_000), ..Refine::default() }, LAW);
+    let got = refined(
+        &views(&path),
+        &RefinePath { count: PoseCount::Frames(20_000), ..RefinePath::default() },
+        LAW,
+    );
     let (arc, chord) = (got.report.mixed_ratio.unwrap(), got.report.mixed_chord_ratio.unwrap());
     assert!(
         arc.min > 1.0 - 1e-9 && arc.max < 1.0 + 1e-9 && chord.min > 0.999 && chord.max < 1.001,

@@ -4,24 +4,24 @@ use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, named, orbit, refined, still, try_refined};
 use glam::DVec3;
 use gs2e::se3::rotation::{angle_between, exp_vector, log_vector, slerp};
-use gs2e::se3::spline::Place;
+use gs2e::se3::spline::CurvePlace;
 use gs2e::se3::{Se3, Twist};
-use gs2e::trajectory::curve::{Circle, Curve, MOST_DEGREE, PoseCurve};
-use gs2e::trajectory::refine::{Ends, Refine};
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{TrajectoryError, Warning};
+use gs2e::trajectory::curve::{CirclePath, CurveKind, MOST_DEGREE, PoseCurve};
+use gs2e::trajectory::refine::{EndRule, RefinePath};
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
-const CURVES: [Curve; 8] = [
-    Curve::Cubic,
-    Curve::Cumulative,
-    Curve::SlerpLerp,
-    Curve::Bezier { degree: 1 },
-    Curve::Bezier { degree: 2 },
-    Curve::Bezier { degree: 3 },
-    Curve::Bezier { degree: 4 },
-    Curve::Bezier { degree: 5 },
+const CURVES: [CurveKind; 8] = [
+    CurveKind::Cubic,
+    CurveKind::Cumulative,
+    CurveKind::SlerpLerp,
+    CurveKind::Bezier { degree: 1 },
+    CurveKind::Bezier { degree: 2 },
+    CurveKind::Bezier { degree: 3 },
+    CurveKind::Bezier { degree: 4 },
+    CurveKind::Bezier { degree: 5 },
 ];
 
 /// A bent walk with turns of 0.2 to 0.5 rad, and uneven steps.
@@ -39,15 +39,15 @@ fn walk(count: usize) -> (Vec<f64>, Vec<Se3>) {
     ((1..count).map(|i| 1.0 + 0.4 * wave(i, 2.9, 0.3)).collect(), knots)
 }
 
-fn fitted(curve: Curve, count: usize) -> (Box<dyn PoseCurve>, Vec<Se3>) {
+fn fitted(curve: CurveKind, count: usize) -> (Box<dyn PoseCurve>, Vec<Se3>) {
     let (steps, knots) = walk(count);
     (curve.through(steps, &knots).unwrap(), knots)
 }
 
 /// A quarter turn and more about a tilted axis, the camera looking elsewhere.
-fn circle() -> Circle {
+fn circle() -> CirclePath {
     let start = still(exp_vector(DVec3::new(0.3, 2.0, -0.4)), DVec3::new(3.0, 1.0, 2.0));
-    Circle::new(DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.6, -0.3, 1.9), start)
+    CirclePath::new(DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.6, -0.3, 1.9), start)
 }
 
 /// The derivative of `f` at 0 by central differences over one and two steps, which cancel the third order.
@@ -66,7 +66,7 @@ fn check_derivatives(curve: &dyn PoseCurve, name: &str) {
     };
     for (segment, step) in curve.steps().iter().enumerate() {
         for share in [0.1, 0.5, 0.83] {
-            let near = |h: f64| Place { segment, x: share * step + h };
+            let near = |h: f64| CurvePlace { segment, x: share * step + h };
             let (pose, twist, bend) =
                 (curve.pose(near(0.0)), curve.twist(near(0.0)), curve.acceleration(near(0.0)));
             let turned = |h: f64| log_vector(pose.rotation.conjugate() * curve.pose(near(h)).rotation);
@@ -99,24 +99,24 @@ fn curves_start_and_end_in_their_outer_knots() {
     for curve in CURVES {
         for count in [2, 3, 4, 9] {
             let (fitted, knots) = fitted(curve, count);
-            let start = fitted.pose(Place { segment: 0, x: 0.0 });
-            assert!(apart(&start, &knots[0]) < 1e-14 && fitted.knot(0) == Place { segment: 0, x: 0.0 });
+            let start = fitted.pose(CurvePlace { segment: 0, x: 0.0 });
+            assert!(apart(&start, &knots[0]) < 1e-14 && fitted.knot(0) == CurvePlace { segment: 0, x: 0.0 });
             let last = fitted.steps().len() - 1;
-            let end = Place { segment: last, x: fitted.steps()[last] };
+            let end = CurvePlace { segment: last, x: fitted.steps()[last] };
             assert_eq!(fitted.knot(count - 1), end);
             assert!(apart(&fitted.pose(end), &knots[count - 1]) < 1e-14, "{curve:?}, {count}");
             let farthest = |away: f64, (k, knot)| away.max(apart(&fitted.pose(fitted.knot(k)), knot));
             let farthest = knots.iter().enumerate().fold(0.0, farthest);
             let through = match curve {
-                Curve::Cubic | Curve::SlerpLerp => true,
-                Curve::Cumulative => count == 2,
+                CurveKind::Cubic | CurveKind::SlerpLerp => true,
+                CurveKind::Cumulative => count == 2,
                 // As many knots determine a degree lower by one.
-                Curve::Bezier { degree } => degree as usize >= count - 1,
+                CurveKind::Bezier { degree } => degree as usize >= count - 1,
             };
             // Bezier's control points solve a system of a condition of up to 100.
             assert_eq!(farthest < 1e-12, through, "{curve:?}, {count}: {farthest:e}");
             // A B-spline passes within a third of the step beside a knot.
-            assert!(curve != Curve::Cumulative || farthest < 1.0, "{count}: {farthest}");
+            assert!(curve != CurveKind::Cumulative || farthest < 1.0, "{count}: {farthest}");
         }
     }
 }
@@ -124,7 +124,7 @@ fn curves_start_and_end_in_their_outer_knots() {
 #[test]
 fn a_circle_keeps_its_distance_and_its_speed() {
     let (circle, centre, axis) = (circle(), DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.6, -0.3, 1.9));
-    let at = |x: f64| Place { segment: 0, x };
+    let at = |x: f64| CurvePlace { segment: 0, x };
     let start = circle.pose(at(0.0));
     for share in [0.0, 0.3, 1.0] {
         let (pose, twist) = (circle.pose(at(share)), circle.twist(at(share)));
@@ -147,7 +147,8 @@ fn jumps(curve: &dyn PoseCurve) -> [f64; 3] {
     };
     let steps = curve.steps();
     let joints = (1..steps.len()).map(|k| {
-        let (left, right) = (Place { segment: k - 1, x: steps[k - 1] }, Place { segment: k, x: 0.0 });
+        let (left, right) =
+            (CurvePlace { segment: k - 1, x: steps[k - 1] }, CurvePlace { segment: k, x: 0.0 });
         [
             apart(&curve.pose(left), &curve.pose(right)),
             jump(curve.twist(left), curve.twist(right)),
@@ -163,7 +164,7 @@ fn joints_are_as_smooth_as_the_curve_states() {
         for count in [3, 4, 9, 40] {
             let [c0, c1, c2] = jumps(fitted(curve, count).0.as_ref());
             assert!(c0 < 1e-13, "{curve:?}, {count}: {c0:e}");
-            if curve == Curve::SlerpLerp {
+            if curve == CurveKind::SlerpLerp {
                 assert!(c1 > 0.01, "{count}: {c1}");
             } else {
                 // The rotation spline's rates settle to 1e-13 of their size; the rest is rounding.
@@ -180,11 +181,11 @@ fn two_knots_make_a_line_and_a_slerp() {
     };
     let (_, two) = walk(2);
     for knots in [[two[0], two[1]], half_turn(DVec3::Y), half_turn(DVec3::new(0.6, 0.0, -0.8))] {
-        for curve in CURVES.into_iter().filter(|c| *c != Curve::Cumulative) {
+        for curve in CURVES.into_iter().filter(|c| *c != CurveKind::Cumulative) {
             let fitted = curve.through(vec![1.5], &knots).unwrap();
             assert!(fitted.warning().is_none(), "{curve:?}");
             for share in [0.0, 0.25, 0.7, 1.0] {
-                let pose = fitted.pose(Place { segment: 0, x: 1.5 * share });
+                let pose = fitted.pose(CurvePlace { segment: 0, x: 1.5 * share });
                 let line = knots[0].translation.lerp(knots[1].translation, share);
                 let turned = slerp(knots[0].rotation, knots[1].rotation, share);
                 // Of a half turn both ways are slerps.
@@ -217,9 +218,10 @@ fn bezier_curves_find_planted_polynomials_of_their_degree() {
         let before: Vec<f64> = (0..=steps.len()).map(|k| steps[..k].iter().sum()).collect();
         let turned = |s: f64| exp_vector(DVec3::X * (2.0 * s / whole));
         let knots: Vec<Se3> = before.iter().map(|s| still(turned(*s), cubic(s / whole))).collect();
-        let fitted = Curve::Bezier { degree }.through(steps.to_vec(), &knots).unwrap();
+        let fitted = CurveKind::Bezier { degree }.through(steps.to_vec(), &knots).unwrap();
         for (segment, step) in steps.iter().enumerate() {
-            let (pose, s) = (fitted.pose(Place { segment, x: 0.4 * step }), before[segment] + 0.4 * step);
+            let (pose, s) =
+                (fitted.pose(CurvePlace { segment, x: 0.4 * step }), before[segment] + 0.4 * step);
             let off = (pose.translation - cubic(s / whole)).length();
             assert!((off < tolerance) == (degree >= 3), "{degree}, {segment}: {off:e}");
             // Turns about one axis at a constant rate are a line of rotation vectors.
@@ -244,10 +246,10 @@ fn rotations_that_spread_too_far_for_a_bezier_curve_follow_the_spline() {
     };
     let t = |angles: &[f64], spread: bool| {
         let (knots, steps) = (turns(angles), vec![1.0; angles.len() - 1]);
-        let fitted = Curve::Bezier { degree: 3 }.through(steps.clone(), &knots).unwrap();
-        assert_eq!(fitted.warning(), spread.then_some(Warning::Spread), "{angles:?}");
-        let spline = Curve::Cubic.through(steps, &knots).unwrap();
-        let at = Place { segment: 1, x: 0.3 };
+        let fitted = CurveKind::Bezier { degree: 3 }.through(steps.clone(), &knots).unwrap();
+        assert_eq!(fitted.warning(), spread.then_some(TrajectoryWarning::Spread), "{angles:?}");
+        let spline = CurveKind::Cubic.through(steps, &knots).unwrap();
+        let at = CurvePlace { segment: 1, x: 0.3 };
         assert!(!spread || fitted.pose(at).rotation == spline.pose(at).rotation, "{angles:?}");
         assert!(jumps(fitted.as_ref()).into_iter().all(|jump| jump < 1e-9));
     };
@@ -258,16 +260,16 @@ fn rotations_that_spread_too_far_for_a_bezier_curve_follow_the_spline() {
     // Around a mean of 240 degrees the first two would lie 260 degrees apart.
     t(&[0.0, 100.0, 200.0, 300.0], true);
     let views = named(turns(&[0.0, 86.0, 172.0, 258.0, 344.0]));
-    let params = Refine { window: 0, curve: Curve::Bezier { degree: 4 }, ..Refine::default() };
+    let params = RefinePath { window: 0, curve: CurveKind::Bezier { degree: 4 }, ..RefinePath::default() };
     let got = refined(&views, &params, LAW);
-    assert_eq!(got.warnings, [Warning::Spread]);
-    assert_eq!(got.report.warnings, [Warning::Spread.to_string()]);
+    assert_eq!(got.warnings, [TrajectoryWarning::Spread]);
+    assert_eq!(got.report.warnings, [TrajectoryWarning::Spread.to_string()]);
 }
 
 #[test]
 fn degrees_out_of_range_are_refused() {
     let t = |degree| {
-        let params = Refine { curve: Curve::Bezier { degree }, ..Refine::default() };
+        let params = RefinePath { curve: CurveKind::Bezier { degree }, ..RefinePath::default() };
         try_refined(&orbit(30, 0.0, 0.0, 1), &params, LAW)
     };
     assert_eq!(t(MOST_DEGREE).unwrap().report.degree_used, Some(MOST_DEGREE));
@@ -282,7 +284,7 @@ fn degrees_out_of_range_are_refused() {
 fn every_curve_is_followed_and_reports_its_fit() {
     for curve in CURVES {
         let views = orbit(30, 0.005, 0.5, 1);
-        let got = refined(&views, &Refine { curve, ends: Ends::Pinned, ..Refine::default() }, LAW);
+        let got = refined(&views, &RefinePath { curve, ends: EndRule::Pinned, ..RefinePath::default() }, LAW);
         let report = &got.report;
         let follow = report.mixed_ratio.unwrap();
         let (distance, jumps) = (report.knot_distance.unwrap(), report.knot_jumps.unwrap());
@@ -298,12 +300,16 @@ fn every_curve_is_followed_and_reports_its_fit() {
         );
         assert_eq!((report.curve, report.degree_drawn), (Some(curve), None));
         assert!(jumps.c0 < 1e-12, "{curve:?}: {jumps:?}");
-        assert_eq!(jumps.c1 < 1e-6 && jumps.c2 < 1e-6, curve != Curve::SlerpLerp, "{curve:?}: {jumps:?}");
+        assert_eq!(jumps.c1 < 1e-6 && jumps.c2 < 1e-6, curve != CurveKind::SlerpLerp, "{curve:?}: {jumps:?}");
         match curve {
-            Curve::Cubic | Curve::SlerpLerp => assert!(distance < 1e-12 && report.degree_used.is_none()),
+            CurveKind::Cubic | CurveKind::SlerpLerp => {
+                assert!(distance < 1e-12 && report.degree_used.is_none())
+            }
             // A sixth of the bend at a knot: below a third of the steps beside it, which are of coefficient 0.3.
-            Curve::Cumulative => assert!(distance > 1e-3 && distance < 0.5 && report.degree_used.is_none()),
-            Curve::Bezier { degree } => assert!(distance > 1e-3 && report.degree_used == Some(degree)),
+            CurveKind::Cumulative => {
+                assert!(distance > 1e-3 && distance < 0.5 && report.degree_used.is_none())
+            }
+            CurveKind::Bezier { degree } => assert!(distance > 1e-3 && report.degree_used == Some(degree)),
         }
     }
 }
@@ -311,7 +317,7 @@ fn every_curve_is_followed_and_reports_its_fit() {
 #[test]
 fn a_line_between_the_ends_of_a_half_circle_misses_its_top() {
     // Degree 1 leaves nothing to fit: the chord of the half circle, 2 units from its top, which are 1 of the metric.
-    let params = Refine { curve: Curve::Bezier { degree: 1 }, window: 0, ..Refine::default() };
+    let params = RefinePath { curve: CurveKind::Bezier { degree: 1 }, window: 0, ..RefinePath::default() };
     let got = refined(&orbit(31, 0.0, 0.0, 1), &params, "1");
     let poses = &got.trajectory.world_from_camera;
     assert!(poses.iter().all(|p| p.translation.y.abs() < 1e-12 && (p.translation.z - 0.4).abs() < 1e-12));
@@ -330,7 +336,7 @@ proptest! {
         literal in any::<bool>(),
         law in prop::sample::select(&[LAW, "1", "1e-300 + t^9", "2 + sin(90*t)"][..]),
     ) {
-        let params = Refine { window, literal, curve, count: Count::Frames(40), ..Refine::default() };
+        let params = RefinePath { window, literal, curve, count: PoseCount::Frames(40), ..RefinePath::default() };
         match try_refined(&named(poses), &params, law) {
             Ok(got) => prop_assert!(sound(&got.trajectory) && is_finite(&got.report), "{:?}", got),
             Err(refused) => prop_assert!(!refused.to_string().contains("NaN"), "{refused}"),
@@ -348,7 +354,7 @@ proptest! {
         let Ok(curve) = curve.through(steps, &knots) else { return Ok(()) };
         for (segment, step) in curve.steps().iter().enumerate() {
             for share in [0.0, share, 1.0] {
-                let at = Place { segment, x: share * step };
+                let at = CurvePlace { segment, x: share * step };
                 let (pose, twist) = (curve.pose(at), curve.twist(at));
                 prop_assert!(pose.is_finite() && (pose.rotation.length() - 1.0).abs() < 1e-14, "{:?}", pose);
                 prop_assert!(twist.linear.is_finite() && twist.angular.is_finite(), "{:?}", twist);

@@ -4,18 +4,20 @@ use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing, try_re
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::{angle_between, exp_vector, slerp};
-use gs2e::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale, refine_views};
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{MOST_POSES, NamedPose, Timing, Trajectory, TrajectoryError, Warning};
+use gs2e::trajectory::refine::{
+    EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder, refine_views,
+};
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{MOST_POSES, NamedPose, PoseTiming, Trajectory, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
-fn frames(count: u64) -> Refine {
-    Refine { count: Count::Frames(count), ..Refine::default() }
+fn frames(count: u64) -> RefinePath {
+    RefinePath { count: PoseCount::Frames(count), ..RefinePath::default() }
 }
 
-fn unsmoothed(count: u64) -> Refine {
-    Refine { window: 0, ..frames(count) }
+fn unsmoothed(count: u64) -> RefinePath {
+    RefinePath { window: 0, ..frames(count) }
 }
 
 fn at(x: f64) -> Se3 {
@@ -24,10 +26,10 @@ fn at(x: f64) -> Se3 {
 
 #[test]
 fn captures_without_usable_poses_are_refused_by_name() {
-    assert_eq!(try_refined(&[], &Refine::default(), LAW), Err(TrajectoryError::NoViews));
+    assert_eq!(try_refined(&[], &RefinePath::default(), LAW), Err(TrajectoryError::NoViews));
     let mut views = orbit(9, 0.0, 0.0, 1);
     views[3].1.translation.y = f64::NAN;
-    let refused = |views: &Views| try_refined(views, &Refine::default(), LAW).unwrap_err();
+    let refused = |views: &Views| try_refined(views, &RefinePath::default(), LAW).unwrap_err();
     assert_eq!(refused(&views), TrajectoryError::Centre { name: "3.jpg".to_owned() });
     views[3].1.translation.y = 1e101;
     assert_eq!(refused(&views), TrajectoryError::Centre { name: "3.jpg".to_owned() });
@@ -39,7 +41,7 @@ fn captures_without_usable_poses_are_refused_by_name() {
     assert!(matches!(refused(&views), TrajectoryError::Rotation { name, .. } if name == "3.jpg"));
     views[3].1.rotation = DQuat::from_xyzw(0.0, 0.0, 0.0, 1.0001);
     let warnings = refined(&views, &unsmoothed(5), LAW).warnings;
-    assert!(matches!(&warnings[..], [Warning::Projected { name, .. }, ..] if name == "3.jpg"));
+    assert!(matches!(&warnings[..], [TrajectoryWarning::Projected { name, .. }, ..] if name == "3.jpg"));
 }
 
 #[test]
@@ -53,7 +55,7 @@ fn one_pose_or_equal_poses_stand_still() {
             angle_between(poses[0].rotation, pose.rotation) < 1e-15
                 && poses[0].translation == pose.translation
         );
-        assert_eq!(got.warnings, [Warning::Still { views: views.len() }]);
+        assert_eq!(got.warnings, [TrajectoryWarning::Still { views: views.len() }]);
         assert_eq!((got.report.length, got.report.length_ratio, got.report.mixed_ratio), (0.0, None, None));
         assert_eq!(got.report.merged.len(), usize::from(views.len() > 1));
         assert_eq!(got.report.warnings.len(), 1);
@@ -86,7 +88,7 @@ fn few_poses_start_at_the_start_and_end_at_the_end() {
     let views = orbit(12, 0.0, 0.0, 1);
     let (first, last) = (views[0].1, views[11].1);
     let ends = |count| {
-        let got = refined(&views, &Refine { ends: Ends::Pinned, ..frames(count) }, LAW);
+        let got = refined(&views, &RefinePath { ends: EndRule::Pinned, ..frames(count) }, LAW);
         assert_eq!(got.trajectory.stamps_us[0], 0);
         assert_eq!(got.report.s.len(), usize::try_from(count).unwrap());
         got.trajectory.world_from_camera
@@ -109,33 +111,36 @@ fn few_poses_start_at_the_start_and_end_at_the_end() {
 #[test]
 fn counts_outside_their_range_are_refused() {
     let views = orbit(9, 0.0, 0.0, 1);
-    let t = |count: Count| try_refined(&views, &Refine { count, ..Refine::default() }, LAW);
-    assert!(matches!(t(Count::Frames(0)), Err(TrajectoryError::Parameter { field: "frames", .. })));
-    assert_eq!(t(Count::Frames(MOST_POSES + 1)), Err(TrajectoryError::TooMany { count: 20_000_001 }));
+    let t = |count: PoseCount| try_refined(&views, &RefinePath { count, ..RefinePath::default() }, LAW);
+    assert!(matches!(t(PoseCount::Frames(0)), Err(TrajectoryError::Parameter { field: "frames", .. })));
+    assert_eq!(t(PoseCount::Frames(MOST_POSES + 1)), Err(TrajectoryError::TooMany { count: 20_000_001 }));
     assert_eq!(
-        t(Count::Factor("5000000".parse().unwrap())),
+        t(PoseCount::Factor("5000000".parse().unwrap())),
         Err(TrajectoryError::TooMany { count: 45_000_000 })
     );
     assert!(matches!(
-        t(Count::Factor("999999999999999999".parse().unwrap())),
+        t(PoseCount::Factor("999999999999999999".parse().unwrap())),
         Err(TrajectoryError::TooMany { .. })
     ));
     assert!(matches!(
-        t(Count::Duration("999999999999999999".parse().unwrap())),
+        t(PoseCount::Duration("999999999999999999".parse().unwrap())),
         Err(TrajectoryError::TooMany { .. })
     ));
-    let sparse = t(Count::Factor("0.5".parse().unwrap())).unwrap();
+    let sparse = t(PoseCount::Factor("0.5".parse().unwrap())).unwrap();
     assert_eq!(sparse.trajectory.stamps_us.len(), 5);
-    assert_eq!(sparse.warnings, [Warning::Sparse { factor: "1/2".to_owned() }]);
+    assert_eq!(sparse.warnings, [TrajectoryWarning::Sparse { factor: "1/2".to_owned() }]);
     for rate in ["1000001", "1/1001"] {
         let poses: Vec<NamedPose<'_>> =
             views.iter().map(|(name, p)| NamedPose { name, world_from_camera: *p }).collect();
-        let refused =
-            refine_views(&poses, &Refine::default(), Timing { rate: hertz(rate), ..timing(&law(LAW)) });
+        let refused = refine_views(
+            &poses,
+            &RefinePath::default(),
+            PoseTiming { rate: hertz(rate), ..timing(&law(LAW)) },
+        );
         assert!(matches!(refused, Err(TrajectoryError::Parameter { field: "sampling.rate", .. })), "{rate}");
     }
     for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let params = Refine { scale: Scale::Fixed(scale), ..Refine::default() };
+        let params = RefinePath { scale: TranslationScale::Fixed(scale), ..RefinePath::default() };
         let refused = try_refined(&views, &params, LAW);
         assert!(matches!(refused, Err(TrajectoryError::Parameter { field: "metric.scale", .. })), "{scale}");
     }
@@ -152,7 +157,7 @@ fn repeated_poses_are_merged_and_counted() {
     assert_eq!((&*merged[0].first, &*merged[0].last, merged[0].count), ("3.jpg", "5.jpg", 3));
     assert!(got.trajectory.world_from_camera.iter().all(Se3::is_finite));
     // The number of poses counts the views before merging.
-    assert_eq!(refined(&named(poses), &Refine::default(), LAW).report.poses, 60);
+    assert_eq!(refined(&named(poses), &RefinePath::default(), LAW).report.poses, 60);
 }
 
 #[test]
@@ -163,8 +168,9 @@ fn gaps_are_bridged_with_a_finding_or_refused() {
     let [gap] = &got.report.gaps[..] else { panic!("{:?}", got.report.gaps) };
     assert_eq!((&*gap.after, &*gap.before), ("6.jpg", "7.jpg"));
     assert!((gap.times_median - 31.0).abs() < 1e-9);
-    assert!(matches!(&got.warnings[..], [Warning::Gap { .. }]));
-    let refused = try_refined(&views, &Refine { gaps: Gaps::Refuse, ..unsmoothed(100) }, LAW).unwrap_err();
+    assert!(matches!(&got.warnings[..], [TrajectoryWarning::Gap { .. }]));
+    let refused =
+        try_refined(&views, &RefinePath { gaps: GapRule::Refuse, ..unsmoothed(100) }, LAW).unwrap_err();
     assert!(matches!(&refused, TrajectoryError::Gap { after, .. } if after == "6.jpg"), "{refused}");
 }
 
@@ -175,7 +181,9 @@ fn a_half_turn_takes_the_axis_with_a_positive_leading_component() {
             let poses =
                 [still(DQuat::IDENTITY, DVec3::ZERO), still(exp_vector(axis * (PI - short)), DVec3::X)];
             let got = refined(&named(poses), &unsmoothed(3), "1");
-            assert!(matches!(&got.warnings[..], [Warning::HalfTurn { after, .. }] if after == "0.jpg"));
+            assert!(
+                matches!(&got.warnings[..], [TrajectoryWarning::HalfTurn { after, .. }] if after == "0.jpg")
+            );
             let leading = if axis.x + axis.y > 0.0 && axis.x >= 0.0 { axis } else { -axis };
             let halfway = got.trajectory.world_from_camera[1].rotation;
             assert!(angle_between(halfway, exp_vector(leading * (PI / 2.0))) < 1e-6, "{axis} {short}");
@@ -189,14 +197,14 @@ fn a_half_turn_takes_the_axis_with_a_positive_leading_component() {
 fn windows_wider_than_a_quarter_turn_are_refused_by_name() {
     let poses =
         (0..6u32).map(|i| still(exp_vector(DVec3::Y * (1.2 * f64::from(i))), DVec3::X * f64::from(i)));
-    let refused = try_refined(&named(poses), &Refine::default(), LAW).unwrap_err();
+    let refused = try_refined(&named(poses), &RefinePath::default(), LAW).unwrap_err();
     assert!(refused.to_string().starts_with("views `0.jpg`, `1.jpg`, `2.jpg`"), "{refused}");
 }
 
 #[test]
 fn the_literal_rotation_mean_is_the_middle_of_the_window() {
     let views = orbit(9, 0.0, 0.0, 3);
-    let params = Refine { rotation: RotationMean::SlerpMidpoint, ..frames(2) };
+    let params = RefinePath { rotation: RotationMean::SlerpMidpoint, ..frames(2) };
     let ends = refined(&views, &params, LAW).trajectory.world_from_camera;
     // w = 2: R_1 at the left end, and its mirror image at the right.
     assert!(angle_between(ends[0].rotation, views[1].1.rotation) < 1e-15);
@@ -206,14 +214,18 @@ fn the_literal_rotation_mean_is_the_middle_of_the_window() {
 #[test]
 fn wild_speeds_are_told_with_their_largest_turn() {
     let got = refined(&orbit(30, 0.0, 0.0, 1), &frames(200), "exp(9.3*t)");
-    let [Warning::SpeedRange { ratio, degrees }] = got.warnings[..] else { panic!("{:?}", got.warnings) };
+    let [TrajectoryWarning::SpeedRange { ratio, degrees }] = got.warnings[..] else {
+        panic!("{:?}", got.warnings)
+    };
     // The last of 199 steps starts at t = 198/199.
     assert!((ratio - (9.3f64 * 198.0 / 199.0).exp()).abs() < 1e-6 * ratio, "{ratio}");
     assert!((degrees - got.report.max_step_deg).abs() < 1e-12 && degrees > 5.0);
     let follow = got.report.mixed_ratio.unwrap();
     assert!(follow.min > 1.0 - 1e-6 && follow.max < 1.0 + 1e-6, "{follow:?}");
     let cornered = refined(&orbit(30, 0.0, 0.0, 1), &frames(20), "max(t, 0.5)");
-    assert!(matches!(&cornered.warnings[..], [Warning::Rough { because }] if because == "it uses max"));
+    assert!(
+        matches!(&cornered.warnings[..], [TrajectoryWarning::Rough { because }] if because == "it uses max")
+    );
 }
 
 #[test]
@@ -228,9 +240,9 @@ fn steps_of_any_size_in_one_path_are_followed() {
 }
 
 /// Whether every number of a report is finite: JSON has no other numbers, and writes NaN as null.
-pub(super) fn is_finite(report: &gs2e::trajectory::report::Report) -> bool {
+pub(super) fn is_finite(report: &gs2e::trajectory::report::SpeedReport) -> bool {
     let text = serde_json::to_string(report).unwrap();
-    serde_json::from_str::<gs2e::trajectory::report::Report>(&text).is_ok_and(|read| &read == report)
+    serde_json::from_str::<gs2e::trajectory::report::SpeedReport>(&text).is_ok_and(|read| &read == report)
 }
 
 pub(super) fn sound(trajectory: &Trajectory) -> bool {
@@ -250,28 +262,28 @@ pub(super) fn wild_pose() -> impl Strategy<Value = Se3> {
     )
 }
 
-fn parameters() -> impl Strategy<Value = Refine> {
+fn parameters() -> impl Strategy<Value = RefinePath> {
     let count = prop_oneof![
-        (1..60u64).prop_map(Count::Frames),
-        (1..40u64, 1..9u64).prop_map(|(a, b)| Count::Factor(gs2e::units::Ratio::new(a, b).unwrap())),
+        (1..60u64).prop_map(PoseCount::Frames),
+        (1..40u64, 1..9u64).prop_map(|(a, b)| PoseCount::Factor(gs2e::units::Ratio::new(a, b).unwrap())),
     ];
     let scale = prop_oneof![
-        Just(Scale::Scene),
-        Just(Scale::None),
-        Just(Scale::Fixed(1e-300)),
-        Just(Scale::Fixed(1e300)),
-        Just(Scale::Fixed(0.1)),
+        Just(TranslationScale::Scene),
+        Just(TranslationScale::None),
+        Just(TranslationScale::Fixed(1e-300)),
+        Just(TranslationScale::Fixed(1e300)),
+        Just(TranslationScale::Fixed(0.1)),
     ];
     (0..4u32, count, scale, prop::array::uniform4(any::<bool>())).prop_map(|(window, count, scale, b)| {
-        Refine {
+        RefinePath {
             window,
             count,
             scale,
-            order: if b[0] { Order::Name } else { Order::Nearest },
+            order: if b[0] { ViewOrder::Name } else { ViewOrder::Nearest },
             rotation: if b[1] { RotationMean::Mean } else { RotationMean::SlerpMidpoint },
-            ends: if b[2] { Ends::Truncated } else { Ends::Pinned },
+            ends: if b[2] { EndRule::Truncated } else { EndRule::Pinned },
             literal: b[3],
-            ..Refine::default()
+            ..RefinePath::default()
         }
     })
 }

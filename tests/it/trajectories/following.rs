@@ -4,28 +4,28 @@ use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::{angle_between, exp_vector};
-use gs2e::se3::spline::Place;
-use gs2e::trajectory::curve::{Cubic, PoseCurve};
-use gs2e::trajectory::refine::{Ends, Refine, RotationMean, refine_views};
-use gs2e::trajectory::report::Follow;
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{NamedPose, Timing};
+use gs2e::se3::spline::CurvePlace;
+use gs2e::trajectory::curve::{CubicPair, PoseCurve};
+use gs2e::trajectory::refine::{EndRule, RefinePath, RotationMean, refine_views};
+use gs2e::trajectory::report::FollowError;
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{NamedPose, PoseTiming};
 
 fn mixed(a: &Se3, b: &Se3, scale: f64) -> f64 {
     angle_between(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
 }
 
 /// The curve through poses as they are, with its parameter the mixed length of the chords.
-fn curve_through(views: &Views, scale: f64) -> Cubic {
+fn curve_through(views: &Views, scale: f64) -> CubicPair {
     let knots: Vec<Se3> = views.iter().map(|(_, pose)| *pose).collect();
     let steps = knots.windows(2).map(|w| mixed(&w[0], &w[1], scale)).collect();
-    Cubic::through_knots(steps, &knots).unwrap()
+    CubicPair::through_knots(steps, &knots).unwrap()
 }
 
 /// Fine chords along a curve, and the mixed length before each of their ends.
 struct Ruler {
-    curve: Cubic,
-    places: Vec<Place>,
+    curve: CubicPair,
+    places: Vec<CurvePlace>,
     before: Vec<f64>,
     scale: f64,
 }
@@ -34,12 +34,12 @@ impl Ruler {
     /// Chords so short that they miss 1e-9 of their arcs: a share (angle)^2/24 of it.
     const CHORDS: u32 = 2000;
 
-    fn new(curve: Cubic, scale: f64) -> Self {
-        let mut places = vec![Place { segment: 0, x: 0.0 }];
+    fn new(curve: CubicPair, scale: f64) -> Self {
+        let mut places = vec![CurvePlace { segment: 0, x: 0.0 }];
         for (segment, step) in curve.steps().iter().enumerate() {
             places.extend((1..=Self::CHORDS).map(|k| {
                 let x = step * f64::from(k) / f64::from(Self::CHORDS);
-                Place { segment, x }
+                CurvePlace { segment, x }
             }));
         }
         let mut before = vec![0.0];
@@ -76,7 +76,7 @@ impl Ruler {
 fn arcs_follow_the_law_to_a_millionth_of_each_step() {
     for (units, degrees, seed) in [(0.0, 0.0, 1), (0.005, 0.5, 2), (0.02, 0.5, 3)] {
         let views = orbit(30, units, degrees, seed);
-        let params = Refine { window: 0, ..Refine::default() };
+        let params = RefinePath { window: 0, ..RefinePath::default() };
         let dense = refined(&views, &params, LAW);
         let scale = dense.report.scale_distance;
         let ruler = Ruler::new(curve_through(&views, scale), scale);
@@ -86,7 +86,7 @@ fn arcs_follow_the_law_to_a_millionth_of_each_step() {
         let reported = dense.report.mixed_ratio.unwrap();
         assert!(reported.min > 1.0 - 1e-9 && reported.max < 1.0 + 1e-9, "{reported:?}");
         // The literal path is measured by its report as this ruler measures it, and does not follow.
-        let literal = refined(&views, &Refine { literal: true, ..params }, LAW);
+        let literal = refined(&views, &RefinePath { literal: true, ..params }, LAW);
         let (low, high) = ruler.follow(&literal.trajectory.world_from_camera, &literal.report.u);
         let reported = literal.report.mixed_ratio.unwrap();
         assert!((reported.min - low).abs() < 1e-6 && (reported.max - high).abs() < 1e-6, "{reported:?}");
@@ -95,12 +95,12 @@ fn arcs_follow_the_law_to_a_millionth_of_each_step() {
 }
 
 /// Smallest and largest of mixed, linear and angular chord shares over ten draws of the orbit.
-fn spread(units: f64, degrees: f64, params: &Refine) -> [[f64; 2]; 3] {
+fn spread(units: f64, degrees: f64, params: &RefinePath) -> [[f64; 2]; 3] {
     let mut worst = [[f64::INFINITY, 0.0]; 3];
     for seed in 0..10 {
         let report = refined(&orbit(30, units, degrees, seed), params, LAW).report;
         let follows = [report.mixed_chord_ratio, report.linear_ratio, report.angular_ratio];
-        for (worst, follow) in worst.iter_mut().zip(follows.map(Option::<Follow>::unwrap)) {
+        for (worst, follow) in worst.iter_mut().zip(follows.map(Option::<FollowError>::unwrap)) {
             *worst = [worst[0].min(follow.min), worst[1].max(follow.max)];
         }
     }
@@ -120,9 +120,9 @@ fn chords_follow_as_the_table_says_or_better() {
         ("slerp-midpoint, jitter 0.25 %", 0.005, 0.0, RotationMean::SlerpMidpoint, 2, [0.998, 1.0005]),
     ];
     for (name, units, degrees, rotation, window, [low, high]) in rows {
-        let params = Refine { window, rotation, ..Refine::default() };
+        let params = RefinePath { window, rotation, ..RefinePath::default() };
         let [mixed, linear, angular] = spread(units, degrees, &params);
-        let [literal, ..] = spread(units, degrees, &Refine { literal: true, ..params });
+        let [literal, ..] = spread(units, degrees, &RefinePath { literal: true, ..params });
         eprintln!(
             "{name}: literal {literal:.3?}; mixed {mixed:.4?}, linear {linear:.3?}, angular {angular:.3?}"
         );
@@ -135,7 +135,7 @@ fn chords_follow_as_the_table_says_or_better() {
 fn a_straight_path_shows_the_law_itself() {
     let views =
         named([still(DQuat::IDENTITY, DVec3::ZERO), still(DQuat::IDENTITY, DVec3::new(0.0, 3.0, 4.0))]);
-    let params = Refine { count: Count::Frames(150), window: 0, ..Refine::default() };
+    let params = RefinePath { count: PoseCount::Frames(150), window: 0, ..RefinePath::default() };
     let report = refined(&views, &params, LAW).report;
     let speeds = &report.linear_unit_s;
     // v(148/149) / v(0) of the published law, in 20 digits: 1.19036...
@@ -154,7 +154,8 @@ fn a_turn_in_place_follows_by_angle() {
     let views = named(
         (0..9).map(|k| still(exp_vector(DVec3::new(0.1, 0.9, -0.2) * (f64::from(k) * 0.3)), DVec3::ONE)),
     );
-    let report = refined(&views, &Refine { ends: Ends::Pinned, ..Refine::default() }, "1 + t").report;
+    let report =
+        refined(&views, &RefinePath { ends: EndRule::Pinned, ..RefinePath::default() }, "1 + t").report;
     let rates = &report.angular_rad_s;
     let last = rates.len() - 1;
     // One axis at constant pace: the chord of a turn is the turn.
@@ -169,18 +170,18 @@ fn a_turn_in_place_follows_by_angle() {
 #[test]
 fn factors_are_read_as_rationals() {
     let views = orbit(50, 0.0, 0.0, 1);
-    let t = |count: Count, want: usize| {
-        let got = refined(&views, &Refine { count, ..Refine::default() }, LAW);
+    let t = |count: PoseCount, want: usize| {
+        let got = refined(&views, &RefinePath { count, ..RefinePath::default() }, LAW);
         assert_eq!((got.trajectory.world_from_camera.len(), got.trajectory.stamps_us.len()), (want, want));
         assert_eq!((got.report.poses, got.report.u.len(), got.report.s.len()), (want, want - 1, want));
     };
-    t(Count::Factor("1.1".parse().unwrap()), 55);
-    t(Count::Factor("11/10".parse().unwrap()), 55);
-    t(Count::Factor("1.101".parse().unwrap()), 56);
-    t(Count::Frames(77), 77);
+    t(PoseCount::Factor("1.1".parse().unwrap()), 55);
+    t(PoseCount::Factor("11/10".parse().unwrap()), 55);
+    t(PoseCount::Factor("1.101".parse().unwrap()), 56);
+    t(PoseCount::Frames(77), 77);
     // 0.1 s at 2400 Hz is 240 steps.
-    t(Count::Duration("0.1".parse().unwrap()), 241);
-    t(Count::Duration("0.10001".parse().unwrap()), 242);
+    t(PoseCount::Duration("0.1".parse().unwrap()), 241);
+    t(PoseCount::Duration("0.10001".parse().unwrap()), 242);
 }
 
 #[test]
@@ -188,9 +189,10 @@ fn stamps_follow_the_exact_rate() {
     let views = orbit(10, 0.0, 0.0, 1);
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, p)| NamedPose { name, world_from_camera: *p }).collect();
-    let params = Refine { count: Count::Frames(5), ..Refine::default() };
+    let params = RefinePath { count: PoseCount::Frames(5), ..RefinePath::default() };
     let t = |rate: &str, want: [i64; 5]| {
-        let got = refine_views(&named, &params, Timing { rate: hertz(rate), ..timing(&law(LAW)) }).unwrap();
+        let got =
+            refine_views(&named, &params, PoseTiming { rate: hertz(rate), ..timing(&law(LAW)) }).unwrap();
         assert_eq!(got.trajectory.stamps_us, want, "{rate}");
     };
     t("2400", [0, 417, 833, 1250, 1667]);

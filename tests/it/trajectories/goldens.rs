@@ -6,9 +6,9 @@ use gs2e::se3::Se3;
 use gs2e::se3::arc_length::ArcLength;
 use gs2e::se3::rotation::angle_between;
 use gs2e::se3::rotation_spline::RotationSpline;
-use gs2e::se3::spline::{Cubic, CubicSpline, Place};
-use gs2e::trajectory::curve::{Curve, PoseCurve};
-use gs2e::trajectory::refine::Refine;
+use gs2e::se3::spline::{CubicSegment, CubicSpline, CurvePlace};
+use gs2e::trajectory::curve::{CurveKind, PoseCurve};
+use gs2e::trajectory::refine::RefinePath;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -51,7 +51,7 @@ fn both_splines_are_those_of_scipy() {
         let centres = CubicSpline::not_a_knot(&case.steps, &points);
         let rotations = RotationSpline::new(&case.steps, &quaternions).unwrap();
         for i in 0..case.x.len() {
-            let at = Place { segment: case.segments[i], x: case.x[i] };
+            let at = CurvePlace { segment: case.segments[i], x: case.x[i] };
             let what = |name: &str| format!("case {k}, {at:?}, {name}");
             let cubic = centres.segment(at.segment);
             close(cubic.value(at.x), case.value[i], 1e-9, &what("value"));
@@ -71,7 +71,7 @@ fn curves_are_twice_differentiable_at_their_knots() {
         let quaternions: Vec<DQuat> = case.quaternions_xyzw.iter().map(|q| DQuat::from_array(*q)).collect();
         let spline = RotationSpline::new(&case.steps, &quaternions).unwrap();
         for (i, h) in case.steps[..case.steps.len() - 1].iter().enumerate() {
-            let (left, right) = (Place { segment: i, x: *h }, Place { segment: i + 1, x: 0.0 });
+            let (left, right) = (CurvePlace { segment: i, x: *h }, CurvePlace { segment: i + 1, x: 0.0 });
             assert!(angle_between(spline.rotation(left), spline.rotation(right)) < 1e-14);
             let jump = |a: DVec3, b: DVec3| (a - b).length() / a.length().max(1.0);
             let rate = jump(spline.rate(left), spline.rate(right));
@@ -89,7 +89,7 @@ fn body_rates_are_differences_of_rotations() {
     let spline = RotationSpline::new(&case.steps, &quaternions).unwrap();
     let step = 1e-5;
     for (segment, h) in case.steps.iter().enumerate() {
-        let at = |x: f64| Place { segment, x };
+        let at = |x: f64| CurvePlace { segment, x };
         let x = 0.37 * h;
         let turn = spline.rotation(at(x - step)).conjugate() * spline.rotation(at(x + step));
         let rate = gs2e::se3::rotation::log_vector(turn) / (2.0 * step);
@@ -124,9 +124,9 @@ struct CurveCase {
 impl CurveCase {
     fn fitted(&self) -> Box<dyn PoseCurve> {
         let curve = match (&*self.curve, self.degree) {
-            ("cumulative", None) => Curve::Cumulative,
-            ("slerp-lerp", None) => Curve::SlerpLerp,
-            ("bezier", Some(degree)) => Curve::Bezier { degree },
+            ("cumulative", None) => CurveKind::Cumulative,
+            ("slerp-lerp", None) => CurveKind::SlerpLerp,
+            ("bezier", Some(degree)) => CurveKind::Bezier { degree },
             other => panic!("{other:?}"),
         };
         let knots: Vec<Se3> = self.knots.iter().copied().map(pose).collect();
@@ -142,7 +142,7 @@ fn curves_are_those_of_scipy() {
         let curve = case.fitted();
         assert_eq!((curve.degree(), curve.warning()), (case.degree_used, None), "case {k}");
         for i in 0..case.x.len() {
-            let at = Place { segment: case.segments[i], x: case.x[i] };
+            let at = CurvePlace { segment: case.segments[i], x: case.x[i] };
             let what = |name: &str| format!("case {k}, {} {:?}, {at:?}, {name}", case.curve, case.degree);
             let (pose, twist, bend) = (curve.pose(at), curve.twist(at), curve.acceleration(at));
             close(pose.translation, case.centre[i], 1e-9, &what("centre"));
@@ -173,17 +173,17 @@ struct Segment {
 fn lengths_are_those_of_quadrature_and_of_closed_forms() {
     let mut errors: Vec<(f64, String)> = Vec::new();
     for segment in golden::<Lengths>("lengths.json").segments {
-        let cubic = Cubic::from_hermite(
+        let cubic = CubicSegment::from_hermite(
             1.0,
             segment.ends.map(DVec3::from_array),
             segment.slopes.map(DVec3::from_array),
         );
-        let arc = ArcLength::measure_curve(&[1.0], |at: Place| cubic.slope(at.x).length());
+        let arc = ArcLength::measure_curve(&[1.0], |at: CurvePlace| cubic.slope(at.x).length());
         let error = (arc.total() - segment.length).abs() / segment.length;
         errors.push((error, segment.kind.clone()));
         for k in 0..=100 {
             let share = f64::from(k) / 100.0;
-            let reached = arc.between(Place { segment: 0, x: 0.0 }, arc.invert(share * arc.total()));
+            let reached = arc.between(CurvePlace { segment: 0, x: 0.0 }, arc.invert(share * arc.total()));
             let residual = (reached - share * arc.total()).abs() / arc.total();
             // The inverse's 1e-13 and the errors of two quadratures, which near a cusp are up to 1e-12 a panel.
             let limit = if segment.kind == "cusp" { 1e-11 } else { 1e-12 };
@@ -217,7 +217,7 @@ fn a_refined_orbit_is_that_of_another_program() {
     let want: Orbit = golden("refined.json");
     let views = named(want.views.iter().copied().map(pose));
     for (literal, poses) in [(false, &want.poses), (true, &want.literal_poses)] {
-        let got = refined(&views, &Refine { literal, ..Refine::default() }, LAW);
+        let got = refined(&views, &RefinePath { literal, ..RefinePath::default() }, LAW);
         let relative = |a: f64, b: f64| (a - b).abs() / b;
         assert!(relative(got.report.scale_distance, want.scale_distance) < 1e-12);
         assert!(relative(got.report.length, want.length) < 1e-12);

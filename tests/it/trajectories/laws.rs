@@ -3,20 +3,20 @@
 use super::{LAW, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::{Se3, Twist};
-use gs2e::speed::function::Expression;
-use gs2e::speed::list::List;
-use gs2e::speed::{Flow, Meaning, Speed};
+use gs2e::speed::function::SpeedExpression;
+use gs2e::speed::list::SpeedLevels;
+use gs2e::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
 use gs2e::trajectory::flow::FlowMeter;
-use gs2e::trajectory::path::{Ground, Path};
-use gs2e::trajectory::refine::{Refine, refine_views};
-use gs2e::trajectory::report::Report;
-use gs2e::trajectory::sample::{Schedule, Summation};
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{Made, NamedPose, Timing, TrajectoryError, Warning};
+use gs2e::trajectory::path::{CameraPath, PathInputs};
+use gs2e::trajectory::refine::{RefinePath, refine_views};
+use gs2e::trajectory::report::SpeedReport;
+use gs2e::trajectory::sample::{PoseSchedule, SummationRule};
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
-fn list(multipliers: &[f64], blend: f64, meaning: Meaning) -> Speed {
-    Speed::List(List::new(multipliers.to_vec(), blend, meaning).unwrap())
+fn list(multipliers: &[f64], blend: f64, meaning: SpeedMeaning) -> SpeedChoice {
+    SpeedChoice::List(SpeedLevels::new(multipliers.to_vec(), blend, meaning).unwrap())
 }
 
 /// Five views on a straight line, 4 units long, looking across it.
@@ -24,11 +24,11 @@ fn line() -> Vec<(String, Se3)> {
     named((0..5u32).map(|k| still(DQuat::IDENTITY, DVec3::X * f64::from(k))))
 }
 
-fn frames(count: u64) -> Refine {
-    Refine { window: 0, count: Count::Frames(count), ..Refine::default() }
+fn frames(count: u64) -> RefinePath {
+    RefinePath { window: 0, count: PoseCount::Frames(count), ..RefinePath::default() }
 }
 
-fn travelled(params: &Refine, timing: Timing<'_>) -> Result<Made, TrajectoryError> {
+fn travelled(params: &RefinePath, timing: PoseTiming<'_>) -> Result<MadeTrajectory, TrajectoryError> {
     let views = line();
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
@@ -37,7 +37,7 @@ fn travelled(params: &Refine, timing: Timing<'_>) -> Result<Made, TrajectoryErro
 
 #[test]
 fn levels_are_reached_and_blended() {
-    let speed = list(&[1.0, 0.5, 2.0], 0.1, Meaning::Speed);
+    let speed = list(&[1.0, 0.5, 2.0], 0.1, SpeedMeaning::Speed);
     let made = travelled(&frames(301), timing(&speed)).unwrap();
     let speeds = &made.report.linear_unit_s;
     // 300 steps of 1/2400 s over 4 units; the left sum of a law of mean 7/6 differs from its integral by under 1 %.
@@ -55,7 +55,7 @@ fn levels_are_reached_and_blended() {
 #[test]
 fn a_list_of_one_level_is_a_constant_speed() {
     let poses = |level: f64| {
-        let speed = list(&[level], 0.1, Meaning::Speed);
+        let speed = list(&[level], 0.1, SpeedMeaning::Speed);
         travelled(&frames(50), timing(&speed)).unwrap().trajectory
     };
     assert_eq!(poses(1.0), poses(1e-6));
@@ -65,20 +65,22 @@ fn a_list_of_one_level_is_a_constant_speed() {
 
 #[test]
 fn wild_and_unblended_lists_are_told() {
-    let wild = list(&[1.0, 0.2, 5.0, 0.01, 3.0], 0.1, Meaning::Speed);
+    let wild = list(&[1.0, 0.2, 5.0, 0.01, 3.0], 0.1, SpeedMeaning::Speed);
     let warnings = travelled(&frames(100), timing(&wild)).unwrap().warnings;
     assert!(
-        matches!(warnings[..], [Warning::SpeedRange { ratio, .. }] if (ratio - 500.0).abs() < 1e-9),
+        matches!(warnings[..], [TrajectoryWarning::SpeedRange { ratio, .. }] if (ratio - 500.0).abs() < 1e-9),
         "{warnings:?}"
     );
-    let steps = list(&[1.0, 2.0], 0.0, Meaning::Speed);
+    let steps = list(&[1.0, 2.0], 0.0, SpeedMeaning::Speed);
     let warnings = travelled(&frames(100), timing(&steps)).unwrap().warnings;
-    assert!(matches!(&warnings[..], [Warning::Rough { because }] if because == "its levels are not blended"));
+    assert!(
+        matches!(&warnings[..], [TrajectoryWarning::Rough { because }] if because == "its levels are not blended")
+    );
 }
 
 #[test]
 fn frame_rates_keep_the_speed_and_change_the_stamps() {
-    let speed = list(&[1.0, 4.0], 0.1, Meaning::FrameRate);
+    let speed = list(&[1.0, 4.0], 0.1, SpeedMeaning::FrameRate);
     let made = travelled(&frames(101), timing(&speed)).unwrap();
     let speeds = &made.report.linear_unit_s;
     assert!(speeds.iter().all(|v| (v / speeds[0] - 1.0).abs() < 1e-9), "{speeds:?}");
@@ -92,12 +94,12 @@ fn frame_rates_keep_the_speed_and_change_the_stamps() {
     // The path is covered in proportion to time: by a distance of 4 units.
     let [first, .., end] = &made.trajectory.world_from_camera[..] else { panic!("there are 101 poses") };
     assert!(((end.translation - first.translation).length() - 4.0).abs() < 1e-12);
-    assert_eq!((made.report.meaning, made.report.law), (Meaning::FrameRate, Summation::Sum));
+    assert_eq!((made.report.meaning, made.report.law), (SpeedMeaning::FrameRate, SummationRule::Sum));
 }
 
 #[test]
 fn frames_less_than_a_microsecond_apart_are_refused() {
-    let speed = list(&[1.0, 1e6], 0.1, Meaning::FrameRate);
+    let speed = list(&[1.0, 1e6], 0.1, SpeedMeaning::FrameRate);
     let refused = travelled(&frames(101), timing(&speed)).unwrap_err();
     assert!(matches!(refused, TrajectoryError::Stamps { step: 40..60, .. }), "{refused:?}");
 }
@@ -106,23 +108,24 @@ fn frames_less_than_a_microsecond_apart_are_refused() {
 fn the_integral_of_the_published_law_is_its_closed_form() {
     let speed = law(LAW);
     let count = 150;
-    let shares = |law| Schedule::new(&speed, count, law).unwrap().shares;
-    let integral = shares(Summation::Integral);
+    let shares = |law| PoseSchedule::new(&speed, count, law).unwrap().shares;
+    let integral = shares(SummationRule::Integral);
     let distance = |t: f64| 1.1 * t + 0.25 * (1.0 - t.cos());
     for (j, share) in integral.iter().enumerate() {
         let t = j as f64 / (count - 1) as f64;
         assert!((share - distance(t) / distance(1.0)).abs() < 1e-14, "{j}");
     }
     // The paper's left sum lags by at most 8.0e-3 of a step.
-    let lag = shares(Summation::Sum).iter().zip(&integral).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let lag =
+        shares(SummationRule::Sum).iter().zip(&integral).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let of_a_step = lag * (count - 1) as f64;
     assert!((7.5e-3..8.1e-3).contains(&of_a_step), "{of_a_step}");
 }
 
 #[test]
 fn the_integral_of_a_list_is_exact() {
-    let speed = list(&[1e-6, 1e6, 1.0, 3.0], 0.5, Meaning::Speed);
-    let shares = Schedule::new(&speed, 5, Summation::Integral).unwrap().shares;
+    let speed = list(&[1e-6, 1e6, 1.0, 3.0], 0.5, SpeedMeaning::Speed);
+    let shares = PoseSchedule::new(&speed, 5, SummationRule::Integral).unwrap().shares;
     // Segment ends lie in the middle of windows: a whole level less or more 13/96 of half a window of the jump.
     let mean = (1e-6 + 1e6 + 1.0 + 3.0) / 4.0;
     let up_to_first = (1e-6 + 0.5 * (1e6 - 1e-6) * (13.0 / 96.0)) / 4.0;
@@ -134,8 +137,8 @@ fn the_integral_of_a_list_is_exact() {
 fn shares_end_at_one_and_never_fall() {
     for (text, count) in [(LAW, 150), ("1", 3), ("exp(9*t)", 100_000), ("1e300", 777), ("exp(-600*t)", 1000)]
     {
-        for summation in [Summation::Sum, Summation::Integral] {
-            let shares = Schedule::new(&law(text), count, summation).unwrap().shares;
+        for summation in [SummationRule::Sum, SummationRule::Integral] {
+            let shares = PoseSchedule::new(&law(text), count, summation).unwrap().shares;
             assert!(shares.is_sorted() && shares.len() == count, "{text}");
             assert_eq!((shares[0].to_bits(), shares[count - 1].to_bits()), (0, 1.0f64.to_bits()), "{text}");
         }
@@ -154,24 +157,24 @@ impl FlowMeter for Ramp {
     }
 }
 
-fn flow(px_s: f64, shape: &str) -> Speed {
-    Speed::Flow(Flow { px_s, shape: Expression::parse(shape).unwrap() })
+fn flow(px_s: f64, shape: &str) -> SpeedChoice {
+    SpeedChoice::Flow(FlowSpeed { px_s, shape: SpeedExpression::parse(shape).unwrap() })
 }
 
 fn by_flow(
-    params: Refine,
-    speed: &Speed,
+    params: RefinePath,
+    speed: &SpeedChoice,
     meter: Option<&mut dyn FlowMeter>,
-) -> Result<Made, TrajectoryError> {
+) -> Result<MadeTrajectory, TrajectoryError> {
     let views = line();
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    Path::Refine(params).make(Ground { views: &views, base: None }, timing(speed), meter)
+    CameraPath::Refine(params).make(PathInputs { views: &views, base: None }, timing(speed), meter)
 }
 
 #[test]
 fn a_speed_in_pixels_is_kept() {
-    let params = Refine { window: 0, count: Count::Flow, ..Refine::default() };
+    let params = RefinePath { window: 0, count: PoseCount::Flow, ..RefinePath::default() };
     let mut meter = Ramp { asked: 0 };
     let made = by_flow(params.clone(), &flow(240.0, "1"), Some(&mut meter)).unwrap();
     // From x = 0 to 4 the picture moves by 4 + 16/2 px: 50 ms at 240 px/s, which is 120 steps.
@@ -200,8 +203,8 @@ fn a_speed_in_pixels_that_cannot_be_had_is_refused() {
         }
     }
     let speed = flow(240.0, "1");
-    let params = Refine { window: 0, count: Count::Flow, ..Refine::default() };
-    let t = |params: &Refine, speed: &Speed, meter: Option<&mut dyn FlowMeter>, words: &str| {
+    let params = RefinePath { window: 0, count: PoseCount::Flow, ..RefinePath::default() };
+    let t = |params: &RefinePath, speed: &SpeedChoice, meter: Option<&mut dyn FlowMeter>, words: &str| {
         let refused = by_flow(params.clone(), speed, meter).unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");
     };
@@ -209,7 +212,7 @@ fn a_speed_in_pixels_that_cannot_be_had_is_refused() {
     t(&params, &speed, Some(&mut Blind), "no pixel has a depth");
     t(&params, &law("1"), Some(&mut Ramp { asked: 0 }), "a speed in px/s beside it");
     t(&frames(20), &speed, Some(&mut Ramp { asked: 0 }), "none of factor, frames and duration");
-    let literal = Refine { literal: true, ..params.clone() };
+    let literal = RefinePath { literal: true, ..params.clone() };
     t(&literal, &speed, Some(&mut Ramp { asked: 0 }), "no share of chords");
     t(&params, &flow(1e-9, "1"), Some(&mut Ramp { asked: 0 }), "poses were asked for");
 }
@@ -217,7 +220,7 @@ fn a_speed_in_pixels_that_cannot_be_had_is_refused() {
 #[test]
 fn ten_million_poses_are_made() {
     let count = 10_000_000;
-    let params = Refine { count: Count::Frames(count), ..Refine::default() };
+    let params = RefinePath { count: PoseCount::Frames(count), ..RefinePath::default() };
     let made = refined(&orbit(30, 0.005, 0.5, 1), &params, LAW);
     let poses = &made.trajectory.world_from_camera;
     assert_eq!((poses.len() as u64, made.trajectory.stamps_us.len() as u64), (count, count));
@@ -225,17 +228,17 @@ fn ten_million_poses_are_made() {
     let follow = made.report.mixed_ratio.unwrap();
     // Places near 1 are rounded at 1.1e-16 of the path, which is 1e-9 of a step, at both ends of it.
     assert!(follow.min > 1.0 - 1e-8 && follow.max < 1.0 + 1e-8, "{follow:?}");
-    let few = refined(&orbit(30, 0.005, 0.5, 1), &Refine { window: 2, ..frames(2) }, LAW)
+    let few = refined(&orbit(30, 0.005, 0.5, 1), &RefinePath { window: 2, ..frames(2) }, LAW)
         .trajectory
         .world_from_camera;
     assert_eq!((poses[0], poses[poses.len() - 1]), (few[0], few[1]));
 }
 
-fn any_list() -> impl Strategy<Value = Speed> {
+fn any_list() -> impl Strategy<Value = SpeedChoice> {
     let level = prop_oneof![3 => -1.0..1.0f64, 1 => Just(-6.0), 1 => Just(6.0), 1 => -300.0..300.0f64];
     let levels = prop::collection::vec(level.prop_map(|e| 10f64.powf(e)), 1..8);
     let blend = prop_oneof![Just(0.0), Just(0.5), 0.0..=0.5f64];
-    let meaning = prop_oneof![Just(Meaning::Speed), Just(Meaning::FrameRate)];
+    let meaning = prop_oneof![Just(SpeedMeaning::Speed), Just(SpeedMeaning::FrameRate)];
     (levels, blend, meaning).prop_map(|(levels, blend, meaning)| list(&levels, blend, meaning))
 }
 
@@ -243,12 +246,12 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
     #[test]
     fn no_list_makes_a_nan(speed in any_list(), count in 1..80u64, integral in any::<bool>()) {
-        let law = if integral { Summation::Integral } else { Summation::Sum };
-        match travelled(&frames(count), Timing { law, ..timing(&speed) }) {
+        let law = if integral { SummationRule::Integral } else { SummationRule::Sum };
+        match travelled(&frames(count), PoseTiming { law, ..timing(&speed) }) {
             Ok(made) => {
                 let text = serde_json::to_string(&made.report).unwrap();
                 // JSON writes what is not finite as null, which no number of a report may be.
-                let read: Report = serde_json::from_str(&text).unwrap();
+                let read: SpeedReport = serde_json::from_str(&text).unwrap();
                 prop_assert_eq!(&read, &made.report);
                 prop_assert!(made.trajectory.world_from_camera.iter().all(Se3::is_finite));
                 prop_assert!(made.trajectory.stamps_us.is_sorted_by(|a, b| a < b));

@@ -6,37 +6,37 @@ use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::{angle_between, exp_vector};
 use gs2e::seed::Seed;
-use gs2e::trajectory::curve::Curve;
-use gs2e::trajectory::novel::{Base, Novel, NovelCurve};
-use gs2e::trajectory::path::{Ground, Path};
-use gs2e::trajectory::refine::Refine;
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{Kind, Made, TrajectoryError, Warning};
+use gs2e::trajectory::curve::CurveKind;
+use gs2e::trajectory::novel::{BaseTrajectory, GroupCurve, NovelGroup};
+use gs2e::trajectory::path::{CameraPath, PathInputs};
+use gs2e::trajectory::refine::RefinePath;
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{CourseKind, MadeTrajectory, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
 /// The paper's numbers: 3 groups of 5 key poses, 150 poses each.
-const NOVEL: Novel = Novel {
+const NOVEL: NovelGroup = NovelGroup {
     group: 0,
     groups: 3,
     keyframes: 5,
-    count: Count::Frames(150),
-    curve: NovelCurve::Any,
+    count: PoseCount::Frames(150),
+    curve: GroupCurve::Any,
     literal: false,
     keyframes_seed: Seed(11),
     curve_seed: Seed(12),
 };
 
-fn try_made(novel: &Novel, poses: &[Se3], scale: f64) -> Result<Made, TrajectoryError> {
-    let ground = Ground { views: &[], base: Some(Base { poses, scale }) };
-    Path::Novel(novel.clone()).make(ground, timing(&law("1")), None)
+fn try_made(novel: &NovelGroup, poses: &[Se3], scale: f64) -> Result<MadeTrajectory, TrajectoryError> {
+    let ground = PathInputs { views: &[], base: Some(BaseTrajectory { poses, scale }) };
+    CameraPath::Novel(novel.clone()).make(ground, timing(&law("1")), None)
 }
 
-fn made(novel: &Novel, base: &Made) -> Made {
+fn made(novel: &NovelGroup, base: &MadeTrajectory) -> MadeTrajectory {
     try_made(novel, &base.trajectory.world_from_camera, base.report.scale_distance).unwrap()
 }
 
-fn dense() -> Made {
-    refined(&orbit(30, 0.005, 0.5, 1), &Refine::default(), LAW)
+fn dense() -> MadeTrajectory {
+    refined(&orbit(30, 0.005, 0.5, 1), &RefinePath::default(), LAW)
 }
 
 fn near(a: &Se3, b: &Se3) -> bool {
@@ -48,10 +48,13 @@ fn groups_run_between_their_own_key_poses_at_a_constant_pace() {
     let base = dense();
     let mut seen = Vec::new();
     for group in 0..3 {
-        let got = made(&Novel { group, ..NOVEL }, &base);
+        let got = made(&NovelGroup { group, ..NOVEL }, &base);
         let (report, poses) = (&got.report, &got.trajectory.world_from_camera);
         let keys = &report.keyframes;
-        assert_eq!((report.kind, keys.len(), keys.is_sorted(), poses.len()), (Kind::Novel, 5, true, 150));
+        assert_eq!(
+            (report.kind, keys.len(), keys.is_sorted(), poses.len()),
+            (CourseKind::Novel, 5, true, 150)
+        );
         let of = |k: usize| &base.trajectory.world_from_camera[keys[k]];
         assert!(near(&poses[0], of(0)) && near(&poses[149], of(4)));
         assert_eq!((got.trajectory.stamps_us[0], got.trajectory.stamps_us[149]), (0, 62_083));
@@ -79,10 +82,10 @@ fn drawn_curves_are_reported_with_the_degree_that_was_used() {
     let base = dense();
     let mut degrees = Vec::new();
     for group in 0..40 {
-        let got = made(&Novel { group, groups: 40, keyframes: 3, ..NOVEL }, &base).report;
+        let got = made(&NovelGroup { group, groups: 40, keyframes: 3, ..NOVEL }, &base).report;
         match (got.curve, got.degree_drawn, got.degree_used) {
-            (Some(Curve::Cubic), None, None) => assert!(got.knot_distance.unwrap() < 1e-12),
-            (Some(Curve::Bezier { degree }), Some(drawn), Some(2)) if degree == drawn => {
+            (Some(CurveKind::Cubic), None, None) => assert!(got.knot_distance.unwrap() < 1e-12),
+            (Some(CurveKind::Bezier { degree }), Some(drawn), Some(2)) if degree == drawn => {
                 // Three key poses determine degree 2, which passes them.
                 assert!(got.knot_distance.unwrap() < 1e-12, "{:?}", got.knot_distance);
                 degrees.push(drawn);
@@ -98,13 +101,14 @@ fn drawn_curves_are_reported_with_the_degree_that_was_used() {
 #[test]
 fn a_curve_that_is_given_is_taken() {
     let base = dense();
-    let curves = [Curve::Cubic, Curve::Cumulative, Curve::SlerpLerp, Curve::Bezier { degree: 3 }];
+    let curves =
+        [CurveKind::Cubic, CurveKind::Cumulative, CurveKind::SlerpLerp, CurveKind::Bezier { degree: 3 }];
     let keys = made(&NOVEL, &base).report.keyframes;
     for curve in curves {
-        let got = made(&Novel { curve: NovelCurve::Fixed(curve), ..NOVEL }, &base).report;
+        let got = made(&NovelGroup { curve: GroupCurve::Fixed(curve), ..NOVEL }, &base).report;
         assert_eq!((got.curve, got.degree_drawn, &got.keyframes), (Some(curve), None, &keys));
     }
-    let high = Novel { curve: NovelCurve::Fixed(Curve::Bezier { degree: 21 }), ..NOVEL };
+    let high = NovelGroup { curve: GroupCurve::Fixed(CurveKind::Bezier { degree: 21 }), ..NOVEL };
     let poses = &base.trajectory.world_from_camera;
     assert!(matches!(
         try_made(&high, poses, 1.0),
@@ -117,20 +121,20 @@ fn seeds_are_all_that_a_draw_depends_on() {
     let base = dense();
     let a = made(&NOVEL, &base);
     assert_eq!(a, made(&NOVEL, &base));
-    let other_curve = made(&Novel { curve_seed: Seed(99), ..NOVEL }, &base);
+    let other_curve = made(&NovelGroup { curve_seed: Seed(99), ..NOVEL }, &base);
     assert_eq!(a.report.keyframes, other_curve.report.keyframes);
-    let other_keys = made(&Novel { keyframes_seed: Seed(99), ..NOVEL }, &base);
+    let other_keys = made(&NovelGroup { keyframes_seed: Seed(99), ..NOVEL }, &base);
     assert_eq!(a.report.curve, other_keys.report.curve);
     assert_ne!(a.report.keyframes, other_keys.report.keyframes);
     // Which group it is decides, not how many there are.
-    let more = made(&Novel { groups: 9, ..NOVEL }, &base);
+    let more = made(&NovelGroup { groups: 9, ..NOVEL }, &base);
     assert_eq!(a.trajectory, more.trajectory);
 }
 
 #[test]
 fn one_frame_is_the_first_key_pose() {
     let base = dense();
-    let got = made(&Novel { count: Count::Frames(1), ..NOVEL }, &base);
+    let got = made(&NovelGroup { count: PoseCount::Frames(1), ..NOVEL }, &base);
     assert_eq!(got.trajectory.stamps_us, [0]);
     let first = &base.trajectory.world_from_camera[got.report.keyframes[0]];
     assert!(near(&got.trajectory.world_from_camera[0], first));
@@ -140,7 +144,8 @@ fn one_frame_is_the_first_key_pose() {
 fn two_key_poses_make_a_line_and_a_slerp_whatever_the_curve() {
     let base = dense();
     for degree in 1..=20 {
-        let novel = Novel { keyframes: 2, curve: NovelCurve::Fixed(Curve::Bezier { degree }), ..NOVEL };
+        let novel =
+            NovelGroup { keyframes: 2, curve: GroupCurve::Fixed(CurveKind::Bezier { degree }), ..NOVEL };
         let got = made(&novel, &base);
         assert_eq!((got.report.degree_used, got.warnings.len()), (Some(1), 0));
         let poses = &got.trajectory.world_from_camera;
@@ -156,7 +161,7 @@ fn two_key_poses_make_a_line_and_a_slerp_whatever_the_curve() {
 fn equal_key_poses_stand_still() {
     let pose = still(exp_vector(DVec3::new(0.3, -0.2, 1.0)), DVec3::new(5.0, 6.0, 7.0));
     let got = try_made(&NOVEL, &[pose; 20], 2.0).unwrap();
-    assert_eq!(got.warnings, [Warning::Still { views: 5 }]);
+    assert_eq!(got.warnings, [TrajectoryWarning::Still { views: 5 }]);
     assert!(got.trajectory.world_from_camera.iter().all(|p| near(p, &pose)));
     assert_eq!((got.trajectory.world_from_camera.len(), got.report.degree_used), (150, None));
 }
@@ -164,22 +169,22 @@ fn equal_key_poses_stand_still() {
 #[test]
 fn impossible_numbers_are_refused() {
     let poses = dense().trajectory.world_from_camera;
-    let t = |novel: Novel, scale: f64, field: &str| {
+    let t = |novel: NovelGroup, scale: f64, field: &str| {
         let refused = try_made(&novel, &poses, scale).unwrap_err();
         assert!(
             matches!(&refused, TrajectoryError::Parameter { field: named, .. } if *named == field),
             "{refused}"
         );
     };
-    t(Novel { groups: 0, ..NOVEL }, 1.0, "groups");
-    t(Novel { group: 3, ..NOVEL }, 1.0, "group");
-    t(Novel { keyframes: 0, ..NOVEL }, 1.0, "keyframes");
-    t(Novel { keyframes: 1, ..NOVEL }, 1.0, "keyframes");
-    t(Novel { count: Count::Frames(0), ..NOVEL }, 1.0, "frames");
+    t(NovelGroup { groups: 0, ..NOVEL }, 1.0, "groups");
+    t(NovelGroup { group: 3, ..NOVEL }, 1.0, "group");
+    t(NovelGroup { keyframes: 0, ..NOVEL }, 1.0, "keyframes");
+    t(NovelGroup { keyframes: 1, ..NOVEL }, 1.0, "keyframes");
+    t(NovelGroup { count: PoseCount::Frames(0), ..NOVEL }, 1.0, "frames");
     for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         t(NOVEL, scale, "metric.scale");
     }
-    let few = |novel: Novel, poses: &[Se3], wanted: u64| {
+    let few = |novel: NovelGroup, poses: &[Se3], wanted: u64| {
         let refused = try_made(&novel, poses, 1.0).unwrap_err();
         let (groups, keyframes, found) = (novel.groups, novel.keyframes, poses.len());
         assert_eq!(refused, TrajectoryError::FewPoses { groups, keyframes, wanted, found });
@@ -187,7 +192,7 @@ fn impossible_numbers_are_refused() {
     few(NOVEL, &poses[..14], 15);
     few(NOVEL, &[], 15);
     few(
-        Novel { groups: u32::MAX, keyframes: u32::MAX, ..NOVEL },
+        NovelGroup { groups: u32::MAX, keyframes: u32::MAX, ..NOVEL },
         &poses,
         u64::from(u32::MAX) * u64::from(u32::MAX),
     );
@@ -217,8 +222,8 @@ proptest! {
         (seed, literal) in (any::<u64>(), any::<bool>()),
     ) {
         let [keyframes_seed, curve_seed] = [seed, !seed].map(Seed);
-        let count = Count::Frames(count);
-        let novel = Novel { group, groups, keyframes, count, literal, keyframes_seed, curve_seed, ..NOVEL };
+        let count = PoseCount::Frames(count);
+        let novel = NovelGroup { group, groups, keyframes, count, literal, keyframes_seed, curve_seed, ..NOVEL };
         match try_made(&novel, &poses, scale) {
             Ok(got) => prop_assert!(sound(&got.trajectory) && is_finite(&got.report), "{:?}", got),
             Err(refused) => prop_assert!(!refused.to_string().contains("NaN"), "{refused}"),

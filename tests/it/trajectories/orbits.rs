@@ -4,25 +4,25 @@ use super::{Views, law, named, orbit, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::rotation::{angle_between, exp_vector};
 use gs2e::se3::{Se3, look_at};
-use gs2e::trajectory::curve::Curve;
-use gs2e::trajectory::keyframes::{Facing, Keyframe, Keyframes};
-use gs2e::trajectory::orbit::Orbit;
-use gs2e::trajectory::path::{Ground, Path};
-use gs2e::trajectory::refine::Scale;
-use gs2e::trajectory::travel::Count;
-use gs2e::trajectory::{Kind, Made, NamedPose, TrajectoryError, Warning};
+use gs2e::trajectory::curve::CurveKind;
+use gs2e::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
+use gs2e::trajectory::orbit::OrbitPath;
+use gs2e::trajectory::path::{CameraPath, PathInputs};
+use gs2e::trajectory::refine::TranslationScale;
+use gs2e::trajectory::travel::PoseCount;
+use gs2e::trajectory::{CourseKind, MadeTrajectory, NamedPose, TrajectoryError, TrajectoryWarning};
 use std::f64::consts::PI;
 
-const FRAMES: Count = Count::Frames(91);
+const FRAMES: PoseCount = PoseCount::Frames(91);
 
-fn made(path: &Path, views: &Views, law_text: &str) -> Result<Made, TrajectoryError> {
+fn made(path: &CameraPath, views: &Views, law_text: &str) -> Result<MadeTrajectory, TrajectoryError> {
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    path.make(Ground { views: &views, base: None }, timing(&law(law_text)), None)
+    path.make(PathInputs { views: &views, base: None }, timing(&law(law_text)), None)
 }
 
-fn whole() -> Orbit {
-    Orbit {
+fn whole() -> OrbitPath {
+    OrbitPath {
         centre: Some(DVec3::new(1.0, 2.0, 3.0)),
         from: Some(DVec3::new(4.0, 2.0, 7.0)),
         up: Some(DVec3::Y * 5.0),
@@ -33,7 +33,7 @@ fn whole() -> Orbit {
 
 #[test]
 fn an_orbit_is_a_circle_at_constant_speed() {
-    let made = made(&Path::Orbit(whole()), &Vec::new(), "1").unwrap();
+    let made = made(&CameraPath::Orbit(whole()), &Vec::new(), "1").unwrap();
     for (j, pose) in made.trajectory.world_from_camera.iter().enumerate() {
         // A degree a pose about y, right-handed: z turns towards x. The arm is (3, 0, 4).
         let phi = (j as f64).to_radians();
@@ -53,12 +53,12 @@ fn an_orbit_is_a_circle_at_constant_speed() {
     assert!((report.scale_distance - 5.0).abs() < 1e-14);
     // An angle, and an arc of the same angle at distance D: twice that.
     assert!((report.length - PI).abs() < 1e-13 && (report.length_ratio.unwrap() - 1.0).abs() < 1e-12);
-    assert_eq!((report.kind, report.curve, report.knot_jumps), (Kind::Orbit, None, None));
+    assert_eq!((report.kind, report.curve, report.knot_jumps), (CourseKind::Orbit, None, None));
 }
 
 #[test]
 fn orbits_follow_a_law_and_turn_as_often_as_asked() {
-    let path = Path::Orbit(Orbit { arc: -720.0, count: Count::Frames(721), ..whole() });
+    let path = CameraPath::Orbit(OrbitPath { arc: -720.0, count: PoseCount::Frames(721), ..whole() });
     let made = made(&path, &Vec::new(), "1 + t").unwrap();
     let follow = made.report.mixed_ratio.unwrap();
     assert!(follow.min > 1.0 - 1e-9 && follow.max < 1.0 + 1e-9, "{follow:?}");
@@ -73,7 +73,7 @@ fn orbits_follow_a_law_and_turn_as_often_as_asked() {
 fn what_an_orbit_lacks_is_taken_from_the_capture() {
     // Around the origin at a height of 0.4, z up.
     let views = orbit(30, 0.0, 0.0, 1);
-    let path = Path::Orbit(Orbit { centre: None, from: None, up: None, arc: 180.0, count: FRAMES });
+    let path = CameraPath::Orbit(OrbitPath { centre: None, from: None, up: None, arc: 180.0, count: FRAMES });
     let got = made(&path, &views, "1").unwrap();
     let (first, last) = (views[0].1, views[29].1);
     let poses = &got.trajectory.world_from_camera;
@@ -82,8 +82,13 @@ fn what_an_orbit_lacks_is_taken_from_the_capture() {
     // The mean of the views' up directions leans towards the side that was filmed.
     let tilt = (poses[90].translation - last.translation).length();
     assert!(tilt > 1e-3 && tilt < 1.0, "{tilt}");
-    let upright =
-        Path::Orbit(Orbit { up: Some(DVec3::Z), centre: None, from: None, arc: 180.0, count: FRAMES });
+    let upright = CameraPath::Orbit(OrbitPath {
+        up: Some(DVec3::Z),
+        centre: None,
+        from: None,
+        arc: 180.0,
+        count: FRAMES,
+    });
     let end = made(&upright, &views, "1").unwrap().trajectory.world_from_camera[90];
     assert!(
         (end.translation - last.translation).length() < 1e-9
@@ -93,32 +98,38 @@ fn what_an_orbit_lacks_is_taken_from_the_capture() {
 
 #[test]
 fn orbits_that_are_not_determined_are_refused() {
-    let t = |orbit: Orbit, views: &Views, words: &str| {
-        let refused = made(&Path::Orbit(orbit), views, "1").unwrap_err().to_string();
+    let t = |orbit: OrbitPath, views: &Views, words: &str| {
+        let refused = made(&CameraPath::Orbit(orbit), views, "1").unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");
     };
     let none = Vec::new();
-    t(Orbit { from: None, ..whole() }, &none, "the orbit has no from: it is not given");
-    t(Orbit { up: None, ..whole() }, &none, "the orbit has no up: it is not given");
+    t(OrbitPath { from: None, ..whole() }, &none, "the orbit has no from: it is not given");
+    t(OrbitPath { up: None, ..whole() }, &none, "the orbit has no up: it is not given");
     t(
-        Orbit { centre: None, ..whole() },
+        OrbitPath { centre: None, ..whole() },
         &none,
         "the orbit has no centre: it is not given, and there is no capture",
     );
-    t(Orbit { up: Some(DVec3::ZERO), ..whole() }, &none, "the orbit has no up: it is zero");
-    t(Orbit { from: whole().centre, ..whole() }, &none, "the camera starts on the axis");
-    t(Orbit { from: Some(DVec3::new(1.0, 9.0, 3.0)), ..whole() }, &none, "the camera starts on the axis");
-    t(Orbit { from: Some(DVec3::NAN), ..whole() }, &none, "the orbit has no");
+    t(OrbitPath { up: Some(DVec3::ZERO), ..whole() }, &none, "the orbit has no up: it is zero");
+    t(OrbitPath { from: whole().centre, ..whole() }, &none, "the camera starts on the axis");
+    t(OrbitPath { from: Some(DVec3::new(1.0, 9.0, 3.0)), ..whole() }, &none, "the camera starts on the axis");
+    t(OrbitPath { from: Some(DVec3::NAN), ..whole() }, &none, "the orbit has no");
     let parallel = named((0..5u32).map(|k| super::still(DQuat::IDENTITY, DVec3::X * f64::from(k))));
-    t(Orbit { centre: None, ..whole() }, &parallel, "optical axes meet nowhere");
+    t(OrbitPath { centre: None, ..whole() }, &parallel, "optical axes meet nowhere");
 }
 
-fn hand(poses: Vec<Keyframe>, curve: Curve) -> Path {
-    Path::Keyframes(Keyframes { poses, count: FRAMES, curve, scale: Scale::Scene, literal: false })
+fn hand(poses: Vec<Keyframe>, curve: CurveKind) -> CameraPath {
+    CameraPath::Keyframes(KeyframePath {
+        poses,
+        count: FRAMES,
+        curve,
+        scale: TranslationScale::Scene,
+        literal: false,
+    })
 }
 
 fn towards(position: DVec3) -> Keyframe {
-    Keyframe { position, facing: Facing::Towards { target: DVec3::ZERO, up: DVec3::Z } }
+    Keyframe { position, facing: CameraFacing::Towards { target: DVec3::ZERO, up: DVec3::Z } }
 }
 
 #[test]
@@ -126,8 +137,8 @@ fn poses_by_hand_are_passed() {
     let positions = [DVec3::X * 3.0, DVec3::new(2.0, 2.0, 0.5), DVec3::Y * 3.0, DVec3::new(-1.0, 2.5, 1.0)];
     let mut poses: Vec<Keyframe> = positions.map(towards).to_vec();
     let look = look_at(-positions[3], DVec3::Z).unwrap();
-    poses[3].facing = Facing::Rotation(-look);
-    let got = made(&hand(poses, Curve::Cubic), &Vec::new(), "1").unwrap();
+    poses[3].facing = CameraFacing::Rotation(-look);
+    let got = made(&hand(poses, CurveKind::Cubic), &Vec::new(), "1").unwrap();
     let dense = &got.trajectory.world_from_camera;
     for position in positions {
         let rotation = look_at(-position, DVec3::Z).unwrap();
@@ -148,32 +159,33 @@ fn poses_by_hand_are_passed() {
     );
     let jumps = got.report.knot_jumps.unwrap();
     assert!(jumps.c0 < 1e-12 && jumps.c1 < 1e-10 && jumps.c2 < 1e-8, "{jumps:?}");
-    assert!(got.report.knot_distance.unwrap() < 1e-12 && got.report.kind == Kind::Keyframes);
+    assert!(got.report.knot_distance.unwrap() < 1e-12 && got.report.kind == CourseKind::Keyframes);
 }
 
 #[test]
 fn a_pose_by_hand_that_is_none_is_refused_by_its_number() {
     let t = |bad: Keyframe, words: &str| {
-        let path = hand(vec![towards(DVec3::X), towards(DVec3::Y), bad], Curve::Cubic);
+        let path = hand(vec![towards(DVec3::X), towards(DVec3::Y), bad], CurveKind::Cubic);
         let refused = made(&path, &Vec::new(), "1").unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");
     };
     t(towards(DVec3::ZERO), "keyframe 2 (from 0) looks");
     t(towards(DVec3::Z), "keyframe 2 (from 0) looks");
-    let turned = |rotation| Keyframe { position: DVec3::X, facing: Facing::Rotation(rotation) };
+    let turned = |rotation| Keyframe { position: DVec3::X, facing: CameraFacing::Rotation(rotation) };
     t(turned(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.9)), "view `keyframe 2`: a rotation is not orthonormal");
     t(turned(DQuat::from_xyzw(0.0, 0.0, 0.0, f64::NAN)), "not finite");
-    let far = Keyframe { position: DVec3::X * f64::INFINITY, facing: Facing::Rotation(DQuat::IDENTITY) };
+    let far =
+        Keyframe { position: DVec3::X * f64::INFINITY, facing: CameraFacing::Rotation(DQuat::IDENTITY) };
     t(far, "`keyframe 2` is not finite");
-    assert_eq!(made(&hand(Vec::new(), Curve::Cubic), &Vec::new(), "1"), Err(TrajectoryError::NoViews));
-    let one = made(&hand(vec![towards(DVec3::X)], Curve::Cubic), &Vec::new(), "1").unwrap();
-    assert_eq!(one.warnings, [Warning::Still { views: 1 }]);
+    assert_eq!(made(&hand(Vec::new(), CurveKind::Cubic), &Vec::new(), "1"), Err(TrajectoryError::NoViews));
+    let one = made(&hand(vec![towards(DVec3::X)], CurveKind::Cubic), &Vec::new(), "1").unwrap();
+    assert_eq!(one.warnings, [TrajectoryWarning::Still { views: 1 }]);
 }
 
 #[test]
 fn a_turn_between_two_poses_is_the_shorter_one() {
-    let turned = |r: DVec3| Keyframe { position: DVec3::ZERO, facing: Facing::Rotation(exp_vector(r)) };
-    let path = hand(vec![turned(DVec3::ZERO), turned(DVec3::Z * 3.5)], Curve::Cubic);
+    let turned = |r: DVec3| Keyframe { position: DVec3::ZERO, facing: CameraFacing::Rotation(exp_vector(r)) };
+    let path = hand(vec![turned(DVec3::ZERO), turned(DVec3::Z * 3.5)], CurveKind::Cubic);
     let poses = made(&path, &Vec::new(), "1").unwrap().trajectory.world_from_camera;
     let middle = Se3 { rotation: exp_vector(DVec3::Z * ((3.5 - 2.0 * PI) / 2.0)), translation: DVec3::ZERO };
     assert!(angle_between(poses[45].rotation, middle.rotation) < 1e-13);

@@ -2,18 +2,18 @@
 
 use super::{LAW, named, orbit, refined, still};
 use glam::{DQuat, DVec3};
-use gs2e::trajectory::Made;
+use gs2e::trajectory::MadeTrajectory;
 use gs2e::trajectory::picture::trajectory_svg;
-use gs2e::trajectory::refine::Refine;
-use gs2e::trajectory::travel::Count;
+use gs2e::trajectory::refine::RefinePath;
+use gs2e::trajectory::travel::PoseCount;
 
-fn picture(refined: &Made) -> String {
+fn picture(refined: &MadeTrajectory) -> String {
     trajectory_svg(&refined.trajectory, &refined.report)
 }
 
 #[test]
 fn a_picture_shows_frusta_path_and_speeds() {
-    let got = refined(&orbit(30, 0.005, 0.5, 1), &Refine::default(), "0.25*sin(2*pi*t) + 1.1");
+    let got = refined(&orbit(30, 0.005, 0.5, 1), &RefinePath::default(), "0.25*sin(2*pi*t) + 1.1");
     let text = picture(&got);
     if let Ok(folder) = std::env::var("GS2E_PICTURES") {
         std::fs::write(std::path::Path::new(&folder).join("trajectory.svg"), &text).unwrap();
@@ -33,7 +33,7 @@ fn every_path_has_a_picture_without_nan() {
     );
     for views in [line(0.0), orbit(9, 0.0, 0.0, 1), line(1e90), line(1e-9), turn] {
         for count in [1, 2, 5000] {
-            let params = Refine { count: Count::Frames(count), ..Refine::default() };
+            let params = RefinePath { count: PoseCount::Frames(count), ..RefinePath::default() };
             let text = picture(&refined(&views, &params, LAW));
             assert!(!text.contains("NaN") && !text.contains("inf"), "{count}");
             assert!(text.len() < 300_000, "{}", text.len());

@@ -13,7 +13,7 @@ const MOST_UNEVEN: f64 = 3.0;
 
 /// Sums over the pixels with steady drift.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Lag {
+pub struct LagSums {
     /// Number of pixels.
     pub pixels: u64,
     rates: f64,
@@ -23,7 +23,7 @@ pub struct Lag {
     products: f64,
 }
 
-impl Lag {
+impl LagSums {
     /// Adds a pixel with the residual `left` at an instant, and with the drifts `ways` before and
     /// after it in `span` microseconds.
     pub(super) fn add(&mut self, left: f64, ways: [f64; 2], span: f64, thresholds: [f64; 2]) {
@@ -74,7 +74,7 @@ mod tests {
     /// Ramps of many rates, up and down, with events delayed by `late` us. Residuals are found by
     /// counting.
     fn ramps(late: f64, start: f64) -> [f64; 2] {
-        let (span, mut lag) = (2000.0, Lag::default());
+        let (span, mut lag) = (2000.0, LagSums::default());
         for i in 0..4000 {
             let share = f64::from(i) * 0.618_033_988_749_895 % 1.0;
             let rate = (2.5 + 6.0 * share) / span * if i % 2 == 0 { 1.0 } else { -1.0 };
@@ -84,7 +84,7 @@ mod tests {
             let s = (dv - rate * late).trunc();
             lag.add(dv - s + start, [rate * span / 2.0; 2], span, [1.0, 1.0]);
         }
-        Lag::pooled_lag(std::iter::once(lag)).unwrap()
+        LagSums::pooled_lag(std::iter::once(lag)).unwrap()
     }
 
     #[test]
@@ -100,11 +100,11 @@ mod tests {
 
     #[test]
     fn pixels_that_turn_or_hardly_move_tell_nothing() {
-        let mut lag = Lag::default();
+        let mut lag = LagSums::default();
         for ways in [[2.0, -2.0], [0.5, 0.5], [1.1, 5.0], [0.0, 0.0], [f64::NAN, 2.0]] {
             lag.add(0.3, ways, 100.0, [1.0, 1.0]);
         }
         assert_eq!(lag.pixels, 0);
-        assert_eq!(Lag::pooled_lag([lag].into_iter()), None);
+        assert_eq!(LagSums::pooled_lag([lag].into_iter()), None);
     }
 }

@@ -1,25 +1,26 @@
 //! What a study measures with: a window of a path, its frames by each rule set, and what they cost.
 
-use super::{RuleSet, Stepping, WorkPrecision};
+use super::{RuleSet, SteppingArg, WorkPrecision};
 use crate::camera::Camera;
 use crate::cli::console::Console;
 use crate::cli::machine;
-use crate::cli::problem::Problem;
-use crate::cli::study::cost::{Measured, Sampling, kept_at, measure_views, process_time};
-use crate::cli::study::subject::Subject;
+use crate::cli::problem::VerbError;
+use crate::cli::study::cost::{CostSampling, Measured, kept_at, measure_views, process_time};
+use crate::cli::study::subject::StudySubject;
 use crate::cli::study::{end_problem, go_unless, interrupted_problem, not_rendered};
 use crate::frames::rendered::RenderedFrames;
 use crate::render::backend::Backend;
-use crate::render::flow::Meter;
-use crate::render::{Channels, Rules, Style, Velocity, View};
-use crate::sampling::path::Path;
+use crate::render::flow::PixelFlowMeter;
+use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderRules, RenderStyle};
+use crate::sampling::path::SampledPath;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
-use crate::sensor::voltmeter::{Between, Voltmeter};
-use crate::study::work_precision::grid::Grid;
-use crate::study::work_precision::pass::{Setup, feed_settings};
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use crate::study::work_precision::grid::FrameGrid;
+use crate::study::work_precision::pass::{PassSetup, feed_settings};
 use crate::study::work_precision::{
-    Costs, OfRules, Picture, Row, Study, finest_law as law_of, image_differences, judge_pass,
+    OfRules, PicturePrecision, RuleCosts, SettingRow, StudyResult, finest_law as law_of, image_differences,
+    judge_pass,
 };
 use crate::trajectory::Trajectory;
 use crate::units::{Hertz, Ratio};
@@ -36,19 +37,19 @@ const ROUNDS: usize = 3;
 const FLOWS: usize = 240;
 const FLOW_PERCENT: usize = 99;
 
-const VALUE: Channels = Channels { luminance: true, ..Channels::NONE };
-const RATED: Channels = Channels { luminance_rate: true, ..VALUE };
-const RGB: Channels = Channels { rgb: true, luminance: false, ..VALUE };
+const VALUE: ChannelSet = ChannelSet { luminance: true, ..ChannelSet::NONE };
+const RATED: ChannelSet = ChannelSet { luminance_rate: true, ..VALUE };
+const RGB: ChannelSet = ChannelSet { rgb: true, luminance: false, ..VALUE };
 
 /// A part of a path, and the finest frames of it.
-pub(super) struct Window {
-    pub(super) path: Path,
+pub(super) struct FineWindow {
+    pub(super) path: SampledPath,
     pub(super) start: f64,
     pub(super) intervals: usize,
     pub(super) finest: u32,
 }
 
-impl Window {
+impl FineWindow {
     fn stamp_us(&self, frame: usize) -> i64 {
         let rate = Hertz(Ratio::new(self.finest.into(), 1).expect("it is a multiple of a rate above 0"));
         rate.stamp_us(frame as u64)
@@ -59,38 +60,38 @@ impl Window {
     }
 
     /// At a fine frame's stamp, which is rounded: poses and events have the same time.
-    fn view(&self, camera: Camera, frame: usize) -> View {
+    fn view(&self, camera: Camera, frame: usize) -> CameraView {
         let at = self.start + self.stamp_us(frame) as f64 * 1e-6;
         let (pose, velocity) = self.path.at(at.min(self.path.seconds()));
-        View { velocity, ..View::at_rest(camera, pose) }
+        CameraView { velocity, ..CameraView::at_rest(camera, pose) }
     }
 
     /// Some, evenly spread.
-    fn views(&self, camera: Camera, count: usize) -> Vec<View> {
+    fn views(&self, camera: Camera, count: usize) -> Vec<CameraView> {
         let count = count.min(self.intervals);
         (0..count).map(|k| self.view(camera, (2 * k + 1) * self.intervals / (2 * count))).collect()
     }
 }
 
 /// Everything that is measured with.
-pub(super) struct Lab<'a> {
-    pub(super) subject: &'a Subject,
-    pub(super) window: &'a Window,
+pub(super) struct StudyLab<'a> {
+    pub(super) subject: &'a StudySubject,
+    pub(super) window: &'a FineWindow,
     /// As the recipe has it.
-    pub(super) own: Voltmeter,
+    pub(super) own: VoltmeterModel,
     /// What is fed.
-    pub(super) sensor: Voltmeter,
+    pub(super) sensor: VoltmeterModel,
     pub(super) seed: Seed,
-    pub(super) style: Style,
+    pub(super) style: RenderStyle,
     pub(super) backend: Backend,
     pub(super) cancelled: Arc<AtomicBool>,
     pub(super) console: &'a Console,
 }
 
-impl Lab<'_> {
-    pub(super) fn study(&self, asked: &WorkPrecision, scene: String) -> Result<Study, Problem> {
+impl StudyLab<'_> {
+    pub(super) fn study(&self, asked: &WorkPrecision, scene: String) -> Result<StudyResult, VerbError> {
         let grids = self.grids(asked)?;
-        let mut study = Study {
+        let mut study = StudyResult {
             scene,
             size: self.subject.camera.size,
             cores: machine::available_cores(),
@@ -109,7 +110,7 @@ impl Lab<'_> {
             self.console.say(&format!("{}: measuring what frames cost", rules.name()));
             let kinds: &[_] = if asked.no_pictures { &[VALUE, RATED] } else { &[VALUE, RATED, RGB] };
             let kinds = self.kinds(kinds, &backend, style)?;
-            costs.push(Costs { value: kinds[0].0, rated: kinds[1].0 });
+            costs.push(RuleCosts { value: kinds[0].0, rated: kinds[1].0 });
             if !asked.no_pictures {
                 study.pictures.extend(self.pictures(*rules, (&backend, style), kinds)?);
             }
@@ -124,36 +125,36 @@ impl Lab<'_> {
     }
 
     /// What renders a rule set, and how.
-    fn of(&self, rules: RuleSet) -> (Backend, Style) {
+    fn of(&self, rules: RuleSet) -> (Backend, RenderStyle) {
         let style = rules.style(self.style);
         // No GPU renders soft edges yet.
-        let on_cpu = self.backend.takes_gpu() && style.rules == Rules::Soft;
+        let on_cpu = self.backend.takes_gpu() && style.rules == RenderRules::Soft;
         (if on_cpu { Backend::Cpu } else { self.backend.clone() }, style)
     }
 
-    fn grids(&self, asked: &WorkPrecision) -> Result<Vec<Grid>, Problem> {
-        let Window { intervals, finest, .. } = *self.window;
-        let uniform: Vec<Grid> =
-            asked.rates.iter().map(|rate| Grid::uniform_steps(*rate, finest, intervals)).collect();
+    fn grids(&self, asked: &WorkPrecision) -> Result<Vec<FrameGrid>, VerbError> {
+        let FineWindow { intervals, finest, .. } = *self.window;
+        let uniform: Vec<FrameGrid> =
+            asked.rates.iter().map(|rate| FrameGrid::uniform_steps(*rate, finest, intervals)).collect();
         let mut grids = Vec::new();
-        if asked.steps.contains(&Stepping::Flow) {
+        if asked.steps.contains(&SteppingArg::Flow) {
             self.console.say("measuring how fast the picture moves");
             let flows = self.flows(asked.rules[0])?;
-            grids.extend(uniform.iter().map(|uniform| Grid::flow_steps(&flows, uniform)));
+            grids.extend(uniform.iter().map(|uniform| FrameGrid::flow_steps(&flows, uniform)));
         }
-        if asked.steps.contains(&Stepping::Uniform) {
+        if asked.steps.contains(&SteppingArg::Uniform) {
             grids.splice(0..0, uniform);
         }
         Ok(grids)
     }
 
     /// How far the picture moves in each fine interval, px: the faster of the two measured places about it.
-    fn flows(&self, rules: RuleSet) -> Result<Vec<f64>, Problem> {
-        let Window { intervals, finest, .. } = *self.window;
+    fn flows(&self, rules: RuleSet) -> Result<Vec<f64>, VerbError> {
+        let FineWindow { intervals, finest, .. } = *self.window;
         let (backend, style) = self.of(rules);
         let gaussians = self.subject.gaussians.clone();
         let renderer = backend.renderer(gaussians, style).map_err(|e| not_rendered(&e))?;
-        let mut meter = Meter::new(renderer, self.subject.camera);
+        let mut meter = PixelFlowMeter::new(renderer, self.subject.camera);
         let every = intervals.div_ceil(FLOWS);
         let mut measured = Vec::new();
         for place in 0..=intervals.div_ceil(every) {
@@ -166,24 +167,29 @@ impl Lab<'_> {
         Ok((0..intervals).map(|j| faster(j) / f64::from(finest)).collect())
     }
 
-    fn go_on(&self) -> Result<(), Problem> {
+    fn go_on(&self) -> Result<(), VerbError> {
         if go_unless(&self.cancelled).is_break() { Err(interrupted_problem()) } else { Ok(()) }
     }
 
     /// Costs of these kinds of frames.
-    fn kinds(&self, kinds: &[Channels], backend: &Backend, style: Style) -> Result<Vec<Measured>, Problem> {
+    fn kinds(
+        &self,
+        kinds: &[ChannelSet],
+        backend: &Backend,
+        style: RenderStyle,
+    ) -> Result<Vec<Measured>, VerbError> {
         let views = self.window.views(self.subject.camera, SAMPLE);
-        let sampling = Sampling { kinds, keep: PICTURES, rounds: ROUNDS };
+        let sampling = CostSampling { kinds, keep: PICTURES, rounds: ROUNDS };
         self.measured((backend, style), &self.subject.gaussians, &views, &sampling)
     }
 
     fn measured(
         &self,
-        (backend, style): (&Backend, Style),
+        (backend, style): (&Backend, RenderStyle),
         scene: &Arc<Gaussians>,
-        views: &[View],
-        sampling: &Sampling<'_>,
-    ) -> Result<Vec<Measured>, Problem> {
+        views: &[CameraView],
+        sampling: &CostSampling<'_>,
+    ) -> Result<Vec<Measured>, VerbError> {
         let mut renderer = backend.renderer(scene.clone(), style).map_err(|e| not_rendered(&e))?;
         let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
         renderer.keep_to(&self.subject.camera, &poses);
@@ -194,19 +200,19 @@ impl Lab<'_> {
     fn pictures(
         &self,
         rules: RuleSet,
-        (backend, style): (&Backend, Style),
+        (backend, style): (&Backend, RenderStyle),
         kinds: Vec<Measured>,
-    ) -> Result<Vec<Picture>, Problem> {
+    ) -> Result<Vec<PicturePrecision>, VerbError> {
         let whole = &self.subject.gaussians;
         let views = self.window.views(self.subject.camera, SAMPLE);
-        let few: Vec<View> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
-        let once = Sampling { kinds: &[VALUE], keep: PICTURES, rounds: 0 };
+        let few: Vec<CameraView> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
+        let once = CostSampling { kinds: &[VALUE], keep: PICTURES, rounds: 0 };
         let exactly = self.measured((&Backend::Reference, style), whole, &few, &once)?;
         let names = ["luminance", "luminance and its rate", "rgb"].map(str::to_owned);
         let mut rendered: Vec<(String, Measured)> = names.into_iter().zip(kinds).collect();
         for degree in (0..whole.sh_degree).rev() {
             let scene = Arc::new(whole.with_degree(degree));
-            let sampling = Sampling { rounds: ROUNDS, ..once };
+            let sampling = CostSampling { rounds: ROUNDS, ..once };
             let found = self.measured((backend, style), &scene, &views, &sampling)?;
             rendered.extend(found.into_iter().map(|found| (format!("luminance, SH degree {degree}"), found)));
         }
@@ -214,7 +220,7 @@ impl Lab<'_> {
         rendered.extend(exactly.into_iter().map(|found| ("luminance in f64".to_owned(), found)));
         let picture = |(what, (cost, images)): (String, Measured)| {
             let (psnr_db, worst_grey) = image_differences(&images, &reference);
-            Picture { rules: rules.name().to_owned(), what, cost, psnr_db, worst_grey }
+            PicturePrecision { rules: rules.name().to_owned(), what, cost, psnr_db, worst_grey }
         };
         Ok(rendered.into_iter().map(picture).collect())
     }
@@ -223,23 +229,23 @@ impl Lab<'_> {
     fn pass(
         &self,
         rules: RuleSet,
-        (backend, style): (&Backend, Style),
-        (grids, between): (&[Grid], &[Between]),
-        costs: Costs,
-    ) -> Result<(OfRules, Vec<Row>), Problem> {
+        (backend, style): (&Backend, RenderStyle),
+        (grids, between): (&[FrameGrid], &[BetweenFrames]),
+        costs: RuleCosts,
+    ) -> Result<(OfRules, Vec<SettingRow>), VerbError> {
         let Self { subject, window, .. } = self;
         let frames = window.intervals + 1;
         let settings = grids.len() * between.len();
         self.console.say(&format!("{}: {frames} frames for {settings} settings", rules.name()));
-        let views: Vec<View> = (0..frames).map(|j| window.view(subject.camera, j)).collect();
+        let views: Vec<CameraView> = (0..frames).map(|j| window.view(subject.camera, j)).collect();
         let trajectory = Trajectory {
             world_from_camera: views.iter().map(|view| view.world_from_camera).collect(),
             stamps_us: (0..frames).map(|j| window.stamp_us(j)).collect(),
         };
-        let velocities: Vec<Velocity> = views.iter().map(|view| view.velocity).collect();
+        let velocities: Vec<CameraVelocity> = views.iter().map(|view| view.velocity).collect();
         let renderer = backend.renderer(subject.gaussians.clone(), style).map_err(|e| not_rendered(&e))?;
         let mut fine = RenderedFrames::new(renderer, subject.camera, trajectory).with_rates(velocities);
-        let setup = Setup { sensor: &self.sensor, seed: self.seed, grids, between };
+        let setup = PassSetup { sensor: &self.sensor, seed: self.seed, grids, between };
         let passed = feed_settings(&setup, &mut fine, &process_time, &mut |_| go_unless(&self.cancelled))
             .map_err(end_problem)?;
         let rows = judge_pass(&passed, grids, rules.name(), &costs);

@@ -1,12 +1,12 @@
 //! A program that trains a scene.
 
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quote_text};
+use crate::recipe::problem::{FieldProblem, quote_text};
 use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::{Range, Whole};
+use crate::recipe::resolve::number::{RealRange, WholeRange};
 use crate::recipe::schema;
-use crate::recipe::text::Place;
-use crate::reconstruct::{Argument, ArgumentError, Command, Count, Places};
+use crate::recipe::text::TextSpan;
+use crate::reconstruct::{ArgumentError, ArgumentPlaces, ArgumentTemplate, GaussianCount, TrainerCommand};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -26,7 +26,12 @@ const ITERATIONS: &str = "iterations";
 type Known<'k> = BTreeMap<&'k str, Option<String>>;
 
 impl Resolver<'_> {
-    pub(super) fn command(&self, raw: &schema::Command, place: Place, seed: Option<u64>) -> Option<Command> {
+    pub(super) fn command(
+        &self,
+        raw: &schema::CommandSection,
+        place: TextSpan,
+        seed: Option<u64>,
+    ) -> Option<TrainerCommand> {
         let files = self.files(&raw.files);
         let iterations = self.iterations(&raw.iterations);
         let mut known: Known<'_> = files.iter().flatten().map(|(name, _)| (name.as_str(), None)).collect();
@@ -41,7 +46,7 @@ impl Resolver<'_> {
             Field::Absent => Some(None),
             field => self.arguments(field, &known).map(Some),
         };
-        known.extend(Places::ALL.map(|name| (name, None)));
+        known.extend(ArgumentPlaces::ALL.map(|name| (name, None)));
         let arguments = self.arguments(&raw.arguments, &known);
         let version = self.required(&raw.version, "version", place, VERSION);
         let version = version.and_then(|(text, at)| self.filled(text, at));
@@ -51,11 +56,11 @@ impl Resolver<'_> {
         let scene = self.below_out(&raw.scene);
         let hold_out = match &raw.hold_out {
             Field::Absent => Some(None),
-            field => self.small(field, 0, Whole::new(2, 1_000_000)).map(Some),
+            field => self.small(field, 0, WholeRange::new(2, 1_000_000)).map(Some),
         };
         let gaussians = self.limits(&raw.gaussians);
-        let min_psnr = self.real(&raw.min_psnr, Command::MIN_PSNR_DB, Range::new(0.0, 100.0));
-        Some(Command {
+        let min_psnr = self.real(&raw.min_psnr, TrainerCommand::MIN_PSNR_DB, RealRange::new(0.0, 100.0));
+        Some(TrainerCommand {
             program: program?,
             arguments: arguments?,
             version: version?,
@@ -72,38 +77,42 @@ impl Resolver<'_> {
     }
 
     /// A bare name or a placeholder for a file. A path would enter the key.
-    fn program(&self, text: &str, place: Place, known: &Known<'_>) -> Option<Argument> {
+    fn program(&self, text: &str, place: TextSpan, known: &Known<'_>) -> Option<ArgumentTemplate> {
         let program = self.argument(&self.filled(text, place)?, place, known)?;
         if text.contains(std::path::MAIN_SEPARATOR) {
-            let problem = Problem::of_field(format!("is {}, a path", quote_text(text)));
+            let problem = FieldProblem::of_field(format!("is {}, a path", quote_text(text)));
             return self.refuse(problem.help(PROGRAM).at(place));
         }
         Some(program)
     }
 
-    fn arguments(&self, field: &Field<Vec<Field<String>>>, known: &Known<'_>) -> Option<Vec<Argument>> {
+    fn arguments(
+        &self,
+        field: &Field<Vec<Field<String>>>,
+        known: &Known<'_>,
+    ) -> Option<Vec<ArgumentTemplate>> {
         let none = Vec::new();
         let list = self.section(field, &none)?;
-        let read: Vec<Option<Argument>> = list
+        let read: Vec<Option<ArgumentTemplate>> = list
             .iter()
             .map(|item| item.given().and_then(|(text, place)| self.argument(text, place, known)))
             .collect();
         read.into_iter().collect()
     }
 
-    fn argument(&self, text: &str, place: Place, known: &Known<'_>) -> Option<Argument> {
+    fn argument(&self, text: &str, place: TextSpan, known: &Known<'_>) -> Option<ArgumentTemplate> {
         let names: Vec<&str> = known.keys().copied().collect();
-        match Argument::parse(text, known) {
+        match ArgumentTemplate::parse(text, known) {
             Ok(_) if text.contains('\0') => {
-                self.refuse(Problem::of_field("holds a NUL, which no argument can").at(place))
+                self.refuse(FieldProblem::of_field("holds a NUL, which no argument can").at(place))
             }
             Ok(argument) => Some(argument),
             Err(ArgumentError::Unknown(name)) => {
-                self.refuse(Problem::unknown_name("place", &name, &names).at(place))
+                self.refuse(FieldProblem::unknown_name("place", &name, &names).at(place))
             }
             Err(ArgumentError::Alone) => {
                 let help = format!("places here: {}; a brace itself is written twice", names.join(", "));
-                self.refuse(Problem::of_field("holds a brace that stands alone").help(help).at(place))
+                self.refuse(FieldProblem::of_field("holds a brace that stands alone").help(help).at(place))
             }
         }
     }
@@ -124,15 +133,15 @@ impl Resolver<'_> {
         files
     }
 
-    fn refuse_name(&self, name: &str, place: Place) -> Option<()> {
-        let taken = Places::ALL.contains(&name) || [SEED, ITERATIONS].contains(&name);
+    fn refuse_name(&self, name: &str, place: TextSpan) -> Option<()> {
+        let taken = ArgumentPlaces::ALL.contains(&name) || [SEED, ITERATIONS].contains(&name);
         let is_sound = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
         if taken {
-            let problem = Problem::of_key("has a name that every training fills itself");
+            let problem = FieldProblem::of_key("has a name that every training fills itself");
             return self.refuse(problem.help("choose another name").at(place));
         }
         if name.is_empty() || !name.chars().all(is_sound) {
-            return self.refuse(Problem::of_key("is no name for a file").help(NAME_HELP).at(place));
+            return self.refuse(FieldProblem::of_key("is no name for a file").help(NAME_HELP).at(place));
         }
         Some(())
     }
@@ -145,7 +154,7 @@ impl Resolver<'_> {
         let variable = |(name, value): (&String, &Field<String>)| {
             let (text, place) = value.given()?;
             if name.is_empty() || name.contains(['=', '\0']) || text.contains('\0') {
-                return self.refuse(Problem::of_key("is no variable that a program can have").at(place));
+                return self.refuse(FieldProblem::of_key("is no variable that a program can have").at(place));
             }
             Some((name.clone(), text.clone()))
         };
@@ -158,7 +167,8 @@ impl Resolver<'_> {
         let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
         let text = self.filled(text, place)?;
         if !Path::new(&text).components().all(|part| matches!(part, Component::Normal(_))) {
-            let problem = Problem::of_field(format!("is {}, wanted a file below {{out}}", quote_text(&text)));
+            let problem =
+                FieldProblem::of_field(format!("is {}, wanted a file below {{out}}", quote_text(&text)));
             return self.refuse(problem.help(SCENE).at(place));
         }
         Some(Some(text))
@@ -167,18 +177,18 @@ impl Resolver<'_> {
     fn iterations(&self, field: &Field<u64>) -> Option<Option<u64>> {
         match field {
             Field::Absent => Some(None),
-            field => self.whole(field, 0, Whole::new(1, 1_000_000_000)).map(Some),
+            field => self.whole(field, 0, WholeRange::new(1, 1_000_000_000)).map(Some),
         }
     }
 
-    fn limits(&self, field: &Field<schema::Count>) -> Option<Count> {
-        let absent = schema::Count::default();
+    fn limits(&self, field: &Field<schema::CountSection>) -> Option<GaussianCount> {
+        let absent = schema::CountSection::default();
         let raw = self.section(field, &absent)?;
         let end = |field: &Field<u64>| match field {
             Field::Absent => Some(None),
-            field => self.whole(field, 0, Whole::new(1, 1_000_000_000)).map(Some),
+            field => self.whole(field, 0, WholeRange::new(1, 1_000_000_000)).map(Some),
         };
         let (min, max) = (end(&raw.min), end(&raw.max));
-        Some(Count { min: min?, max: max? })
+        Some(GaussianCount { min: min?, max: max? })
     }
 }

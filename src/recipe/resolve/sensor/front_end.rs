@@ -1,57 +1,57 @@
 //! The optical front end of a sensor, before its pixels.
 
 use super::super::Resolver;
-use super::super::number::Range;
+use super::super::number::RealRange;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
-use crate::recipe::text::Place;
-use crate::sensor::front_end::{self, Decode, FrontEnd, Luminance};
-use crate::sensor::voltmeter::Between;
+use crate::recipe::text::TextSpan;
+use crate::sensor::front_end::{self, ChannelDecode, FrontEnd, LuminanceWeights};
+use crate::sensor::voltmeter::BetweenFrames;
 
 /// Range of the weights of a colour.
-const WEIGHT: Range = Range::new(0.0, 1.0);
+const WEIGHT: RealRange = RealRange::new(0.0, 1.0);
 /// Range of the factors on brightness.
-const EXPOSURE: Range = Range::above(0.0, 1e6);
+const EXPOSURE: RealRange = RealRange::above(0.0, 1e6);
 /// Range of the grey levels.
-const GREY: Range = Range::new(0.0, 1e9);
+const GREY: RealRange = RealRange::new(0.0, 1e9);
 const SUM: &str = "rec601 is 0.299, 0.587, 0.114, and rec709 is 0.2126, 0.7152, 0.0722";
 
 impl Resolver<'_> {
-    pub(super) fn front_end(&self, field: &Field<schema::FrontEnd>) -> Option<FrontEnd> {
-        let absent = schema::FrontEnd::default();
+    pub(super) fn front_end(&self, field: &Field<schema::FrontEndSection>) -> Option<FrontEnd> {
+        let absent = schema::FrontEndSection::default();
         let raw = self.section(field, &absent)?;
         let luminance = self.luminance(&raw.luminance);
-        let decode = self.or(&raw.decode, Decode::None);
+        let decode = self.or(&raw.decode, ChannelDecode::None);
         let exposure = self.real(&raw.exposure, 1.0, EXPOSURE);
         let range = self.brightness_range(&raw.range);
         Some(FrontEnd { luminance: luminance?, decode: decode?, exposure: exposure?, range: range? })
     }
 
-    fn luminance(&self, field: &Field<schema::Luminance>) -> Option<Luminance> {
+    fn luminance(&self, field: &Field<schema::LuminanceSection>) -> Option<LuminanceWeights> {
         match field.given() {
-            None => field.is_absent().then(Luminance::default),
-            Some((schema::Luminance::Rec601, _)) => Some(Luminance::Rec601),
-            Some((schema::Luminance::Rec709, _)) => Some(Luminance::Rec709),
-            Some((schema::Luminance::Weights(weights), _)) => {
+            None => field.is_absent().then(LuminanceWeights::default),
+            Some((schema::LuminanceSection::Rec601, _)) => Some(LuminanceWeights::Rec601),
+            Some((schema::LuminanceSection::Rec709, _)) => Some(LuminanceWeights::Rec709),
+            Some((schema::LuminanceSection::Weights(weights), _)) => {
                 let (weights, place) = weights.given()?;
                 self.weights(weights, place)
             }
         }
     }
 
-    fn weights(&self, fields: &[Field<f64>; 3], place: Place) -> Option<Luminance> {
+    fn weights(&self, fields: &[Field<f64>; 3], place: TextSpan) -> Option<LuminanceWeights> {
         let [r, g, b] = [0, 1, 2].map(|i| self.real(&fields[i], 0.0, WEIGHT));
         let [r, g, b] = [r?, g?, b?];
-        Luminance::from_weights([r, g, b]).ok().or_else(|| {
+        LuminanceWeights::from_weights([r, g, b]).ok().or_else(|| {
             let sum = front_end::told_sum(&[r, g, b]);
             let found = format!("sums to {sum}, wanted 1 within 1e-6");
-            self.refuse(Problem::of_field(found).help(SUM).at(place))
+            self.refuse(FieldProblem::of_field(found).help(SUM).at(place))
         })
     }
 
-    fn brightness_range(&self, field: &Field<schema::Range>) -> Option<front_end::Range> {
-        let absent = schema::Range::default();
+    fn brightness_range(&self, field: &Field<schema::RangeSection>) -> Option<front_end::GreyRange> {
+        let absent = schema::RangeSection::default();
         let raw = self.section(field, &absent)?;
         let min = self.real(&raw.min, 0.0, GREY);
         let max = match &raw.max {
@@ -60,10 +60,9 @@ impl Resolver<'_> {
         };
         let (min, max) = (min?, max?);
         match (max, field.place()) {
-            (Some(max), Some(place)) if max <= min => {
-                self.refuse(Problem::of_field(format!("is {min} to {max}, wanted min below max")).at(place))
-            }
-            _ => Some(front_end::Range { min, max }),
+            (Some(max), Some(place)) if max <= min => self
+                .refuse(FieldProblem::of_field(format!("is {min} to {max}, wanted min below max")).at(place)),
+            _ => Some(front_end::GreyRange { min, max }),
         }
     }
 
@@ -71,13 +70,13 @@ impl Resolver<'_> {
     pub(super) fn rates_of(
         &self,
         front_end: &FrontEnd,
-        between: Between,
-        field: &Field<schema::FrontEnd>,
+        between: BetweenFrames,
+        field: &Field<schema::FrontEndSection>,
     ) -> Option<()> {
-        if between != Between::Hermite || !front_end.needs_colour() {
+        if between != BetweenFrames::Hermite || !front_end.needs_colour() {
             return Some(());
         }
-        let problem = Problem::of_key(
+        let problem = FieldProblem::of_key(
             "and hermite exclude each other: rates of change are rendered of luminance rec601, not decoded",
         );
         let help = "write sampling: { between: catmull }; exposure and range go with hermite";

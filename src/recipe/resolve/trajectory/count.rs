@@ -1,21 +1,21 @@
 //! Number of poses of a path.
 
-use super::Around;
-use crate::recipe::field::{Field, Literal};
-use crate::recipe::problem::Problem;
-use crate::recipe::resolve::number::{Range, Whole};
+use super::PathContext;
+use crate::recipe::field::{Field, NumberLiteral};
+use crate::recipe::problem::FieldProblem;
+use crate::recipe::resolve::number::{RealRange, WholeRange};
 use crate::recipe::resolve::{MAX_FRAMES, Resolver};
-use crate::recipe::text::Place;
-use crate::trajectory::travel::Count;
+use crate::recipe::text::TextSpan;
+use crate::trajectory::travel::PoseCount;
 use crate::units::{Hertz, Ratio};
 
 /// Fields of a path that define the number of its poses and their spacing.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Spread<'f> {
+pub(super) struct PoseSpread<'f> {
     /// `None` if the path has no views to multiply.
-    pub(super) factor: Option<&'f Field<Literal>>,
+    pub(super) factor: Option<&'f Field<NumberLiteral>>,
     pub(super) frames: &'f Field<u64>,
-    pub(super) duration: &'f Field<Literal>,
+    pub(super) duration: &'f Field<NumberLiteral>,
     /// `None` if the path has no chords to take literally.
     pub(super) literal: Option<&'f Field<bool>>,
 }
@@ -24,11 +24,11 @@ impl Resolver<'_> {
     /// Resolves the number of poses and the flag of literal chords.
     pub(super) fn spread(
         &self,
-        raw: Spread<'_>,
-        usual: Count,
-        place: Place,
-        around: Around<'_>,
-    ) -> Option<(Count, bool)> {
+        raw: PoseSpread<'_>,
+        usual: PoseCount,
+        place: TextSpan,
+        around: PathContext<'_>,
+    ) -> Option<(PoseCount, bool)> {
         let count = if around.flows {
             self.flow_count(raw)
         } else {
@@ -39,56 +39,64 @@ impl Resolver<'_> {
     }
 
     /// Refuses any number of poses, because a flow determines it.
-    fn flow_count(&self, raw: Spread<'_>) -> Option<Count> {
+    fn flow_count(&self, raw: PoseSpread<'_>) -> Option<PoseCount> {
         let factor = raw.factor.and_then(given_place);
         let given = [factor, given_place(raw.frames), given_place(raw.duration)];
         for place in given.iter().flatten().flatten() {
-            let problem = Problem::of_key("does not go with a speed in px/s");
+            let problem = FieldProblem::of_key("does not go with a speed in px/s");
             self.report(
                 problem.help("remove it: such a speed says itself how long the path takes").at(*place),
             );
         }
-        given.iter().all(Option::is_none).then_some(Count::Flow)
+        given.iter().all(Option::is_none).then_some(PoseCount::Flow)
     }
 
-    fn count(&self, raw: Spread<'_>, usual: Count, place: Place, rate: Option<Hertz>) -> Option<Count> {
+    fn count(
+        &self,
+        raw: PoseSpread<'_>,
+        usual: PoseCount,
+        place: TextSpan,
+        rate: Option<Hertz>,
+    ) -> Option<PoseCount> {
         let factor = raw.factor.filter(|factor| !factor.is_absent());
         let (frames, duration) = (!raw.frames.is_absent(), !raw.duration.is_absent());
         if [factor.is_some(), frames, duration].iter().filter(|given| **given).count() > 1 {
             let keys =
                 if raw.factor.is_some() { "factor, frames and duration" } else { "frames and duration" };
-            let problem = Problem::of_field(format!("has more than one of {keys}"));
+            let problem = FieldProblem::of_field(format!("has more than one of {keys}"));
             return self.refuse(problem.help("one of them says how many poses there are").at(place));
         }
         if frames {
-            return self.whole(raw.frames, 1, Whole::new(1, MAX_FRAMES)).map(Count::Frames);
+            return self.whole(raw.frames, 1, WholeRange::new(1, MAX_FRAMES)).map(PoseCount::Frames);
         }
         if duration {
             return self.duration(raw.duration, rate);
         }
         match factor {
-            Some(factor) => self.ratio(factor, 1, Range::above(0.0, 1e6)).map(Count::Factor),
+            Some(factor) => self.ratio(factor, 1, RealRange::above(0.0, 1e6)).map(PoseCount::Factor),
             None => Some(usual),
         }
     }
 
-    fn duration(&self, field: &Field<Literal>, rate: Option<Hertz>) -> Option<Count> {
+    fn duration(&self, field: &Field<NumberLiteral>, rate: Option<Hertz>) -> Option<PoseCount> {
         const DAY: f64 = 86_400.0;
-        let seconds: Ratio = self.ratio(field, 1, Range::above(0.0, DAY))?;
+        let seconds: Ratio = self.ratio(field, 1, RealRange::above(0.0, DAY))?;
         let rate = rate?.to_f64();
         let frames = 1.0 + (seconds.to_f64() * rate).ceil();
         if frames > MAX_FRAMES as f64 {
-            let problem = Problem::of_field(format!("makes {frames} frames, wanted at most {MAX_FRAMES}"));
+            let problem =
+                FieldProblem::of_field(format!("makes {frames} frames, wanted at most {MAX_FRAMES}"));
             return self.refuse(problem.help(format!("there are {rate} frames a second")).at(field.place()?));
         }
-        Some(Count::Duration(seconds))
+        Some(PoseCount::Duration(seconds))
     }
 
-    fn literal(&self, raw: Spread<'_>, around: Around<'_>) -> Option<bool> {
+    fn literal(&self, raw: PoseSpread<'_>, around: PathContext<'_>) -> Option<bool> {
         let Some(field) = raw.literal else { return Some(false) };
         let literal = self.or(field, false)?;
         if literal && around.flows {
-            let problem = Problem::of_key("does not go with a speed in px/s, which is no share of chords");
+            let problem =
+                FieldProblem::of_key("does not go with a speed in px/s, which is no share of chords");
             return self.refuse(problem.help("remove it").at(field.place()?));
         }
         Some(literal)
@@ -96,6 +104,6 @@ impl Resolver<'_> {
 }
 
 /// Returns the place of a field; the outer `None` means absent, the inner one faulty.
-fn given_place<T>(field: &Field<T>) -> Option<Option<Place>> {
+fn given_place<T>(field: &Field<T>) -> Option<Option<TextSpan>> {
     (!field.is_absent()).then(|| field.place())
 }

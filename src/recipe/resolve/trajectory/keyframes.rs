@@ -1,16 +1,16 @@
 //! Hand-written key poses.
 
-use super::Around;
-use super::count::Spread;
+use super::PathContext;
+use super::count::PoseSpread;
 use super::novel::USUAL_FRAMES;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::problem::FieldProblem;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::Range;
+use crate::recipe::resolve::number::RealRange;
 use crate::recipe::schema;
-use crate::recipe::text::Place;
+use crate::recipe::text::TextSpan;
 use crate::se3::{look_at, rotation_from_quaternion};
-use crate::trajectory::keyframes::{Facing, Keyframe, Keyframes};
+use crate::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
 use glam::{DQuat, DVec3};
 
 const POSES: &str =
@@ -19,12 +19,12 @@ const POSES: &str =
 impl Resolver<'_> {
     pub(super) fn keyframes(
         &self,
-        raw: &schema::Keyframes,
-        place: Place,
-        around: Around<'_>,
-    ) -> Option<Keyframes> {
+        raw: &schema::KeyframesSection,
+        place: TextSpan,
+        around: PathContext<'_>,
+    ) -> Option<KeyframePath> {
         let poses = self.poses(&raw.poses, place);
-        let spread = Spread {
+        let spread = PoseSpread {
             factor: Some(&raw.factor),
             frames: &raw.frames,
             duration: &raw.duration,
@@ -33,20 +33,24 @@ impl Resolver<'_> {
         let spread = self.spread(spread, USUAL_FRAMES, place, around);
         let (curve, scale) = (self.curve(&raw.curve), self.scale(&raw.metric));
         let (count, literal) = spread?;
-        Some(Keyframes { poses: poses?, count, curve: curve?, scale: scale?, literal })
+        Some(KeyframePath { poses: poses?, count, curve: curve?, scale: scale?, literal })
     }
 
-    fn poses(&self, field: &Field<Vec<Field<schema::Pose>>>, within: Place) -> Option<Vec<Keyframe>> {
+    fn poses(
+        &self,
+        field: &Field<Vec<Field<schema::PoseSection>>>,
+        within: TextSpan,
+    ) -> Option<Vec<Keyframe>> {
         let (list, place) = self.required(field, "poses", within, POSES)?;
         if list.is_empty() {
-            let problem = Problem::of_field("is an empty list, wanted at least one");
+            let problem = FieldProblem::of_field("is an empty list, wanted at least one");
             return self.refuse(problem.help(POSES).at(place));
         }
         let poses: Vec<Option<Keyframe>> = list.iter().map(|item| self.keyframe(item)).collect();
         poses.into_iter().collect()
     }
 
-    fn keyframe(&self, item: &Field<schema::Pose>) -> Option<Keyframe> {
+    fn keyframe(&self, item: &Field<schema::PoseSection>) -> Option<Keyframe> {
         let (raw, place) = item.given()?;
         let position = self.required(&raw.position, "position", place, POSES);
         let position = position.and_then(|_| self.point(&raw.position)?);
@@ -54,15 +58,20 @@ impl Resolver<'_> {
         Some(Keyframe { position: position?, facing: facing? })
     }
 
-    fn facing(&self, raw: &schema::Pose, place: Place, position: Option<DVec3>) -> Option<Facing> {
+    fn facing(
+        &self,
+        raw: &schema::PoseSection,
+        place: TextSpan,
+        position: Option<DVec3>,
+    ) -> Option<CameraFacing> {
         let looks = !raw.look_at.is_absent() || !raw.up.is_absent();
         if looks && !raw.rotation.is_absent() {
-            let problem = Problem::of_field("has a rotation beside look_at or up");
+            let problem = FieldProblem::of_field("has a rotation beside look_at or up");
             return self.refuse(problem.help("either says where the camera looks").at(place));
         }
         if !looks {
             let (rotation, place) = self.required(&raw.rotation, "rotation", place, POSES)?;
-            return self.rotation(rotation, place).map(Facing::Rotation);
+            return self.rotation(rotation, place).map(CameraFacing::Rotation);
         }
         let help = "look_at is a point in the world, up a direction that the image's top is towards";
         for (field, name) in [(&raw.look_at, "look_at"), (&raw.up, "up")] {
@@ -71,17 +80,17 @@ impl Resolver<'_> {
         let (target, up) = (self.point(&raw.look_at), self.direction(&raw.up));
         let (target, up) = (target??, up??);
         if position.is_some_and(|position| look_at(target - position, up).is_none()) {
-            let problem = Problem::of_field("looks along its own up direction, or at its own position");
+            let problem = FieldProblem::of_field("looks along its own up direction, or at its own position");
             return self.refuse(problem.at(place));
         }
-        Some(Facing::Towards { target, up })
+        Some(CameraFacing::Towards { target, up })
     }
 
-    fn rotation(&self, raw: &[Field<f64>; 4], place: Place) -> Option<DQuat> {
+    fn rotation(&self, raw: &[Field<f64>; 4], place: TextSpan) -> Option<DQuat> {
         // The range is wide, so that a vector that is no rotation gets the message about rotations.
-        let rotation = DQuat::from_array(self.numbers(raw, Range::new(-1e6, 1e6))?);
+        let rotation = DQuat::from_array(self.numbers(raw, RealRange::new(-1e6, 1e6))?);
         if let Err(error) = rotation_from_quaternion(rotation) {
-            let problem = Problem::of_field(format!("is refused: {error}"));
+            let problem = FieldProblem::of_field(format!("is refused: {error}"));
             return self.refuse(problem.help("qx, qy, qz, qw of length 1, camera to world").at(place));
         }
         Some(rotation)

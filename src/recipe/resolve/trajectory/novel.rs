@@ -1,53 +1,53 @@
 //! Mini-trajectories: the trajectory from which their key poses are drawn, and the number of groups
 //! and poses.
 
-use super::count::Spread;
-use super::{Around, List};
+use super::count::PoseSpread;
+use super::{List, PathContext};
 use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quote_text};
+use crate::recipe::problem::{FieldProblem, quote_text};
 use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::Whole;
-use crate::recipe::text::Place;
+use crate::recipe::resolve::number::WholeRange;
+use crate::recipe::text::TextSpan;
 use crate::recipe::{TrajectoryRecipe, schema};
-use crate::seed::{Purpose, Seed};
-use crate::trajectory::curve::Curve;
-use crate::trajectory::novel::{Novel, NovelCurve};
-use crate::trajectory::path::Path;
-use crate::trajectory::travel::Count;
+use crate::seed::{Seed, StreamPurpose};
+use crate::trajectory::curve::CurveKind;
+use crate::trajectory::novel::{GroupCurve, NovelGroup};
+use crate::trajectory::path::CameraPath;
+use crate::trajectory::travel::PoseCount;
 
 /// Number of groups of a novel trajectory; each is a trajectory of its own.
-const GROUPS: Whole = Whole::new(1, MOST_GROUPS);
+const GROUPS: WholeRange = WholeRange::new(1, MOST_GROUPS);
 const MOST_GROUPS: u64 = 1000;
 const USUAL_GROUPS: u32 = 3;
 /// Number of key poses of a group. A path has two ends, so at least two.
-const KEYFRAMES: Whole = Whole::new(2, 1_000_000);
+const KEYFRAMES: WholeRange = WholeRange::new(2, 1_000_000);
 const USUAL_KEYFRAMES: u32 = 5;
 /// Default number of poses of a group (the paper's F), and of other paths without a capture that
 /// implies a number.
-pub(super) const USUAL_FRAMES: Count = Count::Frames(150);
+pub(super) const USUAL_FRAMES: PoseCount = PoseCount::Frames(150);
 
 const BASES: &str = "key poses are drawn from a trajectory with refine, orbit or keyframes";
 
 /// The groups of one novel trajectory.
 #[derive(Debug, Clone)]
-pub(super) struct Groups {
+pub(super) struct NovelGroups {
     /// The trajectory from which key poses are drawn.
     pub(super) base: String,
     groups: u32,
     keyframes: u32,
-    count: Count,
-    curve: NovelCurve,
+    count: PoseCount,
+    curve: GroupCurve,
     literal: bool,
 }
 
-impl Groups {
+impl NovelGroups {
     /// Returns the path of each group. All groups share the draws; the seeds derive from the
     /// written name.
-    pub(super) fn drawn(&self, seed: u64, scene: &str, written: &str) -> impl Iterator<Item = Novel> {
+    pub(super) fn drawn(&self, seed: u64, scene: &str, written: &str) -> impl Iterator<Item = NovelGroup> {
         let seed = |purpose| Seed::for_stream(seed, scene, written, purpose);
-        let (keyframes_seed, curve_seed) = (seed(Purpose::Keyframes), seed(Purpose::Curve));
+        let (keyframes_seed, curve_seed) = (seed(StreamPurpose::Keyframes), seed(StreamPurpose::Curve));
         let Self { groups, keyframes, count, curve, literal, .. } = *self;
-        (0..groups).map(move |group| Novel {
+        (0..groups).map(move |group| NovelGroup {
             group,
             groups,
             keyframes,
@@ -67,7 +67,7 @@ pub(super) fn group_folder(written: &str, group: u32) -> String {
 
 /// Returns the folders of the trajectory with this name, as far as they are known while fields may
 /// be faulty.
-pub(super) fn group_folders(name: &str, raw: &schema::Trajectory) -> Vec<String> {
+pub(super) fn group_folders(name: &str, raw: &schema::TrajectorySection) -> Vec<String> {
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
     let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
     let groups = usize::try_from(groups.min(MOST_GROUPS)).expect("groups are few");
@@ -77,15 +77,15 @@ pub(super) fn group_folders(name: &str, raw: &schema::Trajectory) -> Vec<String>
 impl Resolver<'_> {
     pub(super) fn novel(
         &self,
-        raw: &schema::Novel,
-        place: Place,
+        raw: &schema::NovelSection,
+        place: TextSpan,
         list: &List,
-        around: Around<'_>,
-    ) -> Option<Groups> {
+        around: PathContext<'_>,
+    ) -> Option<NovelGroups> {
         let base = self.base(&raw.base, place, list);
         let groups = self.small(&raw.groups, USUAL_GROUPS, GROUPS);
         let keyframes = self.small(&raw.keyframes, USUAL_KEYFRAMES, KEYFRAMES);
-        let spread = Spread {
+        let spread = PoseSpread {
             factor: None,
             frames: &raw.frames,
             duration: &raw.duration,
@@ -94,16 +94,23 @@ impl Resolver<'_> {
         let spread = self.spread(spread, USUAL_FRAMES, place, around);
         let curve = self.novel_curve(&raw.curve);
         let (count, literal) = spread?;
-        Some(Groups { base: base?, groups: groups?, keyframes: keyframes?, count, curve: curve?, literal })
+        Some(NovelGroups {
+            base: base?,
+            groups: groups?,
+            keyframes: keyframes?,
+            count,
+            curve: curve?,
+            literal,
+        })
     }
 
-    fn base(&self, field: &Field<String>, novel: Place, list: &List) -> Option<String> {
+    fn base(&self, field: &Field<String>, novel: TextSpan, list: &List) -> Option<String> {
         let raws = || list.iter().filter_map(|item| Some(item.given()?.0));
-        let name = |raw: &schema::Trajectory| raw.name.given().map(|(name, _)| name.clone());
+        let name = |raw: &schema::TrajectorySection| raw.name.given().map(|(name, _)| name.clone());
         let bases: Vec<String> = raws().filter(|raw| raw.novel.is_absent()).filter_map(name).collect();
         let Some((wanted, place)) = field.given() else {
             if field.is_absent() && bases.is_empty() {
-                self.report(Problem::of_key("has no trajectory to draw from").help(BASES).at(novel));
+                self.report(FieldProblem::of_key("has no trajectory to draw from").help(BASES).at(novel));
             }
             return bases.into_iter().next().filter(|_| field.is_absent());
         };
@@ -112,22 +119,22 @@ impl Resolver<'_> {
         }
         if raws().filter_map(name).any(|name| name == *wanted) {
             let message = format!("is {}, which is novel itself", quote_text(wanted));
-            return self.refuse(Problem::of_field(message).help(BASES).at(place));
+            return self.refuse(FieldProblem::of_field(message).help(BASES).at(place));
         }
         let known: Vec<&str> = bases.iter().map(String::as_str).collect();
-        self.refuse(Problem::unknown_name("base", wanted, &known).at(place))
+        self.refuse(FieldProblem::unknown_name("base", wanted, &known).at(place))
     }
 
-    fn novel_curve(&self, field: &Field<schema::NovelCurve>) -> Option<NovelCurve> {
+    fn novel_curve(&self, field: &Field<schema::NovelCurveSection>) -> Option<GroupCurve> {
         let fixed = match field {
-            Field::Absent | Field::Given(schema::NovelCurve::Any, _) => return Some(NovelCurve::Any),
+            Field::Absent | Field::Given(schema::NovelCurveSection::Any, _) => return Some(GroupCurve::Any),
             Field::Bad => return None,
-            Field::Given(schema::NovelCurve::Cubic, _) => Curve::Cubic,
-            Field::Given(schema::NovelCurve::Cumulative, _) => Curve::Cumulative,
-            Field::Given(schema::NovelCurve::SlerpLerp, _) => Curve::SlerpLerp,
-            Field::Given(schema::NovelCurve::Bezier(raw), _) => self.bezier(raw)?,
+            Field::Given(schema::NovelCurveSection::Cubic, _) => CurveKind::Cubic,
+            Field::Given(schema::NovelCurveSection::Cumulative, _) => CurveKind::Cumulative,
+            Field::Given(schema::NovelCurveSection::SlerpLerp, _) => CurveKind::SlerpLerp,
+            Field::Given(schema::NovelCurveSection::Bezier(raw), _) => self.bezier(raw)?,
         };
-        Some(NovelCurve::Fixed(fixed))
+        Some(GroupCurve::Fixed(fixed))
     }
 
     /// Refuses more key poses than the base has poses, if the recipe alone determines that number.
@@ -136,7 +143,7 @@ impl Resolver<'_> {
             let (Some((name, _)), Some(place)) = (raw.name.given(), raw.novel.place()) else { continue };
             let Some(first) = all.iter().find(|t| t.written == *name) else { continue };
             let base = all.iter().find(|t| Some(&t.name) == first.base.as_ref());
-            let (Path::Novel(novel), Some(Count::Frames(poses))) =
+            let (CameraPath::Novel(novel), Some(PoseCount::Frames(poses))) =
                 (&first.path, base.and_then(|base| group_count(&base.path)))
             else {
                 continue;
@@ -145,17 +152,17 @@ impl Resolver<'_> {
             if wanted > poses {
                 let message = format!("draws {wanted} key poses, and its base has {poses} poses");
                 let help = "groups times keyframes are drawn, each pose once";
-                self.report(Problem::of_field(message).help(help).at(place));
+                self.report(FieldProblem::of_field(message).help(help).at(place));
             }
         }
     }
 }
 
-fn group_count(path: &Path) -> Option<Count> {
+fn group_count(path: &CameraPath) -> Option<PoseCount> {
     match path {
-        Path::Refine(refine) => Some(refine.count),
-        Path::Orbit(orbit) => Some(orbit.count),
-        Path::Keyframes(keyframes) => Some(keyframes.count),
-        Path::Novel(_) => None,
+        CameraPath::Refine(refine) => Some(refine.count),
+        CameraPath::Orbit(orbit) => Some(orbit.count),
+        CameraPath::Keyframes(keyframes) => Some(keyframes.count),
+        CameraPath::Novel(_) => None,
     }
 }

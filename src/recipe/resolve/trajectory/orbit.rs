@@ -1,26 +1,31 @@
 //! Orbits.
 
-use super::Around;
-use super::count::Spread;
+use super::PathContext;
+use super::count::PoseSpread;
 use super::novel::USUAL_FRAMES;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::problem::FieldProblem;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::Range;
+use crate::recipe::resolve::number::RealRange;
 use crate::recipe::schema;
-use crate::recipe::text::Place;
+use crate::recipe::text::TextSpan;
 use crate::se3::look_at;
-use crate::trajectory::orbit::Orbit;
+use crate::trajectory::orbit::OrbitPath;
 
 /// Degrees: a hundred turns in either direction.
-const ARC: Range = Range::new(-36_000.0, 36_000.0);
+const ARC: RealRange = RealRange::new(-36_000.0, 36_000.0);
 
 impl Resolver<'_> {
-    pub(super) fn orbit(&self, raw: &schema::Orbit, place: Place, around: Around<'_>) -> Option<Orbit> {
+    pub(super) fn orbit(
+        &self,
+        raw: &schema::OrbitSection,
+        place: TextSpan,
+        around: PathContext<'_>,
+    ) -> Option<OrbitPath> {
         let [centre, from] = [&raw.centre, &raw.from].map(|field| self.point(field));
         let up = self.direction(&raw.up);
         let arc = self.arc(&raw.arc);
-        let spread = Spread { factor: None, frames: &raw.frames, duration: &raw.duration, literal: None };
+        let spread = PoseSpread { factor: None, frames: &raw.frames, duration: &raw.duration, literal: None };
         let spread = self.spread(spread, USUAL_FRAMES, place, around);
         let fields = [(&raw.centre, "centre"), (&raw.from, "from"), (&raw.up, "up")];
         if !around.setting.has_views() {
@@ -33,18 +38,18 @@ impl Resolver<'_> {
         if let (Some(centre), Some(from), Some(up)) = (centre, from, up)
             && look_at(centre - from, up).is_none()
         {
-            let problem = Problem::of_field("is no circle: it starts at its centre, or on its axis");
+            let problem = FieldProblem::of_field("is no circle: it starts at its centre, or on its axis");
             return self.refuse(problem.help("from lies beside the line through centre along up").at(place));
         }
         let (count, _) = spread?;
-        Some(Orbit { centre, from, up, arc: arc?, count })
+        Some(OrbitPath { centre, from, up, arc: arc?, count })
     }
 
     fn arc(&self, field: &Field<f64>) -> Option<f64> {
         let arc = self.real(field, 360.0, ARC)?;
         match field.place() {
             Some(place) if arc == 0.0 => {
-                self.refuse(Problem::of_field(format!("is 0, wanted {ARC} other than 0")).at(place))
+                self.refuse(FieldProblem::of_field(format!("is 0, wanted {ARC} other than 0")).at(place))
             }
             _ => Some(arc),
         }

@@ -1,17 +1,21 @@
 //! Points and directions.
 
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::problem::FieldProblem;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::Range;
+use crate::recipe::resolve::number::RealRange;
 use glam::DVec3;
 
 /// Range of a coordinate: far beyond any map, and far within the numbers that can be squared.
-const COORDINATE: Range = Range::new(-1e12, 1e12);
+const COORDINATE: RealRange = RealRange::new(-1e12, 1e12);
 
 impl Resolver<'_> {
     /// Resolves the numbers of a list, each within its range.
-    pub(super) fn numbers<const N: usize>(&self, list: &[Field<f64>; N], range: Range) -> Option<[f64; N]> {
+    pub(super) fn numbers<const N: usize>(
+        &self,
+        list: &[Field<f64>; N],
+        range: RealRange,
+    ) -> Option<[f64; N]> {
         let numbers = list.each_ref().map(|number| self.real(number, 0.0, range));
         if numbers.iter().any(Option::is_none) { None } else { Some(numbers.map(Option::unwrap_or_default)) }
     }
@@ -27,7 +31,7 @@ impl Resolver<'_> {
         let direction = self.point(field)?;
         match (direction, field.place()) {
             (Some(DVec3::ZERO), Some(place)) => {
-                self.refuse(Problem::of_field("is zero, wanted a direction").at(place))
+                self.refuse(FieldProblem::of_field("is zero, wanted a direction").at(place))
             }
             _ => Some(direction),
         }

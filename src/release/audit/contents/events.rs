@@ -1,16 +1,20 @@
 //! `events.h5`, or a file of `events/`: it opens, its index is right, its events are sorted, on the sensor, in time, and as many as stated.
 
-use super::{Code, Fault, Folder};
+use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::event::{Event, EventFileError, EventSource, Polarity, h5};
-use crate::release::scene::Statistics;
+use crate::release::scene::TrajectoryStatistics;
 
 /// Audits one stream; `stated` is what `scene.json` counts of it.
-pub(super) fn audit_stream(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec<Fault> {
+pub(super) fn audit_stream(
+    folder: &TrajectoryFolder<'_>,
+    name: &str,
+    stated: &TrajectoryStatistics,
+) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     match count_stream(folder, name) {
         Ok(counted) => {
-            let Counted { events, on, peak, active, .. } = counted;
-            faults.extend(counted.faults.map(|message| folder.fault(Code::Unreadable, name, message)));
+            let StreamCount { events, on, peak, active, .. } = counted;
+            faults.extend(counted.faults.map(|message| folder.fault(FaultCode::Unreadable, name, message)));
             let all = [
                 ("events", events, stated.events),
                 ("ON events", on, stated.on),
@@ -26,16 +30,16 @@ pub(super) fn audit_stream(folder: &Folder<'_>, name: &str, stated: &Statistics)
                 .collect();
             if !differing.is_empty() {
                 let message = format!("it holds {}", differing.join("; "));
-                faults.push(folder.fault(Code::ClaimsDisagree, name, message));
+                faults.push(folder.fault(FaultCode::ClaimsDisagree, name, message));
             }
         }
-        Err(e) => faults.push(folder.fault(Code::Unreadable, name, e.to_string())),
+        Err(e) => faults.push(folder.fault(FaultCode::Unreadable, name, e.to_string())),
     }
     faults
 }
 
 /// The first event that is out of place, and the counts of a stream.
-struct Counted {
+struct StreamCount {
     faults: Option<String>,
     events: u64,
     on: u64,
@@ -45,11 +49,11 @@ struct Counted {
     active: u64,
 }
 
-fn count_stream(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
+fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount, EventFileError> {
     let mut reader = h5::Reader::open(&folder.on_disk(name))?;
     reader.verify_index()?;
     let size = folder.camera.size;
-    let mut counted = Counted { faults: None, events: 0, on: 0, peak: 0, active: 0 };
+    let mut counted = StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0 };
     if reader.header().is_none_or(|header| header.size != size) {
         counted.faults = Some(format!("its sensor is not the {size} of scene.json"));
     }
@@ -82,7 +86,7 @@ fn count_stream(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileErr
     Ok(counted)
 }
 
-fn misplaced_event(folder: &Folder<'_>, previous: Option<&Event>, event: &Event) -> Option<String> {
+fn misplaced_event(folder: &TrajectoryFolder<'_>, previous: Option<&Event>, event: &Event) -> Option<String> {
     let (size, end_us, t_us) = (folder.camera.size, folder.part.duration_us, event.t.floor_micros());
     if u32::from(event.x) >= size.width || u32::from(event.y) >= size.height {
         Some(format!("is at ({}, {}), outside {size}", event.x, event.y))

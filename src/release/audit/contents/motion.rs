@@ -1,13 +1,13 @@
 //! Poses, stamps, speeds and transforms: they open, are as many as stated, and say the same.
 
-use super::{Code, Fault, Folder};
-use crate::files::{self, Links};
+use super::{AuditFault, FaultCode, TrajectoryFolder};
+use crate::files::{self, LinkRule};
 use crate::release::audit::claims;
 use crate::sampling::exposure;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
-use crate::speed::Meaning;
+use crate::speed::SpeedMeaning;
 use crate::trajectory::Trajectory;
-use crate::trajectory::report::Report;
+use crate::trajectory::report::SpeedReport;
 use crate::trajectory::sample::stamps_us;
 use crate::trajectory::text::{TextError, read_stamps};
 use crate::units::Hertz;
@@ -18,11 +18,12 @@ use std::io::BufReader;
 
 const SPEED: &str = "speed.json";
 
-pub(super) fn audit_motion(folder: &Folder<'_>) -> Vec<Fault> {
+pub(super) fn audit_motion(folder: &TrajectoryFolder<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let stamps = read_text(folder, "timestamps_us.txt", read_stamps, &mut faults);
     if let Some(trajectory) = read_text(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
-        let report: Option<Report> = claims::parse_claims(folder.tree, &folder.path_of(SPEED), &mut faults);
+        let report: Option<SpeedReport> =
+            claims::parse_claims(folder.tree, &folder.path_of(SPEED), &mut faults);
         faults.extend(poses_agree(folder, &trajectory, stamps.as_deref()));
         faults.extend(pace_fault(folder, &trajectory, report.as_ref()));
         faults.extend(transforms_agree(folder, &trajectory));
@@ -33,26 +34,30 @@ pub(super) fn audit_motion(folder: &Folder<'_>) -> Vec<Fault> {
 
 /// Reads a text file, if it is intact.
 fn read_text<T>(
-    folder: &Folder<'_>,
+    folder: &TrajectoryFolder<'_>,
     name: &str,
     parse: impl FnOnce(BufReader<File>) -> Result<T, TextError>,
-    faults: &mut Vec<Fault>,
+    faults: &mut Vec<AuditFault>,
 ) -> Option<T> {
     if !folder.has(name) {
         return None;
     }
-    let parsed = match files::open_with(&folder.on_disk(name), Links::Refuse) {
+    let parsed = match files::open_with(&folder.on_disk(name), LinkRule::Refuse) {
         Ok(file) => parse(BufReader::new(file)).map_err(|e| e.to_string()),
         Err(e) => Err(e.to_string()),
     };
-    parsed.map_err(|message| faults.push(folder.fault(Code::Unreadable, name, message))).ok()
+    parsed.map_err(|message| faults.push(folder.fault(FaultCode::Unreadable, name, message))).ok()
 }
 
 /// Poses against stamps, the stated rate, and the stated counts.
-fn poses_agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -> Vec<Fault> {
+fn poses_agree(
+    folder: &TrajectoryFolder<'_>,
+    trajectory: &Trajectory,
+    stamps: Option<&[i64]>,
+) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let mut disagree =
-        |name: &str, message: String| faults.push(folder.fault(Code::ClaimsDisagree, name, message));
+        |name: &str, message: String| faults.push(folder.fault(FaultCode::ClaimsDisagree, name, message));
     let found = &trajectory.stamps_us;
     if let Some(stamps) = stamps.filter(|stamps| stamps != found) {
         let message = format!("its {} stamps are not those of the {} poses", stamps.len(), found.len());
@@ -73,13 +78,17 @@ fn poses_agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i6
 }
 
 /// Stamps against the stated rate, or against the frame rates of a law that asks for those.
-fn pace_fault(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
+fn pace_fault(
+    folder: &TrajectoryFolder<'_>,
+    trajectory: &Trajectory,
+    report: Option<&SpeedReport>,
+) -> Option<AuditFault> {
     let (rate, found) = (&folder.part.rate, &trajectory.stamps_us);
-    let disagree = |message: String| Some(folder.fault(Code::ClaimsDisagree, "poses.txt", message));
+    let disagree = |message: String| Some(folder.fault(FaultCode::ClaimsDisagree, "poses.txt", message));
     let Ok(hertz) = rate.parse().map(Hertz) else {
         return disagree(format!("scene.json gives the rate as `{rate}`"));
     };
-    if let Some(report) = report.filter(|report| report.meaning == Meaning::FrameRate) {
+    if let Some(report) = report.filter(|report| report.meaning == SpeedMeaning::FrameRate) {
         let same = stamps_us(hertz, report.meaning, &report.u) == *found;
         let message = || format!("its stamps are not those of the frame rates that {SPEED} asks for");
         return if same { None } else { disagree(message()) };
@@ -89,7 +98,7 @@ fn pace_fault(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Repo
 }
 
 /// `transforms.json` is what the poses and the camera give.
-fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
+fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> Vec<AuditFault> {
     const NAME: &str = "transforms.json";
     let mut faults = Vec::new();
     let Some(found) = claims::parse_claims::<Value>(folder.tree, &folder.path_of(NAME), &mut faults) else {
@@ -102,7 +111,7 @@ fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> 
     for (key, wanted) in numbers.into_iter().chain(sides) {
         if found[key].as_f64() != Some(wanted) {
             let message = format!("its {key} is {}, scene.json says {wanted}", found[key]);
-            faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));
+            faults.push(folder.fault(FaultCode::ClaimsDisagree, NAME, message));
         }
     }
     let frames = found["frames"].as_array().map_or(&[][..], Vec::as_slice);
@@ -114,17 +123,21 @@ fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> 
     // Poses without a picture may be left out, so the frames are some of the poses, in their order.
     let in_order = frames.iter().all(|frame| poses.any(|pose| same((frame, pose))));
     if frames.is_empty() || !in_order {
-        faults.push(folder.fault(Code::ClaimsDisagree, NAME, "its frames are not the poses of poses.txt"));
+        faults.push(folder.fault(
+            FaultCode::ClaimsDisagree,
+            NAME,
+            "its frames are not the poses of poses.txt",
+        ));
     }
     faults.extend(
         exposures_agree(folder, frames, &trajectory.stamps_us)
-            .map(|message| folder.fault(Code::ClaimsDisagree, NAME, message)),
+            .map(|message| folder.fault(FaultCode::ClaimsDisagree, NAME, message)),
     );
     faults
 }
 
 /// Blurred pictures: as many as the stamps have room for, each of its own pose, and timed as `scene.json` says.
-fn exposures_agree(folder: &Folder<'_>, listed: &[Value], stamps: &[i64]) -> Option<String> {
+fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i64]) -> Option<String> {
     let number = |frame: &Value| -> Option<usize> {
         frame.get("blur_file_path")?.as_str()?.strip_prefix("blur/")?.strip_suffix(".png")?.parse().ok()
     };
@@ -176,8 +189,12 @@ fn opengl_rows(world_from_camera: &Se3) -> [[f64; 4]; 3] {
     [0, 1, 2].map(|row| [axes[0][row], axes[1][row], axes[2][row], centre[row]])
 }
 
-fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory, report: &Report) -> Option<Fault> {
+fn speeds_agree(
+    folder: &TrajectoryFolder<'_>,
+    trajectory: &Trajectory,
+    report: &SpeedReport,
+) -> Option<AuditFault> {
     let (told, found) = (report.poses, trajectory.stamps_us.len());
     let message = || format!("it is about {told} poses, there are {found}");
-    (told != found).then(|| folder.fault(Code::ClaimsDisagree, SPEED, message()))
+    (told != found).then(|| folder.fault(FaultCode::ClaimsDisagree, SPEED, message()))
 }

@@ -1,8 +1,8 @@
 //! Sharp and blurred frames, depth and flow: those that the recipe asks for are named; every one decodes, to the size of the
 //! camera, and holds what its kind can hold.
 
-use super::{Code, Fault, Folder};
-use crate::files::{self, Links};
+use super::{AuditFault, FaultCode, TrajectoryFolder};
+use crate::files::{self, LinkRule};
 use crate::image::{Image, Size, npy, png};
 use crate::release::layout::PICTURES;
 use crate::sampling::exposure;
@@ -30,7 +30,7 @@ pub(super) fn wanted_names(poses: usize, recipe: &Value, asked: &dyn Fn(&str) ->
         .collect()
 }
 
-pub(super) fn audit_pictures(folder: &Folder<'_>) -> Vec<Fault> {
+pub(super) fn audit_pictures(folder: &TrajectoryFolder<'_>) -> Vec<AuditFault> {
     let mut found = Vec::new();
     for (kind, end) in PICTURES.into_iter().chain([("checks", ".png")]) {
         let prefix = folder.path_of(&format!("{kind}/"));
@@ -40,10 +40,10 @@ pub(super) fn audit_pictures(folder: &Folder<'_>) -> Vec<Fault> {
     found.into_par_iter().filter_map(|(kind, name)| picture_fault(folder, kind, &name)).collect()
 }
 
-fn picture_fault(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
-    let bytes = match files::read_with(&folder.on_disk(name), Links::Refuse, files::MAX_DOCUMENT) {
+fn picture_fault(folder: &TrajectoryFolder<'_>, kind: &str, name: &str) -> Option<AuditFault> {
+    let bytes = match files::read_with(&folder.on_disk(name), LinkRule::Refuse, files::MAX_DOCUMENT) {
         Ok(bytes) => bytes,
-        Err(e) => return Some(folder.fault(Code::Unreadable, name, e.to_string())),
+        Err(e) => return Some(folder.fault(FaultCode::Unreadable, name, e.to_string())),
     };
     let size = folder.camera.size;
     let again = match kind {
@@ -58,11 +58,11 @@ fn picture_fault(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
     match again {
         Ok(again) if again == bytes => None,
         Ok(_) => Some(folder.fault(
-            Code::NotComposed,
+            FaultCode::NotComposed,
             name,
             "it holds more than its picture, or in another form: this program writes the same picture in other bytes",
         )),
-        Err(message) => Some(folder.fault(Code::Unreadable, name, message)),
+        Err(message) => Some(folder.fault(FaultCode::Unreadable, name, message)),
     }
 }
 

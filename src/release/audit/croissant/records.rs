@@ -1,27 +1,27 @@
 //! Record sets of `croissant.json`: each field is taken from a column, or from a place in every `scene.json`, that is there
 //! and holds what the field says.
 
-use super::{Subject, croissant_fault, node_id, node_list};
-use crate::release::audit::{Code, Fault};
+use super::{CroissantSubject, croissant_fault, node_id, node_list};
+use crate::release::audit::{AuditFault, FaultCode};
 use crate::release::croissant::{SPLITS, data_type};
 use crate::release::index;
 use serde_json::Value;
 
-pub(super) fn audit_records(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+pub(super) fn audit_records(file: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault> {
     let scenes: Vec<Value> = subject.scenes.iter().map(|scene| serde_json::json!(scene)).collect();
     let mut faults = Vec::new();
     for set in node_list(&file["recordSet"]) {
         let fields = node_list(&set["field"]);
         if fields.is_empty() {
             faults.push(croissant_fault(
-                Code::CroissantField,
+                FaultCode::CroissantField,
                 format!("the records {} have no field", node_id(set)),
             ));
         }
         for key in node_list(&set["key"]).iter().map(node_id) {
             if !fields.iter().any(|field| node_id(field) == key) {
                 let message = format!("the key of {} is {key:?}, which is none of its fields", node_id(set));
-                faults.push(croissant_fault(Code::CroissantReference, message));
+                faults.push(croissant_fault(FaultCode::CroissantReference, message));
             }
         }
         if set["data"].is_array() {
@@ -36,24 +36,24 @@ pub(super) fn audit_records(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
 }
 
 /// A field of records that are written out: each has it, as a text.
-fn audit_written(field: &Value, set: &Value) -> Option<Fault> {
+fn audit_written(field: &Value, set: &Value) -> Option<AuditFault> {
     let lacking = node_list(&set["data"]).iter().find(|record| !record[node_id(field)].is_string());
     lacking.map(|record| {
-        croissant_fault(Code::CroissantColumn, format!("{} is in no form in {record}", node_id(field)))
+        croissant_fault(FaultCode::CroissantColumn, format!("{} is in no form in {record}", node_id(field)))
     })
 }
 
 /// A field that refers to another one, which must be there.
-fn audit_reference(field: &Value, file: &Value) -> Option<Fault> {
+fn audit_reference(field: &Value, file: &Value) -> Option<AuditFault> {
     let wanted = field["references"]["field"]["@id"].as_str()?;
     let mut fields = node_list(&file["recordSet"]).iter().flat_map(|set| node_list(&set["field"]));
     let found = fields.any(|field| node_id(field) == wanted);
     let message = || format!("{} refers to {wanted:?}, which is nothing here", node_id(field));
-    (!found).then(|| croissant_fault(Code::CroissantReference, message()))
+    (!found).then(|| croissant_fault(FaultCode::CroissantReference, message()))
 }
 
 /// The splits are those of the manifest.
-fn split_fault(file: &Value, subject: &Subject<'_>) -> Option<Fault> {
+fn split_fault(file: &Value, subject: &CroissantSubject<'_>) -> Option<AuditFault> {
     let set = node_list(&file["recordSet"]).iter().find(|set| node_id(set) == SPLITS);
     let field = format!("{SPLITS}/name");
     let found = set.iter().flat_map(|set| node_list(&set["data"]));
@@ -61,15 +61,20 @@ fn split_fault(file: &Value, subject: &Subject<'_>) -> Option<Fault> {
     let wanted = subject.manifest.splits.iter().flat_map(|splits| splits.shares.keys());
     let wanted: Vec<&str> = wanted.map(String::as_str).collect();
     let message = || format!("its splits are {found:?}, manifest.json has {wanted:?}");
-    (found != wanted).then(|| croissant_fault(Code::ClaimsDisagree, message()))
+    (found != wanted).then(|| croissant_fault(FaultCode::ClaimsDisagree, message()))
 }
 
-fn audit_field(field: &Value, file: &Value, subject: &Subject<'_>, scenes: &[Value]) -> Option<Fault> {
+fn audit_field(
+    field: &Value,
+    file: &Value,
+    subject: &CroissantSubject<'_>,
+    scenes: &[Value],
+) -> Option<AuditFault> {
     let source = &field["source"];
     let origin = [&source["fileObject"], &source["fileSet"]].map(node_id).concat();
     if origin.is_empty() || !node_list(&file["distribution"]).iter().any(|node| node_id(node) == origin) {
         let message = format!("{} is taken from {origin:?}, which is nothing here", node_id(field));
-        return Some(croissant_fault(Code::CroissantReference, message));
+        return Some(croissant_fault(FaultCode::CroissantReference, message));
     }
     let stated = field["dataType"].as_str().unwrap_or_default();
     let extract = &source["extract"];
@@ -78,12 +83,13 @@ fn audit_field(field: &Value, file: &Value, subject: &Subject<'_>, scenes: &[Val
         (None, Some(path)) => scenes.iter().find_map(|scene| of_path(path, stated, scene)),
         _ => Some("is taken from nowhere that is known".to_owned()),
     };
-    problem.map(|problem| croissant_fault(Code::CroissantColumn, format!("{} {problem}", node_id(field))))
+    problem
+        .map(|problem| croissant_fault(FaultCode::CroissantColumn, format!("{} {problem}", node_id(field))))
 }
 
 /// What is wrong with a column of the index that a field of this type is taken from; nothing where there is no index,
 /// which is a fault already.
-fn of_column(column: &str, stated: &str, subject: &Subject<'_>) -> Option<String> {
+fn of_column(column: &str, stated: &str, subject: &CroissantSubject<'_>) -> Option<String> {
     let (_, kind) = match subject.index?.columns.iter().find(|(name, _)| name == column) {
         Some(found) => found,
         None => return Some(format!("is the column {column:?}, which is not in {}", index::NAME)),

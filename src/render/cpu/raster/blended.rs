@@ -17,11 +17,11 @@
 
 #![expect(clippy::cast_precision_loss, reason = "tile coordinates are small")]
 
-use super::{Frame, PIXELS};
-use crate::render::Work;
+use super::{PIXELS, RasterInput};
+use crate::render::RenderWork;
 use crate::render::cpu::exp2::exp2_neg;
-use crate::render::cpu::splat::{Rates, Splat};
-use crate::render::dual::Real;
+use crate::render::cpu::splat::{Splat, SplatRates};
+use crate::render::dual::RealNumber;
 use crate::render::shared::{BLENDED_DEPTHS, MAX_ALPHA, SOFT_MIN_ALPHA, STOP, TILE};
 use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
@@ -29,22 +29,22 @@ use std::f32::consts::LN_2;
 
 /// Blends one tile with `N` features per splat into its part of the planes (see [`super::raster_tiles`]).
 #[inline(always)]
-pub(super) fn blend_tile_smoothly<V: Simd, S: Real<Plain = f32>, const N: usize>(
+pub(super) fn blend_tile_smoothly<V: Simd, S: RealNumber<Plain = f32>, const N: usize>(
     simd: V,
-    frame: Frame<'_>,
+    frame: RasterInput<'_>,
     index: usize,
     out: &mut [f32],
-) -> Work {
+) -> RenderWork {
     let moving = |place: u32| frame.rates.get(place as usize).copied().unwrap_or_default();
     let places = frame.lists.of(index).flatten();
-    let layers: Vec<(Splat, Rates)> =
+    let layers: Vec<(Splat, SplatRates)> =
         places.map(|&place| (frame.splats[place as usize], moving(place))).collect();
     let [row, column] = [index / frame.grid.columns, index % frame.grid.columns].map(|tile| tile * TILE);
     let [width, height] = [frame.grid.size.width, frame.grid.size.height].map(|edge| edge as usize);
-    let mut work = Work::default();
+    let mut work = RenderWork::default();
     for y in 0..TILE {
         let inside = if row + y < height { width.saturating_sub(column) } else { 0 };
-        let mut pixels = Row::<S, N>::new([column, row + y], inside);
+        let mut pixels = TileRow::<S, N>::new([column, row + y], inside);
         layers.iter().for_each(|(splat, rates)| pixels.take(simd, splat, rates));
         pixels.finish();
         pixels.store(y, out);
@@ -55,7 +55,7 @@ pub(super) fn blend_tile_smoothly<V: Simd, S: Real<Plain = f32>, const N: usize>
 }
 
 /// A splat on one row of pixels.
-struct Layer<S, const N: usize> {
+struct RowLayer<S, const N: usize> {
     depth: S,
     alpha: [S; TILE],
     features: [f32; N],
@@ -63,10 +63,10 @@ struct Layer<S, const N: usize> {
 }
 
 /// One row of a tile, with the layers that are waiting or may still cover others.
-struct Row<S, const N: usize> {
+struct TileRow<S, const N: usize> {
     /// Centre of the first pixel, px.
     first: [f32; 2],
-    /// Whether each pixel goes on.
+    /// True if each pixel goes on.
     open: [bool; TILE],
     /// Transmittance of all layers so far, in plain order: decides where a pixel stops.
     rest: [S; TILE],
@@ -74,14 +74,14 @@ struct Row<S, const N: usize> {
     grey_rate: [f32; TILE],
     blended: u64,
     /// Front to back.
-    queue: VecDeque<Layer<S, N>>,
+    queue: VecDeque<RowLayer<S, N>>,
     /// Number of layers at the front of the queue that are laid down.
     laid: usize,
     /// Transmittance of the layers that have left the queue.
     before: [S; TILE],
 }
 
-impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
+impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
     fn new([x, y]: [usize; 2], inside: usize) -> Self {
         Self {
             first: [x as f32 + 0.5, y as f32 + 0.5],
@@ -98,7 +98,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
 
     /// Takes the next splat in order of depth.
     #[inline(always)]
-    fn take<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &Rates) {
+    fn take<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &SplatRates) {
         let [first, end] = splat.rows.map(f32::from);
         if self.first[1] < first || self.first[1] > end {
             return;
@@ -116,12 +116,12 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         let mut features = [0.0; N];
         features.copy_from_slice(&splat.features[..N]);
         let grey = S::with_rate(rates.grey, rates.grey_rate);
-        self.queue.push_back(Layer { depth, alpha, features, grey });
+        self.queue.push_back(RowLayer { depth, alpha, features, grey });
     }
 
     /// The splat's opacity at each pixel: 0 where it is too small to count or the pixel stops.
     #[inline(always)]
-    fn alphas<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &Rates) -> [S; TILE] {
+    fn alphas<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &SplatRates) -> [S; TILE] {
         let [mx, my] = [0, 1].map(|k| S::with_rate(splat.mean[k], rates.mean[k]));
         let [w1, w2, w3] = [0, 1, 2].map(|k| S::with_rate(splat.w[k], rates.w[k]));
         let dy = S::with_rate(self.first[1], 0.0) - my;
@@ -210,12 +210,12 @@ fn opacity_powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
 
 /// The share of its opacity with which a layer at depth `of` dims a layer at depth `at`: 1 far in
 /// front, 0 far behind.
-fn depth_cover<S: Real>(of: S, at: S) -> S {
+fn depth_cover<S: RealNumber>(of: S, at: S) -> S {
     smooth_step((at - of) / (S::constant(2.0 * BLENDED_DEPTHS) * at) + S::constant(0.5))
 }
 
 /// `3u^2 - 2u^3` with `u` clamped to 0..1: rises from 0 to 1 with slope 0 at both ends.
-fn smooth_step<S: Real>(x: S) -> S {
+fn smooth_step<S: RealNumber>(x: S) -> S {
     let (low, high) = (S::constant(0.0), S::constant(1.0));
     let u = if x > low { x } else { low };
     let u = if u < high { u } else { high };

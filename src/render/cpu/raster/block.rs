@@ -7,12 +7,12 @@
 
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
-use super::{Batch, LANES, PIXELS, SIDE};
+use super::{LANES, PIXELS, SIDE, SplatBatch};
 use crate::image::Size;
 use crate::render::cpu::exp2::exp2_neg;
-use crate::render::cpu::splat::{Rates, Splat};
+use crate::render::cpu::splat::{Splat, SplatRates};
 use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
-use crate::render::{Rules, Work};
+use crate::render::{RenderRules, RenderWork};
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x16, i32x16};
 use std::f32::consts::LN_2;
 
@@ -21,7 +21,7 @@ type Plane = [f32; PIXELS];
 
 /// Thresholds of the rendering rules.
 #[derive(Debug, Clone, Copy)]
-struct Limits {
+struct BlendLimits {
     /// Smallest opacity that is blended.
     least: f32,
     /// Smallest transmittance with which a pixel goes on.
@@ -29,8 +29,8 @@ struct Limits {
 }
 
 /// The pixels of one tile while they are blended.
-pub(super) struct Pixels<const N: usize> {
-    limits: Limits,
+pub(super) struct TilePixels<const N: usize> {
+    limits: BlendLimits,
     /// Pixel centres, px.
     x: Plane,
     y: Plane,
@@ -57,17 +57,17 @@ fn pixel_place(i: usize) -> [usize; 2] {
     [block % across * SIDE + lane % SIDE, block / across * SIDE + lane / SIDE]
 }
 
-impl<const N: usize> Pixels<N> {
+impl<const N: usize> TilePixels<N> {
     /// The pixels of the tile at `corner` before the first layer.
     #[inline(always)]
-    pub(super) fn new(corner: [usize; 2], size: Size, rules: Rules) -> Self {
+    pub(super) fn new(corner: [usize; 2], size: Size, rules: RenderRules) -> Self {
         let nothing = [0.0; PIXELS];
         let mut pixels = Self {
-            limits: Limits {
+            limits: BlendLimits {
                 least: least_alpha(rules),
                 // gsplat stops at `T <= 1e-4`, the official rasteriser at `T < 1e-4`. The next
                 // float turns the first comparison into the second.
-                stop: if rules == Rules::Gsplat { STOP.next_up() } else { STOP },
+                stop: if rules == RenderRules::Gsplat { STOP.next_up() } else { STOP },
             },
             x: nothing,
             y: nothing,
@@ -94,13 +94,13 @@ impl<const N: usize> Pixels<N> {
         pixels
     }
 
-    /// Whether all pixels are finished.
+    /// Returns true if all pixels are finished.
     #[inline(always)]
     pub(super) fn is_finished(&self) -> bool {
         self.open == 0
     }
 
-    /// Whether the block has a pixel that goes on.
+    /// Returns true if the block has a pixel that goes on.
     #[inline(always)]
     pub(super) fn is_open(&self, block: usize) -> bool {
         self.open >> block & 1 == 1
@@ -112,7 +112,7 @@ impl<const N: usize> Pixels<N> {
         &mut self,
         simd: S,
         block: usize,
-        batch: &Batch,
+        batch: &SplatBatch,
         mut mask: u64,
     ) {
         let range = block * LANES..(block + 1) * LANES;
@@ -121,7 +121,7 @@ impl<const N: usize> Pixels<N> {
         for (sums, plane) in sums.iter_mut().zip(&self.sums) {
             *sums = load(plane);
         }
-        let mut state = State {
+        let mut state = BlockState {
             x: load(&self.x),
             y: load(&self.y),
             light: load(&self.light),
@@ -172,14 +172,14 @@ impl<const N: usize> Pixels<N> {
 
     /// Adds the blended layers and the pixels that stopped early.
     #[inline(always)]
-    pub(super) fn count(&self, work: &mut Work) {
+    pub(super) fn count(&self, work: &mut RenderWork) {
         work.blended += self.blended;
         work.stopped += (self.light.iter().filter(|&&v| v < 0.0).count() - self.outside) as u64;
     }
 }
 
 /// The pixels of one block, in registers.
-struct State<S: Simd, const N: usize> {
+struct BlockState<S: Simd, const N: usize> {
     x: f32x16<S>,
     y: f32x16<S>,
     light: f32x16<S>,
@@ -190,7 +190,7 @@ struct State<S: Simd, const N: usize> {
     grey_rate: f32x16<S>,
 }
 
-impl<S: Simd, const N: usize> State<S, N> {
+impl<S: Simd, const N: usize> BlockState<S, N> {
     /// Blends one layer over the block. Rates follow by the product rule from the rates of mean,
     /// conic and opacity.
     #[inline(always)]
@@ -198,8 +198,8 @@ impl<S: Simd, const N: usize> State<S, N> {
         &mut self,
         simd: S,
         splat: &Splat,
-        rates: &Rates,
-        limits: Limits,
+        rates: &SplatRates,
+        limits: BlendLimits,
     ) {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
         let [w1, w2, w3] = splat.w;

@@ -17,19 +17,19 @@ use crate::render::shared::TILE;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
 /// The ellipses of a batch, one array per parameter.
-pub(super) struct Shapes {
+pub(super) struct BatchEllipses {
     mean: [[f32; BATCH]; 2],
     w: [[f32; BATCH]; 3],
     reach: [f32; BATCH],
 }
 
-impl Default for Shapes {
+impl Default for BatchEllipses {
     fn default() -> Self {
         Self { mean: [[0.0; BATCH]; 2], w: [[1.0; BATCH]; 3], reach: [-1.0; BATCH] }
     }
 }
 
-impl Shapes {
+impl BatchEllipses {
     /// Copies the ellipses of a batch. Unused places get a negative reach, which touches nothing.
     #[inline(always)]
     pub(super) fn fill(&mut self, splats: &[Splat]) {
@@ -92,7 +92,7 @@ impl Shapes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::cpu::Instructions;
+    use crate::render::cpu::InstructionSet;
     use crate::render::cpu::raster::PIXELS;
     use crate::render::cpu::splat::tests::{EDGE, counts, planted};
     use fearless_simd::dispatch;
@@ -101,8 +101,8 @@ mod tests {
     use std::array::from_fn;
 
     /// The bits of the blocks by every instruction set.
-    fn by_each(shapes: &Shapes, corner: [usize; 2]) -> Vec<[u64; BLOCKS]> {
-        let sets = Instructions::available_sets();
+    fn by_each(shapes: &BatchEllipses, corner: [usize; 2]) -> Vec<[u64; BLOCKS]> {
+        let sets = InstructionSet::available_sets();
         sets.iter().map(|set| dispatch!(set.level, simd => shapes.cover(simd, corner))).collect()
     }
 
@@ -118,7 +118,7 @@ mod tests {
         #[test]
         fn every_block_with_a_pixel_that_counts(found in prop::collection::vec(planted(), 20)) {
             let splats: Vec<Splat> = found.into_iter().flatten().collect();
-            let mut shapes = Shapes::default();
+            let mut shapes = BatchEllipses::default();
             shapes.fill(&splats);
             for corner in [[0, 0], [TILE, 2 * TILE], [usize::from(EDGE) - TILE, TILE]] {
                 for masks in by_each(&shapes, corner) {
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn a_dot_touches_one_block() {
         let dot = Splat { mean: [18.0, 22.0], w: [2.0, 0.0, 2.0], reach: 4.0, ..Splat::default() };
-        let mut shapes = Shapes::default();
+        let mut shapes = BatchEllipses::default();
         shapes.fill(&[dot]);
         for masks in by_each(&shapes, [TILE, TILE]) {
             // a reach of 1 px: columns 17 and 18, rows 21 and 22, all in the first column and the

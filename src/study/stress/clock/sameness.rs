@@ -2,21 +2,21 @@
 
 use super::FIRST;
 use crate::event::Event;
-use crate::frames::Frames as _;
+use crate::frames::FrameSequence as _;
 use crate::frames::array::ArrayFrames;
 use crate::image::{Image, Size};
 use crate::seed::Seed;
-use crate::sensor::Model as _;
-use crate::sensor::voltmeter::{Law, Voltmeter};
+use crate::sensor::SensorModel as _;
+use crate::sensor::voltmeter::{SamplerKind, VoltmeterModel};
 use crate::study::stress::clips::{by_pixel, make_clip, run_sensor};
-use crate::study::stress::{Area, Case, Found, Point, Worst};
+use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 /// Origins of a crop of the sensor.
 const CORNER: [u16; 2] = [600, 400];
 
-pub(super) fn sameness_cases<'a>() -> Vec<Case<'a>> {
-    let case = |words, run: fn() -> Found| Case::new(Area::Clock, words, run);
+pub(super) fn sameness_cases<'a>() -> Vec<StressCase<'a>> {
+    let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Clock, words, run);
     vec![
         case(["frame-rates", "one signal at 10, 37.3, 240, 2400 fps and irregularly", "ns"], frame_rates),
         case(["threads", "1, 2, 3, 64", "events"], threads_case),
@@ -25,17 +25,17 @@ pub(super) fn sameness_cases<'a>() -> Vec<Case<'a>> {
 }
 
 /// Enough noise that every pixel fires occasionally, static or not.
-fn noisy_sensor() -> Voltmeter {
-    Voltmeter::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
+fn noisy_sensor() -> VoltmeterModel {
+    VoltmeterModel::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
 }
 
 /// With noise, without noise, and by the published law.
-fn compared_sensors() -> [(&'static str, Voltmeter); 3] {
+fn compared_sensors() -> [(&'static str, VoltmeterModel); 3] {
     let [k1, k2, _, k4, k5, _] = noisy_sensor().k;
-    let official = Voltmeter { law: Law::Official, ..noisy_sensor() };
+    let official = VoltmeterModel { law: SamplerKind::Official, ..noisy_sensor() };
     [
         ("exact", noisy_sensor()),
-        ("no noise", Voltmeter::new([k1, k2, 0.0, k4, k5, 0.0])),
+        ("no noise", VoltmeterModel::new([k1, k2, 0.0, k4, k5, 0.0])),
         ("official", official),
     ]
 }
@@ -46,12 +46,12 @@ fn differing_events(a: &[Event], b: &[Event]) -> usize {
 }
 
 /// Adds a comparison of two streams for equality.
-fn add_same(worst: &mut Worst, found: &[Event], wanted: &[Event], at: impl FnOnce() -> String) {
+fn add_same(worst: &mut WorstPoint, found: &[Event], wanted: &[Event], at: impl FnOnce() -> String) {
     worst.see_same(differing_events(found, wanted), wanted.len(), at);
 }
 
 /// Adds a comparison of the events of each pixel, and of their times.
-fn add_near(worst: &mut Worst, found: &[Event], wanted: &[Event], what: &str) {
+fn add_near(worst: &mut WorstPoint, found: &[Event], wanted: &[Event], what: &str) {
     let pairs = by_pixel(SIZE, found).into_iter().zip(by_pixel(SIZE, wanted));
     let (mut others, mut furthest) = (0, 0);
     for (found, wanted) in pairs {
@@ -62,7 +62,7 @@ fn add_near(worst: &mut Worst, found: &[Event], wanted: &[Event], what: &str) {
         }
     }
     worst.see_same(others, wanted.len(), || format!("{what}: other events"));
-    worst.see(Point::absolute_error(furthest as f64, 0.0, 1.0), || format!("{what}: times"));
+    worst.see(StressPoint::absolute_error(furthest as f64, 0.0, 1.0), || format!("{what}: times"));
 }
 
 /// Stamps of a clip that ends at `end_us`, at this frame rate as far as it divides.
@@ -74,8 +74,8 @@ fn clip_stamps(rate: f64, end_us: i64) -> Vec<i64> {
 
 /// Constant light, and light whose `L + 16` passes through four octaves, which frames at each
 /// octave represent exactly.
-fn frame_rates() -> Found {
-    let mut worst = Worst::default();
+fn frame_rates() -> CaseResult {
+    let mut worst = WorstPoint::default();
     let at_rest = |stamps: &[i64]| {
         run_sensor(&noisy_sensor(), &make_clip(SIZE, stamps, |x, y, _| f64::from(x * 10 + y)), 5).0
     };
@@ -104,8 +104,8 @@ fn moving_clip(size: Size, first_us: i64) -> ArrayFrames {
     })
 }
 
-pub(super) fn origins_case() -> Found {
-    let mut worst = Worst::default();
+pub(super) fn origins_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
     for (name, sensor) in compared_sensors() {
         let wanted = run_sensor(&sensor, &moving_clip(SIZE, 0), 1).0;
         for first in FIRST {
@@ -116,8 +116,8 @@ pub(super) fn origins_case() -> Found {
     worst.found()
 }
 
-fn threads_case() -> Found {
-    let mut worst = Worst::default();
+fn threads_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
     // Several bands of rows.
     let clip = moving_clip(Size { width: 96, height: 90 }, 0);
     for (name, sensor) in compared_sensors() {
@@ -134,7 +134,7 @@ fn threads_case() -> Found {
 }
 
 /// Events of the part of the clip that begins at a place, in the coordinates of the part.
-fn of_part(sensor: &Voltmeter, clip: &ArrayFrames, [left, top]: [u16; 2], size: Size) -> Vec<Event> {
+fn of_part(sensor: &VoltmeterModel, clip: &ArrayFrames, [left, top]: [u16; 2], size: Size) -> Vec<Event> {
     let origin = [CORNER[0] + left, CORNER[1] + top];
     let mut pixels = sensor.start(size, origin, Seed(4)).expect("a sound sensor");
     let (mut clip, mut events) = (clip.clone(), Vec::new());
@@ -150,8 +150,8 @@ fn of_part(sensor: &Voltmeter, clip: &ArrayFrames, [left, top]: [u16; 2], size: 
     events
 }
 
-fn crops_case() -> Found {
-    let mut worst = Worst::default();
+fn crops_case() -> CaseResult {
+    let mut worst = WorstPoint::default();
     let clip = moving_clip(SIZE, 0);
     for (name, sensor) in compared_sensors() {
         let whole = of_part(&sensor, &clip, [0, 0], SIZE);

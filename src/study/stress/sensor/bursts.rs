@@ -2,10 +2,10 @@
 
 use crate::event::Polarity;
 use crate::image::Size;
-use crate::sensor::voltmeter::Voltmeter;
-use crate::study::stress::answers::{Answer, find_answers};
+use crate::sensor::voltmeter::VoltmeterModel;
+use crate::study::stress::answers::{KnownAnswer, find_answers};
 use crate::study::stress::clips::{Train, by_pixel, make_clip, run_sensor};
-use crate::study::stress::{Area, Case, Found, Point, Worst};
+use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 
 /// A frame interval of 2400 a second, us.
 const FRAME: i64 = 417;
@@ -14,9 +14,9 @@ const PIXEL: Size = Size { width: 1, height: 1 };
 const LIMIT_NS: f64 = 1.0;
 
 /// Variances of the noise over a frame: none, and almost none, which use different code.
-pub(super) fn burst_cases<'a>() -> Vec<Case<'a>> {
-    let case = |name, regime, run: fn(f64) -> Found, variance| {
-        Case::new(Area::Sensor, [name, regime, "ns"], move || run(variance))
+pub(super) fn burst_cases<'a>() -> Vec<StressCase<'a>> {
+    let case = |name, regime, run: fn(f64) -> CaseResult, variance| {
+        StressCase::new(StressArea::Sensor, [name, regime, "ns"], move || run(variance))
     };
     vec![
         case("ramp", "sigma = 0: events divide a ramp evenly", ramp_case, 0.0),
@@ -29,33 +29,34 @@ pub(super) fn burst_cases<'a>() -> Vec<Case<'a>> {
 }
 
 /// A sensor with this gain and leak per us, and with this variance of the noise over a frame.
-fn burst_sensor([k1, k2]: [f64; 2], leak: f64, variance: f64) -> Voltmeter {
+fn burst_sensor([k1, k2]: [f64; 2], leak: f64, variance: f64) -> VoltmeterModel {
     let k = [k1, k2, 0.0, leak, 0.0, (variance / FRAME as f64).sqrt()];
-    Voltmeter { max_events_per_pixel_frame: u32::MAX, ..Voltmeter::new(k) }
+    VoltmeterModel { max_events_per_pixel_frame: u32::MAX, ..VoltmeterModel::new(k) }
 }
 
 /// The events of one pixel for these greys.
-fn event_train(sensor: &Voltmeter, stamps_us: &[i64], greys: &[f64]) -> Train {
+fn event_train(sensor: &VoltmeterModel, stamps_us: &[i64], greys: &[f64]) -> Train {
     let grey = |t: i64| greys[stamps_us.iter().position(|stamp| *stamp == t).unwrap_or(0)];
     let (events, _) = run_sensor(sensor, &make_clip(PIXEL, stamps_us, |_, _, t| grey(t)), 1);
     by_pixel(PIXEL, &events).swap_remove(0)
 }
 
 /// Compares a train with expected times in ns: the exact number, the polarities, and each time.
-fn hold_train(worst: &mut Worst, found: &Train, wanted: &[(f64, Polarity)], what: &str) {
-    worst.see(Point::exact_count(found.len() as u64, wanted.len() as u64), || format!("{what}: number"));
+fn hold_train(worst: &mut WorstPoint, found: &Train, wanted: &[(f64, Polarity)], what: &str) {
+    worst
+        .see(StressPoint::exact_count(found.len() as u64, wanted.len() as u64), || format!("{what}: number"));
     let other = found.iter().zip(wanted).filter(|(found, wanted)| found.1 != wanted.1).count();
-    worst.see(Point::exact_count(other as u64, 0), || format!("{what}: polarity"));
+    worst.see(StressPoint::exact_count(other as u64, 0), || format!("{what}: polarity"));
     for (i, (found, wanted)) in found.iter().zip(wanted).enumerate() {
-        let point = Point::absolute_error(found.0 as f64 + 0.5, wanted.0, LIMIT_NS);
+        let point = StressPoint::absolute_error(found.0 as f64 + 0.5, wanted.0, LIMIT_NS);
         worst.see(point, || format!("{what}: event {i}"));
     }
 }
 
 /// From one grey to another within a frame, so that the drift is linear in time.
-fn ramp_case(variance: f64) -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("step") {
+fn ramp_case(variance: f64) -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("step") {
         let [k1, k2, from, to] = [given[0], given[1], given[2], given[3]];
         let (rise, length) = (wanted[0], FRAME as f64 * 1e3);
         let found = event_train(&burst_sensor([k1, k2], 0.0, variance), &[0, FRAME], &[from, to]);
@@ -67,9 +68,9 @@ fn ramp_case(variance: f64) -> Found {
     worst.found()
 }
 
-fn burst_case(variance: f64) -> Found {
+fn burst_case(variance: f64) -> CaseResult {
     const EVENTS: u32 = 100_000;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for (sign, polarity) in [(1.0, Polarity::On), (-1.0, Polarity::Off)] {
         // Half an event more, so that none falls on the end.
         let drift = f64::from(EVENTS) + 0.5;
@@ -90,16 +91,16 @@ fn polarity_name(polarity: Polarity) -> &'static str {
 }
 
 /// Up and down again. OFF events have a threshold of .999, so that none falls on the end.
-fn flash_case(variance: f64) -> Found {
+fn flash_case(variance: f64) -> CaseResult {
     const OFF: f64 = 0.999;
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("step") {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("step") {
         let [k1, k2, from, to] = [given[0], given[1], given[2], given[3]];
         if from > 0.0 || to < 1.0 {
             continue;
         }
         let rise = wanted[0];
-        let sensor = Voltmeter { threshold_off: OFF, ..burst_sensor([k1, k2], 0.0, variance) };
+        let sensor = VoltmeterModel { threshold_off: OFF, ..burst_sensor([k1, k2], 0.0, variance) };
         let found = event_train(&sensor, &[0, 1, 2], &[0.0, to, 0.0]);
         let up = rise.floor();
         let ons = (1..).map(f64::from).take_while(|j| *j <= up).map(|j| (1e3 * j / rise, Polarity::On));
@@ -114,15 +115,15 @@ fn flash_case(variance: f64) -> Found {
 
 /// The drift of a step of brightness, measured by the time of its last event over 55 hours: a
 /// nanosecond of that is 5e-15 of the step.
-pub(super) fn steps_case() -> Found {
+pub(super) fn steps_case() -> CaseResult {
     const END_US: i64 = 200_000_000_000;
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("step") {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("step") {
         let [k1, k2, from, to] = [given[0], given[1], given[2], given[3]];
         let rise = wanted[0];
         // Two and a half events, or as many as there are.
         let threshold = (rise.abs() / 2.5).min(1.0);
-        let sensor = Voltmeter {
+        let sensor = VoltmeterModel {
             threshold_on: threshold,
             threshold_off: threshold,
             ..burst_sensor([k1, k2], 0.0, 0.0)
@@ -130,8 +131,9 @@ pub(super) fn steps_case() -> Found {
         let found = event_train(&sensor, &[0, END_US], &[from, to]);
         let last = found.last().map_or(f64::NAN, |event| event.0 as f64 + 0.5);
         let size = found.len() as f64 * threshold * (END_US as f64 * 1e3 / last);
-        worst
-            .see(Point::absolute_error(size, rise.abs(), 1e-12), || format!("{from:e} -> {to:e}, k1 = {k1}"));
+        worst.see(StressPoint::absolute_error(size, rise.abs(), 1e-12), || {
+            format!("{from:e} -> {to:e}, k1 = {k1}")
+        });
     }
     worst.found()
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, SQRT_2};
 
 /// Drift and variance per unit time, and the distances of both barriers.
 #[derive(Debug, Clone, Copy)]
-pub struct Exit {
+pub struct BarrierExit {
     /// Drift.
     pub drift: f64,
     /// Variance.
@@ -16,7 +16,7 @@ pub struct Exit {
     pub down: f64,
 }
 
-impl Exit {
+impl BarrierExit {
     /// Probability of an exit by `t`.
     #[must_use]
     pub fn by(self, t: f64) -> f64 {

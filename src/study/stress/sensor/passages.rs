@@ -1,13 +1,13 @@
 //! First passages by counting: the barrier, and the time.
 
-use super::interval_law::Exit;
+use super::interval_law::BarrierExit;
 use crate::event::Polarity;
 use crate::image::Size;
-use crate::seed::{Cell, Draws, Seed, Space};
-use crate::sensor::voltmeter::{Barriers, Emit, Leaf, Span, Voltmeter};
-use crate::study::stress::answers::{Answer, find_answers};
+use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use crate::sensor::voltmeter::{Barriers, ClockLeaf, EmitEvents, LeafSpan, VoltmeterModel};
+use crate::study::stress::answers::{KnownAnswer, find_answers};
 use crate::study::stress::clips::{Train, by_pixel, ks, make_clip, run_sensor};
-use crate::study::stress::{Area, Case, Found, Point, Worst};
+use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 use std::ops::ControlFlow;
 
 /// Allowed number of standard errors of a count: 6e-5 for each of a dozen.
@@ -18,39 +18,39 @@ const PATHS: u64 = 40_000;
 const KS_LIMIT: f64 = 2.23;
 
 /// Error of a count in standard errors.
-fn share_point(count: u64, n: u64, wanted: f64) -> Point {
+fn share_point(count: u64, n: u64, wanted: f64) -> StressPoint {
     let (found, n) = (count as f64 / n as f64, n as f64);
-    Point::scaled_error(found, wanted, (wanted * (1.0 - wanted) / n).sqrt(), ERRORS)
+    StressPoint::scaled_error(found, wanted, (wanted * (1.0 - wanted) / n).sqrt(), ERRORS)
 }
 
 /// The first event of a path from `x` to `y` with this variance, between barriers at 1 and -1.
-pub(super) fn first_of_leaf([x, y]: [f64; 2], variance: f64, draws: Draws) -> Option<Polarity> {
+pub(super) fn first_of_leaf([x, y]: [f64; 2], variance: f64, draws: CellDraws) -> Option<Polarity> {
     /// Length of the leaf, ns; any value would do.
     const LENGTH: f64 = 1024.0;
-    struct First(Option<Polarity>);
-    impl Emit for First {
+    struct FirstPassage(Option<Polarity>);
+    impl EmitEvents for FirstPassage {
         fn event(&mut self, _: f64, polarity: Polarity) -> ControlFlow<()> {
             self.0 = Some(polarity);
             ControlFlow::Break(())
         }
     }
     let barriers = Barriers { up: 1.0, down: 1.0 };
-    let mut leaf = Leaf { barriers, variance: variance / LENGTH, draws, time: 0.0 };
-    let mut first = First(None);
-    let _ = leaf.cross(x, Span { end: y, until: LENGTH }, &mut Vec::new(), &mut first);
+    let mut leaf = ClockLeaf { barriers, variance: variance / LENGTH, draws, time: 0.0 };
+    let mut first = FirstPassage(None);
+    let _ = leaf.cross(x, LeafSpan { end: y, until: LENGTH }, &mut Vec::new(), &mut first);
     first.0
 }
 
-fn path_draws(index: u64) -> Draws {
-    Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
+fn path_draws(index: u64) -> CellDraws {
+    Seed(11).draws(SeedCell { x: 0, y: 0, level: 0, index }, DrawSpace::Leaf)
 }
 
 /// Number of paths with OFF as the first event, among [`PATHS`]. `end` draws the far end of each
 /// path.
 fn count_off(
-    first: &impl Fn([f64; 2], f64, Draws) -> Option<Polarity>,
+    first: &impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>,
     (x, variance): (f64, f64),
-    end: impl Fn(&mut Draws) -> f64,
+    end: impl Fn(&mut CellDraws) -> f64,
 ) -> u64 {
     let is_off = |i: &u64| {
         let mut draws = path_draws(*i);
@@ -63,11 +63,11 @@ fn count_off(
 /// Share of paths with drift whose first event is OFF. `first` gets the ends of the path, its
 /// variance, and draws.
 #[must_use]
-pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("first-off") {
+pub fn first_off(first: impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>) -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("first-off") {
         let [x, drift, variance] = [given[0], given[1], given[2]];
-        let end = |draws: &mut Draws| x + drift + variance.sqrt() * draws.normal();
+        let end = |draws: &mut CellDraws| x + drift + variance.sqrt() * draws.normal();
         let count = count_off(&first, (x, variance), end);
         worst.see(share_point(count, PATHS, wanted[0]), || format!("x = {x}, mu T = {drift}"));
     }
@@ -76,9 +76,9 @@ pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Fo
 
 /// The same for paths with given ends.
 #[must_use]
-pub fn bridge_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("bridge-off") {
+pub fn bridge_off(first: impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>) -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("bridge-off") {
         let [x, y, variance] = [given[0], given[1], given[2]];
         let count = count_off(&first, (x, variance), |_| y);
         worst.see(share_point(count, PATHS, wanted[0]), || format!("from {x} to {y}, variance {variance}"));
@@ -87,19 +87,19 @@ pub fn bridge_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> F
 }
 
 /// [`first_off`] for a sensor with thresholds as far from 0 as 1 and -1 are from `x`.
-pub(super) fn first_off_of_sensor() -> Found {
+pub(super) fn first_off_of_sensor() -> CaseResult {
     const SIZE: Size = Size { width: 250, height: 160 };
     const END: i64 = 1000;
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("first-off") {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("first-off") {
         let [x, drift, variance] = [given[0], given[1], given[2]];
         let end = END as f64;
         let k = [1.0, 1.0, 0.0, drift / end, 0.0, (variance / end).sqrt()];
-        let sensor = Voltmeter {
+        let sensor = VoltmeterModel {
             threshold_on: 1.0 - x,
             threshold_off: 1.0 + x,
             max_events_per_pixel_frame: u32::MAX,
-            ..Voltmeter::new(k)
+            ..VoltmeterModel::new(k)
         };
         let (events, _) = run_sensor(&sensor, &make_clip(SIZE, &[0, END], |_, _, _| 77.0), 3);
         let pixels = by_pixel(SIZE, &events);
@@ -119,14 +119,14 @@ const CELL_US: f64 = (1 << 20) as f64 * 1e-3;
 
 /// The first intervals of pixels of constant brightness, us, each with its polarity. `spread`
 /// bounds the squared coefficient of variation.
-fn intervals_of(process: Exit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f64, Polarity)> {
-    let Exit { drift, variance, up, down } = process;
+fn intervals_of(process: BarrierExit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f64, Polarity)> {
+    let BarrierExit { drift, variance, up, down } = process;
     let k = [1.0, 1.0, 0.0, drift, 0.0, variance.sqrt()];
-    let sensor = Voltmeter {
+    let sensor = VoltmeterModel {
         threshold_on: up,
         threshold_off: down,
         max_events_per_pixel_frame: u32::MAX,
-        ..Voltmeter::new(k)
+        ..VoltmeterModel::new(k)
     };
     // 5.5 standard deviations of the number of events more than needed, so that no interval is cut
     // off.
@@ -151,18 +151,18 @@ fn mean_interval(nu: f64, variance: f64) -> f64 {
 }
 
 /// KS distance of intervals from the series, for each of these variances per cell of the clock.
-fn interval_case(nu: f64, variances: &[f64]) -> Found {
-    let mut worst = Worst::default();
+fn interval_case(nu: f64, variances: &[f64]) -> CaseResult {
+    let mut worst = WorstPoint::default();
     for (seed, per_cell) in (1..).zip(variances) {
         let variance = per_cell / CELL_US;
-        let process = Exit { drift: nu * variance, variance, up: 1.0, down: 1.0 };
+        let process = BarrierExit { drift: nu * variance, variance, up: 1.0, down: 1.0 };
         let spread = if nu > 1.5 { 1.0 / nu } else { 2.0 / 3.0 };
         let found = intervals_of(process, [mean_interval(nu, variance), spread], seed);
         let all = WATCHED.pixels() * TAKEN;
         let at = || format!("s^2 T = {per_cell:e}, {all} intervals");
-        worst.see(Point::exact_count(found.len() as u64, all as u64), at);
+        worst.see(StressPoint::exact_count(found.len() as u64, all as u64), at);
         let distance = ks(found.iter().map(|(t, _)| *t).collect(), |t| process.by(t));
-        worst.see(Point::absolute_error(distance, 0.0, KS_LIMIT), at);
+        worst.see(StressPoint::absolute_error(distance, 0.0, KS_LIMIT), at);
     }
     worst.found()
 }
@@ -170,9 +170,9 @@ fn interval_case(nu: f64, variances: &[f64]) -> Found {
 /// One case per ratio of drift to noise. The rarest events are thousands of cells apart; the most
 /// frequent are at least a thousand nanoseconds apart, so that whole nanoseconds do not affect the
 /// distance.
-pub(super) fn interval_cases<'a>() -> Vec<Case<'a>> {
+pub(super) fn interval_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |words, nu, variances: &'static [f64]| {
-        Case::new(Area::Sensor, words, move || interval_case(nu, variances))
+        StressCase::new(StressArea::Sensor, words, move || interval_case(nu, variances))
     };
     let unit = "KS sqrt N";
     vec![
@@ -191,10 +191,10 @@ pub(super) fn interval_cases<'a>() -> Vec<Case<'a>> {
 }
 
 /// Small, large and unequal thresholds: polarity and mean interval against their closed forms.
-pub(super) fn threshold_cases() -> Found {
-    let mut worst = Worst::default();
-    for Answer { given, wanted } in find_answers("renewal") {
-        let process = Exit { drift: given[0], variance: given[1], up: given[2], down: given[3] };
+pub(super) fn threshold_cases() -> CaseResult {
+    let mut worst = WorstPoint::default();
+    for KnownAnswer { given, wanted } in find_answers("renewal") {
+        let process = BarrierExit { drift: given[0], variance: given[1], up: given[2], down: given[3] };
         let [on_share, mean] = [wanted[0], wanted[1]];
         // Unequal thresholds spread intervals slightly more.
         let found = intervals_of(process, [mean, 1.0], 5);
@@ -205,7 +205,7 @@ pub(super) fn threshold_cases() -> Found {
         worst.see(share_point(on as u64, found.len() as u64, on_share), at("polarity"));
         let average = found.iter().map(|(t, _)| t).sum::<f64>() / n;
         let variance = found.iter().map(|(t, _)| (t - average) * (t - average)).sum::<f64>() / (n - 1.0);
-        worst.see(Point::scaled_error(average, mean, (variance / n).sqrt(), ERRORS), at("interval"));
+        worst.see(StressPoint::scaled_error(average, mean, (variance / n).sqrt(), ERRORS), at("interval"));
     }
     worst.found()
 }

@@ -2,13 +2,13 @@
 
 use crate::camera::Camera;
 use crate::image::Size;
-use crate::render::{Channels, Layering, Rules, Style, View};
-use crate::scene::{Gaussians, Screening, procedural, sh};
+use crate::render::{CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle};
+use crate::scene::{Gaussians, SceneScreening, procedural, sh};
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};
 
 /// All images of a camera at rest.
-pub const ALL: Channels = Channels {
+pub const ALL: ChannelSet = ChannelSet {
     rgb: true,
     luminance: true,
     alpha: true,
@@ -19,12 +19,16 @@ pub const ALL: Channels = Channels {
 };
 
 /// The published rules over a black background.
-pub const OFFICIAL: Style =
-    Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
+pub const OFFICIAL: RenderStyle = RenderStyle {
+    rules: RenderRules::Official,
+    order: LayerOrder::Depth,
+    antialiased: false,
+    background: [0.0; 3],
+};
 
 /// One Gaussian of constant colour.
 #[derive(Debug, Clone, Copy)]
-pub struct Blob {
+pub struct ColourBlob {
     /// Mean.
     pub position: [f32; 3],
     /// Standard deviations along its own axes.
@@ -37,7 +41,7 @@ pub struct Blob {
     pub colour: [f64; 3],
 }
 
-impl Default for Blob {
+impl Default for ColourBlob {
     fn default() -> Self {
         Self {
             position: [0.0, 0.0, 4.0],
@@ -52,7 +56,7 @@ impl Default for Blob {
 /// A scene of these blobs.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "scenes hold 32-bit values")]
-pub fn blob_scene(blobs: &[Blob]) -> Gaussians {
+pub fn blob_scene(blobs: &[ColourBlob]) -> Gaussians {
     let logit = |opacity: f64| libm::log(opacity / (1.0 - opacity)) as f32;
     Gaussians {
         origin: DVec3::ZERO,
@@ -63,24 +67,24 @@ pub fn blob_scene(blobs: &[Blob]) -> Gaussians {
         sh: blobs.iter().map(|b| b.colour.map(|c| ((c - 0.5) / sh::C0) as f32)).collect(),
         sh_degree: 0,
         antialiased: None,
-        screening: Screening::default(),
+        screening: SceneScreening::default(),
     }
 }
 
 /// A view along z from the origin, with the principal point in the middle.
 #[must_use]
-pub fn view_ahead(width: u32, height: u32, focal: f64) -> View {
+pub fn view_ahead(width: u32, height: u32, focal: f64) -> CameraView {
     let [cx, cy] = [width, height].map(|edge| f64::from(edge) / 2.0);
     let camera = Camera { size: Size { width, height }, fx: focal, fy: focal, cx, cy };
-    View::at_rest(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
+    CameraView::at_rest(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
 }
 
 /// Pseudo-random numbers in 0..1 that place the blobs, equal in every run (Steele, Lea and Flood
 /// 2014: SplitMix64).
 #[derive(Debug, Clone)]
-pub struct Draws(pub u64);
+pub struct ScatterDraws(pub u64);
 
-impl Draws {
+impl ScatterDraws {
     /// The next number.
     #[expect(clippy::should_implement_trait, reason = "draws never end")]
     pub fn next(&mut self) -> f32 {
@@ -97,9 +101,9 @@ impl Draws {
 /// Blobs of all shapes in front of the camera, to its sides and behind it, with colours below zero
 /// and above one.
 #[must_use]
-pub fn blob_crowd(n: usize, seed: u64) -> Vec<Blob> {
-    let mut d = Draws(seed);
-    let blob = |d: &mut Draws| Blob {
+pub fn blob_crowd(n: usize, seed: u64) -> Vec<ColourBlob> {
+    let mut d = ScatterDraws(seed);
+    let blob = |d: &mut ScatterDraws| ColourBlob {
         position: [d.within(-3.0, 3.0), d.within(-2.0, 2.0), d.within(-1.0, 6.0)],
         deviations: [(); 3].map(|()| libm::expf(d.within(-6.0, -0.5))),
         rotation: [(); 4].map(|()| d.within(-1.0, 1.0)),

@@ -1,19 +1,19 @@
 //! Counts of blended, stopped, culled and doubtful Gaussians, as the rules define them.
 
 use super::blobs::{ALL, OFFICIAL};
-use super::scenes::{self, ALL_RULES, Counts};
-use super::{Player, Precision, pixel_opacities};
+use super::scenes::{self, ALL_RULES, GaussianCounts};
+use super::{CaseRenderer, FloatPrecision, pixel_opacities};
 use crate::image::Size;
 use crate::render::backend::Backend;
-use crate::render::{Rules, Style, Work};
-use crate::study::stress::{Outcome, Point, Worst};
+use crate::render::{RenderRules, RenderStyle, RenderWork};
+use crate::study::stress::{Outcome, StressPoint, WorstPoint};
 use std::sync::Arc;
 
 /// Layers of equal opacity, clamped at 0.99, are a geometric series up to the layer that would
 /// leave less than 1e-4.
-pub(super) fn stack_case(by: Player<'_>) -> Outcome {
+pub(super) fn stack_case(by: CaseRenderer<'_>) -> Outcome {
     const LAYERS: i32 = 1000;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for opacity in [0.004, 0.009, 0.02, 0.5, 0.99, 0.99999_f64] {
         let alpha = opacity.min(0.99);
         // 0.01 squared is below 1e-4 in 32 bits, and by definition in 64.
@@ -31,39 +31,46 @@ pub(super) fn stack_case(by: Player<'_>) -> Outcome {
         let (image, work) = by.picture(&Arc::new(scene), OFFICIAL, &view, ALL)?;
         let rgb = image.rgb.map_or([f32::NAN; 3], |rgb| rgb.pixels()[0]);
         for (found, wanted) in rgb.into_iter().zip(wanted) {
-            let point = Point::absolute_error(f64::from(found), wanted, 1e-4);
+            let point = StressPoint::absolute_error(f64::from(found), wanted, 1e-4);
             worst.see(point, || format!("{opacity}: colour"));
         }
-        worst.see(Point::exact_count(work.blended, blended as u64), || format!("{opacity}: layers"));
+        worst.see(StressPoint::exact_count(work.blended, blended as u64), || format!("{opacity}: layers"));
         let stops = u64::from(blended < LAYERS.unsigned_abs() as usize);
-        worst.see(Point::exact_count(work.stopped, stops), || format!("{opacity}: stops"));
+        worst.see(StressPoint::exact_count(work.stopped, stops), || format!("{opacity}: stops"));
     }
     Ok(worst.found())
 }
 
-fn gaussian_counts(work: Work) -> Counts {
-    let Work { gaussians, behind, degenerate, outside, affine_doubtful, affine_invalid, .. } = work;
-    Counts { gaussians, behind, degenerate, outside, doubtful: affine_doubtful, invalid: affine_invalid }
+fn gaussian_counts(work: RenderWork) -> GaussianCounts {
+    let RenderWork { gaussians, behind, degenerate, outside, affine_doubtful, affine_invalid, .. } = work;
+    GaussianCounts {
+        gaussians,
+        behind,
+        degenerate,
+        outside,
+        doubtful: affine_doubtful,
+        invalid: affine_invalid,
+    }
 }
 
 /// Number of Gaussians with a different outcome.
-fn miscounted(found: Counts, wanted: Counts) -> u64 {
-    let of = |c: Counts| [c.gaussians, c.behind, c.degenerate, c.outside, c.doubtful, c.invalid];
+fn miscounted(found: GaussianCounts, wanted: GaussianCounts) -> u64 {
+    let of = |c: GaussianCounts| [c.gaussians, c.behind, c.degenerate, c.outside, c.doubtful, c.invalid];
     of(found).into_iter().zip(of(wanted)).map(|(a, b)| a.abs_diff(b)).sum()
 }
 
 /// Compared with the known outcome of twelve Gaussians, and in 32 bits with the reference on a
 /// crowd.
-pub(super) fn counted_case(by: Player<'_>) -> Outcome {
-    let mut worst = Worst::default();
+pub(super) fn counted_case(by: CaseRenderer<'_>) -> Outcome {
+    let mut worst = WorstPoint::default();
     let (scene, view, wanted) = scenes::counted_scene();
     let scene = Arc::new(scene);
     for rules in ALL_RULES {
-        let (_, work) = by.picture(&scene, Style { rules, ..OFFICIAL }, &view, ALL)?;
-        let point = Point::exact_count(miscounted(gaussian_counts(work), wanted), 0);
+        let (_, work) = by.picture(&scene, RenderStyle { rules, ..OFFICIAL }, &view, ALL)?;
+        let point = StressPoint::exact_count(miscounted(gaussian_counts(work), wanted), 0);
         worst.see(point, || format!("{rules:?}: {:?}", gaussian_counts(work)));
     }
-    if by.precision() == Precision::Double {
+    if by.precision() == FloatPrecision::Double {
         return Ok(worst.found());
     }
     let (scene, mut view) = scenes::askew_crowd(6000);
@@ -72,32 +79,36 @@ pub(super) fn counted_case(by: Player<'_>) -> Outcome {
     let scene = Arc::new(scene);
     for rules in ALL_RULES {
         for antialiased in [false, true] {
-            let style = Style { rules, antialiased, ..OFFICIAL };
+            let style = RenderStyle { rules, antialiased, ..OFFICIAL };
             let (_, work) = by.picture(&scene, style, &view, ALL)?;
-            let (_, wanted) = Player(&Backend::Reference).picture(&scene, style, &view, ALL)?;
+            let (_, wanted) = CaseRenderer(&Backend::Reference).picture(&scene, style, &view, ALL)?;
             let at = |what| move || format!("{what}, a crowd, {rules:?}, antialiased {antialiased}");
             // 32 bits widen an extent by 0.02 px against rounding, and few Gaussians are that close
             // to it.
-            let outside = Point::absolute_error(work.outside as f64, wanted.outside as f64, 6.0);
+            let outside = StressPoint::absolute_error(work.outside as f64, wanted.outside as f64, 6.0);
             worst.see(outside, at("outside"));
-            let [work, wanted] = [work, wanted].map(|work| gaussian_counts(Work { outside: 0, ..work }));
-            worst.see(Point::exact_count(miscounted(work, wanted), 0), at("others"));
+            let [work, wanted] =
+                [work, wanted].map(|work| gaussian_counts(RenderWork { outside: 0, ..work }));
+            worst.see(StressPoint::exact_count(miscounted(work, wanted), 0), at("others"));
         }
     }
     Ok(worst.found())
 }
 
-pub(super) fn near_plane(by: Player<'_>) -> Outcome {
-    let mut worst = Worst::default();
+pub(super) fn near_plane(by: CaseRenderer<'_>) -> Outcome {
+    let mut worst = WorstPoint::default();
     for rules in ALL_RULES {
         // For gsplat, also at the plane itself.
-        let (near, at) = if rules == Rules::Gsplat { (0.01_f32, 0) } else { (0.2, 1) };
+        let (near, at) = if rules == RenderRules::Gsplat { (0.01_f32, 0) } else { (0.2, 1) };
         for (z, behind) in [(near.next_down(), 1), (near, at), (near.next_up(), 0), (-1.0, 1), (0.0, 1)] {
             let (scene, view) = scenes::at_depth(z);
-            let (image, work) = by.picture(&Arc::new(scene), Style { rules, ..OFFICIAL }, &view, ALL)?;
-            worst.see(Point::exact_count(work.behind, behind), || format!("{rules:?}, depth {z}: behind"));
+            let (image, work) =
+                by.picture(&Arc::new(scene), RenderStyle { rules, ..OFFICIAL }, &view, ALL)?;
+            worst.see(StressPoint::exact_count(work.behind, behind), || {
+                format!("{rules:?}, depth {z}: behind")
+            });
             let seen = u64::from(pixel_opacities(&image).iter().any(|alpha| *alpha > 0.0));
-            worst.see(Point::exact_count(seen, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
+            worst.see(StressPoint::exact_count(seen, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
         }
     }
     Ok(worst.found())

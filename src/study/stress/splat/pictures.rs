@@ -1,46 +1,50 @@
 //! Whole pictures: 32 bits against 64, one channel against three, and the rate of the luminance.
 
 use super::blobs::{ALL, OFFICIAL};
-use super::{Player, Precision, Stage, exact_luminance};
+use super::{CaseRenderer, FloatPrecision, SplatBench, exact_luminance};
 use crate::camera::Camera;
 use crate::image::{Size, luminance as grey_of};
 use crate::render::backend::Backend;
-use crate::render::{Channels, Rendered, Rules, Style, Velocity, View};
+use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderRules, RenderStyle, RenderedImages};
 use crate::scene::Gaussians;
 use crate::scene::procedural::{self, StillLife};
 use crate::se3::rotation::exp_vector;
 use crate::se3::{Se3, look_at};
-use crate::study::stress::{Found, Outcome, Point, Worst};
+use crate::study::stress::{CaseResult, Outcome, StressPoint, WorstPoint};
 use glam::DVec3;
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 80, height: 45 };
 
 /// A scene, a view from a moving camera, and the rules.
-pub(super) struct Set {
+pub(super) struct PictureSetup {
     scene: Arc<Gaussians>,
-    view: View,
-    rules: &'static [Rules],
+    view: CameraView,
+    rules: &'static [RenderRules],
 }
 
 /// A camera that moves in every direction at once.
-fn moving_view(camera: Camera, world_from_camera: Se3, unit: f64) -> View {
+fn moving_view(camera: Camera, world_from_camera: Se3, unit: f64) -> CameraView {
     let velocity =
-        Velocity { linear: DVec3::new(0.6, -0.3, 0.8) * unit, angular: DVec3::new(0.2, 0.7, -0.5) };
-    View { velocity, ..View::at_rest(camera, world_from_camera) }
+        CameraVelocity { linear: DVec3::new(0.6, -0.3, 0.8) * unit, angular: DVec3::new(0.2, 0.7, -0.5) };
+    CameraView { velocity, ..CameraView::at_rest(camera, world_from_camera) }
 }
 
 /// The embedded still life.
-pub(super) fn embedded_setup() -> Set {
+pub(super) fn embedded_setup() -> PictureSetup {
     let life = StillLife { gaussians: 3000, views: 6, ..StillLife::default() };
     let key = procedural::still_capture(&life).views.swap_remove(2);
     let view = moving_view(key.camera.resized(SIZE), key.world_from_camera, 1.0);
-    Set { scene: Arc::new(procedural::still_life(&life)), view, rules: &[Rules::Official, Rules::Soft] }
+    PictureSetup {
+        scene: Arc::new(procedural::still_life(&life)),
+        view,
+        rules: &[RenderRules::Official, RenderRules::Soft],
+    }
 }
 
 /// The user's scene from the side: its median in the middle of the view, at twice the median
 /// distance of the Gaussians from it.
-pub(super) fn user_setup(stage: &Stage) -> Set {
+pub(super) fn user_setup(stage: &SplatBench) -> PictureSetup {
     let scene = stage.scene.clone().expect("there are cases of it where it is there");
     let middle = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
@@ -56,13 +60,13 @@ pub(super) fn user_setup(stage: &Stage) -> Set {
     let [cx, cy] = [SIZE.width, SIZE.height].map(|edge| f64::from(edge) / 2.0);
     let camera = Camera { size: SIZE, fx: focal, fy: focal, cx, cy };
     let pose = Se3 { rotation, translation: median + way * (2.0 * radius) };
-    Set { view: moving_view(camera, pose, radius), scene, rules: &[Rules::Official] }
+    PictureSetup { view: moving_view(camera, pose, radius), scene, rules: &[RenderRules::Official] }
 }
 
-impl Set {
+impl PictureSetup {
     /// The same scene under each of its rules.
-    fn styles(&self) -> impl Iterator<Item = Style> {
-        self.rules.iter().map(|rules| Style { rules: *rules, background: [0.1, 0.3, 0.2], ..OFFICIAL })
+    fn styles(&self) -> impl Iterator<Item = RenderStyle> {
+        self.rules.iter().map(|rules| RenderStyle { rules: *rules, background: [0.1, 0.3, 0.2], ..OFFICIAL })
     }
 }
 
@@ -72,52 +76,53 @@ fn error_quantiles(mut errors: Vec<f64>) -> [f64; 2] {
     [errors[(errors.len() - 1) * 99 / 100], errors[errors.len() - 1]]
 }
 
-fn image_colours(image: &Rendered) -> Vec<[f32; 3]> {
+fn image_colours(image: &RenderedImages) -> Vec<[f32; 3]> {
     image.rgb.iter().flat_map(|rgb| rgb.pixels()).copied().collect()
 }
 
 /// A layer at 1/255 that one of the two leaves out, or two layers whose depths swap: few pixels,
 /// and small differences.
-pub(super) fn value_case(set: &Set, by: Player<'_>) -> Outcome {
-    let mut worst = Worst::default();
+pub(super) fn value_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
+    let mut worst = WorstPoint::default();
     for style in set.styles() {
         let (found, _) = by.picture(&set.scene, style, &set.view, ALL)?;
-        let (wanted, _) = Player(&Backend::Reference).picture(&set.scene, style, &set.view, ALL)?;
+        let (wanted, _) = CaseRenderer(&Backend::Reference).picture(&set.scene, style, &set.view, ALL)?;
         let (found, wanted) = (image_colours(&found), image_colours(&wanted));
         let pairs = found.as_flattened().iter().zip(wanted.as_flattened());
         let [most, largest] = error_quantiles(pairs.map(|(a, b)| f64::from((a - b).abs())).collect());
-        worst.see(Point::absolute_error(most, 0.0, 1e-4), || format!("{:?}: 99 %", style.rules));
-        worst.see(Point::absolute_error(largest, 0.0, 5e-2), || format!("{:?}: largest", style.rules));
+        worst.see(StressPoint::absolute_error(most, 0.0, 1e-4), || format!("{:?}: 99 %", style.rules));
+        worst.see(StressPoint::absolute_error(largest, 0.0, 5e-2), || format!("{:?}: largest", style.rules));
     }
     Ok(worst.found())
 }
 
 /// The luminance channel equals the luminance of the colours. In 64 bits it equals the sum over
 /// three scenes with one colour each.
-pub(super) fn luminance_case(set: &Set, by: Player<'_>) -> Outcome {
-    let mut worst = Worst::default();
+pub(super) fn luminance_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
+    let mut worst = WorstPoint::default();
     for style in set.styles() {
-        let pairs = if by.precision() == Precision::Double {
+        let pairs = if by.precision() == FloatPrecision::Double {
             one_by_one(set, style)
         } else {
-            let want = Channels { luminance: true, ..Channels::default() };
+            let want = ChannelSet { luminance: true, ..ChannelSet::default() };
             let (grey, _) = by.picture(&set.scene, style, &set.view, want)?;
             let (rgb, _) =
-                by.picture(&set.scene, style, &set.view, Channels { rgb: true, ..Channels::default() })?;
+                by.picture(&set.scene, style, &set.view, ChannelSet { rgb: true, ..ChannelSet::default() })?;
             let grey = grey.luminance.iter().flat_map(|plane| plane.pixels()).map(|v| f64::from(*v));
             grey.zip(image_colours(&rgb).into_iter().map(|c| f64::from(grey_of(c)))).collect()
         };
-        let limit = if by.precision() == Precision::Double { 1e-13 } else { 2e-6 };
+        let limit = if by.precision() == FloatPrecision::Double { 1e-13 } else { 2e-6 };
         for (i, (found, wanted)) in pairs.into_iter().enumerate() {
-            worst
-                .see(Point::absolute_error(found, wanted, limit), || format!("{:?}, pixel {i}", style.rules));
+            worst.see(StressPoint::absolute_error(found, wanted, limit), || {
+                format!("{:?}, pixel {i}", style.rules)
+            });
         }
     }
     Ok(worst.found())
 }
 
 /// Luminance in 64 bits, and that of red, green and blue alone.
-fn one_by_one(set: &Set, style: Style) -> Vec<(f64, f64)> {
+fn one_by_one(set: &PictureSetup, style: RenderStyle) -> Vec<(f64, f64)> {
     /// A value so dark that it is clamped at 0 for any harmonics.
     const DARK: f32 = -1e6;
     let whole = exact_luminance(&set.scene, style, &set.view);
@@ -129,7 +134,7 @@ fn one_by_one(set: &Set, style: Style) -> Vec<(f64, f64)> {
         for first in scene.sh.iter_mut().step_by(length) {
             (0..3).filter(|c| *c != channel).for_each(|c| first[c] = DARK);
         }
-        exact_luminance(&Arc::new(scene), Style { background, ..style }, &set.view)
+        exact_luminance(&Arc::new(scene), RenderStyle { background, ..style }, &set.view)
     };
     let parts = [0, 1, 2].map(alone);
     let sum = |i: usize| parts.iter().map(|part| part[i][0]).sum();
@@ -137,30 +142,30 @@ fn one_by_one(set: &Set, style: Style) -> Vec<(f64, f64)> {
 }
 
 /// The 32-bit renderer against the reference.
-pub(super) fn rate_case(set: &Set, by: Player<'_>) -> Outcome {
-    let mut worst = Worst::default();
+pub(super) fn rate_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
+    let mut worst = WorstPoint::default();
     for style in set.styles() {
-        let want = Channels { luminance_rate: true, ..Channels::default() };
+        let want = ChannelSet { luminance_rate: true, ..ChannelSet::default() };
         let (found, _) = by.picture(&set.scene, style, &set.view, want)?;
         let wanted = exact_luminance(&set.scene, style, &set.view);
         let largest = wanted.iter().fold(0.0, |m: f64, [_, rate]| m.max(rate.abs()));
         let found = found.luminance_rate.iter().flat_map(|plane| plane.pixels());
         let errors = found.zip(&wanted).map(|(a, [_, b])| (f64::from(*a) - b).abs() / largest);
         let [most, _] = error_quantiles(errors.collect());
-        worst.see(Point::absolute_error(most, 0.0, 1e-5), || format!("{:?}", style.rules));
+        worst.see(StressPoint::absolute_error(most, 0.0, 1e-5), || format!("{:?}", style.rules));
     }
     Ok(worst.found())
 }
 
 /// The reference's rates against differences of its own values, relative to the largest rate.
-pub(super) fn rate_by_differences(set: &Set) -> Found {
-    let mut worst = Worst::default();
+pub(super) fn rate_by_differences(set: &PictureSetup) -> CaseResult {
+    let mut worst = WorstPoint::default();
     for style in set.styles() {
         let rates = exact_luminance(&set.scene, style, &set.view);
-        let Differences { wide, narrow } = Differences::for_setup(set, style);
+        let CentralDifferences { wide, narrow } = CentralDifferences::for_setup(set, style);
         let largest = narrow.iter().fold(0.0, |m: f64, rate| m.max(rate.abs()));
         for i in (0..rates.len()).filter(|i| is_smooth(wide[*i], narrow[*i], largest)) {
-            let point = Point::scaled_error(rates[i][1], narrow[i], largest, 1e-5);
+            let point = StressPoint::scaled_error(rates[i][1], narrow[i], largest, 1e-5);
             worst.see(point, || format!("{:?}, pixel {i}", style.rules));
         }
     }
@@ -168,32 +173,32 @@ pub(super) fn rate_by_differences(set: &Set) -> Found {
 }
 
 /// Share of pixels that may have no rate: at least 99 % must have one.
-pub(super) fn jump_case(set: &Set) -> Found {
-    let mut worst = Worst::default();
+pub(super) fn jump_case(set: &PictureSetup) -> CaseResult {
+    let mut worst = WorstPoint::default();
     for style in set.styles() {
-        let Differences { wide, narrow } = Differences::for_setup(set, style);
+        let CentralDifferences { wide, narrow } = CentralDifferences::for_setup(set, style);
         let largest = narrow.iter().fold(0.0, |m: f64, rate| m.max(rate.abs()));
         let rough = wide.iter().zip(&narrow).filter(|(a, b)| !is_smooth(**a, **b, largest)).count();
         let share = rough as f64 / wide.len() as f64;
-        worst.see(Point::absolute_error(share, 0.0, 0.01), || format!("{:?}", style.rules));
+        worst.see(StressPoint::absolute_error(share, 0.0, 0.01), || format!("{:?}", style.rules));
     }
     worst.found()
 }
 
-/// Whether two differences agree. They do not where a layer appears, disappears or swaps.
+/// Returns true if two differences agree. They do not where a layer appears, disappears or swaps.
 fn is_smooth(wide: f64, narrow: f64, largest: f64) -> bool {
     (wide - narrow).abs() <= 1e-5 * largest
 }
 
 /// Central differences of luminance over 0.2 us and over half of that. In so short a time hardly
 /// two depths swap, and 64 bits keep nine digits of such differences.
-struct Differences {
+struct CentralDifferences {
     wide: Vec<f64>,
     narrow: Vec<f64>,
 }
 
-impl Differences {
-    fn for_setup(set: &Set, style: Style) -> Self {
+impl CentralDifferences {
+    fn for_setup(set: &PictureSetup, style: RenderStyle) -> Self {
         const H: f64 = 1e-7;
         let grey = |seconds: f64| -> Vec<f64> {
             exact_luminance(&set.scene, style, &view_after(&set.view, seconds))
@@ -209,11 +214,11 @@ impl Differences {
 }
 
 /// The view after `seconds`, to first order in its velocity.
-fn view_after(view: &View, seconds: f64) -> View {
+fn view_after(view: &CameraView, seconds: f64) -> CameraView {
     let Se3 { rotation, translation } = view.world_from_camera;
     let world_from_camera = Se3 {
         rotation: rotation * exp_vector(view.velocity.angular * seconds),
         translation: translation + rotation * view.velocity.linear * seconds,
     };
-    View { world_from_camera, ..*view }
+    CameraView { world_from_camera, ..*view }
 }

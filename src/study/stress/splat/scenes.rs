@@ -1,17 +1,18 @@
 //! Scenes at the edges of the arithmetic, with their known properties.
 
-use super::blobs::{Blob, blob_crowd, blob_scene, view_ahead};
-use crate::render::{Rules, View};
+use super::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
+use crate::render::{CameraView, RenderRules};
 use crate::scene::{Gaussians, sh};
 use glam::{DQuat, DVec3};
 
 /// All rules.
-pub const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
+pub const ALL_RULES: [RenderRules; 4] =
+    [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft];
 
 /// A needle across the optical axis, parallel to the image. Its projection is exact: a Gaussian
 /// with these standard deviations in pixels, rotated by an angle, and dilated.
 #[derive(Debug, Clone, Copy)]
-pub struct Needle {
+pub struct NeedleGaussian {
     /// Standard deviation along it, px.
     pub long_px: f64,
     /// Ratio of the standard deviations along and across it.
@@ -30,7 +31,7 @@ pub(super) const DILATION: f64 = 0.3_f32 as f64;
 /// Width and height of a needle's picture, px.
 const EDGE: u32 = 33;
 
-impl Needle {
+impl NeedleGaussian {
     const OPACITY: f64 = 0.95;
 
     /// A scene with the needle only.
@@ -39,7 +40,7 @@ impl Needle {
     pub fn scene(&self) -> Gaussians {
         let (sin, cos) = libm::sincos(self.angle / 2.0);
         let short = self.long_px / self.aspect;
-        blob_scene(&[Blob {
+        blob_scene(&[ColourBlob {
             position: [0.0, 0.0, DEPTH],
             deviations: [self.long_px, short, short].map(|px| (px / SCALE) as f32),
             rotation: [cos as f32, 0.0, 0.0, sin as f32],
@@ -62,7 +63,7 @@ impl Needle {
 
     /// A view of it.
     #[must_use]
-    pub fn view(&self) -> View {
+    pub fn view(&self) -> CameraView {
         let mut view = view_ahead(EDGE, EDGE, SCALE * f64::from(DEPTH));
         let (sin, cos) = libm::sincos(self.angle);
         view.camera.cx = 16.7 - self.offset * cos;
@@ -100,12 +101,12 @@ impl Needle {
 
 /// Needles of each aspect and length, in five directions, with their means in the picture.
 #[must_use]
-pub fn all_needles() -> Vec<Needle> {
+pub fn all_needles() -> Vec<NeedleGaussian> {
     let mut all = Vec::new();
     for aspect in [10.0, 100.0, 1e3, 1e4, 1e5, 1e6] {
         for long_px in [10.0, 100.0, 1e3, 3e3, 3e4] {
             for angle in [0.0, 0.3, std::f64::consts::FRAC_PI_4, 1.2, std::f64::consts::FRAC_PI_2] {
-                all.push(Needle { long_px, aspect, angle, offset: 0.0 });
+                all.push(NeedleGaussian { long_px, aspect, angle, offset: 0.0 });
             }
         }
     }
@@ -115,13 +116,13 @@ pub fn all_needles() -> Vec<Needle> {
 /// Equal layers behind one another that fill a picture of one pixel, with colours alternating
 /// between red and green.
 #[must_use]
-pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, View) {
-    let layer = |i: usize| Blob {
+pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, CameraView) {
+    let layer = |i: usize| ColourBlob {
         position: [0.0, 0.0, 1.0 + i as f32 / 64.0],
         deviations: [1e4; 3],
         opacity,
         colour: if i.is_multiple_of(2) { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] },
-        ..Blob::default()
+        ..ColourBlob::default()
     };
     (blob_scene(&(0..layers).map(layer).collect::<Vec<_>>()), view_ahead(1, 1, 100.0))
 }
@@ -129,7 +130,7 @@ pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, View) {
 /// A crowd with only eight distinct depths, in a file order that no sort by another quantity would
 /// give.
 #[must_use]
-pub fn tied_crowd(n: usize) -> (Gaussians, View) {
+pub fn tied_crowd(n: usize) -> (Gaussians, CameraView) {
     let mut blobs = blob_crowd(n, 5);
     for (i, blob) in blobs.iter_mut().enumerate() {
         blob.position[2] = 2.0 + (i * 7 % 8) as f32 * 0.5;
@@ -169,30 +170,31 @@ pub fn without_gaussian(scene: &Gaussians, i: usize) -> Gaussians {
 /// overflows; and among the drawn ones some with a standard deviation of depth of 0.09, 0.11, 0.29,
 /// 0.31 and 0.5 of the depth, and a giant around the camera.
 #[must_use]
-pub fn counted_scene() -> (Gaussians, View, Counts) {
-    let here = Blob { position: [0.0, 0.0, 4.0], ..Blob::default() };
-    let deep = |share: f32| Blob { deviations: [0.1, 0.1, 4.0 * share], ..here };
+pub fn counted_scene() -> (Gaussians, CameraView, GaussianCounts) {
+    let here = ColourBlob { position: [0.0, 0.0, 4.0], ..ColourBlob::default() };
+    let deep = |share: f32| ColourBlob { deviations: [0.1, 0.1, 4.0 * share], ..here };
     let blobs = [
         here,
-        Blob { position: [0.0, 0.0, -4.0], ..here },
-        Blob { position: [0.0, 0.0, 0.0], deviations: [1e3; 3], ..here },
-        Blob { position: [100.0, 0.0, 4.0], ..here },
-        Blob { opacity: 0.001, ..here },
-        Blob { deviations: [f32::MAX, 1.0, 1.0], ..here },
+        ColourBlob { position: [0.0, 0.0, -4.0], ..here },
+        ColourBlob { position: [0.0, 0.0, 0.0], deviations: [1e3; 3], ..here },
+        ColourBlob { position: [100.0, 0.0, 4.0], ..here },
+        ColourBlob { opacity: 0.001, ..here },
+        ColourBlob { deviations: [f32::MAX, 1.0, 1.0], ..here },
         deep(0.09),
         deep(0.11),
         deep(0.29),
         deep(0.31),
         deep(0.5),
-        Blob { position: [0.0, 0.0, 1.0], deviations: [1e4; 3], opacity: 0.1, ..here },
+        ColourBlob { position: [0.0, 0.0, 1.0], deviations: [1e4; 3], opacity: 0.1, ..here },
     ];
-    let wanted = Counts { gaussians: 12, behind: 2, degenerate: 1, outside: 2, doubtful: 5, invalid: 3 };
+    let wanted =
+        GaussianCounts { gaussians: 12, behind: 2, degenerate: 1, outside: 2, doubtful: 5, invalid: 3 };
     (blob_scene(&blobs), view_ahead(32, 32, 100.0), wanted)
 }
 
-/// The counts of [`crate::render::Work`] that concern Gaussians.
+/// The counts of [`crate::render::RenderWork`] that concern Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Counts {
+pub struct GaussianCounts {
     /// All Gaussians.
     pub gaussians: u64,
     /// Not in front of the near plane.
@@ -209,16 +211,16 @@ pub struct Counts {
 
 /// One Gaussian at this depth.
 #[must_use]
-pub fn at_depth(z: f32) -> (Gaussians, View) {
+pub fn at_depth(z: f32) -> (Gaussians, CameraView) {
     (
-        blob_scene(&[Blob { position: [0.0, 0.0, z], deviations: [1e-3; 3], ..Blob::default() }]),
+        blob_scene(&[ColourBlob { position: [0.0, 0.0, z], deviations: [1e-3; 3], ..ColourBlob::default() }]),
         view_ahead(17, 17, 100.0),
     )
 }
 
 /// A crowd seen diagonally, in a picture with edges that are not multiples of a tile.
 #[must_use]
-pub fn askew_crowd(n: usize) -> (Gaussians, View) {
+pub fn askew_crowd(n: usize) -> (Gaussians, CameraView) {
     let mut view = view_ahead(203, 117, 150.0);
     view.world_from_camera.rotation = DQuat::from_xyzw(0.02, -0.05, 0.01, 1.0).normalize();
     view.world_from_camera.translation = DVec3::new(0.3, -0.2, -1.5);
@@ -227,13 +229,13 @@ pub fn askew_crowd(n: usize) -> (Gaussians, View) {
 
 /// Giants that each cover the whole picture.
 #[must_use]
-pub fn giant_scene(n: usize, edge: u32) -> (Gaussians, View) {
-    let giant = |i: usize| Blob {
+pub fn giant_scene(n: usize, edge: u32) -> (Gaussians, CameraView) {
+    let giant = |i: usize| ColourBlob {
         position: [0.0, 0.0, 2.0 + i as f32 / 64.0],
         deviations: [100.0; 3],
         opacity: 0.9,
         colour: [i as f64 / n as f64, 0.5, 1.0],
-        ..Blob::default()
+        ..ColourBlob::default()
     };
     (blob_scene(&(0..n).map(giant).collect::<Vec<_>>()), view_ahead(edge, edge, f64::from(edge)))
 }

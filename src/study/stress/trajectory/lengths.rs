@@ -1,12 +1,12 @@
 //! Curves with closed-form lengths, and with speeds that almost vanish or change quickly.
 
 use crate::se3::arc_length::ArcLength;
-use crate::se3::spline::Place;
-use crate::study::stress::{Found, Point, Worst};
+use crate::se3::spline::CurvePlace;
+use crate::study::stress::{CaseResult, StressPoint, WorstPoint};
 
 /// A speed over `x` in [0, 1].
 #[derive(Debug, Clone, Copy)]
-enum Curve {
+enum SpeedShape {
     /// `sqrt((x - c)^2 + e^2)`: passes a stop at `c` at the distance `e`.
     NearCusp { at: f64, distance: f64 },
     /// The semicubical parabola `((x - c)^2, (x - c)^3)`, which stops at `c` and turns back.
@@ -15,7 +15,7 @@ enum Curve {
     Burst,
 }
 
-impl Curve {
+impl SpeedShape {
     fn speed(self, x: f64) -> f64 {
         match self {
             Self::NearCusp { at, distance } => libm::hypot(x - at, distance),
@@ -48,39 +48,40 @@ impl Curve {
     }
 }
 
-fn length_curves() -> Vec<Curve> {
+fn length_curves() -> Vec<SpeedShape> {
     let places = [0.1, 0.25, 0.3719, 0.5, 0.9999];
     let distances = [1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9];
-    let near = places.iter().flat_map(|at| distances.map(|distance| Curve::NearCusp { at: *at, distance }));
-    near.chain(places.map(|at| Curve::Cusp { at })).chain([Curve::Burst]).collect()
+    let near =
+        places.iter().flat_map(|at| distances.map(|distance| SpeedShape::NearCusp { at: *at, distance }));
+    near.chain(places.map(|at| SpeedShape::Cusp { at })).chain([SpeedShape::Burst]).collect()
 }
 
 /// The length of a curve with that speed over [0, 1], as paths are measured.
 pub(super) fn measured_length(speed: &dyn Fn(f64) -> f64) -> f64 {
-    ArcLength::measure_curve(&[1.0], |at: Place| speed(at.x)).total()
+    ArcLength::measure_curve(&[1.0], |at: CurvePlace| speed(at.x)).total()
 }
 
 /// Lengths by `measure` from speeds over [0, 1].
 #[must_use]
-pub fn length_case(measure: impl Fn(&dyn Fn(f64) -> f64) -> f64) -> Found {
-    let mut worst = Worst::default();
+pub fn length_case(measure: impl Fn(&dyn Fn(f64) -> f64) -> f64) -> CaseResult {
+    let mut worst = WorstPoint::default();
     for curve in length_curves() {
         let found = measure(&|x| curve.speed(x));
-        worst.see(Point::relative_error(found, curve.length(1.0), 1e-7), || format!("{curve:?}"));
+        worst.see(StressPoint::relative_error(found, curve.length(1.0), 1e-7), || format!("{curve:?}"));
     }
     worst.found()
 }
 
 /// The closed form at the place where a curve reaches a length must give that length.
-pub(super) fn inversion_case() -> Found {
+pub(super) fn inversion_case() -> CaseResult {
     const LENGTHS: u32 = 200;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for curve in length_curves() {
-        let arc = ArcLength::measure_curve(&[1.0], |at: Place| curve.speed(at.x));
+        let arc = ArcLength::measure_curve(&[1.0], |at: CurvePlace| curve.speed(at.x));
         for k in 0..=LENGTHS {
             let wanted = curve.length(1.0) * f64::from(k) / f64::from(LENGTHS);
             let found = curve.length(arc.invert(wanted).x);
-            let point = Point::scaled_error(found, wanted, curve.length(1.0), 1e-12);
+            let point = StressPoint::scaled_error(found, wanted, curve.length(1.0), 1e-12);
             worst.see(point, || format!("{curve:?}, {wanted:.3} of its length"));
         }
     }

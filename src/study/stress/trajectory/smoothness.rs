@@ -3,9 +3,9 @@
 use crate::se3::Se3;
 use crate::se3::Twist;
 use crate::se3::rotation::{exp_vector, log_vector};
-use crate::se3::spline::Place;
-use crate::study::stress::{Found, Point, Worst};
-use crate::trajectory::curve::{Curve, PoseCurve};
+use crate::se3::spline::CurvePlace;
+use crate::study::stress::{CaseResult, StressPoint, WorstPoint};
+use crate::trajectory::curve::{CurveKind, PoseCurve};
 use glam::DVec3;
 
 /// Poses with uneven turns of up to 1.5 rad between neighbours.
@@ -26,30 +26,30 @@ fn uneven_knots() -> (Vec<f64>, Vec<Se3>) {
 
 /// The curves that are twice differentiable.
 pub(super) fn smooth_curves() -> Vec<Box<dyn PoseCurve>> {
-    let through = |curve: Curve| {
+    let through = |curve: CurveKind| {
         let (steps, knots) = uneven_knots();
         curve.through(steps, &knots).expect("turns of less than 90 degrees")
     };
-    vec![through(Curve::Cubic), through(Curve::Cumulative)]
+    vec![through(CurveKind::Cubic), through(CurveKind::Cumulative)]
 }
 
 /// The pose relative to the pose at another place.
-fn relative_pose(curve: &dyn PoseCurve, from: Place, x: f64) -> [DVec3; 2] {
-    let (a, b) = (curve.pose(from), curve.pose(Place { x, ..from }));
+fn relative_pose(curve: &dyn PoseCurve, from: CurvePlace, x: f64) -> [DVec3; 2] {
+    let (a, b) = (curve.pose(from), curve.pose(CurvePlace { x, ..from }));
     [b.translation - a.translation, log_vector(a.rotation.conjugate() * b.rotation)]
 }
 
 /// Both rates inside the segments against central differences of fourth order of the poses.
 #[must_use]
-pub fn rates_case(curves: &[Box<dyn PoseCurve>]) -> Found {
+pub fn rates_case(curves: &[Box<dyn PoseCurve>]) -> CaseResult {
     /// Step of the difference. Its error is the fourth power over 30 times a fifth derivative, plus
     /// 1e-16 divided by the step.
     const STEP: f64 = 1e-3;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for curve in curves {
         for (segment, step) in curve.steps().iter().enumerate() {
             for share in [0.1, 0.35, 0.5, 0.65, 0.9] {
-                let at = Place { segment, x: share * step };
+                let at = CurvePlace { segment, x: share * step };
                 let near = |k: f64| relative_pose(&**curve, at, at.x + k * STEP);
                 let Twist { linear, angular } = curve.twist(at);
                 for (what, k, found) in [("linear", 0, linear), ("angular", 1, angular)] {
@@ -57,7 +57,7 @@ pub fn rates_case(curves: &[Box<dyn PoseCurve>]) -> Found {
                     let wanted = ((near(1.0)[k] - near(-1.0)[k]) * 8.0 - wide) / (12.0 * STEP);
                     let error = (found - wanted).length();
                     let point =
-                        Point { computed: found.length(), answer: wanted.length(), error, limit: 1e-8 };
+                        StressPoint { computed: found.length(), answer: wanted.length(), error, limit: 1e-8 };
                     worst.see(point, || format!("{what} rate at {share} of segment {segment}"));
                 }
             }
@@ -68,14 +68,14 @@ pub fn rates_case(curves: &[Box<dyn PoseCurve>]) -> Found {
 
 /// Continuity of both rates and their derivatives at each inner knot.
 #[must_use]
-pub fn joints_case(curves: &[Box<dyn PoseCurve>]) -> Found {
+pub fn joints_case(curves: &[Box<dyn PoseCurve>]) -> CaseResult {
     const STEP: f64 = 1e-4;
-    let mut worst = Worst::default();
+    let mut worst = WorstPoint::default();
     for curve in curves {
         for knot in 1..curve.steps().len() {
             let before =
-                |k: f64| curve.twist(Place { segment: knot - 1, x: curve.steps()[knot - 1] - k * STEP });
-            let after = |k: f64| curve.twist(Place { segment: knot, x: k * STEP });
+                |k: f64| curve.twist(CurvePlace { segment: knot - 1, x: curve.steps()[knot - 1] - k * STEP });
+            let after = |k: f64| curve.twist(CurvePlace { segment: knot, x: k * STEP });
             for (what, part) in [("linear", linear_rate as fn(Twist) -> DVec3), ("angular", angular_rate)] {
                 let slope = |side: &dyn Fn(f64) -> Twist, sign: f64| {
                     let [here, near, far] = [0.0, 1.0, 2.0].map(|k| part(side(k)));
@@ -87,7 +87,8 @@ pub fn joints_case(curves: &[Box<dyn PoseCurve>]) -> Found {
                 ];
                 for (of, left, right) in pairs {
                     let error = (right - left).length();
-                    let point = Point { computed: right.length(), answer: left.length(), error, limit: 1e-3 };
+                    let point =
+                        StressPoint { computed: right.length(), answer: left.length(), error, limit: 1e-3 };
                     worst.see(point, || format!("{what} {of} at knot {knot}"));
                 }
             }

@@ -22,7 +22,7 @@ pub(super) fn solve_columns(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -
         columns.swap(k, k + widest);
         order.swap(k, k + widest);
         let (done, rest) = columns.split_at_mut(k + 1);
-        let mirror = Mirror::onto_axis(&mut done[k][k..], norm);
+        let mirror = HouseholderReflection::onto_axis(&mut done[k][k..], norm);
         rest.iter_mut().for_each(|column| mirror.apply(&mut column[k..]));
         mirror.apply(&mut right[k..]);
         pivots.push(mirror.pivot);
@@ -42,7 +42,7 @@ fn widest_column(columns: &[Vec<f64>], k: usize) -> Option<(usize, f64)> {
 }
 
 /// A Householder reflection that maps one column to a multiple of the first axis.
-struct Mirror<'a> {
+struct HouseholderReflection<'a> {
     normal: &'a [f64],
     /// 2 divided by the squared length of the normal.
     factor: f64,
@@ -50,7 +50,7 @@ struct Mirror<'a> {
     pivot: f64,
 }
 
-impl<'a> Mirror<'a> {
+impl<'a> HouseholderReflection<'a> {
     /// Replaces the column of length `norm > 0` by the normal of the reflection.
     fn onto_axis(column: &'a mut [f64], norm: f64) -> Self {
         let pivot = -norm.copysign(column[0]);

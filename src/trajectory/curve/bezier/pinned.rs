@@ -8,13 +8,13 @@ use glam::DVec3;
 /// The control points are the sums of those of the line and those of the deviation, with zero first
 /// and last ones. A straight path therefore has a curvature of exactly zero.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Pinned {
+pub(super) struct PinnedBulge {
     start: DVec3,
     chord: DVec3,
-    bulge: [Bernstein; 3],
+    bulge: [BernsteinPolynomial; 3],
 }
 
-impl Pinned {
+impl PinnedBulge {
     /// The curve of `degree` from the first to the last of `points` that is nearest to the others
     /// at the parameters `x`, in least squares.
     pub(super) fn fit_points(degree: usize, x: &[f64], points: &[DVec3]) -> Self {
@@ -27,7 +27,11 @@ impl Pinned {
             .copy_from_slice(&least_squares::solve_columns((1..degree).map(column).collect(), right));
         let slope = control_differences(&control);
         let bend = control_differences(&slope);
-        Self { start, chord, bulge: [control, slope, bend].map(|control| Bernstein::from_control(&control)) }
+        Self {
+            start,
+            chord,
+            bulge: [control, slope, bend].map(|control| BernsteinPolynomial::from_control(&control)),
+        }
     }
 
     pub(super) fn value(&self, x: f64) -> DVec3 {
@@ -65,9 +69,9 @@ fn binomial_coefficient(n: usize, k: usize) -> f64 {
 /// A polynomial as its control points times their binomial coefficients. Without control points it
 /// is zero.
 #[derive(Debug, Clone, PartialEq)]
-struct Bernstein(Vec<DVec3>);
+struct BernsteinPolynomial(Vec<DVec3>);
 
-impl Bernstein {
+impl BernsteinPolynomial {
     fn from_control(control: &[DVec3]) -> Self {
         let degree = control.len().saturating_sub(1);
         Self(control.iter().enumerate().map(|(i, point)| *point * binomial_coefficient(degree, i)).collect())
