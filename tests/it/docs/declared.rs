@@ -46,7 +46,7 @@ impl Crate {
 
     /// The type that the whole recipe is read as.
     pub(super) fn recipe(&self) -> &Declared {
-        &self.files[&format!("{SCHEMA}.rs")].1["Recipe"]
+        &self.files[&format!("{SCHEMA}.rs")].1["RecipeSchema"]
     }
 
     /// Text of a file.

@@ -146,11 +146,11 @@ impl<'c> Reference<'c> {
         let ty = member.ty.as_str();
         let of = match name {
             "u64" | "u32" => "integer".to_owned(),
-            "f64" | "Literal" => "number".to_owned(),
+            "f64" | "NumberLiteral" => "number".to_owned(),
             "bool" => "boolean".to_owned(),
             "String" => "text".to_owned(),
-            "Later" => return "not built yet".to_owned(),
-            "Brightness" => "`255` or `1`".to_owned(),
+            "UnsupportedField" => return "not built yet".to_owned(),
+            "WhiteBrightness" => "`255` or `1`".to_owned(),
             "Limits" => "[mapping](#checks)".to_owned(),
             name => match self.krate.named(name, file) {
                 Some(found) if found.is_enum => "choice".to_owned(),
@@ -177,7 +177,7 @@ impl<'c> Reference<'c> {
     fn choices(&self, path: &str, member: &Member, file: &str) -> String {
         let (name, _) = core(&member.ty);
         // White is written as a number, and the same choices stand with `sensor`.
-        if matches!(name, "Brightness" | "Limits") || member.ty.contains("BTreeMap") {
+        if matches!(name, "WhiteBrightness" | "Limits") || member.ty.contains("BTreeMap") {
             return String::new();
         }
         let Some(found) = self.krate.named(name, file).filter(|found| found.is_enum) else {
@@ -189,7 +189,7 @@ impl<'c> Reference<'c> {
                 Some(inner) => format!("[`{}`](#{})", choice.name, self.anchor(inner)),
                 None => format!("`{}`", choice.name),
             };
-            let later = if choice.ty.contains("Later") { " Not built yet." } else { "" };
+            let later = if choice.ty.contains("UnsupportedField") { " Not built yet." } else { "" };
             assert!(!choice.doc.is_empty(), "`{}` of {path} has no comment", choice.name);
             format!("<br>{name}: {}{later}", choice.doc)
         };
@@ -281,7 +281,7 @@ fn number_range(path: &str, ty: &str) -> String {
     let absurd = match name {
         "u64" => json!(u64::MAX),
         "u32" => json!(0),
-        "f64" | "Literal" => json!(-1e300),
+        "f64" | "NumberLiteral" => json!(-1e300),
         _ => return String::new(),
     };
     let count = ty.split_once("; ").and_then(|(_, rest)| rest.split(']').next()?.parse::<usize>().ok());
@@ -310,7 +310,7 @@ fn constants(default: &str, source: &str) -> String {
 impl Key<'_> {
     /// Whether the key is reserved for a feature that does not exist.
     pub(super) fn is_later(&self) -> bool {
-        self.member.ty.contains("Later")
+        self.member.ty.contains("UnsupportedField")
     }
 
     /// Place of the declaration, for messages.
