@@ -6,9 +6,11 @@
 //! recipe is a gate in every pass, because it is intended. What a pass cannot measure, it reports
 //! as [`Verdict::NotRun`] with the reason.
 
+mod advice;
 pub mod affine;
 pub mod batching;
 pub mod capture;
+pub mod coverage;
 pub mod drift;
 pub mod drift_identity;
 pub mod duplicates;
@@ -35,6 +37,7 @@ pub mod subject;
 pub mod tally;
 pub mod time_offset;
 
+pub use advice::advice;
 pub use limits::{CheckWaiver, Limits};
 pub use scene_subject::{CapturePhotos, SceneSubject};
 pub use subject::TrajectorySubject;
@@ -93,10 +96,11 @@ pub struct Finding {
 }
 
 /// The names in a recipe's `checks:` and in the records.
-pub const NAMES: [&str; 23] = [
+pub const NAMES: [&str; 24] = [
     "schema",
     "stamps",
     "duplicates",
+    "coverage",
     "event_rate",
     "polarity",
     "refractory",
@@ -139,10 +143,11 @@ pub trait ValidationPass: Sync {
 }
 
 /// The passes over trajectories, in the order of reports.
-pub const ALL: [&dyn ValidationPass; 21] = [
+pub const ALL: [&dyn ValidationPass; 22] = [
     &schema::SchemaPass,
     &stamps::StampsPass,
     &duplicates::DuplicatesPass,
+    &coverage::CoveragePass,
     &event_rate::EventRate,
     &polarity::OnShare,
     &refractory::DeadTime,

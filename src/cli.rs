@@ -11,6 +11,7 @@ mod commands;
 mod console;
 mod convert;
 mod diff;
+mod environment;
 mod failure;
 mod gc;
 mod init;
@@ -32,6 +33,7 @@ mod study;
 mod supervise;
 mod takedown;
 mod trajectory;
+mod verdicts;
 mod why;
 
 use crate::programs::{ProgramFinder, SUPERVISE};
@@ -43,6 +45,7 @@ use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
 pub use console::ConsoleStreams;
+pub use environment::Environment;
 pub use problem::ExitKind;
 use problem::VerbError;
 use renderers::{AutoRenderers, RendererChoice, RendererKind};
@@ -136,6 +139,8 @@ struct CommonArgs {
     /// The whole command, for those who wait for it.
     #[arg(skip)]
     command: String,
+    #[arg(skip)]
+    environment: Environment,
 }
 
 impl CommonArgs {
@@ -155,11 +160,10 @@ impl CommonArgs {
     }
 
     /// The programs on the user's path. This program supervises them, even if its file was replaced meanwhile.
-    #[expect(clippy::unused_self, reason = "the environment belongs to the command line")]
     fn programs(&self) -> ProgramFinder {
         let own = PathBuf::from("/proc/self/exe");
         let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
-        ProgramFinder::new(std::env::var_os("PATH").as_deref(), own)
+        ProgramFinder::new(self.environment.path(), own)
     }
 
     /// Cores to use.
@@ -250,17 +254,22 @@ pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     if arguments.get(1).is_some_and(|verb| verb == SUPERVISE) {
         return supervise::run(arguments.into_iter().skip(2).collect());
     }
-    run_on(ConsoleStreams::of_process(), arguments).into()
+    run_on(ConsoleStreams::of_process(), Environment::of_process(), arguments).into()
 }
 
-/// Runs the program with these arguments, the first being its own name. Only the bars of a run on a terminal are
-/// written past `streams`, and results for which the user names `-` as the output.
+/// Runs the program with these arguments, the first being its own name, in an environment. Only the bars of a run on
+/// a terminal are written past `streams`, and results for which the user names `-` as the output.
 #[must_use]
-pub fn run_on(streams: ConsoleStreams, arguments: impl IntoIterator<Item = OsString>) -> ExitKind {
+pub fn run_on(
+    streams: ConsoleStreams,
+    environment: Environment,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> ExitKind {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let (console, ended) = match parse(&arguments) {
         Ok(mut cli) => {
             let console = Console::new(streams, cli.common.json, cli.common.quiet);
+            cli.common.environment = environment;
             cli.common.clamp_jobs(&console);
             let ended = run_verb(cli, &console);
             (console, ended)

@@ -4,7 +4,8 @@
 //! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
 //! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
 //! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound. A stream
-//! without any event gets a warning whatever the sensor: it may be right, and nobody can use it.
+//! without events, or with fewer than one per 1,000 pixels, gets a warning whatever the sensor: it may be
+//! right, but it cannot be used. A single frame gets one too, because no sensor makes events from it.
 
 use super::subject::{Judgement, LimitSide, between_bounds};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
@@ -28,6 +29,8 @@ const PER_FLOW: [f64; 2] = [0.02, 1.0];
 const CONTRAST: f64 = 0.2;
 /// Contrast above which a sensor may make no events.
 const INSENSITIVE: f64 = 0.5;
+/// Events per pixel below which a stream is of no use.
+const FEW: f64 = 1e-3;
 /// Greys at which the noise is bounded.
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
 
@@ -53,7 +56,10 @@ impl ValidationPass for EventRate {
 fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let seconds = subject.seconds();
     if seconds <= 0.0 {
-        return subject.not_run(NAME, "rate", "one frame has no duration");
+        let because = "one frame: a sensor makes no events without a second one".to_owned();
+        let judged =
+            Judgement { verdict: Verdict::Warn, measured: None, limit: None, unit: "ev/(px s)", because };
+        return subject.finding(NAME, "rate", judged);
     }
     let limits = subject.limits.event_rate.unwrap_or_default();
     let least = LimitSide::limit_or(limits.min, LimitSide::warning(0.0));
@@ -63,6 +69,12 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let (verdict, limit) = between_bounds(measured, least, most);
     let (verdict, because) = match (tally.events, verdict) {
         (0, Verdict::Pass) => (Verdict::Warn, empty(seconds)),
+        (events, Verdict::Pass) if (events as f64) < FEW * pixels => {
+            let because = format!(
+                "only {events} events of {pixels} pixels in {seconds:.4} s: fewer than one per 1,000 pixels"
+            );
+            (Verdict::Warn, because)
+        }
         (events, verdict) => {
             let peak = tally.peak_per_ms as f64 * 1e-3;
             let because = format!(

@@ -1,9 +1,9 @@
 //! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
 
 use super::{
-    NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, hot_pixels, motion,
-    noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback, recon_psnr, sampling, speed,
-    structure, time_offset,
+    NAMES, SCENE, affine, batching, capture, coverage, duplicates, event_frame, event_rate, hot_pixels,
+    motion, noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback, recon_psnr, sampling,
+    speed, structure, time_offset,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -41,6 +41,7 @@ macro_rules! limits_of {
 
 limits_of!(
     duplicates,
+    coverage,
     event_rate,
     polarity,
     batching,

@@ -6,6 +6,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "small numbers of a small world")]
 
+use super::coverage::ViewCoverage;
 use super::drift::DriftLaw;
 use super::motion::warp::FlowAt;
 use super::sampling::ResampledIntervals;
@@ -43,6 +44,7 @@ pub(super) struct PlantedWorld {
     pub(super) stated: Option<SensorChoice>,
     pub(super) resampled: Option<ResampledIntervals>,
     pub(super) flow: Option<FlowQuantiles>,
+    pub(super) coverage: Option<ViewCoverage>,
     pub(super) doubtful_share: Option<f64>,
     pub(super) foreign: ExternalReport,
     pub(super) limits: Limits,
@@ -125,6 +127,7 @@ impl PlantedWorld {
             events,
             anchors,
             flow: Some(FlowQuantiles { median: pace, p95: pace, max: pace }),
+            coverage: Some(ViewCoverage { views: 9, empty: 0, least: 0.9, at_us: 0 }),
             doubtful_share: Some(0.001),
             foreign: agreeing_reports(),
             limits: Limits::default(),
@@ -160,6 +163,7 @@ impl PlantedWorld {
             tally: Some(&tally),
             resampled: self.resampled.as_ref(),
             flow: self.flow,
+            coverage: self.coverage,
             doubtful_share: self.doubtful_share,
             foreign: Some(&self.foreign),
             limits: &self.limits,

@@ -1,5 +1,6 @@
 //! The input of passes over a trajectory, and the construction of findings.
 
+use super::coverage::ViewCoverage;
 use super::drift::DriftLaw;
 use super::sampling::ResampledIntervals;
 use super::{Finding, Limits, StreamTally, Verdict};
@@ -36,6 +37,8 @@ pub struct TrajectorySubject<'a> {
     pub flow: Option<FlowQuantiles>,
     /// The stream with twice the frames, if that was simulated.
     pub resampled: Option<&'a ResampledIntervals>,
+    /// The emptiest view, if depth maps were kept.
+    pub coverage: Option<ViewCoverage>,
     /// The share of the image from Gaussians too deep for their distance.
     pub doubtful_share: Option<f64>,
     /// Reports of other programs, if the recipe requests them.

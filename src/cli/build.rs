@@ -2,10 +2,12 @@
 
 use super::BackendArg;
 use super::console::Console;
+use super::environment::Environment;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::progress::{EndSummary, Progress};
 use super::renderers::RendererChoice;
+use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
 use super::{
     CommonArgs, RecipeTargets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown,
 };
@@ -47,6 +49,9 @@ pub(super) struct TrustOptions {
     /// Sync of files to disk: in batches, or each before the next
     #[arg(long, value_enum, default_value_t = SyncArg::Batch)]
     sync: SyncArg,
+    /// Treat a warning of a check as a fault: exit 3, and release nothing
+    #[arg(long)]
+    pub(super) strict: bool,
     /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]
     #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
     memory: Option<u64>,
@@ -86,16 +91,24 @@ impl BuildArgs {
         let PlanSurvey { settled, plan, taken_down } = surveyed?;
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
+        let mut findings = findings_of_settled(&settled, &store)?;
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
             RunSummary::default()
         } else {
             let (targets, care) = (&self.targets, &self.care);
-            BuildRequest { settled, targets, chosen: &chosen, common, care, console }.build(plan, &store)?.1
+            let request = BuildRequest { settled, targets, chosen: &chosen, common, care, console };
+            let (plan, summary) = request.build(plan, &store)?;
+            findings.extend(findings_of_run(&plan, &summary, &store)?);
+            summary
         };
         summary.kept += settled;
+        let faults = show_findings(&findings, console);
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
-        Ok(exit_kind(&summary))
+        Ok(match exit_kind(&summary) {
+            ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
+            exit => exit,
+        })
     }
 }
 
@@ -165,17 +178,20 @@ pub(super) fn open_store(
 
 /// How this user opens the store.
 pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOptions {
-    StoreOptions { index: index_of(&common.store), ..access.into() }
+    StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
 }
 
 /// Where the database of a store goes that lies on another machine's disk: into the user's cache, by the store's path.
-fn index_of(store: &Path) -> Option<PathBuf> {
+fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
     let there = path.ancestors().find(|path| path.is_dir())?;
     DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
-    let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
-    let cache = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
-    Some(cache.join("gs2e").join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()))
+    Some(
+        environment
+            .cache_folder()?
+            .join("gs2e")
+            .join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()),
+    )
 }
 
 /// What the store had to mend since it was last asked.

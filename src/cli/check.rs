@@ -3,8 +3,8 @@
 use super::build::store_options;
 use super::console::{Console, path};
 use super::problem::{ExitKind, VerbError};
+use super::verdicts::{count_line, findings_of_step};
 use super::{CommonArgs, RecipeTargets};
-use crate::artifact::{Artifact, ArtifactFiles, VerdictsRecord};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
 use crate::plan::assess::assess_plan;
@@ -26,6 +26,9 @@ pub(super) struct CheckArgs {
     /// Check the files of a release tree instead, without recipes or store
     #[arg(long, value_name = "DIR", conflicts_with = "recipes")]
     tree: Option<PathBuf>,
+    /// Count warnings as failed
+    #[arg(long)]
+    strict: bool,
     /// Count this check as failed where it was not run; may be repeated
     #[arg(long, value_name = "CHECK", value_parser = clap::builder::PossibleValuesParser::new(NAMES))]
     require: Vec<String>,
@@ -54,6 +57,7 @@ impl CheckArgs {
         let required = |finding: &Finding| self.require.contains(&finding.check);
         let found = findings.iter().filter_map(|f| match f.verdict {
             Verdict::Fail => Some(format!("{}: {} failed", f.subject, f.check)),
+            Verdict::Warn if self.strict => Some(format!("{}: {} warned", f.subject, f.check)),
             Verdict::NotRun if required(f) => Some(format!("{}: {} was not run", f.subject, f.check)),
             _ => None,
         });
@@ -95,12 +99,7 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
             return Err(VerbError::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
         };
-        let verdicts = VerdictsRecord::open(&ArtifactFiles::from_outputs(outputs, store))
-            .map_err(|e| VerbError::failed("unreadable", format!("failed to {e}")))?;
-        findings.extend(match step.name.rsplit_once('/') {
-            Some((trajectory, _)) => verdicts.findings_of(scene, trajectory),
-            None => verdicts.findings_of_scene(scene),
-        });
+        findings.extend(findings_of_step((scene, &step.name), outputs, store)?);
     }
     Ok(findings)
 }
@@ -111,15 +110,7 @@ fn show_findings(findings: &[Finding], console: &Console) {
         return records(findings, console);
     }
     table(findings).iter().for_each(|line| console.print(line));
-    let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
-    console.say(&format!(
-        "{} pass, {} warn, {} fail, {} waived, {} not run",
-        count(Verdict::Pass),
-        count(Verdict::Warn),
-        count(Verdict::Fail),
-        count(Verdict::Waived),
-        count(Verdict::NotRun)
-    ));
+    console.say(&count_line(findings));
 }
 
 /// Says which findings keep something from being done; programs get a record of each.

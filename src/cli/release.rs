@@ -4,6 +4,7 @@ use super::build::{BuildRequest, TrustOptions, exit_kind, open_store, tell_end};
 use super::console::{Console, path};
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, FULL, VerbError};
+use super::verdicts::{findings_of_run, show_findings};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, assess_plan};
@@ -79,6 +80,12 @@ impl ReleaseArgs {
         if built != ExitKind::Done {
             return Ok(built);
         }
+        let findings = findings_of_run(&plan, &summary, &store)?;
+        let faults = show_findings(&findings, console);
+        if self.care.strict && faults > 0 {
+            let message = format!("{faults} findings are no pass and --strict is set; nothing was released");
+            return Err(VerbError::fault("check-warned", message));
+        }
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
         let written = release::write_release(&mut target, built, self.linking(), cancel);
         store.flush()?;
@@ -123,8 +130,7 @@ impl ReleaseArgs {
             |what: &str, path: &Path, whole| GuardedPath { what: what.into(), path: path.into(), whole };
         let mut guarded =
             vec![guard("the store", &common.store, true), guard("the current folder", Path::new("."), false)];
-        guarded
-            .extend(std::env::var_os("HOME").map(|home| guard("your home folder", Path::new(&home), false)));
+        guarded.extend(common.environment.home().map(|home| guard("your home folder", home, false)));
         // What is not there yet holds nothing.
         let is_there = self.to.symlink_metadata().is_ok();
         for recipe in recipes {

@@ -6,7 +6,7 @@ mod trajectory;
 
 use super::field::Field;
 use super::resolve::ResolvedRecipe;
-use super::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin, schema};
+use super::{LicenceChoice, OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin, schema};
 use crate::licence::UpstreamGrant;
 use crate::render::AntialiasMode;
 use crate::sensor::noise::HotPixelNoise;
@@ -73,14 +73,18 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &ResolvedReci
         add("group", json!(group));
     }
     if let Some(licence) = &recipe.licence {
-        let mut said = json!({ "expression": licence.expression, "holder": licence.holder });
-        if let Some(UpstreamGrant { expression, granted_by, url, date }) = &licence.grant {
-            said["upstream"] = json!(expression);
-            said["evidence"] = json!({ "granted_by": granted_by, "url": url, "date": date });
-        }
-        add("licence", said);
+        add("licence", licence_value(licence));
     }
     out
+}
+
+fn licence_value(licence: &LicenceChoice) -> Value {
+    let mut value = json!({ "expression": licence.expression, "holder": licence.holder });
+    if let Some(UpstreamGrant { expression, granted_by, url, date }) = &licence.grant {
+        value["upstream"] = json!(expression);
+        value["evidence"] = json!({ "granted_by": granted_by, "url": url, "date": date });
+    }
+    value
 }
 
 /// Returns the settings of blur, depth and flow pictures, if they are requested.

@@ -144,6 +144,7 @@ fn of_trajectory(
         resampled: None,
         foreign: None,
         flow: None,
+        coverage: None,
         doubtful_share: None,
         limits: &recipe.checks.of_trajectory(),
     };

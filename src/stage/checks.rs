@@ -10,6 +10,7 @@ use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, TrajectoryProduct, VerdictsRecord, write_json,
 };
+use crate::check::coverage::ViewCoverage;
 use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::FlowAt;
 use crate::check::tally::{StreamObserver, TallyReference};
@@ -35,7 +36,7 @@ pub struct ChecksStage {
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 6;
+    const REVISION: u32 = 7;
     type Inputs =
         (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
     type Output = VerdictsRecord;
@@ -77,6 +78,7 @@ impl Stage for ChecksStage {
             tally: None,
             resampled: None,
             flow: simulation.and_then(|s| s.flow_px),
+            coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             foreign: foreign.as_ref(),
             limits: &self.limits,
@@ -126,6 +128,11 @@ fn measured_flows(streams: &EventStreams, motion: &TrajectoryProduct) -> Vec<Flo
         FlowAt { t_us: *t_us, px_s: flow_rates(depth, &view) }
     };
     streams.simulation.depth_stamps_us.iter().zip(&streams.depths).map(at).collect()
+}
+
+/// The emptiest of the views with a known depth.
+fn view_coverage(streams: &EventStreams) -> Option<ViewCoverage> {
+    ViewCoverage::from_depths(streams.simulation.depth_stamps_us.iter().copied().zip(&streams.depths))
 }
 
 /// Counts each stream in one pass.

@@ -1,9 +1,9 @@
-//! Command lines under fire, each run in this process, in a folder of its own: no word may panic a verb, and what a verb
+//! Command lines and environments under fire, each run in this process, in a folder of its own: no word may panic a verb, and what a verb
 //! says is inert, ends as the contract says, and is JSON where that was asked for.
 
 use crate::corpus::{Corpus, files};
 use crate::inert;
-use gs2e::cli::{ConsoleStreams, ExitKind, run_on};
+use gs2e::cli::{ConsoleStreams, Environment, ExitKind, run_on};
 use std::cell::Cell;
 use std::ffi::OsString;
 use std::fs;
@@ -102,6 +102,7 @@ pub(crate) fn read(line: &[u8]) -> bool {
     let name = OsString::from("gs2e");
     let exit = run_on(
         ConsoleStreams::of(results.clone(), notes.clone()),
+        environment(line),
         std::iter::once(name).chain(words.clone()),
     );
     judge(&words, exit, &results.text(), &notes.text());
@@ -130,11 +131,28 @@ fn judge(words: &[OsString], exit: ExitKind, stdout: &str, stderr: &str) {
     assert!(exit != ExitKind::Usage || stderr.contains("error: ") || stderr.contains("Usage: "), "{stderr}");
 }
 
+/// An environment for a line: each variable is not set, odd, a part of the line, or a sound folder.
+fn environment(line: &[u8]) -> Environment {
+    let sum = sum(line);
+    let value = |k: usize| match sum / (11 + 2 * k) % 4 {
+        0 => None,
+        1 => Some(OsString::from_vec(ODD[sum / (5 + k) % ODD.len()].to_vec())),
+        2 => Some(OsString::from_vec(line[..sum % (line.len() + 1)].to_vec())),
+        _ => Some("/nonexistent:.:".into()),
+    };
+    Environment { path: value(0), home: value(1), cache: value(2) }
+}
+
+/// A sum that mutations change.
+fn sum(line: &[u8]) -> usize {
+    line.iter().fold(0, |sum: usize, byte| sum.wrapping_mul(31).wrapping_add(usize::from(*byte)))
+}
+
 /// The words of a line; sometimes one of them is odd.
 fn words(line: &[u8]) -> Vec<OsString> {
     let mut words: Vec<Vec<u8>> = line.split(|byte| *byte == 0).map(<[u8]>::to_vec).collect();
-    // A sum that mutations change; lines of the corpus stay as they are.
-    let sum = line.iter().fold(0_usize, |sum, byte| sum.wrapping_mul(31).wrapping_add(usize::from(*byte)));
+    // Lines of the corpus stay as they are.
+    let sum = sum(line);
     if sum % 3 == 0 && !SOUND.iter().any(|sound| sound.replace(' ', "\0").as_bytes() == line) {
         let at = sum / 3 % words.len();
         words[at] = ODD[sum / 7 % ODD.len()].to_vec();
@@ -211,7 +229,7 @@ fn furnish(home: &Path) {
     for line in ["build -q tiny.yaml", "release -q --to out --copy tiny.yaml"] {
         let words = std::iter::once("gs2e").chain(line.split(' ')).map(OsString::from);
         let notes = Kept::default();
-        let exit = run_on(ConsoleStreams::of(io::sink(), notes.clone()), words);
+        let exit = run_on(ConsoleStreams::of(io::sink(), notes.clone()), Environment::of_process(), words);
         assert_eq!(exit, ExitKind::Done, "{line}: {}", notes.text());
     }
 }
