@@ -41,7 +41,7 @@ impl EventFormat {
     /// Returns true if files of this format store the sensor size.
     #[must_use]
     pub fn keeps_size(self) -> bool {
-        !matches!(self, Self::Npz | Self::Text(ColumnSeparator::Csv))
+        self != Self::Text(ColumnSeparator::Csv)
     }
 
     /// Returns true if they store the simulation law.
@@ -97,7 +97,8 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints) -> Result<OpenEv
         EventFormat::Npz => {
             let reader = npz::Reader::open(path)?;
             labelled = reader.labelled();
-            (None, Box::new(reader))
+            let header = reader.size().map(|size| StreamHeader { size, law: None, labelled });
+            (header, Box::new(reader))
         }
         EventFormat::Evt(_) => {
             let reader = evt::Reader::open(path)?;

@@ -1,5 +1,6 @@
 //! Event streams as NumPy archives: arrays `t` (int64, us), `x`, `y` (uint16) and `p` (uint8, 1
-//! brighter, 0 darker). A stream with labels also has `label` (uint8, 1 signal, 0 noise).
+//! brighter, 0 darker). A stream with labels also has `label` (uint8, 1 signal, 0 noise). The last array is
+//! `size` (int32): columns and rows of the sensor; archives of other programs may lack it.
 //!
 //! Entries are deflated and have the date 1980-01-01, the first day of the zip format: equal
 //! streams are equal bytes.
@@ -18,6 +19,9 @@ const ARRAYS: [(&str, &str); 4] = [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p
 
 /// The last array, if the stream has labels.
 const LABEL: (&str, &str) = ("label", "|u1");
+
+/// The array with the sensor's columns and rows.
+const SIZE: (&str, &str) = ("size", "<i4");
 
 /// Times from this on are refused: internal times are nanoseconds in 64 bits.
 const END_US: i64 = i64::MAX / 1000;

@@ -95,8 +95,15 @@ fn a_stream_goes_through_every_format() {
     }
     text += "5 40 7 0\n5 40 7 1\n5 319 239 0\n4095 1 1 1\n4096 0 0 0\n40000000 2 3 1\n40000001 2 3 0\n";
     place.write("in.txt", &text);
-    let chain =
-        ["a.raw --codec evt2", "b.raw --codec evt3", "c.h5", "c.aedat4", "d.raw --codec evt3", "e.txt"];
+    let chain = [
+        "a.raw --codec evt2",
+        "b.raw --codec evt3",
+        "c.h5",
+        "c.npz",
+        "c.aedat4",
+        "d.raw --codec evt3",
+        "e.txt",
+    ];
     let mut from = "in.txt".to_owned();
     for to in chain {
         place.ok(&format!("convert {from} {to}"));
@@ -104,16 +111,34 @@ fn a_stream_goes_through_every_format() {
     }
     assert_eq!(fs::read_to_string(place.path("e.txt")).unwrap(), text);
     assert_eq!(fs::read(place.path("b.raw")).unwrap(), fs::read(place.path("d.raw")).unwrap());
-    // those that do not keep the sensor's size
-    for (name, size) in [("f.npz", ""), ("g.csv", "--size 320x240")] {
-        assert_eq!(place.gs2e(&format!("convert e.txt {name}")).code, 2, "its size would be lost");
-        place.ok(&format!("convert --lossy e.txt {name}"));
-        assert_eq!(place.gs2e(&format!("convert {name} h.txt")).code, 1, "nobody says the size");
-        place
-            .ok(&format!("convert {name} h.txt --size 320x240 {size}")
-                .replace("--size 320x240 --size", "--size"));
-        assert_eq!(fs::read_to_string(place.path("h.txt")).unwrap(), text, "{name}");
+    // CSV has no place for the sensor's size; no event is lost with it.
+    let noted = place.ok("convert e.txt g.csv").stderr;
+    assert!(noted.contains("note: the sensor's size is not stored: 320x240"), "{noted}");
+    assert_eq!(place.gs2e("convert g.csv h.txt").code, 1, "the size is not stated");
+    place.ok("convert g.csv h.txt --size 320x240");
+    assert_eq!(fs::read_to_string(place.path("h.txt")).unwrap(), text);
+}
+
+/// The contrast of a simulation is a property of the recording and not of its events.
+#[test]
+fn a_contrast_without_a_place_is_a_note() {
+    let place = Workspace::new();
+    place.write("frames.npy", fs::read("tests/fuzz/corpus/bytes.npy").unwrap());
+    place.ok("simulate --frames frames.npy --fps 100 --sensor dvs346 --out e.h5");
+    for name in ["e.raw", "e.npz", "e.aedat4", "e.txt"] {
+        let ended = place.ok(&format!("convert --json e.h5 {name}"));
+        assert!(ended.stderr.contains("note: the contrast thresholds are not stored"), "{}", ended.stderr);
+        let value: Value = serde_json::from_str(&ended.stdout).unwrap();
+        assert_eq!(
+            (value["lost"].as_array().map(Vec::len), value["notes"].as_array().map(Vec::len)),
+            (Some(0), Some(1))
+        );
+        // The way back needs no --lossy either.
+        assert_eq!(place.ok(&format!("convert {name} back.h5")).code, 0, "{name}");
     }
+    place.ok("simulate --frames frames.npy --fps 100 --sensor dvs346 --labels --out l.h5");
+    assert_eq!(place.gs2e("convert l.h5 l.raw").code, 2, "labels belong to events");
+    place.ok("convert --lossy l.h5 l.raw");
 }
 
 #[test]

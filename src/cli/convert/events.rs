@@ -130,7 +130,7 @@ impl EventConversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<ExitKind, VerbError> {
         output::screen_outputs([self.to.0.as_path()], [], false)?;
         let mut opened = self.options.open(self.from.0, self.from.1)?;
-        let before = self.losses_of_form(&opened);
+        let before = self.losses_of_format(&opened);
         if !before.is_empty() && !self.lossy {
             return Err(self.refused(&before));
         }
@@ -156,16 +156,23 @@ impl EventConversion<'_> {
         Ok(ExitKind::Done)
     }
 
-    /// What the output's format has no place for.
-    fn losses_of_form(&self, opened: &OpenEventFile) -> Vec<String> {
+    /// Properties of events that the output's format cannot hold.
+    fn losses_of_format(&self, opened: &OpenEventFile) -> Vec<String> {
+        let labels = opened.header.labelled && !self.to.1.keeps_labels();
+        let labels = labels.then(|| "labels (signal or noise) are dropped".to_owned());
+        labels.into_iter().collect()
+    }
+
+    /// Properties of the recording that the output's format cannot hold: no event changes without them.
+    fn notes_of_format(&self, opened: &OpenEventFile) -> Vec<String> {
         let format = self.to.1;
         let law = opened.header.law.filter(|_| !format.keeps_law());
         let size = Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.size.is_none());
-        let law = law.map(|law| format!("contrast: dropped, {:.4} on and {:.4} off", law.c_on, law.c_off));
-        let size = size.map(|size| format!("sensor: its size is dropped, {size}"));
-        let labels = opened.header.labelled && !format.keeps_labels();
-        let labels = labels.then(|| "labels: dropped, which events are signal and which noise".to_owned());
-        [law, size, labels].into_iter().flatten().collect()
+        let law = law.map(|law| {
+            format!("the contrast thresholds are not stored: ON {:.4}, OFF {:.4}", law.c_on, law.c_off)
+        });
+        let size = size.map(|size| format!("the sensor's size is not stored: {size}"));
+        [law, size].into_iter().flatten().collect()
     }
 
     fn refused(&self, losses: &[String]) -> VerbError {
@@ -211,11 +218,13 @@ impl EventConversion<'_> {
         let ConversionSummary { events, on, untimed, bytes, .. } = *done;
         let amounts = [format_amount(events, "events"), format_amount(bytes, "B")];
         console.say(&format!("{}: {} of a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
+        let notes = self.notes_of_format(opened);
+        notes.iter().for_each(|note| console.say(&format!("note: {note}")));
         losses.iter().for_each(|loss| console.say(loss));
         if console.json {
             console.result(&json!({
                 "input": path(self.from.0), "output": path(output), "width": size.width, "height": size.height,
-                "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses,
+                "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses, "notes": notes,
             }));
         }
     }

@@ -1,9 +1,9 @@
 //! Reading: all arrays are decompressed in parallel streams.
 
-use super::{ARRAYS, END_US, LABEL};
+use super::{ARRAYS, END_US, LABEL, SIZE};
 use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity};
 use crate::files;
-use crate::image::npy;
+use crate::image::{Size, npy};
 use crate::units::Timestamp;
 use flate2::CrcReader;
 use flate2::read::DeflateDecoder;
@@ -24,6 +24,7 @@ const CHUNK: usize = 65_536;
 pub struct Reader {
     columns: [ArrayColumn; 4],
     labels: Option<ArrayColumn>,
+    size: Option<Size>,
     count: u64,
     next: u64,
 }
@@ -47,7 +48,14 @@ impl Reader {
                 return Err(EventFileError::Dataset { dataset: column.name, because });
             }
         }
-        Ok(Self { columns, labels, count, next: 0 })
+        let size = stored_size(path, &mut archive)?;
+        Ok(Self { columns, labels, size, count, next: 0 })
+    }
+
+    /// The sensor's size, if the archive states it.
+    #[must_use]
+    pub fn size(&self) -> Option<Size> {
+        self.size
     }
 
     /// Number of events.
@@ -75,6 +83,29 @@ impl Reader {
         let (x, y) = (u16::from_le_bytes(x), u16::from_le_bytes(y));
         Ok(Event { t: Timestamp::from_micros(t), x, y, polarity, label: EventLabel::Signal })
     }
+}
+
+/// The array `size`, if there is one.
+fn stored_size(
+    path: &Path,
+    archive: &mut ZipArchive<BufReader<File>>,
+) -> Result<Option<Size>, EventFileError> {
+    let (name, kind) = SIZE;
+    if archive.index_for_name(&format!("{name}.npy")).is_none() {
+        return Ok(None);
+    }
+    let mut column = ArrayColumn::open(path, archive, name, kind)?;
+    if column.count != 2 {
+        let because = format!("{} elements, wanted columns and rows", column.count);
+        return Err(EventFileError::Dataset { dataset: name, because });
+    }
+    let sides = column.read::<4>(0, 2)?;
+    column.verify()?;
+    let side = |i: usize| {
+        let side = i32::from_le_bytes(sides[i]);
+        u32::try_from(side).map_err(|_| wrong_value(name, i as u64, side.into(), "1 to 65536".to_owned()))
+    };
+    Ok(Some(Size { width: side(0)?, height: side(1)? }))
 }
 
 impl EventSource for Reader {

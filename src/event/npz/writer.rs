@@ -1,7 +1,7 @@
 //! Writing: the length of an array stands before its elements, so columns are kept in temporary
 //! files.
 
-use super::{ARRAYS, END_US, LABEL};
+use super::{ARRAYS, END_US, LABEL, SIZE};
 use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink, StreamHeader};
 use npyz::{DType, WriteOptions, WriterBuilder};
@@ -21,6 +21,7 @@ const LEVEL: i64 = 4;
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
+    size: [i32; 2],
     order: StreamOrder,
     columns: [ColumnSpool; 4],
     labels: Option<ColumnSpool>,
@@ -35,7 +36,9 @@ impl Writer {
         let [t, x, y, p] = ARRAYS.map(|(name, _)| ColumnSpool::create(path, name));
         let labels = header.labelled.then(|| ColumnSpool::create(path, LABEL.0)).transpose()?;
         let order = StreamOrder::new(header.size, END_US);
-        Ok(Self { path: path.to_owned(), order, columns: [t?, x?, y?, p?], labels })
+        let side = |side: u32| i32::try_from(side).unwrap_or(i32::MAX);
+        let size = [side(header.size.width), side(header.size.height)];
+        Ok(Self { path: path.to_owned(), size, order, columns: [t?, x?, y?, p?], labels })
     }
 
     /// Writes the archive, and returns the number of events.
@@ -62,6 +65,10 @@ impl Writer {
             write_npy_header(&mut archive, kind, count)?;
             std::io::copy(&mut column.rewound()?, &mut archive)?;
         }
+        let (name, kind) = SIZE;
+        archive.start_file(format!("{name}.npy"), entry_options())?;
+        write_npy_header(&mut archive, kind, 2)?;
+        archive.write_all(self.size.map(i32::to_le_bytes).as_flattened())?;
         archive.finish()?.flush()?;
         Ok(count)
     }

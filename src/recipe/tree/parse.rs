@@ -20,7 +20,8 @@ pub(in crate::recipe) fn parse_tree(
     let raw: RawValue = serde_saphyr::from_str_with_options(body, parser_options(body))
         .map_err(|e| vec![problem_of(&e, text, file)])?;
     let mut problems = Vec::new();
-    let node = raw.settle(body, file, &mut problems);
+    let mut node = raw.settle(body, file, &mut problems);
+    restore_switch_keys(&mut node);
     match node.kind {
         _ if !problems.is_empty() => Err(problems),
         NodeKind::Null => Ok(None),
@@ -28,6 +29,33 @@ pub(in crate::recipe) fn parse_tree(
         NodeKind::Scalar { .. } | NodeKind::List(_) => {
             let help = "write keys with values, such as version: 1";
             Err(vec![FieldProblem::new("the file holds no mapping").help(help).at(node.place)])
+        }
+    }
+}
+
+/// Restores the keys `on` and `off` of thresholds. In YAML 1.1 they are truth values, so tools such as
+/// PyYAML write them back as `true` and `false`.
+fn restore_switch_keys(node: &mut TreeNode) {
+    match &mut node.kind {
+        NodeKind::List(items) => items.iter_mut().for_each(restore_switch_keys),
+        NodeKind::Map(entries) => {
+            for MappingEntry { key, value, .. } in entries {
+                if let (true, NodeKind::Map(sides)) = (key == "threshold", &mut value.kind) {
+                    restore_sides(sides);
+                }
+                restore_switch_keys(value);
+            }
+        }
+        NodeKind::Null | NodeKind::Scalar { .. } => {}
+    }
+}
+
+fn restore_sides(entries: &mut [MappingEntry]) {
+    for (written, key) in [("true", "on"), ("false", "off")] {
+        // Both spellings at once are a mistake, which the reader reports.
+        if entries.iter().all(|entry| entry.key != key) {
+            let entry = entries.iter_mut().find(|entry| entry.key == written);
+            entry.into_iter().for_each(|entry| entry.key = key.to_owned());
         }
     }
 }

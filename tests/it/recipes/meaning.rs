@@ -60,6 +60,8 @@ fn spelling_changes_nothing() {
     t(&format!("\u{feff}---\n# a comment\n{plain}...\n"));
     t(&plain.replace("rate: 2400", "rate: 24e2  # frames").replace("seed: 7", "seed: 7.0"));
     t(&plain.replace("on: 0.5", "on: +.50").replace("arc: 20", "arc: 2.0e1"));
+    // As PyYAML, which reads YAML 1.1, writes it back.
+    t(&plain.replace("on: 0.5", "true: 0.5"));
     t(&plain.replace("factor: 1.1", "factor: 11/10").replace("scene: a/b", "scene: 'a/b'"));
     t(&plain
         .replace("factor: 1.1", "factor: \"1.10\"")
