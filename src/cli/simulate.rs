@@ -96,7 +96,8 @@ pub(super) struct SimulateArgs {
     /// Codec of a .raw
     #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
     codec: RawCodec,
-    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
+    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for
+    /// zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::ChunkFilter,
 }
