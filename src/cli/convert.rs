@@ -120,7 +120,6 @@ impl ConvertArgs {
     fn left_out(&self) -> Option<FormatLoss> {
         let mut head = Vec::new();
         let file = files::open(&self.input).ok()?;
-        // One byte above the limit, so that a header that is too long is noticed.
         file.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head).ok()?;
         let names = ply::left_out(&head);
         let what = format!("dropped: {}", names.join(", "));
