@@ -263,8 +263,8 @@ impl InitArgs {
         let kind = self.format.into();
         let mut selection = self.selection();
         if self.exclude.is_empty() {
-            // The dataset's own pattern is the default of every recipe of this kind, so only the
-            // user's patterns are written.
+            // A recipe without `exclude` already uses the dataset's own pattern. A written list
+            // replaces that default, so it holds both.
             selection.exclude.clear();
         }
         let captured = DiskCapture { kind, path: way(&path)?, selection };
