@@ -1,4 +1,4 @@
-//! `gs2e simulate`: the events that a sensor makes of the user's own frames.
+//! `gs2e simulate`: simulates a sensor on the user's own frames, and writes its events.
 
 mod account;
 mod sensor;
@@ -35,19 +35,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SimulateArgs {
-    /// A .npy [N, H, W] of uint8 or float32, a folder of images, or one with DVS-Voltmeter's info.txt
+    /// Frames: a .npy [N, H, W] of uint8 or float32, a folder of images, or a folder with
+    /// DVS-Voltmeter's info.txt
     #[arg(long, value_name = "FILE or DIR")]
     frames: PathBuf,
-    /// The luminance's change per second on the frames' own scale, for hermite: a .npy [N, H, W] of float32
+    /// Change of luminance per second on the frames' own scale, for hermite: a .npy [N, H, W] of
+    /// float32
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
-    /// A .npy [N] of int64: the frames' stamps in microseconds, strictly increasing
+    /// Time stamps of the frames: a .npy [N] of int64, in microseconds, strictly increasing
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     stamps: Option<PathBuf>,
-    /// Frames a second, where there are no stamps, such as 30 or 30000/1001
+    /// Frames per second, if there are no stamps, such as 30 or 30000/1001
     #[arg(long, value_name = "N", value_parser = sequence::parse_rate)]
     fps: Option<Hertz>,
-    /// A recipe, a file with what a recipe has under `sensor`, or a preset: dvs346, dvs240, gs2e-si
+    /// Recipe, file with the content of a recipe's `sensor`, or preset: dvs346, dvs240, gs2e-si
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
     /// Sampler: exact or official [default: the sensor's]
@@ -77,14 +79,15 @@ pub(super) struct SimulateArgs {
     /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,
-    /// Position of the frames' top-left pixel on the sensor, so that a crop draws the noise of the whole
+    /// Position of the frames' top-left pixel on the sensor, so that a crop draws the same noise as
+    /// the whole
     #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::parse_origin)]
     origin: sequence::SensorOrigin,
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames and count the others, instead of
-    /// failing
+    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames and count the
+    /// rest, instead of failing
     #[arg(long)]
     allow_cap: bool,
     /// Label each event as signal or noise, in .h5 and .npz
@@ -155,6 +158,7 @@ impl SimulateArgs {
         let (c_on, c_off) = model.contrast();
         let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
         let header = StreamHeader { size: sequence.frames.size(), law, labelled: model.labels() };
+        // An .h5 counts its times from 0 only if 32 bits can hold them.
         let (first_us, last_us) = sequence.span_us();
         let h5 = h5::H5Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
         let options = file::WriteOptions { zero_us: first_us, h5 };
