@@ -105,7 +105,7 @@ pub(super) struct SimulateArgs {
     h5_filter: h5::ChunkFilter,
 }
 
-/// A value by the name that recipes have for it.
+/// A value by its name in recipes.
 fn parse_word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
 }
@@ -121,7 +121,7 @@ impl SimulateArgs {
             VerbError::usage("format", what).help(super::convert::events::SUPPORTED)
         })?;
         common.limit_cores();
-        // Before there is anything that an interruption could leave behind.
+        // Interrupts are caught before a file exists that an interrupt could leave behind.
         let stop = super::on_interrupt()?;
         let sensor = sensor::choose_sensor(&self)?;
         let mut sequence = StampedFrames::open_inputs(&self)?;
@@ -172,7 +172,7 @@ impl SimulateArgs {
         written.map_err(|failure: SimulateFailure| self.told(failure)).map(|()| done)
     }
 
-    /// Shows every frame to the sensor.
+    /// Feeds every frame to the sensor.
     fn simulate(
         &self,
         sensor: &SensorChoice,
@@ -239,7 +239,7 @@ impl SimulateArgs {
     }
 }
 
-/// A file as the sink that it is.
+/// An event file as an event sink.
 struct SinkOf<'a>(&'a mut dyn EventFile);
 
 impl EventSink for SinkOf<'_> {
@@ -248,7 +248,7 @@ impl EventSink for SinkOf<'_> {
     }
 }
 
-/// Why there is no file.
+/// The reason why there is no file.
 enum SimulateFailure {
     Write(EventFileError),
     Simulate(SimulateError),

@@ -193,9 +193,8 @@ fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbEr
         (FullScale::Grey255, 255)
     } else if brightest <= MOST_OF_ONE {
         (FullScale::One, 1)
-    // Between the two bounds, both scales are possible, and a wrong guess would scale the
-    // brightness by 255.
     } else {
+        // Both scales are possible, and a wrong guess would scale the brightness by 255.
         let what = format!("white is 1 or 255, and the brightest of the first two frames is {brightest}");
         return Err(VerbError::usage("full-scale", what).help("--full-scale 1 or --full-scale 255"));
     };
