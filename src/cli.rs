@@ -66,25 +66,25 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum VerbCommand {
-    /// Run the steps that are stale, and no others
+    /// Run the stale steps, and no others
     Build(build::BuildArgs),
-    /// Show what `build` would run, may run and keep, each with its reason; runs nothing
+    /// Show the steps that `build` would run, may run and keep, each with its reason; runs nothing
     Plan(plan::PlanArgs),
-    /// Show what goes into a step's key, and what changed since it was last made
+    /// Show the parts of a step's key, and the changes since the step was last made
     Why(why::WhyArgs),
     /// Show the verdicts of the validation passes
     Check(check::CheckArgs),
-    /// Build what is stale, check it, and write the release
+    /// Build the stale steps, check the results, and write the release
     Release(release::ReleaseArgs),
-    /// Read every byte of a release, and report whether it is whole and consistent
+    /// Read every byte of a release, and check that it is complete and consistent
     Audit(audit::AuditArgs),
-    /// Show what differs between two releases, and why
+    /// Show the differences between two releases, each with its reason
     Diff(diff::DiffArgs),
     /// Convert a scene or an event file to another format, or draw events
     Convert(convert::ConvertArgs),
     /// Write one recipe for each scene of a dataset on disk
     Init(init::InitArgs),
-    /// Delete what no recipe and no release refers to
+    /// Delete the stored files that no recipe and no release refers to
     Gc(gc::GcArgs),
     /// Render one view of a scene file
     Render(render::RenderArgs),

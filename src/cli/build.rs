@@ -47,7 +47,7 @@ pub(super) struct TrustOptions {
     /// Sync of files to disk: in batches, or each before the next
     #[arg(long, value_enum, default_value_t = SyncArg::Batch)]
     sync: SyncArg,
-    /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]
+    /// Memory for all steps together, as 8GB or 500MB [default: 80 % of the free memory]
     #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
     memory: Option<u64>,
 }

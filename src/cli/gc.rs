@@ -23,10 +23,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 pub(super) struct GcArgs {
     #[command(flatten)]
     targets: RecipeTargets,
-    /// Keep what is younger than this: 90s, 30m, 12h or 1d
+    /// Keep files younger than this: 90s, 30m, 12h or 1d
     #[arg(long, value_name = "AGE", default_value = "1d", value_parser = parse_age)]
     min_age: Duration,
-    /// Show what would be deleted, and delete nothing
+    /// Print the amounts that would be deleted, and delete nothing
     #[arg(long)]
     dry_run: bool,
 }

@@ -159,7 +159,6 @@ impl RenderArgs {
     /// The velocity of the camera, and warnings about it.
     ///
     /// # Errors
-    ///
     /// The channel needs a velocity, and none is given.
     fn motion(&self) -> Result<(CameraVelocity, Vec<String>), VerbError> {
         let name = self.channel.name();

@@ -67,7 +67,8 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
     };
     let (sender, events) = mpsc::channel();
     let [ended, signalled, asked] = [(); 3].map(|()| sender.clone());
-    // The threads end with the process, so they are not joined.
+    // The receiver lives as long as the process, so no send fails. The threads end with the process
+    // too, and are not joined.
     thread::spawn(move || drop(ended.send(SupervisorEvent::Ended(wait(group)))));
     thread::spawn(move || signals.forever().all(|_| signalled.send(SupervisorEvent::Gone).is_ok()));
     let mut reader = line.try_clone()?;

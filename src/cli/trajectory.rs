@@ -113,7 +113,6 @@ impl TrajectoryArgs {
     /// The capture, if one is given.
     ///
     /// # Errors
-    ///
     /// A path needs a capture and none is given, or the capture cannot be read.
     fn captured(
         &self,

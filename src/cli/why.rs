@@ -98,7 +98,7 @@ fn is_of_recipe(reason: &StepReason) -> bool {
 }
 
 /// The scene and the steps that a name means. The scene is the longest id that matches. The rest of
-/// the name is one step, or the beginning of several.
+/// the name is a step, or a folder of steps.
 fn choose_steps<'p>(
     plan: &'p Plan,
     name: &'p str,

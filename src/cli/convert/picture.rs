@@ -85,7 +85,6 @@ impl PictureOptions {
     /// Returns true if the name of the output asks for a picture.
     ///
     /// # Errors
-    ///
     /// An option for pictures is given, and the output is not a picture.
     pub(super) fn of(&self, output: &Path) -> Result<bool, VerbError> {
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));

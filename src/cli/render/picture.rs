@@ -70,7 +70,6 @@ impl PictureFormat {
     /// The format for a path by its extension; `.npy` for stdout.
     ///
     /// # Errors
-    ///
     /// The extension is unknown, or the format cannot hold the channel.
     pub(super) fn for_path(path: &Path, channel: ChannelArg) -> Result<Self, VerbError> {
         let is = |wanted: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted));

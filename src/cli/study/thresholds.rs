@@ -33,7 +33,8 @@ pub(super) struct ThresholdsArgs {
     /// Thresholds of ON and OFF events, in rising order
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.25,0.5,0.75,1,1.25,1.5")]
     thresholds: Vec<f64>,
-    /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms about its middle]
+    /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms around
+    /// its middle]
     #[arg(long, value_name = "T0,T1", value_parser = parse_span)]
     span: Option<SpanArg>,
     /// File for the table

@@ -217,8 +217,8 @@ impl WorkPrecision {
     }
 }
 
-/// The sensor with the law whose events do not depend on frames, and without what is not part of
-/// the signal.
+/// The sensor with the law whose events do not depend on frames, and without hot pixels, mismatch
+/// and the cap, which are not part of the signal.
 fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
     VoltmeterModel {
         law: SamplerKind::Exact,
