@@ -278,6 +278,7 @@ pub fn run_on(streams: ConsoleStreams, arguments: impl IntoIterator<Item = OsStr
         Err(error) => {
             // The arguments could not be parsed, so the words alone decide the form of the error.
             let console = Console::new(streams, wants_json(&arguments), false);
+            // Help and version arrive as errors too, but they are results.
             let ended = if error.use_stderr() {
                 Err(misread(&arguments, error))
             } else {
@@ -314,6 +315,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 /// Returns true if the command line asks for results for programs, even if it cannot be parsed as a
 /// whole.
 fn wants_json(arguments: &[OsString]) -> bool {
+    // Words after `--` are values.
     arguments.iter().skip(1).take_while(|word| *word != "--").any(|word| word == "--json")
 }
 
@@ -387,6 +389,7 @@ fn on_interrupt() -> Result<Arc<AtomicBool>, VerbError> {
     if !machine::ignores(SIGHUP) {
         signals.push(SIGHUP);
     }
+    // 130 is what a shell reports for a program that an interrupt ended.
     for signal in signals {
         // The shutdown is registered first: in the other order the first signal would set the flag
         // and then end the program.

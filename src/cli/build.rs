@@ -177,6 +177,7 @@ fn index_of(store: &Path) -> Option<PathBuf> {
     // The store may not exist yet; its nearest existing ancestor is on the same file system.
     let there = path.ancestors().find(|path| path.is_dir())?;
     DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
+    // A database on a network file system is not safe, so it goes to a local disk.
     let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     let cache = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
     Some(cache.join("gs2e").join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()))
@@ -286,6 +287,7 @@ fn run_options(common: &CommonArgs, care: &TrustOptions, chosen: &RendererChoice
         budget: ResourceBudget {
             cores,
             memory,
+            // At most one GPU is opened, and each serves one step at a time.
             gpus: usize::from(matches!(common.backend, BackendArg::Gpu | BackendArg::Auto)),
         },
         keep_going: common.keep_going,
@@ -323,6 +325,7 @@ pub(super) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
 }
 
 pub(super) fn exit_kind(summary: &RunSummary) -> ExitKind {
+    // An interrupted run may have failures too; the interrupt decides.
     if summary.interrupted {
         ExitKind::Interrupted
     } else if summary.failures.is_empty() {

@@ -64,6 +64,7 @@ impl CheckArgs {
 
     fn of_built(&self, common: &CommonArgs, console: &Console) -> Result<Vec<Finding>, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
+        // Without this, a misspelt scene would have no findings and so no fault.
         if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
             return Err(VerbError::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
@@ -94,6 +95,7 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
         if ![checks::NAME, scene_checks::NAME].contains(&step.step.stage()) || !wanted {
             continue;
         }
+        // A missing verdict must not look like a pass.
         let Some(outputs) = &assessed.outputs else {
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
             return Err(VerbError::failed("not-built", message).step(scene, &step.name).help("gs2e build"));

@@ -53,6 +53,7 @@ struct WriterState {
 impl WriterState {
     /// Writes results, unless an earlier write failed.
     fn results(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) {
+        // A later result would hide the gap from the reader.
         if self.lost.is_none() {
             self.lost = write(&mut *self.streams.results).err();
         }
@@ -166,6 +167,7 @@ impl Console {
                     "failed to write results to stdout",
                 );
                 self.show(&message.because(error.to_string()));
+                // A lost result does not turn an interrupt into a failure.
                 if exit == ExitKind::Interrupted { exit } else { ExitKind::Failed }
             }
             _ => exit,

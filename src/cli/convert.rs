@@ -121,6 +121,7 @@ impl ConvertArgs {
         let mut head = Vec::new();
         let file = files::open(&self.input).ok()?;
         file.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head).ok()?;
+        // Empty for a file of another format, which has no such header.
         let names = ply::left_out(&head);
         let what = format!("dropped: {}", names.join(", "));
         (!names.is_empty()).then_some(FormatLoss { field: "other properties", what, largest: None })

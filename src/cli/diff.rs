@@ -85,6 +85,7 @@ fn file_lines(changes: &[FileChange]) -> Vec<String> {
     let named = changes.iter().take(FILES_NAMED);
     let mut lines: Vec<String> = named
         .map(|FileChange { path, old, new }| match (old, new) {
+            // Only changed files are listed, so equal sizes mean other content.
             (Some(a), Some(b)) if a == b => format!("{path}: other content, {a} bytes as before"),
             _ => format!("{path}: {} -> {}", size(*old), size(*new)),
         })

@@ -149,6 +149,7 @@ impl InitArgs {
             return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
         }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
+        // Existing defaults are never rewritten, so the pace would have no effect.
         if let (Some(_), Some(_)) = (reconstructs, self.pace) {
             let what =
                 format!("--pace is written into {}, which is there", draft::defaults_in(&self.to).display());
@@ -238,7 +239,9 @@ impl InitArgs {
             candidates.into_iter().partition(|candidate| is_there(&candidate.recipe));
         outcome.kept = kept.len();
         if let Some(limit) = self.limit {
+            // Existing recipes count, so the same command again adds nothing.
             let room = limit.saturating_sub(kept.len());
+            // Cached, because each key is a SHA-256.
             new.sort_by_cached_key(|candidate| sample::sample_rank(self.seed, &candidate.scene));
             outcome.left = new.len().saturating_sub(room);
             new.truncate(room);

@@ -27,6 +27,7 @@ pub(super) fn free_memory() -> u64 {
     let machine = said("/proc/meminfo").and_then(|text| available_memory(&text));
     let [limit, used] = ["memory.max", "memory.current"].map(cgroup_number);
     let group = limit.map(|limit| limit.saturating_sub(used.unwrap_or(0)));
+    // The division comes first, so that the product cannot overflow.
     machine.into_iter().chain(group).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
 }
 
@@ -39,6 +40,7 @@ fn available_memory(meminfo: &str) -> Option<u64> {
 /// A number of the control group of this process (version 2); `None` if there is no limit.
 fn cgroup_number(file: &str) -> Option<u64> {
     let groups = said("/proc/self/cgroup")?;
+    // Version 2 has the hierarchy 0, and no list of controllers.
     let own = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
     // Without a limit, `memory.max` holds the word `max`, which is no number.
     said(&format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/')))?.trim().parse().ok()
@@ -59,6 +61,7 @@ pub(super) fn ignores(signal: i32) -> bool {
 fn is_ignored(status: &str, signal: i32) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    // The mask has 64 bits; a higher signal is not in it.
     mask.checked_shr(signal.unsigned_abs() - 1).is_some_and(|bits| bits & 1 == 1)
 }
 

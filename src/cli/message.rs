@@ -117,6 +117,8 @@ impl UserMessage {
         let other = self.path.as_ref().filter(|_| at.is_some());
         let message = std::iter::once(&self.what).chain(other).chain(&self.details).chain(&self.why);
         let message = message.fold(String::new(), |mut all, part| {
+            // A line that begins with a space belongs to the line before it, and keeps its line
+            // break.
             let joint = if all.is_empty() {
                 ""
             } else if part.starts_with(' ') {

@@ -148,6 +148,7 @@ impl From<SurveyError> for VerbError {
 impl From<StoreError> for VerbError {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
+        // Any operation may meet a full disk, and the remedy is always the same.
         if error.is_full() {
             return Self::failed("disk-full", format!("no space: failed {message}")).help(FULL);
         }

@@ -202,6 +202,7 @@ impl<'a> Progress<'a> {
 
     /// Shows lines above the bars, if there are bars.
     fn above_bars(shown: &ProgressView, show: impl FnOnce()) {
+        // A redraw of the bars at the same time would overwrite the lines.
         match &shown.bars {
             Some(bars) => bars.above(show),
             None => show(),
@@ -254,6 +255,7 @@ impl<'a> Progress<'a> {
         self.tell(shown, &message);
         shown.failed.push((scene.to_owned(), name.to_owned(), message));
         if let Some(bars) = &shown.bars {
+            // The remaining time must not count steps that can no longer run.
             self.behind(step).iter().for_each(|step| bars.lost(*step));
         }
     }

@@ -61,6 +61,7 @@ impl ReleaseArgs {
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
         let mut beside = ReleaseContext::read(&self.targets.recipes)?;
+        // Before the takedown: the sources of a scene that is taken down are guarded too.
         let guarded = self.guarded(&recipes, common);
         let (recipes, taken_down) = beside.takedown.keep(recipes);
         beside.taken_down = taken_down.scenes;
@@ -80,6 +81,7 @@ impl ReleaseArgs {
         let (plan, summary) = building.build(plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit_kind(&summary);
+        // An incomplete build is never released, and the existing tree stays as it is.
         if built != ExitKind::Done {
             return Ok(built);
         }

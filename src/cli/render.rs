@@ -109,6 +109,7 @@ impl RenderArgs {
             [self.scene.as_path(), self.view.as_path()],
             console.json,
         )?;
+        // Options are checked before the scene is read, which may take long.
         let format = PictureFormat::for_path(&self.out, self.channel)?;
         let (velocity, mut warnings) = self.motion()?;
         common.limit_cores();

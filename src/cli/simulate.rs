@@ -125,6 +125,7 @@ impl SimulateArgs {
         let stop = super::on_interrupt()?;
         let sensor = sensor::choose_sensor(&self)?;
         let mut sequence = StampedFrames::open_inputs(&self)?;
+        // Labels that were asked for must not be dropped silently.
         if sensor.as_model().labels() && !format.keeps_labels() {
             let what = format!("{} has no place for the labels of events", self.out.display());
             return Err(VerbError::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
@@ -166,6 +167,8 @@ impl SimulateArgs {
         let written = write_beside(&self.out, |part| {
             let mut sink = file::create(part, format, &header, options)?;
             done = self.simulate(sensor, sequence, &mut *sink, watch)?;
+            // The times of the events count from the first stamp, which is `zero_us` of the
+            // options.
             EventFile::finish(sink, last_us - first_us)?;
             Ok(())
         });

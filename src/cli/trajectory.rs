@@ -120,6 +120,7 @@ impl TrajectoryArgs {
         warnings: &mut Vec<String>,
     ) -> Result<Option<CaptureInput>, VerbError> {
         let Some(place) = &self.capture else {
+            // The whole chain is searched: a base may need a capture even if its follower does not.
             return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
                 None => Ok(None),
                 Some(recipe) => {
@@ -242,6 +243,7 @@ impl TrajectoryMaker<'_> {
         let (mut made, mut before): (Option<MadeTrajectory>, Vec<String>) = (None, Vec::new());
         for (i, recipe) in chain.iter().enumerate() {
             let base = made.take();
+            // The base itself is not written, so its warnings carry its name.
             let told = base.iter().flat_map(|base| &base.report.warnings);
             before.extend(told.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
             made = Some(self.one(recipe, base.as_ref())?);

@@ -32,6 +32,7 @@ impl WhyArgs {
         let assessed = assess_plan(&plan, &store)?;
         let (scene, chosen) = choose_steps(&plan, &self.name)?;
         let edits = edits_since(&plan.scenes()[scene], &store);
+        // Programs get the edits with the record of each step.
         if !edits.is_empty() && !console.json {
             tell_edits(&plan, scene, &edits, &assessed, console);
         }

@@ -106,6 +106,7 @@ impl RebuildArgs {
             common.programs(),
         );
         let beside = ReleaseContext::read(&self.recipes)?;
+        // No other process knows this new store, so there is no holder to report.
         let store = Store::open(&common.store, StoreOptions::from(StoreAccess::Write), &mut |_| {})?;
         let (targets, care) = (&RecipeTargets { recipes: self.recipes.clone() }, &TrustOptions::default());
         let plan = Plan::new(recipes, &chosen.asking(&store));

@@ -107,6 +107,8 @@ impl PictureOptions {
         let mut opened = options.open(input, format)?;
         let size = opened.header.size;
         let window_us = self.window.map_or(i64::MIN..i64::MAX, |TimeWindow(begin, end)| begin..end);
+        // A large sensor may need more memory than there is; that is an error here and not an
+        // abort.
         let mut canvas = self.canvas(size, window_us.clone()).map_err(|e| {
             let what = format!("{}: a picture of {size}: {}", output.display(), io::Error::from(e));
             VerbError::failed("not-written", what)

@@ -77,6 +77,7 @@ impl ProgressBars {
             let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
             let row =
                 ProgressBar::new_spinner().with_style(style).with_message(escape::line(name).into_owned());
+            // The name in the row is escaped above, because bars do not pass through the console.
             let row = self.all.add(row);
             row.enable_steady_tick(TICK);
             self.rows.insert(step, row);

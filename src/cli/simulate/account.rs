@@ -81,6 +81,7 @@ impl SimulateReport<'_> {
 
     /// Events per pixel and second.
     fn rate(&self) -> f64 {
+        // The time is not zero: there are at least two stamps, strictly increasing.
         self.account.events as f64 / self.sequence.frames.size().pixels() as f64 / self.seconds()
     }
 

@@ -78,6 +78,7 @@ pub(super) fn luminance(text: &str) -> Result<LuminanceWeights, String> {
 pub(super) fn parse_range(text: &str) -> Result<GreyRange, String> {
     let [min, max] =
         parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
+    // An infinite end means no clamp.
     Ok(GreyRange { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
 }
 

@@ -88,6 +88,7 @@ impl StampedFrames {
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
             None if floats => decide_scale(&asked.frames, &mut told)?,
+            // Integers are grey from 0 to 255.
             _ => FullScale::Grey255,
         };
         let decided = floats && asked.full_scale.is_none();
@@ -134,6 +135,7 @@ impl StampedFrames {
     /// A warning about the memory for the frames that a sensor holds, if the frame rate is high.
     fn many(&self) -> Option<String> {
         let hz = self.rate().to_f64();
+        // A sample of a held frame takes 4 bytes.
         let held = (hz * HELD_NS * 1e-9).ceil() * self.frames.size().pixels() as f64 * 4.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an amount for people")]
         let bytes = format_amount(held as u64, "B");

@@ -111,6 +111,7 @@ impl CostKind {
         tap: &dyn Fn() -> ControlFlow<()>,
     ) -> Result<(TimeSpent, RenderWork), VerbError> {
         let before = process_time();
+        // The announcement starts work on a GPU, so it is part of the time.
         renderer.expect(view, self.want);
         let work = renderer.render(view, self.want, &mut self.rendered).map_err(|e| not_rendered(&e))?;
         let took = process_time() - before;
@@ -145,6 +146,7 @@ fn luminance_of(rendered: &RenderedImages) -> Image<f32> {
 /// Resets the peak memory of this process. Where the system cannot do it, the peak stays that of
 /// the whole run.
 fn forget_peak() {
+    // 5 resets the peak of the resident memory, and nothing else (proc(5)).
     let _ = fs::write("/proc/self/clear_refs", "5");
 }
 

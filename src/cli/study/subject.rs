@@ -94,6 +94,7 @@ struct StudyProducts<'a> {
 impl StudyProducts<'_> {
     fn open<A: Artifact>(&self, name: &str) -> Result<A, VerbError> {
         let found = self.plan.steps().iter().zip(self.assessed).find(|(step, _)| step.name == name);
+        // Older outputs belong to another recipe, so a study of them would mislead.
         let Some(outputs) = found.and_then(|(_, assessed)| assessed.outputs.as_ref()) else {
             let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
             return Err(VerbError::failed("not-built", message).step(self.scene, name).help("gs2e build"));

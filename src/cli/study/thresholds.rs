@@ -72,6 +72,7 @@ impl ThresholdsArgs {
         let sensor = subject::single_voltmeter(&recipe)?;
         common.limit_cores();
         let backend = common.backend()?;
+        // The seed of a build, so that the noise is that of the released events.
         let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, StreamPurpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let asked = recipe.render;

@@ -130,6 +130,7 @@ impl WorkPrecision {
         let subject = StudySubject::open_subject(recipe, &name, common)?;
         let style = render.resolve(subject.gaussians.antialiased);
         let window = self.window(&subject)?;
+        // A folder that cannot be created is reported before the measurements, which take long.
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
         let lab = StudyLab {
             subject: &subject,
@@ -199,6 +200,7 @@ impl WorkPrecision {
                 format!("{seconds} s from {start} s on reach beyond the trajectory's end at {whole} s");
             return Err(refuse(what));
         }
+        // The rates rise, so the first has the longest steps.
         let coarsest = (self.finest / self.rates[0]) as usize;
         if intervals < 2 * coarsest {
             let what = format!("{seconds} s hold fewer than two steps at {} frames a second", self.rates[0]);

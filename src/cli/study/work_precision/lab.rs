@@ -64,6 +64,7 @@ impl FineWindow {
     /// same time.
     fn view(&self, camera: Camera, frame: usize) -> CameraView {
         let at = self.start + self.stamp_us(frame) as f64 * 1e-6;
+        // A rounded stamp may lie beyond the end of the path.
         let (pose, velocity) = self.path.at(at.min(self.path.seconds()));
         CameraView { velocity, ..CameraView::at_rest(camera, pose) }
     }
