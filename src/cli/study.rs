@@ -25,8 +25,8 @@ pub(super) struct StudyArgs {
 
 #[derive(Debug, clap::Subcommand)]
 enum StudySubcommand {
-    /// Sweep the contrast threshold: count all events at each value, and those that come from smooth
-    /// motion
+    /// Sweep the contrast threshold: count all events at each value, and those that come from
+    /// smooth motion
     Thresholds(thresholds::ThresholdsArgs),
 }
 

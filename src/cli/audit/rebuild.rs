@@ -149,7 +149,8 @@ fn draw_scenes(manifest: &ReleaseManifest, count: usize, seed: u64) -> Vec<Strin
 fn class_of(manifest: &ReleaseManifest, scene: &str) -> String {
     let steps = manifest.scenes.iter().filter(|listed| listed.id == scene).flat_map(|listed| &listed.steps);
     let mut classes = steps.filter_map(|step| step.made_of.as_ref()?.class.clone());
-    // The class of a back end has a slash, as in `cpu/1`; a list of program versions is a class too.
+    // The class of a back end has a slash, as in `cpu/1`. A list of program versions is a class
+    // too.
     classes.find(|class| class.contains('/')).unwrap_or_default()
 }
 
