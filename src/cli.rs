@@ -1,7 +1,8 @@
-//! The command line: what the user types, what they read, and how the program ends.
+//! The command line: the arguments of the user, the output, and the exit code.
 //!
-//! The only room that prints, reads the environment, or looks at a clock for people. Results go to stdout, all other
-//! text to stderr; `docs/command-line.md` says what programs may rely on.
+//! This is the only module that prints, reads the environment, or looks at a clock for people.
+//! Results go to stdout, and all other text to stderr. `docs/command-line.md` lists the parts that
+//! programs may rely on.
 
 mod audit;
 mod build;
@@ -68,25 +69,25 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum VerbCommand {
-    /// Run the steps that are stale, and no others
+    /// Run the stale steps, and no others
     Build(build::BuildArgs),
-    /// Show what `build` would run, may run and keep, each with its reason; runs nothing
+    /// Show the steps that `build` would run, may run and keep, each with its reason; runs nothing
     Plan(plan::PlanArgs),
-    /// Show what goes into a step's key, and what changed since it was last made
+    /// Show the parts of a step's key, and the changes since the step was last made
     Why(why::WhyArgs),
     /// Show the verdicts of the validation passes
     Check(check::CheckArgs),
-    /// Build what is stale, check it, and write the release
+    /// Build the stale steps, check the results, and write the release
     Release(release::ReleaseArgs),
-    /// Read every byte of a release, and report whether it is whole and consistent
+    /// Read every byte of a release, and check that it is complete and consistent
     Audit(audit::AuditArgs),
-    /// Show what differs between two releases, and why
+    /// Show the differences between two releases, each with its reason
     Diff(diff::DiffArgs),
     /// Convert a scene or an event file to another format, or draw events
     Convert(convert::ConvertArgs),
     /// Write one recipe for each scene of a dataset on disk
     Init(init::InitArgs),
-    /// Delete what no recipe and no release refers to
+    /// Delete the stored files that no recipe and no release refers to
     Gc(gc::GcArgs),
     /// Render one view of a scene file
     Render(render::RenderArgs),
@@ -106,7 +107,7 @@ struct CommonArgs {
     /// Work in this folder
     #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
     directory: Option<PathBuf>,
-    /// Folder of the store, which keeps what was built
+    /// Folder of the store, which keeps the built products
     #[arg(long, value_name = "DIR", default_value = CommonArgs::STORE, global = true)]
     store: PathBuf,
     /// Cores to use [default: all]
@@ -118,16 +119,16 @@ struct CommonArgs {
     /// Renderer
     #[arg(long, value_enum, default_value_t = BackendArg::Auto, global = true)]
     backend: BackendArg,
-    /// GPU to render on: its number in the list of all, from 0, or a part of its name
+    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name
     #[arg(long, value_name = "NAME or INDEX", global = true)]
     gpu: Option<gpu::DeviceChoice>,
-    /// Render also what changes no bit, for comparison with a normal build
+    /// Also do the rendering work that changes no bit, for comparison with a normal build
     #[arg(long, global = true)]
     no_omit: bool,
     /// Run the programs that recipes name, instead of showing them
     #[arg(long, global = true)]
     allow_commands: bool,
-    /// Fail, instead of waiting, while another gs2e uses the store
+    /// Fail instead of waiting while another gs2e uses the store
     #[arg(long, global = true)]
     no_wait: bool,
     /// Print results for programs to stdout
@@ -136,7 +137,7 @@ struct CommonArgs {
     /// Print failures only
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// The whole command, for those who wait for it.
+    /// The whole command as typed, shown to other processes that wait for this one.
     #[arg(skip)]
     command: String,
     #[arg(skip)]
@@ -144,13 +145,13 @@ struct CommonArgs {
 }
 
 impl CommonArgs {
-    /// Where built things are kept unless the user says otherwise.
+    /// Default folder of the store.
     const STORE: &'static str = ".gs2e";
 
-    /// What renders the scenes of recipes, which the keys of their steps depend on.
+    /// The renderer of the scenes of recipes. The keys of their steps depend on it.
     fn renderers(&self) -> Result<RendererChoice, VerbError> {
         let by = match self.backend {
-            // One in software is slower than the CPU renderer: it is taken where it is named.
+            // A software GPU is slower than the CPU renderer, so it is used only if it is named.
             BackendArg::Auto => RendererKind::Auto(AutoRenderers::new(
                 self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware),
             )),
@@ -161,18 +162,20 @@ impl CommonArgs {
 
     /// The programs on the user's path. This program supervises them, even if its file was replaced meanwhile.
     fn programs(&self) -> ProgramFinder {
+        // The link in /proc still leads to the running executable after its file was replaced or
+        // deleted.
         let own = PathBuf::from("/proc/self/exe");
         let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
         ProgramFinder::new(self.environment.path(), own)
     }
 
-    /// Cores to use.
+    /// Number of cores to use.
     fn cores(&self) -> usize {
         self.jobs.map_or_else(machine::available_cores, usize::from)
     }
 
-    /// Keeps `-j` to the cores of this machine. Idle threads look for work at one another, so the time that they
-    /// take grows with the square of their number.
+    /// Limits `-j` to the cores of this machine. Idle threads look for work at each other, so the
+    /// time that they take grows with the square of their number.
     fn clamp_jobs(&mut self, console: &Console) {
         let cores = u16::try_from(machine::available_cores()).unwrap_or(u16::MAX);
         if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
@@ -181,12 +184,13 @@ impl CommonArgs {
         }
     }
 
-    /// What renderers leave out.
+    /// The work that renderers leave out.
     fn omit(&self) -> OmissionPolicy {
         if self.no_omit { OmissionPolicy::Nothing } else { OmissionPolicy::Needless }
     }
 
-    /// The one back end of what is rendered beside recipes' scenes: the CPU unless another one is asked for.
+    /// The back end for renderings other than the scenes of recipes: the CPU unless another one is
+    /// requested.
     fn backend(&self) -> Result<Backend, VerbError> {
         match self.backend {
             BackendArg::Gpu => {
@@ -201,15 +205,16 @@ impl CommonArgs {
         }
     }
 
-    /// The GPU that `--gpu` chooses, else one of these.
+    /// The GPU that `--gpu` chooses, or else one that matches `otherwise`.
     fn device(&self, otherwise: &gpu::DeviceChoice) -> Result<GpuDevice, GpuError> {
         GpuDevice::open(self.gpu.as_ref().unwrap_or(otherwise))
     }
 
-    /// Keeps a single step to the cores that it may use.
+    /// Limits a single step to the cores that it may use.
     fn limit_cores(&self) {
         if let Some(jobs) = self.jobs {
-            // It fails where threads are at work already, and none are.
+            // It fails only if a thread pool exists already, and no verb starts one before this
+            // call.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
         }
     }
@@ -223,7 +228,7 @@ enum BackendArg {
     Reference,
 }
 
-/// What is told where the GPU that was asked for is not there or cannot be used.
+/// The error for a requested GPU that is absent or cannot be used.
 fn no_adapter(error: &GpuError) -> VerbError {
     VerbError::usage("no-adapter", error.to_string()).help("--backend cpu, or leave it out")
 }
@@ -237,28 +242,32 @@ struct RecipeTargets {
 }
 
 impl RecipeTargets {
-    /// Where recipes are looked for unless something is named.
+    /// Default folder of recipes.
     const DEFAULT: &'static str = "recipes";
 }
 
-/// The command line as clap knows it: every verb and option with its help, from which `docs/cli.md` is written.
+/// The command line as clap knows it: every verb and option with its help. `docs/cli.md` is
+/// generated from it.
 #[must_use]
 pub fn command_line() -> clap::Command {
     Cli::command()
 }
 
-/// Runs the program with these arguments, the first being its own name, on the streams of the process.
+/// Runs the program with these arguments on the streams of the process. The first argument is the
+/// name of the program.
 #[must_use]
 pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
+    // Supervision comes before the parser: the other arguments belong to the supervised program.
     if arguments.get(1).is_some_and(|verb| verb == SUPERVISE) {
         return supervise::run(arguments.into_iter().skip(2).collect());
     }
     run_on(ConsoleStreams::of_process(), Environment::of_process(), arguments).into()
 }
 
-/// Runs the program with these arguments, the first being its own name, in an environment. Only the bars of a run on
-/// a terminal are written past `streams`, and results for which the user names `-` as the output.
+/// Runs the program with these arguments; the first is the name of the program. Only two things are
+/// written past `streams`: the bars of a run on a terminal, and results for which the user names
+/// `-` as the output.
 #[must_use]
 pub fn run_on(
     streams: ConsoleStreams,
@@ -275,7 +284,9 @@ pub fn run_on(
             (console, ended)
         }
         Err(error) => {
+            // The arguments could not be parsed, so the words alone decide the form of the error.
             let console = Console::new(streams, wants_json(&arguments), false);
+            // Help and version arrive as errors too, but they are results.
             let ended = if error.use_stderr() {
                 Err(misread(&arguments, error))
             } else {
@@ -300,7 +311,8 @@ fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
     Ok(cli)
 }
 
-/// Has `-1` be a value where one is wanted: what the field says of it is more help than that no option has this name.
+/// Makes `-1` a value where one is expected. The error of the field then says more than an error
+/// about an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let takes = |arg: clap::Arg| {
         if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg }
@@ -308,16 +320,21 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command.mut_args(takes).mut_subcommands(with_negative_numbers)
 }
 
-/// Returns true if the command line asks for results for programs, although it cannot be read as a whole.
+/// Returns true if the command line asks for results for programs, even if it cannot be parsed as a
+/// whole.
 fn wants_json(arguments: &[OsString]) -> bool {
+    // Words after `--` are values.
     arguments.iter().skip(1).take_while(|word| *word != "--").any(|word| word == "--json")
 }
 
-/// What is said of a command line that cannot be read.
+/// The error for a command line that cannot be parsed.
 fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
-    // The parser repeats words as they are; so it reads them again in their visible form.
+    // The parser repeats words unchanged, and a hidden character in them could act on the terminal.
+    // So the words are parsed again in their visible form.
     let shown = arguments.iter().map(|word| OsString::from(visible(word)));
     let again = with_negative_numbers(Cli::command()).try_get_matches_from(shown).err();
+    // An escaped word may fail for another reason than the original; the original error counts
+    // then.
     let error = again.filter(|again| again.kind() == error.kind()).unwrap_or(error);
     let what = match error.kind() {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "no verb is named".to_owned(),
@@ -330,12 +347,12 @@ fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
     VerbError::misread(what, error.render().to_string().trim_end().lines().map(str::to_owned).collect())
 }
 
-/// A word of the command line on one line.
+/// A word of the command line in visible characters, on one line.
 fn visible(word: &OsString) -> String {
     escape::line(&console::path(word)).into_owned()
 }
 
-/// A command as it was typed, but for quotes, hidden characters and the path of the program.
+/// A command as it was typed, except for quotes, hidden characters and the path of the program.
 fn typed_command(arguments: &[OsString]) -> String {
     let mut words: Vec<String> = arguments.iter().map(visible).collect();
     if let Some(program) = words.first_mut() {
@@ -345,6 +362,7 @@ fn typed_command(arguments: &[OsString]) -> String {
 }
 
 fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
+    // Before any path is used, so that all paths of the command line are relative to this folder.
     if let Some(directory) = &cli.common.directory {
         std::env::set_current_dir(directory).map_err(|e| {
             VerbError::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
@@ -370,15 +388,19 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
     }
 }
 
-/// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut.
-/// The end of a terminal is an interrupt, unless the program was started to outlive it, as by `nohup`.
+/// A flag that the first interrupt sets. The second interrupt ends the program at once, which is as
+/// safe as a power cut. The end of a terminal counts as an interrupt, unless the program was
+/// started to outlive it, as by `nohup`.
 fn on_interrupt() -> Result<Arc<AtomicBool>, VerbError> {
     let flag = Arc::new(AtomicBool::new(false));
     let mut signals = vec![SIGINT, SIGTERM, SIGQUIT];
     if !machine::ignores(SIGHUP) {
         signals.push(SIGHUP);
     }
+    // 130 is what a shell reports for a program that an interrupt ended.
     for signal in signals {
+        // The shutdown is registered first: in the other order the first signal would set the flag
+        // and then end the program.
         signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())
             .and_then(|_| signal_hook::flag::register(signal, flag.clone()))
             .map_err(|e| VerbError::failed("signals", format!("interrupts cannot be handled: {e}")))?;

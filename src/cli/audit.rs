@@ -17,7 +17,7 @@ pub(super) struct AuditArgs {
     /// Folder of the release
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Takedown list; fail where a scene on it is present
+    /// Takedown list; fail if a scene on it is present
     #[arg(long, value_name = "FILE")]
     takedown: Option<PathBuf>,
     #[command(flatten)]
@@ -67,7 +67,7 @@ fn fault_message(fault: &AuditFault) -> UserMessage {
         .help(fault.help)
 }
 
-/// The fields of every message, and the file and scene that the fault is of.
+/// The fields of every message, and the file and scene of the fault.
 fn to_json(fault: &AuditFault) -> Value {
     let mut value = fault_message(fault).to_json();
     value["path"] = json!(fault.file);

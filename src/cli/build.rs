@@ -1,4 +1,4 @@
-//! `gs2e build`: makes what is stale, and nothing else.
+//! `gs2e build`: makes the stale steps, and no others.
 
 use super::BackendArg;
 use super::console::Console;
@@ -37,7 +37,7 @@ pub(super) struct BuildArgs {
     care: TrustOptions,
 }
 
-/// How much is taken on trust, and what may be used.
+/// Checks of stored data, and resources for the steps.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct TrustOptions {
     /// Read every up-to-date file, instead of trusting its metadata
@@ -52,7 +52,7 @@ pub(super) struct TrustOptions {
     /// Treat a warning of a check as a fault: exit 3, and release nothing
     #[arg(long)]
     pub(super) strict: bool,
-    /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]
+    /// Memory for all steps together, as 8GB or 500MB [default: 80 % of the free memory]
     #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
     memory: Option<u64>,
 }
@@ -77,12 +77,13 @@ impl BuildArgs {
         let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
         if !is_there(&common.store) {
-            // A recipe that is wrong shall leave no store behind.
+            // The recipes are read first, so that a faulty recipe leaves no store behind.
             recipe::read_all(paths)?;
         }
         let store = open_store(common, &self.care, console)?;
-        // What is to be made again must be in the plan.
         let renderers = chosen.asking(&store);
+        // Memos would settle scenes without planning them, and only planned steps can be made
+        // again.
         let surveyed = if self.care.recheck.is_some() {
             plan_all(paths, &renderers)
         } else {
@@ -112,14 +113,15 @@ impl BuildArgs {
     }
 }
 
-/// Names this program and those of its options that may change a key.
+/// Names this program and its options that may change a key.
 pub(super) fn option_tag(chosen: &RendererChoice) -> Digest {
+    // The stat fields identify a build of the program: a rebuilt program may compute other keys.
     let program =
         std::env::current_exe().and_then(|path| path.metadata()).map(|about| FileStat::from(&about));
     Digest::of_bytes(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
 }
 
-/// For programs, a line for each step of the scenes that are up to date at a glance.
+/// Prints one line for programs per step of the scenes that are up to date at a glance.
 fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
     if console.json {
         for scene in settled {
@@ -134,7 +136,7 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
     }
 }
 
-/// Says once for each sensor what it does by itself.
+/// Prints the contrast, the leak and the noise of each sensor once.
 fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
     let mut told: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
@@ -157,7 +159,7 @@ fn tell_sensor(scene: &str, sensor: &SensorChoice, rate: Hertz, console: &Consol
     Ok(())
 }
 
-/// Opens the store for writing, waiting for another process where there is one.
+/// Opens the store for writing, and waits while another process holds it.
 pub(super) fn open_store(
     common: &CommonArgs,
     care: &TrustOptions,
@@ -176,7 +178,7 @@ pub(super) fn open_store(
     Ok(store)
 }
 
-/// How this user opens the store.
+/// The options with which this user opens the store.
 pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOptions {
     StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
 }
@@ -184,6 +186,7 @@ pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOp
 /// Where the database of a store goes that lies on another machine's disk: into the user's cache, by the store's path.
 fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
+    // The store may not exist yet; its nearest existing ancestor is on the same file system.
     let there = path.ancestors().find(|path| path.is_dir())?;
     DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
     Some(
@@ -194,16 +197,16 @@ fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     )
 }
 
-/// What the store had to mend since it was last asked.
+/// Prints the repairs of the store since the last call.
 pub(super) fn tell_notices(store: &Store, console: &Console) {
     for notice in store.take_notices() {
         console.tell(&UserMessage::new(MessageLevel::Warning, "state-rebuilt", notice));
     }
 }
 
-/// What the user asked of a build.
+/// A build as the user requested it.
 pub(super) struct BuildRequest<'a> {
-    /// Steps that were up to date at a glance.
+    /// Number of steps that were up to date at a glance.
     pub(super) settled: usize,
     pub(super) targets: &'a RecipeTargets,
     pub(super) chosen: &'a RendererChoice,
@@ -213,12 +216,13 @@ pub(super) struct BuildRequest<'a> {
 }
 
 impl BuildRequest<'_> {
-    /// Builds what is stale. What comes back is the plan as it was run in the end.
+    /// Builds the stale steps. Returns the plan as it was run last, and the summary of all runs.
     pub(super) fn build(&self, plan: Plan, store: &Store) -> Result<(Plan, RunSummary), VerbError> {
         let Self { common, console, chosen, .. } = self;
         let renderers = chosen.asking(store);
         let mut plan = renderers.at_hand(plan)?;
-        // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
+        // Missing or unreadable input is reported before anything runs, unless the user wants all
+        // other steps done first.
         let mut idle = false;
         if !common.keep_going {
             let assessed = assess_plan(&plan, store)?;
@@ -230,6 +234,7 @@ impl BuildRequest<'_> {
             chosen.tell(console);
         }
         let mut summary = self.run(&plan, store)?;
+        // A scene that the GPU failed has other keys on the CPU, so the plan is made again.
         while chosen.give_up(&plan, &summary) {
             plan = Plan::new(plan.into_scenes(), &renderers);
             summary = summary.then(self.run(&plan, store)?);
@@ -241,16 +246,18 @@ impl BuildRequest<'_> {
     fn run(&self, plan: &Plan, store: &Store) -> Result<RunSummary, VerbError> {
         let Self { common, console, chosen, .. } = self;
         if store.is_due() {
-            // What was learned by reading is not learned again if the run is killed.
+            // What was learned by reading files is kept even if the run is killed.
             store.flush()?;
         }
         let options = run_options(common, self.care, chosen);
+        // Only the bars show the remaining time, and the past costs take a query per step.
         let past = if console.is_live() { past_costs(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
         let progress = progress.beside(self.settled).falling_back(chosen.falls_back());
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
+        // The bars must be gone before the first line, or they would overwrite it.
         let EndSummary { failed, left_out } = progress.close();
         left_out::show_left_out(&left_out, console);
         if common.keep_going && !failed.is_empty() {
@@ -258,7 +265,8 @@ impl BuildRequest<'_> {
         }
         let summary = summary?;
         match run::settle_run(plan, &summary, store, &option_tag(self.chosen)) {
-            // Told already, with the step; the records that are whole count without the database.
+            // This error was already reported with its step. Complete records count even without
+            // the database.
             Err(error) if summary.is_full() && error.is_full() => {}
             settled => settled?,
         }
@@ -266,7 +274,7 @@ impl BuildRequest<'_> {
         Ok(summary)
     }
 
-    /// The options by which another verb finds the same recipes and store.
+    /// The options with which another verb finds the same recipes and store.
     fn to_find(&self) -> String {
         let mut options = String::new();
         let recipes = &self.targets.recipes;
@@ -286,13 +294,14 @@ impl BuildRequest<'_> {
 fn run_options(common: &CommonArgs, care: &TrustOptions, chosen: &RendererChoice) -> RunOptions {
     let cores = common.cores();
     let memory = care.memory.unwrap_or_else(machine::free_memory);
-    // Which steps are made again differs from run to run; it enters no file.
+    // The steps that are made again differ from run to run. The seed enters no file.
     let seed =
         SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::from(since.subsec_nanos()));
     RunOptions {
         budget: ResourceBudget {
             cores,
             memory,
+            // At most one GPU is opened, and each serves one step at a time.
             gpus: usize::from(matches!(common.backend, BackendArg::Gpu | BackendArg::Auto)),
         },
         keep_going: common.keep_going,
@@ -317,7 +326,7 @@ fn last_line(summary: &RunSummary, seconds: f64) -> String {
     format!("{text}; {seconds:.2} s")
 }
 
-/// The last line, and for programs that a run was cut short.
+/// Prints the last line, and for programs the interruption of a run.
 pub(super) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
     let line = last_line(summary, seconds);
     if summary.interrupted && console.json {
@@ -330,6 +339,7 @@ pub(super) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
 }
 
 pub(super) fn exit_kind(summary: &RunSummary) -> ExitKind {
+    // An interrupted run may have failures too; the interrupt decides.
     if summary.interrupted {
         ExitKind::Interrupted
     } else if summary.failures.is_empty() {

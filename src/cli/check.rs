@@ -1,4 +1,4 @@
-//! `gs2e check`: the verdicts of the validation passes over what is built, or over a release tree.
+//! `gs2e check`: the verdicts of the validation passes on built scenes or on a release tree.
 
 use super::build::store_options;
 use super::console::{Console, path};
@@ -29,7 +29,7 @@ pub(super) struct CheckArgs {
     /// Count warnings as failed
     #[arg(long)]
     strict: bool,
-    /// Count this check as failed where it was not run; may be repeated
+    /// Count this check as failed if it was not run; may be repeated
     #[arg(long, value_name = "CHECK", value_parser = clap::builder::PossibleValuesParser::new(NAMES))]
     require: Vec<String>,
 }
@@ -52,7 +52,8 @@ impl CheckArgs {
         Ok(if failed.is_empty() { ExitKind::Done } else { ExitKind::Fault })
     }
 
-    /// Each check that failed, was not run though required, or is required and not among the findings.
+    /// Each check that failed, each required check that was not run, and each required check
+    /// without a finding.
     fn failed(&self, findings: &[Finding]) -> Vec<String> {
         let required = |finding: &Finding| self.require.contains(&finding.check);
         let found = findings.iter().filter_map(|f| match f.verdict {
@@ -67,10 +68,12 @@ impl CheckArgs {
 
     fn of_built(&self, common: &CommonArgs, console: &Console) -> Result<Vec<Finding>, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
+        // Without this, a misspelt scene would have no findings and so no fault.
         if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
             return Err(VerbError::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
         let (recipes, taken_down) = recipe::read_takedown(&self.recipes)?.keep(recipes);
+        // The output is a list of findings, so programs get no other record.
         super::takedown::show_takedown(taken_down, &console.for_people());
         let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
@@ -85,7 +88,8 @@ fn of_tree(error: &RecheckError) -> VerbError {
     }
 }
 
-/// The findings on every built scene and trajectory of the named scenes, or of all where none is named.
+/// The findings on every built trajectory and scene among the named scenes, or among all if none is
+/// named.
 fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<Finding>, VerbError> {
     let assessed = assess_plan(plan, store)?;
     let mut findings = Vec::new();
@@ -95,6 +99,7 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
         if ![checks::NAME, scene_checks::NAME].contains(&step.step.stage()) || !wanted {
             continue;
         }
+        // A missing verdict must not look like a pass.
         let Some(outputs) = &assessed.outputs else {
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
             return Err(VerbError::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
@@ -104,7 +109,8 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
     Ok(findings)
 }
 
-/// Prints findings as the result: one record each for programs, else a table with the faults first.
+/// Prints findings as the result: one record per finding for programs, or else a table with the
+/// faults first.
 fn show_findings(findings: &[Finding], console: &Console) {
     if console.json {
         return records(findings, console);
@@ -113,7 +119,7 @@ fn show_findings(findings: &[Finding], console: &Console) {
     console.say(&count_line(findings));
 }
 
-/// Says which findings keep something from being done; programs get a record of each.
+/// Prints the findings that prevent a release; programs get one record per finding.
 pub(super) fn show_failed(findings: &[Finding], console: &Console) {
     if console.json {
         records(findings, console);
@@ -127,7 +133,7 @@ fn records(findings: &[Finding], console: &Console) {
     }
 }
 
-/// A line for each finding, the faults first.
+/// One line per finding, the faults first.
 fn table(findings: &[Finding]) -> Vec<String> {
     let mut sorted: Vec<&Finding> = findings.iter().collect();
     let rank = |verdict| match verdict {
@@ -137,6 +143,7 @@ fn table(findings: &[Finding]) -> Vec<String> {
         Verdict::NotRun => 3,
         Verdict::Pass => 4,
     };
+    // Stable: findings of one verdict keep their order.
     sorted.sort_by_key(|f| rank(f.verdict));
     let line = |f: &&Finding| {
         let verdict = match f.verdict {

@@ -1,4 +1,4 @@
-//! The time of day, for people: nothing read here reaches a key or a release.
+//! The time of day, for people. Nothing read here enters a key or a release.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -15,6 +15,7 @@ fn format_utc(seconds: u64) -> String {
         days -= year_days(year);
         year += 1;
     }
+    // The other eleven months have 337 days.
     let february = year_days(year) - 337;
     let mut month = 0;
     for days_of_month in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
@@ -28,7 +29,7 @@ fn format_utc(seconds: u64) -> String {
     format!("{year}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// Days of a year of the Gregorian calendar.
+/// Days in a year of the Gregorian calendar.
 fn year_days(year: u64) -> u64 {
     let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
     365 + u64::from(leap)

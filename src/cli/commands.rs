@@ -1,4 +1,5 @@
-//! Programs that recipes name: a recipe may come from a stranger, so none of them runs unless the user says so.
+//! Programs that recipes name. A recipe may come from a stranger, so none of its programs runs
+//! unless the user allows it.
 
 use super::CommonArgs;
 use super::message::{MessageLevel, UserMessage};
@@ -9,12 +10,13 @@ use crate::stage::Stage as _;
 use crate::stage::reconstruct::ReconstructStage;
 use std::collections::BTreeMap;
 
-/// Commands that are shown at most; the rest is counted.
+/// Maximum number of commands shown; the rest are counted.
 const SHOWN: usize = 20;
-/// Scenes that are named beside a command at most.
+/// Maximum number of scenes named with a command.
 const SCENES_SHOWN: usize = 3;
 
-/// Refuses a plan of which a step would run a program, or may, unless the user allows it. Nothing has run then.
+/// Refuses a plan with a step that would or may run a program, unless the user allows it. Nothing
+/// has run at that point.
 pub(super) fn refuse_commands(
     plan: &Plan,
     assessed: &[StepAssessment],
@@ -23,6 +25,7 @@ pub(super) fn refuse_commands(
     if common.allow_commands {
         return Ok(());
     }
+    // Many scenes usually share one command; each command is shown once, with its scenes.
     let mut scenes: BTreeMap<Vec<String>, Vec<&str>> = BTreeMap::new();
     for (step, _) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action != StepAction::Keep) {
         let programs = step.step.programs();
@@ -37,12 +40,13 @@ pub(super) fn refuse_commands(
     }
 }
 
-/// What is told of commands that are not run, each with its scenes.
+/// The message about refused commands, each with its scenes.
 fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> UserMessage {
     let count: usize = scenes.values().map(Vec::len).sum();
     let new = |what: String| {
         UserMessage::new(MessageLevel::Error, "command-refused", format!("{what}; nothing was run"))
     };
+    // A detail that begins with a space continues the line before it.
     let show = |message: UserMessage, programs: &[String]| {
         programs.iter().fold(message, |message, line| message.detail(format!("  {line}")))
     };
@@ -60,14 +64,14 @@ fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> UserMessage {
     message.help(HELP)
 }
 
-/// What is told of a step that would have run programs while others went on.
+/// The message about a step that was not allowed to run programs while other steps ran.
 pub(super) fn refused_step(scene: &str, step: &str, programs: &[String]) -> UserMessage {
     let what = format!("{scene}/{step} would run a program that the recipe names; it was not run");
     let message = UserMessage::new(MessageLevel::Error, "command-refused", what).step(scene, step);
     programs.iter().fold(message, |message, line| message.detail(format!("  {line}"))).help(HELP)
 }
 
-/// The step that runs programs.
+/// The only step that runs programs.
 const STEP: &str = ReconstructStage::NAME;
 const HELP: &str = "if you trust it, run the same command with --allow-commands";
 

@@ -1,7 +1,8 @@
-//! Where text goes: people read stderr, programs read stdout.
+//! Output: people read stderr, and programs read stdout.
 //!
-//! The one place that knows which text is ours: each call writes one line, in which everything hidden (see
-//! [`crate::escape`]) is shown. So no name from outside moves the cursor, changes a title, or starts a line of its own.
+//! Only this module knows which text belongs to gs2e. Each call writes one line with every hidden
+//! character shown (see [`crate::escape`]). So a name from outside cannot move the cursor, change a
+//! title, or start a line of its own.
 
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
@@ -12,23 +13,23 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The two streams of a run.
 pub struct ConsoleStreams {
-    /// For programs.
+    /// Results for programs.
     results: Box<dyn Write + Send>,
-    /// For people.
+    /// Messages for people.
     notes: Box<dyn Write + Send>,
     /// True if these are the streams of the process, which may be a terminal.
     are_process: bool,
 }
 
 impl ConsoleStreams {
-    /// Those of the process.
+    /// The streams of the process.
     #[must_use]
     pub fn of_process() -> Self {
         let (results, notes) = (Box::new(io::stdout()), Box::new(io::stderr()));
         Self { results, notes, are_process: true }
     }
 
-    /// Others: what is written to `results` is what a process writes to stdout, and `notes` its stderr.
+    /// Other streams: `results` in place of stdout, and `notes` in place of stderr.
     #[must_use]
     pub fn of(results: impl Write + Send + 'static, notes: impl Write + Send + 'static) -> Self {
         Self { results: Box::new(results), notes: Box::new(notes), are_process: false }
@@ -41,17 +42,18 @@ impl std::fmt::Debug for ConsoleStreams {
     }
 }
 
-/// The streams, and how the results fared.
+/// The streams, and the state of the results.
 #[derive(Debug)]
 struct WriterState {
     streams: ConsoleStreams,
-    /// The first error of the results, after which none is written.
+    /// The first error of a write to the results. No result is written after it.
     lost: Option<io::Error>,
 }
 
 impl WriterState {
     /// Writes results, unless an earlier write failed.
     fn results(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) {
+        // A later result would hide the gap from the reader.
         if self.lost.is_none() {
             self.lost = write(&mut *self.streams.results).err();
         }
@@ -71,52 +73,52 @@ impl Console {
         Self { json, quiet, writing: Arc::new(Mutex::new(WriterState { streams, lost: None })) }
     }
 
-    /// A lock that a panic elsewhere does not take away: what went wrong must still be said.
+    /// The lock, even after a panic elsewhere: the error must still be reported.
     fn writing(&self) -> MutexGuard<'_, WriterState> {
         self.writing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns true if a person watches.
+    /// Returns true if a person watches the output.
     pub(super) fn is_live(&self) -> bool {
         !self.quiet && self.writing().streams.are_process && io::stderr().is_terminal()
     }
 
-    /// The same for people only, where what programs get has its own form.
+    /// A console for people only, for verbs that give programs a result in another form.
     pub(super) fn for_people(&self) -> Self {
         Self { json: false, ..self.clone() }
     }
 
-    /// A line for people, unless they want none.
+    /// Prints a line for people, unless the user asked for quiet.
     pub(super) fn say(&self, line: &str) {
         if !self.quiet {
             self.insist(line);
         }
     }
 
-    /// A line for people, whatever they want.
+    /// Prints a line for people, even if the user asked for quiet.
     pub(super) fn insist(&self, line: &str) {
-        // Where stderr is gone, no other place is left to say so.
+        // If stderr is gone, there is no other place to report it.
         let _ = writeln!(self.writing().streams.notes, "{}", escape::line(line));
     }
 
-    /// A result for programs: one JSON value on a line of stdout.
+    /// Prints a result for programs: one JSON value on a line of stdout.
     pub(super) fn result(&self, value: &serde_json::Value) {
         self.print(&escape::json(&value.to_string()));
     }
 
-    /// A result of many parts, without a value of the whole.
+    /// Prints a large result without building a JSON value of it first.
     pub(super) fn large_result(&self, value: &impl serde::Serialize) {
         let text =
             serde_json::to_string(value).expect("results hold no paths, and all else has a form in JSON");
         self.print(&escape::json(&text));
     }
 
-    /// A line of stdout.
+    /// Prints a line on stdout.
     pub(super) fn print(&self, line: &str) {
         self.writing().results(|out| writeln!(out, "{}", escape::line(line)));
     }
 
-    /// A message for people, whatever they want, and for programs.
+    /// Prints a message for people, even if the user asked for quiet, and for programs.
     pub(super) fn tell(&self, message: &UserMessage) {
         if self.json {
             self.result(&message.to_json());
@@ -124,12 +126,12 @@ impl Console {
         self.show(message);
     }
 
-    /// A message for people, whatever they want.
+    /// Prints a message for people, even if the user asked for quiet.
     pub(super) fn show(&self, message: &UserMessage) {
         message.to_lines().iter().for_each(|line| self.insist(line));
     }
 
-    /// Why the verb ends early.
+    /// Prints the reason for the early end of a verb.
     pub(super) fn problem(&self, problem: &VerbError) {
         if self.json {
             problem.to_json().iter().for_each(|fault| self.result(fault));
@@ -137,7 +139,7 @@ impl Console {
         problem.to_lines().iter().for_each(|line| self.insist(line));
     }
 
-    /// Help or version, in the parser's own form. Nothing in it comes from outside.
+    /// Prints the help or the version in the parser's own form, which holds no text from outside.
     pub(super) fn help(&self, help: &clap::Error) {
         let mut writing = self.writing();
         // The parser knows whether stdout is a terminal that shows styles.
@@ -145,13 +147,15 @@ impl Console {
         writing.results(|out| if own { help.print() } else { write!(out, "{}", help.render()) });
     }
 
-    /// Ends the results: how the program ends, where the verb would have it end with `exit`.
+    /// Ends the results. Returns the exit kind of the program; `exit` is the one that the verb asks
+    /// for.
     ///
-    /// A reader that closed the pipe has read all it wants. Results that were lost for any other reason are an error,
-    /// whatever the verdict in them, since a program would take the part for the whole.
+    /// A reader that closed the pipe has read all it wants. Results lost for any other reason are
+    /// an error, whatever the verdict in them, because a program would take the part for the whole.
     pub(super) fn finish(&self, exit: ExitKind) -> ExitKind {
         let lost = {
             let mut writing = self.writing();
+            // The error of a buffered write may only appear here.
             writing.results(|out| out.flush());
             writing.lost.take()
         };
@@ -163,6 +167,7 @@ impl Console {
                     "failed to write results to stdout",
                 );
                 self.show(&message.because(error.to_string()));
+                // A lost result does not turn an interrupt into a failure.
                 if exit == ExitKind::Interrupted { exit } else { ExitKind::Failed }
             }
             _ => exit,
@@ -208,7 +213,7 @@ mod tests {
         }
     }
 
-    /// What `say` writes to stdout and stderr.
+    /// The text that `say` writes to stdout and stderr.
     fn written(json: bool, say: impl FnOnce(&Console)) -> [String; 2] {
         let ((results, stdout), (notes, stderr)) = (channel(), channel());
         let console = Console::new(ConsoleStreams::of(Kept(results), Kept(notes)), json, false);

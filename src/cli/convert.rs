@@ -1,4 +1,4 @@
-//! `gs2e convert`: a scene, or events, in another file format.
+//! `gs2e convert`: writes a scene, or events, in another file format.
 
 pub(super) mod events;
 mod picture;
@@ -20,13 +20,14 @@ use std::path::{Path, PathBuf};
 /// Arguments of `convert`.
 #[derive(Debug, clap::Args)]
 pub(super) struct ConvertArgs {
-    /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG; or events: .h5, .npz, .raw, .aedat4, .txt, .csv
+    /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG;
+    /// or events: .h5, .npz, .raw, .aedat4, .txt, .csv
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// File to write: .ply, .spz or .splat for a scene; events as above, or a .png of them
+    /// File to write: .ply, .spz or .splat for a scene; the formats above, or a .png, for events
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Write although something is lost
+    /// Write the output although something is lost
     #[arg(long)]
     lossy: bool,
     #[command(flatten)]
@@ -37,6 +38,8 @@ pub(super) struct ConvertArgs {
 
 impl ConvertArgs {
     pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
+        // A picture is checked first: .png is no format of events, so the conversion would refuse
+        // it.
         let drawn = self.picture.of(&self.output)?;
         if let (true, Some(format)) = (drawn, self.events.format(&self.input)) {
             return self.picture.draw((&self.input, format), &self.output, &self.events, console);
@@ -60,7 +63,7 @@ impl ConvertArgs {
         Ok(ExitKind::Done)
     }
 
-    /// The conversion of events, where both names are of such files.
+    /// The conversion of events, if both names are those of event files.
     fn of_events(&self) -> Result<Option<EventConversion<'_>>, VerbError> {
         let formats = [&self.input, &self.output].map(|path| self.events.format(path));
         let name = |path: &Path| path.display().to_string();
@@ -85,7 +88,7 @@ impl ConvertArgs {
         }
     }
 
-    /// The form that the output's name asks for.
+    /// The scene format that belongs to the name of the output.
     fn form(&self) -> Result<SceneFormat, VerbError> {
         match SceneFormat::for_path(&self.output) {
             _ if self.output.is_dir() => refuse_usage(format!("{} is a folder", self.output.display())),
@@ -99,6 +102,7 @@ impl ConvertArgs {
 
     fn read(&self) -> Result<Gaussians, VerbError> {
         let input = self.input.display();
+        // A SOG may be a folder, which cannot be opened as a file.
         if !self.input.is_dir()
             && let Err(e) = files::open(&self.input)
         {
@@ -112,11 +116,12 @@ impl ConvertArgs {
         })
     }
 
-    /// What the input holds beside the Gaussians.
+    /// The properties of the input in addition to the Gaussians.
     fn left_out(&self) -> Option<FormatLoss> {
         let mut head = Vec::new();
         let file = files::open(&self.input).ok()?;
         file.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head).ok()?;
+        // Empty for a file of another format, which has no such header.
         let names = ply::left_out(&head);
         let what = format!("dropped: {}", names.join(", "));
         (!names.is_empty()).then_some(FormatLoss { field: "other properties", what, largest: None })

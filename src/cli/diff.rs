@@ -1,4 +1,4 @@
-//! `gs2e diff`: what differs between two release trees, and why.
+//! `gs2e diff`: the differences of two release trees, each with its reason.
 
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
@@ -45,7 +45,7 @@ impl DiffArgs {
     }
 }
 
-/// Of the files of one scene that differ, as many are named; `--json` names all.
+/// Maximum number of changed files named per scene; `--json` names all.
 const FILES_NAMED: usize = 12;
 
 fn difference_lines(told: &ReleaseDifference) -> Vec<String> {
@@ -85,6 +85,7 @@ fn file_lines(changes: &[FileChange]) -> Vec<String> {
     let named = changes.iter().take(FILES_NAMED);
     let mut lines: Vec<String> = named
         .map(|FileChange { path, old, new }| match (old, new) {
+            // Only changed files are listed, so equal sizes mean other content.
             (Some(a), Some(b)) if a == b => format!("{path}: other content, {a} bytes as before"),
             _ => format!("{path}: {} -> {}", size(*old), size(*new)),
         })
@@ -110,6 +111,8 @@ fn reason_words(reason: &DiffReason, scene: &SceneChange) -> String {
             let text = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".to_owned());
             format!("numerical class {} -> {}", text(old), text(new))
         }
+        // The recipe has no edit, so another version of this program read the same text
+        // differently.
         DiffReason::ParamsChanged if scene.recipe.is_empty() => {
             "parameters: this program reads an equal recipe otherwise".to_owned()
         }

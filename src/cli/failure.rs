@@ -1,4 +1,4 @@
-//! What is told of steps that failed: each at once, and all of them again at the end.
+//! Messages about failed steps: each is printed at once, and all are printed again at the end.
 
 use super::commands;
 use super::message::{MessageLevel, UserMessage};
@@ -11,17 +11,17 @@ use crate::store::space::DiskSpace;
 use crate::store::{OutputMismatch, StoreError};
 use crate::units::format_amount;
 
-/// A step and how far the run is.
+/// A step, and the progress of the run.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepPlace<'a> {
     pub(super) scene: &'a str,
     pub(super) step: &'a str,
-    /// Steps that are finished and kept.
+    /// Number of steps that are finished and kept.
     pub(super) finished: usize,
     pub(super) all: usize,
 }
 
-/// What is told of a step that failed.
+/// The message about a failed step.
 pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessage {
     let StepPlace { scene, step, .. } = at;
     let new = |code, what: String| UserMessage::new(MessageLevel::Error, code, what).step(scene, step);
@@ -48,7 +48,7 @@ pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessa
     }
 }
 
-/// A program that a step ran, how it ended, and the last of what it said.
+/// The message about a program that a step ran: how it ended, and its last lines.
 fn command_failed(scene: &str, step: &str, error: &ProgramFailure) -> UserMessage {
     let ProgramFailure { program, command, how, last, log } = error;
     let what = format!("{scene}/{step}: {program} failed: {how}");
@@ -73,7 +73,7 @@ fn disk_full(at: StepPlace<'_>, wrote: u64, space: Option<&DiskSpace>) -> String
     )
 }
 
-/// Both sides of a step that is not deterministic, and where they part.
+/// Both sides of a step that is not deterministic, and the first difference.
 fn mismatch_message(message: UserMessage, sides: &OutputMismatch) -> UserMessage {
     let side = |name: &str, record: &StepRecord| {
         let StepProvenance { tool, seconds, threads, .. } = &record.provenance;
@@ -91,11 +91,12 @@ fn mismatch_message(message: UserMessage, sides: &OutputMismatch) -> UserMessage
     }
 }
 
-/// The steps that failed once more, by scene, each with the command that looks closer. `failed` holds scene, step and
-/// message; `options` is what the command needs to find them.
+/// The lines about the failed steps at the end, by scene, each with the command that explains the
+/// step. `failed` holds scene, step and message. `options` are the options with which the command
+/// finds the recipes and the store.
 pub(super) fn retry_commands(failed: &[(String, String, UserMessage)], options: &str) -> Vec<String> {
     let mut sorted: Vec<&(String, String, UserMessage)> = failed.iter().collect();
-    // Steps of one scene keep the order in which they failed.
+    // The sort is stable: steps of one scene keep the order in which they failed.
     sorted.sort_by(|a, b| a.0.cmp(&b.0));
     let mut lines = vec!["failed:".to_owned()];
     let mut last = None;

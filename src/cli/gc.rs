@@ -1,4 +1,4 @@
-//! `gs2e gc`: deletes what no recipe and no release refers to any more.
+//! `gs2e gc`: deletes everything that no recipe and no release refers to.
 
 use super::build::{TrustOptions, open_store, store_options};
 use super::console::Console;
@@ -23,10 +23,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 pub(super) struct GcArgs {
     #[command(flatten)]
     targets: RecipeTargets,
-    /// Keep what is younger than this: 90s, 30m, 12h or 1d
+    /// Keep files younger than this: 90s, 30m, 12h or 1d
     #[arg(long, value_name = "AGE", default_value = "1d", value_parser = parse_age)]
     min_age: Duration,
-    /// Show what would be deleted, and delete nothing
+    /// Print the amounts that would be deleted, and delete nothing
     #[arg(long)]
     dry_run: bool,
 }
@@ -34,10 +34,10 @@ pub(super) struct GcArgs {
 impl GcArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
-        // What was made of a scene that is taken down goes too.
+        // The products of a scene that was taken down are deleted too.
         let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);
         super::takedown::show_takedown(taken_down, console);
-        // A look needs no lock and makes no store.
+        // A dry run needs no lock, and creates no store.
         let store = if self.dry_run || !is_there(&common.store) {
             Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?
         } else {
@@ -55,7 +55,7 @@ impl GcArgs {
         Ok(ExitKind::Done)
     }
 
-    /// The keys of the releases that are there; the roots of the others are removed.
+    /// The keys of the existing releases. The roots of deleted releases are removed.
     fn marks_of_releases(&self, store: &Store, console: &Console) -> Result<BTreeSet<Key>, VerbError> {
         let mut marked = BTreeSet::new();
         for root in store.roots()? {
@@ -91,13 +91,14 @@ impl GcArgs {
     }
 }
 
-/// For each step the key that it has now, and where it is not up to date also the one that it last had.
+/// The current key of each step, and for a step that is not up to date also its previous key.
 fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, VerbError> {
     let assessed = assess_plan(plan, store)?;
     let mut marked = BTreeSet::new();
     for (step, assessed) in plan.steps().iter().zip(&assessed) {
         marked.extend(assessed.key);
         if assessed.action != StepAction::Keep {
+            // Until the step is made again, its last results are the only ones.
             marked.extend(store.last_key(plan.scene_of(step), &step.name));
         }
     }

@@ -1,4 +1,5 @@
-//! `gs2e init`: one recipe for each scene of a dataset on disk. What has a recipe keeps it as it is.
+//! `gs2e init`: writes one recipe per scene of a dataset on disk. Existing recipes stay as they
+//! are.
 
 mod names;
 mod sample;
@@ -30,14 +31,15 @@ pub(super) struct InitArgs {
     /// Layout of the dataset
     #[arg(value_name = "FORMAT", value_enum)]
     format: SourceFormat,
-    /// The dataset, or a part of it
+    /// Folder of the dataset, or of a part of it
     #[arg(value_name = "DIR")]
     dir: PathBuf,
     /// Folder for the recipes
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
-    /// Scene file of each capture: {path} is the capture's folder, {name} the scene's id without what comes
-    /// before the first "/" [default: {path}/point_cloud.ply, if defaults.yaml names none]
+    /// Scene file of each capture: {path} is the capture's folder, {name} the scene's id without
+    /// the part before the first "/" [default: {path}/point_cloud.ply, unless defaults.yaml has
+    /// `reconstruct`]
     #[arg(long, value_name = "PATTERN")]
     scene: Option<String>,
     /// First part of the scene ids [default: the format]
@@ -46,19 +48,20 @@ pub(super) struct InitArgs {
     /// Classes of MVImgNet to use [default: all]
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     classes: Vec<String>,
-    /// Largest number of recipes, existing ones included; the scenes with the smallest hash of seed and id are added first
+    /// Maximum number of recipes, existing ones included; the scenes with the smallest hash of seed
+    /// and id are added first
     #[arg(long, value_name = "N")]
     limit: Option<usize>,
-    /// Seed of that choice
+    /// Seed of the choice for --limit
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Number of views to use of each scene, picked evenly [default: all]
+    /// Number of views to use per scene, picked evenly [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
-    /// Fewest registered views of a scene
+    /// Minimum number of registered views per scene
     #[arg(long, value_name = "N", default_value_t = 10)]
     min_views: usize,
-    /// Smallest length of the shorter side of a view, in pixels
+    /// Minimum length of the shorter side of a view, in pixels
     #[arg(long, value_name = "PX", default_value_t = 256)]
     min_side: u32,
     /// Leave out photos whose names match; may be repeated [default: *_bg_removed.png for mvimgnet]
@@ -111,27 +114,27 @@ fn parse_glob(text: &str) -> Result<String, String> {
     check_pattern(text).map(|()| text.to_owned())
 }
 
-/// Where scene files are looked for unless something is said.
+/// Default place of scene files.
 const BESIDE: &str = "{path}/point_cloud.ply";
 
-/// What becomes of the scenes of a tree.
+/// The result of `init`, by scene.
 #[derive(Debug, Default)]
 struct InitOutcome {
-    /// Scenes and their recipes.
+    /// Scenes for which a recipe was written, and the recipes.
     written: Vec<(String, PathBuf)>,
-    /// Scenes that had one.
+    /// Number of scenes that had a recipe already.
     kept: usize,
-    /// Scenes that would do, and are not among those that were chosen.
+    /// Number of usable scenes that `--limit` left out.
     left: usize,
-    /// Scenes, folders and what is wrong with them.
+    /// Rejected scenes, each with its folder and the code and text of the reason.
     rejected: Vec<(String, PathBuf, &'static str, String)>,
-    /// Scenes that are used, and what is odd about them.
+    /// Used scenes, and the oddities of each.
     told: Vec<(String, String)>,
-    /// Scene files that recipes name and that are not there.
+    /// Scene files that recipes name and that do not exist.
     without_scene: Vec<PathBuf>,
 }
 
-/// A scene that may be used.
+/// A usable scene.
 struct SceneCandidate {
     scene: String,
     recipe: PathBuf,
@@ -146,6 +149,7 @@ impl InitArgs {
             return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
         }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
+        // Existing defaults are never rewritten, so the pace would have no effect.
         if let (Some(_), Some(_)) = (reconstructs, self.pace) {
             let what =
                 format!("--pace is written into {}, which is there", draft::defaults_in(&self.to).display());
@@ -163,13 +167,14 @@ impl InitArgs {
         let mut outcome = InitOutcome::default();
         let candidates = self.candidates(entries, &mut outcome);
         let chosen = self.choose(candidates, &mut outcome);
+        // Nothing is written before this line, so wrong input leaves no folder behind.
         write::make_folder(&self.to)?;
         if reconstructs.is_none() {
             let pace = self.pace.unwrap_or(TempoArg::Medium).into();
             write::write_file(&draft::defaults_in(&self.to), &draft::defaults_text(pace))?;
         }
         let pattern = self.scene.as_deref();
-        // A model folder brings its own Gaussians.
+        // A model folder contains Gaussians, and a reconstruction makes them.
         let own = self.format == SourceFormat::Model || reconstructs == Some(true);
         let pattern = pattern.or((!own).then_some(BESIDE));
         for candidate in chosen {
@@ -189,14 +194,14 @@ impl InitArgs {
         }
     }
 
-    /// Which views are used.
+    /// The selection of the views.
     fn selection(&self) -> ViewSelection {
         let known = (self.format == SourceFormat::Mvimgnet).then(|| mvimgnet::LEFTOVERS.to_owned());
         let exclude = known.into_iter().chain(self.exclude.iter().cloned()).collect();
         ViewSelection { views: self.views, exclude, poses: None }
     }
 
-    /// The scenes that may be used; the others are rejected.
+    /// Returns the usable scenes, and rejects the others.
     fn candidates(&self, entries: Vec<InventoryScene>, outcome: &mut InitOutcome) -> Vec<SceneCandidate> {
         let prefix = self.prefix.as_deref().unwrap_or(CaptureKind::from(self.format).name());
         let mut sound = Vec::new();
@@ -216,6 +221,8 @@ impl InitArgs {
         }
         let scenes: Vec<(&str, &str)> =
             sound.iter().map(|(s, name, ..)| (s.as_str(), name.as_str())).collect();
+        // Names are assigned to all usable scenes, also those with a recipe: a name depends on the
+        // scenes that share it.
         let files = names::assign(&self.to, &scenes);
         let candidate = |((scene, _, path, mut told), file): (_, FileName)| {
             let FileName { path: recipe, because } = file;
@@ -226,16 +233,19 @@ impl InitArgs {
         sound.into_iter().zip(files).map(candidate).collect()
     }
 
-    /// Those that get a recipe now.
+    /// Chooses the scenes that get a recipe now.
     fn choose(&self, candidates: Vec<SceneCandidate>, outcome: &mut InitOutcome) -> Vec<SceneCandidate> {
         let (kept, mut new): (Vec<SceneCandidate>, Vec<SceneCandidate>) =
             candidates.into_iter().partition(|candidate| is_there(&candidate.recipe));
         outcome.kept = kept.len();
         if let Some(limit) = self.limit {
+            // Existing recipes count, so the same command again adds nothing.
             let room = limit.saturating_sub(kept.len());
+            // Cached, because each key is a SHA-256.
             new.sort_by_cached_key(|candidate| sample::sample_rank(self.seed, &candidate.scene));
             outcome.left = new.len().saturating_sub(room);
             new.truncate(room);
+            // Recipes are written in the order of their files, not in that of the draw.
             new.sort_by(|a, b| a.recipe.cmp(&b.recipe));
         }
         new
@@ -256,7 +266,8 @@ impl InitArgs {
         let kind = self.format.into();
         let mut selection = self.selection();
         if self.exclude.is_empty() {
-            // What is known of the dataset is known to whoever reads the recipe.
+            // A recipe without `exclude` already uses the dataset's own pattern. A written list
+            // replaces that default, so it holds both.
             selection.exclude.clear();
         }
         let captured = DiskCapture { kind, path: way(&path)?, selection };
@@ -269,13 +280,14 @@ impl InitArgs {
     }
 }
 
-/// A scene file by its pattern.
+/// The scene file that a pattern names for a scene.
 fn filled_pattern(pattern: &str, path: &Path, scene: &str) -> PathBuf {
     let name = scene.split_once('/').map_or(scene, |(_, name)| name);
     PathBuf::from(pattern.replace("{path}", &path.to_string_lossy()).replace("{name}", name))
 }
 
-/// Returns true if a warning is about this scene: lenses are a dataset's way, and are told when the scene is built.
+/// Returns true if a warning is about this scene alone. Lenses concern the whole dataset, and are
+/// reported when the scene is built.
 fn is_odd(warning: &SourceWarning) -> bool {
     !matches!(warning, SourceWarning::DistortionIgnored { .. } | SourceWarning::FewViews { .. })
 }

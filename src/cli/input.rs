@@ -1,4 +1,4 @@
-//! What is told where a file or a folder that the user named cannot be used.
+//! Errors about files and folders that the user named and that cannot be used.
 
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
@@ -6,19 +6,19 @@ use crate::source::SourceError;
 use std::io;
 use std::path::Path;
 
-/// It is not there: nothing ran.
+/// The error for an absent file: nothing ran.
 pub(super) fn missing_file(what: &str, path: &Path) -> VerbError {
     VerbError::usage("input-missing", format!("the {what} {} is not there", path.display()))
 }
 
-/// It is there and cannot be read.
+/// The error for a file that exists and cannot be read.
 pub(super) fn unreadable_file(what: &str, error: &dyn std::error::Error) -> VerbError {
     let message =
         UserMessage::new(MessageLevel::Error, "input-unreadable", format!("failed to read the {what}"));
     VerbError::from_message(ExitKind::Failed, message.because(error.to_string()))
 }
 
-/// A source that is not there, is none, or cannot be read.
+/// The error for a source that is absent, has no known layout, or cannot be read.
 pub(super) fn no_source(what: &str, error: &SourceError, path: &Path) -> VerbError {
     match error {
         SourceError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {

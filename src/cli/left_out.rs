@@ -1,21 +1,21 @@
-//! What a build left out, as people are told of it: a table for each trajectory that was rendered.
+//! The table of work that a build left out, for people: one table per rendered trajectory.
 
 use super::console::Console;
 use crate::frames::rendered::TimeSaved;
 use crate::release::left_out::OmissionRow;
 use std::collections::BTreeMap;
 
-/// More tables than these nobody reads.
+/// Maximum number of tables printed. Few people read more.
 const MOST: usize = 8;
 
-/// What was left out of one trajectory by the steps that were made.
+/// The work left out of one trajectory by the steps that were made.
 #[derive(Debug, Default)]
 pub(super) struct OmissionTable {
     pub(super) rows: Vec<OmissionRow>,
     pub(super) saving: Option<TimeSaved>,
 }
 
-/// Tells of each trajectory, by its scene and name.
+/// Prints one table per trajectory. The keys are `scene/trajectory`.
 pub(super) fn show_left_out(tables: &BTreeMap<String, OmissionTable>, console: &Console) {
     if tables.len() > MOST {
         let trajectories = tables.len();
@@ -48,7 +48,7 @@ impl OmissionTable {
     }
 }
 
-/// `12.5 %, 25 of 200 pairs`, or the number alone.
+/// Formats `12.5 %, 25 of 200 pairs`, or the number alone.
 fn share_words(row: &OmissionRow) -> String {
     match row.of {
         Some(of) if of > 0 => {

@@ -1,15 +1,15 @@
-//! What this machine has: cores, their name, and memory.
+//! Properties of this machine: cores, processor and memory.
 
 use crate::files;
 use std::num::NonZero;
 use std::path::Path;
 
-/// Cores that this process may use.
+/// Number of cores that this process may use.
 pub(super) fn available_cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
-/// What this machine calls its processor; `None` where it does not say.
+/// The name of the processor; `None` if the system does not state it.
 pub(super) fn processor_name() -> Option<String> {
     cpu_model(&said("/proc/cpuinfo")?)
 }
@@ -21,12 +21,13 @@ fn cpu_model(cpuinfo: &str) -> Option<String> {
     cpuinfo.lines().find_map(named).filter(|name| !name.is_empty())
 }
 
-/// Four fifths of the memory that is free now, in the machine and in the control group that holds this process, bytes;
-/// without bound where neither can be read.
+/// Four fifths of the memory that is free now, in bytes: in the machine, or in the control group of
+/// this process if that has less. Unlimited if neither can be read.
 pub(super) fn free_memory() -> u64 {
     let machine = said("/proc/meminfo").and_then(|text| available_memory(&text));
     let [limit, used] = ["memory.max", "memory.current"].map(cgroup_number);
     let group = limit.map(|limit| limit.saturating_sub(used.unwrap_or(0)));
+    // The division comes first, so that the product cannot overflow.
     machine.into_iter().chain(group).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
 }
 
@@ -36,32 +37,37 @@ fn available_memory(meminfo: &str) -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
-/// A number of the control group that this process lives in (version 2); `None` where there is no limit.
+/// A number of the control group of this process (version 2); `None` if there is no limit.
 fn cgroup_number(file: &str) -> Option<u64> {
     let groups = said("/proc/self/cgroup")?;
+    // Version 2 has the hierarchy 0, and no list of controllers.
     let own = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
+    // Without a limit, `memory.max` holds the word `max`, which is no number.
     said(&format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/')))?.trim().parse().ok()
 }
 
-/// The text of a file of the system.
+/// The text of a system file.
 fn said(file: &str) -> Option<String> {
     files::read_text(Path::new(file), files::MAX_TEXT).ok()
 }
 
-/// Returns true if this process was started to ignore a signal; false where the system does not say.
+/// Returns true if this process was started to ignore a signal; false if the system does not state
+/// it.
 pub(super) fn ignores(signal: i32) -> bool {
     said("/proc/self/status").is_some_and(|status| is_ignored(&status, signal))
 }
 
-/// `SigIgn` of `/proc/self/status`: a bit for each signal, that of signal 1 last.
+/// Reads `SigIgn` of `/proc/self/status`: one bit per signal, signal 1 in the lowest.
 fn is_ignored(status: &str, signal: i32) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    // The mask has 64 bits; a higher signal is not in it.
     mask.checked_shr(signal.unsigned_abs() - 1).is_some_and(|bits| bits & 1 == 1)
 }
 
-/// A number of bytes, as `8GB`, `500 MB` or `1073741824`.
+/// Reads a number of bytes, as `8GB`, `500 MB` or `1073741824`.
 pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
+    // `B` comes last, because every other unit ends with it.
     const UNITS: [(&str, u64); 7] = [
         ("KiB", 1 << 10),
         ("MiB", 1 << 20),

@@ -1,18 +1,18 @@
-//! One message in four parts: what failed, where, why, and what to do.
+//! A message in four parts: the failure, its place, its causes, and a remedy.
 
 use crate::escape;
 use crate::recipe::RecipePosition;
 use serde_json::json;
 use std::path::Path;
 
-/// How bad it is.
+/// The severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum MessageLevel {
     /// Something was not done.
     Error,
-    /// It goes on.
+    /// The program goes on.
     Warning,
-    /// It goes on later.
+    /// The program goes on later.
     Waiting,
 }
 
@@ -24,11 +24,11 @@ pub(super) struct UserMessage {
     what: String,
     scene: Option<String>,
     step: Option<String>,
-    /// The file that it is about.
+    /// The file that the message is about.
     path: Option<String>,
-    /// Where a recipe names what it is about.
+    /// The position in a recipe that names the subject of the message.
     named_at: Option<RecipePosition>,
-    /// More on where and what, a line each.
+    /// More about the failure and its place, one entry per line.
     details: Vec<String>,
     why: Vec<String>,
     help: Option<String>,
@@ -41,49 +41,50 @@ impl UserMessage {
         Self { level, code, what, scene, step, path, named_at, details: Vec::new(), why: Vec::new(), help }
     }
 
-    /// About a scene as a whole.
+    /// Sets the scene that the message is about.
     pub(super) fn scene(self, scene: &str) -> Self {
         Self { scene: Some(scene.to_owned()), ..self }
     }
 
-    /// About one step of a scene.
+    /// Sets the step that the message is about.
     pub(super) fn step(self, scene: &str, step: &str) -> Self {
         Self { step: Some(step.to_owned()), ..self.scene(scene) }
     }
 
-    /// About a file.
+    /// Sets the file that the message is about.
     pub(super) fn path(self, path: &Path) -> Self {
         Self { path: Some(escape::path(path)), ..self }
     }
 
-    /// Named at a place of a recipe.
+    /// Sets the position in a recipe that names the subject of the message.
     pub(super) fn named_at(self, at: Option<RecipePosition>) -> Self {
         Self { named_at: at, ..self }
     }
 
-    /// One more line on where or what. One that begins with a space continues the line before it.
+    /// Adds a line about the failure or its place. A line that begins with a space continues the
+    /// line before it.
     pub(super) fn detail(mut self, line: impl Into<String>) -> Self {
         self.details.push(line.into());
         self
     }
 
-    /// One more cause, the nearest first.
+    /// Adds a cause. The nearest cause is added first.
     pub(super) fn because(mut self, why: impl Into<String>) -> Self {
         self.why.push(why.into());
         self
     }
 
-    /// What to do.
+    /// Sets the remedy.
     pub(super) fn help(self, help: impl Into<String>) -> Self {
         Self { help: Some(help.into()), ..self }
     }
 
-    /// What it is about, in one line.
+    /// The failure, in one line.
     pub(super) fn what(&self) -> &str {
         &self.what
     }
 
-    /// For people.
+    /// The lines for people.
     pub(super) fn to_lines(&self) -> Vec<String> {
         let word = match self.level {
             MessageLevel::Error => "error",
@@ -107,14 +108,17 @@ impl UserMessage {
         }
     }
 
-    /// For programs: what there is not is null. `line` and `column` are places in a recipe, and then so is `path`.
+    /// The object for programs, with null for absent parts. `line` and `column` are a position in a
+    /// recipe, and `path` is then that recipe.
     pub(super) fn to_json(&self) -> serde_json::Value {
         let level = if self.level == MessageLevel::Error { "error" } else { "warning" };
         let at = self.named_at.as_ref();
-        // `path` is then the recipe's.
+        // `path` is the recipe then, so the file goes into the text.
         let other = self.path.as_ref().filter(|_| at.is_some());
         let message = std::iter::once(&self.what).chain(other).chain(&self.details).chain(&self.why);
         let message = message.fold(String::new(), |mut all, part| {
+            // A line that begins with a space belongs to the line before it, and keeps its line
+            // break.
             let joint = if all.is_empty() {
                 ""
             } else if part.starts_with(' ') {

@@ -1,4 +1,4 @@
-//! `gs2e plan`: what `build` would run, may run and leave alone, each with its reason.
+//! `gs2e plan`: shows the steps that `build` would run, may run and keep, each with its reason.
 
 use super::build::{option_tag, store_options};
 use super::console::{Console, path};
@@ -21,12 +21,12 @@ pub(super) struct PlanArgs {
     /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
-    /// Show time, disk and memory of what would run, estimated from earlier runs
+    /// Show time, disk space and memory for the steps that would run, estimated from earlier runs
     #[arg(long)]
     estimate: bool,
 }
 
-/// A step as it is shown.
+/// A step as it is printed.
 #[derive(Serialize)]
 struct PlanRow<'a> {
     scene: &'a str,
@@ -37,7 +37,7 @@ struct PlanRow<'a> {
     outputs: Vec<StepFile<'a>>,
 }
 
-/// A file of a step as programs are told of it.
+/// A file of a step, in the form for programs.
 #[derive(Debug, Serialize)]
 pub(super) struct StepFile<'a> {
     role: &'a str,
@@ -54,7 +54,7 @@ impl PlanArgs {
             survey_recipes(&self.targets.recipes, &chosen.knowing(&store), &store, &option_tag(&chosen));
         let PlanSurvey { settled, plan, taken_down } = surveyed?;
         let assessed = assess_plan(&plan, &store)?;
-        // What goes to programs is one array.
+        // Programs get a single array, so nothing else may go to stdout.
         super::build::tell_notices(&store, &console.for_people());
         super::takedown::show_takedown(taken_down, &console.for_people());
         if self.estimate {
@@ -97,12 +97,12 @@ fn plan_rows<'a>(
         outputs: output_files(store, a.outputs.as_deref().unwrap_or_default()),
     });
     let mut rows: Vec<PlanRow<'a>> = known.chain(others).collect();
-    // Stable: the steps of a scene stay in the order of the plan.
+    // The sort is stable: the steps of a scene stay in the order of the plan.
     rows.sort_by(|a, b| a.scene.cmp(b.scene));
     rows
 }
 
-/// Files of a step as programs are told of them.
+/// The files of a step, in the form for programs.
 pub(super) fn output_files<'a>(store: &Store, outputs: &'a [StoredOutput]) -> Vec<StepFile<'a>> {
     let file = |o: &'a StoredOutput| StepFile {
         role: &o.name,
@@ -127,18 +127,18 @@ fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
     console.say(&format!("{run} to run, {may} may run, {keep} up to date"));
 }
 
-/// What would run, in sum.
+/// The estimate for all steps that would run.
 #[derive(Debug, Default, Serialize)]
 struct EstimateTotal {
-    /// Steps that will run, and those that may.
+    /// Number of steps that will or may run.
     steps: usize,
-    /// Those of which nothing like them ran before: they are in none of the sums.
+    /// Number of steps without an earlier run of their kind. They are in none of the sums.
     unknown: usize,
     core_seconds: f64,
-    /// Wall time at best: the work shared evenly among the cores.
+    /// Wall time at best, if the work is shared evenly among the cores.
     seconds: f64,
     bytes: f64,
-    /// Of the step that needs most.
+    /// Memory of the step that needs the most.
     memory: f64,
 }
 
@@ -183,7 +183,7 @@ fn estimate_run(
     Ok(())
 }
 
-/// A reason for people.
+/// A reason in words for people.
 pub(super) fn reason_words(reason: &StepReason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {

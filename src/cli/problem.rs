@@ -1,4 +1,4 @@
-//! Why a verb ends early, and how the program then ends.
+//! Errors that end a verb early, and the exit code that follows.
 
 use super::message::{MessageLevel, UserMessage};
 use crate::plan::assess::PlanError;
@@ -8,18 +8,18 @@ use crate::stage::StageError;
 use crate::store::StoreError;
 use std::process::ExitCode;
 
-/// How the program ends.
+/// The end of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExitKind {
     /// Done.
     Done,
     /// A step failed.
     Failed,
-    /// The command line or a recipe is wrong; nothing ran.
+    /// The command line or a recipe is wrong, and nothing ran.
     Usage,
     /// A check or an audit found a fault.
     Fault,
-    /// Interrupted; what was finished is kept.
+    /// The run was interrupted, and finished steps are kept.
     Interrupted,
 }
 
@@ -43,7 +43,7 @@ impl From<ExitKind> for ExitCode {
     }
 }
 
-/// Why a verb ends early.
+/// An error that ends a verb early.
 #[derive(Debug)]
 pub(super) struct VerbError {
     pub(super) exit: ExitKind,
@@ -53,9 +53,9 @@ pub(super) struct VerbError {
 #[derive(Debug)]
 enum ProblemText {
     Message(Box<UserMessage>),
-    /// The faults of recipes, which bring their own places.
+    /// The faults of recipes, with their own positions.
     Faults(Box<RecipeFaults>),
-    /// A command line that cannot be read, and the parser's own lines for people.
+    /// A command line that cannot be parsed, and the parser's own lines for people.
     Misread(Box<UserMessage>, Vec<String>),
 }
 
@@ -64,23 +64,24 @@ impl VerbError {
         Self::from_message(exit, UserMessage::new(MessageLevel::Error, code, what))
     }
 
-    /// A message that ends a verb.
+    /// Ends a verb with this message.
     pub(super) fn from_message(exit: ExitKind, message: UserMessage) -> Self {
         Self { exit, said: ProblemText::Message(Box::new(message)) }
     }
 
-    /// The command line or the input is wrong: nothing ran.
+    /// The command line or the input is wrong, and nothing ran.
     pub(super) fn usage(code: &'static str, what: String) -> Self {
         Self::new(ExitKind::Usage, code, what)
     }
 
-    /// The command line cannot be read: what is wrong, and the lines for people, which say more.
+    /// The command line cannot be parsed. `what` is the error, and `lines` is the longer text for
+    /// people.
     pub(super) fn misread(what: String, lines: Vec<String>) -> Self {
         let message = UserMessage::new(MessageLevel::Error, "usage", what).help("gs2e --help");
         Self { exit: ExitKind::Usage, said: ProblemText::Misread(Box::new(message), lines) }
     }
 
-    /// Something could not be done.
+    /// An operation failed.
     pub(super) fn failed(code: &'static str, what: String) -> Self {
         Self::new(ExitKind::Failed, code, what)
     }
@@ -90,12 +91,12 @@ impl VerbError {
         Self::new(ExitKind::Fault, code, what)
     }
 
-    /// Adds what to do.
+    /// Adds the remedy.
     pub(super) fn help(self, help: &str) -> Self {
         self.with(|message| message.help(help))
     }
 
-    /// Adds the step that it is about.
+    /// Adds the step that the error is about.
     pub(super) fn step(self, scene: &str, step: &str) -> Self {
         self.with(|message| message.step(scene, step))
     }
@@ -103,12 +104,13 @@ impl VerbError {
     fn with(self, change: impl FnOnce(UserMessage) -> UserMessage) -> Self {
         let said = match self.said {
             ProblemText::Message(message) => ProblemText::Message(Box::new(change(*message))),
+            // Faults and parser errors state their own remedies.
             other => other,
         };
         Self { said, ..self }
     }
 
-    /// For people.
+    /// The lines for people.
     pub(super) fn to_lines(&self) -> Vec<String> {
         match &self.said {
             ProblemText::Message(message) => message.to_lines(),
@@ -117,7 +119,7 @@ impl VerbError {
         }
     }
 
-    /// For programs: one object for each fault, with the exit code of the program in `exit`.
+    /// The objects for programs: one per fault, with the exit code of the program in `exit`.
     pub(super) fn to_json(&self) -> Vec<serde_json::Value> {
         let mut objects = match &self.said {
             ProblemText::Message(message) | ProblemText::Misread(message, _) => vec![message.to_json()],
@@ -146,6 +148,7 @@ impl From<SurveyError> for VerbError {
 impl From<StoreError> for VerbError {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
+        // Any operation may meet a full disk, and the remedy is always the same.
         if error.is_full() {
             return Self::failed("disk-full", format!("no space: failed {message}")).help(FULL);
         }
@@ -164,11 +167,12 @@ impl From<StoreError> for VerbError {
     }
 }
 
-/// What to do where there is no room.
+/// The remedy for a full disk.
 pub(super) const FULL: &str = "gs2e gc --dry-run shows what can go";
 
 impl From<PlanError> for VerbError {
-    /// The plan is held against the store before anything runs.
+    /// The plan is compared with the store before anything runs, so the exit code says that nothing
+    /// ran.
     fn from(error: PlanError) -> Self {
         match error {
             PlanError::Store(error) => error.into(),
@@ -177,7 +181,7 @@ impl From<PlanError> for VerbError {
     }
 }
 
-/// What is told of a step that cannot be held against the store.
+/// The message about a step that cannot be compared with the store.
 pub(super) fn unplanned_message(error: &PlanError) -> UserMessage {
     match error {
         PlanError::Missing { scene, step, path, named_at } => UserMessage::new(
@@ -196,7 +200,7 @@ pub(super) fn unplanned_message(error: &PlanError) -> UserMessage {
     }
 }
 
-/// What is told of a step whose own work failed.
+/// The message about a step with an error in its own work.
 pub(super) fn stage_failed(code: &'static str, scene: &str, step: &str, error: &StageError) -> UserMessage {
     let (doing, why) = match error {
         StageError::Work { doing, cause } => (doing.clone(), Some(cause.to_string())),

@@ -1,4 +1,4 @@
-//! What is shown of a run: bars on a terminal, plain lines otherwise, objects for programs.
+//! The output of a run: bars on a terminal, plain lines elsewhere, objects for programs.
 
 mod bars;
 mod pace;
@@ -25,12 +25,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// Shows a run as it happens.
+/// Shows a run while it goes on.
 pub(super) struct Progress<'a> {
     plan: &'a Plan,
-    /// Steps that were up to date at a glance, before the plan.
+    /// Number of steps outside the plan that were up to date at a glance.
     settled: usize,
-    /// True if what a GPU fails at is rendered on the CPU next.
+    /// True if a step that fails on the GPU is rendered on the CPU next.
     falls_back: bool,
     store: &'a Store,
     console: &'a Console,
@@ -42,38 +42,39 @@ pub(super) struct Progress<'a> {
 struct ProgressView {
     bars: Option<ProgressBars>,
     pace: LinePacing,
-    /// Steps that came to their end, and of these the ones that were made or kept.
+    /// Number of steps that ended. `finished` counts those that were made or kept.
     ended: usize,
     finished: usize,
-    /// What was wrong with the stored bytes of steps that run again for it.
+    /// The damage of stored bytes, for steps that run again because of it.
     altered: BTreeMap<StepId, String>,
-    /// What was left out of each trajectory of which something was rendered.
+    /// The work left out, by trajectory with a rendered step.
     left_out: BTreeMap<String, OmissionTable>,
     /// Scene, step and message of each failure.
     failed: Vec<(String, String, UserMessage)>,
 }
 
-/// What is left to tell when a run is over.
+/// The summary that is printed after a run.
 pub(super) struct EndSummary {
     /// Scene, step and message of each failure.
     pub(super) failed: Vec<(String, String, UserMessage)>,
-    /// What was left out of each trajectory of which something was rendered.
+    /// The work left out, by trajectory with a rendered step.
     pub(super) left_out: BTreeMap<String, OmissionTable>,
 }
 
-/// How a step ended, for people and programs.
+/// The end of a step, for people and programs.
 struct StepEnd<'a> {
     step: StepId,
     state: &'static str,
     key: Option<&'a Key>,
     outputs: &'a [StoredOutput],
     seconds: Option<f64>,
-    /// What it left out, where it renders.
+    /// The work that the step left out, if it renders.
     left_out: Option<&'a OmissionTable>,
 }
 
 impl<'a> Progress<'a> {
-    /// Shows the run of a plan on `cores`; `expected` gives the core-seconds that a step took before.
+    /// Shows the run of a plan on `cores`. `expected` returns the core-seconds that a step took
+    /// before.
     pub(super) fn new(
         plan: &'a Plan,
         store: &'a Store,
@@ -86,7 +87,7 @@ impl<'a> Progress<'a> {
         Self { plan, settled: 0, falls_back: false, store, console, began: Instant::now(), shown }
     }
 
-    /// Beside steps that were up to date at a glance: they count in what is told.
+    /// Counts steps outside the plan that were up to date at a glance.
     pub(super) fn beside(self, settled: usize) -> Self {
         let mut shown = self.shown.into_inner().expect("no observer panics");
         shown.ended += settled;
@@ -95,17 +96,17 @@ impl<'a> Progress<'a> {
         Self { settled, shown: Mutex::new(shown), ..self }
     }
 
-    /// What a GPU fails at is no failure where it is rendered on the CPU next.
+    /// Sets whether a step that fails on the GPU is rendered on the CPU next, and so is no failure.
     pub(super) fn falling_back(self, falls_back: bool) -> Self {
         Self { falls_back, ..self }
     }
 
-    /// All steps, settled or planned.
+    /// Number of all steps, settled or planned.
     fn all(&self) -> usize {
         self.settled + self.plan.steps().len()
     }
 
-    /// Takes the bars away, and returns what is to be told now.
+    /// Removes the bars, and returns the summary to be printed now.
     pub(super) fn close(self) -> EndSummary {
         let mut shown = self.shown.into_inner().expect("no observer panics");
         shown.bars.iter_mut().for_each(ProgressBars::close);
@@ -127,7 +128,7 @@ impl<'a> Progress<'a> {
             bars.started(step, &self.name(step), cores);
         }
         if let StepReason::BlobAltered { digest } = reason {
-            // Its bytes are still in their place.
+            // The step has not moved the altered file to the trash yet, so its size can be read.
             let path = digest.parse().ok().map(|digest| self.store.path_of(&digest));
             let size = path.and_then(|path| Some(path.metadata().ok()?.len()));
             let size = size.map_or(String::new(), |size| format!(", {}", format_amount(size, "B")));
@@ -136,7 +137,7 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Counts a step that ended, and tells programs of it.
+    /// Counts a step that ended, and prints its record for programs.
     fn ended(&self, shown: &mut ProgressView, ended: &StepEnd<'_>, core_seconds: Option<f64>) {
         shown.ended += 1;
         if let Some(bars) = &mut shown.bars {
@@ -169,7 +170,7 @@ impl<'a> Progress<'a> {
         told
     }
 
-    /// What a step left out that was made just now; `None` of one that does not render.
+    /// The work that a step left out; `None` for a step that does not render.
     fn left_out(
         &self,
         shown: &ProgressView,
@@ -183,35 +184,37 @@ impl<'a> Progress<'a> {
         }
         let files = ArtifactFiles::from_outputs(outputs, self.store);
         let rows = left_out::of_step(planned.stage(), planned.class().as_deref(), &files);
+        // A missing account must not fail a step that was made.
         let told = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
         Some(OmissionTable { rows: rows.map_err(told).ok()?, saving })
     }
 
-    /// Keeps it for the end.
+    /// Keeps the work that a step left out for the end of the run.
     fn keep_left_out(&self, shown: &mut ProgressView, step: StepId, left_out: OmissionTable) {
         let name = self.name(step);
         let trajectory = name.rsplit_once('/').map_or(name.as_str(), |(trajectory, _)| trajectory);
         let table = shown.left_out.entry(trajectory.to_owned()).or_default();
         table.rows.extend(left_out.rows);
-        // Steps end in any order; those of one step keep theirs.
+        // Steps end in any order; the sort is stable, so the rows of one step keep their order.
         table.rows.sort_by(|a, b| a.step.cmp(&b.step));
         table.saving = table.saving.or(left_out.saving);
     }
 
-    /// Shows something above the bars, where there are any.
+    /// Shows lines above the bars, if there are bars.
     fn above_bars(shown: &ProgressView, show: impl FnOnce()) {
+        // A redraw of the bars at the same time would overwrite the lines.
         match &shown.bars {
             Some(bars) => bars.above(show),
             None => show(),
         }
     }
 
-    /// A line for people.
+    /// Prints a line for people.
     fn line(&self, shown: &ProgressView, text: &str) {
         Self::above_bars(shown, || self.console.say(text));
     }
 
-    /// A message, whatever people want.
+    /// Prints a message, even if the user asked for quiet.
     fn tell(&self, shown: &ProgressView, message: &UserMessage) {
         Self::above_bars(shown, || self.console.tell(message));
     }
@@ -225,7 +228,7 @@ impl<'a> Progress<'a> {
         warnings: &[String],
     ) {
         let (all, name) = (self.all(), self.name(step));
-        // What bars show needs no lines.
+        // The bars show each step already.
         if shown.bars.is_none() && shown.pace.admits(self.began.elapsed().as_secs_f64()) {
             let (width, ended) = (all.to_string().len(), shown.ended);
             let remark = remark.map_or(String::new(), |remark| format!(" {remark}"));
@@ -238,6 +241,7 @@ impl<'a> Progress<'a> {
 
     fn failed(&self, shown: &mut ProgressView, failure: &StepFailure) {
         let step = failure.step;
+        // The step runs again on the CPU, so it has not ended and is no failure yet.
         if let Some(because) = failure.of_gpu().filter(|_| self.falls_back) {
             let scene = self.place(step).0;
             let what = format!("{scene} is rendered on the CPU, since {because}");
@@ -251,13 +255,15 @@ impl<'a> Progress<'a> {
         self.tell(shown, &message);
         shown.failed.push((scene.to_owned(), name.to_owned(), message));
         if let Some(bars) = &shown.bars {
+            // The remaining time must not count steps that can no longer run.
             self.behind(step).iter().for_each(|step| bars.lost(*step));
         }
     }
 
-    /// The steps that need this one, directly or not.
+    /// The steps that depend on this one, directly or not.
     fn behind(&self, step: StepId) -> BTreeSet<StepId> {
         let mut behind = BTreeSet::new();
+        // Inputs have smaller indices than the steps that need them, so one pass finds all.
         for (id, planned) in self.plan.steps().iter().enumerate().skip(step.0) {
             if planned.step.inputs().iter().any(|(_, input)| *input == step || behind.contains(input)) {
                 behind.insert(StepId(id));

@@ -1,4 +1,5 @@
-//! `gs2e release`: the whole job, from recipes to the tree that people download.
+//! `gs2e release`: builds the recipes, checks the results, and writes the tree that people
+//! download.
 
 use super::build::{BuildRequest, TrustOptions, exit_kind, open_store, tell_end};
 use super::console::{Console, path};
@@ -29,16 +30,17 @@ pub(super) struct ReleaseArgs {
     /// Folder of the release
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
-    /// Refuse, instead of building what is stale
+    /// Refuse to release stale steps, instead of building them
     #[arg(long)]
     no_build: bool,
-    /// Replace a changed release or another folder too; what gs2e did not write is kept next to it
+    /// Also replace a changed release or another folder; files that gs2e did not write are kept
+    /// next to it
     #[arg(long)]
     replace: bool,
-    /// How the release's files get their bytes from the store
+    /// Transfer of file contents from the store to the release
     #[arg(long, value_enum, value_name = "HOW", default_value_t = LinkArg::Reflink)]
     link: LinkArg,
-    /// The same as `--link copy`.
+    /// Alias of `--link copy`.
     #[arg(long, hide = true, conflicts_with = "link")]
     copy: bool,
     #[command(flatten)]
@@ -47,9 +49,9 @@ pub(super) struct ReleaseArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum LinkArg {
-    /// Share blocks until one side is changed, where the file system can; else copy
+    /// Share blocks until one side is changed, if the file system can; else copy
     Reflink,
-    /// Second names of the store's files: a change to one changes both
+    /// Make second names of the store's files: a change to one changes both
     Hard,
     /// Copy every byte
     Copy,
@@ -60,6 +62,7 @@ impl ReleaseArgs {
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
         let mut beside = ReleaseContext::read(&self.targets.recipes)?;
+        // Before the takedown: the sources of a scene that is taken down are guarded too.
         let guarded = self.guarded(&recipes, common);
         let (recipes, taken_down) = beside.takedown.keep(recipes);
         beside.taken_down = taken_down.scenes;
@@ -67,6 +70,8 @@ impl ReleaseArgs {
         let started = Instant::now();
         let store = open_store(common, &self.care, console)?;
         let cancel = &on_interrupt()?;
+        // The target is claimed before the build, so that a wrong target is refused before hours of
+        // work.
         let mut target = self.claim(&guarded, common, cancel, console)?;
         let plan = Plan::new(recipes, &chosen.asking(&store));
         if self.no_build {
@@ -77,6 +82,7 @@ impl ReleaseArgs {
         let (plan, summary) = building.build(plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit_kind(&summary);
+        // An incomplete build is never released, and the existing tree stays as it is.
         if built != ExitKind::Done {
             return Ok(built);
         }
@@ -90,6 +96,7 @@ impl ReleaseArgs {
         let written = release::write_release(&mut target, built, self.linking(), cancel);
         store.flush()?;
         let written = written.map_err(|error| release_problem(error, console))?;
+        // From here on, `gc` keeps the steps of this release.
         store.write_root(&root(&target, &summary))?;
         self.tell(&written, &mut target, console);
         Ok(ExitKind::Done)
@@ -104,7 +111,7 @@ impl ReleaseArgs {
         }
     }
 
-    /// Claims the target, waiting for another process that writes there.
+    /// Claims the target, and waits while another process writes there.
     fn claim(
         &self,
         guarded: &[GuardedPath],
@@ -124,7 +131,7 @@ impl ReleaseArgs {
         Ok(target)
     }
 
-    /// What the target may neither be nor hold.
+    /// The paths that the target must not be and must not contain.
     fn guarded(&self, recipes: &[Recipe], common: &CommonArgs) -> Vec<GuardedPath> {
         let guard =
             |what: &str, path: &Path, whole| GuardedPath { what: what.into(), path: path.into(), whole };
@@ -135,6 +142,8 @@ impl ReleaseArgs {
         let is_there = self.to.symlink_metadata().is_ok();
         for recipe in recipes {
             if let SceneSource::Captured(captured, _) = &recipe.source {
+                // A source that contains its recipe or the current folder may contain the release
+                // too: users often work inside their dataset.
                 let whole =
                     !holds(&captured.path, &recipe.file.path) && !holds(&captured.path, Path::new("."));
                 guarded.push(guard("the source of a scene", &captured.path, whole));
@@ -145,7 +154,7 @@ impl ReleaseArgs {
         guarded
     }
 
-    /// Says what was written.
+    /// Prints what was written.
     fn tell(&self, written: &WrittenRelease, target: &mut ReleaseTarget, console: &Console) {
         tell_notes(target, console);
         for warning in &written.warnings {
@@ -166,13 +175,13 @@ impl ReleaseArgs {
     }
 }
 
-/// Returns true if `path` is or lies in `folder`.
+/// Returns true if `path` is `folder` or lies in it.
 fn holds(folder: &Path, path: &Path) -> bool {
     let folder = folder.canonicalize();
     folder.is_ok_and(|folder| path.canonicalize().is_ok_and(|path| path.starts_with(folder)))
 }
 
-/// The files and folders that a recipe is and names: itself, its defaults, the files of its source, its
+/// The files and folders of a recipe: its own file, its defaults, the files of its source, and its
 /// Gaussians.
 fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     let mut named = vec![("a recipe", recipe.file.path.clone())];
@@ -191,7 +200,7 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     named
 }
 
-/// What `gc` leaves for a release: the steps that it was made from.
+/// The root that keeps the steps of a release from `gc`.
 fn root(target: &ReleaseTarget, summary: &RunSummary) -> ReleaseRoot {
     let keys = summary.products.values().map(|product| product.key).collect();
     ReleaseRoot { release: target.path().to_owned(), keys }

@@ -1,4 +1,4 @@
-//! `gs2e render`: one channel of one view of the user's own scene.
+//! `gs2e render`: renders one channel of one view of the user's own scene.
 
 mod account;
 mod numbers;
@@ -28,16 +28,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Most pixels of a picture: as many as a recipe may ask for, 16,384 on both sides.
+/// Maximum number of pixels in a picture: 16,384 on both sides, the limit of recipes.
 const MOST_PIXELS: usize = 1 << 28;
 
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
 pub(super) struct RenderArgs {
-    /// The scene: .ply, .splat, .spz or .sog
+    /// Scene file: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
-    /// A camera JSON { W, H, fx, fy, cx, cy, R, t } (world to camera), a transforms.json, or a folder with a capture
+    /// Camera JSON { W, H, fx, fy, cx, cy, R, t } (world to camera), transforms.json, or folder
+    /// with a capture
     #[arg(long, value_name = "FILE or DIR")]
     view: PathBuf,
     /// View of a capture, from 0 in natural order of the image names
@@ -46,7 +47,7 @@ pub(super) struct RenderArgs {
     /// Conventions for extents, culling and stops
     #[arg(long, value_enum, default_value_t = RulesArg::Official)]
     rules: RulesArg,
-    /// Order of layers of nearly the same depth; blended needs the rules soft
+    /// Order of layers of nearly the same depth; blended needs --rules soft
     #[arg(long, value_enum, default_value_t = LayerOrderArg::Depth)]
     order: LayerOrderArg,
     /// Compensate opacity for the screen-space dilation [default: as the scene file says, else off]
@@ -58,33 +59,35 @@ pub(super) struct RenderArgs {
     /// Channel to render
     #[arg(long, value_enum, default_value_t = ChannelArg::Rgb)]
     channel: ChannelArg,
-    /// The camera's own linear (units/s) and angular (rad/s) velocity in camera axes, for luminance-rate and flow
+    /// Linear (units/s) and angular (rad/s) velocity of the camera in camera axes, for
+    /// luminance-rate and flow
     #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::parse_velocity, allow_hyphen_values = true)]
     velocity: Option<CameraVelocity>,
-    /// File for the picture: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
+    /// File for the picture: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`
+    /// for a .npy to stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
-/// The renderers whose conventions there are.
+/// The rule sets of published renderers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum RulesArg {
-    /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles
+    /// Published CUDA rasteriser: 3-sigma extents, rounded out to tiles
     Official,
     /// Every pixel where a layer's opacity reaches 1/255
     Exact,
-    /// gsplat's
+    /// Conventions of gsplat
     Gsplat,
-    /// As exact, but layers fade in: opacity is a continuous function of the view
+    /// Like exact, but layers fade in: opacity is a continuous function of the view
     Soft,
 }
 
-/// The orders that there are.
+/// The orders of layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum LayerOrderArg {
-    /// By the depth of their means
+    /// By the depth of the means
     Depth,
-    /// Each covers the other in part
+    /// Blended: each layer covers the other in part
     Blended,
 }
 
@@ -106,6 +109,7 @@ impl RenderArgs {
             [self.scene.as_path(), self.view.as_path()],
             console.json,
         )?;
+        // Options are checked before the scene is read, which may take long.
         let format = PictureFormat::for_path(&self.out, self.channel)?;
         let (velocity, mut warnings) = self.motion()?;
         common.limit_cores();
@@ -153,7 +157,10 @@ impl RenderArgs {
         }
     }
 
-    /// How the camera moves, and what is to be told of that; an error where the channel needs it and it is not said.
+    /// The velocity of the camera, and warnings about it.
+    ///
+    /// # Errors
+    /// The channel needs a velocity, and none is given.
     fn motion(&self) -> Result<(CameraVelocity, Vec<String>), VerbError> {
         let name = self.channel.name();
         match self.velocity {
@@ -169,7 +176,7 @@ impl RenderArgs {
         }
     }
 
-    /// The view of that index, and what is to be told of it.
+    /// The view with the requested index, and warnings about it.
     fn chosen(&self) -> Result<(source::CapturedView, Vec<source::SourceWarning>), VerbError> {
         let read = view::read_views(&self.view).map_err(|e| input::no_source("view", &e, &self.view))?;
         let count = read.0.views.len();
@@ -178,6 +185,8 @@ impl RenderArgs {
             let what = format!("{} has {views}, and none of index {}", self.view.display(), self.index);
             VerbError::usage("no-view", what).help(&format!("--index: from 0 to {}", count.saturating_sub(1)))
         })?;
+        // Refused before the scene is read: a wrong size in a camera file could ask for any amount
+        // of memory.
         let size = chosen.0.camera.size;
         if size.pixels() > MOST_PIXELS {
             let because = format!("a picture of {size}, wanted at most {MOST_PIXELS} pixels");
@@ -205,7 +214,7 @@ impl RenderArgs {
 }
 
 impl RenderArgs {
-    /// Renders by the back end that was asked for; tells its class and what it did.
+    /// Renders with the requested back end. Returns its class and the work that it did.
     fn rendered(
         &self,
         common: &CommonArgs,
@@ -224,11 +233,13 @@ impl RenderArgs {
         if common.backend != BackendArg::Auto {
             return by(&common.backend()?).map_err(render_failed);
         }
+        // A GPU has no blended order, so `auto` need not open one.
         if !gpu::supports_order(style.order) {
             return by(&Backend::Cpu).map_err(render_failed);
         }
-        // One in software is slower than the CPU renderer.
+        // A software GPU is slower than the CPU renderer.
         let device = common.device(&gpu::DeviceChoice::Hardware).map_err(RenderError::from);
+        // Only a failure of the GPU itself is tried again; a wrong view fails on the CPU too.
         let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
             console.say(&format!("on the CPU, since {because}"));

@@ -1,8 +1,9 @@
-//! Which back end renders each scene, and which other programs are there.
+//! The choice of the back end for each scene, and of the programs that may be started.
 //!
-//! Left to itself (`--backend auto`), the program renders a scene by what rendered it before, so that no other GPU and no
-//! new driver makes a scene stale by being there; a new scene is rendered by a GPU of hardware, where there is one. The GPU
-//! is opened once something is to be rendered, and a scene that it has no room for, or that it is lost at, goes to the CPU.
+//! With `--backend auto`, a scene is rendered by the back end that rendered it before, so that a
+//! new GPU or driver does not make it stale. A new scene is rendered by a hardware GPU if there is
+//! one. The GPU is opened when something must be rendered. A scene that it has no room for, or
+//! during which it is lost, goes to the CPU.
 
 use super::console::Console;
 use super::problem::VerbError;
@@ -20,7 +21,7 @@ use crate::store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-/// What renders the scenes of a command, and what is left out.
+/// The back ends of a command, and the work that they leave out.
 #[derive(Debug)]
 pub(super) struct RendererChoice {
     by: RendererKind,
@@ -28,17 +29,18 @@ pub(super) struct RendererChoice {
     programs: ProgramFinder,
 }
 
-/// What renders.
+/// The kind of the choice.
 #[derive(Debug)]
 pub(super) enum RendererKind {
-    /// The back end that the user asked for.
+    /// The back end that the user requested, for all scenes.
     One(Backend),
-    /// What fits each scene.
+    /// A suitable back end for each scene.
     Auto(AutoRenderers),
 }
 
 impl RendererChoice {
-    /// By these, leaving out so much; `programs` are those that a run may start.
+    /// Creates a choice. `omit` is the work to leave out, and `programs` are those that a run may
+    /// start.
     pub(super) fn new(by: RendererKind, omit: OmissionPolicy, programs: ProgramFinder) -> Self {
         Self { by, omit, programs }
     }
@@ -48,7 +50,8 @@ impl RendererChoice {
         &self.programs
     }
 
-    /// Names what of it may change a key: what a survey under another name found does not count.
+    /// The parts of the choice that may change a key, as a name. The result of a survey under
+    /// another name does not count.
     pub(super) fn name(&self) -> String {
         let by = match &self.by {
             RendererKind::One(backend) => backend.class(),
@@ -57,22 +60,23 @@ impl RendererChoice {
         if self.omit.is_needless() { by } else { format!("{by} whole") }
     }
 
-    /// With what is known of scenes and programs in a store, for a verb that runs nothing.
+    /// Adds the knowledge of scenes and programs in a store, for a verb that runs nothing.
     pub(super) fn knowing<'a>(&'a self, store: &'a Store) -> InformedRenderers<'a> {
         InformedRenderers { chosen: self, store, asks: false }
     }
 
-    /// With what is known of scenes in a store, for a run. Programs that recipes name are asked for versions.
+    /// Adds the knowledge of scenes in a store, for a run. Programs that recipes name are asked for
+    /// their versions.
     pub(super) fn asking<'a>(&'a self, store: &'a Store) -> InformedRenderers<'a> {
         InformedRenderers { chosen: self, store, asks: true }
     }
 
-    /// Returns true if what a GPU fails at is rendered on the CPU next.
+    /// Returns true if a step that fails on the GPU is rendered on the CPU next.
     pub(super) fn falls_back(&self) -> bool {
         matches!(self.by, RendererKind::Auto(_))
     }
 
-    /// Says where there is no GPU for what needs one.
+    /// Reports a GPU that is needed and cannot be used.
     pub(super) fn tell(&self, console: &Console) {
         let RendererKind::Auto(auto) = &self.by else { return };
         if let Some(Err(because)) = &*auto.gpu.borrow() {
@@ -80,7 +84,7 @@ impl RendererChoice {
         }
     }
 
-    /// Takes the scenes of a run that the GPU failed, so that they are planned for the CPU next; whether there are any.
+    /// Assigns the scenes that the GPU failed in a run to the CPU. Returns true if there are any.
     pub(super) fn give_up(&self, plan: &Plan, summary: &RunSummary) -> bool {
         let RendererKind::Auto(auto) = &self.by else { return false };
         let mut any = false;
@@ -88,6 +92,8 @@ impl RendererChoice {
             let Some(because) = failure.of_gpu() else { continue };
             let scene = plan.scene_of(&plan.steps()[failure.step.0]);
             auto.on_cpu.borrow_mut().insert(scene.to_owned());
+            // A lost device fails every later scene too. A device without room for one scene may
+            // have room for the others.
             if matches!(because, GpuError::Lost { .. }) {
                 *auto.gpu.borrow_mut() = Some(Err(because.clone()));
             }
@@ -97,23 +103,23 @@ impl RendererChoice {
     }
 }
 
-/// Renders by what fits each scene.
+/// Chooses a suitable back end for each scene.
 #[derive(Debug)]
 pub(super) struct AutoRenderers {
     choice: DeviceChoice,
-    /// `None` while it is not opened.
+    /// The GPU, or the error of opening it; `None` if it was not opened yet.
     gpu: RefCell<Option<Result<GpuDevice, GpuError>>>,
     /// Scenes that the GPU failed.
     on_cpu: RefCell<BTreeSet<String>>,
 }
 
 impl AutoRenderers {
-    /// By one of these GPUs, else the CPU.
+    /// Renders by one of these GPUs, or else by the CPU.
     pub(super) fn new(choice: DeviceChoice) -> Self {
         Self { choice, gpu: RefCell::default(), on_cpu: RefCell::default() }
     }
 
-    /// The GPU, opened, else the CPU.
+    /// The GPU, opened if necessary, or else the CPU.
     fn best(&self) -> Backend {
         let mut gpu = self.gpu.borrow_mut();
         match gpu.get_or_insert_with(|| GpuDevice::open(&self.choice)) {
@@ -122,23 +128,25 @@ impl AutoRenderers {
         }
     }
 
-    /// The back end of a scene that was last rendered in this class.
+    /// The back end of a scene that was last rendered in the class `last`.
     fn of(&self, scene: &str, last: Option<String>) -> Backend {
         let is_opened = self.gpu.borrow().is_some();
         match last {
             _ if self.on_cpu.borrow().contains(scene) => Backend::Cpu,
             Some(class) if Backend::is_cpu(&class) => Backend::Cpu,
+            // The recorded class is enough for the keys. The GPU is opened in `at_hand` if a step
+            // must run.
             Some(class) if Backend::is_gpu(&class) && !is_opened => Backend::Unopened(class),
             _ => self.best(),
         }
     }
 }
 
-/// [`RendererChoice`] with what is known of the scenes.
+/// A [`RendererChoice`] with the knowledge of a store.
 pub(super) struct InformedRenderers<'a> {
     chosen: &'a RendererChoice,
     store: &'a Store,
-    /// True if programs may be run to know their versions.
+    /// True if programs may be run to learn their versions.
     asks: bool,
 }
 
@@ -147,7 +155,7 @@ impl RendererPolicy for InformedRenderers<'_> {
         match &self.chosen.by {
             RendererKind::One(backend) => backend.clone(),
             RendererKind::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
-            // A record that cannot be read is told by whoever needs it.
+            // A record that cannot be read is reported where it is needed.
             RendererKind::Auto(auto) => {
                 auto.of(&recipe.scene, past::last_class(recipe, self.store).unwrap_or_default())
             }
@@ -169,15 +177,19 @@ impl RendererPolicy for InformedRenderers<'_> {
 }
 
 impl InformedRenderers<'_> {
-    /// The plan as it can be run: the GPU is opened where something is to be rendered by one that was not.
+    /// The plan with back ends that can run: opens the GPU if a step must run on a GPU that was not
+    /// opened.
     pub(super) fn at_hand(&self, plan: Plan) -> Result<Plan, VerbError> {
         let RendererKind::Auto(auto) = &self.chosen.by else { return Ok(plan) };
         let unopened = auto.gpu.borrow().is_none()
             && plan.scenes().iter().any(|recipe| matches!(self.of(recipe), Backend::Unopened(_)));
+        // Opening takes time and may pick another GPU, which would make a finished plan stale.
         if !unopened || assess_plan(&plan, self.store)?.iter().all(|a| a.action == StepAction::Keep) {
             return Ok(plan);
         }
         auto.best();
+        // The opened GPU may have another class than the recorded one, so the keys are computed
+        // again.
         Ok(Plan::new(plan.into_scenes(), self))
     }
 }
@@ -196,7 +208,8 @@ mod tests {
         trajectories: [{ name: base, refine: { window: 2, factor: 2, curve: cubic }, speed: { function: \"1\" } }]\n\
         outputs: [events, sharp]\nlicence: { expression: CC0-1.0, holder: Nobody }\n";
 
-    /// Builds a scene in `dir` by a GPU that `spoil` makes unfit; what came of it, and the classes of its steps.
+    /// Builds a scene in `dir` on a GPU that `spoil` makes unusable. Returns the result and the
+    /// classes of the steps.
     fn built(
         dir: &Path,
         spoil: impl FnOnce(GpuDevice) -> GpuDevice,

@@ -1,10 +1,10 @@
-//! What a sensor does by itself, said before it runs.
+//! The properties of a sensor by itself, printed before it runs.
 
 use super::console::Console;
 use crate::sensor::front_end::FrontEnd;
 use crate::sensor::screening::{ConstantLightNoise, SensorScreening};
 
-/// Tells the contrast, leak and noise of a sensor; `whose` stands before its warnings.
+/// Prints the contrast, leak and noise of a sensor. `whose` precedes its warnings.
 pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreening, console: &Console) {
     let ([on, off], quantity) = (screening.contrast, screening.quantity);
     console.say(&format!("{what}: one event is a step of {quantity} by {on:.4} up, {off:.4} down"));
@@ -20,7 +20,7 @@ pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreenin
     }
 }
 
-/// Tells the brightness that the pixels of the sensor see, where it is not the usual one.
+/// Prints the brightness that the pixels of the sensor see, if it is not the usual one.
 pub(super) fn tell_front_end(front_end: &FrontEnd, console: &Console) {
     if !front_end.is_plain() {
         console.say(&format!("  brightness: {front_end}"));

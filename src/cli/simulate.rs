@@ -1,4 +1,4 @@
-//! `gs2e simulate`: the events that a sensor makes of the user's own frames.
+//! `gs2e simulate`: simulates a sensor on the user's own frames, and writes its events.
 
 mod account;
 mod sensor;
@@ -35,19 +35,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SimulateArgs {
-    /// A .npy [N, H, W] of uint8 or float32, a folder of images, or one with DVS-Voltmeter's info.txt
+    /// Frames: a .npy [N, H, W] of uint8 or float32, a folder of images, or a folder with
+    /// DVS-Voltmeter's info.txt
     #[arg(long, value_name = "FILE or DIR")]
     frames: PathBuf,
-    /// The luminance's change per second on the frames' own scale, for hermite: a .npy [N, H, W] of float32
+    /// Change of luminance per second on the frames' own scale, for hermite: a .npy [N, H, W] of
+    /// float32
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
-    /// A .npy [N] of int64: the frames' stamps in microseconds, strictly increasing
+    /// Time stamps of the frames: a .npy [N] of int64, in microseconds, strictly increasing
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     stamps: Option<PathBuf>,
-    /// Frames a second, where there are no stamps, such as 30 or 30000/1001
+    /// Frames per second, if there are no stamps, such as 30 or 30000/1001
     #[arg(long, value_name = "N", value_parser = sequence::parse_rate)]
     fps: Option<Hertz>,
-    /// A recipe, a file with what a recipe has under `sensor`, or a preset: dvs346, dvs240, gs2e-si
+    /// Recipe, file with the content of a recipe's `sensor`, or preset: dvs346, dvs240, gs2e-si
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
     /// Sampler: exact or official [default: the sensor's]
@@ -77,14 +79,15 @@ pub(super) struct SimulateArgs {
     /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,
-    /// Position of the frames' top-left pixel on the sensor, so that a crop draws the noise of the whole
+    /// Position of the frames' top-left pixel on the sensor, so that a crop draws the same noise as
+    /// the whole
     #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::parse_origin)]
     origin: sequence::SensorOrigin,
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames and count the others, instead of
-    /// failing
+    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames and count the
+    /// rest, instead of failing
     #[arg(long)]
     allow_cap: bool,
     /// Label each event as signal or noise, in .h5 and .npz
@@ -96,12 +99,13 @@ pub(super) struct SimulateArgs {
     /// Codec of a .raw
     #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
     codec: RawCodec,
-    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
+    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for
+    /// zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::ChunkFilter,
 }
 
-/// A value by the name that recipes have for it.
+/// A value by its name in recipes.
 fn parse_word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
 }
@@ -117,10 +121,11 @@ impl SimulateArgs {
             VerbError::usage("format", what).help(super::convert::events::SUPPORTED)
         })?;
         common.limit_cores();
-        // Before there is anything that an interruption could leave behind.
+        // Interrupts are caught before a file exists that an interrupt could leave behind.
         let stop = super::on_interrupt()?;
         let sensor = sensor::choose_sensor(&self)?;
         let mut sequence = StampedFrames::open_inputs(&self)?;
+        // Labels that were asked for must not be dropped silently.
         if sensor.as_model().labels() && !format.keeps_labels() {
             let what = format!("{} has no place for the labels of events", self.out.display());
             return Err(VerbError::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
@@ -154,6 +159,7 @@ impl SimulateArgs {
         let (c_on, c_off) = model.contrast();
         let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
         let header = StreamHeader { size: sequence.frames.size(), law, labelled: model.labels() };
+        // An .h5 counts its times from 0 only if 32 bits can hold them.
         let (first_us, last_us) = sequence.span_us();
         let h5 = h5::H5Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
         let options = file::WriteOptions { zero_us: first_us, h5 };
@@ -161,13 +167,15 @@ impl SimulateArgs {
         let written = write_beside(&self.out, |part| {
             let mut sink = file::create(part, format, &header, options)?;
             done = self.simulate(sensor, sequence, &mut *sink, watch)?;
+            // The times of the events count from the first stamp, which is `zero_us` of the
+            // options.
             EventFile::finish(sink, last_us - first_us)?;
             Ok(())
         });
         written.map_err(|failure: SimulateFailure| self.told(failure)).map(|()| done)
     }
 
-    /// Shows every frame to the sensor.
+    /// Feeds every frame to the sensor.
     fn simulate(
         &self,
         sensor: &SensorChoice,
@@ -234,7 +242,7 @@ impl SimulateArgs {
     }
 }
 
-/// A file as the sink that it is.
+/// An event file as an event sink.
 struct SinkOf<'a>(&'a mut dyn EventFile);
 
 impl EventSink for SinkOf<'_> {
@@ -243,7 +251,7 @@ impl EventSink for SinkOf<'_> {
     }
 }
 
-/// Why there is no file.
+/// The reason why there is no file.
 enum SimulateFailure {
     Write(EventFileError),
     Simulate(SimulateError),

@@ -1,4 +1,4 @@
-//! `gs2e stress`: the table of stiff and extreme cases.
+//! `gs2e stress`: computes the table of stiff and extreme cases.
 
 mod page;
 
@@ -26,18 +26,18 @@ pub(super) struct StressArgs {
     /// Cases, by name or with their area: `ties`, `splat/ties`, `splat/ties@cpu` [default: all]
     #[arg(value_name = "CASE")]
     names: Vec<String>,
-    /// Only this area; may be given several times
+    /// Run this area only; may be repeated
     #[arg(long, value_name = "AREA", value_parser = PossibleValuesParser::new(StressArea::ALL.map(StressArea::name)))]
     area: Vec<String>,
     /// Render this scene too: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// File for the table as a page: a .md
+    /// File for the table as a Markdown page: a .md
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
 }
 
-/// How a case ended.
+/// The result of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CaseVerdict {
     Pass,
@@ -45,7 +45,7 @@ enum CaseVerdict {
     NotRun,
 }
 
-/// A case that was run, or could not be.
+/// A case with its outcome; the outcome is an error if the case could not be run.
 #[derive(Debug)]
 struct StressRow {
     id: String,
@@ -84,13 +84,14 @@ impl StressArgs {
         self.area.is_empty() || self.area.iter().any(|name| name == area.name())
     }
 
-    /// The back ends: the one that is asked for, else all; and the scene.
+    /// The scene, and the back ends: the requested one, or else all.
     fn stage(&self, common: &CommonArgs) -> Result<SplatBench, VerbError> {
         if !self.wants(StressArea::Splat) {
             return Ok(SplatBench::default());
         }
         let backends = match common.backend {
             BackendArg::Auto => {
+                // A missing GPU must not fail the table: its cases are listed as not run.
                 let gpu = common.device(&gpu::DeviceChoice::Any).map(Backend::Gpu);
                 vec![
                     ("cpu", Ok(Backend::Cpu)),
@@ -110,7 +111,7 @@ impl StressArgs {
         Ok(SplatBench { backends, scene })
     }
 
-    /// Leaves the cases that are named.
+    /// Keeps the cases that the user named.
     fn keep_named(&self, cases: &mut Vec<StressCase<'_>>) -> Result<(), VerbError> {
         let is = |case: &StressCase<'_>, name: &str| {
             let id = case.id();
@@ -142,7 +143,7 @@ impl StressRow {
         }
     }
 
-    /// To programs a record; to people a line, and where it misses, where.
+    /// Prints a record for programs, or a line for people and the worst point of a missed limit.
     fn tell(&self, console: &Console) {
         if console.json {
             return console.result(&self.to_json());

@@ -25,7 +25,8 @@ pub(super) struct StudyArgs {
 
 #[derive(Debug, clap::Subcommand)]
 enum StudySubcommand {
-    /// Sweep the contrast threshold: count the events of each, and those that come from smooth motion
+    /// Sweep the contrast threshold: count all events at each value, and those that come from
+    /// smooth motion
     Thresholds(thresholds::ThresholdsArgs),
 }
 
@@ -38,12 +39,12 @@ impl StudyArgs {
     }
 }
 
-/// Returns true if a pass goes on after a frame.
+/// Stops a pass if the run was cancelled.
 fn go_unless(cancelled: &AtomicBool) -> ControlFlow<()> {
     if cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
-/// Why a pass ended early.
+/// The error for a pass that ended early.
 fn end_problem(error: SimulateError) -> VerbError {
     match error {
         SimulateError::Interrupted => interrupted_problem(),
@@ -56,7 +57,7 @@ fn interrupted_problem() -> VerbError {
     VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", what))
 }
 
-/// What is told where a frame cannot be rendered.
+/// The error for a frame that cannot be rendered.
 fn not_rendered(error: &dyn std::error::Error) -> VerbError {
     VerbError::failed("step-failed", format!("failed to render: {error}"))
 }

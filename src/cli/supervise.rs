@@ -1,8 +1,8 @@
-//! The supervisor of a program: see [`crate::programs`], whose side of the socket asks this one.
+//! The supervisor of a program: the other end of the socket in [`crate::programs`].
 //!
-//! The program runs in a group of its own. When it ends, when the socket closes or when a signal
-//! arrives, whatever is left of the group is killed. So are the processes that left the group and
-//! descend from the program: the system hands orphans to the supervisor, where they are found.
+//! The program runs in a process group of its own. When it ends, when the socket closes, or when a
+//! signal arrives, the rest of the group is killed. Descendants that left the group are killed too:
+//! the system makes the supervisor the parent of orphans, so it finds them.
 
 use crate::files;
 use crate::programs::ProgramReport;
@@ -21,15 +21,15 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
-/// Looks for processes that are left before they are given up: with the pause between them, 5 s.
+/// Maximum number of searches for remaining processes. With the pause between them, 5 s.
 const LOOKS: u32 = 500;
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// Supervises the program that these words start.
+/// Supervises the program that these arguments start.
 pub(super) fn run(words: Vec<OsString>) -> ExitCode {
     match supervise(words) {
         Ok(()) => ExitCode::SUCCESS,
-        // The parent finds no report, and this in the log.
+        // The parent finds no report on the socket, and this line in the log.
         Err(error) => {
             let _ = writeln!(io::stderr(), "the supervisor failed: {error}");
             ExitCode::FAILURE
@@ -37,13 +37,13 @@ pub(super) fn run(words: Vec<OsString>) -> ExitCode {
     }
 }
 
-/// What the supervisor waits for.
+/// An event that the supervisor waits for.
 enum SupervisorEvent {
     /// The program has ended.
     Ended(io::Result<ProgramReport>),
-    /// The program is asked to end.
+    /// The parent asks the program to end.
     Asked,
-    /// The process that started the supervisor is gone, or a signal asks for the end.
+    /// The parent process is gone, or a signal asks for the end.
     Gone,
 }
 
@@ -51,11 +51,12 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
     let mut words = words.into_iter();
     let program = words.next().ok_or(io::ErrorKind::InvalidInput)?;
     let mut line = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    // Signals and orphans are taken over before the program starts, so that none of them is missed.
     let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
     adopt_orphans();
     let mut command = Command::new(program);
     command.args(words).stdin(Stdio::null()).process_group(0);
-    // Its own stdout holds a lock that the program must not have.
+    // The supervisor's own stdout holds the lock of the store, which the program must not inherit.
     command.stdout(io::stderr().as_fd().try_clone_to_owned()?);
     let group = match command.spawn() {
         Ok(child) => Pid::from_child(&child),
@@ -66,7 +67,8 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
     };
     let (sender, events) = mpsc::channel();
     let [ended, signalled, asked] = [(); 3].map(|()| sender.clone());
-    // The receiver lives as long as the process does.
+    // The receiver lives as long as the process, so no send fails. The threads end with the process
+    // too, and are not joined.
     thread::spawn(move || drop(ended.send(SupervisorEvent::Ended(wait(group)))));
     thread::spawn(move || signals.forever().all(|_| signalled.send(SupervisorEvent::Gone).is_ok()));
     let mut reader = line.try_clone()?;
@@ -79,10 +81,12 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
     loop {
         match events.recv() {
             Ok(SupervisorEvent::Asked) => {
-                // It may have ended meanwhile.
+                // The program may have ended meanwhile.
                 let _ = kill_process_group(group, Signal::TERM);
             }
             Ok(SupervisorEvent::Ended(report)) => {
+                // The report comes last: the parent that reads it may rely on the end of all
+                // processes.
                 kill_all(group);
                 return write!(line, "{}", report?);
             }
@@ -94,13 +98,14 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
     }
 }
 
-/// Has the system hand every process whose parent ends to the supervisor, where the system can do that.
+/// Makes the supervisor the parent of every orphan, where the system can do that.
 fn adopt_orphans() {
     #[cfg(target_os = "linux")]
     let _ = rustix::process::set_child_subreaper(Some(getpid()));
 }
 
-/// Waits for the end of the program. Its number stays taken, so that its group is not another one's.
+/// Waits for the end of the program, and leaves its process id taken. So the id of its group cannot
+/// belong to another group.
 fn wait(program: Pid) -> io::Result<ProgramReport> {
     loop {
         match waitid(WaitId::Pid(program), WaitIdOptions::EXITED | WaitIdOptions::NOWAIT) {
@@ -118,23 +123,24 @@ fn report(status: &WaitIdStatus) -> ProgramReport {
     }
 }
 
-/// Kills what is left of the program's group, then what is left of its descendants.
+/// Kills the rest of the program's group, then its remaining descendants.
 fn kill_all(group: Pid) {
     let _ = kill_process_group(group, Signal::KILL);
+    // Several rounds, because a process may start another one between the search and its death.
     for _ in 0..LOOKS {
         let left = descendants();
         if left.is_empty() {
             return;
         }
         for process in left {
-            // It may have ended meanwhile.
+            // The process may have ended meanwhile.
             let _ = kill_process(process, Signal::KILL);
         }
         thread::sleep(PAUSE);
     }
 }
 
-/// A process, as `/proc` tells of it.
+/// A process as described by `/proc`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct ChildProcess {
     pid: i32,
@@ -142,33 +148,35 @@ struct ChildProcess {
     has_ended: bool,
 }
 
-/// The processes that descend from the supervisor and have not ended.
+/// The descendants of the supervisor that have not ended.
 fn descendants() -> Vec<Pid> {
     let Ok(entries) = std::fs::read_dir("/proc") else { return Vec::new() };
     let all = entries.filter_map(|entry| {
         let stat = entry.ok()?.path().join("stat");
-        // Bytes, because a process may call itself anything.
+        // Read as bytes, because the name of a process need not be UTF-8.
         parse_stat(&String::from_utf8_lossy(&files::read(&stat, files::MAX_TEXT).ok()?))
     });
     let below = below(getpid().as_raw_nonzero().get(), &all.collect::<Vec<_>>());
     below.into_iter().filter(|process| !process.has_ended).filter_map(|p| Pid::from_raw(p.pid)).collect()
 }
 
-/// `/proc/PID/stat`: the number, the name in brackets, the state, the parent's number, and more.
+/// Parses `/proc/PID/stat`: the process id, the name in brackets, the state, the id of the parent,
+/// and more.
 fn parse_stat(stat: &str) -> Option<ChildProcess> {
     let (pid, _) = stat.split_once(' ')?;
+    // The name may contain brackets and spaces, so the last bracket ends it.
     let (_, after) = stat.rsplit_once(')')?;
     let mut fields = after.split_whitespace();
     let has_ended = matches!(fields.next()?, "Z" | "X");
     Some(ChildProcess { pid: pid.parse().ok()?, parent: fields.next()?.parse().ok()?, has_ended })
 }
 
-/// The processes below one.
+/// The processes below `root`.
 fn below(root: i32, all: &[ChildProcess]) -> Vec<ChildProcess> {
     let mut found: Vec<ChildProcess> = Vec::new();
     let mut parents = vec![root];
     while let Some(parent) = parents.pop() {
-        // A number that was given again while the list was read could close a circle.
+        // A process id that was reused while the list was read could close a circle.
         let is_new = |process: &&ChildProcess| process.parent == parent && !found.contains(*process);
         let children: Vec<ChildProcess> = all.iter().filter(is_new).copied().collect();
         parents.extend(children.iter().map(|process| process.pid));

@@ -1,10 +1,11 @@
-//! Scenes that are left out because a `takedown.txt` lists them: said once, as a number.
+//! Scenes that are left out because a `takedown.txt` lists them.
 
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use crate::recipe::TakenDown;
 
-/// Says how many scenes were left out, and how many ids of the list name none, where there are any.
+/// Prints the number of scenes left out, and the number of ids in the list that match no scene, if
+/// they are not zero.
 pub(super) fn show_takedown(taken_down: TakenDown, console: &Console) {
     let TakenDown { scenes, unmatched } = taken_down;
     if scenes > 0 {

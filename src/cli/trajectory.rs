@@ -1,4 +1,4 @@
-//! `gs2e trajectory`: the poses of one trajectory of a recipe, on the user's own capture.
+//! `gs2e trajectory`: computes the poses of one trajectory of a recipe on the user's own capture.
 
 mod account;
 
@@ -27,10 +27,11 @@ use std::sync::Arc;
 /// Arguments of `trajectory`.
 #[derive(Debug, clap::Args)]
 pub(super) struct TrajectoryArgs {
-    /// A COLMAP model, a transforms.json, or a 3DGS model folder; orbits and key frames may do without
+    /// Capture: a COLMAP model, a transforms.json, or a 3DGS model folder; not needed for orbits
+    /// and key frames
     #[arg(long, value_name = "FILE or DIR")]
     capture: Option<PathBuf>,
-    /// The recipe, or a file with its trajectories alone; its source, sensor and outputs are not read
+    /// Recipe, or a file with its trajectories only; its source, sensor and outputs are not read
     #[arg(long, value_name = "RECIPE")]
     recipe: PathBuf,
     /// Trajectory of the recipe
@@ -39,7 +40,7 @@ pub(super) struct TrajectoryArgs {
     /// File for the poses, one line `t_us tx ty tz qx qy qz qw` each; `-` is stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// File for the report on the speed, as speed.json of a release
+    /// File for the report on the speed, in the form of speed.json in a release
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// File for the picture of the path
@@ -84,7 +85,7 @@ impl TrajectoryArgs {
         Ok(ExitKind::Done)
     }
 
-    /// What is written, by option.
+    /// The outputs, by option.
     fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
         let optional = [("report", &self.report), ("svg", &self.svg), ("stamps", &self.stamps)];
         let given = optional.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?)));
@@ -109,13 +110,17 @@ impl TrajectoryArgs {
         output::write_outputs(&outputs)
     }
 
-    /// The capture, where one is given; an error where a path needs one.
+    /// The capture, if one is given.
+    ///
+    /// # Errors
+    /// A path needs a capture and none is given, or the capture cannot be read.
     fn captured(
         &self,
         chain: &[&TrajectoryRecipe],
         warnings: &mut Vec<String>,
     ) -> Result<Option<CaptureInput>, VerbError> {
         let Some(place) = &self.capture else {
+            // The whole chain is searched: a base may need a capture even if its follower does not.
             return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
                 None => Ok(None),
                 Some(recipe) => {
@@ -132,7 +137,7 @@ impl TrajectoryArgs {
         Ok(Some(CaptureInput { kind, capture }))
     }
 
-    /// What measures the optical flow, where a speed is one.
+    /// The meter of the optical flow, if a speed is a flow speed.
     fn meter(
         &self,
         fragment: &TrajectoryFragment,
@@ -166,13 +171,13 @@ impl TrajectoryArgs {
     }
 }
 
-/// A capture and what it was read from.
+/// A capture and its kind.
 struct CaptureInput {
     kind: CaptureKind,
     capture: Capture,
 }
 
-/// The path of a trajectory, and the name of the one that it is drawn from.
+/// The path of a trajectory, and the name of the trajectory that it is drawn from.
 fn path_of(recipe: &TrajectoryRecipe) -> (path::CameraPath, Option<&str>) {
     (recipe.path.clone(), recipe.base.as_deref())
 }
@@ -188,7 +193,7 @@ fn find_trajectory<'a>(
     })
 }
 
-/// A trajectory after the one that it is drawn from, and so on; each once.
+/// A trajectory and its bases. Each base precedes the trajectory that is drawn from it.
 fn base_chain<'a>(
     fragment: &'a TrajectoryFragment,
     chosen: &'a TrajectoryRecipe,
@@ -196,6 +201,7 @@ fn base_chain<'a>(
     let mut chain = vec![chosen];
     while let (_, Some(base)) = path_of(chain[chain.len() - 1]) {
         let base = find_trajectory(fragment, base)?;
+        // A chain that returns to itself would never end.
         if chain.iter().any(|recipe| recipe.name == base.name) {
             let message = format!("the trajectory `{}` is drawn from itself", base.name);
             return Err(VerbError::usage("recipe-invalid", message));
@@ -206,7 +212,8 @@ fn base_chain<'a>(
     Ok(chain)
 }
 
-/// The camera that sees the trajectory; without a capture the recipe's, where that says all of it.
+/// The camera that sees the trajectory. Without a capture, it is the recipe's camera if that is
+/// complete.
 fn viewing_camera(
     fragment: &TrajectoryFragment,
     capture: Option<&Capture>,
@@ -217,25 +224,26 @@ fn viewing_camera(
     camera::choose_camera(fragment.camera, own.as_ref())
 }
 
-/// What trajectories are made from.
+/// The inputs of trajectories.
 struct TrajectoryMaker<'a> {
     fragment: &'a TrajectoryFragment,
     captured: Option<&'a CaptureInput>,
     meter: Option<PixelFlowMeter>,
 }
 
-/// A trajectory, and what was told of those before it.
+/// A trajectory, and the warnings about its bases.
 struct TrajectoryChoice {
     made: MadeTrajectory,
     before: Vec<String>,
 }
 
 impl TrajectoryMaker<'_> {
-    /// The last of these trajectories, each drawn from the one before it.
+    /// Makes the last of these trajectories. Each is drawn from the one before it.
     fn make(mut self, chain: &[&TrajectoryRecipe]) -> Result<TrajectoryChoice, VerbError> {
         let (mut made, mut before): (Option<MadeTrajectory>, Vec<String>) = (None, Vec::new());
         for (i, recipe) in chain.iter().enumerate() {
             let base = made.take();
+            // The base itself is not written, so its warnings carry its name.
             let told = base.iter().flat_map(|base| &base.report.warnings);
             before.extend(told.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
             made = Some(self.one(recipe, base.as_ref())?);

@@ -1,4 +1,4 @@
-//! `gs2e why`: what goes into a step's key, and what changed since it was last made.
+//! `gs2e why`: shows the parts of a step's key, and the changes since the step was last made.
 
 use super::build::store_options;
 use super::console::Console;
@@ -32,6 +32,7 @@ impl WhyArgs {
         let assessed = assess_plan(&plan, &store)?;
         let (scene, chosen) = choose_steps(&plan, &self.name)?;
         let edits = edits_since(&plan.scenes()[scene], &store);
+        // Programs get the edits with the record of each step.
         if !edits.is_empty() && !console.json {
             tell_edits(&plan, scene, &edits, &assessed, console);
         }
@@ -48,13 +49,13 @@ impl WhyArgs {
     }
 }
 
-/// What was edited in a recipe since its scene was last built; nothing where that is not known.
+/// The edits of a recipe since its scene was last built; empty if that is not known.
 fn edits_since(recipe: &Recipe, store: &Store) -> Vec<RecipeEdit> {
     let last = store.last_recipe(&recipe.scene).and_then(|text| serde_json::from_str(&text).ok());
     last.map(|last: Value| find_edits(&last, &recipe.merged)).unwrap_or_default()
 }
 
-/// The head: each edited value, and the steps that run for it or may.
+/// Prints the edited values, and the steps that will or may run because of them.
 fn tell_edits(
     plan: &Plan,
     scene: usize,
@@ -91,12 +92,14 @@ fn tell_edits(
     }
 }
 
-/// Returns true if an edit of the recipe can be why a step runs: not a lost blob, nor another version of the program.
+/// Returns true if an edit of the recipe can be the reason for a run, unlike a lost blob or another
+/// version of the program.
 fn is_of_recipe(reason: &StepReason) -> bool {
     matches!(reason, StepReason::NoRecord | StepReason::InputChanged { .. } | StepReason::ParamChanged { .. })
 }
 
-/// The scene and the steps that a name means: the scene is the longest id that matches, the rest names a step or all below it.
+/// The scene and the steps that a name means. The scene is the longest id that matches. The rest of
+/// the name is a step, or a folder of steps.
 fn choose_steps<'p>(
     plan: &'p Plan,
     name: &'p str,
@@ -106,6 +109,7 @@ fn choose_steps<'p>(
         Some(rest) => rest.strip_prefix('/'),
         None => None,
     };
+    // The ids of scenes contain slashes, and one id may begin with another.
     let matches =
         plan.scenes().iter().enumerate().filter_map(|(i, r)| Some((r.scene.len(), i, rest_of(&r.scene)?)));
     let Some((_, scene, step)) = matches.max_by_key(|(length, ..)| *length) else {
@@ -126,7 +130,7 @@ fn choose_steps<'p>(
     Ok((scene, chosen))
 }
 
-/// A step, what it is made from, and what differs from when it was last made.
+/// A step, its inputs, and its changes since it was last made.
 struct StepExplanation<'a> {
     scene: &'a str,
     step: &'a str,

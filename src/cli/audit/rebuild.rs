@@ -1,5 +1,5 @@
-//! `gs2e audit --rebuild N`: some scenes of a release are made again from their recipes, in a store of their own, and
-//! every byte is compared.
+//! `gs2e audit --rebuild N`: builds some scenes of a release again from their recipes, in a
+//! separate store, and compares every byte.
 
 use crate::cli::build::{BuildRequest, TrustOptions, exit_kind};
 use crate::cli::console::Console;
@@ -19,29 +19,29 @@ use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Options of it.
+/// Options of `audit --rebuild`.
 #[derive(Debug, clap::Args)]
 pub(super) struct RebuildArgs {
-    /// Make this many scenes again, drawn at random, and compare every byte
+    /// Rebuild this many scenes, drawn at random, and compare every byte
     #[arg(long, value_name = "N")]
     rebuild: Option<usize>,
-    /// Recipes that the scenes are made again from
+    /// Recipes from which the scenes are rebuilt
     #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT, requires = "rebuild")]
     recipes: Vec<PathBuf>,
-    /// Seed of that draw
+    /// Seed of the draw
     #[arg(long, value_name = "SEED", default_value_t = 0, requires = "rebuild")]
     seed: u64,
 }
 
-/// What came of it.
+/// The result of a rebuild.
 pub(super) struct RebuildOutcome {
-    /// Ids of the scenes.
+    /// Ids of the rebuilt scenes.
     pub(super) scenes: Vec<String>,
     pub(super) faults: Vec<AuditFault>,
 }
 
 impl RebuildArgs {
-    /// Makes the scenes again; `None` where that is not asked for.
+    /// Rebuilds the scenes; `None` if no rebuild is requested.
     pub(super) fn run(
         &self,
         dir: &Path,
@@ -55,7 +55,8 @@ impl RebuildArgs {
         let chosen = draw_scenes(&manifest, count, self.seed);
         let recipes = self.recipes_of(&chosen)?;
         let mut found = RebuildOutcome { scenes: chosen, faults: Vec::new() };
-        // What was rendered in one class is made again in it, and scenes of several classes apart.
+        // Bytes depend on the numerical class. So each class is rebuilt by its own back end, in its
+        // own store.
         let mut classes: BTreeMap<String, Vec<Recipe>> = BTreeMap::new();
         for recipe in recipes {
             classes.entry(class_of(&manifest, &recipe.scene)).or_default().push(recipe);
@@ -71,6 +72,7 @@ impl RebuildArgs {
                 found.faults.extend(compared.map_err(|e| VerbError::failed("rebuild", e.to_string()))?);
             }
         }
+        // The top of the release is compared once per class, so its faults may repeat.
         found.faults.sort();
         found.faults.dedup();
         Ok(Some(found))
@@ -88,7 +90,7 @@ impl RebuildArgs {
         Ok(recipes)
     }
 
-    /// Builds and releases these scenes below `folder`; the path of the release.
+    /// Builds and releases these scenes below `folder`. Returns the path of the release.
     fn make(
         &self,
         class: &str,
@@ -104,6 +106,7 @@ impl RebuildArgs {
             common.programs(),
         );
         let beside = ReleaseContext::read(&self.recipes)?;
+        // No other process knows this new store, so there is no holder to report.
         let store = Store::open(&common.store, StoreOptions::from(StoreAccess::Write), &mut |_| {})?;
         let (targets, care) = (&RecipeTargets { recipes: self.recipes.clone() }, &TrustOptions::default());
         let plan = Plan::new(recipes, &chosen.asking(&store));
@@ -123,7 +126,8 @@ impl RebuildArgs {
         let claim =
             TargetClaim { replace: false, guarded: &[], claim: LockClaim::default(), wait: false, cancel };
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
-        // The folder goes with its store, so that nothing can be changed through a shared file.
+        // The store is deleted together with the release, so hard links are safe here and no byte
+        // is copied.
         ReleaseTarget::claim(&to, claim, &mut |_| {})
             .and_then(|mut target| release::write_release(&mut target, built, LinkMode::Hard, cancel))
             .map_err(|e| VerbError::failed("rebuild", e.to_string()))?;
@@ -131,7 +135,8 @@ impl RebuildArgs {
     }
 }
 
-/// So many scenes, or all: those whose ids hash lowest with the seed, so that nobody chooses them and anybody can check.
+/// Draws `count` scenes, or all if there are fewer. The ids with the lowest hashes of seed and id
+/// are drawn, so that nothing but the seed decides and the draw can be repeated.
 fn draw_scenes(manifest: &ReleaseManifest, count: usize, seed: u64) -> Vec<String> {
     let mut ids: Vec<String> = manifest.scenes.iter().map(|scene| scene.id.clone()).collect();
     ids.sort_by_key(|id| Digest::of_bytes(format!("{seed} {id}").as_bytes()));
@@ -140,14 +145,16 @@ fn draw_scenes(manifest: &ReleaseManifest, count: usize, seed: u64) -> Vec<Strin
     ids
 }
 
-/// The class that a scene was rendered in; empty where nothing was.
+/// The class in which a scene was rendered; empty if nothing of it was rendered.
 fn class_of(manifest: &ReleaseManifest, scene: &str) -> String {
     let steps = manifest.scenes.iter().filter(|listed| listed.id == scene).flat_map(|listed| &listed.steps);
     let mut classes = steps.filter_map(|step| step.made_of.as_ref()?.class.clone());
+    // The class of a back end has a slash, as in `cpu/1`. A list of program versions is a class
+    // too.
     classes.find(|class| class.contains('/')).unwrap_or_default()
 }
 
-/// The back end of a class, if this machine has it.
+/// The back end of a class.
 fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> {
     let backend = match class {
         class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
@@ -159,6 +166,7 @@ fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> 
         }
         _ => Backend::Reference,
     };
+    // Only the bytes of a GPU depend on the machine.
     if backend.takes_gpu() && backend.class() != class {
         let message =
             format!("{class} rendered it, and here is {}: bytes cannot be compared", backend.class());

@@ -17,22 +17,23 @@ use serde_json::json;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What the formats are called by.
+/// The names of the event formats, for help texts.
 pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
 
-/// Options for events.
+/// Options of event conversions.
 #[derive(Debug, clap::Args)]
 pub(super) struct EventOptions {
     /// Codec of a .raw
     #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
     codec: RawCodec,
-    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
+    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for
+    /// zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::ChunkFilter,
-    /// Size of the sensor, where an event file does not state it
+    /// Size of the sensor, if an event file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<Size>,
-    /// Unit of times with a fraction in a .txt or .csv
+    /// Unit of times with a fraction, in a .txt or .csv
     #[arg(long, value_enum, value_name = "UNIT")]
     time_unit: Option<TimeUnitArg>,
 }
@@ -69,7 +70,7 @@ enum TimeUnitArg {
 }
 
 impl EventOptions {
-    /// The format that a name asks for.
+    /// The event format that belongs to a name.
     pub(super) fn format(&self, path: &Path) -> Option<EventFormat> {
         EventFormat::for_path(path, self.codec.into())
     }
@@ -95,7 +96,7 @@ impl EventOptions {
     }
 }
 
-/// `640x480`.
+/// Reads `640x480`.
 fn parse_size(text: &str) -> Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, as 640x480"))?;
@@ -107,7 +108,7 @@ fn parse_size(text: &str) -> Result<Size, String> {
     Ok(size)
 }
 
-/// A stream on its way from one file to another.
+/// A conversion of events from one file to another.
 pub(super) struct EventConversion<'a> {
     pub(super) from: (&'a PathBuf, EventFormat),
     pub(super) to: (&'a PathBuf, EventFormat),
@@ -115,7 +116,7 @@ pub(super) struct EventConversion<'a> {
     pub(super) lossy: bool,
 }
 
-/// What was written, and what of it was lost on the way.
+/// The number of events written, and of those that were changed or dropped.
 #[derive(Debug, Default)]
 struct ConversionSummary {
     events: u64,
@@ -128,6 +129,7 @@ struct ConversionSummary {
 
 impl EventConversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<ExitKind, VerbError> {
+        // Losses that follow from the formats are refused before the events are read.
         output::screen_outputs([self.to.0.as_path()], [], false)?;
         let mut opened = self.options.open(self.from.0, self.from.1)?;
         let before = self.losses_of_format(&opened);
@@ -137,7 +139,7 @@ impl EventConversion<'_> {
         let mut done = ConversionSummary::default();
         let written = write_beside(self.to.0, |part| {
             done = self.copy(&mut opened, part)?;
-            // What only the events can tell of.
+            // These losses are only known after all events were read.
             if self.lossy || done.losses().is_empty() { Ok(()) } else { Err(ConvertFailure::Lossy) }
         });
         match written {
@@ -192,7 +194,8 @@ impl EventConversion<'_> {
         let last = |chunk: &[Event]| chunk.last().map(|event| event.t.floor_micros());
         let mut last_us = last(&chunk).unwrap_or(opened.offset_us);
         let h5 = h5::H5Options { filter: self.options.h5_filter, t_offset_us: opened.offset_us };
-        // A file that says what its times count from is believed; of others the first events show whether 32 bits do.
+        // A file that states the origin of its times is believed. For other files, the times of the
+        // first chunk show whether 32 bits can hold them.
         let h5 = match chunk.first() {
             Some(first) if h5.t_offset_us == 0 => h5.spanning(first.t.floor_micros(), last_us),
             _ => h5,
@@ -233,7 +236,9 @@ impl EventConversion<'_> {
 impl ConversionSummary {
     fn count(&mut self, events: &[Event]) {
         self.events += events.len() as u64;
+        // The polarity is 1 for ON and 0 for OFF.
         self.on += events.iter().map(|e| e.polarity as u64).sum::<u64>();
+        // Times are in nanoseconds, and every output format has microseconds.
         self.rounded += events.iter().filter(|e| e.t.0 % 1000 != 0).count() as u64;
     }
 
@@ -246,11 +251,11 @@ impl ConversionSummary {
     }
 }
 
-/// Why a file was not finished.
+/// The reason why a file was not finished.
 enum ConvertFailure {
     Read(EventFileError),
     Write(EventFileError),
-    /// It would lose something, which is not allowed.
+    /// The file would lose something, and the user does not allow it.
     Lossy,
 }
 

@@ -17,32 +17,33 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
-/// Options for pictures.
+/// Options of pictures.
 #[derive(Debug, clap::Args)]
 pub(super) struct PictureOptions {
     /// Kind of picture [default: frame]
     #[arg(long, value_enum, value_name = "KIND")]
     picture: Option<PictureKind>,
-    /// The events of a picture: those with T0 <= t < T1, in microseconds [default: all]
+    /// Time window of the picture, T0 <= t < T1, in microseconds [default: all]
     #[arg(long, value_name = "T0,T1", value_parser = parse_window, allow_hyphen_values = true)]
     window: Option<TimeWindow>,
-    /// Age in microseconds at which an event of a time surface has faded to 1/e [default: a quarter of the window]
+    /// Age in microseconds at which an event of a time surface has faded to 1/e [default: a quarter
+    /// of the window]
     #[arg(long, value_name = "US", value_parser = clap::value_parser!(u32).range(1..))]
     tau: Option<u32>,
 }
 
-/// The pictures.
+/// Kinds of pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum PictureKind {
-    /// The balance of each pixel, brighter in red, darker in blue
+    /// Event balance of each pixel: brighter in red, darker in blue
     Frame,
-    /// How fresh the last event of each pixel is
+    /// Time surface: the last event of each pixel, fading with its age
     Surface,
     /// Events per second over time, brighter upwards, darker downwards
     Rate,
 }
 
-/// Begin and end in microseconds.
+/// Begin and end, in microseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct TimeWindow(i64, i64);
 
@@ -55,7 +56,7 @@ fn parse_window(text: &str) -> Result<TimeWindow, String> {
     }
 }
 
-/// What counts the events of a picture.
+/// The accumulator of a picture.
 enum EventCanvas {
     Frame(WindowCounts),
     Surface(TimeSurface),
@@ -81,7 +82,10 @@ impl EventCanvas {
 }
 
 impl PictureOptions {
-    /// Returns true if a picture is what the output's name asks for; an error where it does not and options for pictures do.
+    /// Returns true if the name of the output asks for a picture.
+    ///
+    /// # Errors
+    /// An option for pictures is given, and the output is not a picture.
     pub(super) fn of(&self, output: &Path) -> Result<bool, VerbError> {
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let asked = self.picture.is_some() || self.window.is_some() || self.tau.is_some();
@@ -91,7 +95,7 @@ impl PictureOptions {
         Ok(is_png)
     }
 
-    /// Draws the events of a file.
+    /// Draws the events of a file, and writes the picture.
     pub(super) fn draw(
         &self,
         (input, format): (&Path, EventFormat),
@@ -103,6 +107,8 @@ impl PictureOptions {
         let mut opened = options.open(input, format)?;
         let size = opened.header.size;
         let window_us = self.window.map_or(i64::MIN..i64::MAX, |TimeWindow(begin, end)| begin..end);
+        // A large sensor may need more memory than there is; that is an error here and not an
+        // abort.
         let mut canvas = self.canvas(size, window_us.clone()).map_err(|e| {
             let what = format!("{}: a picture of {size}: {}", output.display(), io::Error::from(e));
             VerbError::failed("not-written", what)
@@ -139,7 +145,7 @@ impl PictureOptions {
     }
 }
 
-/// Pours a whole file into a picture; the number of events within its window.
+/// Adds the events of a whole file to a picture. Returns the number of events in its window.
 fn pour_events(
     source: &mut dyn EventSource,
     window_us: &Range<i64>,
@@ -147,6 +153,7 @@ fn pour_events(
 ) -> Result<u64, EventFileError> {
     let (mut chunk, mut count) = (Vec::new(), 0);
     while source.next_chunk(&mut chunk)? {
+        // The picture ignores events outside its window; only the count needs this test.
         let within = |event: &&Event| window_us.contains(&event.t.floor_micros());
         count += chunk.iter().filter(within).count() as u64;
         sink.append(&chunk)?;

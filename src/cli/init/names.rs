@@ -1,4 +1,5 @@
-//! Names of recipe files: one for each scene, which every walk over recipes finds, and the same in every run.
+//! Names of recipe files: one per scene, visible to every walk over recipes, and equal in every
+//! run.
 
 use crate::files;
 use crate::recipe::draft;
@@ -6,22 +7,23 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Names that have a meaning of their own in a folder of recipes.
+/// Names with a special meaning in a folder of recipes.
 const MEANT: [&str; 3] = ["defaults", "release", "sources"];
 
-/// A recipe file, and why it is not named as its scene is, if it is not.
+/// A recipe file. `because` is the reason if its name is not that of the scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct FileName {
     pub(super) path: PathBuf,
     pub(super) because: Option<String>,
 }
 
-/// The recipe files of scenes, given as (id, id below the prefix), in the folder of all recipes. Where two would share a
-/// file, the scene that the file on disk names keeps it, else the first.
+/// Assigns recipe files in `folder` to scenes, which are given as (id, id below the prefix). If
+/// several scenes would share a file, the scene that the file on disk names keeps it; without a
+/// file, the first scene gets it.
 pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (i, (_, name)) in scenes.iter().enumerate() {
-        // Some file systems do not tell `A.yaml` from `a.yaml`.
+        // Some file systems do not distinguish `A.yaml` from `a.yaml`.
         groups.entry(stem(name).to_ascii_lowercase()).or_default().push(i);
     }
     let plain = |i: usize| folder.join(format!("{}.yaml", stem(scenes[i].1)));
@@ -34,6 +36,8 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
         } else if group.len() == 1 || group.iter().all(|i| !files::is_there(&plain(*i))) {
             vec![group[0]]
         } else {
+            // A file that exists and names none of these scenes has no owner: all of them get
+            // marked names.
             group.iter().filter(names_it).copied().collect()
         };
         for i in group {
@@ -50,7 +54,8 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
     files.into_iter().flatten().collect()
 }
 
-/// In one folder, so that the defaults there are those of each, however it is named to `build`.
+/// The name of a recipe file. Recipes lie in one folder, so that its defaults apply to all of them,
+/// however `build` is called.
 fn stem(name: &str) -> String {
     name.replace('/', "_")
 }
@@ -65,7 +70,7 @@ fn unsafe_because(stem: &str) -> Option<&'static str> {
     }
 }
 
-/// A file that is marked with the scene's own digits: the first 8 of the SHA-256 of its id.
+/// A file marked with digits of the scene: the first 8 of the SHA-256 of its id.
 fn marked(folder: &Path, (scene, name): (&str, &str)) -> PathBuf {
     let digest = Sha256::digest(scene);
     let digits: String = digest.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
@@ -91,7 +96,7 @@ mod tests {
         assert!(files.iter().all(|file| file.because.is_none()));
     }
 
-    /// printf c/.hid | sha256sum, and so on.
+    /// `printf c/.hid | sha256sum`, and so on.
     #[test]
     fn names_with_a_meaning_are_marked() {
         let scenes = [("c/.hid", ".hid"), ("c/defaults", "defaults"), ("c/Release", "Release")];
@@ -109,7 +114,7 @@ mod tests {
         assert_eq!(fresh[0], "a_b.yaml");
         let lower: BTreeSet<String> = fresh.iter().map(|name| name.to_ascii_lowercase()).collect();
         assert_eq!(lower.len(), 3, "{fresh:?}");
-        // A file that is there stays that of the scene that it names, whichever comes first.
+        // An existing file stays with the scene that it names, whichever scene comes first.
         std::fs::write(folder.path().join("a_b.yaml"), "version: 1\nscene: \"c/a_b\"\n").unwrap();
         let again = names(folder.path(), &scenes);
         assert_eq!(again[1], "a_b.yaml");

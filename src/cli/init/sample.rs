@@ -1,8 +1,10 @@
-//! Which scenes a sample takes: a matter of seed and id alone, so that a tree that grows changes no one's place.
+//! The order in which scenes are sampled. It depends on seed and id alone, so a growing dataset
+//! does not change the order of its scenes.
 
 use sha2::{Digest, Sha256};
 
-/// A scene's place in the order of the sample: SHA-256 of the seed in decimal digits, a NUL, and the scene's id.
+/// The rank of a scene in the sample: SHA-256 of the seed in decimal digits, a NUL, and the scene's
+/// id.
 pub(super) fn sample_rank(seed: u64, scene: &str) -> [u8; 32] {
     let mut hash = Sha256::new();
     hash.update(seed.to_string());

@@ -1,4 +1,4 @@
-//! Files that `init` writes: whole or not at all, and never over one that is there.
+//! Files that `init` writes: each is written whole or not at all.
 
 use super::super::problem::VerbError;
 use crate::escape;
@@ -9,7 +9,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The list of what was rejected, beside the recipes. It is no recipe.
+/// The list of rejected scenes, in the folder of the recipes. It is no recipe.
 const REJECTED: &str = "rejected.tsv";
 
 fn write_failed(path: &Path) -> impl FnOnce(io::Error) -> VerbError {
@@ -17,12 +17,12 @@ fn write_failed(path: &Path) -> impl FnOnce(io::Error) -> VerbError {
     move |e| VerbError::failed("output-unwritable", format!("{what}: {e}"))
 }
 
-/// Makes a folder and those above it.
+/// Creates a folder and its parents.
 pub(super) fn make_folder(path: &Path) -> Result<(), VerbError> {
     fs::create_dir_all(path).map_err(write_failed(path))
 }
 
-/// Writes a file by way of one beside it, which no walk over recipes sees.
+/// Writes a file through a temporary file in the same folder, which no walk over recipes sees.
 pub(super) fn write_file(path: &Path, text: &str) -> Result<(), VerbError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = path.with_file_name(format!(".{name}.partial"));
@@ -30,9 +30,10 @@ pub(super) fn write_file(path: &Path, text: &str) -> Result<(), VerbError> {
     write.map_err(write_failed(path))
 }
 
-/// The way from a recipe's folder to a place, as it is written in the recipe.
+/// The path from a recipe's folder to a place, as it is written in the recipe.
 pub(super) fn relative_path(folder: &Path, to: &Path) -> Result<PathBuf, VerbError> {
-    // What is not there yet lies below something that is.
+    // A path that does not exist yet is split at its deepest existing ancestor, because only an
+    // existing path can be resolved.
     let mut there = to;
     let mut rest = PathBuf::new();
     while !there.as_os_str().is_empty() && !is_there(there) {
@@ -44,12 +45,13 @@ pub(super) fn relative_path(folder: &Path, to: &Path) -> Result<PathBuf, VerbErr
     Ok(if rest.as_os_str().is_empty() { way } else { way.join(rest).components().collect() })
 }
 
-/// Where the list of what was rejected is.
+/// The path of the list of rejected scenes.
 pub(super) fn rejected_in(folder: &Path) -> PathBuf {
     folder.join(REJECTED)
 }
 
-/// Writes the list of what was rejected: scene, folder, code and reason in visible characters; none where nothing was.
+/// Writes the list of rejected scenes: scene, folder, code and reason in visible characters.
+/// Without a rejected scene, removes the list.
 pub(super) fn write_rejected(
     folder: &Path,
     rejected: &[(String, PathBuf, &'static str, String)],
@@ -67,6 +69,7 @@ pub(super) fn write_rejected(
         let cells = [scene, &folder, *code, because].map(escape::line);
         let _ = writeln!(text, "{}", cells.join("\t"));
     }
+    // An equal list is left alone, so that its time stamp stays.
     if files::read_text(&path, files::MAX_DOCUMENT).is_ok_and(|known| known == text) {
         return Ok(());
     }

@@ -1,4 +1,5 @@
-//! The picture on a terminal: a bar with the remaining time, and the running steps below it.
+//! The bars on a terminal: one for the whole run with its remaining time, and one row per running
+//! step.
 
 use crate::escape;
 use crate::plan::Plan;
@@ -10,12 +11,13 @@ use std::fmt::Write;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// As many running steps are shown; of more it would be the terminal's top that is lost.
+/// Maximum number of running steps shown. With more rows, a terminal would lose the top of the
+/// picture.
 const ROWS: usize = 16;
 
 const TICK: Duration = Duration::from_millis(200);
 
-/// A bar, and a row for each running step.
+/// One bar for the run, and one row per running step.
 #[derive(Debug)]
 pub(super) struct ProgressBars {
     all: MultiProgress,
@@ -26,7 +28,8 @@ pub(super) struct ProgressBars {
 }
 
 impl ProgressBars {
-    /// Bars for a plan on `cores`; `expected` gives the core-seconds that a step took before.
+    /// Creates the bars for a plan on `cores`. `expected` returns the core-seconds that a step took
+    /// before.
     pub(super) fn new(plan: &Plan, cores: usize, expected: &dyn Fn(StepId) -> Option<f64>) -> Self {
         let steps = plan.steps().iter().enumerate();
         let steps = steps.map(|(id, step)| (step.step.stage(), expected(StepId(id))));
@@ -35,24 +38,25 @@ impl ProgressBars {
         let left = move |_: &ProgressState, out: &mut dyn Write| {
             let estimate = shared.lock().expect("no holder of the estimate panics");
             let text = estimate.remaining(began.elapsed().as_secs_f64()).map(left_words).unwrap_or_default();
-            // Text in memory can always be written.
+            // A write to memory cannot fail.
             let _ = out.write_str(&text);
         };
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {left}");
         let style = style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left);
         let all = MultiProgress::new();
         let whole = all.add(ProgressBar::new(plan.steps().len() as u64).with_style(style));
+        // The bar ticks by itself, because a single step may take hours without an event.
         whole.enable_steady_tick(TICK);
         Self { all, whole, rows: BTreeMap::new(), estimate, began }
     }
 
-    /// Counts steps that were up to date before.
+    /// Counts steps outside the plan that were up to date.
     pub(super) fn beside(&self, settled: usize) {
         self.whole.inc_length(settled as u64);
         self.whole.inc(settled as u64);
     }
 
-    /// Takes the picture away.
+    /// Removes the bars from the terminal.
     pub(super) fn close(&mut self) {
         for row in std::mem::take(&mut self.rows).into_values() {
             row.finish_and_clear();
@@ -60,7 +64,7 @@ impl ProgressBars {
         self.whole.finish_and_clear();
     }
 
-    /// Shows lines above the picture.
+    /// Shows lines above the bars.
     pub(super) fn above(&self, show: impl FnOnce()) {
         self.all.suspend(show);
     }
@@ -73,13 +77,14 @@ impl ProgressBars {
             let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
             let row =
                 ProgressBar::new_spinner().with_style(style).with_message(escape::line(name).into_owned());
+            // The name in the row is escaped above, because bars do not pass through the console.
             let row = self.all.add(row);
             row.enable_steady_tick(TICK);
             self.rows.insert(step, row);
         }
     }
 
-    /// A step came to its end, made in so many core-seconds or not.
+    /// Ends a step. `core_seconds` is its cost if it was made.
     pub(super) fn ended(&mut self, step: StepId, core_seconds: Option<f64>) {
         self.change(|estimate| match core_seconds {
             Some(taken) => estimate.made(step, taken),
@@ -92,7 +97,7 @@ impl ProgressBars {
         self.whole.inc(1);
     }
 
-    /// A step will not be reached.
+    /// Ends a step that will not be reached.
     pub(super) fn lost(&self, step: StepId) {
         self.change(|estimate| estimate.ended(step));
     }
@@ -102,7 +107,7 @@ impl ProgressBars {
     }
 }
 
-/// A remaining time, no finer than it is known.
+/// The remaining time in words, no more precise than it is known.
 fn left_words(seconds: f64) -> String {
     match seconds {
         s if s < 10.0 => "a few seconds left".to_owned(),

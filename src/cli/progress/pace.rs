@@ -1,19 +1,20 @@
-//! Not more lines than a person can read.
+//! A limit on the lines that a run prints.
 
 use std::collections::VecDeque;
 
-/// Lines within [`SPAN`] seconds.
+/// Maximum number of lines within [`SPAN`] seconds.
 const LINES: usize = 10;
 const SPAN: f64 = 1.0;
 
-/// When the last lines were shown.
+/// The times of the last lines.
 #[derive(Debug, Default)]
 pub(super) struct LinePacing {
     shown: VecDeque<f64>,
 }
 
 impl LinePacing {
-    /// Returns true if one more line may be shown at `now`, in seconds since some moment; it then counts as shown.
+    /// Returns true if one more line may be shown at `now`, and counts it as shown. Times are in
+    /// seconds from an arbitrary origin.
     pub(super) fn admits(&mut self, now: f64) -> bool {
         while self.shown.front().is_some_and(|then| now - then >= SPAN) {
             self.shown.pop_front();

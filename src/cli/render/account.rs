@@ -1,4 +1,4 @@
-//! What is told of a rendering: what was drawn, what was left out, and how long it took.
+//! The report on a rendering: the Gaussians drawn and left out, the work, and the time.
 
 use crate::cli::console::Console;
 use crate::image::Size;
@@ -7,11 +7,11 @@ use crate::scene::SceneScreening;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// The share of the drawn Gaussians above which an invalid approximation is worth a word: a few near the camera are in
-/// every scene.
+/// Share of the drawn Gaussians with an invalid approximation above which a warning is printed.
+/// Every scene has a few, near the camera.
 const MANY: f64 = 0.01;
 
-/// A rendering and all that is told of it.
+/// The report on a rendering.
 pub(super) struct RenderAccount {
     pub(super) channel: String,
     /// Class of the back end.
@@ -23,12 +23,12 @@ pub(super) struct RenderAccount {
     pub(super) screening: SceneScreening,
     pub(super) reading: Duration,
     pub(super) rendering: Duration,
-    /// Of the command line and of the view.
+    /// Warnings about the command line and the view.
     pub(super) warnings: Vec<String>,
 }
 
 impl RenderAccount {
-    /// Tells people.
+    /// Prints the report for people.
     pub(super) fn tell(&self, console: &Console) {
         let Self { channel, backend, view, size, work, .. } = self;
         let [reading, rendering] = [self.reading, self.rendering].map(|time| time.as_secs_f64());
@@ -43,6 +43,7 @@ impl RenderAccount {
             0 => String::new(),
             pairs => format!("{pairs} pairs with tiles{hidden}, "),
         };
+        // Counts are per pixel of the whole picture, the empty ones included.
         let a_pixel = work.blended as f64 / size.pixels() as f64;
         let drawn = self.drawn();
         console.say(&format!(
@@ -85,7 +86,7 @@ impl RenderAccount {
         self.warnings.iter().cloned().chain(counted.into_iter().flatten()).collect()
     }
 
-    /// For programs.
+    /// The report for programs.
     pub(super) fn to_json(&self) -> Value {
         json!({
             "channel": self.channel,

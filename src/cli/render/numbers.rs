@@ -1,4 +1,4 @@
-//! Options that are several numbers: `1,2,3`.
+//! Options with several numbers: `1,2,3`.
 
 use crate::render::CameraVelocity;
 use glam::DVec3;
@@ -22,7 +22,7 @@ pub(super) fn parse_velocity(text: &str) -> Result<CameraVelocity, String> {
     Ok(CameraVelocity { linear: DVec3::new(vx, vy, vz), angular: DVec3::new(wx, wy, wz) })
 }
 
-/// So many finite numbers.
+/// Reads `N` finite numbers, separated by commas.
 fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let number = |part: &str| {
         let value = part.trim().parse().ok().filter(|v: &f64| v.is_finite());

@@ -1,4 +1,4 @@
-//! The channels that can be asked for, and the files that each can be written to.
+//! The channels of `gs2e render`, and the file formats of each.
 
 use crate::cli::problem::VerbError;
 use crate::image::{Image, npy, png, to_byte};
@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// What is rendered.
+/// The channel to render.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum ChannelArg {
     /// Colour as the scene was trained, nominally 0..1
@@ -16,23 +16,24 @@ pub(super) enum ChannelArg {
     Alpha,
     /// 0.299 R + 0.587 G + 0.114 B of the unclamped colour
     Luminance,
-    /// How fast luminance changes while the camera moves, 1/s
+    /// Rate of change of luminance while the camera moves, 1/s
     LuminanceRate,
     /// Mean depth along the optical axis, scene units; NaN where alpha is below 0.5
     Depth,
-    /// The share of each pixel that comes from Gaussians too deep for their distance, whose projection is doubtful
+    /// Share of each pixel that comes from Gaussians too deep for their distance, whose projection
+    /// is doubtful
     Doubtful,
-    /// How fast the point at each pixel moves on the image, px/s; NaN where depth is
+    /// Image velocity of the point at each pixel, px/s; NaN where depth is NaN
     Flow,
 }
 
 impl ChannelArg {
-    /// As it is written on the command line.
+    /// The name on the command line.
     pub(super) fn name(self) -> String {
         self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
-    /// What the renderer is asked for.
+    /// The channels that the renderer must make.
     pub(super) fn wanted(self) -> ChannelSet {
         ChannelSet {
             rgb: self == Self::Rgb,
@@ -45,28 +46,31 @@ impl ChannelArg {
         }
     }
 
-    /// Returns true if it is of a camera that moves.
+    /// Returns true if the channel depends on the motion of the camera.
     pub(super) fn moves(self) -> bool {
         matches!(self, Self::LuminanceRate | Self::Flow)
     }
 
-    /// Returns true if it is on the scale 0..1 that bytes are made of.
+    /// Returns true if the channel is on the scale 0..1, which bytes are made from.
     fn fits_bytes(self) -> bool {
         matches!(self, Self::Rgb | Self::Alpha | Self::Luminance | Self::Doubtful)
     }
 }
 
-/// The kind of a file.
+/// The format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PictureFormat {
-    /// 32-bit numbers as they are.
+    /// 32-bit numbers, unchanged.
     Npy,
-    /// 8 bits a channel.
+    /// 8 bits per channel.
     Png,
 }
 
 impl PictureFormat {
-    /// What a channel is written as to `path`, by its extension; stdout gets numbers.
+    /// The format for a path by its extension; `.npy` for stdout.
+    ///
+    /// # Errors
+    /// The extension is unknown, or the format cannot hold the channel.
     pub(super) fn for_path(path: &Path, channel: ChannelArg) -> Result<Self, VerbError> {
         let is = |wanted: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted));
         let shown = path.display();
@@ -92,14 +96,14 @@ impl PictureFormat {
 pub(super) enum ChannelImage {
     /// Red, green and blue.
     Colour(Image<[f32; 3]>),
-    /// One number a pixel.
+    /// One number per pixel.
     Plane(Image<f32>),
-    /// x and y.
+    /// The x and y components.
     Vectors(Image<[f32; 2]>),
 }
 
 impl ChannelImage {
-    /// The image that was rendered for `channel`, if it was.
+    /// The image that was rendered for `channel`, if there is one.
     pub(super) fn from_rendered(channel: ChannelArg, rendered: RenderedImages) -> Option<Self> {
         match channel {
             ChannelArg::Rgb => rendered.rgb.map(Self::Colour),
@@ -112,7 +116,7 @@ impl ChannelImage {
         }
     }
 
-    /// Writes it.
+    /// Writes the image in a format.
     pub(super) fn write(&self, format: PictureFormat, out: &mut dyn Write) -> io::Result<()> {
         match (self, format) {
             (Self::Colour(image), PictureFormat::Npy) => npy::write_image(image, out),

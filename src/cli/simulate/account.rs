@@ -1,4 +1,4 @@
-//! What is told of a simulation that is done.
+//! The report on a finished simulation.
 
 use super::SimulateArgs;
 use super::sequence::StampedFrames;
@@ -11,7 +11,7 @@ use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::units::format_amount;
 use serde_json::{Value, json};
 
-/// A simulation and all that is told of it.
+/// The report on a simulation.
 pub(super) struct SimulateReport<'a> {
     pub(super) asked: &'a SimulateArgs,
     pub(super) sensor: &'a SensorChoice,
@@ -47,7 +47,7 @@ impl SimulateReport<'_> {
         Ok(())
     }
 
-    /// What does not happen in a usual run.
+    /// Warnings about events and pixels that do not occur in a usual run.
     fn oddities(&self) -> Vec<String> {
         let SimulationAccount {
             capped,
@@ -79,8 +79,9 @@ impl SimulateReport<'_> {
         last.abs_diff(first) as f64 * 1e-6
     }
 
-    /// Events a pixel and second.
+    /// Events per pixel and second.
     fn rate(&self) -> f64 {
+        // The time is not zero: there are at least two stamps, strictly increasing.
         self.account.events as f64 / self.sequence.frames.size().pixels() as f64 / self.seconds()
     }
 

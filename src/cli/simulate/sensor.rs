@@ -1,4 +1,4 @@
-//! Which sensor: a preset or a file, and what the command line says otherwise.
+//! The sensor: a preset or a file, with the changes that the command line requests.
 
 use super::SimulateArgs;
 use crate::cli::problem::VerbError;
@@ -10,7 +10,8 @@ use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use serde::Serialize;
 use std::path::Path;
 
-/// The sensor that is asked for.
+/// Chooses the sensor. Options override its file, except that `--allow-cap` and `--labels` only
+/// switch on.
 pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
     let mut sensor = sensor_from(&asked.sensor)?;
     match &mut sensor {
@@ -34,6 +35,7 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
     let of_voltmeter = [
         ("--law", asked.law.is_some()),
         ("--gain", asked.gain.is_some()),
+        // The other sensors always interpolate linearly, so this value is accepted for them.
         ("--between", asked.between.is_some_and(|between| between != BetweenFrames::Linear)),
         ("--initial", asked.initial.is_some()),
     ];
@@ -46,7 +48,7 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
     }
 }
 
-/// The sensor behind what is asked for of its front end.
+/// Applies the front-end options to the sensor.
 fn with_front_end(mut sensor: SensorChoice, asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
     let front_end = match &mut sensor {
         SensorChoice::Voltmeter(found) => &mut found.front_end,
@@ -61,7 +63,7 @@ fn with_front_end(mut sensor: SensorChoice, asked: &SimulateArgs) -> Result<Sens
     Ok(sensor)
 }
 
-/// Reads the weights of colours, by name or as three numbers.
+/// Reads the weights of the colours, by name or as three numbers.
 pub(super) fn luminance(text: &str) -> Result<LuminanceWeights, String> {
     if !text.contains(',') {
         let named =
@@ -72,10 +74,11 @@ pub(super) fn luminance(text: &str) -> Result<LuminanceWeights, String> {
     LuminanceWeights::from_weights(weights).map_err(|error| error.to_string())
 }
 
-/// Reads the ends of a range, the upper of which may be `inf`.
+/// Reads the ends of a range. The upper end may be `inf`.
 pub(super) fn parse_range(text: &str) -> Result<GreyRange, String> {
     let [min, max] =
         parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
+    // An infinite end means no clamp.
     Ok(GreyRange { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
 }
 
@@ -86,6 +89,7 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 
 fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
     let path = Path::new(name);
+    // A preset is hidden by a file of its name, and not by a folder.
     if let Some(preset) = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
         return Ok(SensorChoice::Voltmeter(VoltmeterModel::new(preset.k())));
     }
@@ -96,9 +100,10 @@ fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
     Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
 }
 
-/// Cubics with given slopes need them.
+/// Checks that rates are given exactly if the interpolation needs them.
 pub(super) fn check_rates(sensor: &SensorChoice, given: bool, coloured: bool) -> Result<(), VerbError> {
     let between = sensor.between();
+    // Rates are those of one luminance. A sensor with other weights would see another rate.
     if between == BetweenFrames::Hermite && coloured && sensor.as_model().front_end().needs_colour() {
         let what = "hermite goes by rates of change of the luminance rec601, not decoded".to_owned();
         return Err(VerbError::usage("rates-other", what).help("grey frames, as a .npy, have one luminance"));
@@ -114,7 +119,7 @@ pub(super) fn check_rates(sensor: &SensorChoice, given: bool, coloured: bool) ->
     Ok(())
 }
 
-/// What recipes call a value.
+/// The name of a value in recipes.
 pub(super) fn recipe_name(value: &impl Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,

@@ -1,4 +1,4 @@
-//! The frames that are asked for, at their stamps.
+//! The frames of a simulation, with their time stamps.
 
 use super::SimulateArgs;
 use crate::cli::input;
@@ -14,16 +14,16 @@ use crate::units::{Hertz, Ratio, format_amount};
 use std::io;
 use std::path::Path;
 
-/// Frames whose brightest sample is at most this are on the scale 0..1, with room for highlights.
+/// Upper bound of the brightest sample in frames on the scale 0..1, with room for highlights.
 const MOST_OF_ONE: f32 = 2.0;
-/// Those whose brightest is above this are on the scale 0..255.
+/// Lower bound of the brightest sample in frames on the scale 0..255.
 const LEAST_OF_255: f32 = 16.0;
-/// Frames a second above which those that a sensor holds at once are worth a word.
+/// Frame rate above which the memory for held frames is reported, frames per second.
 const MANY_A_SECOND: f64 = 50_000.0;
-/// For as long a sensor holds frames, in nanoseconds.
+/// Length of time for which a sensor holds frames, ns: one root cell of the dyadic clock.
 const HELD_NS: f64 = 1_048_576.0;
 
-/// Where frames lie on a sensor.
+/// The position of the frames on a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct SensorOrigin(pub(super) [u16; 2]);
 
@@ -43,7 +43,7 @@ pub(super) fn full_scale(text: &str) -> Result<FullScale, String> {
     }
 }
 
-/// Reads frames a second, as many as whole microseconds can tell apart.
+/// Reads a frame rate that whole microseconds can resolve.
 pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
     let ratio: Ratio = text.parse().map_err(|e: crate::units::RatioError| e.to_string())?;
     if ratio.to_f64() > 1e6 || ratio.to_f64() < 1e-6 {
@@ -52,29 +52,29 @@ pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
     Ok(Hertz(ratio))
 }
 
-/// Frames at their stamps.
+/// Frames with their time stamps.
 pub(super) struct StampedFrames {
     pub(super) frames: Box<dyn FrameSequence>,
-    /// In microseconds, strictly increasing, at least two.
+    /// Stamps in microseconds, strictly increasing, at least two.
     pub(super) stamps_us: Vec<i64>,
-    /// What white is.
+    /// The value of white.
     pub(super) full_scale: FullScale,
-    /// True if that was decided by the frames.
+    /// True if the frames decided the value of white.
     pub(super) decided: bool,
     /// True if frames may have colours.
     pub(super) may_be_coloured: bool,
-    /// What people should know.
+    /// Lines to be printed.
     pub(super) told: Vec<String>,
 }
 
-/// Frames, and the stamps that came with them.
+/// The frames, with the stamps that came with them.
 enum FrameSource {
     Stack(FrameStack),
     Images(FolderListing),
 }
 
 impl StampedFrames {
-    /// Opens everything that is named.
+    /// Opens all inputs that the command line names.
     pub(super) fn open_inputs(asked: &SimulateArgs) -> Result<Self, VerbError> {
         let source = open_frames(&asked.frames)?;
         let stamps_us = find_stamps(asked, &source)?;
@@ -88,6 +88,7 @@ impl StampedFrames {
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
             None if floats => decide_scale(&asked.frames, &mut told)?,
+            // Integers are grey from 0 to 255.
             _ => FullScale::Grey255,
         };
         let decided = floats && asked.full_scale.is_none();
@@ -118,12 +119,12 @@ impl StampedFrames {
         Ok(sequence)
     }
 
-    /// The first and the last stamp.
+    /// The first and the last stamp, in microseconds.
     pub(super) fn span_us(&self) -> (i64, i64) {
         (self.stamps_us[0], self.stamps_us[self.stamps_us.len() - 1])
     }
 
-    /// Frames a second, on average.
+    /// The mean number of frames per second.
     pub(super) fn rate(&self) -> Hertz {
         let (first, last) = self.span_us();
         let intervals = (self.stamps_us.len() as u64 - 1).saturating_mul(1_000_000);
@@ -131,9 +132,10 @@ impl StampedFrames {
         Hertz(rate.expect("at least two stamps, strictly increasing"))
     }
 
-    /// What those frames take that a sensor holds at once, where they are many.
+    /// A warning about the memory for the frames that a sensor holds, if the frame rate is high.
     fn many(&self) -> Option<String> {
         let hz = self.rate().to_f64();
+        // A sample of a held frame takes 4 bytes.
         let held = (hz * HELD_NS * 1e-9).ceil() * self.frames.size().pixels() as f64 * 4.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an amount for people")]
         let bytes = format_amount(held as u64, "B");
@@ -172,7 +174,7 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
         }
         (None, Some(path), _) => {
             let stamps = npy::read_stamps(path).map_err(|e| unreadable_array("stamps", &e, path))?;
-            // Told with their file, before anything is made of them.
+            // Checked here, so that the error names the file of the stamps.
             relative_stamps(&stamps)
                 .map_err(|e| VerbError::usage("stamps", format!("{}: {e}", path.display())))?;
             Ok(stamps)
@@ -186,7 +188,7 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
     }
 }
 
-/// The full scale of floats, by the brightest of the first two frames.
+/// Decides the full scale of floats by the brightest sample of the first two frames.
 fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbError> {
     let brightest = npy::brightest_sample(path).map_err(|e| unreadable_array("frames", &e, path))?;
     let (full_scale, name) = if brightest > LEAST_OF_255 {
@@ -194,6 +196,7 @@ fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbEr
     } else if brightest <= MOST_OF_ONE {
         (FullScale::One, 1)
     } else {
+        // Both scales are possible, and a wrong guess would scale the brightness by 255.
         let what = format!("white is 1 or 255, and the brightest of the first two frames is {brightest}");
         return Err(VerbError::usage("full-scale", what).help("--full-scale 1 or --full-scale 255"));
     };
@@ -201,7 +204,7 @@ fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbEr
     Ok(full_scale)
 }
 
-/// A file that is not there, or cannot be read as what it should be.
+/// The error for an array file that is absent, or cannot be read as the wanted array.
 fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> VerbError {
     match error {
         NpyError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
@@ -211,7 +214,7 @@ fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> VerbError {
     }
 }
 
-/// Frames that do not go with what else is given: nothing ran.
+/// The error for frames that do not match the other inputs. Nothing ran.
 fn mismatched_frames(error: &NpyError) -> VerbError {
     VerbError::usage("frames", error.to_string())
 }

@@ -49,12 +49,12 @@ fn write_row(row: &StressRow, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "| {case}{by} | {regime} | {error} | {limit} | {unit} | {within} | {:.2} s |", row.seconds)
 }
 
-/// Two digits, and none of nothing.
+/// Formats a value with two digits, and zero as `0`.
 fn two_digits(value: f64) -> String {
     if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
 }
 
-/// Text that ends no cell.
+/// Escapes the characters that would end a table cell.
 fn escape_cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }

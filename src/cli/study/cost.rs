@@ -1,4 +1,4 @@
-//! What rendering costs: time of all cores, time on the wall, and memory at its peak.
+//! The cost of rendering: time of all cores, elapsed time, and peak memory.
 
 use super::interrupted_problem;
 use super::not_rendered;
@@ -12,30 +12,31 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// What this process has spent so far.
+/// The time that this process has spent so far.
 pub(super) fn process_time() -> TimeSpent {
     let seconds = |at: Timespec| at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9;
     let [core_s, wall_s] = [ClockId::ProcessCPUTime, ClockId::Monotonic].map(|id| seconds(clock_gettime(id)));
     TimeSpent { core_s, wall_s }
 }
 
-/// What a kind of frames costs, and the luminance of those that were kept.
+/// The cost of a kind of frames, and the luminance of the frames that were kept.
 pub(super) type Measured = (FrameCost, Vec<Image<f32>>);
 
-/// What is rendered of each view.
+/// The frames to render of each view.
 pub(super) struct CostSampling<'a> {
-    /// The kinds of frames whose costs are held against each other.
+    /// The kinds of frames whose costs are compared.
     pub(super) kinds: &'a [ChannelSet],
-    /// Pictures to keep of each kind, evenly spread.
+    /// Number of pictures to keep of each kind, evenly spread.
     pub(super) keep: usize,
-    /// Times that each view is rendered again for its time alone: what disturbs one of them, and what the first pays for
-    /// all, is left out.
+    /// Number of times that each view is rendered again for its time alone. The least time counts:
+    /// it leaves out disturbances, and the work that the first frame does for all.
     pub(super) rounds: usize,
 }
 
-/// Renders each view for its cost, and keeps the luminance of some: of each kind.
+/// Renders each view for its cost, and keeps the luminance of some views, for each kind of frames.
 ///
-/// Rounds are interleaved, kind by kind, so that a machine that is busy for a while slows all of them and not one.
+/// Rounds are interleaved, kind by kind, so that a machine that is busy for a while slows all kinds
+/// and not one.
 pub(super) fn measure_views(
     renderer: &mut dyn Renderer,
     views: &[CameraView],
@@ -56,16 +57,16 @@ pub(super) fn measure_views(
 struct CostKind {
     want: ChannelSet,
     rendered: RenderedImages,
-    /// Of each view.
+    /// The least time of each view.
     least: Vec<TimeSpent>,
-    /// Pairs in all.
+    /// Number of pairs in all views.
     blended: u64,
     peak_mb: Option<f64>,
     kept: Vec<Image<f32>>,
 }
 
 impl CostKind {
-    /// All views once.
+    /// Renders all views once.
     fn render_once(
         renderer: &mut dyn Renderer,
         views: &[CameraView],
@@ -95,6 +96,7 @@ impl CostKind {
     ) -> Result<(), VerbError> {
         for (number, view) in views.iter().enumerate() {
             let (took, _) = self.render(renderer, view, tap)?;
+            // Core time decides, because elapsed time also depends on other processes.
             if took.core_s < self.least[number].core_s {
                 self.least[number] = took;
             }
@@ -109,6 +111,7 @@ impl CostKind {
         tap: &dyn Fn() -> ControlFlow<()>,
     ) -> Result<(TimeSpent, RenderWork), VerbError> {
         let before = process_time();
+        // The announcement starts work on a GPU, so it is part of the time.
         renderer.expect(view, self.want);
         let work = renderer.render(view, self.want, &mut self.rendered).map_err(|e| not_rendered(&e))?;
         let took = process_time() - before;
@@ -124,7 +127,7 @@ impl CostKind {
     }
 }
 
-/// Which of `views` are kept.
+/// The indices of the views that are kept: `keep` of `views`, each in the middle of its share.
 pub(super) fn kept_at(views: usize, keep: usize) -> impl Iterator<Item = usize> {
     let keep = keep.min(views);
     (0..keep).map(move |k| (2 * k + 1) * views / (2 * keep))
@@ -140,14 +143,17 @@ fn luminance_of(rendered: &RenderedImages) -> Image<f32> {
     }
 }
 
-/// From now on the peak is that of what follows; where the system cannot do it, the whole program's.
+/// Resets the peak memory of this process. Where the system cannot do it, the peak stays that of
+/// the whole run.
 fn forget_peak() {
+    // 5 resets the peak of the resident memory, and nothing else (proc(5)).
     let _ = fs::write("/proc/self/clear_refs", "5");
 }
 
-/// Memory of this process at its peak, MB.
+/// Peak memory of this process, MB.
 fn peak_mb() -> Option<f64> {
     let text = files::read_text(Path::new("/proc/self/status"), files::MAX_TEXT).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    // `/proc` states KiB.
     Some(line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()? * 1024e-6)
 }

@@ -1,4 +1,4 @@
-//! What a study is of: a recipe's scene and one of its trajectories, as the store has them.
+//! The subject of a study: a recipe's scene and one of its trajectories, from the store.
 
 use crate::artifact::{Artifact, ArtifactFiles, TrajectoryProduct};
 use crate::camera::{self, Camera};
@@ -16,7 +16,7 @@ use crate::store::{Store, StoreAccess};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The one recipe of a file or folder.
+/// The only recipe of a file or folder.
 pub(super) fn single_recipe(path: &Path) -> Result<Recipe, VerbError> {
     let mut recipes = recipe::read_all(std::slice::from_ref(&path.to_owned()))?;
     match (recipes.pop(), recipes.len()) {
@@ -28,7 +28,7 @@ pub(super) fn single_recipe(path: &Path) -> Result<Recipe, VerbError> {
     }
 }
 
-/// The name of the trajectory that is meant: the first, where none is named.
+/// The name of the requested trajectory; the first one by default.
 pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<String, VerbError> {
     let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
     let wanted = wanted.unwrap_or(names[0]);
@@ -39,7 +39,7 @@ pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<S
     Err(VerbError::usage("no-trajectory", what))
 }
 
-/// The recipe's one sensor, a voltmeter.
+/// The only sensor of the recipe, which must be a voltmeter.
 pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<VoltmeterModel, VerbError> {
     match &recipe.sensors {
         SensorSet::One(SensorChoice::Voltmeter(sensor)) => Ok(sensor.clone()),
@@ -54,7 +54,7 @@ pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<VoltmeterModel, VerbEr
     }
 }
 
-/// What the store has of a trajectory.
+/// The products of a trajectory in the store.
 pub(super) struct StudySubject {
     pub(super) camera: Camera,
     pub(super) gaussians: Arc<Gaussians>,
@@ -94,6 +94,7 @@ struct StudyProducts<'a> {
 impl StudyProducts<'_> {
     fn open<A: Artifact>(&self, name: &str) -> Result<A, VerbError> {
         let found = self.plan.steps().iter().zip(self.assessed).find(|(step, _)| step.name == name);
+        // Older outputs belong to another recipe, so a study of them would mislead.
         let Some(outputs) = found.and_then(|(_, assessed)| assessed.outputs.as_ref()) else {
             let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
             return Err(VerbError::failed("not-built", message).step(self.scene, name).help("gs2e build"));

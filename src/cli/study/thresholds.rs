@@ -33,7 +33,8 @@ pub(super) struct ThresholdsArgs {
     /// Thresholds of ON and OFF events, in rising order
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.25,0.5,0.75,1,1.25,1.5")]
     thresholds: Vec<f64>,
-    /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms about its middle]
+    /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms around
+    /// its middle]
     #[arg(long, value_name = "T0,T1", value_parser = parse_span)]
     span: Option<SpanArg>,
     /// File for the table
@@ -44,7 +45,7 @@ pub(super) struct ThresholdsArgs {
     picture: Option<PathBuf>,
 }
 
-/// Begin and end, milliseconds.
+/// Begin and end, in milliseconds.
 #[derive(Debug, Clone, Copy)]
 struct SpanArg(f64, f64);
 
@@ -55,11 +56,11 @@ fn parse_span(text: &str) -> Result<SpanArg, String> {
         .ok_or_else(|| format!("`{text}` is not T0,T1, two times in milliseconds, the later one last"))
 }
 
-/// Length that is rendered where nobody says, ms.
+/// Default length of the rendered part, ms.
 const USUAL_MS: f64 = 100.0;
 /// Length of the pictures, us.
 const PICTURE_US: i64 = 1000;
-/// Pictures in a row, and the pixels between them.
+/// Number of pictures per row, and the pixels between them.
 const COLUMNS: usize = 3;
 const GAP: u32 = 4;
 
@@ -71,6 +72,7 @@ impl ThresholdsArgs {
         let sensor = subject::single_voltmeter(&recipe)?;
         common.limit_cores();
         let backend = common.backend()?;
+        // The seed of a build, so that the noise is that of the released events.
         let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, StreamPurpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let asked = recipe.render;
@@ -104,13 +106,14 @@ impl ThresholdsArgs {
         Ok(())
     }
 
-    /// The poses of the time that is asked for.
+    /// The range of poses in the requested time.
     fn range(&self, whole: &Trajectory) -> Result<Range<usize>, VerbError> {
         let end_us = whole.stamps_us.last().copied().unwrap_or(0);
         let middle_ms = end_us as f64 * 0.5e-3;
         let SpanArg(begin, end) =
             self.span.unwrap_or(SpanArg(middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0));
         let place = |ms: f64| whole.stamps_us.partition_point(|t| (*t as f64) < ms * 1e3);
+        // One pose beyond the end, so that the last interval covers it.
         let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
         if range.len() < 3 {
             let what = format!("{} poses lie from {begin} to {end} ms, wanted 3", range.len());
@@ -164,7 +167,7 @@ impl ThresholdsArgs {
     }
 }
 
-/// A part of a trajectory, its first stamp at 0.
+/// A part of a trajectory, with its first stamp at 0.
 fn part_of(whole: &Trajectory, range: Range<usize>) -> Trajectory {
     let first = whole.stamps_us[range.start];
     Trajectory {
@@ -195,14 +198,14 @@ fn write_csv(found: &SweepResult, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// The longest time between two frames, ns.
+/// The longest interval between two frames, ns.
 fn interval_ns(trajectory: &Trajectory) -> i64 {
     let intervals = trajectory.stamps_us.windows(2).map(|pair| pair[1] - pair[0]);
     1000 * intervals.max().unwrap_or(0)
 }
 
 impl StudySubject {
-    /// Renders and sweeps.
+    /// Renders the part by two rule sets, and sweeps the thresholds.
     fn sweep(
         &self,
         asked: &ThresholdSweep,
@@ -211,7 +214,7 @@ impl StudySubject {
     ) -> Result<SweepResult, VerbError> {
         let cancel = on_interrupt()?;
         let mut tap = |_: usize| go_unless(&cancel);
-        // The picture as a continuous function of the view, which no GPU renders yet.
+        // The picture as a continuous function of the view. No GPU renders a blended order.
         let smooth = RenderStyle { rules: RenderRules::Soft, order: LayerOrder::Blended, ..style };
         let velocities = self.motion.velocities();
         let frames = |backend: &Backend, style| {

@@ -1,4 +1,4 @@
-//! `gs2e study`: error against run time.
+//! `gs2e study`: measures error against run time.
 
 mod lab;
 
@@ -19,7 +19,7 @@ use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Arguments of `study` itself.
+/// Arguments of `study` without a subcommand.
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkPrecision {
     /// Recipe of a scene that is built
@@ -28,7 +28,7 @@ pub(super) struct WorkPrecision {
     /// Trajectory [default: the first]
     #[arg(long, value_name = "NAME")]
     trajectory: Option<String>,
-    /// Begin of the window, seconds of the trajectory [default: about its middle]
+    /// Begin of the window, seconds of the trajectory [default: in its middle]
     #[arg(long, value_name = "S")]
     start: Option<f64>,
     /// Length of the window, seconds [default: 0.1, or the whole trajectory]
@@ -79,7 +79,7 @@ enum SteppingArg {
     Flow,
 }
 
-/// Rules and order of layers.
+/// Rule set and order of layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum RuleSet {
     Official,
@@ -113,7 +113,7 @@ impl RuleSet {
     }
 }
 
-/// Length of the window where nobody says, s.
+/// Default length of the window, s.
 const USUAL_S: f64 = 0.1;
 impl WorkPrecision {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
@@ -130,6 +130,7 @@ impl WorkPrecision {
         let subject = StudySubject::open_subject(recipe, &name, common)?;
         let style = render.resolve(subject.gaussians.antialiased);
         let window = self.window(&subject)?;
+        // A folder that cannot be created is reported before the measurements, which take long.
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
         let lab = StudyLab {
             subject: &subject,
@@ -162,6 +163,7 @@ impl WorkPrecision {
         if self.finest > 1_000_000 {
             return refuse(format!("--finest {}, wanted at most 1000000", self.finest));
         }
+        // The middle of each step must be a fine frame, so a step has an even number of intervals.
         let even = |rate: u32| rate > 0 && self.finest.is_multiple_of(rate.saturating_mul(2));
         if let Some(rate) = self.rates.iter().find(|rate| !even(**rate)) {
             return refuse(format!("--rates {rate}: --finest {} is no even multiple of it", self.finest));
@@ -187,16 +189,18 @@ impl WorkPrecision {
         let whole = path.seconds();
         let seconds = self.seconds.unwrap_or(USUAL_S.min(whole - self.start.unwrap_or(0.0)));
         let finest = f64::from(self.finest);
+        // The tolerance keeps a window whose length is a multiple of the interval but for rounding.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
         let pairs = (seconds * finest / 2.0 + 1e-6).floor() as usize;
         let intervals = 2 * pairs;
         let start = self.start.unwrap_or(((whole - seconds) / 2.0).max(0.0));
-        // Stamps are whole microseconds.
+        // Stamps are whole microseconds, so the end may exceed the path by a fraction of one.
         if start + intervals as f64 / finest > whole + 1e-6 {
             let what =
                 format!("{seconds} s from {start} s on reach beyond the trajectory's end at {whole} s");
             return Err(refuse(what));
         }
+        // The rates rise, so the first has the longest steps.
         let coarsest = (self.finest / self.rates[0]) as usize;
         if intervals < 2 * coarsest {
             let what = format!("{seconds} s hold fewer than two steps at {} frames a second", self.rates[0]);
@@ -215,7 +219,8 @@ impl WorkPrecision {
     }
 }
 
-/// The sensor by the law whose events do not depend on frames, without what is not of the signal.
+/// The sensor with the law whose events do not depend on frames, and without hot pixels, mismatch
+/// and the cap, which are not part of the signal.
 fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
     VoltmeterModel {
         law: SamplerKind::Exact,
@@ -229,11 +234,12 @@ fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
 }
 
 fn without_noise(sensor: &VoltmeterModel) -> VoltmeterModel {
+    // `k3` and `k6` are the noise terms of the law.
     let [k1, k2, _, k4, k5, _] = sensor.k;
     VoltmeterModel { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor.clone() }
 }
 
-/// Puts everything into a folder.
+/// Writes all files of the study into a folder.
 fn write_study(study: &StudyResult, to: &std::path::Path) -> Result<(), VerbError> {
     let table = |out: &mut dyn Write| report::write_csv(study, out);
     let json = |out: &mut dyn Write| Ok(serde_json::to_writer_pretty(out, study)?);

@@ -1,4 +1,4 @@
-//! What is told of a trajectory: how it was asked to move, how it does, and what that means in the picture.
+//! The report on a trajectory: its requested and achieved speed, and the motion in the picture.
 
 use crate::camera::Camera;
 use crate::cli::console::{Console, path};
@@ -10,10 +10,10 @@ use crate::trajectory::report::{FollowError, SpeedReport};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Keys of the report that hold a number for each pose or step: they are in its file.
+/// Keys of the report with one number per pose or step. These lists are only in its file.
 const LONG: [&str; 4] = ["u", "s", "linear_unit_s", "angular_rad_s"];
 
-/// A trajectory and all that is told of it.
+/// The report on a trajectory.
 pub(super) struct TrajectoryAccount<'a> {
     name: &'a str,
     kind: Option<CaptureKind>,
@@ -21,12 +21,12 @@ pub(super) struct TrajectoryAccount<'a> {
     seconds: f64,
     camera: Option<Camera>,
     px: Option<FlowQuantiles>,
-    /// Of the capture, of what it was drawn from, and its own.
+    /// Warnings about the capture, the bases and the trajectory itself.
     warnings: Vec<String>,
 }
 
 impl<'a> TrajectoryAccount<'a> {
-    /// `warnings` are those that its report does not have.
+    /// Creates the report. `warnings` are those that the speed report does not contain.
     pub(super) fn new(
         name: &'a str,
         kind: Option<CaptureKind>,
@@ -41,7 +41,7 @@ impl<'a> TrajectoryAccount<'a> {
         Self { name, kind, report, seconds, camera, px, warnings }
     }
 
-    /// Tells people.
+    /// Prints the report for people.
     pub(super) fn tell(&self, console: &Console) {
         let SpeedReport { poses, rate, .. } = self.report;
         let rate = rate.strip_suffix("/1").unwrap_or(rate);
@@ -92,7 +92,7 @@ impl<'a> TrajectoryAccount<'a> {
         ));
     }
 
-    /// For programs: the report but for its long lists, and `files` by option.
+    /// The report for programs, without its long lists, with `files` by option.
     pub(super) fn to_json<'f>(&self, files: impl Iterator<Item = (&'static str, &'f Path)>) -> Value {
         let mut value = serde_json::to_value(self.report).expect("reports are plain data");
         if let Value::Object(fields) = &mut value {

@@ -1,4 +1,4 @@
-//! What a study measures with: a window of a path, its frames by each rule set, and what they cost.
+//! The laboratory of a study: a window of a path, its frames by each rule set, and their costs.
 
 use super::{RuleSet, SteppingArg, WorkPrecision};
 use crate::camera::Camera;
@@ -27,13 +27,14 @@ use crate::units::{Hertz, Ratio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Frames whose cost is measured, of each kind.
+/// Number of frames of each kind whose cost is measured.
 const SAMPLE: usize = 12;
-/// Of these, pictures that are held against f64.
+/// Number of these frames whose pictures are compared with f64.
 const PICTURES: usize = 3;
-/// Times that these frames are rendered again.
+/// Number of times that these frames are rendered again.
 const ROUNDS: usize = 3;
-/// Places at which the flow is measured, at most, and the share of pixels in percent that move no faster.
+/// Maximum number of places at which the flow is measured, and the percentage of pixels that move
+/// no faster.
 const FLOWS: usize = 240;
 const FLOW_PERCENT: usize = 99;
 
@@ -41,7 +42,7 @@ const VALUE: ChannelSet = ChannelSet { luminance: true, ..ChannelSet::NONE };
 const RATED: ChannelSet = ChannelSet { luminance_rate: true, ..VALUE };
 const RGB: ChannelSet = ChannelSet { rgb: true, luminance: false, ..VALUE };
 
-/// A part of a path, and the finest frames of it.
+/// A part of a path, and its finest frames.
 pub(super) struct FineWindow {
     pub(super) path: SampledPath,
     pub(super) start: f64,
@@ -59,27 +60,29 @@ impl FineWindow {
         self.stamp_us(self.intervals) as f64 * 1e-6
     }
 
-    /// At a fine frame's stamp, which is rounded: poses and events have the same time.
+    /// The view at a fine frame. Its time is the rounded stamp, so that poses and events have the
+    /// same time.
     fn view(&self, camera: Camera, frame: usize) -> CameraView {
         let at = self.start + self.stamp_us(frame) as f64 * 1e-6;
+        // A rounded stamp may lie beyond the end of the path.
         let (pose, velocity) = self.path.at(at.min(self.path.seconds()));
         CameraView { velocity, ..CameraView::at_rest(camera, pose) }
     }
 
-    /// Some, evenly spread.
+    /// Up to `count` views, evenly spread.
     fn views(&self, camera: Camera, count: usize) -> Vec<CameraView> {
         let count = count.min(self.intervals);
         (0..count).map(|k| self.view(camera, (2 * k + 1) * self.intervals / (2 * count))).collect()
     }
 }
 
-/// Everything that is measured with.
+/// The equipment of a study.
 pub(super) struct StudyLab<'a> {
     pub(super) subject: &'a StudySubject,
     pub(super) window: &'a FineWindow,
-    /// As the recipe has it.
+    /// The sensor of the recipe.
     pub(super) own: VoltmeterModel,
-    /// What is fed.
+    /// The sensor that is fed with frames.
     pub(super) sensor: VoltmeterModel,
     pub(super) seed: Seed,
     pub(super) style: RenderStyle,
@@ -103,7 +106,8 @@ impl StudyLab<'_> {
             rows: Vec::new(),
             pictures: Vec::new(),
         };
-        // All of these before the first pass, whose events would stay in the memory that is measured.
+        // All costs are measured before the first pass, because the events of a pass would count as
+        // memory of the frames.
         let mut costs = Vec::new();
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
@@ -124,10 +128,11 @@ impl StudyLab<'_> {
         Ok(study)
     }
 
-    /// What renders a rule set, and how.
+    /// The back end and the style of a rule set.
     fn of(&self, rules: RuleSet) -> (Backend, RenderStyle) {
         let style = rules.style(self.style);
-        // No GPU renders soft edges yet.
+        // Soft rules are rendered on the CPU, in both orders of layers. Only the blended order
+        // requires it.
         let on_cpu = self.backend.takes_gpu() && style.rules == RenderRules::Soft;
         (if on_cpu { Backend::Cpu } else { self.backend.clone() }, style)
     }
@@ -142,13 +147,15 @@ impl StudyLab<'_> {
             let flows = self.flows(asked.rules[0])?;
             grids.extend(uniform.iter().map(|uniform| FrameGrid::flow_steps(&flows, uniform)));
         }
+        // Uniform grids come first in the table.
         if asked.steps.contains(&SteppingArg::Uniform) {
             grids.splice(0..0, uniform);
         }
         Ok(grids)
     }
 
-    /// How far the picture moves in each fine interval, px: the faster of the two measured places about it.
+    /// Motion of the picture in each fine interval, px: the faster of the two measured places
+    /// around it.
     fn flows(&self, rules: RuleSet) -> Result<Vec<f64>, VerbError> {
         let FineWindow { intervals, finest, .. } = *self.window;
         let (backend, style) = self.of(rules);
@@ -160,6 +167,7 @@ impl StudyLab<'_> {
         for place in 0..=intervals.div_ceil(every) {
             let view = self.window.view(self.subject.camera, (place * every).min(intervals));
             let speed = meter.speed_px(&view.world_from_camera, view.velocity, FLOW_PERCENT);
+            // A picture without depth does not move.
             measured.push(speed.map_err(|e| not_rendered(&e))?.unwrap_or(0.0));
             self.go_on()?;
         }
@@ -171,7 +179,7 @@ impl StudyLab<'_> {
         if go_unless(&self.cancelled).is_break() { Err(interrupted_problem()) } else { Ok(()) }
     }
 
-    /// Costs of these kinds of frames.
+    /// Measures the costs of these kinds of frames.
     fn kinds(
         &self,
         kinds: &[ChannelSet],
@@ -192,11 +200,12 @@ impl StudyLab<'_> {
     ) -> Result<Vec<Measured>, VerbError> {
         let mut renderer = backend.renderer(scene.clone(), style).map_err(|e| not_rendered(&e))?;
         let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
+        // The same promise as in a build, which renders known poses only.
         renderer.keep_to(&self.subject.camera, &poses);
         measure_views(&mut *renderer, views, sampling, &|| go_unless(&self.cancelled))
     }
 
-    /// How ways of rendering, these kinds among them, differ from f64.
+    /// The differences from f64 of several ways to render, these kinds among them.
     fn pictures(
         &self,
         rules: RuleSet,
@@ -225,7 +234,7 @@ impl StudyLab<'_> {
         Ok(rendered.into_iter().map(picture).collect())
     }
 
-    /// The one pass over the fine frames of a rule set.
+    /// Makes the one pass over the fine frames of a rule set.
     fn pass(
         &self,
         rules: RuleSet,
