@@ -114,7 +114,7 @@ impl StandingTree {
         self.b3.is_some()
     }
 
-    /// Deviations from a whole release; empty if there are none.
+    /// Deviations from a whole release; empty for a whole release.
     pub(super) fn oddities(&self) -> &[String] {
         &self.oddities
     }

@@ -44,7 +44,7 @@ pub struct TargetClaim<'a> {
 pub struct ReleaseTarget {
     /// The path as the user named it.
     shown: PathBuf,
-    /// The same path without links in its parents.
+    /// The path without links in its parents.
     path: PathBuf,
     replace: bool,
     /// The folder that stands there; `None` for nothing or an empty folder.

@@ -468,7 +468,7 @@ mod tests {
         fs::write(folder.join("about"), "1 a/one\n").unwrap();
         assert_eq!(clear_leftovers(&target, &never()).unwrap().len(), 1);
         assert!(folder.join("tree/a/one").exists());
-        // A link of such a name is neither followed nor removed.
+        // A link of this form of name is neither followed nor removed.
         fs::rename(&folder, place.path().join("elsewhere")).unwrap();
         std::os::unix::fs::symlink("elsewhere", &folder).unwrap();
         assert_eq!(clear_leftovers(&target, &never()).unwrap().len(), 1);

@@ -14,7 +14,7 @@ pub(super) struct ReportCurve {
 }
 
 impl ReportCurve {
-    /// The curve through `values`, each of which holds for its own duration. Neighbours are
+    /// The curve through `values`, where each value holds for its own duration. Neighbours are
     /// averaged until there are at most `most` points.
     pub(super) fn new(values: &[f64], durations: &[f64], most: usize) -> Self {
         let whole: f64 = durations.iter().sum();

@@ -5,7 +5,7 @@
 use crate::escape::{is_hidden, is_noncharacter};
 use std::fmt::Write as _;
 
-/// Names and values of attributes. Names are written in this program; values may come from anywhere.
+/// Names and values of attributes. Names are written in this program; values may have any source.
 type Attributes<'a> = &'a [(&'static str, &'a str)];
 
 /// A piece of a page under construction.
@@ -142,7 +142,7 @@ mod tests {
         "two\nlines\tand a tab",
     ];
 
-    /// What a strict reader makes of a text and of a value.
+    /// The text and the value that a strict reader gets back.
     fn read_back(words: &str) -> [String; 2] {
         let page = HtmlFragment::whole_page(|html| html.leaf("p", &[("title", words)], words));
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };

@@ -141,7 +141,8 @@ fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>
     Some(range)
 }
 
-/// The picture of a check, `checks/<check>.png` or `checks/<sensor>.<check>.png` in the trajectory's folder.
+/// The picture of a check in the trajectory's folder: `checks/<check>.png` or
+/// `checks/<sensor>.<check>.png`.
 #[derive(Debug)]
 pub(super) struct OfCheck<'a> {
     pub(super) check: &'a str,
