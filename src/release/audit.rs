@@ -1,9 +1,9 @@
-//! The audit of a release tree: is it whole, lawful and consistent?
+//! The audit of a release tree, which must be whole, lawful and consistent.
 //!
-//! It needs no network and no store, trusts no stat cache, and reads every byte: once for both hashes, files in
-//! parallel, and a second time what it opens (events, poses, pictures, reports). What it finds is a list of faults,
-//! sorted, each with a code, the file or scene, and what to do. What it does not cover it says: [`AuditReport::covers`]
-//! is the whole list.
+//! The audit needs no network and no store, and it trusts no stat cache. It reads every byte once
+//! for both hashes, with the files in parallel. It opens events, poses, pictures and reports a
+//! second time. The result is a sorted list of faults, each with a code, the file or scene, and a
+//! remedy. [`AuditReport::covers`] is the whole list of what the audit covers.
 
 mod again;
 mod bytes;
@@ -33,15 +33,15 @@ use std::io;
 use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
-/// What kind of fault it is. Codes are stable.
+/// Kind of a fault. Codes are stable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultCode {
     /// A listed file is not there.
     Missing,
-    /// Bytes that neither the sums nor the manifest state; or a sums file that is not in its one form.
+    /// Bytes that no list states; or a sums file that is not in its one form.
     Altered,
-    /// Something that no list names.
+    /// A file that no list names, or a link, a special file or an empty folder.
     Unlisted,
     /// A path that would lead out of the tree, or that tools cannot carry.
     UnsafePath,
@@ -53,31 +53,32 @@ pub enum FaultCode {
     VersionDisagrees,
     /// A scene states no terms.
     LicenceMissing,
-    /// What a scene states is no licence expression.
+    /// A scene states terms that are not a licence expression, or its source is of no known kind.
     LicenceInvalid,
-    /// Terms that the scene's source does not allow.
+    /// Terms or files that the scene's source does not allow.
     LicenceForbidden,
     /// A licence in use has no text in `LICENSES/`.
     LicenceTextMissing,
-    /// A text in `LICENSES/` is of no licence in use.
+    /// A text in `LICENSES/` belongs to no licence in use.
     LicenceUnused,
     /// A scene is there that is on the takedown list.
     Takedown,
-    /// A scene is in another split than the rule of the release puts it in, or two splits have something in common.
+    /// A scene is not in the split that the rule of the release gives, or two splits share
+    /// something.
     SplitLeak,
     /// The card states other terms than the scenes do.
     CardLicence,
-    /// A field that `croissant.json` must have is absent, or says what it cannot say.
+    /// A field that `croissant.json` must have is absent, or has an impossible value.
     CroissantField,
-    /// `croissant.json` has a field that its vocabulary has not.
+    /// `croissant.json` has a field that its vocabulary does not define.
     CroissantUnknown,
     /// `croissant.json` states other terms than the scenes do.
     CroissantLicence,
-    /// A file that `croissant.json` names is not there, or not what it says.
+    /// A file that `croissant.json` names is absent, or its size or SHA-256 differs.
     CroissantSum,
     /// A set of files in `croissant.json` is empty.
     CroissantFiles,
-    /// An id in `croissant.json` names nothing, or two things.
+    /// An id in `croissant.json` names nothing, or names two things.
     CroissantReference,
     /// A column or path that `croissant.json` names does not exist, or holds another type.
     CroissantColumn,
@@ -93,12 +94,12 @@ pub enum FaultCode {
     CheckFailedUnwaived,
     /// A file does not hold what its format prescribes.
     Unreadable,
-    /// Made again from its recipe, a scene has other bytes.
+    /// A scene that is made again from its recipe has other bytes.
     RebuiltDiffers,
 }
 
 impl FaultCode {
-    /// Its name.
+    /// Returns the name of the code.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -157,15 +158,15 @@ impl FaultCode {
 /// One fault.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct AuditFault {
-    /// What kind it is.
+    /// The kind of fault.
     pub code: FaultCode,
-    /// Path below the release folder, where it is about one file.
+    /// Path below the release folder, if the fault concerns one file.
     pub file: Option<String>,
-    /// Scene id, where it is about one scene.
+    /// Scene id, if the fault concerns one scene.
     pub scene: Option<String>,
-    /// What was found and what was wanted.
+    /// The found and the wanted content.
     pub message: String,
-    /// What to do.
+    /// The remedy.
     pub help: &'static str,
 }
 
@@ -182,13 +183,14 @@ impl AuditFault {
         Self { scene: Some(scene.to_owned()), ..self }
     }
 
-    /// Returns true if it is about a scene, or a file of it.
+    /// Returns true if the fault concerns a scene or one of its files.
     fn concerns(&self, scene: &str) -> bool {
         let below = |file: &String| file.strip_prefix(scene).is_some_and(|rest| rest.starts_with('/'));
         self.scene.as_deref() == Some(scene) || self.file.as_ref().is_some_and(below)
     }
 
-    /// With the scene that its file belongs to: the longest id that the path begins with.
+    /// Returns the fault with the scene that its file belongs to: the longest id that the path
+    /// begins with.
     fn placed(self, owners: &FileOwners<'_>) -> Self {
         let Some(file) = self.file.as_deref().filter(|_| self.scene.is_none()) else { return self };
         let scene = owners.of(file).map(|scene| scene.id.clone());
@@ -203,28 +205,28 @@ impl fmt::Display for AuditFault {
     }
 }
 
-/// What an audit found.
+/// Outcome of an audit.
 #[derive(Debug, Clone)]
 pub struct AuditReport {
     /// The faults, sorted by code, file and scene.
     pub faults: Vec<AuditFault>,
-    /// Files that were read.
+    /// Number of files that were read.
     pub files: usize,
-    /// Their bytes.
+    /// Their size in bytes.
     pub bytes: u64,
-    /// All that was looked at.
+    /// Everything that was examined.
     pub covers: Vec<&'static str>,
-    /// The program that wrote the release, where it is another version than this one: what files hold was then not
-    /// compared with what this program composes.
+    /// The program that wrote the release, if it is not this version. The contents of files are
+    /// then not compared with what this program composes.
     pub written_by: Option<String>,
-    /// Scenes of the release.
+    /// Number of scenes of the release.
     pub scenes: usize,
-    /// Scenes that were made again from their recipes and compared.
+    /// Number of scenes that were made again from their recipes and compared.
     pub made_again: usize,
 }
 
 impl AuditReport {
-    /// What the audit has proved, a sentence each.
+    /// Returns the statements that the audit has proved, one sentence each.
     #[must_use]
     pub fn proved(&self) -> Vec<String> {
         if !self.faults.is_empty() {
@@ -240,7 +242,7 @@ impl AuditReport {
         proved
     }
 
-    /// What it has not proved and no audit of a tree alone can, a sentence each.
+    /// Returns the statements that no audit of a tree alone can prove, one sentence each.
     #[must_use]
     pub fn unproved(&self) -> Vec<String> {
         let signed = "It is not signed: who published it is not known, and";
@@ -277,15 +279,16 @@ const COVERS: [&str; 13] = [
 
 /// Audits the release in `dir`.
 ///
-/// Only files whose bytes are those of the sums are opened: what an altered file says is nobody's claim.
+/// Only files with the bytes that the sums state are opened, because the content of an altered file
+/// is no claim of the release.
 ///
 /// # Errors
-/// When the folder cannot be listed. A file that cannot be read is a fault.
+/// The folder cannot be listed. A file that cannot be read is a fault.
 pub fn audit_release(dir: &Path) -> io::Result<AuditReport> {
     audit_against(dir, None)
 }
 
-/// Audits the release in `dir`, and whether it holds a scene of a takedown list.
+/// Audits the release in `dir`, and looks for scenes of a takedown list.
 ///
 /// # Errors
 /// As [`audit_release`].
@@ -293,6 +296,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     let tree = walk::walk_tree(dir)?;
     let bytes = bytes::hash_files(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
+    // Without `SHA256SUMS` no file can be trusted, so none is opened.
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
         let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums) };
         let manifest: Option<ReleaseManifest> =
@@ -323,10 +327,11 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     Ok(AuditReport { faults, files: bytes.len(), bytes: size, covers, written_by, scenes, made_again: 0 })
 }
 
-/// Reads and hashes every byte below `dir`, which is the first of the audit's two passes, and says how many there are.
+/// Reads and hashes every byte below `dir`, and returns the number of bytes. This is the first of
+/// the audit's two passes.
 ///
 /// # Errors
-/// When the folder cannot be listed, or a file not be read.
+/// The folder cannot be listed, or a file cannot be read.
 pub fn read_tree(dir: &Path) -> io::Result<u64> {
     let tree = walk::walk_tree(dir)?;
     let unreadable = || io::Error::other("a file cannot be read");
@@ -336,11 +341,11 @@ pub fn read_tree(dir: &Path) -> io::Result<u64> {
         .sum()
 }
 
-/// The part of a tree that can be trusted to be what was released.
+/// The part of a tree that is known to be what was released.
 #[derive(Debug)]
 struct TrustedTree<'a> {
     dir: &'a Path,
-    /// Files whose bytes are those of the sums, with their SHA-256.
+    /// Files with the bytes that the sums state, and their SHA-256.
     intact: BTreeMap<&'a str, &'a str>,
 }
 
@@ -349,7 +354,7 @@ impl TrustedTree<'_> {
         self.intact.contains_key(path)
     }
 
-    /// Where an intact file lies.
+    /// Path of a file on disk, if the file is intact.
     fn intact_path(&self, path: &str) -> Option<PathBuf> {
         self.has(path).then(|| self.path_of(path))
     }
@@ -360,6 +365,7 @@ impl TrustedTree<'_> {
         from.map(|(path, _)| *path).take_while(move |path| path.starts_with(prefix))
     }
 
+    /// Path of a file on disk, whether the file is intact or not.
     fn path_of(&self, path: &str) -> PathBuf {
         self.dir.join(path)
     }
@@ -373,6 +379,7 @@ fn audit_scenes(
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in &manifest.scenes {
         let path = format!("{}/{}", listed.id, layout::SCENE);
+        // Index of this scene in `scenes`, which it enters only if it can be read.
         let known = scenes.len();
         if !tree.has(&path) {
             faults.push(AuditFault::of_scene(
@@ -387,24 +394,28 @@ fn audit_scenes(
             faults.extend(steps::audit(manifest, listed, &scene));
             scenes.push(scene);
         }
+        // A listed scene is found by its id even if its own description cannot be read.
         faults.extend(takedown.and_then(|list| takedown::takedown_fault(list, listed, scenes.get(known))));
     }
     faults.extend(splits::audit_splits(manifest, &scenes));
     faults.extend(names::audit(tree, manifest, &scenes));
+    // After the other checks, since it skips every scene that has a fault by now.
     let published = published(tree, manifest, &scenes, &mut faults);
     faults.extend(top(tree, manifest, &scenes));
     faults.extend(composed(tree, manifest, published.as_deref(), &faults));
     faults
 }
 
-/// The scenes as their files describe them, with the faults of files that follow from others. `None` where a scene has
-/// any fault: what follows from it is then not worth a word.
+/// Reads the scenes back from their files, and adds the faults of files that follow from others.
+/// Returns `None` if another version wrote the release or if a scene has any fault: files that
+/// follow from that scene would only repeat the fault.
 fn published(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
     scenes: &[SceneRecord],
     faults: &mut Vec<AuditFault>,
 ) -> Option<Vec<PublishedScene>> {
+    // Another version composes other bytes, so a difference would prove nothing.
     if manifest.tool != super::TOOL {
         return None;
     }
@@ -421,14 +432,15 @@ fn published(
     let (read, found): (Vec<Option<PublishedScene>>, Vec<Vec<AuditFault>>) =
         manifest.scenes.par_iter().map(read).unzip();
     faults.extend(found.into_iter().flatten());
-    // A release of no scene has no terms to compose.
+    // Terms of no scenes cannot be composed.
     read.into_iter().collect::<Option<Vec<_>>>().filter(|scenes| !scenes.is_empty())
 }
 
-/// The files at the top, as far as one look at each tells.
+/// Faults of the files at the top that each file shows by itself.
 fn top(tree: &TrustedTree<'_>, manifest: &ReleaseManifest, scenes: &[SceneRecord]) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let index = index::read_index(tree, &mut faults);
+    // The index repeats every scene, so it is compared only if all of them could be read.
     let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
     faults.extend(compared.flat_map(|table| index::compare_index(tree, table, scenes)));
     faults.extend(croissant::audit_croissant(&croissant::CroissantSubject {
@@ -443,7 +455,7 @@ fn top(tree: &TrustedTree<'_>, manifest: &ReleaseManifest, scenes: &[SceneRecord
     faults
 }
 
-/// Files that are not what this version composes, where it wrote the release.
+/// Faults of files that differ from what this version composes, if it wrote the release.
 fn composed(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
@@ -453,14 +465,15 @@ fn composed(
     if manifest.tool != super::TOOL {
         return Vec::new();
     }
+    // The loader and the licence texts do not depend on the scenes, so they are always compared.
     let mut found = again::constants(tree);
-    // What people read follows from the manifest too.
+    // Card and report follow from the manifest too, so its faults would show up again in them.
     let sound = known.iter().all(|fault| fault.file.as_deref() != Some(super::manifest::NAME));
     found.extend(scenes.iter().filter(|_| sound).flat_map(|scenes| again::top(tree, manifest, scenes)));
     found
 }
 
-/// Leaves out of the files that were composed otherwise those of which something more telling is said.
+/// Removes [`FaultCode::NotComposed`] from files that have a more specific fault.
 fn without_echoes(faults: Vec<AuditFault>) -> Vec<AuditFault> {
     let told: BTreeSet<String> = faults
         .iter()

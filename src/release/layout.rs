@@ -1,4 +1,5 @@
-//! Which files a release has, and which step's output each of them is. A file of any other name has no place in the tree.
+//! The files of a release, and the step's output that each of them is. A file of any other name has
+//! no place in the tree.
 
 use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse};
 use crate::artifact::EventStream;
@@ -59,13 +60,15 @@ pub(super) fn top() -> impl Iterator<Item = &'static str> {
     TOP.into_iter()
 }
 
-/// The files in a trajectory's folder that steps made, by name, with the outputs that they are. `outputs` are those of a
-/// step of the trajectory; `streams` are the names of its event streams.
+/// The files in a trajectory's folder that steps made, by name, with the outputs that they are.
+/// `outputs` gives the outputs of a step of the trajectory; `streams` are the names of its event
+/// streams.
 pub(super) fn made<'o>(
     outputs: impl Fn(&str) -> &'o [StoredOutput],
     streams: &[Option<&str>],
 ) -> BTreeMap<String, &'o StoredOutput> {
     let mut files = BTreeMap::new();
+    // The store keeps other outputs of these steps to itself.
     files.extend(
         outputs("trajectory")
             .iter()
@@ -88,6 +91,7 @@ pub(super) fn made<'o>(
 /// Returns true if a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.
 fn is_picture_of_check(name: &str, streams: &[Option<&str>]) -> bool {
     let Some(stem) = name.strip_suffix(".png") else { return false };
+    // Names of sensors can have dots, so the check is not simply the part after the last dot.
     let of = |sensor: &Option<&str>| match sensor {
         None => Some(stem),
         Some(sensor) => stem.strip_prefix(sensor)?.strip_prefix('.'),

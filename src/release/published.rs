@@ -1,5 +1,6 @@
-//! A scene as the files of its folder describe it. Card, datasheet, index, catalogue entry and report are composed from
-//! this alone, by the release that writes them and by the audit that compares them.
+//! A scene as the files of its folder describe it. Card, datasheet, index, catalogue entry and
+//! report are composed from this alone, by the release that writes them and by the audit that
+//! compares them.
 
 use super::built::BuiltScene;
 use super::left_out::OmissionRow;
@@ -14,7 +15,7 @@ use crate::sensor::SensorChoice;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Where the bytes of a file of the tree lie, by its path; `None` for a file that is absent.
+/// Finds the bytes of a file of the tree by its path; `None` for a file that is absent.
 pub(super) type StoredPlaces<'a> = &'a (dyn Fn(&str) -> Option<PathBuf> + Sync);
 
 /// A scene.
@@ -93,15 +94,17 @@ impl PublishedScene {
     }
 }
 
-/// The names of a trajectory's event streams; one without a name where there is one sensor.
+/// The names of a trajectory's event streams. The stream of a single sensor has no name.
 pub(super) fn stream_names(part: &TrajectoryPart) -> Vec<Option<&str>> {
     let one = part.sensor.iter().map(|_| None);
     one.chain(part.sensors.keys().map(|name| Some(name.as_str()))).collect()
 }
 
-/// When the shutter was open for each blurred frame of a trajectory, microseconds, by the number of its pose.
+/// Opening and closing time of the shutter for each blurred frame of a trajectory, microseconds, by
+/// the number of its pose.
 pub(super) fn exposures(part: &TrajectoryPart, motion: &TrajectoryProduct) -> BTreeMap<usize, [i64; 2]> {
     let frames = part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
+    // The number comes from a file, and 0 would panic.
     let Some(frames) = frames.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0) else {
         return BTreeMap::new();
     };
@@ -110,7 +113,8 @@ pub(super) fn exposures(part: &TrajectoryPart, motion: &TrajectoryProduct) -> BT
     centres.into_iter().map(|pose| (pose, exposure::open_us(&seconds, pose, frames))).collect()
 }
 
-/// The terms of a scene by its recipe; `redistribution` is the releaser's reason why restricted material may be passed on.
+/// The terms of a scene by its recipe. `redistribution` is the releaser's reason why restricted
+/// material may be passed on.
 ///
 /// # Panics
 /// As [`licence::compose_terms`].
@@ -128,10 +132,10 @@ pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTe
     })
 }
 
-/// Why the recipe in a `scene.json` cannot be read.
+/// The reason why the recipe in a `scene.json` cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum RecipeError {
-    /// It cannot be put into a file.
+    /// The recipe cannot be put into a file.
     #[error(transparent)]
     Io(#[from] std::io::Error),
     /// It is not a valid recipe.
@@ -139,11 +143,12 @@ pub(super) enum RecipeError {
     Faults(#[from] RecipeFaults),
 }
 
-/// The recipe that a scene carries: JSON is YAML.
+/// Reads the recipe that a scene carries. JSON is YAML.
 pub(super) fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeError> {
+    // Recipes are read from files only.
     let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
     serde_json::to_writer(&file, &scene.recipe).map_err(std::io::Error::from)?;
-    // Defaults that lie in the folder for temporary files are not the scene's.
+    // Defaults in the folder for temporary files are not the scene's.
     let alone = RecipeFile { path: file.path().to_owned(), defaults: None };
     Ok(read_files(&[alone])?.pop().expect("one recipe was read"))
 }

@@ -6,11 +6,11 @@ use std::io;
 use std::path::Path;
 use walkdir::WalkDir;
 
-/// Removes those regular files below `root` for which `is_ours` holds, then the folders of `paths` and
-/// `root` where nothing is left in them. Links are not followed. Returns whether `root` is gone.
+/// Removes the regular files below `root` for which `is_ours` is true, then the folders of `paths`
+/// and `root` if nothing is left in them. Links are not followed. Returns true if `root` is gone.
 ///
 /// # Errors
-/// When a folder cannot be listed, or a file or folder cannot be removed.
+/// A folder cannot be listed, or a file or folder cannot be removed.
 pub(super) fn remove_ours<'a>(
     root: &Path,
     paths: impl Iterator<Item = &'a str>,
@@ -22,6 +22,7 @@ pub(super) fn remove_ours<'a>(
         let entry = entry?;
         let below = entry.path().strip_prefix(root).expect("a walk stays below its root");
         if entry.file_type().is_dir() {
+            // Empty folders of the user stay: only those that can have held a listed file go.
             if folders.contains(below) || below.as_os_str().is_empty() {
                 remove_if_empty(entry.path())?;
             }
@@ -43,7 +44,7 @@ pub(super) fn remove_if_empty(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Returns true if anything lies at `path`, a link to nothing included.
+/// Returns true if anything lies at `path`, including a link to nothing.
 pub(super) fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }

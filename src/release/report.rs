@@ -1,8 +1,9 @@
 //! `report.html`: the release for people, in one file that opens from disk.
 //!
-//! It needs no network, no script and no other file: pictures are inside, the style sheet too, and the page's own policy
-//! forbids the browser anything else. Links lead to files of the tree alone. Every string that a recipe brings is text in
-//! it, by `report/html.rs`. It tells no time of the build, and equal releases have equal pages.
+//! The page needs no network, no script and no other file. Pictures and style sheet are inside, and
+//! the page's own policy forbids the browser anything else. Links lead to files of the tree alone.
+//! Every string of a recipe is text in it, by `report/html.rs`. It does not state the time of the
+//! build, so equal releases have equal pages.
 
 mod curve;
 mod depth;
@@ -51,17 +52,17 @@ impl<'a> ReportPage<'a> {
         self.entries.iter().map(|entry| entry.scene.file.trajectories.len()).sum()
     }
 
-    /// Returns true if there are so few scenes that they are shown unfolded.
+    /// Returns true if there are few enough scenes to show them unfolded.
     fn is_short(&self) -> bool {
         self.entries.len() <= UNFOLDED
     }
 }
 
-/// Most scenes that are shown unfolded.
+/// Maximum number of scenes that are shown unfolded.
 const UNFOLDED: usize = 2;
 
-/// Composes the page; `top` are the files at the top of the tree. Scenes are read in parallel, and only what the page
-/// shows of them stays in memory.
+/// Composes the page; `top` are the files at the top of the tree. Scenes are read in parallel, and
+/// only what the page shows of them stays in memory.
 pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: StoredPlaces<'_>) -> String {
     let entries: Vec<SceneEntry<'_>> = facts.scenes.iter().map(|scene| SceneEntry { scene }).collect();
     let depth = DetailLevel::for_trajectories(facts.counts().trajectories);
@@ -90,6 +91,7 @@ pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: S
 
 fn page_head(html: &mut HtmlFragment, info: &ReleaseInfo) {
     html.empty("meta", &[("charset", "utf-8")]);
+    // Before everything that it governs: a policy in a page holds for what follows it.
     html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
     html.empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);
     html.empty("meta", &[("name", "color-scheme"), ("content", "light dark")]);
@@ -98,8 +100,10 @@ fn page_head(html: &mut HtmlFragment, info: &ReleaseInfo) {
     html.style(STYLE);
 }
 
-/// What a browser may do for the page: show its pictures, and follow its one style sheet.
+/// The page's policy: a browser may show its pictures and apply its one style sheet.
 fn content_policy() -> String {
+    // By its hash, so that no other style has an effect. `base-uri` and `form-action` do not follow
+    // `default-src`.
     let style = embed::encode_base64(&Sha256::digest(STYLE.as_bytes()));
     format!(
         "default-src 'none'; style-src 'sha256-{style}'; img-src data:; base-uri 'none'; form-action 'none'"

@@ -1,5 +1,6 @@
-//! `REUSE.toml`: holders and terms of every file, in the form of the REUSE specification, version 3.3, so that
-//! `reuse lint` passes. It is told from `scene.json` alone, and an audit tells it again.
+//! `REUSE.toml`: holders and terms of every file, in the form of the REUSE specification, version
+//! 3.3, so that `reuse lint` passes. It is composed from `scene.json` alone, and an audit composes
+//! it again.
 
 use super::loader;
 use super::scene::SceneRecord;
@@ -10,14 +11,15 @@ use std::fmt::Write as _;
 /// Name of the file.
 pub(super) const NAME: &str = "REUSE.toml";
 
-/// Whom a scene without a stated holder names.
+/// Holder of a scene that states none.
 const NOBODY: &str = "not stated";
 
-/// Composes the file. Where several entries are of one file the last one counts; what files say of themselves never does,
-/// since texts of users stand in them.
+/// Composes the file. If several entries match a file, the last one counts. What files say of
+/// themselves never counts, since texts of users stand in them.
 pub(super) fn compose_reuse(scenes: &[&SceneRecord], whole: &str) -> String {
     let mut text = String::from("version = 1\n");
     let everybody: BTreeSet<&str> = scenes.iter().flat_map(|scene| scene_holders(scene)).collect();
+    // From the whole to the parts, since the last match counts.
     write_annotation(&mut text, "**", &everybody, whole);
     for scene in scenes {
         write_annotation(

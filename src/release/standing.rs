@@ -1,9 +1,9 @@
-//! The folder that stands where a release is to go: whether it is a release of this program, and which
-//! of its files have the bytes that the release there states.
+//! The folder that stands where a release is to go: whether it is a release of this program, and
+//! which of its files have the bytes that the release there states.
 //!
-//! A folder is a release only if `manifest.json` parses in full and `SHA256SUMS` and `B3SUMS` are in
-//! their one form and list what it lists. Only files with the stated bytes count as sound, and only
-//! sound files are ever removed.
+//! A folder is a release only if `manifest.json` parses in full, and `SHA256SUMS` and `B3SUMS` are
+//! in their one form and list what it lists. Only files with the stated bytes count as sound, and
+//! only sound files are ever removed.
 
 use super::manifest::{self, ReleaseManifest};
 use super::removal::remove_ours;
@@ -22,7 +22,8 @@ use walkdir::WalkDir;
 /// The manifest's format that this program writes.
 pub(super) const FORMAT: u32 = 1;
 
-/// The fields by which a file that was read is known again without reading it.
+/// The fields by which a file that was read is recognised without reading it again. The ctime is
+/// not among them, since a second name in the new release changes it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct FileMark {
     device: u64,
@@ -59,7 +60,7 @@ pub(super) struct StandingTree {
     /// The bytes of `B3SUMS`; `None` where the folder is not a release.
     b3: Option<String>,
     sound: BTreeMap<String, SoundFile>,
-    /// What keeps it from being a whole release, in words, sorted by path.
+    /// Deviations from a whole release, in words, sorted by path.
     oddities: Vec<String>,
 }
 
@@ -67,7 +68,7 @@ impl StandingTree {
     /// Reads every file of `folder`.
     ///
     /// # Errors
-    /// When the folder cannot be listed, or `cancel` is set.
+    /// The folder cannot be listed, or `cancel` is set.
     pub(super) fn read(folder: &Path, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
         let failed = |source: io::Error| ReleaseError::Io { path: folder.to_owned(), source };
         let mut tree =
@@ -76,6 +77,7 @@ impl StandingTree {
             Ok(lists) => lists,
             Err(because) => {
                 tree.oddities.push(because);
+                // Without lists no file is sound, and none needs to be read.
                 return Ok(tree);
             }
         };
@@ -106,28 +108,29 @@ impl StandingTree {
         Ok(tree)
     }
 
-    /// Returns true if it is a release of this program, with or without edited and additional files.
+    /// Returns true if it is a release of this program, with or without edited and additional
+    /// files.
     pub(super) fn is_release(&self) -> bool {
         self.b3.is_some()
     }
 
-    /// What keeps it from being a whole release; empty where it is one.
+    /// Deviations from a whole release; empty for a whole release.
     pub(super) fn oddities(&self) -> &[String] {
         &self.oddities
     }
 
-    /// Returns true if it is whole and its `B3SUMS` is this text, so that every other file is that of the
-    /// release with it.
+    /// Returns true if the folder is whole and its `B3SUMS` is this text. Every other file is then
+    /// that of the release with this `B3SUMS`.
     pub(super) fn is_the_release_of(&self, b3: &str) -> bool {
         self.oddities.is_empty() && self.b3.as_deref() == Some(b3)
     }
 
-    /// Returns true if a file of it has another name, such as one in the store.
+    /// Returns true if one of its files has another name, for example in the store.
     pub(super) fn shares_files(&self) -> bool {
         self.sound.values().any(|file| file.links > 1)
     }
 
-    /// The file at `path`, where it has these bytes and no other name.
+    /// The file at `path`, if it has these bytes and no other name.
     pub(super) fn unshared(&self, path: &str, blake3: &Digest) -> Option<PathBuf> {
         let file = self.sound.get(path)?;
         (file.blake3 == *blake3 && file.links == 1).then(|| self.folder.join(path))
@@ -146,11 +149,13 @@ impl StandingTree {
     /// The first entry that changed since the folder was read, by its path, if any did.
     ///
     /// # Errors
-    /// When the folder cannot be listed.
+    /// The folder cannot be listed.
     pub(super) fn changed(&self) -> io::Result<Option<String>> {
         let mut seen = 0;
         for entry in WalkDir::new(&self.folder).min_depth(1).sort_by_file_name() {
             let entry = entry?;
+            // A new folder counts by the files in it; an empty one is kept aside when the rest
+            // goes.
             if entry.file_type().is_dir() {
                 continue;
             }
@@ -164,11 +169,11 @@ impl StandingTree {
         Ok((seen < self.sound.len()).then(|| "a file that is gone now".to_owned()))
     }
 
-    /// Removes its sound files at `folder`, where the tree may have been moved to, as far as they are
-    /// unchanged since they were read. Returns whether the folder is gone.
+    /// Removes its sound files at `folder`, where the tree may have been moved to, if they are
+    /// unchanged since they were read. Returns true if the folder is gone.
     ///
     /// # Errors
-    /// When something cannot be listed or removed.
+    /// A folder cannot be listed, or a file or folder cannot be removed.
     pub(super) fn remove_at(&self, folder: &Path) -> io::Result<bool> {
         let is_ours = |path: &str, about: &Metadata| {
             self.sound.get(path).is_some_and(|file| file.mark == FileMark::of(about))
@@ -181,7 +186,7 @@ fn is_same(file: &SoundFile, entry: &walkdir::DirEntry) -> bool {
     entry.file_type().is_file() && entry.metadata().is_ok_and(|about| file.mark == FileMark::of(&about))
 }
 
-/// The listed files that are there, and what has no place in a release.
+/// The listed files that exist, and entries that have no place in a release.
 fn list(folder: &Path, lists: &ReleaseLists) -> io::Result<(BTreeSet<String>, Vec<String>)> {
     let (mut found, mut oddities) = (BTreeSet::new(), Vec::new());
     for entry in WalkDir::new(folder).min_depth(1).sort_by_file_name() {
@@ -247,8 +252,10 @@ impl ReleaseLists {
         let stated = manifest.scenes.iter().flat_map(|scene| &scene.files).chain(&manifest.files);
         let mut stated: BTreeMap<&str, String> =
             stated.map(|file| (file.path.as_str(), file.blake3.to_string())).collect();
+        // The manifest lists all files but itself and the two files of sums.
         stated.insert(manifest::NAME, Digest::of_bytes(manifest_bytes).to_string());
         let is_same = |(path, sum): (&String, &String)| stated.get(path.as_str()) == Some(sum);
+        // `SHA256SUMS` lists `B3SUMS` as well, and `B3SUMS` lists neither.
         let both = self.b3.keys().map(String::as_str).chain([checksum::B3_NAME]).collect::<BTreeSet<_>>();
         let of_b3 = self.sums.get(checksum::B3_NAME);
         self.b3.len() == stated.len()
@@ -260,11 +267,12 @@ impl ReleaseLists {
     /// Reads a file that is listed; the error says what is wrong with it.
     fn judge(&self, folder: &Path, path: &str) -> Result<SoundFile, String> {
         let file = files::open_with(&folder.join(path), LinkRule::Refuse);
+        // The mark is older than the bytes, so a write during the read shows as a change later.
         let about = file.and_then(|file| file.metadata());
         let about = about.map_err(|e| format!("cannot be read: {e}"))?;
         let hashes = checksum::hash_file(&folder.join(path)).map_err(|e| format!("cannot be read: {e}"))?;
         let is_stated = match path {
-            // No list has its sum, and it is in its one form.
+            // No list has its sum, but it was parsed in its one form.
             checksum::NAME => true,
             checksum::B3_NAME => self.sums.get(path) == Some(&hashes.sha256),
             _ => {

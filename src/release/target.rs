@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 /// A file or folder that no release may replace.
 #[derive(Debug, Clone)]
 pub struct GuardedPath {
-    /// What it is, with its article.
+    /// Name of the file or folder in messages, with its article.
     pub what: String,
     /// The file or folder.
     pub path: PathBuf,
@@ -23,16 +23,17 @@ pub struct GuardedPath {
     pub whole: bool,
 }
 
-/// How a target is claimed.
+/// Options of a claim.
 #[derive(Debug)]
 pub struct TargetClaim<'a> {
-    /// Replace a folder that is not a release, or one with edited, additional or missing files.
+    /// True if the release may replace a folder that is not a release, or one with edited,
+    /// additional or missing files.
     pub replace: bool,
-    /// What the target may neither be nor hold.
+    /// Files and folders that the target may neither be nor hold.
     pub guarded: &'a [GuardedPath],
-    /// Who claims it, for others who wait.
+    /// The claimant, as others who wait see it.
     pub claim: LockClaim,
-    /// Wait for another process that writes there.
+    /// True if the claim waits for another process that writes there.
     pub wait: bool,
     /// Set to stop waiting and reading.
     pub cancel: &'a AtomicBool,
@@ -41,26 +42,27 @@ pub struct TargetClaim<'a> {
 /// The place of a release. No other process of this program writes there until it is dropped.
 #[derive(Debug)]
 pub struct ReleaseTarget {
-    /// As the user named it.
+    /// The path as the user named it.
     shown: PathBuf,
-    /// The same without links in its parents.
+    /// The path without links in its parents.
     path: PathBuf,
     replace: bool,
-    /// What stands there, unless that is nothing or an empty folder.
+    /// The folder that stands there; `None` for nothing or an empty folder.
     standing: Option<StandingTree>,
     notes: Vec<String>,
+    // Dropped in this order: a parent is empty only after the lock has removed its file.
     _lock: StoreLock,
     _parents: MadeFolders,
 }
 
 impl ReleaseTarget {
-    /// Claims a place, clears what killed processes left for it, and reads what stands there. `waiting`
-    /// receives the holder of the place, and again as often as the claim says.
+    /// Claims a place, clears what killed processes left for it, and reads what stands there.
+    /// `waiting` receives the holder of the place, and again as often as the claim says.
     ///
     /// # Errors
-    /// [`ReleaseError::Foreign`] where the place is guarded, or holds what a release may not replace;
-    /// when another process holds it and `wait` is false; when it cannot be read or made; when `cancel`
-    /// is set.
+    /// [`ReleaseError::Foreign`] if the place is guarded, or holds what a release may not replace.
+    /// Another process holds the place and `wait` is false. The place cannot be read or made.
+    /// `cancel` is set.
     pub fn claim(
         to: &Path,
         options: TargetClaim<'_>,
@@ -70,6 +72,7 @@ impl ReleaseTarget {
         let foreign = |because: String| ReleaseError::Foreign { path: to.to_owned(), because };
         let path = resolve(to).map_err(failed(to))?;
         let path = path.ok_or_else(|| foreign("is not a name for a release folder".into()))?;
+        // Before any folder or lock is made, so that a guarded place stays as it is.
         if let Some(because) = guarded.iter().find_map(|guarded| guarded.forbids(&path)) {
             return Err(foreign(because));
         }
@@ -82,6 +85,7 @@ impl ReleaseTarget {
             }
             other => other.into(),
         })?;
+        // Before the place is read, since a swap that was cut off is undone here.
         let notes = clear_leftovers(&path, cancel)?;
         let standing = stands(&path).map_err(|e| match e {
             TargetFault::Foreign(because) => foreign(because.to_owned()),
@@ -95,7 +99,7 @@ impl ReleaseTarget {
         Ok(Self { shown: to.to_owned(), path, replace, standing, notes, _lock: lock, _parents: parents })
     }
 
-    /// What there is to say of what was found there, one line each, since the last call.
+    /// Takes the notes on the place since the last call, one line each.
     pub fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
@@ -106,14 +110,14 @@ impl ReleaseTarget {
         &self.path
     }
 
-    /// What stands there, unless that is nothing or an empty folder.
+    /// The folder that stands there; `None` for nothing or an empty folder.
     pub(super) fn standing(&self) -> Option<&StandingTree> {
         self.standing.as_ref()
     }
 
     /// Puts a written tree in place.
     pub(super) fn put(&mut self, mut work: WorkFolder) -> Result<(), ReleaseError> {
-        // With leave to replace, what changed is kept aside.
+        // With `replace` a change is no error, and changed files are kept next to the target.
         self.change()?;
         work.place(self.standing.as_ref())?;
         let stood = self.standing.take();
@@ -127,7 +131,8 @@ impl ReleaseTarget {
         Ok(stands && self.change()?.is_none())
     }
 
-    /// What changed since the place was read; refused unless the user lets everything there be replaced.
+    /// Returns the change since the place was read. It is an error unless the user lets everything
+    /// there be replaced.
     fn change(&self) -> Result<Option<String>, ReleaseError> {
         let change = match &self.standing {
             Some(standing) => standing.changed().map_err(failed(&self.shown))?,
@@ -145,8 +150,9 @@ impl ReleaseTarget {
 }
 
 impl GuardedPath {
-    /// Why a release may not go to `target`; `None` where this path does not speak against it.
+    /// The reason why a release may not go to `target`; `None` if this path allows it.
     fn forbids(&self, target: &Path) -> Option<String> {
+        // A path that does not exist guards nothing.
         let path = self.path.canonicalize().ok()?;
         let what = &self.what;
         if path == target {
@@ -161,7 +167,7 @@ impl GuardedPath {
     }
 }
 
-/// Why a release that would have to replace this tree is refused; `None` where it may.
+/// The reason why a release may not replace this tree; `None` if it may.
 fn refusal(standing: &StandingTree) -> Option<String> {
     /// Oddities that a message names.
     const SHOWN: usize = 5;
@@ -177,7 +183,7 @@ fn refusal(standing: &StandingTree) -> Option<String> {
     }
 }
 
-/// Why a path cannot be a release folder.
+/// The reason why a path cannot be a release folder.
 enum TargetFault {
     Foreign(&'static str),
     Io(io::Error),
@@ -188,6 +194,7 @@ fn stands(path: &Path) -> Result<bool, TargetFault> {
     match fs::symlink_metadata(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(e) => Err(TargetFault::Io(e)),
+        // A swap would move the link and not the folder.
         Ok(about) if about.is_symlink() => {
             Err(TargetFault::Foreign("is a link; name the folder that it leads to"))
         }
@@ -197,15 +204,15 @@ fn stands(path: &Path) -> Result<bool, TargetFault> {
     }
 }
 
-/// Returns true if the kernel says that another file system is mounted at `path`. Where it says nothing, a
-/// rename of the mount point fails, and nothing is changed.
+/// Returns true if the kernel says that another file system is mounted at `path`. If it says
+/// nothing, a rename of the mount point fails, and nothing is changed.
 fn is_mount_point(path: &Path) -> bool {
     let about = rustix::fs::statx(CWD, path, AtFlags::SYMLINK_NOFOLLOW, StatxFlags::BASIC_STATS);
     about.is_ok_and(|about| about.stx_attributes.contains(StatxAttributes::MOUNT_ROOT))
 }
 
-/// The target with the links of its parents resolved, as far as these are there; `None` where it ends in
-/// no name.
+/// The target with the links of its parents resolved, as far as the parents exist; `None` if it
+/// ends in no name.
 fn resolve(to: &Path) -> io::Result<Option<PathBuf>> {
     let Some(name) = to.file_name() else { return Ok(None) };
     let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -214,6 +221,7 @@ fn resolve(to: &Path) -> io::Result<Option<PathBuf>> {
 
 fn resolve_folder(path: &Path) -> io::Result<PathBuf> {
     match path.canonicalize() {
+        // A link to nothing is there, and an error: the folder behind it is not known.
         Err(e) if e.kind() == io::ErrorKind::NotFound && !is_there(path) => {
             match (path.parent(), path.file_name()) {
                 (Some(parent), Some(name)) => Ok(resolve_folder(parent)?.join(name)),
@@ -232,12 +240,13 @@ fn lock_name(target: &Path) -> OsString {
     name
 }
 
-/// Folders that were made for a target; those that stay empty are removed with it.
+/// Folders that were made for a target. Those that stay empty are removed with it.
 #[derive(Debug)]
 struct MadeFolders(Vec<PathBuf>);
 
 impl MadeFolders {
     fn make(folder: &Path) -> Result<Self, ReleaseError> {
+        // The deepest first, in which order they can be removed again.
         let absent = folder.ancestors().take_while(|folder| !is_there(folder)).map(Path::to_owned);
         let made = Self(absent.collect());
         fs::create_dir_all(folder).map_err(failed(folder))?;

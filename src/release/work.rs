@@ -1,17 +1,19 @@
-//! The folder in which a release is written: next to its target, with a name that cannot be guessed, for
-//! one process.
+//! The folder in which a release is written. It lies next to the target, has a name that cannot be
+//! guessed, and belongs to one process.
 //!
 //! ```text
 //! .NAME.gs2e-<16 letters>/   about     the format, and every file that is written to tree/
-//!                            tree/     the release; once it is swapped with the target, what stood there
+//!                            tree/     the release; after the swap with the target, what stood
+//!                                      there
 //!                            old/      what stood there
-//!                            placing   written before the swap: which folder tree/ is, and the sound
-//!                                      files of what stands at the target
+//!                            placing   written before the swap: which folder tree/ is, and the
+//!                                      sound files of what stands at the target
 //! ```
 //! The lock of the target covers all of its work folders, so that its holder may clear what a
-//! killed process left. Before the swap only files that `about` lists are removed; after it only the
-//! files that `placing` lists, by their bytes. Both lists outlive every file that they name, so a process
-//! may be killed while it removes them. Whatever else is found in the folder stays, and is reported.
+//! killed process left. Before the swap only files that `about` lists are removed. After it only
+//! files that `placing` lists are removed, by their bytes. Both lists outlive every file that they
+//! name, so a process may be killed while it removes them. Any other content of the folder stays,
+//! and is reported.
 
 use super::removal::{is_there, remove_if_empty, remove_ours};
 use super::standing::StandingTree;
@@ -31,7 +33,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The first line of `about`.
 const FORMAT: &str = "work folder of gs2e release, format 1\n";
-/// What stands between a target's name and the letters of a work folder's.
+/// Separates the target's name from the letters in the name of a work folder.
 const INFIX: &str = ".gs2e-";
 /// Number of those letters: about 95 bits.
 const LETTERS: usize = 16;
@@ -57,11 +59,13 @@ impl WorkFolder {
         let made = tempfile::Builder::new()
             .prefix(&prefix(target))
             .rand_bytes(LETTERS)
+            // No other user can enter the folder before the release is audited.
             .permissions(Permissions::from_mode(0o700))
             .tempdir_in(parent);
         let folder = made.map_err(failed(parent))?.keep();
         let work = Self { folder, target: target.to_owned(), placed: false };
         let path = work.folder.join(ABOUT);
+        // Before the first file of the tree, so that every file a killed process leaves is listed.
         write_new(&path, listing(files).as_bytes()).map_err(failed(&path))?;
         let folders = files.keys().filter_map(|path| Path::new(path).parent());
         for folder in folders.collect::<BTreeSet<_>>() {
@@ -76,12 +80,14 @@ impl WorkFolder {
         self.folder.join(TREE)
     }
 
-    /// Puts the tree in the target's place in one step, and moves what stood there into the work folder.
+    /// Puts the tree in place of the target in one step. The folder that stood there moves into the
+    /// work folder.
     pub(super) fn place(&mut self, stood: Option<&StandingTree>) -> Result<(), ReleaseError> {
         let parent = self.target.parent().expect("a target has a parent");
         let placing = SwapNote::before_swap(&self.tree(), stood).map_err(failed(&self.tree()))?;
         let path = self.folder.join(PLACING);
         write_new(&path, placing.text().as_bytes()).map_err(failed(&path))?;
+        // On disk before the swap: after it this list alone says which files may be removed.
         for folder in [&self.tree(), &self.folder] {
             sync_folder(folder).map_err(failed(folder))?;
         }
@@ -91,23 +97,27 @@ impl WorkFolder {
             move_to_free(&self.tree(), &self.target)
         }
         .map_err(failed(&self.target))?;
+        // The release is in place even if the sync fails; the next run then clears the folder.
         self.placed = true;
         sync_folder(parent).map_err(failed(parent))
     }
 
-    /// Removes the work folder after [`WorkFolder::place`], with the sound files of what stood there.
-    /// Whatever else stood there is kept next to the target; the notes say so.
+    /// Removes the work folder after [`WorkFolder::place`], with the sound files of what stood
+    /// there. Any other content is kept next to the target; the notes say so.
     pub(super) fn finish(self, stood: Option<&StandingTree>) -> Vec<String> {
+        // Without a standing tree nothing may be removed, and an empty folder is gone by now.
         let known = |folder: &Path| stood.map_or(Ok(!is_there(folder)), |stood| stood.remove_at(folder));
         note_failure(&self.folder, self.clear_placed(&known))
     }
 
-    /// Clears a folder whose tree may be in place: `remove` takes what may go of `tree/` and `old/`.
+    /// Clears a folder whose tree may be in place. `remove` removes the files that it may remove of
+    /// `tree/` or `old/`, and returns true if the folder is gone.
     fn clear_placed(&self, remove: &dyn Fn(&Path) -> io::Result<bool>) -> io::Result<Vec<String>> {
         let mut notes = Vec::new();
         for (part, letter) in [(TREE, "-tree"), (OLD, "")] {
             let path = self.folder.join(part);
             if is_there(&path) {
+                // An empty folder at a target counts as nothing, so no list names it.
                 remove_if_empty(&path)?;
             }
             if is_there(&path) && !remove(&path)? {
@@ -125,6 +135,7 @@ impl WorkFolder {
 
     /// `NAME.replaced-<letters>`, next to the target.
     fn kept_name(&self, suffix: &str) -> PathBuf {
+        // The letters of the work folder make the name a new one.
         let own = self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let letters = own.rsplit('-').next().unwrap_or_default().to_owned();
         let mut name = self.target.file_name().unwrap_or_default().to_owned();
@@ -132,8 +143,10 @@ impl WorkFolder {
         self.target.with_file_name(name)
     }
 
-    /// Clears a folder whose tree is not in place: its files as `about` lists them.
+    /// Clears a folder whose tree is not in place. Of `tree/` it removes the files that `about`
+    /// lists.
     fn clear_unplaced(&self, files: &BTreeMap<String, u64>) -> io::Result<()> {
+        // A longer file than listed is not one that this program wrote.
         let is_ours = |path: &str, about: &Metadata| files.get(path).is_some_and(|size| about.len() <= *size);
         if is_there(&self.tree()) {
             remove_ours(&self.tree(), files.keys().map(String::as_str), &is_ours)?;
@@ -144,6 +157,7 @@ impl WorkFolder {
     /// Removes `placing`, `about` and the folder, if nothing else is left in it.
     fn remove_frame(&self) -> io::Result<()> {
         let frame = [PLACING, ABOUT];
+        // In doubt an entry counts as foreign, and everything stays.
         let others = fs::read_dir(&self.folder)?.filter(|entry| {
             entry.as_ref().map_or(true, |entry| frame.iter().all(|name| entry.file_name() != *name))
         });
@@ -164,14 +178,14 @@ impl WorkFolder {
 impl Drop for WorkFolder {
     fn drop(&mut self) {
         if !self.placed {
-            // What cannot be cleared now is cleared, or reported, by the next release to this target.
+            // The next release to this target clears the rest, or reports it.
             let _ = clear(&self.folder, &self.target, &AtomicBool::new(false));
         }
     }
 }
 
-/// Clears the work folders that killed processes left for `target`, whose lock is held. A folder that is
-/// not strictly of that form stays. Returns what there is to say.
+/// Clears the work folders that killed processes left for `target`, whose lock is held. A folder
+/// that is not strictly of that form stays. Returns notes for the user.
 pub(super) fn clear_leftovers(target: &Path, cancel: &AtomicBool) -> Result<Vec<String>, ReleaseError> {
     let parent = target.parent().expect("a target has a parent");
     let mut notes = Vec::new();
@@ -189,9 +203,10 @@ pub(super) fn clear_leftovers(target: &Path, cancel: &AtomicBool) -> Result<Vec<
     Ok(notes)
 }
 
-/// Clears one work folder that no process is at work in.
+/// Clears one work folder that no process uses.
 fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<String>> {
     let foreign = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
+    // A link of this name is not followed.
     if !fs::symlink_metadata(folder)?.is_dir() {
         return Err(foreign("it is not a folder of gs2e"));
     }
@@ -209,6 +224,7 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
         Err(e) => return Err(e),
     };
     let files = parse_listing(&about).ok_or_else(|| foreign("its `about` is not of gs2e"))?;
+    // As placed, since dropping it would clear the folder again, without end.
     let work = WorkFolder { folder: folder.to_owned(), target: target.to_owned(), placed: true };
     let Some(placing) = SwapNote::read(&folder.join(PLACING))? else {
         return work.clear_unplaced(&files).map(|()| Vec::new());
@@ -218,13 +234,14 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
         // The swap took two steps and was cut off between them.
         move_to_free(&old, target)?;
     }
+    // After an exchange `tree` is the folder that stood at the target; only the inode shows that.
     if is_there(&work.tree()) && placing.is_the_new(&work.tree())? {
         return work.clear_unplaced(&files).map(|()| Vec::new());
     }
     work.clear_placed(&|part| placing.remove_at(part, cancel))
 }
 
-/// What the file `placing` says.
+/// Content of the file `placing`.
 struct SwapNote {
     /// Device and inode of the folder that is to become the release.
     tree: [u64; 2],
@@ -265,30 +282,34 @@ impl SwapNote {
     /// Reads the file; `None` if the swap has not begun.
     fn read(path: &Path) -> io::Result<Option<Self>> {
         match files::read_with(path, LinkRule::Refuse, MAX_DOCUMENT) {
+            // A text that was cut off means the same as no text, since it is on disk before the
+            // swap.
             Ok(bytes) => Ok(str::from_utf8(&bytes).ok().and_then(Self::parse)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(e),
         }
     }
 
-    /// True if this folder is the new release, which has not been put in place.
+    /// Returns true if this folder is the new release, which has not been put in place.
     fn is_the_new(&self, folder: &Path) -> io::Result<bool> {
         Ok(identity(folder)? == self.tree)
     }
 
-    /// Removes the sound files at `folder` and returns whether the folder is gone.
+    /// Removes the sound files at `folder` and returns true if the folder is gone.
     fn remove_at(&self, folder: &Path, cancel: &AtomicBool) -> io::Result<bool> {
         let is_ours = |path: &str, _: &Metadata| {
+            // The user may have changed the file since the swap, so its bytes decide.
             let hashed =
                 || checksum::hash_file(&folder.join(path)).is_ok_and(|it| it.blake3 == self.sound[path]);
             self.sound.contains_key(path) && !cancel.load(Ordering::Relaxed) && hashed()
         };
         let gone = remove_ours(folder, self.sound.keys().map(String::as_str), &is_ours)?;
+        // Once cancelled, sound files stay as well and must not be taken for files of the user.
         if cancel.load(Ordering::Relaxed) { Err(io::ErrorKind::Interrupted.into()) } else { Ok(gone) }
     }
 }
 
-/// Device and inode of a folder: they stay when it is renamed.
+/// Device and inode of a folder, which a rename keeps.
 fn identity(folder: &Path) -> io::Result<[u64; 2]> {
     let about = fs::symlink_metadata(folder)?;
     Ok([about.dev(), about.ino()])
@@ -319,10 +340,11 @@ fn listing(files: &BTreeMap<String, u64>) -> String {
     })
 }
 
-/// The files that an `about` lists; `None` where this program did not write it. One that was cut off
-/// while it was written lists fewer, and then none of them is there yet.
+/// The files that an `about` lists; `None` if this program did not write it. One that was cut off
+/// while it was written lists fewer files, and then none of the files exists yet.
 fn parse_listing(text: &str) -> Option<BTreeMap<String, u64>> {
     let Some(lines) = text.strip_prefix(FORMAT) else {
+        // The text was cut off within its first line.
         return FORMAT.starts_with(text).then(BTreeMap::new);
     };
     let line = |line: &str| {
@@ -332,7 +354,7 @@ fn parse_listing(text: &str) -> Option<BTreeMap<String, u64>> {
     Some(lines.lines().map_while(line).collect())
 }
 
-/// Writes a new file and has it on disk.
+/// Writes a new file and syncs it to disk.
 pub(super) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = File::create_new(path)?;
     file.write_all(bytes)?;
@@ -356,6 +378,7 @@ fn move_to_free(from: &Path, to: &Path) -> io::Result<()> {
 /// cannot swap in one step, the old one is moved first, and moved back if the second step fails.
 fn exchange(tree: &Path, target: &Path, old: &Path) -> io::Result<()> {
     match rustix::fs::renameat_with(CWD, tree, CWD, target, RenameFlags::EXCHANGE) {
+        // If this rename does not happen, `clear` finds the old folder at `tree` by its inode.
         Ok(()) => fs::rename(tree, old),
         Err(e) if is_unsupported(e) => {
             fs::rename(target, old)?;
@@ -418,8 +441,8 @@ mod tests {
     #[test]
     fn what_a_killed_process_left_is_cleared_and_nothing_else() {
         let (place, target, folder) = killed();
-        // A longer file than this program would have written, one that it never writes, and one like it
-        // elsewhere.
+        // A longer file than this program would have written, one that it never writes, and one
+        // like it elsewhere.
         fs::write(folder.join("tree/two"), "a thesis").unwrap();
         fs::write(folder.join("notes"), "mine").unwrap();
         fs::create_dir_all(place.path().join(".out.gs2e-notes/tree")).unwrap();
@@ -445,7 +468,7 @@ mod tests {
         fs::write(folder.join("about"), "1 a/one\n").unwrap();
         assert_eq!(clear_leftovers(&target, &never()).unwrap().len(), 1);
         assert!(folder.join("tree/a/one").exists());
-        // A link of such a name is neither followed nor removed.
+        // A link of this form of name is neither followed nor removed.
         fs::rename(&folder, place.path().join("elsewhere")).unwrap();
         std::os::unix::fs::symlink("elsewhere", &folder).unwrap();
         assert_eq!(clear_leftovers(&target, &never()).unwrap().len(), 1);
@@ -461,8 +484,8 @@ mod tests {
         assert_eq!(parse_listing("thesis"), None);
     }
 
-    /// The swap in two steps, for file systems without one step: cut off in between, the next run moves
-    /// the old back.
+    /// The swap in two steps, for file systems without one step: cut off in between, the next run
+    /// moves the old back.
     #[test]
     fn a_swap_that_was_cut_off_is_undone() {
         let (place, target, folder) = killed();

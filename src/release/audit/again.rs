@@ -1,5 +1,5 @@
-//! Files composed once more from the others, and compared byte for byte: everything that people read or run. The
-//! composers are those that write a release.
+//! Composes files once more from the others and compares them byte for byte: everything that people
+//! read or run. The composers are those that write a release.
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::artifact::TrajectoryProduct;
@@ -18,7 +18,8 @@ use serde_json::Value;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Reads a scene back from its files; `None` where one of them cannot be read, which other parts of the audit report.
+/// Reads a scene back from its files. Returns `None` if one of them cannot be read, which other
+/// parts of the audit report.
 pub(super) fn read(
     tree: &TrustedTree<'_>,
     listed: &ManifestScene,
@@ -47,6 +48,7 @@ pub(super) fn read(
         return None;
     }
     let own = path(layout::CHECKS);
+    // Not every scene has checks of its own; `contents` reports where they are missing.
     let findings = if tree.has(&own) { Some(json(tree, &own)?) } else { None };
     let of = |part: &TrajectoryPart| -> Option<PublishedTrajectory> {
         let at = |name: &str| path(&format!("{}/{name}", part.name));
@@ -69,7 +71,7 @@ fn json<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str) -> Option<T> {
     serde_json::from_slice(&bytes).ok()
 }
 
-/// A scene's own files, as they follow from each other.
+/// Returns the faults of a scene's own files, as they follow from each other.
 pub(super) fn scene(
     tree: &TrustedTree<'_>,
     listed: &ManifestScene,
@@ -89,8 +91,9 @@ pub(super) fn scene(
     faults.into_iter().map(|fault| fault.in_scene(id)).collect()
 }
 
-/// Values of `scene.json` that the recipe in it and the other files give otherwise.
+/// Returns the values of `scene.json` that its recipe and the other files contradict.
 fn described(scene: &PublishedScene) -> Vec<AuditFault> {
+    // Maximum number of listed differences: many values follow from one wrong value of a recipe.
     const MOST: usize = 8;
     let [found, wanted] = [&scene.file, &scene::again(scene)]
         .map(|file| serde_json::to_value(file).expect("a description is plain data"));
@@ -104,7 +107,7 @@ fn described(scene: &PublishedScene) -> Vec<AuditFault> {
     differences.into_iter().take(MOST).map(fault).collect()
 }
 
-/// Places where two values differ, with both.
+/// Collects the places where two values differ, with both values.
 fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, String, String)>) {
     let below = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
     match (found, wanted) {
@@ -121,13 +124,14 @@ fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, Str
                 differ(&below(&i.to_string()), a, b, out);
             }
         }
+        // Arrays of different lengths are reported as a whole, since their entries have no pairs.
         (found, wanted) => {
             out.push((place.to_owned(), brief(&found.to_string()), brief(&wanted.to_string())))
         }
     }
 }
 
-/// The files of a trajectory that follow from its poses, its speeds and `scene.json`.
+/// Composes the files of a trajectory that follow from its poses, its speeds and `scene.json`.
 fn trajectory(
     tree: &TrustedTree<'_>,
     scene: &PublishedScene,
@@ -142,7 +146,7 @@ fn trajectory(
     let size = crate::image::Size { width: file.width, height: file.height };
     let camera = crate::camera::Camera { size, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };
     let sharp = scene.in_folder(&part.name, "sharp").filter_map(|path| path.rsplit('/').next());
-    // A scene that is withheld has frames that are not in the tree; its poses are told of all the same.
+    // The tree lacks the frames of a withheld scene, but its `transforms.json` lists their poses.
     let planned = super::contents::pictures_planned(tree, &scene.file, part);
     let planned = planned.iter().filter_map(|name| name.strip_prefix("sharp/"));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
@@ -153,13 +157,15 @@ fn trajectory(
         (layout::TRANSFORMS, FileContent::json_bytes(&transforms)),
     ];
     let asked = scene.recipe.trajectories.iter().find(|asked| asked.name == part.name);
-    // What a speed in pixels comes to along a path is known where the scene is rendered.
+    // A speed in pixels depends on the rendered scene, so the tree alone does not give its
+    // schedule.
     let known = asked.filter(|asked| !matches!(asked.speed, SpeedChoice::Flow(_)));
     let poses = &motion.trajectory.world_from_camera;
     let law = scene.recipe.law;
     let schedule = known.and_then(|asked| PoseSchedule::new(&asked.speed, poses.len(), law).ok());
     let speed = motion.report.measured_again(poses, schedule.as_ref());
-    // A report of another number of steps is not what any trajectory of these poses has, and cannot be drawn.
+    // No trajectory of these poses has a report with another number of steps. The report cannot be
+    // drawn, and the empty bytes wanted here make it a fault.
     let Some(speed) = speed else {
         wanted.push(("speed.json", Vec::new()));
         return wanted;
@@ -170,7 +176,7 @@ fn trajectory(
     wanted
 }
 
-/// The manifest's counts of a scene's findings.
+/// Compares the manifest's counts of a scene's findings with the findings.
 fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<AuditFault> {
     let findings = || scene.trajectories.iter().flat_map(|trajectory| &trajectory.findings);
     let mut faults = Vec::new();
@@ -184,6 +190,7 @@ fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<AuditFault> {
     if listed.waivers != manifest::waivers(findings()) {
         fault("waivers");
     }
+    // The rows come from records that stay in the store, so only the trajectories are compared.
     let names = |map: Vec<&String>| map.into_iter().cloned().collect::<std::collections::BTreeSet<_>>();
     let known = scene.file.trajectories.iter().map(|part| &part.name).collect();
     if names(listed.omitted.keys().collect()) != names(known) {
@@ -192,7 +199,7 @@ fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<AuditFault> {
     faults
 }
 
-/// The files at the top that follow from the scenes, all of which are given.
+/// Compares the files at the top that follow from the scenes. All scenes must be given.
 pub(super) fn top(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
@@ -207,14 +214,16 @@ pub(super) fn top(
     let composed = crate::release::compose_top(&facts, &|path| tree.intact_path(path));
     let compare = |(path, content): (String, FileContent)| match content {
         FileContent::Bytes(bytes) => compare(tree, &path, &bytes),
+        // Files at the top are composed; none of them is a blob.
         FileContent::Blob { .. } => None,
     };
     composed.into_files().into_iter().filter_map(compare).collect()
 }
 
-/// Code that people run, and texts of licences of the SPDX list: the same whatever the scenes are.
+/// Compares the loader and the licence texts of the SPDX list, which are the same for all scenes.
 pub(super) fn constants(tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let ids = tree.intact.keys().filter_map(|path| layout::licence_id(path));
+    // A text that is not on the list names the holders, who follow from the scenes.
     let listed = ids.filter(|id| crate::licence::is_listed(id));
     let texts =
         listed.map(|id| (layout::licence_text(id), crate::licence::licence_text(id, &[]).into_bytes()));
@@ -222,7 +231,7 @@ pub(super) fn constants(tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     texts.chain(loader).filter_map(|(path, wanted)| compare(tree, &path, &wanted)).collect()
 }
 
-/// A JSON file in its one spelling, which is that of the value that was read.
+/// Compares a JSON file with its one spelling, which is that of the value that was read.
 pub(super) fn spelling<T: serde::Serialize>(
     tree: &TrustedTree<'_>,
     path: &str,
@@ -231,7 +240,8 @@ pub(super) fn spelling<T: serde::Serialize>(
     compare(tree, path, &FileContent::json_bytes(value))
 }
 
-/// A file that has other bytes than those; `None` for one that is absent or not whole, which is another fault.
+/// Compares a file with the wanted bytes. Returns `None` for a file that is absent or not whole,
+/// which is another fault.
 fn compare(tree: &TrustedTree<'_>, path: &str, wanted: &[u8]) -> Option<AuditFault> {
     let found = tree.intact.get(path)?;
     if *found == checksum::sha256_hex(wanted) {
@@ -242,7 +252,7 @@ fn compare(tree: &TrustedTree<'_>, path: &str, wanted: &[u8]) -> Option<AuditFau
     Some(AuditFault::of_file(FaultCode::NotComposed, path, message))
 }
 
-/// Where a file departs from these bytes, for people.
+/// Describes the first difference between a file and the wanted bytes, for people.
 fn first_difference(path: &Path, wanted: &[u8]) -> String {
     let Ok(found) = files::read_with(path, LinkRule::Refuse, files::MAX_DOCUMENT) else {
         return "it cannot be read".into();

@@ -1,4 +1,4 @@
-//! Every byte, against all lists.
+//! Comparison of every byte with all lists.
 
 use super::sums::Sums;
 use super::walk::unsafe_because;
@@ -9,15 +9,15 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Hashes of the tree's files by path, the sums file included; `None` where a file could not be read.
+/// Hashes of the tree's files by path, including the sums file. `None` if a file could not be read.
 pub(super) type Bytes = BTreeMap<String, Option<FileHashes>>;
 
-/// Reads all files, in parallel.
+/// Reads and hashes all files, in parallel.
 pub(super) fn hash_files(dir: &Path, files: &BTreeSet<String>) -> Bytes {
     files.par_iter().map(|path| (path.clone(), checksum::hash_file(&dir.join(path)).ok())).collect()
 }
 
-/// The files whose bytes are those of the sums, with their SHA-256.
+/// Returns the files with the bytes that the sums state, and their SHA-256.
 pub(super) fn intact_files<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a str, &'a str> {
     let same = |(path, sum): (&'a String, &'a String)| {
         let found = bytes.get(path)?.as_ref()?;
@@ -26,13 +26,13 @@ pub(super) fn intact_files<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a
     sums.iter().filter_map(same).collect()
 }
 
-/// What the tree says of its files' bytes.
+/// Statements of the tree about the bytes of its files.
 #[derive(Debug)]
 pub(super) struct StatedBytes<'a> {
     pub(super) sums: &'a Sums,
     /// `B3SUMS`, where it could be read.
     pub(super) b3: Option<&'a Sums>,
-    /// What the manifest lists, where it could be read.
+    /// The files that the manifest lists, if it could be read.
     listed: Option<BTreeMap<&'a str, &'a ManifestFile>>,
 }
 
@@ -42,7 +42,7 @@ impl<'a> StatedBytes<'a> {
     }
 }
 
-/// Holds the files that are there, the sums, and the manifest against each other.
+/// Compares the files on disk, the sums and the manifest with each other.
 pub(super) fn compare_bytes(bytes: &Bytes, stated: &StatedBytes<'_>, faults: &mut Vec<AuditFault>) {
     let sums = stated.sums;
     faults.extend(compare_lists(stated));
@@ -53,6 +53,7 @@ pub(super) fn compare_bytes(bytes: &Bytes, stated: &StatedBytes<'_>, faults: &mu
             "SHA256SUMS lists it, and it is not there",
         ));
     }
+    // `SHA256SUMS` cannot contain its own sum.
     for (path, hashes) in bytes.iter().filter(|(path, _)| *path != checksum::NAME) {
         let Some(hashes) = hashes else {
             faults.push(AuditFault::of_file(FaultCode::Unreadable, path, "it cannot be read"));
@@ -66,16 +67,17 @@ pub(super) fn compare_bytes(bytes: &Bytes, stated: &StatedBytes<'_>, faults: &mu
     }
 }
 
-/// All files that the manifest lists.
+/// Returns all files that the manifest lists, by path.
 fn manifest_listing(manifest: &ReleaseManifest) -> BTreeMap<&str, &ManifestFile> {
     let scenes = manifest.scenes.iter().flat_map(|scene| &scene.files);
     manifest.files.iter().chain(scenes).map(|file| (file.path.as_str(), file)).collect()
 }
 
-/// The lists name the same files, but for those that cannot be in one of them.
+/// Checks that the lists name the same files, except for those that one of them cannot contain.
 fn compare_lists(stated: &StatedBytes<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
-    // What SHA256SUMS and `name` both should list: all but `outside`.
+    // Name of each other list, its paths, and the paths that only `SHA256SUMS` can contain: a list
+    // cannot contain its own sum, and `B3SUMS` is written after the manifest.
     let mut others: Vec<(&str, BTreeSet<&str>, &[&str])> = Vec::new();
     if let Some(listed) = &stated.listed {
         others.push((manifest::NAME, listed.keys().copied().collect(), &[manifest::NAME, checksum::B3_NAME]));
@@ -85,6 +87,7 @@ fn compare_lists(stated: &StatedBytes<'_>) -> Vec<AuditFault> {
     }
     let all: BTreeSet<&str> = others.iter().flat_map(|(_, paths, _)| paths).copied().collect();
     for path in &all {
+        // Unsafe paths of the sums were removed when they were read, so this one is the manifest's.
         if let Some(because) = unsafe_because(path) {
             faults.push(AuditFault::of_file(FaultCode::UnsafePath, path, because));
         } else if !stated.sums.contains_key(*path) {
@@ -114,7 +117,8 @@ fn sources_say<'a>(who: impl Iterator<Item = &'a str>, one: &str, several: &str)
 }
 
 impl StatedBytes<'_> {
-    /// Who beside `SHA256SUMS` speaks of a file, and whether these bytes are what it states.
+    /// Returns the other lists that name a file, each with true if these bytes are those that it
+    /// states.
     fn others(&self, path: &str, found: &FileHashes) -> Vec<(&'static str, bool)> {
         let listed = self.listed.as_ref().and_then(|listed| listed.get(path));
         let manifest = listed.map(|it| (manifest::NAME, it.blake3 == found.blake3 && it.size == found.size));
@@ -132,6 +136,7 @@ fn compare_file(
 ) -> Option<AuditFault> {
     let saying = |so: bool| others.iter().filter(move |(_, agrees)| *agrees == so).map(|(name, _)| *name);
     let disagree = |message: String| Some(AuditFault::of_file(FaultCode::SumsDisagree, path, message));
+    // If any list agrees with the bytes, the lists are at fault; if none does, the file is.
     match (found.sha256 == *sum, saying(true).next(), saying(false).next()) {
         (true, _, None) => None,
         (true, _, Some(_)) => {

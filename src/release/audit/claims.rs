@@ -1,4 +1,4 @@
-//! What the tree's own descriptions say, against each other.
+//! Comparison of the tree's own descriptions with each other.
 
 use super::{AuditFault, FaultCode, TrustedTree, again};
 use crate::files::{self, LinkRule};
@@ -8,8 +8,8 @@ use crate::release::scene::{SceneConventions, SceneRecord};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Reads a JSON file of a known form, if it is intact; keys that the form does not have are faults, and so is any spelling
-/// but the one in which the program writes.
+/// Reads a JSON file of a known form, if it is intact. Unknown keys are faults, and so is any
+/// spelling other than the one that the program writes.
 pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
     tree: &TrustedTree<'_>,
     path: &str,
@@ -30,7 +30,7 @@ fn read<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str, faults: &mut Ve
     parsed.map_err(|message| faults.push(AuditFault::of_file(FaultCode::Unreadable, path, message))).ok()
 }
 
-/// `scene.json` against the manifest, and against the recipe that it carries.
+/// Compares `scene.json` with the manifest and with the recipe that it contains.
 pub(super) fn audit_scene(
     manifest: &ReleaseManifest,
     listed: &ManifestScene,
@@ -45,6 +45,7 @@ pub(super) fn audit_scene(
     claims.equal("id", &scene.id, "its recipe", recipe);
     let seed = scene.recipe.get("seed").map_or("missing".into(), ToString::to_string);
     claims.equal("seed", &scene.seed.to_string(), "its recipe", &seed);
+    // The sum is of the compact form, not of the indented text in the file.
     let compact = serde_json::to_vec(&scene.recipe).expect("a JSON value is writable");
     claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256_hex(&compact));
     if scene.conventions != SceneConventions::for_brightness(&scene.recipe) {

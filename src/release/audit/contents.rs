@@ -1,4 +1,4 @@
-//! Whether a scene's files hold what their formats prescribe and what `scene.json` says of them.
+//! Checks that a scene's files hold what their formats prescribe and what `scene.json` states.
 
 mod events;
 mod motion;
@@ -31,7 +31,7 @@ impl TrajectoryFolder<'_> {
         format!("{}/{name}", self.path)
     }
 
-    /// Returns true if this file is there and intact.
+    /// Returns true if this file exists and is intact.
     fn has(&self, name: &str) -> bool {
         self.tree.has(&self.path_of(name))
     }
@@ -45,7 +45,7 @@ impl TrajectoryFolder<'_> {
     }
 }
 
-/// Audits the contents of a scene's files that are there; those that are not are faults already.
+/// Audits the contents of a scene's files. An absent file is one fault and is not opened.
 pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let part = &scene.camera;
     let size = Size { width: part.width, height: part.height };
@@ -58,6 +58,7 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
         let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
         let contents = streams.flat_map(|(name, stated)| events::audit_stream(&folder, &name, stated));
         faults.extend(contents.collect::<Vec<_>>());
+        // Absent poses are a fault already, and the other files are compared with the poses.
         if folder.has("poses.txt") {
             faults.extend(motion::audit_motion(&folder));
         }
@@ -67,7 +68,8 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
 }
 
-/// The file of each event stream that a trajectory has where it has any, with what is counted of it.
+/// Returns the file name of each event stream that a trajectory can have, with the counts stated of
+/// it.
 fn stream_files(part: &TrajectoryPart) -> Vec<(String, &TrajectoryStatistics)> {
     if part.sensors.is_empty() {
         return vec![(EventStream::released_name(None), &part.statistics)];
@@ -78,23 +80,24 @@ fn stream_files(part: &TrajectoryPart) -> Vec<(String, &TrajectoryStatistics)> {
         .collect()
 }
 
-/// The names of the pictures that a trajectory has in the tree, by its recipe.
+/// Returns the names of the pictures of a trajectory that the tree must have, by its recipe.
 pub(super) fn pictures_wanted(
     tree: &TrustedTree<'_>,
     scene: &SceneRecord,
     part: &TrajectoryPart,
 ) -> Vec<String> {
-    // What is withheld is not wanted; that it may be is for the terms to say.
+    // Withheld pictures are not wanted; `terms` judges whether they may be withheld.
     if scene.licence.withheld { Vec::new() } else { pictures_planned(tree, scene, part) }
 }
 
-/// The names of the pictures that are made of a trajectory, by its recipe.
+/// Returns the names of the pictures that are made of a trajectory, by its recipe.
 pub(super) fn pictures_planned(
     tree: &TrustedTree<'_>,
     scene: &SceneRecord,
     part: &TrajectoryPart,
 ) -> Vec<String> {
-    // What is stated may be any number. A line of poses.txt has 16 bytes at least; a wrong count is another fault.
+    // The stated number can be anything, and each pose makes a name. A line of `poses.txt` has at
+    // least 16 bytes, so the file bounds the number; a wrong number is another fault.
     let poses = tree.path_of(&format!("{}/{}/poses.txt", scene.id, part.name));
     let lines = std::fs::metadata(poses).map_or(0, |file| file.len() / 16);
     let poses = part.poses.min(usize::try_from(lines).unwrap_or(usize::MAX));
@@ -107,7 +110,7 @@ fn asks(scene: &SceneRecord, output: &str) -> bool {
     outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output))
 }
 
-/// The files that the scene's own description asks for and that are not there.
+/// Returns faults for the files that the scene's own description asks for and that are absent.
 fn missing_files(folder: &TrajectoryFolder<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let mut wanted: Vec<String> = layout::MOTION.map(str::to_owned).to_vec();
     wanted.extend([layout::TRANSFORMS, path_picture::NAME, CHECKS].map(str::to_owned));
@@ -119,7 +122,7 @@ fn missing_files(folder: &TrajectoryFolder<'_>, scene: &SceneRecord) -> Vec<Audi
     absent.map(|name| folder.fault(FaultCode::SceneIncomplete, name, ABSENT)).collect()
 }
 
-/// The findings in a file, if it is there and intact, and what is wrong with them.
+/// Reads the findings in a file, if it exists and is intact, with their faults.
 fn read_checks(tree: &TrustedTree<'_>, path: &str) -> (Vec<Finding>, Vec<AuditFault>) {
     let mut faults = Vec::new();
     let findings: Vec<Finding> = claims::parse_claims(tree, path, &mut faults).unwrap_or_default();
@@ -131,7 +134,7 @@ fn read_checks(tree: &TrustedTree<'_>, path: &str) -> (Vec<Finding>, Vec<AuditFa
     (findings, faults)
 }
 
-/// The checks of a scene that was photographed, against what its description says of them.
+/// Compares the checks of a photographed scene with its description.
 fn photo_faults(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let path = format!("{}/{CHECKS}", scene.id);
     if !tree.has(&path) {
@@ -145,6 +148,7 @@ fn photo_faults(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> 
     let found = findings.iter().find(mean).and_then(|finding| finding.measured);
     let reconstruction = scene.reconstruction.as_ref();
     let stated = reconstruction.and_then(|it| it.psnr.as_ref()).map(|psnr| psnr.mean);
+    // Both texts were written from one number, so they must agree to the last bit.
     if found.map(f64::to_bits) != stated.map(f64::to_bits) {
         let [found, stated] = [found, stated].map(|v| v.map_or("none".to_owned(), |v| v.to_string()));
         let message = format!("its mean PSNR is {found}, scene.json says {stated}");

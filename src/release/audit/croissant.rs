@@ -1,5 +1,5 @@
-//! `croissant.json`: whether it has what it must, and whether what it says of files, columns and terms is so. Its reader
-//! `mlcroissant` lets most of this pass.
+//! Checks that `croissant.json` has the required fields, and that its statements about files,
+//! columns and terms hold. Its reader `mlcroissant` accepts most of these faults.
 
 mod records;
 
@@ -13,7 +13,7 @@ use crate::release::scene::SceneRecord;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// What the file is held against.
+/// The parts of a release that the file is compared with.
 #[derive(Debug)]
 pub(super) struct CroissantSubject<'a> {
     pub(super) tree: &'a TrustedTree<'a>,
@@ -33,7 +33,7 @@ fn node_id(node: &Value) -> &str {
     node["@id"].as_str().unwrap_or_default()
 }
 
-/// A list, also where a single node stands for it.
+/// The nodes of a list. A single node counts as a list of one.
 fn node_list(value: &Value) -> &[Value] {
     match value {
         Value::Array(values) => values,
@@ -58,6 +58,7 @@ pub(super) fn audit_croissant(subject: &CroissantSubject<'_>) -> Vec<AuditFault>
     faults.extend(id_faults(&file));
     for node in node_list(&file["distribution"]) {
         match node["@type"].as_str() {
+            // The root is a folder; its `sha256` is a placeholder that the format demands.
             Some("cr:FileObject") if node_id(node) == ROOT => {}
             Some("cr:FileObject") => faults.extend(object_faults(node, subject)),
             Some("cr:FileSet") => faults.extend(set_faults(node, &file, subject)),
@@ -71,7 +72,7 @@ pub(super) fn audit_croissant(subject: &CroissantSubject<'_>) -> Vec<AuditFault>
     faults
 }
 
-/// What must be there, and what is none of the vocabulary.
+/// Returns faults for required fields that are absent and for fields outside the vocabulary.
 fn field_faults(file: &Value) -> Vec<AuditFault> {
     let is_empty = |value: &Value| match value {
         Value::Null => true,
@@ -99,11 +100,12 @@ fn field_faults(file: &Value) -> Vec<AuditFault> {
     faults
 }
 
-/// What the manifest says too.
+/// Compares the fields that repeat the manifest.
 fn claim_faults(file: &Value, manifest: &ReleaseManifest) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let wanted = licence_address(&manifest.licence);
     let found = &file["license"];
+    // An absent field is reported with the required ones.
     if !found.is_null() && *found != wanted.as_str() {
         let message = format!("its license is {found}, the release is under {wanted:?}");
         faults.push(croissant_fault(FaultCode::CroissantLicence, message));
@@ -117,7 +119,7 @@ fn claim_faults(file: &Value, manifest: &ReleaseManifest) -> Vec<AuditFault> {
     faults
 }
 
-/// No two nodes have one id.
+/// Checks that no two nodes have one id.
 fn id_faults(file: &Value) -> Vec<AuditFault> {
     let sets = node_list(&file["recordSet"]);
     let fields = sets.iter().flat_map(|set| node_list(&set["field"]));
@@ -129,7 +131,7 @@ fn id_faults(file: &Value) -> Vec<AuditFault> {
         .collect()
 }
 
-/// A file by itself: it is there, and it is what is said of it.
+/// Checks that a single file exists and is as described.
 fn object_faults(node: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault> {
     let name = node_id(node);
     let Some(stated) = node["sha256"].as_str() else {
@@ -156,7 +158,7 @@ fn object_faults(node: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault
     faults
 }
 
-/// Files by a pattern: there are some, and they lie in what is described.
+/// Checks that a pattern matches some files, and that they lie in a described container.
 fn set_faults(node: &Value, file: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     let container = node_id(&node["containedIn"]);
@@ -165,7 +167,7 @@ fn set_faults(node: &Value, file: &Value, subject: &CroissantSubject<'_>) -> Vec
         faults.push(croissant_fault(FaultCode::CroissantReference, message));
     }
     for pattern in node_list(&node["includes"]).iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
-        // A file that is listed and not whole is told by what lists it.
+        // Its list reports a file that is not whole, so a listed path is enough here.
         if !subject.manifest.paths().any(|path| glob_matches(pattern, path)) {
             faults.push(croissant_fault(
                 FaultCode::CroissantFiles,

@@ -1,4 +1,4 @@
-//! `index.parquet` against the files whose content it repeats.
+//! Comparison of `index.parquet` with the files whose content it repeats.
 
 use super::{AuditFault, FaultCode, TrustedTree, claims};
 use crate::check::Finding;
@@ -7,7 +7,7 @@ use crate::release::index::{self, COLUMNS, IndexSources, NAME};
 use crate::release::scene::SceneRecord;
 use crate::trajectory::report::SpeedReport;
 
-/// Reads the index; what is wrong with the file itself is a fault.
+/// Reads the index. A fault of the file itself is added to `faults`.
 pub(super) fn read_index(tree: &TrustedTree<'_>, faults: &mut Vec<AuditFault>) -> Option<IndexTable> {
     if !tree.has(NAME) {
         faults.push(AuditFault::of_file(
@@ -21,8 +21,8 @@ pub(super) fn read_index(tree: &TrustedTree<'_>, faults: &mut Vec<AuditFault>) -
     table.map_err(|message| faults.push(AuditFault::of_file(FaultCode::Unreadable, NAME, message))).ok()
 }
 
-/// Holds its cells against the scenes, all of which are given: nothing is said where one of them, or a file that the
-/// index repeats, could not be read, since that is a fault already.
+/// Compares the cells with the scenes. All scenes must be given. Nothing is reported if a file that
+/// the index repeats could not be read, since that is a fault already.
 pub(super) fn compare_index(
     tree: &TrustedTree<'_>,
     table: &IndexTable,
@@ -53,13 +53,15 @@ pub(super) fn compare_index(
     faults
 }
 
-/// The row's name for itself.
+/// The name of a row, which is its first cell.
 fn name_of(row: &[table::CellValue]) -> String {
     row.first().map_or_else(String::new, ToString::to_string)
 }
 
-/// What the trajectories' own files tell; `None` where one of them cannot be read.
+/// Reads what the index repeats of the trajectories' own files. Returns `None` if one of them
+/// cannot be read.
 fn index_sources(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Option<Vec<IndexSources>> {
+    // The audit of the contents has reported the faults of these files.
     let said_elsewhere = &mut Vec::new();
     let mut of = |name: &str| {
         let path = |file: &str| format!("{}/{name}/{file}", scene.id);

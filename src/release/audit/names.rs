@@ -1,4 +1,5 @@
-//! Files that have no place in a release, whatever its sums say: the format names every file that there may be.
+//! Files that have no place in a release, even if the sums list them: the format names every file
+//! that can exist.
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::release::layout;
@@ -8,8 +9,9 @@ use crate::release::scene::{SceneRecord, TrajectoryPart};
 use crate::release::{checksum, path_picture};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Files at the top and in scenes that the format does not have, and files that every release has and this one lacks.
-/// `scenes` are those that could be read; in others nothing is judged.
+/// Reports files at the top and in scenes that the format does not have, and required files at the
+/// top that are absent. `scenes` are those that could be read; files of other scenes are not
+/// judged.
 pub(super) fn audit(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
@@ -28,7 +30,7 @@ pub(super) fn audit(
             _ => {}
         }
     }
-    // Altered sums stop the audit before, and other lists say that they are absent.
+    // The audit of the sums and of the bytes reports the absence of these two.
     let others = [checksum::NAME, checksum::B3_NAME];
     let lacking = layout::top().filter(|path| !others.contains(path) && !tree.has(path));
     faults.extend(lacking.map(|path| {
@@ -41,7 +43,7 @@ fn stray(path: &str, place: &str) -> AuditFault {
     AuditFault::of_file(FaultCode::Stray, path, format!("the release format has no such file {place}"))
 }
 
-/// Every path that a scene may have.
+/// Returns every path that a scene can have.
 fn of_scene(tree: &TrustedTree<'_>, scene: &SceneRecord, owners: &FileOwners<'_>) -> BTreeSet<String> {
     let listed = owners.scene(&scene.id);
     let own = [layout::SCENE, layout::CHECKS].map(|name| format!("{}/{name}", scene.id));
@@ -52,8 +54,8 @@ fn of_scene(tree: &TrustedTree<'_>, scene: &SceneRecord, owners: &FileOwners<'_>
     own.into_iter().chain(paths).collect()
 }
 
-/// The names of the files that a trajectory may have: those of its format, those that its recipe asks for, and the
-/// pictures of checks that its steps made.
+/// Returns the names of the files that a trajectory can have: those of the format, those that its
+/// recipe asks for, and the pictures of checks that its steps made.
 fn of_trajectory(
     tree: &TrustedTree<'_>,
     scene: &SceneRecord,
@@ -66,7 +68,8 @@ fn of_trajectory(
     let composed = [layout::CHECKS, layout::TRANSFORMS, path_picture::NAME].into_iter().chain(layout::MOTION);
     let is_counted =
         |name: &String| layout::PICTURES.iter().any(|(kind, _)| name.starts_with(&format!("{kind}/")));
-    // Without poses nothing says how many pictures there are.
+    // Poses and recipe give the number of pictures. Without poses every output of a step is
+    // accepted.
     let uncounted = !tree.has(&format!("{}/{}/poses.txt", scene.id, part.name));
     let made = made.into_keys().filter(|name| uncounted || !is_counted(name));
     composed.map(str::to_owned).chain(pictures).chain(made).collect()

@@ -1,4 +1,5 @@
-//! Scenes of a release against the same scenes made again from their recipes, byte for byte.
+//! Comparison of scenes of a release, byte for byte, with the same scenes made again from their
+//! recipes.
 
 use super::{AuditFault, FaultCode};
 use crate::files;
@@ -11,17 +12,18 @@ use std::path::Path;
 /// Reads the manifest of a release.
 ///
 /// # Errors
-/// When it is absent or of another form.
+/// The manifest is absent or of another form.
 pub fn read_manifest(dir: &Path) -> io::Result<ReleaseManifest> {
     let path = dir.join(manifest::NAME);
     let bytes = files::read_with(&path, files::LinkRule::Refuse, files::MAX_DOCUMENT)?;
     serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 
-/// The files of one scene in two releases, of which the second was made now: those that differ, or are in one only.
+/// Compares the files of one scene in two releases, where the second was made now. Reports files
+/// that differ, and files that only one of the releases has.
 ///
 /// # Errors
-/// When a manifest cannot be read, or the scene is not in it. A file that cannot be read is a fault.
+/// A manifest cannot be read, or does not have the scene. A file that cannot be read is a fault.
 pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<AuditFault>> {
     let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
     let (stated, made) = (of_scene(&stated, scene)?, of_scene(&made, scene)?);
@@ -41,6 +43,7 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<A
         faults.push(fault(path, "made again, the scene has this file too"));
     }
     for path in listed.keys().filter(|path| there.contains_key(*path)) {
+        // The bytes themselves are hashed, since digests in a manifest are only claims.
         let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
@@ -56,11 +59,12 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<A
     Ok(faults)
 }
 
-/// The files at the top of two releases, of which the second was made now. They follow from all scenes, so they are
-/// compared where the second release has all of them; the publisher's words and the loader are compared in any case.
+/// Compares the files at the top of two releases, where the second was made now. They follow from
+/// all scenes, so they are compared only if the second release has all of them. The publisher's
+/// words and the loader are always compared.
 ///
 /// # Errors
-/// When a manifest cannot be read.
+/// A manifest cannot be read.
 pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
     let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
     let fault = |path: &str, message: &str| AuditFault::of_file(FaultCode::RebuiltDiffers, path, message);
@@ -88,7 +92,7 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
     Ok(faults)
 }
 
-/// Steps whose key or outputs are not those of the scene made again.
+/// Reports steps whose key or outputs differ from those of the scene made again.
 fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<AuditFault> {
     let names: BTreeSet<&String> = stated.steps.iter().chain(&made.steps).map(|step| &step.step).collect();
     let find =
@@ -114,8 +118,8 @@ fn of_scene<'a>(manifest: &'a ReleaseManifest, scene: &str) -> io::Result<&'a Ma
     })
 }
 
-/// What the first step of another key was made of that differs; empty where all keys are the same, so that the
-/// difference is in the making.
+/// Describes the ingredients that differ in the first step with another key. If all keys are the
+/// same the text says so: the difference is then in the making.
 fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
     let other = |step: &&ManifestStep| {
         let again = made.steps.iter().find(|other| other.step == step.step);

@@ -1,11 +1,13 @@
-//! Whether scenes are in the splits that the release's own rule puts them in, and whether splits have something in common.
+//! Checks that scenes are in the splits that the release's own rule gives, and that splits share
+//! nothing.
 
 use super::{AuditFault, FaultCode};
 use crate::release::manifest::{self, ReleaseManifest};
 use crate::release::scene::{SceneRecord, SplitPart};
 use crate::release::split;
 
-/// `scenes` are those that could be read.
+/// Reports scenes in a wrong split, and things that splits share. `scenes` are those that could be
+/// read.
 pub(super) fn audit_splits(manifest: &ReleaseManifest, scenes: &[SceneRecord]) -> Vec<AuditFault> {
     let rule = manifest.splits.as_ref();
     if let Some(because) = rule.and_then(|rule| rule.fault()) {
@@ -26,6 +28,7 @@ pub(super) fn audit_splits(manifest: &ReleaseManifest, scenes: &[SceneRecord]) -
             faults.push(AuditFault::of_scene(FaultCode::SplitLeak, &scene.id, message));
         }
     }
+    // The rule keeps groups together; splits can still share a photo or the Gaussians.
     let leaks = split::find_leaks(scenes);
     faults.extend(
         leaks

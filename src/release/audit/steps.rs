@@ -1,5 +1,5 @@
-//! The steps of the manifest: each key is that of its ingredients, each input was made by a step of the scene, and each
-//! file that a step made has the bytes of its output.
+//! The steps of the manifest. Each key is that of its ingredients. Each input was made by a step of
+//! the scene. Each file that a step made has the bytes of its output.
 
 use super::{AuditFault, FaultCode};
 use crate::licence::is_metadata;
@@ -11,7 +11,7 @@ use crate::store::Digest;
 use crate::store::record::content_digest;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What a role must start with that stands for a file of the source.
+/// Prefix of the role of an input that is a file of the source.
 const SOURCE: &str = "file ";
 
 pub(super) fn audit(
@@ -21,6 +21,7 @@ pub(super) fn audit(
 ) -> Vec<AuditFault> {
     let mut faults = keys(listed);
     faults.extend(outputs(listed, scene));
+    // Releases of other versions may lack the ingredients.
     if manifest.tool == crate::release::TOOL {
         let silent = listed.steps.iter().filter(|step| step.made_of.is_none());
         faults.extend(silent.map(|step| fault(listed, format!("step {} lacks its ingredients", step.step))));
@@ -43,6 +44,7 @@ fn keys(listed: &ManifestScene) -> Vec<AuditFault> {
                 format!("the key of step {} is {}, its ingredients give {key}", step.step, step.key),
             ));
         }
+        // A release holds no files of the source, so their digests cannot be checked.
         let unknown =
             of.inputs.iter().find(|(role, digest)| !role.starts_with(SOURCE) && !made.contains(digest));
         faults.extend(unknown.map(|(role, digest)| {
@@ -52,13 +54,14 @@ fn keys(listed: &ManifestScene) -> Vec<AuditFault> {
     faults
 }
 
-/// The files that steps made, against the manifest's own listing of the scene.
+/// Compares the files that steps made with the manifest's own listing of the scene.
 fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
     let files: BTreeMap<&str, &ManifestFile> =
         listed.files.iter().map(|file| (file.path.as_str(), file)).collect();
     let mut faults = Vec::new();
     for part in &scene.trajectories {
         let made = layout::made(|step| listed.outputs(&part.name, step), &stream_names(part));
+        // A withheld scene has only those files that show nothing of it.
         let made = made.into_iter().filter(|(name, _)| !scene.licence.withheld || is_metadata(name));
         let mut known = BTreeSet::new();
         for (name, output) in made {
@@ -71,7 +74,7 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
             }
             known.insert(path);
         }
-        // Composed files are no step's.
+        // The release composes these files, so they are outputs of no step.
         let composed = [layout::CHECKS, layout::TRANSFORMS, crate::release::path_picture::NAME]
             .map(|name| format!("{}/{}/{name}", scene.id, part.name));
         let folder = format!("{}/{}/", scene.id, part.name);

@@ -1,6 +1,7 @@
-//! `SHA256SUMS` and `B3SUMS` in their one form: a line a file, `<64 lower-case hexadecimal digits>  <path>`, sorted by
-//! path, with a final newline. Another form may say the same (the case of a digit is one bit), and is a fault nonetheless: whatever
-//! changed it was not the program that wrote it.
+//! `SHA256SUMS` and `B3SUMS` in their one form: one line per file,
+//! `<64 lower-case hexadecimal digits>  <path>`, sorted by path, with a final newline. Another form
+//! can state the same sums (the case of a digit is one bit), but it is a fault nonetheless: the
+//! program that wrote the file did not make that change.
 
 use super::walk::unsafe_because;
 use super::{AuditFault, FaultCode, TrustedTree};
@@ -12,13 +13,13 @@ use std::path::Path;
 /// Sums by path, as far as the file can be understood.
 pub(super) type Sums = BTreeMap<String, String>;
 
-/// Reads `SHA256SUMS`; `None` where there are none to hold anything against.
+/// Reads `SHA256SUMS`. Returns `None` if there is no text that files can be compared with.
 pub(super) fn read_sums(dir: &Path, faults: &mut Vec<AuditFault>) -> Option<Sums> {
     read_named(dir, checksum::NAME, "there is no such file, so this is no release", faults)
 }
 
-/// Reads `B3SUMS`, where its bytes are those that `SHA256SUMS` states; where they are not, that is told of it as of any
-/// other file.
+/// Reads `B3SUMS`, if its bytes are those that `SHA256SUMS` states. If they are not, it is reported
+/// as an altered file like any other.
 pub(super) fn read_b3(tree: &TrustedTree<'_>, sums: &Sums, faults: &mut Vec<AuditFault>) -> Option<Sums> {
     const ABSENT: &str = "a release has one, and SHA256SUMS lists none";
     if tree.has(checksum::B3_NAME) {
@@ -50,6 +51,7 @@ fn parse_sums(name: &str, text: &str, faults: &mut Vec<AuditFault>) -> Sums {
             altered(format!("line {number} is {line:?}, wanted 64 lower-case digits, two blanks and a path"));
             continue;
         };
+        // A strict order also excludes two lines for one path.
         if previous.is_some_and(|previous| previous >= path) {
             altered(format!("line {number}: {path:?} does not sort behind the path before it"));
         }
@@ -60,11 +62,12 @@ fn parse_sums(name: &str, text: &str, faults: &mut Vec<AuditFault>) -> Sums {
     faults.extend(
         unsafe_paths.map(|(path, because)| AuditFault::of_file(FaultCode::UnsafePath, path, because)),
     );
+    // Files are opened by the paths of this list, so none of them may lead out of the tree.
     sums.retain(|path, _| unsafe_because(path).is_none());
     sums
 }
 
-/// The parts of a line with its newline, if it is in form.
+/// The parts of a line with its newline; `None` for a line in another form.
 fn split_line(line: &str) -> Option<(&str, &str)> {
     let (sum, path) = line.strip_suffix('\n')?.split_once("  ")?;
     let digits = sum.len() == 64 && sum.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));

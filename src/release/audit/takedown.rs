@@ -1,4 +1,4 @@
-//! Whether a release holds what is to be passed on no longer.
+//! Checks that a release holds no scene that must no longer be passed on.
 
 use super::{AuditFault, FaultCode};
 use crate::licence::ledger;
@@ -6,8 +6,9 @@ use crate::recipe::TakedownList;
 use crate::release::manifest::ManifestScene;
 use crate::release::scene::SceneRecord;
 
-/// A scene that is there and is on the list: by its id, also where its own description cannot be read, and by what its
-/// upstream calls it. What is listed is not repeated in the message: the list may be nobody else's business.
+/// Reports a scene that is on the list. It is found by its id, even if its own description cannot
+/// be read, and by the name that its upstream gives it. The message does not repeat the entry,
+/// because the list may be confidential.
 pub(super) fn takedown_fault(
     list: &TakedownList,
     listed: &ManifestScene,
@@ -16,6 +17,7 @@ pub(super) fn takedown_fault(
     let upstream_id = scene.and_then(|scene| scene.source.upstream_id.as_deref());
     let url = scene.and_then(|scene| scene.source.upstream_url.as_deref());
     let own = scene.map_or(listed.source.as_str(), |scene| scene.source.kind.as_str());
+    // A list can name the dataset where the scene names the reader of its files.
     let since = [own, ledger::find_origin(own, url), &listed.source]
         .into_iter()
         .find_map(|kind| list.since(&listed.id, kind, upstream_id));

@@ -1,4 +1,4 @@
-//! Whether the release is lawful, as far as it can be said from the tree (docs/design/pipeline.md,
+//! Checks that the release is lawful, as far as the tree shows it (docs/design/pipeline.md,
 //! "Licences").
 
 use super::{AuditFault, FaultCode, TrustedTree};
@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io;
 
-/// A scene's own terms, and what its source demands of them.
+/// Checks a scene's own terms, and what its source demands of them.
 pub(super) fn scene_terms(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let fault = |code, message: String| AuditFault::of_scene(code, &scene.id, message);
     let text = scene.licence.expression.trim();
@@ -22,6 +22,7 @@ pub(super) fn scene_terms(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<Au
         Ok(expression) => expression,
         Err(e) => return vec![fault(FaultCode::LicenceInvalid, e.to_string())],
     };
+    // Before the kind of the source is known, since photos are refused for every kind.
     let mut faults = photo_faults(scene, tree);
     let Some(kind) = SourceKind::by_name(&scene.source.kind) else {
         let message = format!("its source is `{}`, which is none that is known", scene.source.kind);
@@ -40,7 +41,8 @@ pub(super) fn scene_terms(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<Au
     faults
 }
 
-/// The ids of the upstream bind, or what it granted instead: with evidence, which the recipe states as well.
+/// Checks that the terms demand the ids of the upstream. What the upstream granted instead applies
+/// only with evidence, which the recipe must state as well.
 fn demanded_terms(
     scene: &SceneRecord,
     asset: &LedgerAsset,
@@ -73,6 +75,7 @@ fn demanded_terms(
     match LicenceExpression::parse(&grant.expression) {
         Err(e) => vec![AuditFault::of_scene(FaultCode::LicenceInvalid, &scene.id, e.to_string())],
         Ok(granted) => {
+            // An id in one alternative of an `OR` does not bind, so only demanded ids count.
             let ids = granted.ids().into_iter().filter(|id| granted.demands(id) && !expression.demands(id));
             ids.map(|id| fault(format!("what it was granted demands {id}, its terms are `{expression}`")))
                 .collect()
@@ -80,7 +83,8 @@ fn demanded_terms(
     }
 }
 
-/// What is said part by part comes to the whole, and says of the dataset what the ledger has.
+/// Checks that the terms of the parts together are those of the whole, and that the part of the
+/// dataset states what the ledger has.
 fn part_terms(
     scene: &SceneRecord,
     upstream: Option<&LedgerAsset>,
@@ -100,6 +104,8 @@ fn part_terms(
             ));
         }
         Ok(terms) => {
+            // A conjunction is sorted and has no repetitions, so the order of the parts has no
+            // effect.
             let together = LicenceExpression::conjunction_of(terms);
             if together != *whole {
                 let message =
@@ -112,6 +118,7 @@ fn part_terms(
         let asset = upstream.filter(|asset| asset.name == part.asset);
         let evidence = asset.iter().flat_map(|asset| asset.evidence).map(|evidence| evidence.url);
         let known = match asset {
+            // The owner's part has no entry in the ledger, so it has no date of verification.
             None => part.asset == OWNER && part.verified.is_none(),
             Some(asset) => part.verified == Some(asset.verified) && part.obligations == asset.obligations,
         };
@@ -124,7 +131,8 @@ fn part_terms(
     faults
 }
 
-/// A program's terms are an expression, and of one that is known they are its own.
+/// Checks that a program's terms are an expression, and the right one if the ledger has the
+/// program.
 fn of_tool(scene: &SceneRecord, tool: &LicensedTool) -> Option<AuditFault> {
     let stated = match LicenceExpression::parse(&tool.licence) {
         Ok(stated) => stated,
@@ -141,7 +149,7 @@ fn of_tool(scene: &SceneRecord, tool: &LicensedTool) -> Option<AuditFault> {
     Some(AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message))
 }
 
-/// Upstream photos are never passed on, whatever their name.
+/// Reports upstream photos under any name. They are never passed on.
 fn photo_faults(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let photos: BTreeSet<&str> = scene.images.iter().filter_map(|image| image.sha256.as_deref()).collect();
     let found = tree.intact.iter().filter(|(_, sha256)| photos.contains(*sha256));
@@ -151,7 +159,8 @@ fn photo_faults(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> 
         .collect()
 }
 
-/// What is derived from restricted material may be there where the releaser says why, and the scene is gated.
+/// Reports files derived from restricted material. They may exist only if the scene is gated and
+/// the releaser gives a reason.
 fn restricted_faults(scene: &SceneRecord, asset: &LedgerAsset, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
@@ -159,6 +168,7 @@ fn restricted_faults(scene: &SceneRecord, asset: &LedgerAsset, tree: &TrustedTre
         faults.push(AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message));
     }
     let reason = scene.licence.redistribution.as_deref().unwrap_or_default();
+    // A withheld scene has no derived files, whatever reason is given.
     if !reason.trim().is_empty() && !scene.licence.withheld {
         return faults;
     }
@@ -172,8 +182,10 @@ fn restricted_faults(scene: &SceneRecord, asset: &LedgerAsset, tree: &TrustedTre
     faults
 }
 
-/// A text for every id in use, and none for another; and the whole release's terms are those of its scenes.
+/// Checks that each id in use has a text and no other text exists, and that the terms of the
+/// release are those of its scenes together.
 pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
+    // An expression that is not valid is a fault of its scene.
     let parsed = manifest.scenes.iter().filter_map(|scene| LicenceExpression::parse(&scene.licence).ok());
     let expressions: Vec<LicenceExpression> = parsed.collect();
     let loader = tree.has(loader::NAME).then(loader::licence_ids).into_iter().flatten();
@@ -196,6 +208,7 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
             "nothing here is under this licence",
         ));
     }
+    // A conjunction of nothing panics.
     if !expressions.is_empty() {
         let whole = LicenceExpression::conjunction_of(expressions).to_string();
         if manifest.licence != whole {
@@ -210,8 +223,8 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
     faults
 }
 
-/// What `REUSE.toml` says of every file is what the scenes say, all of which are given; and the datasheet
-/// states the terms of the whole.
+/// Checks that `REUSE.toml` says of the files what the scenes say, and that the datasheet states
+/// the terms of the whole.
 pub(super) fn reuse_faults(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
@@ -237,6 +250,7 @@ pub(super) fn reuse_faults(
     };
     let whole = format!("The whole: `{}`.", manifest.licence);
     let wanted = reuse::compose_reuse(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
+    // Without all scenes the wanted text is not known, and only the file's presence is checked.
     let known = scenes.len() == manifest.scenes.len();
     let reuse =
         holds(reuse::NAME, &|text| !known || text == wanted, "it does not say of files what the scenes say");
@@ -249,9 +263,10 @@ fn text_of(tree: &TrustedTree<'_>, path: &str) -> io::Result<String> {
     files::read_text_with(&tree.path_of(path), LinkRule::Refuse, files::MAX_DOCUMENT)
 }
 
-/// The card's head states the terms of the whole.
+/// Checks that the card's head states the terms of the whole.
 pub(super) fn card_fault(tree: &TrustedTree<'_>, manifest: &ReleaseManifest) -> Option<AuditFault> {
     const CARD: &str = "README.md";
+    // An absent card is reported with the names of files.
     if !tree.has(CARD) {
         return None;
     }

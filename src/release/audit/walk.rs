@@ -1,4 +1,4 @@
-//! What lies in the tree.
+//! Listing of the tree.
 
 use super::{AuditFault, FaultCode};
 use std::collections::BTreeSet;
@@ -6,18 +6,19 @@ use std::io;
 use std::path::Path;
 use walkdir::WalkDir;
 
-/// The tree's files, and what has no place in a release.
+/// The files of the tree, and entries that have no place in a release.
 #[derive(Debug)]
 pub(super) struct TreeListing {
     /// Paths of regular files, `/`-separated.
     pub(super) files: BTreeSet<String>,
-    /// Links, special files, empty folders, and names that are no text.
+    /// Links, special files, empty folders, and names that are not UTF-8.
     pub(super) oddities: Vec<AuditFault>,
 }
 
 /// Lists the tree below `dir`.
 pub(super) fn walk_tree(dir: &Path) -> io::Result<TreeListing> {
     let mut listing = TreeListing { files: BTreeSet::new(), oddities: Vec::new() };
+    // The walk follows no links, so it does not leave the tree.
     for entry in WalkDir::new(dir).min_depth(1).sort_by_file_name() {
         let entry = entry?;
         let below = entry.path().strip_prefix(dir).expect("a walk stays below its root");
@@ -29,6 +30,7 @@ pub(super) fn walk_tree(dir: &Path) -> io::Result<TreeListing> {
             None => odd("its name is no UTF-8 text"),
             Some(_) if kind.is_symlink() => odd("it is a link; releases hold files and folders only"),
             Some(_) if kind.is_dir() => {
+                // The sums list files only and would not notice an empty folder.
                 if entry.path().read_dir()?.next().is_none() {
                     odd("it is an empty folder");
                 }
@@ -42,7 +44,7 @@ pub(super) fn walk_tree(dir: &Path) -> io::Result<TreeListing> {
     Ok(listing)
 }
 
-/// Why a path has no place in a release; `None` where it may stay.
+/// The reason why a path has no place in a release; `None` if it may stay.
 pub(super) fn unsafe_because(path: &str) -> Option<&'static str> {
     if path.starts_with('/') {
         Some("it is absolute")
@@ -51,6 +53,7 @@ pub(super) fn unsafe_because(path: &str) -> Option<&'static str> {
     } else if path.split('/').any(|part| part.is_empty() || part == ".") {
         Some("it has an empty part")
     } else if path.contains(|c: char| c.is_control() || c == '\\') {
+        // Sums have one line per path, and some systems take a backslash for a separator.
         Some("it holds a control character or a backslash")
     } else {
         None

@@ -1,4 +1,4 @@
-//! Small curves over time, event rates and speeds, and how strokes are written.
+//! Small curves of event rates and speeds over time, and the data of strokes.
 
 use super::html::HtmlFragment;
 use std::fmt::Write as _;
@@ -14,8 +14,8 @@ pub(super) struct ReportCurve {
 }
 
 impl ReportCurve {
-    /// The curve through `values`, each of which holds for `durations` of its own; neighbours are put together until there
-    /// are at most `most`.
+    /// The curve through `values`, where each value holds for its own duration. Neighbours are
+    /// averaged until there are at most `most` points.
     pub(super) fn new(values: &[f64], durations: &[f64], most: usize) -> Self {
         let whole: f64 = durations.iter().sum();
         let count = values.len().min(durations.len());
@@ -23,6 +23,7 @@ impl ReportCurve {
         let mut begin = 0.0;
         let point = |group: usize| {
             let held = group * count / groups..(group + 1) * count / groups;
+            // Each value counts by its time, so a short step does not pull the mean.
             let time: f64 = durations[held.clone()].iter().sum();
             let sum: f64 = held.map(|i| values[i] * durations[i]).sum();
             let middle = begin + time / 2.0;
@@ -30,18 +31,20 @@ impl ReportCurve {
             [middle / whole, sum / time]
         };
         let points: Vec<[f64; 2]> = (0..groups).map(point).collect();
+        // Values that are not finite and groups without time make no points.
         Self { points: points.into_iter().filter(|p| p.iter().all(|v| v.is_finite())).collect() }
     }
 
-    /// The same over their mean.
+    /// The curve divided by the mean of its points.
     pub(super) fn over_mean(mut self) -> Self {
         let mean = self.points.iter().map(|[_, v]| v).sum::<f64>() / self.points.len() as f64;
         self.points.iter_mut().for_each(|[_, value]| *value /= mean);
+        // A mean of 0 leaves no point.
         self.points.retain(|p| p[1].is_finite());
         self
     }
 
-    /// The highest value; 0 of none.
+    /// The highest value; 0 if there are no points.
     pub(super) fn highest(&self) -> f64 {
         self.points.iter().map(|[_, v]| *v).fold(0.0, f64::max)
     }
@@ -49,22 +52,25 @@ impl ReportCurve {
     fn data(&self, highest: f64) -> String {
         let place = |[t, value]: [f64; 2]| {
             let y = if highest > 0.0 { value / highest } else { 0.0 };
+            // 2 px above and below, so that no stroke is cut at the edge.
             [t * f64::from(SIZE[0]), (1.0 - y) * f64::from(SIZE[1] - 4) + 2.0]
         };
         stroke_path(self.points.iter().map(|point| place(*point)))
     }
 }
 
-/// Points as the data of a path: in whole px, each relative to the one before it. Points that are not finite are left out.
+/// The data of a path through points, in whole px, each relative to the point before it. Points
+/// that are not finite are left out.
 pub(super) fn stroke_path(points: impl IntoIterator<Item = [f64; 2]>) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "places in a picture; what is not in i64 is none")]
     let whole = |point: [f64; 2]| point.map(|v| v.round() as i64);
     let finite = points.into_iter().filter(|point| point.iter().all(|v| v.is_finite()));
+    // Rounded before the differences are taken, so that errors of rounding do not add up.
     let places: Vec<[i64; 2]> = finite.map(whole).collect();
     let steps = places.windows(2).map(|pair| [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]]);
     let mut data = String::new();
     for (number, [x, y]) in places.first().copied().into_iter().chain(steps).enumerate() {
-        // A sign parts numbers as well as a space does.
+        // A sign separates numbers as well as a space does.
         let lead = match number {
             0 => "M",
             1 => "l",
@@ -77,7 +83,8 @@ pub(super) fn stroke_path(points: impl IntoIterator<Item = [f64; 2]>) -> String 
     data
 }
 
-/// Curves on one scale from 0 to the highest of them, each with the class that colours it. The caption says what they are.
+/// Draws curves on one scale from 0 to the highest of them, each with the class that colours it.
+/// The caption says what they are.
 pub(super) fn draw_curves(html: &mut HtmlFragment, curves: &[(&'static str, &ReportCurve)]) {
     let highest = curves.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max);
     let [width, height] = SIZE;

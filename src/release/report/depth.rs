@@ -1,30 +1,31 @@
-//! How much the page tells of each trajectory: less where there are more, so that thousands of scenes still open in seconds.
+//! The depth of the page. It shows less of each trajectory if there are more, so that thousands of
+//! scenes still open in seconds.
 //!
-//! A browser takes its time for elements more than for bytes. What is left out of the page is in the tree all the same, and
-//! the page says so.
+//! A browser takes its time for elements more than for bytes. The tree has everything that the page
+//! leaves out, and the page says so.
 
-/// What is shown of each trajectory.
+/// Contents that are shown of each trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct DetailLevel {
-    /// Most trajectories of a page of this depth.
+    /// Maximum number of trajectories of a page of this depth.
     most: usize,
     /// Width of the pictures in the table of scenes, px.
     pub(super) thumbnail: u32,
     /// Width of the pictures of trajectories, px.
     pub(super) picture: u32,
-    /// True if every trajectory has pictures, or the first of each scene.
+    /// True if every trajectory has pictures; otherwise only the first of each scene has.
     pub(super) every: bool,
-    /// True if a trajectory's own sharp frame is shown, or only that in the table of scenes.
+    /// True if a trajectory's own sharp frame is shown, and not only that in the table of scenes.
     pub(super) sharp: bool,
-    /// Most pictures of checks of a trajectory.
+    /// Maximum number of pictures of checks of a trajectory.
     pub(super) check_pictures: usize,
     /// True if pictures of checks that passed are among them.
     pub(super) passed_pictures: bool,
-    /// True if statements that passed are listed, or counted.
+    /// True if statements that passed are listed, and not only counted.
     pub(super) passes: bool,
-    /// Most points of a curve.
+    /// Maximum number of points of a curve.
     pub(super) points: usize,
-    /// Most cameras drawn on a path.
+    /// Maximum number of cameras drawn on a path.
     pub(super) cameras: usize,
 }
 
@@ -68,13 +69,13 @@ const DEPTHS: [DetailLevel; 3] = [
 ];
 
 impl DetailLevel {
-    /// Of a release of this many trajectories.
+    /// The level for a release of this many trajectories.
     pub(super) fn for_trajectories(trajectories: usize) -> Self {
         let [whole, part, brief] = DEPTHS;
         [whole, part].into_iter().find(|depth| trajectories <= depth.most).unwrap_or(brief)
     }
 
-    /// What is not in the page, in words; `None` where everything is.
+    /// The contents that the page leaves out, in words; `None` if it has everything.
     pub(super) fn left_out(self, trajectories: usize) -> Option<String> {
         let [whole, part, _] = DEPTHS;
         if self == whole {

@@ -6,8 +6,8 @@ use std::io::Cursor;
 /// Quality of pictures in the page, 1 to 100.
 const QUALITY: u8 = 72;
 
-/// A PNG up to this length whose picture is no wider than asked for is embedded as it stands: drawings are smaller so, and
-/// exact.
+/// Maximum length of a PNG that is embedded as it stands, if its picture is no wider than asked
+/// for. Drawings are smaller in this form, and exact.
 const SMALL_PNG: usize = 12 << 10;
 
 /// A picture of the page.
@@ -20,14 +20,14 @@ pub(super) struct EmbeddedPicture {
 }
 
 impl EmbeddedPicture {
-    /// The picture, at most `width` columns wide; `None` where it has no pixels.
+    /// The picture, at most `width` columns wide; `None` if it has no pixels.
     pub(super) fn from_image(image: &Image<[u8; 3]>, width: u32) -> Option<Self> {
         let small = shrink::to_width(image, width);
         let bytes = jpeg::encode(&small, QUALITY)?;
         Some(Self::new("image/jpeg", &bytes, &small))
     }
 
-    /// The picture of a PNG file; `None` where it cannot be read.
+    /// The picture of a PNG file; `None` if it cannot be read.
     pub(super) fn of_png(bytes: &[u8], width: u32) -> Option<Self> {
         let image = png::read_rgb(Cursor::new(bytes)).ok()?;
         if image.size().width <= width && bytes.len() <= SMALL_PNG {
@@ -47,6 +47,7 @@ pub(super) fn encode_base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for group in bytes.chunks(3) {
+        // A short last group fills the upper part of its 24 bits.
         let word =
             group.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - group.len()));
         for place in 0..4 {

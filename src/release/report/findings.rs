@@ -1,4 +1,4 @@
-//! What checks found: verdicts counted, tables of statements with faults first.
+//! Findings of checks: counts of verdicts, and tables of statements with faults first.
 
 use super::html::HtmlFragment;
 use crate::check::{Finding, Verdict};
@@ -8,7 +8,7 @@ use crate::trajectory::picture::short_number;
 pub(super) const WORST_FIRST: [Verdict; 5] =
     [Verdict::Fail, Verdict::Warn, Verdict::Waived, Verdict::NotRun, Verdict::Pass];
 
-/// Where a verdict stands among them.
+/// Rank of a verdict in [`WORST_FIRST`].
 pub(super) fn verdict_rank(verdict: Verdict) -> usize {
     WORST_FIRST.iter().position(|other| *other == verdict).unwrap_or(WORST_FIRST.len())
 }
@@ -23,7 +23,7 @@ pub(super) fn worst_verdict<'a>(findings: impl IntoIterator<Item = &'a Finding>)
     findings.into_iter().map(|finding| finding.verdict).min_by_key(|verdict| verdict_rank(*verdict))
 }
 
-/// How many statements have each verdict, the worst first.
+/// Number of statements with each verdict, the worst first.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub(super) struct VerdictCount([usize; 5]);
 
@@ -53,7 +53,7 @@ impl VerdictCount {
         if words.is_empty() { "no statement".to_owned() } else { words.join(", ") }
     }
 
-    /// A bar whose parts are as long as there are verdicts, the worst at the left.
+    /// A bar whose parts are as long as their counts, with the worst verdict at the left.
     pub(super) fn bar(self, html: &mut HtmlFragment) {
         let total = self.total().max(1);
         let words = self.words();
@@ -62,7 +62,7 @@ impl VerdictCount {
         html.within("svg", &[attributes.as_slice(), &[("aria-label", &words)]].concat(), |html| {
             let mut left = 0;
             for (verdict, count) in self.present() {
-                // What there is at all is seen.
+                // At least 8 of 1000, for a verdict that is rare; the last part must still fit.
                 let width = (1000 * count / total).max(8);
                 let [x, width] = [left.min(992), width].map(|n: usize| n.to_string());
                 html.empty(
@@ -97,7 +97,8 @@ pub(super) fn write_badge(html: &mut HtmlFragment, verdict: Verdict, words: &str
     html.leaf("span", &[("class", &format!("badge {}", verdict_class(verdict)))], words);
 }
 
-/// A table of statements, faults first, in the order of reports else. Subjects are told without `prefix`.
+/// Writes a table of statements, faults first and otherwise in the order of the reports. Subjects
+/// are shown without `prefix`.
 pub(super) fn write_table<'a>(
     html: &mut HtmlFragment,
     caption: &str,
@@ -105,6 +106,7 @@ pub(super) fn write_table<'a>(
     findings: impl IntoIterator<Item = &'a Finding>,
 ) {
     let mut findings: Vec<&Finding> = findings.into_iter().collect();
+    // A stable sort, so statements with one verdict keep their order.
     findings.sort_by_key(|finding| verdict_rank(finding.verdict));
     html.within("table", &[("class", "findings")], |html| {
         html.leaf("caption", &[], caption);
@@ -126,7 +128,8 @@ pub(super) fn write_table<'a>(
     });
 }
 
-/// The same in a line each: what a browser shows sooner where there are thousands.
+/// Writes the same statements with one line each, which a browser shows sooner if there are
+/// thousands.
 pub(super) fn write_list<'a>(
     html: &mut HtmlFragment,
     prefix: &str,
@@ -158,7 +161,7 @@ pub(super) fn write_list<'a>(
     });
 }
 
-/// The unit; of pure numbers none.
+/// The unit; empty for pure numbers.
 fn unit_text(finding: &Finding) -> &str {
     if finding.unit == "1" { "" } else { &finding.unit }
 }
@@ -187,7 +190,8 @@ fn write_row(html: &mut HtmlFragment, finding: &Finding, prefix: &str) {
     });
 }
 
-/// What a subject says beyond whose it is: the sensor, and the statement of a check that makes several.
+/// The part of a subject after `prefix`: the sensor, and the statement of a check that makes
+/// several.
 pub(super) fn subject_statement<'a>(subject: &'a str, prefix: &str) -> &'a str {
     let below = subject.strip_prefix(prefix).unwrap_or(subject);
     below.strip_prefix(['/', '#']).unwrap_or(below)

@@ -1,10 +1,11 @@
-//! HTML that is whole and inert by construction: elements are closed by whoever opens them, and every text and every
-//! value of an attribute passes one escape. What is written is XML as well, so that a strict reader can judge it.
+//! HTML that is whole and inert by construction. The function that opens an element closes it, and
+//! every text and every value of an attribute passes one escape. The page is XML as well, so that a
+//! strict reader can judge it.
 
 use crate::escape::{is_hidden, is_noncharacter};
 use std::fmt::Write as _;
 
-/// Names and values of attributes. Names are written in this program; values may come from anywhere.
+/// Names and values of attributes. Names are written in this program; values may have any source.
 type Attributes<'a> = &'a [(&'static str, &'a str)];
 
 /// A piece of a page under construction.
@@ -20,7 +21,7 @@ impl HtmlFragment {
         page.0
     }
 
-    /// An element and what is in it.
+    /// An element and its content.
     pub(super) fn within(
         &mut self,
         tag: &'static str,
@@ -52,13 +53,13 @@ impl HtmlFragment {
         escape_text(words, &mut self.0);
     }
 
-    /// The style sheet, which is written in this program and holds nothing that would need an escape.
+    /// The style sheet, which is part of this program and holds nothing that would need an escape.
     pub(super) fn style(&mut self, sheet: &'static str) {
         assert!(!sheet.contains(['<', '&']), "a style sheet cannot be escaped");
         self.within("style", &[], |html| html.0.push_str(sheet));
     }
 
-    /// Another piece, behind this one.
+    /// Appends another piece.
     pub(super) fn append(&mut self, piece: &Self) {
         self.0.push_str(&piece.0);
     }
@@ -66,7 +67,7 @@ impl HtmlFragment {
     fn open(&mut self, tag: &'static str, attributes: Attributes<'_>, end: &str) {
         self.0.push('<');
         self.0.push_str(tag);
-        // Where nothing is classified no class is written.
+        // An empty class is not written.
         for (name, value) in attributes.iter().filter(|of| **of != ("class", "")) {
             self.0.push(' ');
             self.0.push_str(name);
@@ -78,12 +79,13 @@ impl HtmlFragment {
     }
 }
 
-/// Elements after which a line ends, for those who read the source.
+/// Elements after which a line ends, for readers of the source.
 const BLOCKS: [&str; 12] =
     ["head", "title", "style", "body", "section", "article", "details", "table", "tr", "p", "ul", "figure"];
 
-/// Writes text so that it can end no text and no quoted value. Characters that no page may hold become U+FFFD; those that
-/// would reorder the text around them, or be unseen in it, are shown by number.
+/// Writes text so that it can end no text and no quoted value. Characters that no page may hold
+/// become U+FFFD. Characters that would reorder the text around them, or be unseen in it, are shown
+/// by number.
 fn escape_text(words: &str, out: &mut String) {
     let mut plain = 0;
     for (at, character) in words.char_indices() {
@@ -93,6 +95,7 @@ fn escape_text(words: &str, out: &mut String) {
             '>' => "&gt;",
             '"' => "&quot;",
             '\'' => "&#39;",
+            // The two control characters that a page may hold in any text.
             '\t' | '\n' => continue,
             c if c.is_control() || is_noncharacter(c) => "\u{fffd}",
             c if is_hidden(c) => "",
@@ -109,10 +112,12 @@ fn escape_text(words: &str, out: &mut String) {
     out.push_str(&words[plain..]);
 }
 
-/// A path below the page's folder as an address: every byte that could mean anything there is percent-encoded.
+/// A path below the page's folder as an address. Every byte that could mean anything there is
+/// percent-encoded.
 pub(super) fn link_address(path: &str) -> String {
     path.bytes().fold(String::with_capacity(path.len()), |mut out, byte| {
         match byte {
+            // Without the colon, since `javascript:x` would be an address of its own.
             b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
                 out.push(char::from(byte));
             }
@@ -137,7 +142,7 @@ mod tests {
         "two\nlines\tand a tab",
     ];
 
-    /// What a strict reader makes of a text and of a value.
+    /// The text and the value that a strict reader gets back.
     fn read_back(words: &str) -> [String; 2] {
         let page = HtmlFragment::whole_page(|html| html.leaf("p", &[("title", words)], words));
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };

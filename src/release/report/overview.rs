@@ -1,4 +1,5 @@
-//! The release as a whole: what there is, the table of scenes, what checks said, what was not run, and what was left out.
+//! The release as a whole: its contents, the table of scenes, findings, statements that were not
+//! run, and omissions.
 
 use super::ReportPage;
 use super::findings::{self, VerdictCount, write_badge, write_heads};
@@ -11,12 +12,12 @@ use crate::release::TOOL;
 use crate::release::left_out::OmissionRow;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Faults that are listed at the top of the page.
+/// Maximum number of faults that are listed at the top of the page.
 const MOST_FAULTS: usize = 200;
-/// Reasons that are listed of a check that was not run.
+/// Maximum number of reasons that are listed of a check that was not run.
 const MOST_REASONS: usize = 6;
 
-/// The head of the page: whose release it is, under which terms, and how much there is.
+/// Writes the head of the page: the publisher, the terms, and the amounts.
 pub(super) fn write_head(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let info = page.info;
     html.within("header", &[], |html| {
@@ -51,7 +52,7 @@ const SECTIONS: [(&str, &str); 6] = [
     ("#files", "Files and terms"),
 ];
 
-/// How much there is, in large figures.
+/// Writes the amounts in large figures.
 fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let parts = || page.entries.iter().flat_map(|entry| &entry.scene.file.trajectories);
     let streams = || page.entries.iter().flat_map(section::SceneEntry::counted);
@@ -98,7 +99,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     });
 }
 
-/// The table of scenes.
+/// Writes the table of scenes.
 pub(super) fn write_scenes(html: &mut HtmlFragment, page: &ReportPage<'_>, parts: &[SceneSection]) {
     html.within("section", &[("id", "scenes")], |html| {
         html.leaf("h2", &[], "Scenes");
@@ -132,8 +133,9 @@ const COLUMNS: [(&str, &str); 11] = [
     ("checks", ""),
 ];
 
-/// Which rows are shown, by the style sheet alone: the table stands behind these and beside them, so that one sibling decides
-/// about the other. (`:has()` would do as well, and have a browser look again with each of thousands of rows.)
+/// Writes the choice of rows, which works by the style sheet alone. The table comes after these
+/// inputs in one parent, so that a checked input selects its rows. (`:has()` would do as well, but
+/// a browser would look again at each of thousands of rows.)
 fn write_filters(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let with = |verdict| page.entries.iter().filter(|entry| entry.count().get(verdict) > 0).count();
     let kinds = [
@@ -143,6 +145,7 @@ fn write_filters(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         ("withheld", "withheld", page.entries.iter().filter(|entry| entry.is_withheld()).count()),
     ];
     let kinds: Vec<_> = kinds.into_iter().filter(|(.., count)| *count > 0).collect();
+    // With `all` alone there is no choice.
     if kinds.is_empty() {
         return;
     }
@@ -157,7 +160,7 @@ fn write_filters(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     }
 }
 
-/// What the checks said of the whole release, by check; and every fault.
+/// Writes the counts of statements by check, and every fault.
 pub(super) fn write_checks(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "checks")], |html| {
         html.leaf("h2", &[], "Checks");
@@ -223,7 +226,7 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     });
 }
 
-/// What could not be judged, by check and reason.
+/// Writes the statements that could not be judged, by check and reason.
 pub(super) fn not_run(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let reasons = not_run_reasons(page.findings());
     let silent: BTreeSet<&str> = page.findings().map(|finding| finding.check.as_str()).collect();
@@ -258,7 +261,8 @@ struct NotRunReason<'a> {
     first: &'a str,
 }
 
-/// The reasons of each check in the order of names, the commonest first; those past the first few are put together.
+/// The reasons of each check in the order of names, the most frequent first. Those past the first
+/// few are put together.
 fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<NotRunReason<'a>> {
     let mut counted: BTreeMap<(&str, &str), (usize, &str)> = BTreeMap::new();
     for finding in findings.filter(|finding| finding.verdict == Verdict::NotRun) {
@@ -277,6 +281,7 @@ fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<NotRu
                 first,
             })
             .collect();
+        // Equal counts keep the order of their texts, so that equal findings make equal pages.
         own.sort_by_key(|reason| std::cmp::Reverse(reason.statements));
         let rest = own.split_off(own.len().min(MOST_REASONS));
         all.extend(own);
@@ -298,7 +303,7 @@ fn reason_row(html: &mut HtmlFragment, reason: &NotRunReason<'_>) {
     });
 }
 
-/// What was left out: of what was asked for, and of the work.
+/// Writes the omissions: of contents that were asked for, and of work.
 pub(super) fn left_out(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "left-out")], |html| {
         html.leaf("h2", &[], "Left out");
@@ -333,8 +338,8 @@ pub(super) fn left_out(html: &mut HtmlFragment, page: &ReportPage<'_>) {
 const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of what is in the release; \
     the others say what they may cost.";
 
-/// What is not in the release, a sentence each: scenes that are withheld, photos, events that nobody asked for. Whatever else
-/// keeps something out of a release is told here too.
+/// Contents that the release lacks, one sentence each: withheld scenes, photos, events that no
+/// recipe asks for. Any other reason for an absence belongs here too.
 fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     let withheld: Vec<&str> =
         page.entries.iter().filter(|entry| entry.is_withheld()).map(section::SceneEntry::id).collect();
@@ -372,7 +377,7 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     told
 }
 
-/// The same rows of all trajectories, summed. How much there was is not known where one does not say.
+/// Sums equal rows over all trajectories. The whole is unknown if one row does not know it.
 fn omission_sums<'a>(rows: impl Iterator<Item = &'a OmissionRow>) -> Vec<OmissionRow> {
     let mut sums: BTreeMap<(&str, &str, &str, &str), OmissionRow> = BTreeMap::new();
     for row in rows {
@@ -400,7 +405,7 @@ fn sum_row(html: &mut HtmlFragment, row: &OmissionRow) {
     });
 }
 
-/// The files at the top of the tree, and the terms.
+/// Writes the files at the top of the tree, and the terms.
 pub(super) fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "files")], |html| {
         html.leaf("h2", &[], "Files and terms");

@@ -38,7 +38,7 @@ impl<'a> ReportTrajectory<'a> {
     }
 }
 
-/// What one scene adds to the page.
+/// The contribution of one scene to the page.
 #[derive(Debug)]
 pub(super) struct SceneSection {
     pub(super) row: HtmlFragment,
@@ -55,7 +55,7 @@ impl<'a> SceneEntry<'a> {
         self.scene.is_withheld()
     }
 
-    /// Its trajectories.
+    /// Returns its trajectories.
     pub(super) fn tracks(self) -> impl Iterator<Item = ReportTrajectory<'a>> {
         self.scene.paths().map(move |(part, published)| ReportTrajectory { entry: self, part, published })
     }
@@ -64,21 +64,22 @@ impl<'a> SceneEntry<'a> {
         VerdictCount::from_findings(self.scene.all_findings())
     }
 
-    /// Paths of its files below its folder.
+    /// Paths of its files that start with `folder` below the scene's folder.
     pub(super) fn below(&self, folder: &str) -> impl Iterator<Item = &'a str> + use<'a> {
         let prefix = format!("{}/{folder}", self.id());
         self.scene.files.iter().map(|file| file.path.as_str()).filter(move |path| path.starts_with(&prefix))
     }
 
-    /// The counts of its streams.
+    /// The statistics of its streams.
     pub(super) fn counted(&self) -> impl Iterator<Item = &'a TrajectoryStatistics> + use<'a> {
         self.scene.file.trajectories.iter().flat_map(stream_statistics)
     }
 }
 
-/// The counts of a trajectory's streams.
+/// The statistics of a trajectory's streams.
 fn stream_statistics(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics> {
     let named = part.sensors.values().map(|SensorPart { statistics, .. }| statistics);
+    // With several sensors the trajectory's own statistics have no events.
     std::iter::once(&part.statistics).chain(named).filter(|counted| counted.events.is_some())
 }
 
@@ -126,12 +127,12 @@ pub(super) fn thousands_number(n: u64) -> String {
     out
 }
 
-/// How many of what, `one` and `more` being its names.
+/// A count with its noun, which is `one` or `more`.
 pub(super) fn counted_noun(n: usize, one: &str, more: &str) -> String {
     format!("{} {}", thousands_number(n as u64), if n == 1 { one } else { more })
 }
 
-/// From the lowest to the highest; one number where they are the same to the eye.
+/// The lowest and the highest value; one number if they look the same.
 pub(super) fn number_span(values: impl Iterator<Item = f64>) -> String {
     let bounds = values.fold(None, |bounds: Option<[f64; 2]>, v| {
         Some(bounds.map_or([v, v], |[low, high]| [low.min(v), high.max(v)]))
@@ -182,6 +183,7 @@ fn table_row(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<
         number(html, &number_span(entry.counted().filter_map(|counted| counted.rate_ev_px_s)));
         number(html, &number_span(entry.counted().filter_map(on_share)));
         html.within("td", &[("class", "verdicts")], |html| {
+            // A bar has several elements, which are too many in thousands of rows.
             if page.depth.every {
                 count.bar(html);
             }
@@ -209,7 +211,7 @@ fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &Scene
     }
 }
 
-/// What binds who has the scene, beside the licence's name.
+/// Writes marks for terms that bind a receiver and that the licence's name does not show.
 fn write_marks(html: &mut HtmlFragment, entry: &SceneEntry<'_>) {
     if entry.scene.file.licence.gated {
         html.leaf("span", &[("class", "mark")], "gated");
@@ -237,9 +239,10 @@ fn write_details(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEn
     });
 }
 
-/// Files of the scene itself.
+/// Writes the files of the scene itself.
 fn write_files(html: &mut HtmlFragment, entry: &SceneEntry<'_>) {
     let own = entry.below("").filter_map(|path| path.strip_prefix(entry.id())?.strip_prefix('/'));
+    // Names with a folder are those of trajectories.
     let own: Vec<&str> = own.filter(|name| !name.contains('/')).collect();
     html.within("p", &[("class", "files")], |html| {
         html.text("Files: ");
@@ -266,6 +269,7 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
         let unused = file.images.iter().filter(|image| !image.used).count();
         facts.push(("Photos", format!("{photos}, {unused} of them not used; none is in the release")));
     }
+    // A list would take two elements for each fact.
     if !page.depth.every {
         let told = facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
         return html.leaf("p", &[], &told.join(" "));
@@ -326,13 +330,13 @@ fn licence_words(file: &SceneRecord) -> String {
     words
 }
 
-/// The findings on the scene itself, by its photos and its capture.
+/// Writes the findings on the scene itself, from its photos and its capture.
 fn own_findings(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let Some(findings) = &entry.scene.findings else { return };
     write_findings(html, page, "Checks of the scene", entry.id(), findings);
 }
 
-/// Findings as deep as the page goes.
+/// Writes findings in the detail of the page.
 pub(super) fn write_findings(
     html: &mut HtmlFragment,
     page: &ReportPage<'_>,

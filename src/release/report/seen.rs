@@ -1,8 +1,9 @@
-//! What is read from the scene's files for the page: event rates, and pictures of one moment of a trajectory.
+//! Contents of a scene's files for the page: event rates, and pictures of one moment of a
+//! trajectory.
 //!
-//! Rates come from `ms_to_idx`, so that no event is read for them. A picture is of the middle of the trajectory: the sharp
-//! frame nearest to it, and the events around that. What cannot be read is not shown; the release finds out why when it
-//! copies the file.
+//! Rates come from `ms_to_idx`, so that no event is read for them. A picture is of the middle of
+//! the trajectory: the sharp frame nearest to it, and the events around that frame. A file that
+//! cannot be read is not shown; the release finds the cause when it copies the file.
 
 use super::curve::ReportCurve;
 use super::depth::DetailLevel;
@@ -27,10 +28,11 @@ pub(super) struct ShownPicture {
 /// The sharp frame nearest to the middle of the trajectory: its number and path.
 fn middle_frame<'a>(track: &ReportTrajectory<'a>) -> Option<(usize, &'a str)> {
     let middle = track.part.poses / 2;
+    // Of two frames at one distance the first is shown, so that equal releases have equal pages.
     track.frames("sharp").min_by_key(|(number, _)| (number.abs_diff(middle), *number))
 }
 
-/// When it is, us.
+/// Time of that frame, or of the middle pose where there are no frames, us.
 fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
     let stamps = &track.published.motion.trajectory.stamps_us;
     let number = middle_frame(track).map_or(stamps.len() / 2, |(number, _)| number);
@@ -43,7 +45,7 @@ fn picture(path: &str, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedP
     EmbeddedPicture::of_png(&bytes, width)
 }
 
-/// The sharp frame of the middle.
+/// The sharp frame nearest to the middle.
 pub(super) fn sharp_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -54,7 +56,7 @@ pub(super) fn sharp_picture(
     Some(ShownPicture { picture: picture(path, places, width)?, words })
 }
 
-/// The blurred frame nearest to that.
+/// The blurred frame whose exposure is nearest to that frame in time.
 pub(super) fn blurred_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -62,6 +64,7 @@ pub(super) fn blurred_picture(
 ) -> Option<ShownPicture> {
     let exposures = published::exposures(track.part, &track.published.motion);
     let moment = moment_us(&track);
+    // Twice the distance from the exposure's centre, which is a whole number.
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
     let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
     let (_, path) = track.frames("blur").find(|(number, _)| number == pose)?;
@@ -72,7 +75,8 @@ pub(super) fn blurred_picture(
     })
 }
 
-/// The rate of a stream over time, by its file: events per second, over a trajectory of this length.
+/// The rate of a stream over time, from its file: events per second, over a trajectory of this
+/// length.
 pub(super) fn stream_rate(file: &Path, duration_us: i64, points: usize) -> Option<ReportCurve> {
     let index = h5::Reader::open(file).ok()?.index().ok()?;
     let counts: Vec<f64> = index.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
@@ -80,8 +84,9 @@ pub(super) fn stream_rate(file: &Path, duration_us: i64, points: usize) -> Optio
     Some(ReportCurve::new(&hz, &ms, points))
 }
 
-/// Events per second from the counts of milliseconds, and how long each holds, ms. The last millisecond is there in part: less
-/// than half of one is put to the one before it, since a rate over so little says nothing.
+/// Events per second from the counts of milliseconds, and the duration of each rate, ms. The last
+/// millisecond is only partly within the trajectory. Less than half of it is added to the one
+/// before it, since a rate over so little says nothing.
 fn millisecond_rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
     let length = |k: usize| (whole_ms - k as f64).clamp(0.0, 1.0);
     let mut held: Vec<[f64; 2]> = counts.iter().enumerate().map(|(k, count)| [*count, length(k)]).collect();
@@ -94,7 +99,7 @@ fn millisecond_rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
     held.into_iter().map(|[count, ms]| (count * 1e3 / ms, ms)).unzip()
 }
 
-/// The events of a stream around the middle of its trajectory.
+/// A picture of the events of a stream around the middle of its trajectory.
 pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u32) -> Option<ShownPicture> {
     let camera = &track.entry.scene.file.camera;
     let size = Size { width: camera.width, height: camera.height };
@@ -106,6 +111,7 @@ pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u3
     let window_us = us(ms.start)?..us(ms.end)?;
     let mut balance = Balance::new(size, window_us.clone()).ok()?;
     let mut chunk = Vec::new();
+    // The chunk can begin before the window; events outside the window are not counted.
     reader.seek(index[ms.start]);
     while reader.next_chunk(&mut chunk).ok()? {
         balance.append(&chunk).ok()?;
@@ -118,13 +124,14 @@ pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u3
     Some(ShownPicture { picture, words })
 }
 
-/// A picture of events has one on about every so many pixels.
+/// Number of pixels for each event that a picture should have.
 const DENSITY: u64 = 6;
-/// Most milliseconds of a picture.
+/// Length in milliseconds at which a window stops growing.
 const LONGEST_MS: usize = 40;
 
 /// The milliseconds around `middle` that hold about `wanted` events; `None` in an empty index.
 fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
+    // The last entry of the index is the end of the last millisecond.
     let last = index.len().checked_sub(2)?;
     let mut range = middle.min(last)..middle.min(last) + 1;
     let held = |range: &Range<usize>| index[range.end].saturating_sub(index[range.start]);
@@ -134,7 +141,8 @@ fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>
     Some(range)
 }
 
-/// The picture of a check, `checks/<check>.png` or `checks/<sensor>.<check>.png` in the trajectory's folder.
+/// The picture of a check in the trajectory's folder: `checks/<check>.png` or
+/// `checks/<sensor>.<check>.png`.
 #[derive(Debug)]
 pub(super) struct OfCheck<'a> {
     pub(super) check: &'a str,
@@ -163,6 +171,7 @@ pub(super) fn of_checks(track: ReportTrajectory<'_>, depth: DetailLevel) -> Vec<
 
 fn output_number(path: &str) -> Option<OfCheck<'_>> {
     let stem = path.rsplit('/').next()?.strip_suffix(".png")?;
+    // Names of sensors can have dots, and names of checks have none.
     let (sensor, check) = match stem.rsplit_once('.') {
         Some((sensor, check)) => (Some(sensor), check),
         None => (None, stem),

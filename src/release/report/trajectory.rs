@@ -1,4 +1,4 @@
-//! One trajectory in the section of its scene: what was counted, what it looks like, curves, files and checks.
+//! One trajectory in the section of its scene: counts, pictures, curves, files and findings.
 
 use super::ReportPage;
 use super::curve::{self, ReportCurve, stroke_path};
@@ -15,7 +15,7 @@ use std::fmt::Write as _;
 /// Size of a view of the path, px.
 const VIEW: [f64; 2] = [240.0, 160.0];
 
-/// Writes it.
+/// Writes a trajectory.
 pub(super) fn write_trajectory(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let ReportTrajectory { entry, part, published } = track;
     html.within("article", &[], |html| {
@@ -40,7 +40,7 @@ pub(super) fn write_trajectory(html: &mut HtmlFragment, page: &ReportPage<'_>, t
     });
 }
 
-/// What was counted, in words.
+/// The counts of a trajectory, in words.
 fn count_words(part: &TrajectoryPart) -> String {
     let mut words =
         format!("{} poses, {:.1} ms", thousands_number(part.poses as u64), part.duration_us as f64 * 1e-3);
@@ -77,7 +77,7 @@ fn write_figure(html: &mut HtmlFragment, class: &str, caption: &str, inside: imp
     });
 }
 
-/// The sharp frame of the middle, and the events around it.
+/// Writes the sharp and the blurred frame of the middle, and the events around it.
 fn write_pictures(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let (depth, places) = (page.depth, page.places);
     let trajectories = &track.entry.scene.file.trajectories;
@@ -105,10 +105,10 @@ fn write_pictures(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportT
     }
 }
 
-/// Streams of a trajectory that are shown.
+/// Maximum number of streams that are shown of a trajectory.
 const MOST_STREAMS: usize = 4;
 
-/// The path from above and from the side.
+/// Writes the path as seen from above and from the side.
 fn write_path(html: &mut HtmlFragment, page: &ReportPage<'_>, published: &PublishedTrajectory) {
     let motion = &published.motion;
     let counts = [page.depth.points, page.depth.cameras];
@@ -133,7 +133,8 @@ fn write_path(html: &mut HtmlFragment, page: &ReportPage<'_>, published: &Publis
     });
 }
 
-/// Both views beside each other, what is drawn alike in one stroke: a page has thousands of them.
+/// Draws both views next to each other. Lines that look alike make one stroke, since a page has
+/// thousands of them.
 fn draw_views(html: &mut HtmlFragment, views: &[PathSketch; 2]) {
     let [width, height] = VIEW;
     let both = |of: &dyn Fn(&PathSketch) -> Vec<[f64; 2]>| -> String {
@@ -151,18 +152,18 @@ fn draw_views(html: &mut HtmlFragment, views: &[PathSketch; 2]) {
             html.empty("circle", &[("cx", &x), ("cy", &y), ("r", "3")]);
         }
     }
-    // Both are to one scale only where their paths are as long; the bar of each says its own.
+    // The views have one scale only if their paths are equally long, so each has a bar of its own.
     for (view, left) in views.iter().zip([8.0, width + 8.0]) {
         let [x, y] = [left, height - 13.0].map(|v| format!("{v:.0}"));
         html.leaf("text", &[("x", &x), ("y", &y)], &view.bar_words);
     }
 }
 
-/// Event rates and speeds over time.
+/// Writes event rates and speeds over time.
 fn write_curves(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let ReportTrajectory { part, published, .. } = track;
     let points = page.depth.points;
-    // A scene that is withheld has no event files here.
+    // A withheld scene has no event files here.
     for (name, file) in seen::stream_outputs(track, page.places).into_iter().take(MOST_STREAMS) {
         let Some(rate) = seen::stream_rate(&file, part.duration_us, points) else { continue };
         let of = name.map_or(String::new(), |name| format!("{name}: "));
@@ -173,6 +174,7 @@ fn write_curves(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTra
     }
     let report = &published.motion.report;
     let durations: Vec<f64> = report.durations().collect();
+    // The two speeds have different units, and only over their means do they share a scale.
     let curve = |values: &[f64]| ReportCurve::new(values, &durations, points).over_mean();
     let (linear, angular) = (curve(&report.linear_unit_s), curve(&report.angular_rad_s));
     let words = format!("speed over time, from 0, each over its mean: {}", speed_words(&part.statistics));
@@ -198,7 +200,7 @@ fn speed_words(counted: &TrajectoryStatistics) -> String {
     [linear, angular].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// Pictures that checks made.
+/// Writes the pictures that checks made.
 fn pictures_of_checks(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     for of in seen::of_checks(track, page.depth) {
         let Some(picture) = of.read(page.places, page.depth.picture) else { continue };
@@ -215,11 +217,13 @@ fn pictures_of_checks(html: &mut HtmlFragment, page: &ReportPage<'_>, track: Rep
     }
 }
 
-/// The trajectory's files in the tree; of a folder of many, the first. A brief page links to the most wanted.
+/// Writes links to the trajectory's files. Of a folder of many files only the first is linked. A
+/// brief page links to the most wanted files.
 fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let folder = format!("{}/", track.part.name);
     let prefix = track.path_of("");
     let paths: Vec<&str> = track.entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();
+    // Paths are sorted, so the frames of one folder are neighbours.
     let same = |a: &&str, b: &&str| of_many(a).is_some() && of_many(a) == of_many(b);
     let groups = paths.chunk_by(same).filter(|group| page.depth.every || is_most_wanted(group[0]));
     html.within("p", &[("class", "files")], |html| {
@@ -235,12 +239,13 @@ fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTraj
     });
 }
 
-/// What a brief page links to: the events, what checks found, and the path in full.
+/// Returns true for the files that a brief page links to: the events, the findings, and the path in
+/// full.
 fn is_most_wanted(path: &str) -> bool {
     path.starts_with("events") || ["checks.json", "trajectory.svg", "trajectory.png"].contains(&path)
 }
 
-/// The folder of a file that is one of many: numbered frames.
+/// The folder of a file that is one of many numbered frames.
 fn of_many(path: &str) -> Option<&str> {
     let (folder, name) = path.split_once('/')?;
     name.starts_with(|c: char| c.is_ascii_digit()).then_some(folder)

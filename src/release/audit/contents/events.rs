@@ -1,10 +1,11 @@
-//! `events.h5`, or a file of `events/`: it opens, its index is right, its events are sorted, on the sensor, in time, and as many as stated.
+//! `events.h5`, or a file of `events/`. It opens and its index is right. Its events are sorted, on
+//! the sensor, within the time, and have the stated counts.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::event::{Event, EventFileError, EventSource, Polarity, h5};
 use crate::release::scene::TrajectoryStatistics;
 
-/// Audits one stream; `stated` is what `scene.json` counts of it.
+/// Audits one stream. `stated` holds the counts of `scene.json`.
 pub(super) fn audit_stream(
     folder: &TrajectoryFolder<'_>,
     name: &str,
@@ -38,19 +39,20 @@ pub(super) fn audit_stream(
     faults
 }
 
-/// The first event that is out of place, and the counts of a stream.
+/// The first misplaced event and the counts of a stream.
 struct StreamCount {
     faults: Option<String>,
     events: u64,
     on: u64,
-    /// Most events in one millisecond.
+    /// Maximum number of events in one millisecond.
     peak: u64,
-    /// Pixels with an event.
+    /// Number of pixels with an event.
     active: u64,
 }
 
 fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount, EventFileError> {
     let mut reader = h5::Reader::open(&folder.on_disk(name))?;
+    // The reader takes the index as it stands, so the index is verified first.
     reader.verify_index()?;
     let size = folder.camera.size;
     let mut counted = StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0 };
@@ -63,6 +65,7 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     let mut previous: Option<Event> = None;
     while reader.next_chunk(&mut chunk)? {
         for event in &chunk {
+            // Only the first misplaced event is described: one shift can misplace all that follow.
             if counted.faults.is_none() {
                 let number = counted.events;
                 counted.faults = misplaced_event(folder, previous.as_ref(), event)
@@ -70,10 +73,13 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
             }
             counted.events += 1;
             counted.on += u64::from(event.polarity == Polarity::On);
+            // Sorted events make one run of each millisecond; events out of order are a fault
+            // already.
             let ms = event.t.floor_micros().div_euclid(1000);
             within = if ms == millisecond { within + 1 } else { 1 };
             (millisecond, counted.peak) = (ms, counted.peak.max(within));
             let (x, y) = (usize::from(event.x), usize::from(event.y));
+            // Without this test an event to the right of the sensor would count for the next row.
             if x < size.width as usize
                 && let Some(seen) = seen.get_mut(y * size.width as usize + x)
             {

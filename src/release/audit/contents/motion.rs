@@ -1,4 +1,5 @@
-//! Poses, stamps, speeds and transforms: they open, are as many as stated, and say the same.
+//! Poses, stamps, speeds and transforms: they open, have the stated counts, and agree with each
+//! other.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::files::{self, LinkRule};
@@ -49,7 +50,7 @@ fn read_text<T>(
     parsed.map_err(|message| faults.push(folder.fault(FaultCode::Unreadable, name, message))).ok()
 }
 
-/// Poses against stamps, the stated rate, and the stated counts.
+/// Compares poses with stamps and with the stated counts.
 fn poses_agree(
     folder: &TrajectoryFolder<'_>,
     trajectory: &Trajectory,
@@ -77,7 +78,7 @@ fn poses_agree(
     faults
 }
 
-/// Stamps against the stated rate, or against the frame rates of a law that asks for those.
+/// Compares stamps with the stated rate, or with the frame rates of a law that asks for those.
 fn pace_fault(
     folder: &TrajectoryFolder<'_>,
     trajectory: &Trajectory,
@@ -89,6 +90,8 @@ fn pace_fault(
         return disagree(format!("scene.json gives the rate as `{rate}`"));
     };
     if let Some(report) = report.filter(|report| report.meaning == SpeedMeaning::FrameRate) {
+        // Under a law of frame rates the stamps follow from the speeds, and no rate alone gives
+        // them.
         let same = stamps_us(hertz, report.meaning, &report.u) == *found;
         let message = || format!("its stamps are not those of the frame rates that {SPEED} asks for");
         return if same { None } else { disagree(message()) };
@@ -97,7 +100,7 @@ fn pace_fault(
     disagree(format!("pose {j} is at {t} us, not at {j} / ({rate}) s"))
 }
 
-/// `transforms.json` is what the poses and the camera give.
+/// Checks that `transforms.json` is what the poses and the camera give.
 fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> Vec<AuditFault> {
     const NAME: &str = "transforms.json";
     let mut faults = Vec::new();
@@ -121,7 +124,9 @@ fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> V
         frame["t_us"].as_i64() == Some(t_us) && is_near(&frame["transform_matrix"], &matrix)
     };
     // Poses without a picture may be left out, so the frames are some of the poses, in their order.
+    // `any` takes each pose once, so a frame out of order finds no pose.
     let in_order = frames.iter().all(|frame| poses.any(|pose| same((frame, pose))));
+    // No frames at all would be in order too.
     if frames.is_empty() || !in_order {
         faults.push(folder.fault(
             FaultCode::ClaimsDisagree,
@@ -136,7 +141,8 @@ fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> V
     faults
 }
 
-/// Blurred pictures: as many as the stamps have room for, each of its own pose, and timed as `scene.json` says.
+/// Checks the blurred pictures: one for each exposure that the stamps have room for, numbered by
+/// its pose, with the times that `scene.json` gives. Returns the first fault.
 fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i64]) -> Option<String> {
     let number = |frame: &Value| -> Option<usize> {
         frame.get("blur_file_path")?.as_str()?.strip_prefix("blur/")?.strip_suffix(".png")?.parse().ok()
@@ -156,7 +162,8 @@ fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i6
     let seconds: Vec<f64> = stamps.iter().map(|t_us| *t_us as f64 * 1e-6).collect();
     blurred.zip(wanted).find_map(|(frame, pose)| {
         let open = exposure::shutter_times(&seconds, pose, frames?);
-        // Stamps are rounded to a microsecond, and so is what is held against them.
+        // Stamps and stated times are both rounded to a microsecond, and each is off by up to half
+        // of one. The rest is for the arithmetic.
         let near =
             |key: &str, at: f64| frame[key].as_f64().is_some_and(|us| (us - at * 1e6).abs() <= 1.0 + 1e-6);
         let timed = near("exposure_start_us", open[0]) && near("exposure_end_us", open[1]);
@@ -169,8 +176,9 @@ fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i6
     })
 }
 
-/// Poses of `poses.txt` have canonical quaternions, which turn into the same matrix but for rounding: a few units in
-/// the last place of numbers up to 1, and none in the translation.
+/// Returns true if the matrices agree but for rounding. Poses of `poses.txt` have canonical
+/// quaternions, so rotations differ by a few units in the last place of numbers up to 1.
+/// Translations do not differ.
 fn is_near(found: &Value, wanted: &[[f64; 4]; 3]) -> bool {
     let Ok(found) = serde_json::from_value::<[[f64; 4]; 4]>(found.clone()) else { return false };
     found
@@ -180,8 +188,8 @@ fn is_near(found: &Value, wanted: &[[f64; 4]; 3]) -> bool {
         .all(|(a, b)| (a - b).abs() <= 1e-12 * b.abs().max(1.0))
 }
 
-/// The top three rows of camera to world with OpenGL camera axes: a point on a camera axis goes where the pose takes
-/// it, and y and z point the other way.
+/// The top three rows of camera to world with OpenGL camera axes. A point on a camera axis goes
+/// where the pose takes it; y and z point the other way.
 fn opengl_rows(world_from_camera: &Se3) -> [[f64; 4]; 3] {
     let axes =
         [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| world_from_camera.rotation * (axis * OPENCV_FROM_OPENGL));

@@ -1,5 +1,5 @@
-//! Sharp and blurred frames, depth and flow: those that the recipe asks for are named; every one decodes, to the size of the
-//! camera, and holds what its kind can hold.
+//! Sharp and blurred frames, depth and flow. Those that the recipe asks for are named. Every
+//! picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::files::{self, LinkRule};
@@ -10,16 +10,18 @@ use rayon::prelude::*;
 use serde_json::Value;
 use std::io::Cursor;
 
-/// Names of the pictures that a trajectory of so many poses has by its recipe.
+/// Returns the names of the pictures that a trajectory of `poses` poses has by its recipe.
 pub(super) fn wanted_names(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool) -> Vec<String> {
     let number = |place: &str, default: u32| {
         let number = recipe.pointer(place).and_then(Value::as_u64);
+        // The recipe is plain JSON here, and a step of 0 would panic.
         number.map_or(default, |n| u32::try_from(n).unwrap_or(u32::MAX)).max(1)
     };
     let exposed = asked("blur").then(|| number("/blur/frames", exposure::FRAMES));
     let numbers = |kind: &str| match kind {
         "blur" => exposed.map_or(Vec::new(), |frames| exposure::exposure_centres(poses, frames)),
         _ => {
+            // The pose in the middle of each exposure keeps its sharp frame, whatever `every` says.
             let beside = exposed.filter(|_| kind == "sharp");
             exposure::kept_poses(poses, number(&format!("/{kind}/every"), 1), beside)
         }
@@ -48,6 +50,7 @@ fn picture_fault(folder: &TrajectoryFolder<'_>, kind: &str, name: &str) -> Optio
     let size = folder.camera.size;
     let again = match kind {
         "depth" | "flow" => check_numbers(kind, size, &bytes),
+        // Only pictures of checks may have another size than the camera.
         "checks" => {
             png::read_rgb(Cursor::new(&bytes)).map(|image| written(&image)).map_err(|e| e.to_string())
         }
@@ -56,6 +59,8 @@ fn picture_fault(folder: &TrajectoryFolder<'_>, kind: &str, name: &str) -> Optio
         }
     };
     match again {
+        // A decoder skips what it does not need, so the picture is written again: with equal bytes
+        // the file holds nothing else.
         Ok(again) if again == bytes => None,
         Ok(_) => Some(folder.fault(
             FaultCode::NotComposed,
@@ -73,7 +78,8 @@ fn written(image: &Image<[u8; 3]>) -> Vec<u8> {
     bytes
 }
 
-/// The file of the array in some bytes: depth lies in front of the camera, and flow is finite, where there is any.
+/// Decodes an array and returns its file as this program writes it. Depth must be positive and flow
+/// finite. NaN marks a pixel without a value.
 fn check_numbers(kind: &str, size: Size, mut bytes: &[u8]) -> Result<Vec<u8>, String> {
     let mut shape = vec![u64::from(size.height), u64::from(size.width)];
     if kind == "flow" {

@@ -1,5 +1,5 @@
-//! Record sets of `croissant.json`: each field is taken from a column, or from a place in every `scene.json`, that is there
-//! and holds what the field says.
+//! Record sets of `croissant.json`. Each field comes from a column of the index or from a place in
+//! every `scene.json`. The source must exist and hold the stated type.
 
 use super::{CroissantSubject, croissant_fault, node_id, node_list};
 use crate::release::audit::{AuditFault, FaultCode};
@@ -35,7 +35,7 @@ pub(super) fn audit_records(file: &Value, subject: &CroissantSubject<'_>) -> Vec
     faults
 }
 
-/// A field of records that are written out: each has it, as a text.
+/// Checks a field of records that are written out: each record has it, as a text.
 fn audit_written(field: &Value, set: &Value) -> Option<AuditFault> {
     let lacking = node_list(&set["data"]).iter().find(|record| !record[node_id(field)].is_string());
     lacking.map(|record| {
@@ -43,7 +43,7 @@ fn audit_written(field: &Value, set: &Value) -> Option<AuditFault> {
     })
 }
 
-/// A field that refers to another one, which must be there.
+/// Checks that the field that another one refers to exists.
 fn audit_reference(field: &Value, file: &Value) -> Option<AuditFault> {
     let wanted = field["references"]["field"]["@id"].as_str()?;
     let mut fields = node_list(&file["recordSet"]).iter().flat_map(|set| node_list(&set["field"]));
@@ -52,7 +52,7 @@ fn audit_reference(field: &Value, file: &Value) -> Option<AuditFault> {
     (!found).then(|| croissant_fault(FaultCode::CroissantReference, message()))
 }
 
-/// The splits are those of the manifest.
+/// Checks that the splits are those of the manifest.
 fn split_fault(file: &Value, subject: &CroissantSubject<'_>) -> Option<AuditFault> {
     let set = node_list(&file["recordSet"]).iter().find(|set| node_id(set) == SPLITS);
     let field = format!("{SPLITS}/name");
@@ -71,6 +71,7 @@ fn audit_field(
     scenes: &[Value],
 ) -> Option<AuditFault> {
     let source = &field["source"];
+    // A field has one of the two. With both, the joined id would match no node.
     let origin = [&source["fileObject"], &source["fileSet"]].map(node_id).concat();
     if origin.is_empty() || !node_list(&file["distribution"]).iter().any(|node| node_id(node) == origin) {
         let message = format!("{} is taken from {origin:?}, which is nothing here", node_id(field));
@@ -87,8 +88,8 @@ fn audit_field(
         .map(|problem| croissant_fault(FaultCode::CroissantColumn, format!("{} {problem}", node_id(field))))
 }
 
-/// What is wrong with a column of the index that a field of this type is taken from; nothing where there is no index,
-/// which is a fault already.
+/// Describes the fault of a field that comes from a column of the index. Returns `None` if there is
+/// no index, which is a fault already.
 fn of_column(column: &str, stated: &str, subject: &CroissantSubject<'_>) -> Option<String> {
     let (_, kind) = match subject.index?.columns.iter().find(|(name, _)| name == column) {
         Some(found) => found,
@@ -98,8 +99,9 @@ fn of_column(column: &str, stated: &str, subject: &CroissantSubject<'_>) -> Opti
     (found != stated).then(|| format!("is {stated}, the column {column} is {found}"))
 }
 
-/// What is wrong with a place in a `scene.json` that a field of this type is taken from.
+/// Describes the fault of a field that comes from a place in a `scene.json`.
 fn of_path(path: &str, stated: &str, scene: &Value) -> Option<String> {
+    // The paths that this program writes have plain names only, so a JSON pointer can follow them.
     let pointer = path.strip_prefix('$').unwrap_or(path).replace('.', "/");
     let found = match scene.pointer(&pointer) {
         None => return Some(format!("is at {path}, which is not in the scene.json of {}", scene["id"])),
