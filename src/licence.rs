@@ -244,6 +244,8 @@ fn of_owner(kind: SourceKind, stated: &StatedTerms<'_>) -> HolderTerms {
     };
     let parsed = LicenceExpression::parse(expression).expect("recipes are read with valid expressions");
     let ids = parsed.ids();
+    // An id in one alternative only (`MIT OR CC-BY-NC-4.0`) obliges no receiver: another
+    // alternative can be chosen.
     let demanded: Vec<&str> = ids.iter().map(String::as_str).filter(|id| parsed.demands(id)).collect();
     HolderTerms {
         asset: None,

@@ -1,4 +1,4 @@
-//! The executor: runs stale steps in the order of the plan on the cores that it is given.
+//! Execution of plans: runs stale steps in the order of the plan on the given cores.
 //!
 //! A step is assessed when its inputs are known, so an input that was made again with equal bytes
 //! gives its consumers the same keys, and the wave of work stops. Two steps with one key run once.
@@ -30,14 +30,14 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How a plan is run.
+/// Options of a run.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// Resources for all steps together.
     pub budget: ResourceBudget,
-    /// True if to continue with steps that do not depend on a failed one.
+    /// True if the run continues with steps that do not depend on a failed one.
     pub keep_going: bool,
-    /// Steps that are up to date and made again, to compare them with the record.
+    /// Choice of steps that are up to date and made again, to compare them with the record.
     pub recheck: Option<RecheckPolicy>,
     /// True if programs named by recipes may run. Otherwise a step that needs one fails, and one
     /// that is up to date is not made again.
@@ -72,7 +72,7 @@ pub enum RunEvent<'a> {
     Started {
         /// Index of the step.
         step: StepId,
-        /// Why.
+        /// Reason.
         reason: &'a StepReason,
         /// Number of cores.
         cores: usize,
@@ -92,7 +92,7 @@ pub enum RunEvent<'a> {
         step: StepId,
         /// Its key.
         key: &'a Key,
-        /// What it made.
+        /// Its outputs.
         outputs: &'a [StoredOutput],
         /// Duration.
         seconds: f64,
@@ -111,12 +111,12 @@ pub enum RunEvent<'a> {
         step: StepId,
         /// Its key.
         key: &'a Key,
-        /// Resources used when it ran.
+        /// Its outputs.
         outputs: &'a [StoredOutput],
     },
     /// A step failed.
     Failed {
-        /// Index of the step.
+        /// The step and the cause.
         failure: &'a StepFailure,
     },
 }
@@ -136,7 +136,7 @@ pub struct StepFailure {
     pub error: StepError,
 }
 
-/// Why a step failed.
+/// Reason why a step failed.
 #[derive(Debug, thiserror::Error)]
 pub enum StepError {
     /// It could not be assessed.
@@ -242,7 +242,8 @@ pub fn run_plan(
     cancel: &AtomicBool,
     observer: &dyn RunObserver,
 ) -> Result<RunSummary, StoreError> {
-    // If this process is killed, the next waits for the end of its programs before it empties their folders.
+    // If this process is killed, the next one waits for the end of its programs before it empties
+    // their folders.
     let programs = match store.share_lock()? {
         Some(lock) => options.programs.holding(lock),
         None => options.programs,
@@ -260,6 +261,7 @@ pub fn run_plan(
             }
             let finished = receiver.recv().expect("the executor keeps a sender");
             executor.finish(finished);
+            // In groups, because a sync takes longer than a short step.
             if store.is_due() || flushed.elapsed() >= BATCH {
                 match store.flush() {
                     // The failure was reported with the step. Running steps are allowed to finish.

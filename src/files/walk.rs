@@ -1,4 +1,5 @@
-//! Walks of folders that stay within bounds: on one file system, and so deep and so large at most.
+//! Walks through folders, limited to one file system, a maximum depth and a maximum number of
+//! entries.
 
 use std::fs;
 use std::io;
@@ -13,7 +14,7 @@ pub const MAX_DEPTH: usize = 32;
 /// Maximum entries of a walk: a path such as `/` ends in an error, not in a scan of the machine.
 pub const MAX_ENTRIES: usize = 1 << 20;
 
-/// The entry of a walk that cannot be used, and the reason.
+/// An entry of a walk that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {because}", path.display())]
 pub struct WalkError {
@@ -50,16 +51,19 @@ impl<'a> FolderWalk<'a> {
         Self { depth, ..self }
     }
 
-    /// The entries for which `keep` holds, the root among them; nothing below a folder that is not kept.
+    /// The entries for which `keep` returns true, including the root. Nothing below a folder that
+    /// is not kept is listed.
     ///
     /// # Errors
-    /// Entries that cannot be read; folders on another file system, deeper than [`MAX_DEPTH`], or behind a link that
-    /// leads out of the root; and the end of the walk after [`MAX_ENTRIES`].
+    /// Entries that cannot be read; folders on another file system, deeper than [`MAX_DEPTH`], or
+    /// behind a link that leads out of the root; and the end of the walk after [`MAX_ENTRIES`].
     pub fn entries(
         self,
         keep: impl FnMut(&DirEntry) -> bool,
     ) -> impl Iterator<Item = Result<DirEntry, WalkError>> {
         let bounds = WalkBounds::of(self.root);
+        // File systems list entries in any order. Sorting makes everything that follows
+        // reproducible.
         let walk = WalkDir::new(self.root).follow_links(self.follows).max_depth(self.depth);
         let mut walk = walk.sort_by_file_name().into_iter().filter_entry(keep);
         let mut left = MAX_ENTRIES;
@@ -78,6 +82,8 @@ impl<'a> FolderWalk<'a> {
                 return Some(Err(WalkError { path: root.clone(), because }));
             }
             let Err(because) = bounds.hold(&entry) else { return Some(Ok(entry)) };
+            // Only folders are refused, so this skips the content of the entry and not its
+            // siblings.
             walk.skip_current_dir();
             Some(Err(WalkError { path: entry.into_path(), because }))
         })
@@ -95,7 +101,8 @@ fn unwalkable(error: &walkdir::Error, root: &Path) -> WalkError {
 
 /// The bounds that the root of a walk sets.
 struct WalkBounds {
-    /// The file system of the root; `None` where the root cannot be read, which the walk says.
+    /// The file system of the root; `None` if the root cannot be read, which the walk itself
+    /// reports.
     device: Option<u64>,
     root: Option<PathBuf>,
 }
@@ -105,7 +112,8 @@ impl WalkBounds {
         Self { device: fs::metadata(root).ok().map(|about| about.dev()), root: root.canonicalize().ok() }
     }
 
-    /// Only folders lead anywhere; files are opened by the door.
+    /// Checks a folder against the bounds. Files need no check here: they are opened by functions
+    /// of [`crate::files`].
     fn hold(&self, entry: &DirEntry) -> io::Result<()> {
         if !entry.file_type().is_dir() || entry.depth() == 0 {
             return Ok(());
@@ -128,7 +136,7 @@ impl WalkBounds {
     }
 }
 
-/// The device of a folder; 0, which no device has, where it cannot be read.
+/// The device of a folder; 0, which is no valid device, if it cannot be read.
 fn device_of(entry: &DirEntry) -> u64 {
     entry.metadata().map_or(0, |about| about.dev())
 }

@@ -21,7 +21,7 @@ pub struct PlanSurvey {
     pub settled: Vec<SettledScene>,
     /// The steps of the other scenes.
     pub plan: Plan,
-    /// What the lists of scenes that are taken down did.
+    /// The effect of the lists of scenes that are taken down.
     pub taken_down: TakenDown,
 }
 
@@ -66,8 +66,8 @@ impl From<RecipeFaults> for SurveyError {
     }
 }
 
-/// Surveys the recipes in files and folders. `tag` stands for the program and for those of its
-/// options that may change a key: memos with another tag do not count.
+/// Surveys the recipes in files and folders. `tag` identifies the program and those of its options
+/// that may change a key: memos with another tag do not count.
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`], and of takedown lists; or the store cannot
@@ -78,6 +78,7 @@ pub fn survey_recipes(
     store: &Store,
     tag: &Digest,
 ) -> Result<PlanSurvey, SurveyError> {
+    // The slow path below finds the same faults, and reports them in full.
     let Ok(files) = recipe::find_all(paths) else { return plan_all(paths, renderers) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
     let recalled: Vec<Option<SettledScene>> = store.recall(&names, tag)?;
@@ -90,6 +91,8 @@ pub fn survey_recipes(
     let mut settled: Vec<SettledScene> = recalled.into_iter().flatten().collect();
     // A fault of one recipe may be caused by another one, so all of them are read.
     let Ok(recipes) = recipe::read_files(&moved) else { return plan_all(paths, renderers) };
+    // Settled recipes are not parsed, so a clash with one of them is only suspected here. Reading
+    // all recipes decides.
     if may_clash(&settled, &recipes) {
         return plan_all(paths, renderers);
     }
@@ -128,6 +131,7 @@ fn may_clash(settled: &[SettledScene], recipes: &[Recipe]) -> bool {
     let read =
         recipes.iter().map(|r| (r.scene.as_str(), r.trajectories.iter().map(|t| t.name.as_str()).collect()));
     let scenes: Vec<(&str, Vec<&str>)> = known.chain(read).collect();
+    // Lower case, because some file systems do not distinguish case.
     let ids: BTreeSet<String> = scenes.iter().map(|(id, _)| id.to_lowercase()).collect();
     let claims = |(id, names): &(&str, Vec<&str>)| {
         names.iter().map(|name| format!("{id}/{name}").to_lowercase()).collect::<Vec<_>>()
@@ -153,7 +157,7 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
     }
     for (recipe, scene) in plan.scenes().iter().zip(scenes) {
         let Some(scene) = scene else { continue };
-        // The installed programs enter the keys, and only planning finds them.
+        // The versions of installed programs are part of the keys, and only planning finds them.
         if recipe.checks.asks_programs() {
             continue;
         }

@@ -77,6 +77,7 @@ impl RunEstimate {
             let whole = self.core_seconds(step)?;
             all += match step.state {
                 StepState::Running { since, cores } => {
+                    // known.
                     let used = (now - since) * cores;
                     let left = (whole - used).max(OVERTIME * used);
                     longest = longest.max(left / cores);
