@@ -67,7 +67,7 @@ impl ProgramFinder {
         Self { folders: path.map(absolute_folders).unwrap_or_default(), supervisor, ..Self::default() }
     }
 
-    /// The same programs. `file` stays open, with its lock, until the last of them has ended.
+    /// Copy of the finder for programs that hold a file. `file` stays open, with its lock, until the last of them has ended.
     #[must_use]
     pub fn holding(&self, file: File) -> Self {
         Self { held: Some(Arc::new(file)), ..self.clone() }

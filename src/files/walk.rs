@@ -39,13 +39,13 @@ impl<'a> FolderWalk<'a> {
         Self { root, follows: false, depth: usize::MAX }
     }
 
-    /// The same walk, following links that stay inside its root, and links to files wherever they lie.
+    /// Follows links that stay inside its root, and links to files wherever they lie.
     #[must_use]
     pub fn following(self) -> Self {
         Self { follows: true, ..self }
     }
 
-    /// The same walk, which looks no deeper than `depth` below its root.
+    /// Limits the walk to `depth` below its root.
     #[must_use]
     pub fn to_depth(self, depth: usize) -> Self {
         Self { depth, ..self }

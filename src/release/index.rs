@@ -232,7 +232,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     }),
 ];
 
-/// The rows of a scene. `told` has one element per trajectory, in their order.
+/// The rows of a scene. The second argument has one element per trajectory, in their order.
 pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, told: &[IndexSources]) -> Vec<IndexRow<'a>> {
     let mut rows = Vec::new();
     for (part, told) in scene.trajectories.iter().zip(told) {
