@@ -95,6 +95,7 @@ impl ByteBudget {
 /// There is not enough memory for them.
 pub fn try_with_room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut values = Vec::new();
+    // Exact: the count comes from a file, and a rounded size would exceed the budget.
     values.try_reserve_exact(count)?;
     Ok(values)
 }
@@ -159,6 +160,7 @@ impl<R: BufRead> Iterator for ShortLines<R> {
         }
         if line.last() == Some(&b'\n') {
             line.pop();
+            // One `\r` only, like `BufRead::lines`.
             line.pop_if(|last| *last == b'\r');
         }
         Some(String::from_utf8(line).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error)))

@@ -61,6 +61,7 @@ pub fn path(path: &Path) -> String {
     let bytes = path.as_os_str().as_bytes();
     bytes.utf8_chunks().fold(String::with_capacity(bytes.len()), |mut text, chunk| {
         text.push_str(chunk.valid());
+        // U+FFFD would give different names the same text.
         for byte in chunk.invalid() {
             put(&mut text, format_args!("\\x{byte:02x}"));
         }

@@ -89,6 +89,7 @@ pub fn open_below(root: &Path, below: &Path) -> io::Result<File> {
     let mut folder: OwnedFd = rustix::fs::open(root, flags, Mode::empty())?;
     let mut parts = below.components().filter(|part| *part != Component::CurDir).peekable();
     while let Some(part) = parts.next() {
+        // `..` and absolute paths end the loop, as does an empty path, and are refused below it.
         let Component::Normal(name) = part else { break };
         if parts.peek().is_none() {
             return open_no_link(folder.as_fd(), Path::new(name));
@@ -159,6 +160,7 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
 /// `InvalidInput` for anything but a regular file; any error of the file system except `NotFound`
 /// of the name itself.
 pub fn exists(path: &Path) -> io::Result<bool> {
+    // The name itself first: a dangling link is present, but `metadata` would not find it.
     match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
@@ -236,6 +238,7 @@ fn open_regular(folder: impl AsFd, name: &Path, more: OFlags) -> io::Result<File
     // Without O_NONBLOCK, a FIFO put there in between would wait forever for a writer.
     let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK | OFlags::NOCTTY | more;
     let file = File::from(rustix::fs::openat(folder, name, flags, Mode::empty())?);
+    // Another file may have taken the name since its type was checked.
     require_regular(file_type(&file.metadata()?))?;
     Ok(file)
 }
@@ -271,6 +274,7 @@ pub fn read_open(file: File, limit: u64) -> io::Result<Vec<u8>> {
         return Err(too_large(limit));
     }
     let mut bytes = Vec::new();
+    // Fallible: a large file ends in an error, not in an abort.
     bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
     // Files in /proc have content although their length is 0, so the limit applies to the bytes
     // read.

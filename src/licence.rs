@@ -191,6 +191,7 @@ pub struct LicenceError {
 #[must_use]
 pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
     let kind = SourceKind::by_name(stated.kind).expect("recipes are read with known sources");
+    // By address too: the terms of a dataset bind however its captures are read.
     let upstream = ledger::find_dataset(kind, stated.url);
     let mut warnings = Vec::new();
     let parts: Vec<HolderTerms> = upstream
@@ -221,6 +222,7 @@ pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
             Redistributability::Withheld
         }
     };
+    // A grant or a reason to redistribute does not lift the gate for receivers.
     let expression = expression.to_string();
     ComposedTerms { expression, ids, gated: restricted.is_some(), passing, parts, warnings }
 }

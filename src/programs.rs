@@ -67,7 +67,7 @@ impl ProgramFinder {
         Self { folders: path.map(absolute_folders).unwrap_or_default(), supervisor, ..Self::default() }
     }
 
-    /// Copy of the finder for programs that hold a file. `file` stays open, with its lock, until the last of them has ended.
+    /// Finds the same programs. `file` stays open, with its lock, until the last of them has ended.
     #[must_use]
     pub fn holding(&self, file: File) -> Self {
         Self { held: Some(Arc::new(file)), ..self.clone() }
@@ -87,6 +87,7 @@ impl ProgramFinder {
     /// # Errors
     /// A sentence for the user if there is no such program, or it cannot be started.
     pub fn ask(&self, program: &str, arguments: &[&str]) -> Answer {
+        // No argument of a program can contain NUL.
         let command = [&[program], arguments].concat().join("\0");
         // The lock is held while the program runs, so two askers at the same time run it once.
         let mut answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
@@ -118,6 +119,7 @@ impl ProgramFinder {
                 Err(ProgramEnd::Failed(how @ EndKind::TooLong(_))) => {
                     Err(format!("the program `{program}`: {how}"))
                 }
+                // Some programs print their version and end with an error code.
                 _ => Ok(printed),
             }
         })
@@ -149,6 +151,7 @@ fn find_in(folders: &[PathBuf], program: &Path) -> io::Result<PathBuf> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, because));
     }
     let is_program = |file: &PathBuf| {
+        // Folders pass the access check below as well.
         file.metadata().is_ok_and(|about| about.is_file())
             && rustix::fs::access(file, Access::EXEC_OK).is_ok()
     };

@@ -112,7 +112,7 @@ pub struct WrittenRelease {
     pub files: usize,
     /// Their bytes.
     pub bytes: u64,
-    /// True if the release stood there already, so that nothing was written.
+    /// True if the same release was already at the target; then nothing was written.
     pub stood: bool,
     /// Warnings about licences and empty splits.
     pub warnings: Vec<String>,
@@ -247,6 +247,7 @@ fn compose_tree(
         taken_down: beside.taken_down,
         splits: info.splits.clone(),
         scenes: listed,
+        // The manifest is not among them: it cannot contain its own digest.
         files: top.listing(),
     };
     tree.extend(top);
@@ -268,6 +269,7 @@ fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTre
     let files: Vec<&SceneRecord> = scenes.iter().map(|scene| &scene.file).collect();
     let reuse = reuse::compose_reuse(&files, &licence.expression);
     top.add(reuse::NAME.into(), FileContent::Bytes(reuse.into_bytes()));
+    // The loader has terms of its own, which no scene brings.
     for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
         let text = crate::licence::licence_text(&id, &sorted_holders(scenes));
         top.add(layout::licence_text(&id), FileContent::Bytes(text.into_bytes()));
@@ -334,6 +336,7 @@ fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
 fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> ReleaseTree {
     let id = &scene.recipe.scene;
     let mut tree = ReleaseTree::default();
+    // These two show nothing of the scene, and are written for withheld scenes as well.
     tree.add(format!("{id}/{}", layout::SCENE), FileContent::json(file));
     if let Some(photographed) = &scene.photographed {
         tree.add(format!("{id}/{}", layout::CHECKS), FileContent::json(&photographed.findings));

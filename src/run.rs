@@ -58,6 +58,7 @@ pub struct RecheckPolicy {
 impl RecheckPolicy {
     /// Returns true if this step is chosen.
     fn chooses(&self, key: &Key) -> bool {
+        // Drawn from the key, so the choice does not depend on the order of the steps.
         let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
         let drawn = Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
         // 2^64: a share of 1 is above every draw.
@@ -192,6 +193,7 @@ impl StepFailure {
             if let Some(RenderError::Gpu(because)) = error.downcast_ref() {
                 return Some(because);
             }
+            // The stage that rendered may have wrapped the error.
             cause = error.source();
         }
         None
@@ -207,6 +209,7 @@ impl RunSummary {
             // The steps that the first run made are up to date in the second.
             kept: second.kept.saturating_sub(self.made),
             rechecked: self.rechecked + second.rechecked,
+            // The second run judged every step again, so the rest of its summary is complete.
             ..second
         }
     }

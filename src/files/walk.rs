@@ -115,6 +115,7 @@ impl WalkBounds {
     /// Checks a folder against the bounds. Files need no check here: they are opened by functions
     /// of [`crate::files`].
     fn hold(&self, entry: &DirEntry) -> io::Result<()> {
+        // The user named the root, so it may be a link.
         if !entry.file_type().is_dir() || entry.depth() == 0 {
             return Ok(());
         }

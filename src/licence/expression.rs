@@ -102,6 +102,7 @@ impl LicenceTerm {
 
     fn collect_ids(&self, ids: &mut BTreeSet<String>) {
         match self {
+            // An exception has a text of its own, which is shipped too.
             Self::Licence(text) => ids.extend(text.split(" WITH ").map(|id| without_plus(id).to_owned())),
             Self::Any(terms) | Self::All(terms) => terms.iter().for_each(|t| t.collect_ids(ids)),
         }

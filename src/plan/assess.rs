@@ -138,6 +138,7 @@ impl SourceFiles {
         let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &StatSighting)| {
             list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == seen.stat)
         };
+        // Both directions: a file may have been added or removed.
         let moved =
             self.files().find(|now| !is_in(then, now)).or_else(|| then.files().find(|f| !is_in(self, f)));
         moved.map(|(name, ..)| name.to_owned())
@@ -311,6 +312,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     }
     for source in step.step.sources().map_err(failed)? {
         let entry = store.look(&source.path).map_err(|e| unreadable(&source.path, e))?;
+        // The prefix keeps the names of files apart from the roles of made inputs.
         sources.digests.push((format!("file {}", source.name), entry.digest));
         sources.seen.push((source.path, entry.seen));
     }

@@ -50,6 +50,7 @@ pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<PastCosts>>, 
     if own.iter().all(Option::is_some) {
         return Ok(own);
     }
+    // Means take all records of the store, so they are read only if they are needed.
     let means = stage_means(store);
     let of_stage = |stage: &str| means.get(stage).copied();
     let or_mean =

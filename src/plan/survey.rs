@@ -105,6 +105,7 @@ pub fn survey_recipes(
     };
     let origins: Vec<_> = settled.iter().map(origin).chain(recipes.iter().map(of_recipe)).collect();
     let origins = origins.iter().map(|(scene, (kind, id))| (scene.as_str(), kind.as_str(), id.as_deref()));
+    // Before scenes are removed: entries that removed them would look unmatched.
     let unmatched = takedown.unmatched(origins);
     let all = settled.len();
     let (recipes, TakenDown { scenes: unread, .. }) = takedown.keep(recipes);
@@ -123,8 +124,8 @@ pub fn plan_all(paths: &[PathBuf], renderers: &dyn RendererPolicy) -> Result<Pla
     Ok(PlanSurvey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
 }
 
-/// Returns true if two scenes could claim one folder: the same id twice, or an id inside a trajectory of
-/// another scene.
+/// Returns true if two scenes could claim one folder: the same id twice, or an id inside a
+/// trajectory of another scene.
 fn may_clash(settled: &[SettledScene], recipes: &[Recipe]) -> bool {
     let known =
         settled.iter().map(|s| (s.scene.as_str(), s.trajectories.iter().map(String::as_str).collect()));
@@ -152,6 +153,7 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
         let scene = &mut scenes[step.scene];
         match products.get(&id) {
             Some(product) => scene.iter_mut().for_each(|scene| scene.add(&step.name, product)),
+            // One step without a product, and the scene is not up to date.
             None => *scene = None,
         }
     }
@@ -163,6 +165,7 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
         }
         store.note_recipe(&recipe.scene, &recipe.merged.to_string());
         let SceneState { steps, mut seen } = scene;
+        // An edit of the recipe or of its defaults must unsettle the scene.
         seen.extend(recipe.seen.iter().cloned());
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();

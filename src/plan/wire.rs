@@ -112,6 +112,7 @@ fn wire_trajectory(
     let SceneGround { capture, gaussians, backend, omit, asking } = ground;
     let backend = || backend.clone();
     let name = |step: &str| format!("{}/{step}", trajectory.name);
+    // Only a speed in image flow needs renderings to make the trajectory.
     let seeing = matches!(trajectory.speed, SpeedChoice::Flow(_)).then(|| ViewingSetup {
         camera: recipe.camera,
         render: recipe.render,

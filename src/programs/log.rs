@@ -68,6 +68,7 @@ fn holds(said: &str, version: &str) -> bool {
 /// bar, the last text counts.
 #[must_use]
 pub fn last_lines(log: &Path, from: u64) -> Vec<String> {
+    // A log may be large, and its end is enough for a message.
     let from = from.max(length(log).saturating_sub(LAST_BYTES));
     let text = said(log, from, LAST_BYTES);
     let shown = |line: &str| {

@@ -185,6 +185,7 @@ impl SupervisedChild {
         let held = programs.held.as_ref().map(|file| file.try_clone()).transpose()?;
         let mut command = Command::new(&programs.supervisor);
         command.arg(SUPERVISE).arg(program).args(&invocation.arguments);
+        // Programs that this one starts are looked for in the same folders.
         match programs.path() {
             Some(path) => command.env("PATH", path),
             None => command.env_remove("PATH"),

@@ -54,6 +54,7 @@ fn card_head(facts: &ReleaseFacts<'_>) -> String {
     );
     let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
     let rows = facts.counts().trajectories;
+    // The names that dataset hubs know.
     let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
     let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
     let _ = writeln!(text, "size_categories: [{}]", quoted(size));

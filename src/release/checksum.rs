@@ -50,6 +50,7 @@ impl FileHashes {
 
 /// Hashes a file, in one pass over its bytes.
 pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
+    // A release contains no links, so one in its place is not followed.
     let mut file = files::open_with(path, files::LinkRule::Refuse)?;
     let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
     // A fixed buffer: event files can be larger than the memory.

@@ -50,6 +50,7 @@ impl ReleaseFacts<'_> {
     pub(super) fn counts(&self) -> FileCounts {
         let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
         let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
+        // Of withheld scenes too: their poses are released, unlike their events and pictures.
         let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
         let pictures = |kind: &str| -> usize {
             let of = |scene: &PublishedScene| -> usize {

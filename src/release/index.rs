@@ -215,6 +215,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     index_column("peak_ev_per_ms", ColumnKind::Whole, "most events in one millisecond", |r| {
         r.statistics().peak_ev_per_ms.into()
     }),
+    // Text: a seed can exceed a signed number of 64 bits.
     index_column("seed", ColumnKind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
         r.scene.seed.to_string().into()
     }),

@@ -271,6 +271,7 @@ pub struct ManifestFile {
 
 /// Describes a scene. `files` are its files in the tree.
 pub(super) fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
+    // Findings on the capture and its photos are in `checks.json` of the scene, not here.
     let findings: Vec<&Finding> = built.trajectories.iter().flat_map(|t| &t.findings).collect();
     let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
     let omitted = built.trajectories.iter().map(|t| (t.name.clone(), t.left_out.clone()));

@@ -131,6 +131,7 @@ fn of_trajectory(
         // Also checks that no link leads out of the tree: the reader below opens by path.
         if tree.has(&events)? {
             let path = tree.path_of(&events);
+            // Without the simulation, the dead time is all that the stream can be compared with.
             let against = TallyReference { dead_us: sensor.dead_us(), ..TallyReference::default() };
             let tally = count_stream(&path, StreamObserver::new(size, rate, end_us, against))
                 .map_err(|e| unreadable_file(&path, e))?;

@@ -148,11 +148,13 @@ impl SceneConventions {
     #[must_use]
     pub fn for_brightness(recipe: &Value) -> Self {
         let sensors = recipe.get("sensors").and_then(Value::as_object).map(|named| named.values().collect());
+        // A recipe has one `sensor`, or several named `sensors`.
         let sensors: Vec<&Value> = sensors.unwrap_or_else(|| recipe.get("sensor").into_iter().collect());
         let models = sensors.into_iter().filter_map(Value::as_object).flat_map(|sensor| sensor.values());
         let decoded: Vec<bool> =
             models.map(|model| model.pointer("/front_end/decode") == Some(&json!("srgb"))).collect();
         let brightness = match (decoded.contains(&true), decoded.contains(&false)) {
+            // Also for a recipe without a sensor.
             (false, _) => "srgb-encoded",
             (true, false) => "linear",
             (true, true) => "per-sensor",

@@ -21,6 +21,7 @@ fn split_key(scene: &SceneRecord, by: SplitUnit) -> String {
     if let (SplitUnit::Object, Some(group)) = (by, group) {
         return format!("group/{group}");
     }
+    // With the kind, because two datasets may use the same id.
     if let Some(id) = &scene.source.upstream_id {
         return format!("{}/{id}", scene.source.kind);
     }
@@ -78,6 +79,7 @@ pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
     for ((kind, value), of) in holders {
         let mut of = of.into_iter();
         let Some((first_split, first)) = of.next() else { continue };
+        // Two scenes of one capture share hundreds of photos; the first one is enough.
         for (split, scene) in of.filter(|(_, scene)| told.insert((kind, first, *scene))).collect::<Vec<_>>() {
             let scenes =
                 [(first, first_split), (scene, split)].map(|(id, of)| (id.to_owned(), of.to_owned()));

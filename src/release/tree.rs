@@ -104,7 +104,7 @@ pub(super) struct TreeOutcome {
     pub(super) files: usize,
     /// Their bytes.
     pub(super) bytes: u64,
-    /// True if the release stood there already, so that nothing was written.
+    /// True if the same release was already at the target; then nothing was written.
     pub(super) stood: bool,
 }
 
@@ -119,6 +119,7 @@ pub(super) fn write_tree(
     let listing = tree.listing();
     // A release that shares files with the store is not what the other modes ask for.
     let shares = target.standing().is_some_and(StandingTree::shares_files);
+    // `B3SUMS` covers all files but the sums, so an equal text means an equal release.
     if (link == LinkMode::Hard || !shares) && target.holds(&b3_sums(&listing))? {
         let (files, bytes) = target.standing().map(StandingTree::size).unwrap_or_default();
         return Ok(TreeOutcome { files, bytes, stood: true });
@@ -223,6 +224,7 @@ impl FilePlacing<'_> {
         materialise_blob(blob, &path, self.link).map_err(failed(&path))?;
         let hashes = hash()?;
         if hashes.blake3 == *digest {
+            // A link to the blob has changed its ctime, by which the store knows it.
             self.store.settle(digest)?;
             return Ok(hashes);
         }
@@ -243,6 +245,7 @@ impl FilePlacing<'_> {
 
 /// Creates `path` with the content of a blob.
 fn materialise_blob(blob: &Path, path: &Path, link: LinkMode) -> io::Result<()> {
+    // It fails across file systems and at the limit of links; a copy serves as well.
     if link == LinkMode::Hard && fs::hard_link(blob, path).is_ok() {
         return Ok(());
     }

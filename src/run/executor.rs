@@ -63,6 +63,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         for (step, inputs) in inputs.iter().enumerate() {
             inputs.iter().for_each(|(_, input)| followers[input.0].push(StepId(step)));
         }
+        // An input used twice counts twice, here and in `followers`.
         let missing: Vec<usize> = inputs.iter().map(Vec::len).collect();
         let ready = (0..missing.len()).filter(|step| missing[*step] == 0).map(StepId).collect();
         Self {
@@ -117,6 +118,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             let stale = self.stale.remove(&rank).expect("the step was found among the stale");
             match self.is_mended(&stale) {
                 Ok(true) => {
+                    // The next assessment finds the bytes, and keeps the step.
                     self.ready.insert(rank.1);
                     return self.start_ready(scope, sender);
                 }

@@ -134,6 +134,7 @@ fn encode_table(
         .set_compression(Compression::ZSTD(ZstdLevel::default()))
         .set_dictionary_enabled(false)
         .set_statistics_enabled(EnabledStatistics::Chunk)
+        // One row group, however many rows: the library splits at a number of its own.
         .set_max_row_group_row_count(Some(rows.len().max(1)))
         .build();
     let mut file = SerializedFileWriter::new(Vec::new(), Arc::new(schema), Arc::new(properties))?;
@@ -238,6 +239,7 @@ fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut ByteBudget) ->
     let negative = |_| ParquetError::General("it says that it has less than nothing".to_owned());
     for group in metadata.row_groups() {
         let rows = usize::try_from(group.num_rows()).map_err(negative)?;
+        // The memory of the rows as they are read below.
         budget.take(rows, columns * size_of::<CellValue>() + size_of::<Vec<CellValue>>()).map_err(over)?;
         // Only the pages of one group at a time are in memory.
         let pages = group.columns().iter().map(|column| usize::try_from(column.uncompressed_size()));

@@ -135,6 +135,7 @@ fn rules(recipe: &Recipe, simulated: bool, found: &Value) -> Value {
 /// Statistics in which the values that follow from others are recomputed.
 fn counted(found: &TrajectoryStatistics, size: Size, last_us: i64) -> TrajectoryStatistics {
     TrajectoryStatistics {
+        // Checked: the numbers come from a file that may be damaged.
         off: found.events.zip(found.on).and_then(|(events, on)| events.checked_sub(on)),
         rate_ev_px_s: found.events.and_then(|events| rate_ev_px_s(events, size, last_us)),
         ..found.clone()

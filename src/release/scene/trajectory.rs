@@ -61,6 +61,8 @@ pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&SimulationReco
     let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
+        // The recipe leaves the interpolation to the tolerance, so its own value is not the one
+        // used.
         out.insert("between".into(), json!(chosen.between));
         out.insert("tolerance".into(), json!(chosen));
     }
