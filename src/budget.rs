@@ -83,6 +83,7 @@ impl ByteBudget {
     /// # Errors
     /// The same as `take`.
     pub fn check(&self, count: usize, bytes: usize) -> Result<(), OverBudget> {
+        // Saturating: a file may claim any number.
         let wanted = self.taken.saturating_add(count.saturating_mul(bytes));
         let (limit, input) = (self.limit(), self.input);
         if wanted > limit { Err(OverBudget { wanted, limit, input }) } else { Ok(()) }

@@ -206,6 +206,7 @@ fn follow_stat(path: &Path) -> io::Result<fs::Metadata> {
         io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok_and(|about| about.is_symlink()) => {
             invalid("a link to a file that does not exist")
         }
+        // By number: the library has no stable kind for this error.
         _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
             invalid("links that lead in a circle")
         }

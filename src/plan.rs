@@ -49,7 +49,7 @@ pub struct Plan {
 pub struct PlannedStep {
     /// Index of its scene.
     pub scene: usize,
-    /// Name within the scene, such as `capture` or `base/events`.
+    /// Name within the scene, for example `capture` or `base/events`.
     pub name: String,
     /// Its stage with inputs.
     pub step: Box<dyn AnyStep>,

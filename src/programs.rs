@@ -73,9 +73,10 @@ impl ProgramFinder {
         Self { held: Some(Arc::new(file)), ..self.clone() }
     }
 
-    /// The absolute path of a program: `program` itself if it is absolute, else the first executable
-    /// file of that name.
+    /// The absolute path of a program: `program` itself if it is absolute, else the first
+    /// executable file of that name.
     ///
+    /// # Errors
     /// No folder has it, or it is a relative path and not a name.
     pub fn find(&self, program: &Path) -> io::Result<PathBuf> {
         find_in(&self.folders, program)
@@ -85,7 +86,7 @@ impl ProgramFinder {
     /// once, in the root folder, where no stranger can put files.
     ///
     /// # Errors
-    /// A sentence for the user if there is no such program, or it cannot be started.
+    /// A sentence for the user if no program has this name, or it cannot be started.
     pub fn ask(&self, program: &str, arguments: &[&str]) -> Answer {
         // No argument of a program can contain NUL.
         let command = [&[program], arguments].concat().join("\0");

@@ -301,6 +301,7 @@ fn sorted_holders(scenes: &[PublishedScene]) -> Vec<String> {
 /// Describes the scenes, and deals them into splits if the release has splits.
 fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneRecord>, ReleaseError> {
     let mut described: Vec<SceneRecord> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
+    // Afterwards, because the split follows from the description.
     if let Some(splits) = &info.splits {
         for file in &mut described {
             file.split = Some(split::split_part(file, splits));
@@ -312,6 +313,7 @@ fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<Sce
 
 /// Warnings for splits without a scene.
 fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
+    // Groups are dealt by a hash, so a small release may leave a split empty.
     let names = info.splits.iter().flat_map(|splits| splits.shares.keys());
     let splits: Vec<&SplitPart> = scenes.iter().filter_map(|scene| scene.file.split.as_ref()).collect();
     let has = |name: &str| splits.iter().any(|split| split.name == name);

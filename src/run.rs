@@ -1,4 +1,4 @@
-//! Execution of plans: runs stale steps in the order of the plan on the given cores.
+//! Execution of plans: runs stale steps on the given cores, the longest chain of later work first.
 //!
 //! A step is assessed when its inputs are known, so an input that was made again with equal bytes
 //! gives its consumers the same keys, and the wave of work stops. Two steps with one key run once.

@@ -11,7 +11,7 @@ use walkdir::{DirEntry, WalkDir};
 /// Deepest entry of a walk, counted from its root.
 pub const MAX_DEPTH: usize = 32;
 
-/// Maximum entries of a walk: a path such as `/` ends in an error, not in a scan of the machine.
+/// Maximum entries of a walk: a path like `/` ends in an error, not in a scan of the machine.
 pub const MAX_ENTRIES: usize = 1 << 20;
 
 /// An entry of a walk that cannot be used.
@@ -94,6 +94,7 @@ fn unwalkable(error: &walkdir::Error, root: &Path) -> WalkError {
     let path = error.path().unwrap_or(root).to_owned();
     let because = match error.io_error() {
         Some(error) => io::Error::new(error.kind(), error.to_string()),
+        // Without an I/O error, the walk has found a loop.
         None => io::Error::other("a link leads back to its own folder"),
     };
     WalkError { path, because }

@@ -22,6 +22,7 @@ enum LicenceTerm {
 impl LicenceExpression {
     /// Parses an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
     ///
+    /// # Errors
     /// The text is not an expression; it names a licence that is neither of these; or it names one
     /// that has no text in `LICENSES/`: `NOASSERTION`, terms in another document, or an id too long
     /// for a file name.

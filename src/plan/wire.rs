@@ -131,6 +131,7 @@ fn wire_trajectory(
     let captured = (sees || trajectory.path.needs_views()).then_some(capture);
     let motion = wiring.add(name("trajectory"), moving, (captured, base, gaussians.filter(|_| sees)));
     let events = recipe.outputs.contains(&OutputKind::Events).then(|| {
+        // From names alone: a trajectory that is added changes no other one.
         let seed = Seed::for_stream(recipe.seed, &recipe.scene, &trajectory.name, StreamPurpose::Sensor);
         let simulating = EventsStage {
             omit,

@@ -141,6 +141,7 @@ pub fn run(
     goes_on: &dyn Fn() -> bool,
 ) -> Result<(), ProgramEnd> {
     let open = || {
+        // Appended: several commands of one step share a log.
         let mut log = File::options().create(true).append(true).open(log)?;
         writeln!(log, "$ {}", invocation.to_text())?;
         Ok(log)
@@ -205,6 +206,7 @@ impl SupervisedChild {
     /// Asks the program to end, and waits a limited time for it.
     fn ask_to_end(&mut self) {
         let asked = self.line.as_mut().is_some_and(|line| line.write_all(b"t").is_ok());
+        // A failed write means that the supervisor has ended.
         for _ in 0..if asked { LOOKS_TO_END } else { 0 } {
             if !matches!(self.supervisor.try_wait(), Ok(None)) {
                 break;

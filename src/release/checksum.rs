@@ -72,6 +72,7 @@ pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
 /// The text of either file. The sums must be sorted by path.
 pub(super) fn sums_text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
     sums.fold(String::new(), |mut text, (path, sum)| {
+        // Two spaces, as `sha256sum` and `b3sum` write them.
         writeln!(text, "{sum}  {path}").expect("a String takes any text");
         text
     })

@@ -177,6 +177,7 @@ fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
         found: found.to_owned(),
         wanted: WANTED,
     };
+    // These two checks are for the message; reading the manifest would fail as well.
     if !dir.is_dir() {
         return Err(no_release(dir, if files::is_there(dir) { "a file" } else { "nothing" }));
     }

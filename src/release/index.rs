@@ -238,7 +238,7 @@ pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, told: &[IndexSources]) -> V
     let mut rows = Vec::new();
     for (part, told) in scene.trajectories.iter().zip(told) {
         let mut add = |named| rows.push(IndexRow { scene, part, named, told: *told });
-        // A trajectory without events has a row too: it has poses and perhaps pictures.
+        // One sensor alone has no name. A trajectory without events has a row too.
         if part.sensors.is_empty() {
             add(None);
         }

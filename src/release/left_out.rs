@@ -72,6 +72,7 @@ fn omission_row(
 
 /// Work that a renderer left out. `sh_degree` is the degree of the scene, if it is known.
 fn of_work(step: &str, work: &RenderWork, sh_degree: Option<u8>) -> Vec<OmissionRow> {
+    // Only drawn Gaussians evaluate harmonics.
     let harmonics = sh_degree.map(|degree| work.drawn() * sh::function_count(degree) as u64);
     [
         omission_row(

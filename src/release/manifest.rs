@@ -75,8 +75,8 @@ pub struct ManifestScene {
     pub waivers: Vec<Finding>,
     /// Work that rendering for events left out, for each trajectory over all frames.
     pub left_out: BTreeMap<String, RenderWork>,
-    /// `left_out` in words, with the work that sensors and sharp frames left out, and the proof that
-    /// nothing is lost; absent in releases of programs that did not write it.
+    /// `left_out` in words, with the work that sensors and sharp frames left out, and the proof
+    /// that nothing is lost; absent in releases of programs that did not write it.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub omitted: BTreeMap<String, Vec<OmissionRow>>,
     /// Its files, sorted by path.

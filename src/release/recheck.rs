@@ -32,7 +32,7 @@ pub enum RecheckError {
         /// The fault.
         because: String,
     },
-    /// There is no such scene.
+    /// A named scene is not in the release.
     #[error("the release has no scene `{0}`")]
     NoScene(String),
     /// The recipe in a `scene.json` is not valid.

@@ -240,8 +240,8 @@ pub struct TrajectoryPart {
 pub struct SensorPart {
     /// Model and parameters.
     pub sensor: Value,
-    /// A sensor with noise that otherwise equals this one, if there is one. Poses, frames and stamps
-    /// are the same.
+    /// A sensor with noise that otherwise equals this one, if there is one. Poses, frames and
+    /// stamps are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twin_of: Option<String>,
     /// Statistics of its stream. Values of the whole trajectory are null.

@@ -133,6 +133,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     fn next_stale(&self) -> Option<StepRank> {
         let left = self.left();
         let at_work = |key: &Key| self.running.values().any(|(running, ..)| running == key);
+        // If nothing runs, waiting would free nothing.
         let fits = |stale: &StaleStep| left.holds(&stale.need) || self.running.is_empty();
         self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
     }

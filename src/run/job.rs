@@ -61,6 +61,7 @@ impl StepJob<'_> {
             // The altered file has the name of the right bytes, and must not be taken for them.
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
+        // Even an empty folder cannot be created on a full disk.
         let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
         self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
     }
@@ -74,6 +75,7 @@ impl StepJob<'_> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let mut cx = StageContext::new(workspace.path(), self.cancel);
+        // A clock without a date: no product may depend on the time of the build.
         cx.clock = Some(monotonic_seconds);
         cx.allows_commands = self.allows_commands;
         cx.programs = self.programs.clone();

@@ -73,6 +73,7 @@ fn by_name<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>>
 }
 
 fn by_index<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>> {
+    // With an insertion, all later elements would differ, so lengths must agree.
     let both = old.iter().zip(new).enumerate();
     (old.len() == new.len()).then(|| both.map(|(i, (a, b))| (i.to_string(), Some(a), Some(b))).collect())
 }
