@@ -1,26 +1,27 @@
-//! Memory that an input may take.
+//! Memory budget of an input.
 //!
-//! A number in a file that leads to memory is a claim: it is held against a limit before anything is allocated for it.
-//! `docs/limits.md` lists the limits. An input that is refused takes at most 64 MB and four times its own size: one
-//! time for the input itself, [`MAX_PER_BYTE`] times for what is made of it, and [`MAX_FREE`] beside the program.
+//! A number in a file that leads to an allocation is a claim. It is compared with a limit before
+//! anything is allocated for it. `docs/limits.md` lists the limits. An input that is refused takes
+//! at most 64 MB and four times its own size: one time for the input itself, [`MAX_PER_BYTE`] times
+//! for the values made from it, and [`MAX_FREE`], apart from the program's own memory.
 
 use std::collections::TryReserveError;
 use std::io::{self, BufRead, Read as _};
 
-/// Bytes that an input may take however small it is: a plain picture compresses to almost nothing.
+/// Bytes that any input may take, however small: a plain picture compresses to almost nothing.
 pub const MAX_FREE: usize = 24 << 20;
 
 /// Bytes that an input may take for each of its own bytes, apart from those that hold the input.
 pub const MAX_PER_BYTE: usize = 3;
 
-/// Deflate's best ratio: a length of 258 bytes in two bits (RFC 1951). No stream stands for more.
+/// Deflate's best ratio: a length of 258 bytes in two bits (RFC 1951). No stream expands further.
 pub const MAX_DEFLATE_RATIO: u64 = 1032;
 
-/// Bytes of a line of a text that holds one record per line.
+/// Maximum length of one record of a line-based text format, bytes.
 pub const MAX_LINE: usize = 1 << 16;
 
-/// Bytes that each of these characters of a JSON document stands for in its parsed form: a number, a list with room for
-/// its first four values, a map with room for its first eleven.
+/// Bytes that each of these characters of a JSON document takes in its parsed form: a number, a
+/// list with room for its first four values, a map with room for its first eleven.
 const JSON_BYTES: [(&[u8], usize); 3] = [(b",:", 32), (b"[", 128), (b"{", 640)];
 
 /// An input that claims more memory than it may take.
@@ -55,7 +56,7 @@ impl ByteBudget {
         Self::of(usize::try_from(bytes).unwrap_or(usize::MAX))
     }
 
-    /// Bytes that the input may take in all.
+    /// Maximum bytes that the input may take in all.
     #[must_use]
     pub fn limit(&self) -> usize {
         self.input.saturating_mul(MAX_PER_BYTE).saturating_add(MAX_FREE)
@@ -69,18 +70,20 @@ impl ByteBudget {
     /// Takes memory for `count` values of `bytes` each.
     ///
     /// # Errors
-    /// When the claims of the input add up to more than its limit.
+    /// The claims of the input add up to more than its limit.
     pub fn take(&mut self, count: usize, bytes: usize) -> Result<(), OverBudget> {
         self.check(count, bytes)?;
+        // The product cannot overflow: `check` refuses it long before.
         self.taken += count * bytes;
         Ok(())
     }
 
-    /// Returns true if [`take`](Self::take) would succeed.
+    /// Checks that [`take`](Self::take) would succeed.
     ///
     /// # Errors
-    /// As `take`.
+    /// The same as `take`.
     pub fn check(&self, count: usize, bytes: usize) -> Result<(), OverBudget> {
+        // Saturating: a file may claim any number.
         let wanted = self.taken.saturating_add(count.saturating_mul(bytes));
         let (limit, input) = (self.limit(), self.input);
         if wanted > limit { Err(OverBudget { wanted, limit, input }) } else { Ok(()) }
@@ -90,29 +93,32 @@ impl ByteBudget {
 /// An empty vector with room for `count` values.
 ///
 /// # Errors
-/// When there is no memory for them.
+/// There is not enough memory for them.
 pub fn try_with_room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut values = Vec::new();
+    // Exact: the count comes from a file, and a rounded size would exceed the budget.
     values.try_reserve_exact(count)?;
     Ok(values)
 }
 
-/// A vector of `count` values, all the same.
+/// A vector of `count` equal values.
 ///
 /// # Errors
-/// When there is no memory for them.
+/// There is not enough memory for them.
 pub fn try_filled<T: Clone>(value: T, count: usize) -> Result<Vec<T>, TryReserveError> {
-    // `vec!` has no fallible form, and zeros that it takes from the system cost nothing until they are written. So the
-    // room is tried first, and given back.
+    // `vec!` has no fallible form, and zeros that it takes from the system cost nothing until they
+    // are written. Therefore the room is tried first and released again.
     drop(try_with_room::<T>(count)?);
     Ok(vec![value; count])
 }
 
-/// Holds a JSON document against its budget before it is parsed into values: one digit becomes 32 bytes, `{}` 640.
+/// Compares a JSON document with its budget before it is parsed into values: one digit becomes 32
+/// bytes, `{}` becomes 640.
 ///
 /// # Errors
-/// When its values would take more than its budget.
+/// Its values would take more than its budget.
 pub fn check_json(text: &[u8]) -> Result<(), OverBudget> {
+    // Characters inside strings count too. The sum is an upper bound, found without a parser.
     let mut counts = [0_usize; JSON_BYTES.len()];
     for byte in text {
         for ((marks, _), count) in JSON_BYTES.iter().zip(&mut counts) {
@@ -123,7 +129,7 @@ pub fn check_json(text: &[u8]) -> Result<(), OverBudget> {
     JSON_BYTES.iter().zip(counts).try_for_each(|((_, bytes), count)| budget.take(count, *bytes))
 }
 
-/// Reads lines of at most `limit` bytes, without their ends.
+/// Iterator over lines of at most `limit` bytes, line ends included. The items have no line ends.
 #[derive(Debug)]
 pub struct ShortLines<R> {
     input: R,
@@ -140,9 +146,10 @@ impl<R: BufRead> ShortLines<R> {
 impl<R: BufRead> Iterator for ShortLines<R> {
     type Item = io::Result<String>;
 
-    /// The next line; an error where it is too long or not UTF-8.
+    /// The next line; an error if it is too long or not UTF-8.
     fn next(&mut self) -> Option<Self::Item> {
         let mut line = Vec::new();
+        // One byte beyond the limit, so that a line that is too long can be recognised.
         match self.input.by_ref().take(self.limit as u64 + 1).read_until(b'\n', &mut line) {
             Ok(0) => return None,
             Ok(_) => {}
@@ -154,6 +161,7 @@ impl<R: BufRead> Iterator for ShortLines<R> {
         }
         if line.last() == Some(&b'\n') {
             line.pop();
+            // One `\r` only, like `BufRead::lines`.
             line.pop_if(|last| *last == b'\r');
         }
         Some(String::from_utf8(line).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error)))

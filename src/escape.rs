@@ -1,18 +1,22 @@
-//! Text from outside, made visible: names, paths and messages that strangers chose must not act on what shows them.
+//! Visible forms of text from outside: names, paths and messages that strangers chose must not act
+//! on the program that shows them.
 //!
-//! A terminal obeys control characters, a page reorders text at a bidi control, and an invisible character makes two
-//! names look alike. Each function here replaces such characters by a visible form, and nothing else. Backslashes stay
-//! single, so that the visible form is for reading and not for reading back.
+//! A terminal obeys control characters, a page reorders text at a bidi control, and an invisible
+//! character makes two names look alike. Each function here replaces these characters by a visible
+//! form, and nothing else. Backslashes stay single: the visible form is for reading, and cannot be
+//! parsed back.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
 
-/// Returns true if a character acts on its reader instead of being seen: control characters (C0, DEL, C1), bidi controls, line
-/// and paragraph separators, tags, and other characters without width, and noncharacters.
+/// Returns true if a character acts on its reader instead of being seen: control characters (C0,
+/// DEL, C1), bidi controls, line and paragraph separators, tags, other characters without width,
+/// and noncharacters.
 ///
-/// The zero-width joiner and non-joiner (U+200C, U+200D) are no such characters: Persian, Hindi and emoji need them.
+/// The zero-width joiner and non-joiner (U+200C, U+200D) are not hidden: Persian, Hindi and emoji
+/// need them.
 #[must_use]
 pub fn is_hidden(c: char) -> bool {
     c.is_control()
@@ -33,7 +37,8 @@ pub fn is_hidden(c: char) -> bool {
         || is_noncharacter(c)
 }
 
-/// Returns true if Unicode will never assign the character; many parsers refuse it.
+/// Returns true for the last two code points of a plane (U+FFFE, U+FFFF, U+1FFFE, …). Unicode will
+/// never assign them, and many parsers refuse them.
 #[must_use]
 pub fn is_noncharacter(c: char) -> bool {
     u32::from(c) & 0xfffe == 0xfffe
@@ -56,6 +61,7 @@ pub fn path(path: &Path) -> String {
     let bytes = path.as_os_str().as_bytes();
     bytes.utf8_chunks().fold(String::with_capacity(bytes.len()), |mut text, chunk| {
         text.push_str(chunk.valid());
+        // U+FFFD would give different names the same text.
         for byte in chunk.invalid() {
             put(&mut text, format_args!("\\x{byte:02x}"));
         }
@@ -63,19 +69,20 @@ pub fn path(path: &Path) -> String {
     })
 }
 
-/// Serialised JSON that shows every hidden character: strings hold `\u009b` in place of the character itself, which is
-/// the same value. Line breaks between values stay.
+/// Serialised JSON that shows every hidden character. Strings contain `\u009b` in place of the
+/// character itself, which is the same value. Line breaks between values stay.
 #[must_use]
 pub fn json(serialised: &str) -> Cow<'_, str> {
     let shown = |c| is_hidden(c) && c != '\n';
     replaced(serialised, shown, |c, out| {
+        // JSON escapes name UTF-16 units; a character above U+FFFF needs a surrogate pair.
         for unit in c.encode_utf16(&mut [0; 2]) {
             put(out, format_args!("\\u{unit:04x}"));
         }
     })
 }
 
-/// The text between double quotes, as YAML and TOML both read it back.
+/// The text between double quotes, in a form that both YAML and TOML parse to the same text.
 #[must_use]
 pub fn quoted(text: &str) -> String {
     let special = |c| is_hidden(c) || c == '"' || c == '\\';
@@ -84,7 +91,7 @@ pub fn quoted(text: &str) -> String {
         '\n' => out.push_str("\\n"),
         '\r' => out.push_str("\\r"),
         '\t' => out.push_str("\\t"),
-        // Neither language joins surrogates as JSON does.
+        // Unlike JSON, neither language joins surrogates.
         c if u32::from(c) > 0xffff => put(out, format_args!("\\U{:08x}", u32::from(c))),
         c => put(out, format_args!("\\u{:04x}", u32::from(c))),
     });
@@ -97,6 +104,7 @@ fn replaced(
     is_special: impl Fn(char) -> bool,
     instead: impl Fn(char, &mut String),
 ) -> Cow<'_, str> {
+    // Most text has nothing to replace, and is not copied.
     if !text.contains(&is_special) {
         return Cow::Borrowed(text);
     }
@@ -144,7 +152,8 @@ mod tests {
         assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap(), value);
     }
 
-    /// YAML is read by the parser of recipes' YAML; TOML has no reader here and the same escapes (TOML 1.0, strings).
+    /// YAML is read by the recipes' own parser. TOML has no reader here, and the same escapes (TOML
+    /// 1.0, strings).
     #[test]
     fn quoted_text_is_read_back() {
         for text in ["", "a \"lab\" \\ 1", "x\u{7f}\u{9b}\n\r\t\u{85}\u{2028}\u{feff}", "\u{e0041}\u{ffff}"] {

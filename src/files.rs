@@ -1,9 +1,9 @@
-//! The one way to open a file that a person or a stranger names.
+//! Safe ways to open files that a user or a stranger names.
 //!
-//! A path from outside may lead to a device, a FIFO, a socket or a file without end. Each function here
-//! opens regular files only, checks the type on the open file, so that a swap between check and use
-//! changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as absent: a
-//! dangling link, a loop or a folder without permission is an error.
+//! A path from outside may lead to a device, a FIFO, a socket or an endless file. Each function
+//! here opens regular files only. It checks the type on the open file, so a swap between check and
+//! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
+//! absent: a dangling link, a loop or a folder without permission is an error.
 
 mod walk;
 
@@ -21,7 +21,8 @@ use rustix::io::Errno;
 /// Limit for texts that people write: recipes, sensors, lists of scenes. 16 MiB.
 pub const MAX_TEXT: u64 = 16 << 20;
 
-/// Limit for documents that programs write, such as `transforms.json`, `manifest.json` and sums. 1 GiB.
+/// Limit for documents that programs write, for example `transforms.json`, `manifest.json` and
+/// checksum lists. 1 GiB.
 pub const MAX_DOCUMENT: u64 = 1 << 30;
 
 /// Limit for one picture in its compressed form. 1 GiB.
@@ -33,10 +34,10 @@ pub const MAX_MODEL: u64 = 16 << 30;
 /// Limit for a scene file, which is read whole: 69 million Gaussians of degree 3 as `.ply`. 16 GiB.
 pub const MAX_SCENE: u64 = 16 << 30;
 
-/// True if links on the last part of a path are followed.
+/// Treatment of a link in the last part of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinkRule {
-    /// Links are followed; what they lead to must be a regular file.
+    /// Links are followed; the target must be a regular file.
     Follow,
     /// A link is refused, as in a release tree.
     Refuse,
@@ -45,8 +46,8 @@ pub enum LinkRule {
 /// Opens a regular file for reading, following links.
 ///
 /// # Errors
-/// `NotFound` where nothing of that name exists; `InvalidInput` for a folder, device, FIFO or socket; any error of the
-/// file system.
+/// `NotFound` if nothing of that name exists; `InvalidInput` for a folder, device, FIFO or socket;
+/// any error of the file system.
 pub fn open(path: &Path) -> io::Result<File> {
     open_with(path, LinkRule::Follow)
 }
@@ -54,7 +55,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Opens a regular file for reading.
 ///
 /// # Errors
-/// As [`open`], and `InvalidInput` for a link where `links` refuses them.
+/// The same as [`open`], and `InvalidInput` for a link if `links` refuses it.
 pub fn open_with(path: &Path, links: LinkRule) -> io::Result<File> {
     match links {
         LinkRule::Follow => {
@@ -69,7 +70,7 @@ pub fn open_with(path: &Path, links: LinkRule) -> io::Result<File> {
 /// Opens a regular file of at most `limit` bytes, following links.
 ///
 /// # Errors
-/// As [`open`]; `FileTooLarge` for a file beyond `limit`.
+/// The same as [`open`]; `FileTooLarge` for a file beyond `limit`.
 pub fn open_at_most(path: &Path, limit: u64) -> io::Result<File> {
     let file = open(path)?;
     if file.metadata()?.len() > limit { Err(too_large(limit)) } else { Ok(file) }
@@ -77,23 +78,28 @@ pub fn open_at_most(path: &Path, limit: u64) -> io::Result<File> {
 
 /// Opens a regular file below a folder that a stranger may have filled.
 ///
-/// `below` is relative to `root`. None of its parts may be `..` or a link, so that nothing outside
+/// `below` is relative to `root`. A part that is `..` or a link is refused, so nothing outside
 /// `root` is opened.
 ///
 /// # Errors
-/// As [`open`]; `InvalidInput` for a path that leads out of `root`, and for a link in any part of it.
+/// The same as [`open`]; `InvalidInput` for a path that leads out of `root`, and for a link in any
+/// part of it.
 pub fn open_below(root: &Path, below: &Path) -> io::Result<File> {
     let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::DIRECTORY;
     let mut folder: OwnedFd = rustix::fs::open(root, flags, Mode::empty())?;
     let mut parts = below.components().filter(|part| *part != Component::CurDir).peekable();
     while let Some(part) = parts.next() {
+        // `..` and absolute paths end the loop, as does an empty path, and are refused below it.
         let Component::Normal(name) = part else { break };
         if parts.peek().is_none() {
             return open_no_link(folder.as_fd(), Path::new(name));
         }
+        // `NOFOLLOW` below would refuse a link as well, but with a message that does not name it.
         if type_at(folder.as_fd(), Path::new(name))? == FileType::Symlink {
             return Err(invalid("a folder on its way is a link"));
         }
+        // Relative to the open folder: a parent that is swapped in between cannot lead out of
+        // `root`.
         folder = rustix::fs::openat(&folder, name, flags | OFlags::NOFOLLOW, Mode::empty())?;
     }
     Err(invalid("a path that leads out of its folder"))
@@ -102,7 +108,8 @@ pub fn open_below(root: &Path, below: &Path) -> io::Result<File> {
 /// Reads a whole regular file of at most `limit` bytes, following links.
 ///
 /// # Errors
-/// As [`open`]; `FileTooLarge` for a file beyond `limit`, also if it grows while it is read.
+/// The same as [`open`]; `FileTooLarge` for a file beyond `limit`, also if it grows while it is
+/// read.
 pub fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     read_open(open(path)?, limit)
 }
@@ -110,7 +117,7 @@ pub fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 /// Reads a whole regular file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`read`], and `InvalidInput` for a link where `links` refuses them.
+/// The same as [`read`], and `InvalidInput` for a link if `links` refuses it.
 pub fn read_with(path: &Path, links: LinkRule, limit: u64) -> io::Result<Vec<u8>> {
     read_open(open_with(path, links)?, limit)
 }
@@ -118,7 +125,7 @@ pub fn read_with(path: &Path, links: LinkRule, limit: u64) -> io::Result<Vec<u8>
 /// Reads a whole regular file of at most `limit` bytes below a folder, see [`open_below`].
 ///
 /// # Errors
-/// As [`open_below`]; `FileTooLarge` for a file beyond `limit`.
+/// The same as [`open_below`]; `FileTooLarge` for a file beyond `limit`.
 pub fn read_below(root: &Path, below: &Path, limit: u64) -> io::Result<Vec<u8>> {
     read_open(open_below(root, below)?, limit)
 }
@@ -126,7 +133,7 @@ pub fn read_below(root: &Path, below: &Path, limit: u64) -> io::Result<Vec<u8>> 
 /// Reads a regular UTF-8 file of at most `limit` bytes, following links.
 ///
 /// # Errors
-/// As [`read`]; `InvalidData` with the byte offset where the text is not UTF-8.
+/// The same as [`read`]; `InvalidData` with the byte offset if the text is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     text(read(path, limit)?)
 }
@@ -134,7 +141,7 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
 /// Reads a regular UTF-8 file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`read_text`], and `InvalidInput` for a link where `links` refuses them.
+/// The same as [`read_text`], and `InvalidInput` for a link if `links` refuses it.
 pub fn read_text_with(path: &Path, links: LinkRule, limit: u64) -> io::Result<String> {
     text(read_with(path, links, limit)?)
 }
@@ -146,12 +153,14 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
     })
 }
 
-/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is
-/// a link to nothing.
+/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error,
+/// and so is a dangling link.
 ///
 /// # Errors
-/// `InvalidInput` for anything but a regular file; any error of the file system but `NotFound` of the name itself.
+/// `InvalidInput` for anything but a regular file; any error of the file system except `NotFound`
+/// of the name itself.
 pub fn exists(path: &Path) -> io::Result<bool> {
+    // The name itself first: a dangling link is present, but `metadata` would not find it.
     match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
@@ -159,8 +168,8 @@ pub fn exists(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Returns true unless nothing of this name exists. A caller that goes on to open the path gets the
-/// cause from there, so no dangling link, locked folder or FIFO is taken for absence.
+/// Returns true unless nothing of this name exists. A dangling link, a locked folder or a FIFO
+/// counts as present: a caller that goes on to open the path learns the cause there.
 #[must_use]
 pub fn is_there(path: &Path) -> bool {
     match fs::symlink_metadata(path) {
@@ -169,11 +178,12 @@ pub fn is_there(path: &Path) -> bool {
     }
 }
 
-/// Checks that a regular file can be written at `path`, and returns the permission bits of the file that
-/// is there, if any. Links are followed, also to where nothing is yet.
+/// Checks that a regular file can be written at `path`, and returns the permission bits of the
+/// present file, if any. Links are followed, also to a target that does not exist yet.
 ///
 /// # Errors
-/// `InvalidInput` for anything but a regular file; `PermissionDenied` for a file without a right to write.
+/// `InvalidInput` for anything but a regular file; `PermissionDenied` for a file without write
+/// permission.
 pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
     let about = match fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -181,20 +191,22 @@ pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
     };
     require_regular(file_type(&about))?;
     let mode = Mode::from_raw_mode(about.mode());
-    // Root may write to any file; the user's own mark counts for root as well.
+    // Root may write to any file, but a user who made a file read-only means it for root as well.
     if !mode.intersects(Mode::WUSR | Mode::WGRP | Mode::WOTH) {
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, "a read-only file"));
     }
     Ok(Some(mode.bits() & 0o777))
 }
 
-/// The file that `path` leads to. A link to nothing says so: plain `NotFound` would read as absent.
+/// Metadata of the file that `path` leads to. A dangling link has an error of its own: plain
+/// `NotFound` would read as absent.
 fn follow_stat(path: &Path) -> io::Result<fs::Metadata> {
     fs::metadata(path).map_err(|error| match error.kind() {
-        // A file that another process has made since is no link.
+        // A file that another process has made meanwhile is not a link.
         io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok_and(|about| about.is_symlink()) => {
             invalid("a link to a file that does not exist")
         }
+        // By number: the library has no stable kind for this error.
         _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
             invalid("links that lead in a circle")
         }
@@ -218,14 +230,16 @@ fn type_at(folder: impl AsFd, name: &Path) -> io::Result<FileType> {
 }
 
 fn open_no_link(folder: impl AsFd, name: &Path) -> io::Result<File> {
+    // The type is checked before the file is opened, because opening a device can act on it.
     require_regular(type_at(&folder, name)?)?;
     open_regular(folder, name, OFlags::NOFOLLOW)
 }
 
 fn open_regular(folder: impl AsFd, name: &Path, more: OFlags) -> io::Result<File> {
-    // Without O_NONBLOCK, a FIFO put there in between would wait for a writer for ever.
+    // Without O_NONBLOCK, a FIFO put there in between would wait forever for a writer.
     let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK | OFlags::NOCTTY | more;
     let file = File::from(rustix::fs::openat(folder, name, flags, Mode::empty())?);
+    // Another file may have taken the name since its type was checked.
     require_regular(file_type(&file.metadata()?))?;
     Ok(file)
 }
@@ -250,18 +264,21 @@ fn kind_name(of: FileType) -> &'static str {
     }
 }
 
-/// Reads the rest of an open file of at most `limit` bytes.
+/// Reads the rest of an open file that has at most `limit` bytes.
 ///
 /// # Errors
-/// `FileTooLarge` for a file beyond `limit`, also if it grows while it is read; any error of the file system.
+/// `FileTooLarge` for a file beyond `limit`, also if it grows while it is read; any error of the
+/// file system.
 pub fn read_open(file: File, limit: u64) -> io::Result<Vec<u8>> {
     let length = file.metadata()?.len();
     if length > limit {
         return Err(too_large(limit));
     }
     let mut bytes = Vec::new();
+    // Fallible: a large file ends in an error, not in an abort.
     bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
-    // Files of /proc have length 0 and content all the same, so the limit holds for what is read.
+    // Files in /proc have content although their length is 0, so the limit applies to the bytes
+    // read.
     file.take(limit + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit { Err(too_large(limit)) } else { Ok(bytes) }
 }

@@ -191,6 +191,7 @@ pub struct LicenceError {
 #[must_use]
 pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
     let kind = SourceKind::by_name(stated.kind).expect("recipes are read with known sources");
+    // By address too: the terms of a dataset bind however its captures are read.
     let upstream = ledger::find_dataset(kind, stated.url);
     let mut warnings = Vec::new();
     let parts: Vec<HolderTerms> = upstream
@@ -221,6 +222,7 @@ pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
             Redistributability::Withheld
         }
     };
+    // A grant or a reason to redistribute does not lift the gate for receivers.
     let expression = expression.to_string();
     ComposedTerms { expression, ids, gated: restricted.is_some(), passing, parts, warnings }
 }
@@ -244,6 +246,8 @@ fn of_owner(kind: SourceKind, stated: &StatedTerms<'_>) -> HolderTerms {
     };
     let parsed = LicenceExpression::parse(expression).expect("recipes are read with valid expressions");
     let ids = parsed.ids();
+    // An id in one alternative only (`MIT OR CC-BY-NC-4.0`) obliges no receiver: another
+    // alternative can be chosen.
     let demanded: Vec<&str> = ids.iter().map(String::as_str).filter(|id| parsed.demands(id)).collect();
     HolderTerms {
         asset: None,

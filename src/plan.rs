@@ -12,7 +12,8 @@ use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, StepTarget, WiredStage};
 
-/// Says what renders each scene, and how thoroughly, and which other programs are there.
+/// Choices that a plan takes from outside: what renders each scene, the work to leave out, and the
+/// versions of other programs.
 pub trait RendererPolicy {
     /// The back end of a scene.
     fn of(&self, recipe: &Recipe) -> Backend;
@@ -22,7 +23,8 @@ pub trait RendererPolicy {
         OmissionPolicy::default()
     }
 
-    /// The version of a program that judges trajectories; `None` if it is not known and may not be asked.
+    /// The version of a program that judges trajectories; `None` if it is not known and must not be
+    /// asked.
     fn version(&self, _: VersionQuery) -> Option<String> {
         None
     }
@@ -47,7 +49,7 @@ pub struct Plan {
 pub struct PlannedStep {
     /// Index of its scene.
     pub scene: usize,
-    /// Name within the scene, such as `capture` or `base/events`.
+    /// Name within the scene, for example `capture` or `base/events`.
     pub name: String,
     /// Its stage with inputs.
     pub step: Box<dyn AnyStep>,

@@ -1,14 +1,14 @@
-//! Other people's programs: where they are found, and how they are run.
+//! Programs of other people: how they are found and run.
 //!
-//! A name is looked for in the absolute folders of `PATH` alone, and the program is run by the absolute
-//! path at which it was found. So no file of the current folder, of a recipe's folder or of a release
-//! can take the place of a program.
+//! A name is looked for only in the absolute folders of `PATH`, and the program is run by the
+//! absolute path at which it was found. Therefore no file of the current folder, of a recipe's
+//! folder or of a release can replace a program.
 //!
-//! Every program runs under a supervisor: this program itself, started again with [`SUPERVISE`] as its
-//! first argument. The supervisor holds one end of a socket and the process that started it holds the
-//! other. When the socket closes, however its holder ended, the supervisor kills the program and all
-//! that the program started. Without it, a program would go on after a `kill -9` of the build, in a
-//! folder that the next build deletes.
+//! Every program runs under a supervisor: this program itself, started again with [`SUPERVISE`] as
+//! its first argument. The supervisor holds one end of a socket, and the process that started it
+//! holds the other. When the socket closes, for whatever reason, the supervisor kills the program
+//! and all processes that the program started. Without the supervisor, a program would go on after
+//! a `kill -9` of the build, in a folder that the next build deletes.
 
 mod log;
 mod process;
@@ -31,15 +31,15 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// First argument of this program where it supervises another one; the path and the arguments of that
-/// one follow.
+/// First argument of this program when it supervises another one. The path and the arguments of
+/// that program follow.
 ///
-/// Stdin is the socket: a byte that arrives asks the program to end, its end kills the program, and a
-/// [`ProgramReport`] is written to it. What the program prints goes to stderr. Stdout is held open and not
-/// used.
+/// Stdin is the socket: a byte that arrives asks the program to end, the end of the socket kills
+/// the program, and a [`ProgramReport`] is written to it. The output of the program goes to stderr.
+/// Stdout is held open and not used.
 pub const SUPERVISE: &str = "supervise-program";
 
-/// The programs that can be run. The default finds none.
+/// The programs that can be run. The default value finds none.
 #[derive(Debug, Clone, Default)]
 pub struct ProgramFinder {
     /// Absolute folders in which names are looked for.
@@ -51,44 +51,46 @@ pub struct ProgramFinder {
     answers: Arc<Mutex<BTreeMap<String, Answer>>>,
 }
 
-/// What a program prints, or why it could not be asked.
+/// The output of a program, or the reason why it could not be asked.
 type Answer = Result<String, String>;
 
-/// Bytes of an answer that are read.
+/// Maximum bytes of an answer that are read.
 const MAX_ANSWER: u64 = 1 << 20;
-/// Seconds that an answer may take. OpenCV on a network file system takes a minute to be imported.
+/// Seconds that an answer may take. Importing OpenCV on a network file system takes a minute.
 const MAX_ANSWER_SECONDS: u32 = 300;
 
 impl ProgramFinder {
-    /// Programs in the folders of `path`, the value of the variable `PATH`, without its relative and
-    /// empty entries. `supervisor` is this program.
+    /// Finds programs in the folders of `path`, the value of the variable `PATH`, without its
+    /// relative and empty entries. `supervisor` is the path of this program.
     #[must_use]
     pub fn new(path: Option<&OsStr>, supervisor: PathBuf) -> Self {
         Self { folders: path.map(absolute_folders).unwrap_or_default(), supervisor, ..Self::default() }
     }
 
-    /// The same programs; `file` stays open, and a lock on it held, until the last of them has ended.
+    /// Finds the same programs. `file` stays open, with its lock, until the last of them has ended.
     #[must_use]
     pub fn holding(&self, file: File) -> Self {
         Self { held: Some(Arc::new(file)), ..self.clone() }
     }
 
-    /// The absolute path of a program: `program` itself if it is absolute, else the first executable
-    /// file of that name.
+    /// The absolute path of a program: `program` itself if it is absolute, else the first
+    /// executable file of that name.
     ///
     /// # Errors
-    /// When no folder has it, or when it is a relative path and no name.
+    /// No folder has it, or it is a relative path and not a name.
     pub fn find(&self, program: &Path) -> io::Result<PathBuf> {
         find_in(&self.folders, program)
     }
 
-    /// What a program prints when it is run with these arguments, whatever its exit code. It is run
-    /// once, in the root folder, where nothing of a stranger lies.
+    /// The output of a program that is run with these arguments, whatever its exit code. It is run
+    /// once, in the root folder, where no stranger can put files.
     ///
     /// # Errors
-    /// A sentence for people where there is no such program, or it cannot be started.
+    /// A sentence for the user if no program has this name, or it cannot be started.
     pub fn ask(&self, program: &str, arguments: &[&str]) -> Answer {
+        // No argument of a program can contain NUL.
         let command = [&[program], arguments].concat().join("\0");
+        // The lock is held while the program runs, so two askers at the same time run it once.
         let mut answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
         answers.entry(command).or_insert_with(|| self.ask_now(program, arguments)).clone()
     }
@@ -102,11 +104,12 @@ impl ProgramFinder {
         let invocation = ProgramCall {
             program: program.into(),
             arguments: arguments.iter().map(OsString::from).collect(),
+            // Programs with a Qt user interface abort without a display unless Qt draws off screen.
             environment: BTreeMap::from([("QT_QPA_PLATFORM".to_owned(), "offscreen".to_owned())]),
             folder: PathBuf::from("/"),
         };
         std::thread::scope(|scope| {
-            // The pipe is read while the program runs: a full pipe would stop it.
+            // The pipe is read while the program runs: a full pipe would block it.
             let printed = scope.spawn(move || log::read_text(reader, MAX_ANSWER));
             let ended = process::within(MAX_ANSWER_SECONDS, &|| true, |goes_on| {
                 process::run_into(self, &invocation, Stdio::from(writer), goes_on)
@@ -117,12 +120,13 @@ impl ProgramFinder {
                 Err(ProgramEnd::Failed(how @ EndKind::TooLong(_))) => {
                     Err(format!("the program `{program}`: {how}"))
                 }
+                // Some programs print their version and end with an error code.
                 _ => Ok(printed),
             }
         })
     }
 
-    /// The value of `PATH` for programs that are run: the folders in which they were looked for.
+    /// The value of `PATH` for programs that are run: the folders in which they were found.
     fn path(&self) -> Option<OsString> {
         (!self.folders.is_empty()).then(|| {
             let folders: Vec<&OsStr> = self.folders.iter().map(|folder| folder.as_os_str()).collect();
@@ -142,11 +146,13 @@ fn find_in(folders: &[PathBuf], program: &Path) -> io::Result<PathBuf> {
     if program.is_absolute() {
         return Ok(program.to_owned());
     }
+    // `./tool` would depend on the current folder.
     if program.file_name() != Some(program.as_os_str()) {
         let because = format!("{} is a relative path, wanted a name or an absolute path", program.display());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, because));
     }
     let is_program = |file: &PathBuf| {
+        // Folders pass the access check below as well.
         file.metadata().is_ok_and(|about| about.is_file())
             && rustix::fs::access(file, Access::EXEC_OK).is_ok()
     };

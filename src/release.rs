@@ -1,9 +1,10 @@
-//! The release: the tree that people download, and its audit.
+//! The release: the tree that users download, and its audit.
 //!
-//! A release is composed in memory as a list of paths and where their bytes come from, written to a folder
-//! of its own next to the target, audited there, and put in place by one rename: what has the release's
-//! name is a whole release. Two releases of the same records are equal byte for byte. Nothing is removed but
-//! files that this program wrote and that have not changed since.
+//! A release is composed in memory as a list of paths and the sources of their bytes. It is written
+//! to a folder of its own next to the target, audited there, and put in place by one rename.
+//! Therefore the release's name always leads to a whole release. Two releases of the same records
+//! are equal byte for byte. Only files that this program wrote and that have not changed since are
+//! removed.
 
 pub mod audit;
 mod built;
@@ -57,14 +58,14 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use tree::{FileContent, ReleaseTree};
 
-/// The program, as files of a release name it.
+/// Name and version of the program, as written in the files of a release.
 const TOOL: &str = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
 
-/// How the files of a release get the bytes of the store.
+/// Way in which the files of a release get their bytes from the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LinkMode {
-    /// They share blocks with the store until one of them is written to, where the file system can; else
-    /// they are copies.
+    /// They share blocks with the store until one of them is written to, if the file system can do
+    /// that. Otherwise they are copies.
     #[default]
     Reflink,
     /// They are the store's files under a second name: a write to one changes both.
@@ -73,21 +74,22 @@ pub enum LinkMode {
     Copy,
 }
 
-/// What lies beside the recipes and concerns the release as a whole.
+/// Contents of the files next to the recipes that concern the release as a whole.
 #[derive(Debug, Clone, Default)]
 pub struct ReleaseContext {
-    /// What it is called.
+    /// Name, version and publisher's statements.
     pub info: ReleaseInfo,
-    /// What may be passed on.
+    /// Permissions to redistribute, by source.
     pub terms: SourceTerms,
-    /// What is passed on no longer.
+    /// Scenes that are no longer redistributed.
     pub takedown: TakedownList,
-    /// Number of scenes that the plan lacks because of that.
+    /// Number of scenes that are missing in the plan for that reason.
     pub taken_down: usize,
 }
 
 impl ReleaseContext {
-    /// Reads what lies beside the recipes of these paths; no scene counts as left out yet.
+    /// Reads the files next to the recipes of these paths. The number of scenes taken down is left
+    /// at 0.
     ///
     /// # Errors
     /// Every fault of one of the files.
@@ -101,22 +103,22 @@ impl ReleaseContext {
     }
 }
 
-/// What was written.
+/// Summary of a written release.
 #[derive(Debug)]
 pub struct WrittenRelease {
-    /// Scenes.
+    /// Number of scenes.
     pub scenes: usize,
-    /// Files, the sums included.
+    /// Number of files, including the sums.
     pub files: usize,
     /// Their bytes.
     pub bytes: u64,
-    /// True if the release stood there already, so that nothing was written.
+    /// True if the same release was already at the target; then nothing was written.
     pub stood: bool,
-    /// What the licences make a careful reader wonder at.
+    /// Warnings about licences and empty splits.
     pub warnings: Vec<String>,
 }
 
-/// Why there is no release.
+/// Reason why there is no release.
 #[derive(Debug, thiserror::Error)]
 pub enum ReleaseError {
     /// Something is not built.
@@ -136,7 +138,7 @@ pub enum ReleaseError {
     Foreign {
         /// The folder.
         path: PathBuf,
-        /// What speaks against it.
+        /// The reason why it may not be replaced.
         because: String,
     },
     /// The user stopped it.
@@ -145,12 +147,12 @@ pub enum ReleaseError {
     /// A file cannot be written or read.
     #[error("failed to write {}: {source}", path.display())]
     Io {
-        /// Which.
+        /// The file.
         path: PathBuf,
         /// Cause.
         source: std::io::Error,
     },
-    /// A stored file is not what its name says.
+    /// The content of a stored file does not match its name.
     #[error("{path}: stored bytes do not match their digest; run the same command again to make them anew")]
     Altered {
         /// Its path in the tree.
@@ -169,24 +171,25 @@ fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> ReleaseError {
     move |source| ReleaseError::Io { path, source }
 }
 
-/// What a release is made from.
+/// Input of a release.
 #[derive(Debug, Clone, Copy)]
 pub struct BuiltPlan<'a> {
     /// The plan, which was run to its end.
     pub plan: &'a Plan,
-    /// How it went.
+    /// Result of the run.
     pub summary: &'a RunSummary,
     /// The store that holds its products.
     pub store: &'a Store,
-    /// What lies next to its recipes.
+    /// Contents of the files next to its recipes.
     pub beside: &'a ReleaseContext,
 }
 
-/// Writes the release of what was built, unless it stands there already.
+/// Writes the release of the built scenes, unless it already stands at the target.
 ///
 /// # Errors
-/// When a step is not built, a check failed without a waiver, the target changed since it was claimed, the
-/// disk fails, or `cancel` is set. Until the last rename nothing of an existing release is touched.
+/// A step is not built, a check failed without a waiver, the target changed since it was claimed,
+/// the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
+/// rename.
 pub fn write_release(
     target: &mut ReleaseTarget,
     built: BuiltPlan<'_>,
@@ -197,6 +200,7 @@ pub fn write_release(
     let scenes =
         (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &beside.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
+    // Before anything is composed: a failed check must not cost the time of a whole tree.
     let findings = scenes.iter().flat_map(BuiltScene::findings);
     let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
     if !failed.is_empty() {
@@ -209,11 +213,12 @@ pub fn write_release(
     let tree::TreeOutcome { files, bytes, stood } =
         tree::write_tree(target, &tree, (store, &beside.takedown), link, cancel)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
+    // A set, because all scenes of one source have the same warning.
     let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &beside.info)).collect();
     Ok(WrittenRelease { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
 }
 
-/// Lists the tree, but for the sums; with it the scenes as their files describe them.
+/// Composes the tree without the sums. Also returns the scenes as their files describe them.
 fn compose_tree(
     scenes: Vec<BuiltScene<'_>>,
     store: &Store,
@@ -242,6 +247,7 @@ fn compose_tree(
         taken_down: beside.taken_down,
         splits: info.splits.clone(),
         scenes: listed,
+        // The manifest is not among them: it cannot contain its own digest.
         files: top.listing(),
     };
     tree.extend(top);
@@ -249,12 +255,12 @@ fn compose_tree(
     Ok((tree, published))
 }
 
-/// The terms of all scenes together.
+/// The combined terms of all scenes.
 fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
     crate::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
 }
 
-/// Composes the files at the top of the tree, but for the manifest and the sums.
+/// Composes the files at the top of the tree, except for the manifest and the sums.
 fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTree {
     let ReleaseFacts { scenes, info, licence, .. } = *facts;
     let mut top = ReleaseTree::default();
@@ -263,6 +269,7 @@ fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTre
     let files: Vec<&SceneRecord> = scenes.iter().map(|scene| &scene.file).collect();
     let reuse = reuse::compose_reuse(&files, &licence.expression);
     top.add(reuse::NAME.into(), FileContent::Bytes(reuse.into_bytes()));
+    // The loader has terms of its own, which no scene brings.
     for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
         let text = crate::licence::licence_text(&id, &sorted_holders(scenes));
         top.add(layout::licence_text(&id), FileContent::Bytes(text.into_bytes()));
@@ -274,7 +281,7 @@ fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTre
         DescribedRelease { info, licence: &licence.expression, scenes: &files, paths, index: &index };
     top.add(croissant::NAME.into(), FileContent::json(&croissant::compose_croissant(&release)));
     top.add(index::NAME.into(), FileContent::Bytes(index));
-    // Last, since it links to every other file.
+    // Last, because it links to every other file.
     let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
     let linked = top.paths().map(str::to_owned).chain(others).collect();
     top.add(
@@ -291,9 +298,10 @@ fn sorted_holders(scenes: &[PublishedScene]) -> Vec<String> {
     holders.into_iter().cloned().collect()
 }
 
-/// Describes the scenes, and deals them into splits where there are any.
+/// Describes the scenes, and deals them into splits if the release has splits.
 fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneRecord>, ReleaseError> {
     let mut described: Vec<SceneRecord> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
+    // Afterwards, because the split follows from the description.
     if let Some(splits) = &info.splits {
         for file in &mut described {
             file.split = Some(split::split_part(file, splits));
@@ -303,8 +311,9 @@ fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<Sce
     if leaks.is_empty() { Ok(described) } else { Err(ReleaseError::Leaks(leaks)) }
 }
 
-/// Splits that no scene is in.
+/// Warnings for splits without a scene.
 fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
+    // Groups are dealt by a hash, so a small release may leave a split empty.
     let names = info.splits.iter().flat_map(|splits| splits.shares.keys());
     let splits: Vec<&SplitPart> = scenes.iter().filter_map(|scene| scene.file.split.as_ref()).collect();
     let has = |name: &str| splits.iter().any(|split| split.name == name);
@@ -312,7 +321,7 @@ fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
 }
 
 fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneRecord, ReleaseError> {
-    // The one file that is read for it is that of the Gaussians.
+    // Only the file of the Gaussians is read for it.
     let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
     scene::compose_scene(scene).map_err(|source| ReleaseError::Io { path: path(), source })
 }
@@ -329,6 +338,7 @@ fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
 fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> ReleaseTree {
     let id = &scene.recipe.scene;
     let mut tree = ReleaseTree::default();
+    // These two show nothing of the scene, and are written for withheld scenes as well.
     tree.add(format!("{id}/{}", layout::SCENE), FileContent::json(file));
     if let Some(photographed) = &scene.photographed {
         tree.add(format!("{id}/{}", layout::CHECKS), FileContent::json(&photographed.findings));
@@ -345,8 +355,8 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     tree
 }
 
-/// The files of a trajectory by their names in its folder. What the store keeps for itself (what the sensor saw, what
-/// was counted) stays there.
+/// The files of a trajectory by their names in its folder. Internal files of the store (the
+/// brightness that the sensor saw, the counts of the simulation) stay there.
 fn trajectory_files(
     scene: &BuiltScene<'_>,
     (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),

@@ -1,4 +1,4 @@
-//! The executor: runs stale steps in the order of the plan on the cores that it is given.
+//! Execution of plans: runs stale steps on the given cores, the longest chain of later work first.
 //!
 //! A step is assessed when its inputs are known, so an input that was made again with equal bytes
 //! gives its consumers the same keys, and the wave of work stops. Two steps with one key run once.
@@ -30,14 +30,14 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How a plan is run.
+/// Options of a run.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// Resources for all steps together.
     pub budget: ResourceBudget,
-    /// True if to continue with steps that do not depend on a failed one.
+    /// True if the run continues with steps that do not depend on a failed one.
     pub keep_going: bool,
-    /// Steps that are up to date and made again, to compare them with the record.
+    /// Choice of steps that are up to date and made again, to compare them with the record.
     pub recheck: Option<RecheckPolicy>,
     /// True if programs named by recipes may run. Otherwise a step that needs one fails, and one
     /// that is up to date is not made again.
@@ -58,6 +58,7 @@ pub struct RecheckPolicy {
 impl RecheckPolicy {
     /// Returns true if this step is chosen.
     fn chooses(&self, key: &Key) -> bool {
+        // Drawn from the key, so the choice does not depend on the order of the steps.
         let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
         let drawn = Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
         // 2^64: a share of 1 is above every draw.
@@ -72,7 +73,7 @@ pub enum RunEvent<'a> {
     Started {
         /// Index of the step.
         step: StepId,
-        /// Why.
+        /// Reason.
         reason: &'a StepReason,
         /// Number of cores.
         cores: usize,
@@ -92,7 +93,7 @@ pub enum RunEvent<'a> {
         step: StepId,
         /// Its key.
         key: &'a Key,
-        /// What it made.
+        /// Its outputs.
         outputs: &'a [StoredOutput],
         /// Duration.
         seconds: f64,
@@ -111,12 +112,12 @@ pub enum RunEvent<'a> {
         step: StepId,
         /// Its key.
         key: &'a Key,
-        /// Resources used when it ran.
+        /// Its outputs.
         outputs: &'a [StoredOutput],
     },
     /// A step failed.
     Failed {
-        /// Index of the step.
+        /// The step and the cause.
         failure: &'a StepFailure,
     },
 }
@@ -136,7 +137,7 @@ pub struct StepFailure {
     pub error: StepError,
 }
 
-/// Why a step failed.
+/// Reason why a step failed.
 #[derive(Debug, thiserror::Error)]
 pub enum StepError {
     /// It could not be assessed.
@@ -192,6 +193,7 @@ impl StepFailure {
             if let Some(RenderError::Gpu(because)) = error.downcast_ref() {
                 return Some(because);
             }
+            // The stage that rendered may have wrapped the error.
             cause = error.source();
         }
         None
@@ -207,6 +209,7 @@ impl RunSummary {
             // The steps that the first run made are up to date in the second.
             kept: second.kept.saturating_sub(self.made),
             rechecked: self.rechecked + second.rechecked,
+            // The second run judged every step again, so the rest of its summary is complete.
             ..second
         }
     }
@@ -242,7 +245,8 @@ pub fn run_plan(
     cancel: &AtomicBool,
     observer: &dyn RunObserver,
 ) -> Result<RunSummary, StoreError> {
-    // If this process is killed, the next waits for the end of its programs before it empties their folders.
+    // If this process is killed, the next one waits for the end of its programs before it empties
+    // their folders.
     let programs = match store.share_lock()? {
         Some(lock) => options.programs.holding(lock),
         None => options.programs,
@@ -260,6 +264,7 @@ pub fn run_plan(
             }
             let finished = receiver.recv().expect("the executor keeps a sender");
             executor.finish(finished);
+            // In groups, because a sync takes longer than a short step.
             if store.is_due() || flushed.elapsed() >= BATCH {
                 match store.flush() {
                     // The failure was reported with the step. Running steps are allowed to finish.

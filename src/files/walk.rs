@@ -1,4 +1,5 @@
-//! Walks of folders that stay within bounds: on one file system, and so deep and so large at most.
+//! Walks through folders, limited to one file system, a maximum depth and a maximum number of
+//! entries.
 
 use std::fs;
 use std::io;
@@ -10,10 +11,10 @@ use walkdir::{DirEntry, WalkDir};
 /// Deepest entry of a walk, counted from its root.
 pub const MAX_DEPTH: usize = 32;
 
-/// Maximum entries of a walk: a path such as `/` ends in an error, not in a scan of the machine.
+/// Maximum entries of a walk: a path like `/` ends in an error, not in a scan of the machine.
 pub const MAX_ENTRIES: usize = 1 << 20;
 
-/// The entry of a walk that cannot be used, and the reason.
+/// An entry of a walk that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {because}", path.display())]
 pub struct WalkError {
@@ -38,28 +39,31 @@ impl<'a> FolderWalk<'a> {
         Self { root, follows: false, depth: usize::MAX }
     }
 
-    /// The same walk, following links that stay inside its root, and links to files wherever they lie.
+    /// Follows links that stay inside its root, and links to files wherever they lie.
     #[must_use]
     pub fn following(self) -> Self {
         Self { follows: true, ..self }
     }
 
-    /// The same walk, which looks no deeper than `depth` below its root.
+    /// Limits the walk to `depth` below its root.
     #[must_use]
     pub fn to_depth(self, depth: usize) -> Self {
         Self { depth, ..self }
     }
 
-    /// The entries for which `keep` holds, the root among them; nothing below a folder that is not kept.
+    /// The entries for which `keep` returns true, including the root. Nothing below a folder that
+    /// is not kept is listed.
     ///
     /// # Errors
-    /// Entries that cannot be read; folders on another file system, deeper than [`MAX_DEPTH`], or behind a link that
-    /// leads out of the root; and the end of the walk after [`MAX_ENTRIES`].
+    /// Entries that cannot be read; folders on another file system, deeper than [`MAX_DEPTH`], or
+    /// behind a link that leads out of the root; and the end of the walk after [`MAX_ENTRIES`].
     pub fn entries(
         self,
         keep: impl FnMut(&DirEntry) -> bool,
     ) -> impl Iterator<Item = Result<DirEntry, WalkError>> {
         let bounds = WalkBounds::of(self.root);
+        // File systems list entries in any order. Sorting makes everything that follows
+        // reproducible.
         let walk = WalkDir::new(self.root).follow_links(self.follows).max_depth(self.depth);
         let mut walk = walk.sort_by_file_name().into_iter().filter_entry(keep);
         let mut left = MAX_ENTRIES;
@@ -78,6 +82,8 @@ impl<'a> FolderWalk<'a> {
                 return Some(Err(WalkError { path: root.clone(), because }));
             }
             let Err(because) = bounds.hold(&entry) else { return Some(Ok(entry)) };
+            // Only folders are refused, so this skips the content of the entry and not its
+            // siblings.
             walk.skip_current_dir();
             Some(Err(WalkError { path: entry.into_path(), because }))
         })
@@ -88,6 +94,7 @@ fn unwalkable(error: &walkdir::Error, root: &Path) -> WalkError {
     let path = error.path().unwrap_or(root).to_owned();
     let because = match error.io_error() {
         Some(error) => io::Error::new(error.kind(), error.to_string()),
+        // Without an I/O error, the walk has found a loop.
         None => io::Error::other("a link leads back to its own folder"),
     };
     WalkError { path, because }
@@ -95,7 +102,8 @@ fn unwalkable(error: &walkdir::Error, root: &Path) -> WalkError {
 
 /// The bounds that the root of a walk sets.
 struct WalkBounds {
-    /// The file system of the root; `None` where the root cannot be read, which the walk says.
+    /// The file system of the root; `None` if the root cannot be read, which the walk itself
+    /// reports.
     device: Option<u64>,
     root: Option<PathBuf>,
 }
@@ -105,8 +113,10 @@ impl WalkBounds {
         Self { device: fs::metadata(root).ok().map(|about| about.dev()), root: root.canonicalize().ok() }
     }
 
-    /// Only folders lead anywhere; files are opened by the door.
+    /// Checks a folder against the bounds. Files need no check here: they are opened by functions
+    /// of [`crate::files`].
     fn hold(&self, entry: &DirEntry) -> io::Result<()> {
+        // The user named the root, so it may be a link.
         if !entry.file_type().is_dir() || entry.depth() == 0 {
             return Ok(());
         }
@@ -128,7 +138,7 @@ impl WalkBounds {
     }
 }
 
-/// The device of a folder; 0, which no device has, where it cannot be read.
+/// The device of a folder; 0, which is no valid device, if it cannot be read.
 fn device_of(entry: &DirEntry) -> u64 {
     entry.metadata().map_or(0, |about| about.dev())
 }

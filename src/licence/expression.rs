@@ -23,8 +23,9 @@ impl LicenceExpression {
     /// Parses an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
     ///
     /// # Errors
-    /// When the text is no expression, names a licence that is neither, or names one that no text in `LICENSES/` can
-    /// stand for: `NOASSERTION`, terms in another document, or an id too long for a file name.
+    /// The text is not an expression; it names a licence that is neither of these; or it names one
+    /// that has no text in `LICENSES/`: `NOASSERTION`, terms in another document, or an id too long
+    /// for a file name.
     pub fn parse(text: &str) -> Result<Self, LicenceError> {
         let refusal = |because: String| LicenceError { text: text.to_owned(), because };
         // SPDX keeps deprecated ids valid, and their texts exist.
@@ -39,6 +40,7 @@ impl LicenceExpression {
                     unfit.map_or(Ok(LicenceTerm::Licence(licence)), |because| Err(refusal(because)))?
                 }
                 ExprNode::Op(operator) => {
+                    // Postfix order: the second operand is on top.
                     let (Some(b), Some(a)) = (stack.pop(), stack.pop()) else {
                         return Err(refusal("an operator lacks an operand".into()));
                     };
@@ -82,6 +84,8 @@ impl LicenceTerm {
         let mut terms = BTreeSet::new();
         for term in [a, b] {
             match (operator, term) {
+                // Operands of the same operator are merged, so that equal expressions have equal
+                // sets.
                 (Operator::And, Self::All(inner)) | (Operator::Or, Self::Any(inner)) => terms.extend(inner),
                 (_, term) => {
                     terms.insert(term);
@@ -99,6 +103,7 @@ impl LicenceTerm {
 
     fn collect_ids(&self, ids: &mut BTreeSet<String>) {
         match self {
+            // An exception has a text of its own, which is shipped too.
             Self::Licence(text) => ids.extend(text.split(" WITH ").map(|id| without_plus(id).to_owned())),
             Self::Any(terms) | Self::All(terms) => terms.iter().for_each(|t| t.collect_ids(ids)),
         }
@@ -113,10 +118,11 @@ impl LicenceTerm {
     }
 }
 
-/// Longest id, in bytes. File systems take names of 255, some encrypted ones of 143, and the text's file adds `.txt`.
+/// Longest id, bytes. File systems accept names of 255 bytes, some encrypted ones of 143, and the
+/// file of the text adds `.txt`.
 const LONGEST: usize = 128;
 
-/// Why the id cannot name the terms of a release; `None` where it can.
+/// Returns the reason why the id cannot name the terms of a release, if there is one.
 fn unfit_because(id: &str) -> Option<String> {
     if id == "NOASSERTION" {
         Some("NOASSERTION states no terms".into())

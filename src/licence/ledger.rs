@@ -223,6 +223,8 @@ pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Ledg
     let url = url.unwrap_or_default().to_lowercase();
     let by_kind = |asset: &&LedgerAsset| asset.role == AssetRole::Source(Some(kind));
     let by_address = |asset: &&LedgerAsset| asset.addresses.iter().any(|address| url.contains(address));
+    // The stated kind decides first: a mirror of one dataset may have an address that mentions
+    // another.
     let sources = || LEDGER.iter().filter(|asset| asset.is_dataset());
     sources().find(by_kind).or_else(|| sources().find(by_address))
 }
@@ -322,7 +324,7 @@ mod tests {
         t(SourceKind::Colmap, Some("https://example.org/lab"), None);
         assert_eq!(find_origin("colmap", Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet")), "mvimgnet");
         assert_eq!(find_origin("colmap", Some("https://jonbarron.info/mipnerf360/")), "colmap");
-        // A program is no dataset.
+        // A program is not a dataset.
         t(SourceKind::Colmap, Some("https://github.com/graphdeco-inria/gaussian-splatting"), None);
         assert_eq!(find_tool("3DGS").map(|asset| asset.name), Some("3D Gaussian Splatting"));
         assert!(find_tool("opensplat").is_none());

@@ -25,6 +25,7 @@ pub fn licence_text(id: &str, holders: &[String]) -> String {
     let listed = || spdx::license_id(id).map(spdx::LicenseId::text);
     let exception = || spdx::exception_id(id).map(spdx::ExceptionId::text);
     match own.or_else(listed).or_else(exception) {
+        // Texts of the SPDX list end in various ways.
         Some(text) => format!("{}\n", text.trim_end()),
         None => of_holders(id, holders),
     }

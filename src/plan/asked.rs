@@ -1,8 +1,8 @@
-//! The versions of other programs, from the last time that they were asked.
+//! Versions of other programs, remembered from the last time they were asked.
 //!
-//! A build asks each program that a recipe names and remembers the answer with the stat fields of the
-//! program and of the folders of its packages. What runs nothing takes the answer from there. It says
-//! that a step may run where a program or one of those folders has moved since.
+//! A build asks each program that a recipe names. It remembers the answer with the stat fields of
+//! the program and of the folders of its packages. Commands that run nothing take the answer from
+//! there. If a program or one of those folders has moved since, they report that a step may run.
 
 use crate::foreign::versions::VersionQuery;
 use crate::programs::ProgramFinder;
@@ -21,6 +21,8 @@ fn name(program: VersionQuery) -> String {
 #[must_use]
 pub fn ask(program: VersionQuery, programs: &ProgramFinder, store: &Store) -> String {
     let version = program.version(programs);
+    // If one of the files cannot be observed, a change could go unnoticed, so nothing is
+    // remembered.
     let sight = |path: &PathBuf| Some((path.clone(), store.sight(path).ok()?));
     let grounds: Option<Vec<(PathBuf, StatSighting)>> = version.grounds.iter().map(sight).collect();
     if let (Some(grounds), Some(path)) = (grounds, program.path(programs)) {
@@ -30,11 +32,13 @@ pub fn ask(program: VersionQuery, programs: &ProgramFinder, store: &Store) -> St
     version.text
 }
 
-/// The version of a program that is known without asking it. That it is absent is always known.
+/// The version of a program, if it is known without asking. It is always known if the program is
+/// absent.
 #[must_use]
 pub fn recall(program: VersionQuery, programs: &ProgramFinder, store: &Store) -> Option<String> {
     let Some(path) = program.path(programs) else { return Some(program.version(programs).text) };
     let recalled = store.recall::<(PathBuf, String)>(&[name(program)], &Digest::of_bytes(TAG)).ok()?;
     let (asked, text) = recalled.into_iter().next().flatten()?;
+    // `PATH` may meanwhile lead to another program of the same name.
     (asked == path).then_some(text)
 }

@@ -1,4 +1,5 @@
-//! Assessment of steps: whether each must run, and why, by comparing its key with the store.
+//! Assessment of steps: compares the key of each step with the store to decide if it must run, and
+//! finds the reason.
 
 use super::{Plan, PlannedStep};
 use crate::recipe::RecipePosition;
@@ -18,7 +19,8 @@ use std::path::PathBuf;
 pub enum StepAction {
     /// It must run: its key has no sound record.
     Run,
-    /// An input will run, or a program is to be asked for its version: if both are as before, this step stays.
+    /// An input will run, or a program must be asked for its version. If both are as before, the
+    /// step stays.
     MayRun,
     /// Up to date.
     Keep,
@@ -35,7 +37,7 @@ pub enum StepReason {
         /// The step that makes the input.
         step: String,
     },
-    /// Its key holds the version of a program, which is not asked before the step may run.
+    /// Its key contains the version of a program, which is not asked before the step may run.
     NotAsked {
         /// Name of the program.
         program: String,
@@ -48,7 +50,7 @@ pub enum StepReason {
         name: String,
         /// Previous digest; empty if there was none.
         old: String,
-        /// Present digest; empty if there is none.
+        /// Present digest; empty if it is absent.
         new: String,
     },
     /// A parameter has changed.
@@ -57,7 +59,7 @@ pub enum StepReason {
         name: String,
         /// Previous value; empty if there was none.
         old: String,
-        /// Present value; empty if there is none.
+        /// Present value; empty if it is absent.
         new: String,
     },
     /// The revision of the stage has changed.
@@ -89,9 +91,9 @@ pub enum StepReason {
 /// A step compared with the store.
 #[derive(Debug, Clone)]
 pub struct StepAssessment {
-    /// What becomes of it.
+    /// The action.
     pub action: StepAction,
-    /// Why.
+    /// The reason for the action.
     pub reason: StepReason,
     /// Its key; `None` while an input or the version of a program may change.
     pub key: Option<Key>,
@@ -111,6 +113,7 @@ impl StepAssessment {
         let mut changes = changed_lines(last, &self.description.lines());
         let is_unknown =
             |c: &DescriptionChange| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
+        // Without a key, an absent input is one that is not known yet, and no difference.
         changes.retain(|c| self.key.is_some() || !is_unknown(c));
         changes
     }
@@ -135,6 +138,7 @@ impl SourceFiles {
         let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &StatSighting)| {
             list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == seen.stat)
         };
+        // Both directions: a file may have been added or removed.
         let moved =
             self.files().find(|now| !is_in(then, now)).or_else(|| then.files().find(|f| !is_in(self, f)));
         moved.map(|(name, ..)| name.to_owned())
@@ -142,6 +146,7 @@ impl SourceFiles {
 
     /// Each file by its name within the source.
     fn files(&self) -> impl Iterator<Item = (&str, &PathBuf, &StatSighting)> {
+        // Folders come first in `seen`, and have no digest.
         let folders = self.seen.len() - self.digests.len();
         let names = self.digests.iter().map(|(role, _)| role.trim_start_matches("file "));
         names.zip(&self.seen[folders..]).map(|(name, (path, seen))| (name, path, seen))
@@ -200,6 +205,7 @@ fn named_place(at: Option<&RecipePosition>) -> String {
 pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<StepAssessment>, PlanError> {
     let mut done: Vec<StepAssessment> = Vec::with_capacity(plan.steps.len());
     for step in &plan.steps {
+        // Inputs come before their consumers, so `done` has them already.
         let waiting = step.step.inputs().into_iter().find(|(_, id)| done[id.0].outputs.is_none());
         let outputs_of = |id: StepId| done[id.0].outputs.clone();
         let waiting =
@@ -214,10 +220,11 @@ pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<StepAssessment>, Pl
     Ok(done)
 }
 
-/// Holds one step against the store, given the outputs of its inputs. The programs in its key have been asked.
+/// Compares one step with the store, given the outputs of its inputs. The programs in its key must
+/// have been asked.
 ///
 /// # Errors
-/// As [`assess_plan`].
+/// The same as [`assess_plan`].
 pub fn step_alone(
     plan: &Plan,
     store: &Store,
@@ -238,7 +245,7 @@ pub fn step_alone(
     Ok(StepAssessment { action, reason, key: Some(key), description, sources, outputs })
 }
 
-/// A step whose key is not known yet: what is known of it already.
+/// Assesses a step whose key is not known yet, from what is known already.
 fn step_behind(
     plan: &Plan,
     store: &Store,
@@ -246,6 +253,8 @@ fn step_behind(
     reason: StepReason,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<StoredOutput>>,
 ) -> Result<StepAssessment, PlanError> {
+    // Read although the key stays unknown: a missing file is reported by the plan, before any step
+    // runs.
     let sources = read_sources(plan, store, step)?;
     Ok(StepAssessment {
         action: StepAction::MayRun,
@@ -292,7 +301,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
         _ => failed(StageError::Io { path: path.clone(), source: e }),
     };
     let mut sources = SourceFiles::default();
-    // Before they are listed: an entry that is added later changes their stat fields.
+    // Observed before they are listed: an entry that is added later changes their stat fields.
     for folder in step.step.source_folders() {
         match store.sight(&folder) {
             Ok(seen) => sources.seen.push((folder, seen)),
@@ -303,6 +312,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     }
     for source in step.step.sources().map_err(failed)? {
         let entry = store.look(&source.path).map_err(|e| unreadable(&source.path, e))?;
+        // The prefix keeps the names of files apart from the roles of made inputs.
         sources.digests.push((format!("file {}", source.name), entry.digest));
         sources.seen.push((source.path, entry.seen));
     }
@@ -330,6 +340,7 @@ fn find_difference(
 ) -> Result<StepReason, StoreError> {
     let last = store.last_key(plan.scene_of(step), &step.name);
     let record = last.map(|key| store.full_record(&key)).transpose()?.flatten();
+    // Lines are ranked, so the first one is the most telling difference.
     let first = record.and_then(|record| changed_lines(&record.description, &now.lines()).into_iter().next());
     Ok(first.map_or(StepReason::NoRecord, DescriptionChange::reason))
 }

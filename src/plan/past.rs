@@ -12,7 +12,7 @@ use crate::store::record::RecordSummary;
 use crate::store::{Store, StoreError};
 use std::collections::BTreeMap;
 
-/// Resources used by a step, or by an average step of its stage.
+/// Resources used by a step, or expected from earlier steps of its stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PastCosts {
     /// Wall time times threads, s.
@@ -35,7 +35,8 @@ impl PastCosts {
 }
 
 /// For each step of a plan, the resources used by the same step of the same scene when it was last
-/// made, or else the mean of its stage over all records. `None` if its stage was never run.
+/// made. Otherwise the mean of its stage over all records, with the maximum for memory. `None` if
+/// its stage was never run.
 ///
 /// # Errors
 /// A record cannot be read.
@@ -49,6 +50,7 @@ pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<PastCosts>>, 
     if own.iter().all(Option::is_some) {
         return Ok(own);
     }
+    // Means take all records of the store, so they are read only if they are needed.
     let means = stage_means(store);
     let of_stage = |stage: &str| means.get(stage).copied();
     let or_mean =
@@ -62,7 +64,7 @@ pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<PastCosts>>, 
 /// # Errors
 /// A record cannot be read.
 pub fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
-    // The steps that would take longest to make again come first.
+    // Steps that would take longest to make again come first.
     let steps = [
         EventsStage::NAME,
         BlurStage::NAME,
@@ -84,7 +86,7 @@ pub fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, Stor
     Ok(None)
 }
 
-/// Means over all records of each stage.
+/// Means over all records of each stage; for memory, the maximum.
 fn stage_means(store: &Store) -> BTreeMap<String, PastCosts> {
     let mut sums: BTreeMap<String, (f64, PastCosts)> = BTreeMap::new();
     for record in store.records() {
@@ -93,6 +95,7 @@ fn stage_means(store: &Store) -> BTreeMap<String, PastCosts> {
         *count += 1.0;
         sum.core_seconds += past.core_seconds;
         sum.bytes += past.bytes;
+        // Memory is a peak: the mean would be too low for many steps of the stage.
         sum.memory = sum.memory.max(past.memory);
     }
     let mean = |(stage, (count, sum)): (String, (f64, PastCosts))| {

@@ -21,7 +21,7 @@ pub struct PlanSurvey {
     pub settled: Vec<SettledScene>,
     /// The steps of the other scenes.
     pub plan: Plan,
-    /// What the lists of scenes that are taken down did.
+    /// The effect of the lists of scenes that are taken down.
     pub taken_down: TakenDown,
 }
 
@@ -66,8 +66,8 @@ impl From<RecipeFaults> for SurveyError {
     }
 }
 
-/// Surveys the recipes in files and folders. `tag` stands for the program and for those of its
-/// options that may change a key: memos with another tag do not count.
+/// Surveys the recipes in files and folders. `tag` identifies the program and those of its options
+/// that may change a key: memos with another tag do not count.
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`], and of takedown lists; or the store cannot
@@ -78,6 +78,7 @@ pub fn survey_recipes(
     store: &Store,
     tag: &Digest,
 ) -> Result<PlanSurvey, SurveyError> {
+    // The slow path below finds the same faults, and reports them in full.
     let Ok(files) = recipe::find_all(paths) else { return plan_all(paths, renderers) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
     let recalled: Vec<Option<SettledScene>> = store.recall(&names, tag)?;
@@ -90,6 +91,8 @@ pub fn survey_recipes(
     let mut settled: Vec<SettledScene> = recalled.into_iter().flatten().collect();
     // A fault of one recipe may be caused by another one, so all of them are read.
     let Ok(recipes) = recipe::read_files(&moved) else { return plan_all(paths, renderers) };
+    // Settled recipes are not parsed, so a clash with one of them is only suspected here. Reading
+    // all recipes decides.
     if may_clash(&settled, &recipes) {
         return plan_all(paths, renderers);
     }
@@ -102,6 +105,7 @@ pub fn survey_recipes(
     };
     let origins: Vec<_> = settled.iter().map(origin).chain(recipes.iter().map(of_recipe)).collect();
     let origins = origins.iter().map(|(scene, (kind, id))| (scene.as_str(), kind.as_str(), id.as_deref()));
+    // Before scenes are removed: entries that removed them would look unmatched.
     let unmatched = takedown.unmatched(origins);
     let all = settled.len();
     let (recipes, TakenDown { scenes: unread, .. }) = takedown.keep(recipes);
@@ -120,14 +124,15 @@ pub fn plan_all(paths: &[PathBuf], renderers: &dyn RendererPolicy) -> Result<Pla
     Ok(PlanSurvey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
 }
 
-/// Returns true if two scenes could claim one folder: the same id twice, or an id inside a trajectory of
-/// another scene.
+/// Returns true if two scenes could claim one folder: the same id twice, or an id inside a
+/// trajectory of another scene.
 fn may_clash(settled: &[SettledScene], recipes: &[Recipe]) -> bool {
     let known =
         settled.iter().map(|s| (s.scene.as_str(), s.trajectories.iter().map(String::as_str).collect()));
     let read =
         recipes.iter().map(|r| (r.scene.as_str(), r.trajectories.iter().map(|t| t.name.as_str()).collect()));
     let scenes: Vec<(&str, Vec<&str>)> = known.chain(read).collect();
+    // Lower case, because some file systems do not distinguish case.
     let ids: BTreeSet<String> = scenes.iter().map(|(id, _)| id.to_lowercase()).collect();
     let claims = |(id, names): &(&str, Vec<&str>)| {
         names.iter().map(|name| format!("{id}/{name}").to_lowercase()).collect::<Vec<_>>()
@@ -148,17 +153,19 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
         let scene = &mut scenes[step.scene];
         match products.get(&id) {
             Some(product) => scene.iter_mut().for_each(|scene| scene.add(&step.name, product)),
+            // One step without a product, and the scene is not up to date.
             None => *scene = None,
         }
     }
     for (recipe, scene) in plan.scenes().iter().zip(scenes) {
         let Some(scene) = scene else { continue };
-        // The installed programs enter the keys, and only planning finds them.
+        // The versions of installed programs are part of the keys, and only planning finds them.
         if recipe.checks.asks_programs() {
             continue;
         }
         store.note_recipe(&recipe.scene, &recipe.merged.to_string());
         let SceneState { steps, mut seen } = scene;
+        // An edit of the recipe or of its defaults must unsettle the scene.
         seen.extend(recipe.seen.iter().cloned());
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();

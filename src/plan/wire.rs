@@ -32,11 +32,14 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
         ExternalToolsStage::for_limits(&recipe.checks, recipe.camera, &|program| renderers.version(program));
     let capture = wiring.add("capture".into(), capture_stage(recipe), ());
     let gaussians = wire_gaussians(recipe).map(|reconstructing| {
+        // An input enters the key. A scene file that is given must not be read again when the
+        // capture changes.
         let trained_on = matches!(reconstructing, ReconstructStage::Command(_)).then_some(capture);
         wiring.add("reconstruct".into(), reconstructing, trained_on)
     });
     let ground = SceneGround { capture, gaussians, backend, omit, asking: asking.as_ref() };
-    // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
+    // Trajectories that others are drawn from come first; otherwise the order of the recipe is
+    // kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
     let mut motions = BTreeMap::new();
     for trajectory in own.into_iter().chain(drawn) {
@@ -49,7 +52,7 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
     }
 }
 
-/// The Gaussians, if a step uses them.
+/// The stage that makes or reads the Gaussians, if a step uses them.
 fn wire_gaussians(recipe: &Recipe) -> Option<ReconstructStage> {
     match (&recipe.reconstruct, &recipe.source) {
         (Some(ReconstructMethod::Given(file)), _) => Some(ReconstructStage::from_file(file)),
@@ -93,7 +96,7 @@ struct SceneGround<'a> {
     gaussians: Option<StepTarget<Gaussians>>,
     backend: &'a Backend,
     omit: OmissionPolicy,
-    /// The other programs that trajectories are held against.
+    /// The other programs that trajectories are compared with.
     asking: Option<&'a ExternalToolsStage>,
 }
 
@@ -109,6 +112,7 @@ fn wire_trajectory(
     let SceneGround { capture, gaussians, backend, omit, asking } = ground;
     let backend = || backend.clone();
     let name = |step: &str| format!("{}/{step}", trajectory.name);
+    // Only a speed in image flow needs renderings to make the trajectory.
     let seeing = matches!(trajectory.speed, SpeedChoice::Flow(_)).then(|| ViewingSetup {
         camera: recipe.camera,
         render: recipe.render,
@@ -122,9 +126,12 @@ fn wire_trajectory(
         rate: recipe.rate,
         seeing,
     };
+    // Inputs that the path does not use stay out of the key, so a change of them makes no new
+    // trajectory.
     let captured = (sees || trajectory.path.needs_views()).then_some(capture);
     let motion = wiring.add(name("trajectory"), moving, (captured, base, gaussians.filter(|_| sees)));
     let events = recipe.outputs.contains(&OutputKind::Events).then(|| {
+        // From names alone: a trajectory that is added changes no other one.
         let seed = Seed::for_stream(recipe.seed, &recipe.scene, &trajectory.name, StreamPurpose::Sensor);
         let simulating = EventsStage {
             omit,
@@ -142,7 +149,7 @@ fn wire_trajectory(
     motion
 }
 
-/// The requested steps that render the pictures of a release. Other steps read the sharp ones.
+/// Adds the requested steps that render the pictures of a release. Other steps read the sharp ones.
 fn wire_pictures(
     recipe: &Recipe,
     trajectory: &str,
@@ -157,7 +164,7 @@ fn wire_pictures(
     let inputs = || (capture, gaussians.expect(RENDERED), motion);
     let asks = |output: OutputKind| recipe.outputs.contains(&output);
     let sharp = asks(OutputKind::Sharp).then(|| {
-        // If every frame is kept, those in the middle of exposures are.
+        // If every frame is kept, the middle frames of exposures are among them.
         let exposed = (asks(OutputKind::Blur) && recipe.every.sharp > 1).then_some(recipe.shutter.frames);
         let sharp = SharpStage { shot: shot(), every: recipe.every.sharp, exposed };
         wiring.add(name("sharp"), sharp, inputs())

@@ -1,23 +1,23 @@
-//! The file with what a program prints: the command first, then all of its output.
+//! Log files of programs: the command first, then all output.
 
 use crate::files;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Lines that a message shows of a program that failed.
+/// Lines that a message shows of a failed program.
 const LAST_LINES: usize = 20;
-/// Bytes that are read for them.
+/// Bytes that are read for these lines.
 const LAST_BYTES: u64 = 1 << 14;
-/// Bytes in which a version must stand.
+/// Bytes at the start of the output in which a version is looked for.
 const MAX_VERSION_BYTES: u64 = 1 << 20;
 
-/// Length of the log, bytes; 0 if there is none.
+/// Length of the log, bytes; 0 if it does not exist.
 #[must_use]
 pub fn length(log: &Path) -> u64 {
     std::fs::metadata(log).map_or(0, |about| about.len())
 }
 
-/// At most `limit` bytes of the log, from byte `from`.
+/// At most `limit` bytes of the log, from byte `from` on.
 fn said(log: &Path, from: u64, limit: u64) -> String {
     let open = || {
         let mut file = files::open(log)?;
@@ -27,20 +27,20 @@ fn said(log: &Path, from: u64, limit: u64) -> String {
     open().map(|file| read_text(file, limit)).unwrap_or_default()
 }
 
-/// At most `limit` bytes of what a program prints.
+/// At most `limit` bytes of the output of a program.
 pub(super) fn read_text(from: impl Read, limit: u64) -> String {
     let mut bytes = Vec::new();
-    // What was read before an error is worth showing.
+    // Text that was read before an error is still worth showing.
     let _ = from.take(limit).read_to_end(&mut bytes);
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Returns true if the output of the command that begins at byte `from` holds this version and not only
-/// a longer one.
+/// Returns true if the output of the command that begins at byte `from` contains this version, and
+/// not only a longer one.
 #[must_use]
 pub fn says(log: &Path, from: u64, version: &str) -> bool {
     let text = said(log, from, MAX_VERSION_BYTES);
-    // The first line is the command, which may hold anything.
+    // The first line is the command, which may contain the version itself.
     text.split_once('\n').is_some_and(|(_, said)| holds(said, version))
 }
 
@@ -49,6 +49,8 @@ fn holds(said: &str, version: &str) -> bool {
     said.match_indices(version).any(|(at, _)| {
         let (before, after) = (&said[..at], &said[at + version.len()..]);
         let mut before = before.chars().rev();
+        // A dot belongs to a version number only with a digit on its other side: it may end a
+        // sentence.
         let goes_before = match before.next() {
             Some('.') => digit(before.next()),
             c => digit(c),
@@ -62,10 +64,11 @@ fn holds(said: &str, version: &str) -> bool {
     })
 }
 
-/// The last lines of the log after byte `from`. Of a line that was written over, as progress is, the
-/// last writing counts.
+/// The last lines of the log after byte `from`. In a line that was overwritten, like a progress
+/// bar, the last text counts.
 #[must_use]
 pub fn last_lines(log: &Path, from: u64) -> Vec<String> {
+    // A log may be large, and its end is enough for a message.
     let from = from.max(length(log).saturating_sub(LAST_BYTES));
     let text = said(log, from, LAST_BYTES);
     let shown = |line: &str| {

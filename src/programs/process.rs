@@ -1,4 +1,4 @@
-//! A program run to its end: supervised, without input, and with all that it prints in a file.
+//! Execution of a program to its end: supervised, without input, and with all output in a file.
 
 use super::quoted::quoted;
 use super::report::ProgramReport;
@@ -15,21 +15,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// What is started.
+/// A command to run.
 #[derive(Debug, Clone)]
 pub struct ProgramCall {
     /// A name, or an absolute path.
     pub program: PathBuf,
-    /// What it is started with.
+    /// Its arguments.
     pub arguments: Vec<OsString>,
-    /// Variables added to those that this program was started with.
+    /// Variables added to the environment of this program.
     pub environment: BTreeMap<String, String>,
-    /// Absolute path of the folder in which it works.
+    /// Absolute path of its working folder.
     pub folder: PathBuf,
 }
 
 impl ProgramCall {
-    /// The command as a person may type it.
+    /// The command as a user may type it.
     #[must_use]
     pub fn to_text(&self) -> String {
         let assigned = self.environment.iter().map(|(name, value)| PathBuf::from(format!("{name}={value}")));
@@ -39,23 +39,23 @@ impl ProgramCall {
     }
 }
 
-/// A program that did not do what it was for.
+/// Failure of a program.
 #[derive(Debug, thiserror::Error)]
 #[error("run {program}: {how}")]
 pub struct ProgramFailure {
     /// Its name.
     pub program: String,
-    /// The command as it was run.
+    /// The command that was run.
     pub command: String,
-    /// What happened.
+    /// Kind of failure.
     pub how: EndKind,
     /// The last lines that it printed.
     pub last: Vec<String>,
-    /// The file with all that it printed.
+    /// The file with all its output.
     pub log: PathBuf,
 }
 
-/// What happened to a program.
+/// Reason why a program failed.
 #[derive(Debug, thiserror::Error)]
 pub enum EndKind {
     /// It did not start.
@@ -70,7 +70,7 @@ pub enum EndKind {
     /// A signal ended it.
     #[error("signal {0} ended it")]
     Signal(i32),
-    /// It has another version than the recipe says.
+    /// Its version is not the one in the recipe.
     #[error("it does not say that it is version {0}")]
     Version(String),
     /// It took too long, and was stopped.
@@ -81,25 +81,25 @@ pub enum EndKind {
     Product(String),
 }
 
-/// Why a program did not come to a good end.
+/// Reason why a program did not complete.
 #[derive(Debug)]
 pub enum ProgramEnd {
-    /// The caller asked it to stop, and it has.
+    /// The caller asked it to stop, and it stopped.
     Stopped,
     /// It failed.
     Failed(EndKind),
 }
 
-/// Time between two looks at a program.
+/// Time between two checks on a program.
 const LOOK: Duration = Duration::from_millis(20);
-/// Looks until a program that was asked to end is killed: 5 s.
+/// Number of checks before a program that was asked to end is killed: 5 s.
 const LOOKS_TO_END: u32 = 250;
 
-/// Runs a program to its end, or until `goes_on` says no or `seconds` have passed. What it prints is
-/// appended to the file `log`.
+/// Runs a program to its end, or until `goes_on` returns false or `seconds` have passed. Its output
+/// is appended to the file `log`.
 ///
 /// # Errors
-/// When it fails or is stopped.
+/// The program fails or is stopped.
 pub fn run_within(
     seconds: u32,
     programs: &ProgramFinder,
@@ -110,13 +110,13 @@ pub fn run_within(
     within(seconds, goes_on, |goes_on| run(programs, invocation, log, goes_on))
 }
 
-/// Has `run` stop after `seconds`.
+/// Calls `run` with a condition that also ends after `seconds`.
 pub(super) fn within(
     seconds: u32,
     goes_on: &dyn Fn() -> bool,
     run: impl FnOnce(&dyn Fn() -> bool) -> Result<(), ProgramEnd>,
 ) -> Result<(), ProgramEnd> {
-    // Counted in looks, so that no clock is read: a machine that was asleep has not spent them.
+    // Counted in checks instead of clock time: time in which the machine sleeps does not count.
     let most = u64::from(seconds) * 1000 / u64::from(LOOK.subsec_millis());
     let looks = Cell::new(0);
     let ended = run(&|| {
@@ -129,10 +129,11 @@ pub(super) fn within(
     }
 }
 
-/// Runs a program to its end, or until `goes_on` says no. What it prints is appended to the file `log`.
+/// Runs a program to its end, or until `goes_on` returns false. Its output is appended to the file
+/// `log`.
 ///
 /// # Errors
-/// When it fails or is stopped.
+/// The program fails or is stopped.
 pub fn run(
     programs: &ProgramFinder,
     invocation: &ProgramCall,
@@ -140,6 +141,7 @@ pub fn run(
     goes_on: &dyn Fn() -> bool,
 ) -> Result<(), ProgramEnd> {
     let open = || {
+        // Appended: several commands of one step share a log.
         let mut log = File::options().create(true).append(true).open(log)?;
         writeln!(log, "$ {}", invocation.to_text())?;
         Ok(log)
@@ -170,10 +172,10 @@ pub(super) fn run_into(
     }
 }
 
-/// A program with its supervisor. Dropping it kills the program with all that it started.
+/// A program with its supervisor. Dropping it kills the program and all processes that it started.
 struct SupervisedChild {
     supervisor: Child,
-    /// `None` once it is closed.
+    /// `None` once the socket is closed.
     line: Option<UnixStream>,
 }
 
@@ -184,26 +186,27 @@ impl SupervisedChild {
         let held = programs.held.as_ref().map(|file| file.try_clone()).transpose()?;
         let mut command = Command::new(&programs.supervisor);
         command.arg(SUPERVISE).arg(program).args(&invocation.arguments);
+        // Programs that this one starts are looked for in the same folders.
         match programs.path() {
             Some(path) => command.env("PATH", path),
             None => command.env_remove("PATH"),
         };
-        // Shells trust PWD where it names the folder that they are in, and version managers trust it
-        // always.
+        // Shells trust PWD if it names their current folder, and version managers always trust it.
         command.env("PWD", &invocation.folder).envs(&invocation.environment);
         command
             .current_dir(&invocation.folder)
             .stdin(OwnedFd::from(theirs))
             .stdout(held.map_or_else(Stdio::null, Stdio::from))
             .stderr(output)
-            // A signal that the terminal sends to our group is ours to handle.
+            // The terminal sends signals to the whole group. This program handles them alone.
             .process_group(0);
         Ok(Self { supervisor: command.spawn()?, line: Some(ours) })
     }
 
-    /// Lets the program end by itself, for a while.
+    /// Asks the program to end, and waits a limited time for it.
     fn ask_to_end(&mut self) {
         let asked = self.line.as_mut().is_some_and(|line| line.write_all(b"t").is_ok());
+        // A failed write means that the supervisor has ended.
         for _ in 0..if asked { LOOKS_TO_END } else { 0 } {
             if !matches!(self.supervisor.try_wait(), Ok(None)) {
                 break;
@@ -212,8 +215,9 @@ impl SupervisedChild {
         }
     }
 
-    /// How the program ended, after its supervisor has.
+    /// The result of the program, after its supervisor has ended.
     fn outcome(&mut self) -> Result<(), EndKind> {
+        // The supervisor has ended, so this reads to the end of the socket without waiting.
         let mut text = String::new();
         if let Some(line) = &mut self.line {
             line.read_to_string(&mut text).map_err(EndKind::Lost)?;
@@ -232,9 +236,10 @@ impl SupervisedChild {
 
 impl Drop for SupervisedChild {
     fn drop(&mut self) {
+        // Closing the socket makes the supervisor kill the program.
         self.line = None;
-        // Its folder may be deleted next, so its end is waited for. One that cannot be waited for has
-        // ended.
+        // The next action may delete the program's folder, so the end is awaited. If waiting fails,
+        // the supervisor has ended already.
         let _ = self.supervisor.wait();
     }
 }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-/// Words as a person may paste them into a shell: quoted where a shell would read something else, with
-/// control and invisible characters written as escapes.
+/// Words in a form that can be pasted into a shell: quoted where a shell would read something else,
+/// with control and invisible characters written as escapes.
 #[must_use]
 pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
     words.into_iter().map(|word| quoted_word(&word.to_string_lossy())).collect::<Vec<_>>().join(" ")
@@ -11,13 +11,15 @@ pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
 
 fn quoted_word(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%{}".contains(c);
-    // Braces that hold a comma or dots would be more than one word.
+    // A shell expands braces that contain a comma or dots to several words.
     if !word.is_empty() && word.chars().all(is_plain) && !(word.contains('{') && word.contains([',', '.'])) {
         return word.to_owned();
     }
     let mut quoted = String::from("'");
     for c in word.chars() {
         match c {
+            // Nothing can be escaped inside single quotes: close them, write the quote, open them
+            // again.
             '\'' => quoted.push_str("'\\''"),
             c if hides(c) => quoted.extend(c.escape_unicode()),
             c => quoted.push(c),
@@ -26,7 +28,8 @@ fn quoted_word(word: &str) -> String {
     quoted + "'"
 }
 
-/// Control characters, and those that turn the direction of writing around or take no room.
+/// Returns true for control characters, and for characters that reverse the direction of writing or
+/// have no width.
 fn hides(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{ad}' | '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')

@@ -1,9 +1,9 @@
-//! How a program ended, as its supervisor writes it: one line of text.
+//! Report of a supervisor on the end of its program: one line of text.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// How a supervised program ended.
+/// End of a supervised program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProgramReport {
     /// It ended with this exit code.
@@ -24,7 +24,8 @@ impl fmt::Display for ProgramReport {
     }
 }
 
-/// The text is no report, as that of a supervisor which was killed while it wrote.
+/// The text is not a report. It is incomplete, for example, if the supervisor was killed while it
+/// wrote.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("it ended without a report")]
 pub struct NoReport;
@@ -33,6 +34,7 @@ impl FromStr for ProgramReport {
     type Err = NoReport;
 
     fn from_str(text: &str) -> Result<Self, NoReport> {
+        // A line without its end may be cut: `code 1` could be the start of `code 137`.
         let (kind, number) = text.strip_suffix('\n').and_then(|line| line.split_once(' ')).ok_or(NoReport)?;
         let number = number.parse().map_err(|_| NoReport)?;
         match kind {

@@ -1,4 +1,4 @@
-//! What was built, gathered from the store for a release.
+//! Products of a build, gathered from the store for a release.
 
 use super::left_out::{self, OmissionRow};
 use super::published;
@@ -26,7 +26,7 @@ use std::path::PathBuf;
 pub(super) struct BuiltScene<'a> {
     pub(super) recipe: &'a Recipe,
     pub(super) capture: Capture,
-    /// There where something is rendered.
+    /// Present if something is rendered.
     pub(super) gaussians: Option<SceneSummary>,
     pub(super) licence: ComposedTerms,
     pub(super) photographed: Option<PhotoFindings>,
@@ -34,15 +34,15 @@ pub(super) struct BuiltScene<'a> {
     pub(super) steps: Vec<BuiltStep>,
 }
 
-/// What was found out about a scene by its photos and its capture.
+/// Findings on a scene from its photos and its capture.
 #[derive(Debug)]
 pub(super) struct PhotoFindings {
-    /// Where there is a scene.
+    /// Present if there is a scene to compare the photos with.
     pub(super) fidelity: Option<PhotoFidelity>,
     pub(super) findings: Vec<Finding>,
 }
 
-/// What is told of the Gaussians.
+/// Summary of the Gaussians.
 #[derive(Debug)]
 pub(super) struct SceneSummary {
     pub(super) path: PathBuf,
@@ -75,7 +75,7 @@ impl BuiltTrajectory {
     }
 }
 
-/// A step's record, for the manifest.
+/// The record of a step, for the manifest.
 #[derive(Debug)]
 pub(super) struct BuiltStep {
     pub(super) name: String,
@@ -85,7 +85,7 @@ pub(super) struct BuiltStep {
     pub(super) outputs: Vec<StoredOutput>,
 }
 
-/// Why something built cannot be gathered.
+/// Reason why something built cannot be gathered.
 #[derive(Debug, thiserror::Error)]
 pub enum GatherError {
     /// A step of the scene was not made.
@@ -103,7 +103,7 @@ pub enum GatherError {
         scene: String,
         /// Step name.
         step: String,
-        /// Why.
+        /// Reason.
         because: String,
     },
 }
@@ -127,9 +127,10 @@ impl BuiltProducts<'_> {
         A::open(&ArtifactFiles::from_outputs(outputs, self.store)).map_err(|e| self.unreadable(name, &e))
     }
 
-    /// What the steps of a trajectory left out.
+    /// Work that the steps of a trajectory left out.
     fn left_out(&self, trajectory: &str) -> Result<Vec<OmissionRow>, GatherError> {
         let own =
+            // The `/` keeps `base` from claiming the steps of `base-2`.
             |step: &&BuiltStep| step.name.strip_prefix(trajectory).is_some_and(|rest| rest.starts_with('/'));
         let mut rows = Vec::new();
         for step in self.steps.iter().filter(own) {
@@ -220,19 +221,19 @@ fn gather_trajectory(shelf: &BuiltProducts<'_>, name: &str) -> Result<BuiltTraje
 }
 
 impl BuiltScene<'_> {
-    /// What the checks of the scene and of its trajectories found.
+    /// The findings of all checks of the scene and of its trajectories.
     pub(super) fn findings(&self) -> impl Iterator<Item = &Finding> {
         let own = self.photographed.iter().flat_map(|photographed| &photographed.findings);
         own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
     }
 
-    /// The outputs of a step of a trajectory; none of a step that it does not have.
+    /// The outputs of a step of a trajectory; empty if there is no step of that name.
     pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
         let name = format!("{trajectory}/{step}");
         self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }
 
-    /// The camera that was rendered.
+    /// The camera that was used for rendering.
     pub(super) fn camera(&self) -> Camera {
         let own = self.capture.camera().map(|(own, _)| own);
         camera::choose_camera(self.recipe.camera, own.as_ref())

@@ -1,5 +1,5 @@
-//! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
-//! number in it is computed.
+//! `README.md` of a release, the dataset card: contents, use, making and terms. Every number in it
+//! is computed.
 
 use super::facts::{FileCounts, ReleaseFacts, breaks_line, plain_text};
 use super::published::PublishedScene;
@@ -42,11 +42,11 @@ fn built_trajectories(scenes: &[PublishedScene]) -> impl Iterator<Item = (&Publi
     scenes.iter().flat_map(|scene| scene.file.trajectories.iter().map(move |part| (scene, part)))
 }
 
-/// The card's head, as dataset hubs read it.
+/// Front matter of the card, in the form that dataset hubs read.
 fn card_head(facts: &ReleaseFacts<'_>) -> String {
     let (info, licence) = (facts.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
-    // A hub knows few licences by name; an expression is told as another licence with a link.
+    // Hubs know few licences by name. An expression is given as another licence with a link.
     let _ = writeln!(
         text,
         "license: other\nlicense_name: {}\nlicense_link: LICENSES",
@@ -54,6 +54,7 @@ fn card_head(facts: &ReleaseFacts<'_>) -> String {
     );
     let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
     let rows = facts.counts().trajectories;
+    // The names that dataset hubs know.
     let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
     let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
     let _ = writeln!(text, "size_categories: [{}]", quoted(size));
@@ -66,7 +67,8 @@ fn card_head(facts: &ReleaseFacts<'_>) -> String {
     text
 }
 
-/// What receivers are asked before they get anything, as hubs read it: who they are, and each obligation of the terms.
+/// Questions to receivers before they get access, in the form that hubs read: name and affiliation,
+/// and a promise for each obligation of the terms.
 fn gate_prompt(facts: &ReleaseFacts<'_>) -> String {
     let mut text = String::from(
         "extra_gated_heading: \"Terms of the upstream datasets\"\n\
@@ -112,7 +114,7 @@ fn card_introduction(facts: &ReleaseFacts<'_>) -> String {
     text
 }
 
-/// How many scenes are in which split; empty where there are none.
+/// Number of scenes in each split; empty if there are no splits.
 fn splits_section(facts: &ReleaseFacts<'_>) -> String {
     let Some(rule) = &facts.info.splits else { return String::new() };
     let by = match rule.by {
@@ -128,7 +130,7 @@ fn splits_section(facts: &ReleaseFacts<'_>) -> String {
     )
 }
 
-/// Whom to ask.
+/// Contact for requests to remove a scene.
 fn removal_section(info: &ReleaseInfo) -> String {
     let whom = match &info.contact {
         Some(contact) => format!("Write to {}", plain_text(contact)),
@@ -191,14 +193,15 @@ source's own unit. Polarity 1 is brighter, 0 is darker. Brightness is display-en
 0.299 R + 0.587 G + 0.114 B, on the grey scale 0..255.
 ";
 
-/// What labels mean, where a stream has them.
+/// Meaning of labels, for streams that have them.
 const LABELS: &str = "\
 `events/label`, where a stream has it, is 1 for signal and 0 for noise, which brightness did not make: events of hot \
 pixels and shot noise, and those of whose threshold brightness has gone less than half, in the event's direction, since \
 the pixel's event before.
 ";
 
-/// How numbers are to be read, and which sensors see another brightness than most.
+/// Conventions for reading the numbers, and the sensors that see another brightness than the
+/// others.
 fn conventions_section(scenes: &[PublishedScene]) -> String {
     let mut text = CONVENTIONS.to_owned();
     let streams = built_trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
@@ -225,7 +228,7 @@ fn conventions_section(scenes: &[PublishedScene]) -> String {
     text
 }
 
-/// How the paths of a kind are made.
+/// Ways in which paths of each kind are made.
 const PATHS: [(&str, &str); 4] = [
     ("refine", "captured poses, smoothed"),
     ("novel", "key poses drawn from another trajectory, joined by a curve"),
@@ -258,7 +261,7 @@ fn making_section(scenes: &[PublishedScene]) -> String {
     text
 }
 
-/// How a sensor takes brightness between poses.
+/// Interpolation of brightness between poses by a sensor.
 fn between_words(sensor: &SensorChoice) -> &'static str {
     match sensor.between() {
         BetweenFrames::Linear => "linear",
@@ -267,7 +270,7 @@ fn between_words(sensor: &SensorChoice) -> &'static str {
     }
 }
 
-/// A row for each stream, and one where there is none.
+/// One row per stream, or one row for a trajectory without a stream.
 fn stream_rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
     let camera = &scene.file.camera;
     let size = Size { width: camera.width, height: camera.height };
@@ -327,13 +330,13 @@ fn checks_section(scenes: &[PublishedScene]) -> String {
     text
 }
 
-/// Where the findings on photos are.
+/// Place of the findings on photos.
 const PHOTOGRAPHED: &str = "
 `<scene>/checks.json` has those on the capture of a scene that photos were taken of, and on what the scene renders where \
 they were taken.
 ";
 
-/// What the data are not.
+/// Limits of the data.
 pub(super) const LIMITS: &str = "\
 Scenes are static and seen by a moving camera. The splats' own artefacts (floaters, popping where depth order changes, \
 a floor of alpha at 1/255) are part of the brightness that the sensor sees, and so of the events. Brightness beyond the \
@@ -368,24 +371,25 @@ fn licences_section(facts: &ReleaseFacts<'_>) -> String {
     if !ledger.is_empty() {
         let trained = if facts.trained().is_some() { TRAINED } else { "" };
         let _ = writeln!(text, "\n{PROGRAMS}{trained}\n\n{ledger}");
+        // The ledger ends its last line itself, so there is an empty line too many.
         text.truncate(text.trim_end().len());
         text.push('\n');
     }
     text
 }
 
-/// What the table of terms is.
+/// Introduction of the table of terms.
 const PROGRAMS: &str =
     "What is known of the terms. Those of datasets bind; those of programs bind no scene by themselves.";
 
-/// What it leaves open where scenes were trained.
+/// Open question of the table of terms, if scenes were trained.
 const TRAINED: &str = " Whether the licence of 3D Gaussian Splatting reaches what is rendered from scenes that were \
     trained with it is not said by its text.";
 
 fn citation_section(info: &ReleaseInfo) -> String {
     let mut text = String::from("## Citation\n\n");
     if !info.cite_as.is_empty() {
-        // As code: nothing in it is markup.
+        // As code, so that nothing in it is markup.
         for line in info.cite_as.trim_end().replace("\r\n", "\n").split(breaks_line) {
             let _ = writeln!(text, "    {}", escape::line(&line.trim_end().replace('\t', "    ")));
         }

@@ -1,5 +1,6 @@
-//! `SHA256SUMS` and `B3SUMS`: every file of the tree, in the form that `sha256sum --strict -c` and `b3sum --check` read.
-//! The second lists neither itself nor the first; the first lists all but itself, the second among it.
+//! `SHA256SUMS` and `B3SUMS`: checksums of every file of the tree, in the form that
+//! `sha256sum --strict -c` and `b3sum --check` read. `B3SUMS` lists neither itself nor
+//! `SHA256SUMS`. `SHA256SUMS` lists every file except itself, including `B3SUMS`.
 
 use crate::files;
 use crate::store::Digest;
@@ -14,7 +15,7 @@ pub(super) const NAME: &str = "SHA256SUMS";
 /// Name of the file of BLAKE3 sums.
 pub(super) const B3_NAME: &str = "B3SUMS";
 
-/// Lower-case hexadecimal.
+/// Bytes as lower-case hexadecimal digits.
 fn hex_digits(bytes: &[u8]) -> String {
     bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
         write!(text, "{byte:02x}").expect("a String takes any text");
@@ -22,7 +23,7 @@ fn hex_digits(bytes: &[u8]) -> String {
     })
 }
 
-/// SHA-256 of some bytes, hexadecimal.
+/// SHA-256 of bytes, hexadecimal.
 pub(super) fn sha256_hex(bytes: &[u8]) -> String {
     hex_digits(&Sha256::digest(bytes))
 }
@@ -32,7 +33,7 @@ pub(super) fn sha256_of_file(path: &Path) -> io::Result<String> {
     hash_file(path).map(|hashes| hashes.sha256)
 }
 
-/// Both hashes of a file.
+/// Both hashes of a file, and its size.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct FileHashes {
     pub(super) sha256: String,
@@ -41,16 +42,18 @@ pub(super) struct FileHashes {
 }
 
 impl FileHashes {
-    /// Both hashes of some bytes.
+    /// Hashes bytes in memory.
     pub(super) fn of_bytes(bytes: &[u8]) -> Self {
         Self { sha256: sha256_hex(bytes), blake3: Digest::of_bytes(bytes), size: bytes.len() as u64 }
     }
 }
 
-/// Both hashes of a file, in one pass over its bytes.
+/// Hashes a file, in one pass over its bytes.
 pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
+    // A release contains no links, so one in its place is not followed.
     let mut file = files::open_with(path, files::LinkRule::Refuse)?;
     let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
+    // A fixed buffer: event files can be larger than the memory.
     let mut piece = vec![0; 1 << 16];
     let mut size = 0;
     loop {
@@ -66,9 +69,10 @@ pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
     Ok(FileHashes { sha256: hex_digits(&sha256.finalize()), blake3, size })
 }
 
-/// The text of either file, from paths and sums sorted by path.
+/// The text of either file. The sums must be sorted by path.
 pub(super) fn sums_text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
     sums.fold(String::new(), |mut text, (path, sum)| {
+        // Two spaces, as `sha256sum` and `b3sum` write them.
         writeln!(text, "{sum}  {path}").expect("a String takes any text");
         text
     })

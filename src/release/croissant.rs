@@ -1,6 +1,9 @@
-//! `croissant.json`: the release as catalogues and search engines read it, in Croissant 1.1 (MLCommons; context and terms
-//! as its reader `mlcroissant` expects them) with the fields of its vocabulary for responsible AI that submissions of data
-//! sets are asked for. Whatever can be computed is; the rest is `release.yaml`'s, or true of every release.
+//! `croissant.json`: the release as catalogues and search engines read it.
+//!
+//! The format is Croissant 1.1 (MLCommons), with context and terms as its reader `mlcroissant`
+//! expects them, and with the fields of its vocabulary for responsible AI that dataset submissions
+//! must have. Everything that can be computed is computed. The rest comes from `release.yaml`, or
+//! is true of every release.
 
 mod glob;
 mod records;
@@ -23,7 +26,8 @@ pub(super) const NAME: &str = "croissant.json";
 /// The version of Croissant.
 pub(super) const CONFORMS_TO: &str = "http://mlcommons.org/croissant/1.1";
 
-/// Fields that the file must have, with a value in each: Croissant's own, and what submissions of data sets are asked for.
+/// Required fields, each with a value: those of Croissant, and those that dataset submissions must
+/// have.
 pub(super) const REQUIRED: [&str; 18] = [
     "@context",
     "name",
@@ -45,7 +49,7 @@ pub(super) const REQUIRED: [&str; 18] = [
     "recordSet",
 ];
 
-/// The fields for responsible AI that are written; others are none of this format.
+/// The fields for responsible AI that are written. Others are not part of this format.
 pub(super) const RESPONSIBLE: [&str; 7] = [
     "rai:dataCollection",
     "rai:dataLimitations",
@@ -56,20 +60,21 @@ pub(super) const RESPONSIBLE: [&str; 7] = [
     SYNTHETIC,
 ];
 
-/// True if data are synthetic; they always are.
+/// Name of the field that marks synthetic data. Releases always contain synthetic data.
 pub(super) const SYNTHETIC: &str = "rai:hasSyntheticData";
 
 /// Id of the release folder.
 pub(super) const ROOT: &str = "root";
 
-/// What stands for a checksum of the release folder: `mlcroissant` takes a local folder as a repository does, by a media
-/// type of its own and this address.
+/// Replacement for a checksum of the release folder. `mlcroissant` reads a local folder like a
+/// repository, marked by a media type of its own and this address.
 const ROOT_SUM: &str = "https://github.com/mlcommons/croissant/issues/80";
 
 /// Id of the set of all `scene.json`.
 const SCENE_FILES: &str = "scene-files";
 
-/// Sets of files: id, media type, which, and what they are. A release has those that are not empty.
+/// Sets of files: id, media type, pattern, and description. A release lists the sets that are not
+/// empty.
 const FILE_SETS: [(&str, &str, &str, &str); 12] = [
     ("event-files", HDF5, "**/events.h5", "events of a trajectory, in DSEC's layout"),
     ("sensor-event-files", HDF5, "**/events/*.h5", "events of one of several sensors, in DSEC's layout"),
@@ -99,11 +104,11 @@ const HDF5: &str = "application/x-hdf5";
 const NPY: &str = "application/x-npy";
 const JSON: &str = "application/json";
 
-/// What is described.
+/// Input of the file.
 #[derive(Debug)]
 pub(super) struct DescribedRelease<'a> {
     pub(super) info: &'a ReleaseInfo,
-    /// SPDX expression of the whole.
+    /// SPDX expression of the whole release.
     pub(super) licence: &'a str,
     pub(super) scenes: &'a [&'a SceneRecord],
     /// Paths of the files of all scenes.
@@ -136,7 +141,8 @@ fn record_sets(splits: Option<&SplitPlan>) -> Vec<Value> {
     sets.into_iter().chain(splits.map(records::split_records)).collect()
 }
 
-/// A licence of the SPDX list by its address, as Croissant recommends; another expression as it stands.
+/// Address of a licence in the SPDX list, as Croissant recommends. Other expressions are returned
+/// unchanged.
 pub(super) fn licence_address(expression: &str) -> String {
     if crate::licence::is_listed(expression) {
         format!("https://spdx.org/licenses/{expression}.html")
@@ -159,7 +165,7 @@ pub(super) const BIASES: &str = "Scenes do not move, and are seen by one moving 
 const IMPACT: &str = "None is known beyond that of its sources and of methods trained on it. Licences of the sources \
     bind who receives it: see licence and gated in index.parquet.";
 
-/// The texts of [`RESPONSIBLE`], in its order.
+/// The texts of [`RESPONSIBLE`], in the same order.
 fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
     let made_up = |scene: &&SceneRecord| scene.source.kind == SourceKind::Procedural.name();
     let personal = personal_words(scenes.iter().all(made_up));
@@ -174,7 +180,7 @@ fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
     ]
 }
 
-/// What is known of persons in scenes that are all made up, or not.
+/// Statement on persons in the scenes, which are all procedural or not.
 pub(super) fn personal_words(made_up: bool) -> &'static str {
     if made_up {
         "None: its scenes are made up by the program."
@@ -183,7 +189,7 @@ pub(super) fn personal_words(made_up: bool) -> &'static str {
     }
 }
 
-/// What the scenes were derived from: each upstream dataset, else each kind of source, once.
+/// The sources of the scenes: each upstream dataset, or else each kind of source, once.
 fn source_entries(scenes: &[&SceneRecord]) -> Vec<Value> {
     let named: BTreeSet<(&str, Option<&str>, Option<&str>)> = scenes
         .iter()
@@ -223,12 +229,12 @@ fn distribution_entries(of: &DescribedRelease<'_>) -> Vec<Value> {
     nodes
 }
 
-/// A length in Croissant's form.
+/// A length in the form that Croissant uses.
 pub(super) fn content_size(bytes: u64) -> String {
     format!("{bytes} B")
 }
 
-/// Terms of Croissant that stand without its prefix.
+/// Terms of Croissant that are written without its prefix.
 const TERMS: [&str; 26] = [
     "citeAs",
     "column",
@@ -258,7 +264,7 @@ const TERMS: [&str; 26] = [
     "transform",
 ];
 
-/// The JSON-LD context; `mlcroissant` warns of any other.
+/// The JSON-LD context. `mlcroissant` warns of any other one.
 fn json_context() -> Value {
     let mut context = json!({
         "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",

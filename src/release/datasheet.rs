@@ -1,5 +1,6 @@
-//! `DATASHEET.md`: the questions of "Datasheets for Datasets" (Gebru et al., Communications of the ACM 64(12), 2021), in
-//! their order, answered from what the release knows. What it does not know it says; nothing is made up.
+//! `DATASHEET.md`: the questions of "Datasheets for Datasets" (Gebru et al., Communications of the
+//! ACM 64(12), 2021), in their order, answered from facts about the release. Unknown facts are
+//! called unknown; nothing is made up.
 
 mod answers;
 
@@ -10,10 +11,10 @@ use std::fmt::Write as _;
 /// Name of the file.
 pub(super) const NAME: &str = "DATASHEET.md";
 
-/// What the publisher could say and did not.
+/// Answer to questions that the publisher could answer and did not.
 const UNSTATED: &str = "Not stated by the publisher.";
 
-/// What nobody here knows.
+/// Answer to questions that cannot be answered.
 const UNKNOWN: &str = "Not known.";
 
 /// A question with its answer.

@@ -1,7 +1,8 @@
-//! What differs between two releases, and why.
+//! Differences between two releases, and their reasons.
 //!
-//! Told from the claims of the trees alone: `manifest.json` of both, and `scene.json` of the scenes that differ. No
-//! blob is read, no store asked, nothing built; whether the claims are true is for the audit to say.
+//! They follow from the claims of the trees alone: `manifest.json` of both, and `scene.json` of the
+//! scenes that differ. No blob is read, no store is opened, and nothing is built. The audit decides
+//! if the claims are true.
 
 mod values;
 
@@ -17,10 +18,10 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// What differs between an old and a new release.
+/// The differences between an old and a new release.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReleaseDifference {
-    /// What the releases say of themselves: name, version, tool, licence.
+    /// Statements of the releases on themselves: name, version, tool, licence.
     pub release: Vec<ValueChange>,
     /// Files that belong to no scene, by path.
     pub files: Vec<FileChange>,
@@ -54,9 +55,11 @@ pub struct SceneChange {
     pub recipe: Vec<ValueChange>,
     /// Photos of the source, by name and SHA-256.
     pub photos: Vec<ValueChange>,
-    /// What the manifest claims of it: kind of source, licence, checks, waivers, what was left out of rendering.
+    /// Claims of the manifest on the scene: kind of source, licence, checks, waivers, work left out
+    /// of rendering.
     pub claims: Vec<ValueChange>,
-    /// Steps with another key or other bytes, in the order of the new release, then those that it has not.
+    /// Steps with another key or other bytes, in the order of the new release, followed by those
+    /// that the new release lacks.
     pub steps: Vec<StepChange>,
     /// Its files, by path.
     pub files: Vec<FileChange>,
@@ -67,9 +70,9 @@ pub struct SceneChange {
 pub struct FileChange {
     /// Path below the release folder.
     pub path: String,
-    /// Length in the old release in bytes; `None` where it was absent.
+    /// Length in the old release in bytes; `None` if the file was absent.
     pub old: Option<u64>,
-    /// Length in the new release in bytes; `None` where it is absent.
+    /// Length in the new release in bytes; `None` if the file is absent.
     pub new: Option<u64>,
 }
 
@@ -80,13 +83,13 @@ pub struct StepChange {
     pub step: String,
     /// Name of its stage.
     pub stage: String,
-    /// True if it made the same bytes all the same.
+    /// True if it made the same bytes nevertheless.
     pub same_bytes: bool,
-    /// Why it differs.
+    /// Reasons for the difference.
     pub reasons: Vec<DiffReason>,
 }
 
-/// Why a step differs. The codes are those of `plan`, where it has them.
+/// Reason why a step differs. The codes are those of `plan`, if it has them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "code", rename_all = "kebab-case")]
 pub enum DiffReason {
@@ -96,32 +99,33 @@ pub enum DiffReason {
     StepRemoved,
     /// Another revision of the stage made it.
     Revision {
-        /// Then.
+        /// Old value.
         old: u32,
-        /// Now.
+        /// New value.
         new: u32,
     },
     /// Another numerical class made it.
     Class {
-        /// Then.
+        /// Old value.
         old: Option<String>,
-        /// Now.
+        /// New value.
         new: Option<String>,
     },
-    /// It has other parameters: those of the recipe values that differ, or another reading of equal ones.
+    /// It has other parameters: the recipe values that differ, or another reading of equal ones.
     ParamsChanged,
     /// It was made from another input.
     InputChanged {
         /// Its role; a file of the source is `file NAME`.
         name: String,
-        /// Digest then; `None` where there was none.
+        /// Old digest; `None` if there was no digest.
         old: Option<Digest>,
-        /// Digest now; `None` where there is none.
+        /// New digest; `None` if there is no digest.
         new: Option<Digest>,
     },
-    /// One key made two contents.
+    /// One key made two different contents.
     Nondeterministic,
-    /// The releases do not say: an older program wrote one of them, or the same parts are hashed otherwise now.
+    /// The releases do not contain the reason: an older program wrote one of them, or the same
+    /// parts are hashed in another way now.
     Untold,
 }
 
@@ -137,7 +141,7 @@ pub struct DiffError {
 /// Compares the releases in two folders.
 ///
 /// # Errors
-/// When one of them is no release, or a `scene.json` that is needed to say why cannot be read.
+/// One of them is not a release, or a `scene.json` that is needed for the reasons cannot be read.
 pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffError> {
     let before = read_manifest(old)?;
     let after = read_manifest(new)?;
@@ -155,6 +159,8 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
             (None, Some(scene)) => told.added.push(scene_size(scene)),
             (Some(scene), None) => told.removed.push(scene_size(scene)),
             (Some(a), Some(b)) if a != b => {
+                // Equal manifest entries list equal files, so `scene.json` is read for different
+                // ones only.
                 let [a_file, b_file] = [read_scene(old, a)?, read_scene(new, b)?];
                 told.changed.push(scene_change([a, b], [&a_file, &b_file]));
             }
@@ -171,6 +177,7 @@ fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
         found: found.to_owned(),
         wanted: WANTED,
     };
+    // These two checks are for the message; reading the manifest would fail as well.
     if !dir.is_dir() {
         return Err(no_release(dir, if files::is_there(dir) { "a file" } else { "nothing" }));
     }
@@ -189,7 +196,7 @@ fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffErro
     read_json(dir, &format!("{}/scene.json", scene.id), "what the release says of a scene")
 }
 
-/// Reads a file of a release; nothing outside its folder is read for it.
+/// Reads a file of a release. Nothing outside its folder is opened.
 fn read_json<T: DeserializeOwned>(dir: &Path, name: &str, wanted: &'static str) -> Result<T, DiffError> {
     let failed = |found: String| DiffError { path: dir.join(name), found, wanted };
     let bytes = files::read_below(dir, Path::new(name), files::MAX_DOCUMENT)
@@ -197,7 +204,7 @@ fn read_json<T: DeserializeOwned>(dir: &Path, name: &str, wanted: &'static str) 
     serde_json::from_slice(&bytes).map_err(|e| failed(format!("other JSON ({e})")))
 }
 
-/// Elements of two lists that have one name, sorted by it.
+/// Elements of two lists with the same name, sorted by name.
 fn pair_named<'a, T, K: Ord>(
     old: &'a [T],
     new: &'a [T],
@@ -209,7 +216,7 @@ fn pair_named<'a, T, K: Ord>(
     names.into_iter().map(|name| (old.get(name).copied(), new.get(name).copied())).collect()
 }
 
-/// What is claimed beside the lists that are compared one by one.
+/// Claims other than the lists that are compared one by one.
 fn claimed_values<T: Serialize>(listed: &T) -> Value {
     let mut value = serde_json::to_value(listed).expect("a manifest is plain data");
     if let Some(fields) = value.as_object_mut() {
@@ -265,6 +272,7 @@ impl StepChange {
 fn step_change(old: &ManifestStep, new: &ManifestStep) -> Option<StepChange> {
     let same_bytes = old.outputs == new.outputs;
     let reasons = match (&old.made_of, &new.made_of) {
+        // One key promises one content, so other bytes under the same key are a fault of their own.
         _ if old.key == new.key && same_bytes => return None,
         _ if old.key == new.key => vec![DiffReason::Nondeterministic],
         (Some(old), Some(new)) => change_reasons(old, new),

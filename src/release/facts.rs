@@ -1,4 +1,5 @@
-//! What card and datasheet say of a release: counted and gathered once, so that they cannot differ.
+//! Facts about a release for card and datasheet, counted and gathered once, so that the two cannot
+//! differ.
 
 use super::published::PublishedScene;
 use super::scene::{TrajectoryPart, TrajectoryStatistics};
@@ -10,24 +11,24 @@ use crate::sensor::SensorChoice;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-/// The streams of a trajectory, by what was counted of them.
+/// The streams of a trajectory, by their statistics.
 fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics> {
     let one = part.sensor.iter().map(|_| &part.statistics);
     one.chain(part.sensors.values().map(|sensor| &sensor.statistics))
 }
 
-/// A release, as it is told to people.
+/// A release, as described to people.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReleaseFacts<'a> {
     pub(super) scenes: &'a [PublishedScene],
     pub(super) info: &'a ReleaseInfo,
-    /// Number of scenes that are left out since they are taken down.
+    /// Number of scenes left out because they are taken down.
     pub(super) taken_down: usize,
-    /// The terms of the whole.
+    /// The terms of the whole release.
     pub(super) licence: &'a ComposedTerms,
 }
 
-/// How much of each there is in the tree: what is withheld does not count.
+/// Contents of the tree by number. Withheld files do not count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FileCounts {
     pub(super) scenes: usize,
@@ -37,11 +38,11 @@ pub(super) struct FileCounts {
     pub(super) events: u64,
     /// Sharp frames.
     pub(super) frames: usize,
-    /// Blurred ones.
+    /// Blurred frames.
     pub(super) blurred: usize,
     /// Images of depth and of flow.
     pub(super) geometry: [usize; 2],
-    /// Scenes of which nothing is passed on that shows them.
+    /// Scenes without any file that shows them, because the upstream forbids redistribution.
     pub(super) withheld: usize,
 }
 
@@ -49,6 +50,7 @@ impl ReleaseFacts<'_> {
     pub(super) fn counts(&self) -> FileCounts {
         let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
         let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
+        // Of withheld scenes too: their poses are released, unlike their events and pictures.
         let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
         let pictures = |kind: &str| -> usize {
             let of = |scene: &PublishedScene| -> usize {
@@ -75,8 +77,9 @@ impl ReleaseFacts<'_> {
         tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind()))
     }
 
-    /// Number of scenes in each split; empty where there are no splits.
+    /// Number of scenes in each split; empty if there are no splits.
     pub(super) fn splits(&self) -> BTreeMap<&str, usize> {
+        // Splits without a scene are listed with 0.
         let named = self.info.splits.iter().flat_map(|splits| splits.shares.keys());
         let mut counts: BTreeMap<&str, usize> = named.map(|name| (name.as_str(), 0)).collect();
         for part in self.scenes.iter().filter_map(|scene| scene.file.split.as_ref()) {
@@ -85,12 +88,12 @@ impl ReleaseFacts<'_> {
         counts
     }
 
-    /// Number of photos that are named and hashed, which are not in the tree.
+    /// Number of photos that are named and hashed. They are not in the tree.
     pub(super) fn photos(&self) -> usize {
         self.scenes.iter().map(|scene| scene.file.images.len()).sum()
     }
 
-    /// Verdicts of all checks.
+    /// Number of verdicts of each kind over all checks.
     pub(super) fn verdicts(&self) -> BTreeMap<&'static str, usize> {
         let findings = self.scenes.iter().flat_map(PublishedScene::all_findings);
         tally_names(findings.map(|finding| finding.verdict.name()))
@@ -100,12 +103,12 @@ impl ReleaseFacts<'_> {
         self.verdicts().get(Verdict::Pass.name()).copied().unwrap_or_default()
     }
 
-    /// Everything that receivers are asked for.
+    /// All obligations of receivers.
     pub(super) fn obligations(&self) -> BTreeSet<LicenceObligation> {
         self.parts().flat_map(|part| part.obligations.iter().copied()).collect()
     }
 
-    /// The pictures in words: sharp ones always, others where there are any.
+    /// The pictures in words: sharp ones always, others if there are any.
     pub(super) fn pictures(&self) -> String {
         let FileCounts { frames, blurred, geometry: [depth, flow], .. } = self.counts();
         let beside = [(blurred, "blurred frames"), (depth, "depth images"), (flow, "flow images")];
@@ -118,12 +121,13 @@ impl ReleaseFacts<'_> {
         self.scenes.iter().flat_map(|scene| &scene.licence.parts)
     }
 
-    /// Who is to be named, each once.
+    /// Names for attribution, without repeats.
     pub(super) fn attributions(&self) -> BTreeSet<&str> {
         self.parts().map(|part| part.attribution.as_str()).filter(|name| !name.is_empty()).collect()
     }
 
-    /// The datasets that scenes are of, and the programs that have to do with how they were made, in the ledger's order.
+    /// The datasets of the scenes, and the programs that are related to their making, in the order
+    /// of the ledger.
     pub(super) fn assets(&self) -> Vec<&'static LedgerAsset> {
         let datasets = self.parts().filter_map(|part| part.asset).map(|asset| asset.name);
         let mut names: BTreeSet<&str> = datasets.collect();
@@ -137,7 +141,7 @@ impl ReleaseFacts<'_> {
         ledger::LEDGER.iter().filter(|asset| names.contains(asset.name)).collect()
     }
 
-    /// What is known of the programs that trained the scenes; `None` where none was trained.
+    /// Known facts about the programs that trained the scenes; `None` if no scene was trained.
     pub(super) fn trained(&self) -> Option<String> {
         let mut how = BTreeSet::new();
         for scene in self.scenes {
@@ -155,12 +159,12 @@ impl ReleaseFacts<'_> {
         (!how.is_empty()).then(|| how.join("; "))
     }
 
-    /// Returns true if every scene was made up by this program.
+    /// Returns true if every scene is procedural.
     pub(super) fn made_up(&self) -> bool {
         self.scenes.iter().all(|scene| matches!(scene.recipe.source, SceneSource::Procedural(_)))
     }
 
-    /// The ledger's rows of what this release is made of, as a table.
+    /// The ledger's rows on the material of this release, as a table.
     pub(super) fn ledger(&self) -> String {
         let assets = self.assets();
         if assets.is_empty() {
@@ -188,7 +192,7 @@ impl ReleaseFacts<'_> {
         text
     }
 
-    /// Where an upstream granted other terms than it has for everybody.
+    /// Grants of upstreams that differ from their public terms, one sentence each.
     pub(super) fn grants(&self) -> Vec<String> {
         let granted = self.scenes.iter().flat_map(|scene| {
             let grants =
@@ -201,7 +205,8 @@ impl ReleaseFacts<'_> {
                     grant.expression,
                     plain_text(&grant.granted_by),
                     grant.date,
-                    // Nothing is escaped between angle brackets; the form of addresses leaves no markup.
+                    // Nothing is escaped between angle brackets. The form of addresses excludes
+                    // markup.
                     grant.url
                 )
             })
@@ -217,12 +222,14 @@ fn tally_names<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, us
     })
 }
 
-/// A text of a user as it stands, on one line of Markdown: nothing in it is markup or hidden, wherever it is put.
+/// Text of a user on one line of Markdown. Nothing in it acts as markup or is hidden, wherever it
+/// is put.
 pub(super) fn plain_text(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.trim().chars() {
         match c {
             c if breaks_line(c) || c == '\t' => out.push(' '),
+            // Two backslashes, which Markdown shows as one.
             c if escape::is_hidden(c) => out.push_str(&format!("\\{}", c.escape_unicode())),
             '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' | '|' | '~' | '&' | '$' => out.extend(['\\', c]),
             c => out.push(c),
@@ -234,13 +241,14 @@ pub(super) fn plain_text(text: &str) -> String {
     out
 }
 
-/// Returns true if a reader of text takes the character for the end of a line (Unicode UAX 14: mandatory breaks).
+/// Returns true if readers of text take the character for the end of a line (Unicode UAX 14:
+/// mandatory breaks).
 pub(super) fn breaks_line(c: char) -> bool {
     matches!(c, '\n' | '\r' | '\u{b}' | '\u{c}' | '\u{85}' | '\u{2028}' | '\u{2029}')
 }
 
-/// Where a backslash keeps a line from opening a block: before the sign of a heading, a list, a rule or an underline, or
-/// before the dot of `1. `.
+/// Position at which a backslash keeps a line from opening a block: before the sign of a heading, a
+/// list, a rule or an underline, or before the dot of `1. `.
 fn opens_block(line: &str) -> Option<usize> {
     if line.starts_with(['#', '+', '-', '=']) {
         return Some(0);

@@ -1,6 +1,7 @@
-//! `index.parquet`: a row a trajectory, by which a reader chooses before anything is downloaded; where several sensors saw
-//! it, a row a sensor. Each column is defined once, in [`COLUMNS`], as a function of what other files of the tree say, so
-//! that an audit can hold it against them. What is not known is null.
+//! `index.parquet`: one row per trajectory, from which a reader chooses before downloading
+//! anything. If several sensors saw a trajectory, it has one row per sensor. Each column is defined
+//! once, in [`COLUMNS`], as a function of other files of the tree, so an audit can compare it with
+//! them. Unknown values are null.
 
 pub(super) mod table;
 
@@ -14,7 +15,7 @@ use table::{CellValue, ColumnKind};
 /// Name of the file.
 pub(super) const NAME: &str = "index.parquet";
 
-/// What `speed.json` and `checks.json` of a trajectory tell for the index.
+/// Values for the index from `speed.json` and `checks.json` of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct IndexSources {
     speed_median_unit_s: Option<f64>,
@@ -32,21 +33,22 @@ impl IndexSources {
     }
 }
 
-/// The middle value, or the mean of the two.
+/// The middle value, or the mean of the two middle values.
 fn middle_mean(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
+    // Equal positions for an odd number of values.
     let upper = sorted.len() / 2;
     let lower = sorted.len().checked_sub(1)? / 2;
     Some(f64::midpoint(sorted[lower], sorted[upper]))
 }
 
-/// A trajectory as one sensor saw it.
+/// A trajectory as seen by one sensor.
 #[derive(Debug)]
 pub(super) struct IndexRow<'a> {
     scene: &'a SceneRecord,
     part: &'a TrajectoryPart,
-    /// One of several sensors, with its name.
+    /// The name and the part of one of several sensors.
     named: Option<(&'a str, &'a SensorPart)>,
     told: IndexSources,
 }
@@ -68,7 +70,7 @@ impl IndexRow<'_> {
         self.named.map_or(self.part.sensor.as_ref(), |(_, part)| Some(&part.sensor))
     }
 
-    /// The first of these values of the sensor that it has.
+    /// The first of these values that the sensor has.
     fn sensor_number(&self, pointers: &[&str]) -> Option<f64> {
         let sensor = self.sensor()?;
         pointers.iter().find_map(|pointer| sensor.pointer(pointer)?.as_f64())
@@ -79,12 +81,12 @@ impl IndexRow<'_> {
     }
 }
 
-/// A column.
+/// A column of the index.
 #[derive(Debug)]
 pub(super) struct IndexColumn {
     pub(super) name: &'static str,
     pub(super) kind: ColumnKind,
-    /// For people: what it is, with its unit.
+    /// Description for people, with the unit.
     pub(super) description: &'static str,
     value: fn(&IndexRow<'_>) -> CellValue,
 }
@@ -98,7 +100,7 @@ const fn index_column(
     IndexColumn { name, kind, description, value }
 }
 
-/// All columns, in the file's order.
+/// All columns, in the order of the file.
 pub(super) const COLUMNS: [IndexColumn; 35] = [
     index_column(
         "id",
@@ -213,6 +215,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     index_column("peak_ev_per_ms", ColumnKind::Whole, "most events in one millisecond", |r| {
         r.statistics().peak_ev_per_ms.into()
     }),
+    // Text: a seed can exceed a signed number of 64 bits.
     index_column("seed", ColumnKind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
         r.scene.seed.to_string().into()
     }),
@@ -230,11 +233,12 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     }),
 ];
 
-/// The rows of a scene; `told` is of each of its trajectories in their order.
+/// The rows of a scene. The second argument has one element per trajectory, in their order.
 pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, told: &[IndexSources]) -> Vec<IndexRow<'a>> {
     let mut rows = Vec::new();
     for (part, told) in scene.trajectories.iter().zip(told) {
         let mut add = |named| rows.push(IndexRow { scene, part, named, told: *told });
+        // One sensor alone has no name. A trajectory without events has a row too.
         if part.sensors.is_empty() {
             add(None);
         }
@@ -251,7 +255,7 @@ pub(super) fn sorted_cells(mut rows: Vec<IndexRow<'_>>) -> Vec<Vec<CellValue>> {
     rows.iter().map(IndexRow::cells).collect()
 }
 
-/// The file.
+/// Composes the file.
 pub(super) fn compose_index(rows: Vec<IndexRow<'_>>) -> Vec<u8> {
     let columns = COLUMNS.each_ref().map(|column| (column.name, column.kind));
     table::write_table(&columns, &sorted_cells(rows), super::TOOL)

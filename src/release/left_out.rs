@@ -1,8 +1,9 @@
-//! What was left out of a trajectory, a row each: what, how much of how much, and the proof that nothing is lost, or what
-//! is.
+//! Work left out for a trajectory, one row per kind: the kind of work, the amount, the total, and
+//! the proof that nothing is lost, or else the loss.
 //!
-//! Rows of identical bytes are those that `--no-omit` computes after all: by construction, and by the tests that hold both
-//! against each other, they change no bit. The other rows stay: they belong to the law of the sensor or to the recipe.
+//! Rows with identical bytes are those that `--no-omit` computes after all. By construction, and by
+//! tests that compare both, they change no bit. The other rows remain: they belong to the law of
+//! the sensor or to the recipe.
 
 use crate::artifact::{ArtifactError, ArtifactFiles, EventStream, SimulationRecord};
 use crate::render::RenderWork;
@@ -17,35 +18,36 @@ use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
 use crate::stage::sharp::SharpStage;
 use serde::{Deserialize, Serialize};
 
-/// One of the rows.
+/// One kind of omitted work.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OmissionRow {
-    /// Stage whose work it is.
+    /// Stage that left it out.
     pub step: String,
-    /// What was left out.
+    /// Kind of work.
     pub what: String,
-    /// How much of it, over the whole trajectory; above 0.
+    /// Amount over the whole trajectory; above 0.
     pub how_much: u64,
-    /// Of how much; `None` where that is not known.
+    /// Total; `None` if it is not known.
     pub of: Option<u64>,
-    /// What is counted.
+    /// Unit of both numbers.
     pub unit: String,
-    /// Why nothing is lost, or what is.
+    /// The reason why nothing is lost, or else the loss.
     pub proof: String,
 }
 
-/// The stages that render frames, and so leave something out.
+/// The stages that render frames, and can leave work out.
 pub const RENDER: [&str; 5] =
     [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
 
-/// What a row's bytes are without it.
+/// Proof of a row whose work does not change the output.
 const IDENTICAL: &str = "identical bytes";
 
-/// The rows of a step of this stage and numerical class, by what it wrote down; none where it leaves out nothing.
+/// The rows of a step of this stage and numerical class, from the files that it wrote; empty if
+/// nothing was left out.
 ///
 /// # Errors
-/// When its files cannot be read.
+/// Its files cannot be read.
 pub fn of_step(
     stage: &str,
     class: Option<&str>,
@@ -68,8 +70,9 @@ fn omission_row(
     (how_much > 0).then_some(OmissionRow { step, what, how_much, of, unit, proof })
 }
 
-/// What a renderer left out; `sh_degree` is the scene's, where it is known.
+/// Work that a renderer left out. `sh_degree` is the degree of the scene, if it is known.
 fn of_work(step: &str, work: &RenderWork, sh_degree: Option<u8>) -> Vec<OmissionRow> {
+    // Only drawn Gaussians evaluate harmonics.
     let harmonics = sh_degree.map(|degree| work.drawn() * sh::function_count(degree) as u64);
     [
         omission_row(
@@ -123,7 +126,8 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
     rows
 }
 
-/// Frames whose colours were not blended, since no sensor sees them. The reference blends them all the same.
+/// Frames whose colours were not blended, because no sensor sees them. The reference back end
+/// blends them nevertheless.
 fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow> {
     let seen = !simulation.omit.is_needless() || simulation.front_ends().iter().any(|f| f.needs_colour());
     let proof = match class {
@@ -131,11 +135,12 @@ fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow>
         class if Backend::is_gpu(class) => "error: the GPU's rounding",
         _ => return None,
     };
+    // Gaussian-frames divided by Gaussians. Without Gaussians there is no row.
     let frames = simulation.work.gaussians.checked_div(simulation.gaussians as u64).filter(|_| !seen)?;
     omission_row(EventsStage::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
 }
 
-/// Cells of a pixel's clock that were not looked into, and all of them.
+/// Number of cells of the pixels' clock that were not examined, and of all cells.
 fn quiet_row(
     simulation: &SimulationRecord,
     stream: &EventStream,

@@ -3,15 +3,15 @@
 /// Name of the file.
 pub(super) const NAME: &str = "gs2e.py";
 
-/// What it holds.
+/// Content of the file.
 pub(super) const TEXT: &str = include_str!("loader/gs2e.py");
 
-/// Who holds the rights in it, and its terms: as its own head says.
+/// Holder of the rights in the loader, as stated at its top.
 pub(super) const HOLDER: &str = "The gs2e authors";
 /// SPDX expression.
 pub(super) const LICENCE: &str = "MIT OR Apache-2.0";
 
-/// The ids of its terms, whose texts are shipped with it.
+/// The ids of its terms. Their texts are shipped with it.
 pub(super) fn licence_ids() -> impl Iterator<Item = String> {
     let expression = crate::licence::LicenceExpression::parse(LICENCE).expect("it is an expression");
     expression.ids().into_iter()

@@ -1,5 +1,5 @@
-//! `manifest.json`: what a release holds, from which keys, with which digests. Committed beside the recipes, it is
-//! what a later build is held against.
+//! `manifest.json`: the content of a release, with the keys that it was made from and its digests.
+//! Committed next to the recipes, it is compared with later builds.
 
 use super::built::{BuiltScene, BuiltStep};
 use super::left_out::OmissionRow;
@@ -19,24 +19,24 @@ pub(super) const NAME: &str = "manifest.json";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReleaseManifest {
-    /// 1.
+    /// Format version: 1.
     pub format: u32,
     /// Name of the release.
     pub name: String,
     /// Version of the release.
     pub version: String,
-    /// The publisher's words, from which card, datasheet and catalogue entry are composed; absent in a release of a
-    /// program that did not write it.
+    /// The publisher's statements, from which card, datasheet and catalogue entry are composed;
+    /// absent in releases of programs that did not write it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub publisher: Option<Publisher>,
     /// Program and version that wrote it.
     pub tool: String,
     /// SPDX expression of the whole: the sorted AND of its scenes.
     pub licence: String,
-    /// Number of scenes that were left out because a takedown list names them.
+    /// Number of scenes left out because a takedown list names them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub taken_down: usize,
-    /// How scenes are dealt into splits, where they are.
+    /// Rule that deals scenes into splits, if there are splits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splits: Option<SplitPlan>,
     /// The scenes, sorted by id.
@@ -69,21 +69,21 @@ pub struct ManifestScene {
     pub licence: String,
     /// Its steps, with keys and outputs.
     pub steps: Vec<ManifestStep>,
-    /// Number of verdicts of each kind.
+    /// Number of verdicts of each kind in the checks of its trajectories.
     pub checks: BTreeMap<String, usize>,
-    /// Faults that its recipe accepts, with the reason.
+    /// Faults of trajectories that its recipe accepts, with the reason.
     pub waivers: Vec<Finding>,
-    /// What was left out of rendering for the events of each trajectory, over all frames.
+    /// Work that rendering for events left out, for each trajectory over all frames.
     pub left_out: BTreeMap<String, RenderWork>,
-    /// The same in words, and what sensors and sharp frames left out beside it, with the proof that nothing is lost by
-    /// it; absent in a release of a program that did not write it.
+    /// `left_out` in words, with the work that sensors and sharp frames left out, and the proof
+    /// that nothing is lost; absent in releases of programs that did not write it.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub omitted: BTreeMap<String, Vec<OmissionRow>>,
     /// Its files, sorted by path.
     pub files: Vec<ManifestFile>,
 }
 
-/// The scenes of a manifest by id, to find whose a file is.
+/// The scenes of a manifest by id, to find the scene of a file.
 #[derive(Debug)]
 pub(super) struct FileOwners<'m>(BTreeMap<&'m str, &'m ManifestScene>);
 
@@ -92,7 +92,7 @@ impl<'m> FileOwners<'m> {
         Self(manifest.scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect())
     }
 
-    /// The scene that a path lies in: that of the longest id that the path begins with.
+    /// The scene that contains a path: the one with the longest id that the path begins with.
     pub(super) fn of(&self, path: &str) -> Option<&'m ManifestScene> {
         path.rmatch_indices('/').find_map(|(end, _)| self.0.get(&path[..end]).copied())
     }
@@ -104,7 +104,7 @@ impl<'m> FileOwners<'m> {
 }
 
 impl ManifestScene {
-    /// The outputs of a step of a trajectory; none of a step that is absent.
+    /// The outputs of a step of a trajectory; empty if there is no step of that name.
     pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
         let name = format!("{trajectory}/{step}");
         self.steps.iter().find(|step| step.step == name).map_or(&[], |step| &step.outputs)
@@ -121,30 +121,31 @@ pub struct ManifestStep {
     pub stage: String,
     /// Its key.
     pub key: Digest,
-    /// What the key is made of; absent in a release of a program that did not write it.
+    /// Ingredients of the key; absent in releases of programs that did not write it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub made_of: Option<KeyIngredients>,
     /// Its outputs.
     pub outputs: Vec<StoredOutput>,
 }
 
-/// The ingredients of a step's key: a reader can compute the key again, and two releases can say why it differs.
+/// The ingredients of a step's key. A reader can compute the key from them, and two releases can
+/// show why it differs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyIngredients {
     /// Revision of the stage.
     pub revision: u32,
-    /// Numerical class, where the stage has one.
+    /// Numerical class, if the stage has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<String>,
-    /// The parameters that the key holds.
+    /// The parameters in the key.
     pub params: DescribedValue,
     /// Digest of each input by its role; a file of the source is `file NAME`.
     pub inputs: BTreeMap<String, Digest>,
 }
 
 impl KeyIngredients {
-    /// From the description of a step; `None` for any other value.
+    /// Extracts the ingredients from the description of a step; `None` for any other value.
     pub(super) fn from_lines(description: &DescribedValue) -> Option<Self> {
         let DescribedValue::Record(fields) = description else { return None };
         let (DescribedValue::Unsigned(revision), DescribedValue::Record(inputs)) =
@@ -176,6 +177,7 @@ impl KeyIngredients {
             .iter()
             .map(|(role, digest)| (role.clone(), DescribedValue::Digest(*digest)))
             .collect();
+        // The fields and their names must stay those of a stage's description, or keys differ.
         let mut fields = BTreeMap::from([
             ("stage".to_owned(), DescribedValue::Text(stage.to_owned())),
             ("revision".to_owned(), DescribedValue::Unsigned(self.revision.into())),
@@ -189,36 +191,36 @@ impl KeyIngredients {
     }
 }
 
-/// The publisher's words on a release, but for its name, version and splits.
+/// The publisher's statements on a release, except for name, version and splits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Publisher {
     /// Page of the release.
     pub url: String,
-    /// Who made it.
+    /// Maker of the release.
     pub creator: String,
     /// Day of publication, `YYYY-MM-DD`.
     pub date_published: String,
-    /// How it is cited.
+    /// Citation.
     pub cite_as: String,
     /// Its description.
     pub description: String,
-    /// Who answers, and takes requests for removal.
+    /// Contact for questions and requests for removal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<String>,
     /// The purpose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub purpose: Option<String>,
-    /// Who paid for it.
+    /// Source of funding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub funding: Option<String>,
-    /// How it is kept up.
+    /// Plan of maintenance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maintenance: Option<String>,
 }
 
 impl Publisher {
-    /// The words of a `release.yaml`.
+    /// Takes the statements of a `release.yaml`.
     pub(super) fn of(info: &ReleaseInfo) -> Self {
         Self {
             url: info.url.clone(),
@@ -235,7 +237,7 @@ impl Publisher {
 }
 
 impl ReleaseManifest {
-    /// The `release.yaml` behind the release; `None` where the publisher's words are absent.
+    /// The `release.yaml` of the release; `None` if the publisher's statements are absent.
     pub(super) fn info(&self) -> Option<ReleaseInfo> {
         let publisher = self.publisher.clone()?;
         Some(ReleaseInfo {
@@ -267,8 +269,9 @@ pub struct ManifestFile {
     pub blake3: Digest,
 }
 
-/// Describes a scene; its files are added when the tree is known.
+/// Describes a scene. `files` are its files in the tree.
 pub(super) fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
+    // Findings on the capture and its photos are in `checks.json` of the scene, not here.
     let findings: Vec<&Finding> = built.trajectories.iter().flat_map(|t| &t.findings).collect();
     let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
     let omitted = built.trajectories.iter().map(|t| (t.name.clone(), t.left_out.clone()));

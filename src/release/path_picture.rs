@@ -1,5 +1,5 @@
-//! `trajectory.png`: the path from above and from the side, for whoever has no reader of SVG at hand. The scale and the
-//! speed over time are in `trajectory.svg`.
+//! `trajectory.png`: the path from above and from the side, for users without an SVG viewer. The
+//! scale and the speed over time are in `trajectory.svg`.
 
 use crate::artifact::TrajectoryProduct;
 use crate::image::{Image, Size, png};
@@ -8,14 +8,14 @@ use crate::trajectory::picture::sketch;
 /// Name of the file.
 pub(super) const NAME: &str = "trajectory.png";
 
-/// Each of the two views, px.
+/// Width and height of each of the two views, px.
 const VIEW: [u32; 2] = [400, 360];
-/// Points of the path and cameras, at most.
+/// Maximum number of points of the path, and of cameras.
 const DRAWN: [usize; 2] = [1500, 19];
 const PATH: [f64; 3] = [153.0; 3];
 const BAR: [f64; 3] = [51.0; 3];
 
-/// The picture; `None` where there is no pose.
+/// Draws the picture; `None` if there is no pose.
 pub(super) fn compose_picture(motion: &TrajectoryProduct) -> Option<Vec<u8>> {
     let [width, height] = VIEW;
     let (poses, speeds) = (&motion.trajectory.world_from_camera, &motion.report.linear_unit_s);
@@ -41,7 +41,7 @@ pub(super) fn compose_picture(motion: &TrajectoryProduct) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// A colour written as `#rrggbb`; black where it is none.
+/// Parses a colour written as `#rrggbb`; black if it is not one.
 fn parse_colour(text: &str) -> [f64; 3] {
     [1, 3, 5].map(|at| {
         text.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok()).map_or(0.0, f64::from)
@@ -54,10 +54,12 @@ struct PathCanvas {
 }
 
 impl PathCanvas {
-    /// A straight line: each pixel takes the colour by how much of it, to half a pixel, lies within the line.
+    /// Draws a straight line with soft edges: each pixel is mixed with the colour by its share
+    /// within the line, which falls from 1 to 0 over one pixel.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn line(&mut self, [a, b]: [[f64; 2]; 2], colour: [f64; 3], thick: f64) {
         let [width, height] = [self.size.width, self.size.height];
+        // Centres up to `thick / 2 + 0.5` away are coloured, and lie 0.5 inside their pixels.
         let reach = thick / 2.0 + 1.0;
         let side = |k: usize, end: u32| {
             let [low, high] = [a[k].min(b[k]) - reach, a[k].max(b[k]) + reach + 1.0];
@@ -82,7 +84,7 @@ impl PathCanvas {
     }
 }
 
-/// From a point to a segment.
+/// Distance of a point from a segment.
 fn segment_distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let [along, to] = [[b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]];
     let length = along[0] * along[0] + along[1] * along[1];

@@ -1,7 +1,9 @@
-//! The validation passes over a release tree: what its own files say, without the store that they were made in.
+//! The validation passes over a release tree: they read its own files, without the store that made
+//! them.
 //!
-//! Passes that need what a release does not hold (what the sensor saw between the frames, depth, the account of the
-//! simulation) say so; the others judge the released bytes by the limits of the recipe in `scene.json`.
+//! Passes that need data that a release does not contain (the brightness that the sensor saw
+//! between the frames, depth, the account of the simulation) report that. The others judge the
+//! released bytes by the limits of the recipe in `scene.json`.
 
 use super::published::{self, RecipeError};
 use super::{ReleaseManifest, SceneRecord};
@@ -19,26 +21,26 @@ use serde::de::DeserializeOwned;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a tree cannot be checked.
+/// Reason why a tree cannot be checked.
 #[derive(Debug, thiserror::Error)]
 pub enum RecheckError {
-    /// A file is absent or not of its form.
+    /// A file is absent or does not have its format.
     #[error("{}: {because}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         because: String,
     },
-    /// There is no such scene.
+    /// A named scene is not in the release.
     #[error("the release has no scene `{0}`")]
     NoScene(String),
-    /// The recipe in a `scene.json` is none.
+    /// The recipe in a `scene.json` is not valid.
     #[error("the recipe in the scene.json of {scene} cannot be read: {faults}")]
     Recipe {
         /// Scene id.
         scene: String,
-        /// What is wrong with it.
+        /// The faults.
         faults: RecipeFaults,
     },
 }
@@ -47,11 +49,12 @@ fn unreadable_file(path: &Path, because: impl std::fmt::Display) -> RecheckError
     RecheckError::Unreadable { path: path.to_owned(), because: because.to_string() }
 }
 
-/// Runs the passes over the named scenes of the release in `dir`, or over all where none is named.
+/// Runs the passes over the named scenes of the release in `dir`, or over all scenes if there are
+/// no names.
 ///
 /// # Errors
-/// When there is no such scene, or a file of it cannot be read. Events that cannot be read are for the audit to name; here
-/// they are an error too.
+/// A named scene does not exist, or a file of a scene cannot be read. The audit also reports events
+/// that cannot be read; here they are an error.
 pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
     let tree = AuditedTree { dir };
     let manifest: ReleaseManifest = tree.json(super::manifest::NAME)?;
@@ -65,7 +68,7 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
     Ok(findings)
 }
 
-/// The files of a release that somebody else may have made: nothing outside its folder is read for it.
+/// The files of a release that another party may have made. Nothing outside its folder is read.
 #[derive(Clone, Copy)]
 struct AuditedTree<'a> {
     dir: &'a Path,
@@ -76,7 +79,7 @@ impl AuditedTree<'_> {
         self.dir.join(name)
     }
 
-    /// The bytes of a file, whose name may come from another file of the tree.
+    /// Reads a file. Its name may come from another file of the tree.
     fn read(self, name: &str) -> Result<Vec<u8>, RecheckError> {
         files::read_below(self.dir, Path::new(name), files::MAX_DOCUMENT)
             .map_err(|e| unreadable_file(&self.path_of(name), e))
@@ -86,7 +89,8 @@ impl AuditedTree<'_> {
         serde_json::from_slice(&self.read(name)?).map_err(|e| unreadable_file(&self.path_of(name), e))
     }
 
-    /// Tells a regular file of this name from nothing; an error for all else.
+    /// Returns true for a regular file, and false if there is nothing of this name. Everything else
+    /// is an error.
     fn has(self, name: &str) -> Result<bool, RecheckError> {
         match files::open_below(self.dir, Path::new(name)) {
             Ok(_) => Ok(true),
@@ -124,8 +128,10 @@ fn of_trajectory(
     let mut counted = Vec::new();
     for (stream, sensor) in recipe.sensors.iter() {
         let events = format!("{folder}/{}", EventStream::released_name(stream));
+        // Also checks that no link leads out of the tree: the reader below opens by path.
         if tree.has(&events)? {
             let path = tree.path_of(&events);
+            // Without the simulation, the dead time is all that the stream can be compared with.
             let against = TallyReference { dead_us: sensor.dead_us(), ..TallyReference::default() };
             let tally = count_stream(&path, StreamObserver::new(size, rate, end_us, against))
                 .map_err(|e| unreadable_file(&path, e))?;
@@ -133,6 +139,7 @@ fn of_trajectory(
             counted.push((name, sensor, tally));
         }
     }
+    // Fields without data in a release are `None`, and their passes report that they were not run.
     let whole = TrajectorySubject {
         name,
         rate,

@@ -1,5 +1,5 @@
-//! `scene.json`, schema version 1: what a scene is, where it comes from and how it was made. Photos are named and
-//! hashed, never copied; nothing here is a guess: what is not known is `null`.
+//! `scene.json`, schema version 1: contents, origin and making of a scene. Photos are named and
+//! hashed, never copied. Nothing here is a guess: unknown values are `null`.
 
 mod again;
 mod licence;
@@ -29,39 +29,38 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneRecord {
-    /// 1.
+    /// Schema version: 1.
     pub schema: u32,
     /// Scene id.
     pub id: String,
     /// Version of the program that wrote the release.
     pub gs2e_version: String,
-    /// Where the poses come from.
+    /// Source of the poses.
     pub source: SourcePart,
     /// The photos, by name and hash.
     pub images: Vec<ImagePart>,
     /// The camera that was rendered.
     pub camera: CameraPart,
-    /// How numbers are to be read.
+    /// Conventions for reading the numbers.
     pub conventions: SceneConventions,
-    /// Where the Gaussians come from.
-    /// Null where nothing is rendered.
+    /// Source of the Gaussians; null if nothing is rendered.
     pub reconstruction: Option<ReconstructionPart>,
-    /// Under which terms the scene is passed on.
+    /// Licence terms of the scene.
     pub licence: LicencePart,
     /// The recipe's seed.
     pub seed: u64,
     /// Every derived stream seed, `trajectory/purpose` to a decimal number.
     pub seeds: BTreeMap<String, String>,
-    /// The merged recipe, defaults filled.
+    /// The merged recipe, with defaults filled in.
     pub recipe: Value,
     /// SHA-256 of that recipe as compact JSON.
     pub recipe_sha256: String,
-    /// The split that it belongs to, where the release has splits.
+    /// The split that it belongs to, if the release has splits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<SplitPart>,
     /// The trajectories, in recipe order.
     pub trajectories: Vec<TrajectoryPart>,
-    /// The axes of the paper's appendix D.
+    /// The axes of appendix D of the paper.
     pub attributes: SceneAttributes,
 }
 
@@ -71,11 +70,11 @@ pub struct SceneRecord {
 pub struct SplitPart {
     /// Its name.
     pub name: String,
-    /// What keeps the scene together with others: the key that was dealt.
+    /// The key that was dealt to a split. Scenes with the same key stay together.
     pub group: String,
 }
 
-/// Where the poses come from.
+/// Source of the poses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcePart {
@@ -83,9 +82,9 @@ pub struct SourcePart {
     pub kind: String,
     /// The upstream dataset's own id.
     pub upstream_id: Option<String>,
-    /// Where the upstream dataset is.
+    /// Address of the upstream dataset.
     pub upstream_url: Option<String>,
-    /// When it was accessed.
+    /// Day of access.
     pub accessed: Option<String>,
     /// True if its terms were accepted.
     pub terms_accepted: Option<bool>,
@@ -97,15 +96,15 @@ pub struct SourcePart {
 pub struct ImagePart {
     /// File name.
     pub name: String,
-    /// SHA-256 of its bytes, where the photo was there.
+    /// SHA-256 of its bytes, if the photo was available.
     pub sha256: Option<String>,
-    /// Width in pixels, where it is known.
+    /// Width in pixels, if known.
     pub width: Option<u32>,
-    /// Height in pixels, likewise.
+    /// Height in pixels, if known.
     pub height: Option<u32>,
     /// True if its pose was used.
     pub used: bool,
-    /// Why not.
+    /// The reason why it was not used.
     pub why_not: Option<String>,
 }
 
@@ -125,11 +124,11 @@ pub struct CameraPart {
     pub cx: f64,
     /// Principal point, px.
     pub cy: f64,
-    /// The distortion that the capture's photos have and the rendered camera has not.
+    /// The distortion of the capture's photos, which the rendered camera does not have.
     pub undistorted_from: Option<Value>,
 }
 
-/// How numbers are to be read.
+/// Conventions for reading the numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneConventions {
@@ -144,16 +143,18 @@ pub struct SceneConventions {
 }
 
 impl SceneConventions {
-    /// Those of a scene of this recipe: its sensors see brightness as it is encoded for a display, or in proportion to
-    /// light (`front_end: { decode: srgb }`), or some this way and some that.
+    /// Conventions of a scene of this recipe. Its sensors see brightness as encoded for a display,
+    /// or proportional to light (`front_end: { decode: srgb }`); or its sensors differ in this.
     #[must_use]
     pub fn for_brightness(recipe: &Value) -> Self {
         let sensors = recipe.get("sensors").and_then(Value::as_object).map(|named| named.values().collect());
+        // A recipe has one `sensor`, or several named `sensors`.
         let sensors: Vec<&Value> = sensors.unwrap_or_else(|| recipe.get("sensor").into_iter().collect());
         let models = sensors.into_iter().filter_map(Value::as_object).flat_map(|sensor| sensor.values());
         let decoded: Vec<bool> =
             models.map(|model| model.pointer("/front_end/decode") == Some(&json!("srgb"))).collect();
         let brightness = match (decoded.contains(&true), decoded.contains(&false)) {
+            // Also for a recipe without a sensor.
             (false, _) => "srgb-encoded",
             (true, false) => "linear",
             (true, true) => "per-sensor",
@@ -171,25 +172,25 @@ impl SceneConventions {
     }
 }
 
-/// Where the Gaussians come from.
+/// Source of the Gaussians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructionPart {
     /// `procedural`, `given` or `command`.
     pub kind: String,
-    /// SHA-256 of the scene as the store keeps it, a `.ply`.
+    /// SHA-256 of the scene file in the store, a `.ply`.
     pub scene_sha256: String,
     /// Number of Gaussians.
     pub gaussians: u64,
-    /// Degree of their harmonics.
+    /// Degree of their spherical harmonics.
     pub sh_degree: u8,
-    /// True if the scene file says that it was trained with the antialiased rule.
+    /// True if the scene file declares that it was trained with the antialiased rule.
     pub antialiased: Option<bool>,
-    /// Gaussians of the file that were left out, because a field was not finite.
+    /// Gaussians of the file that were left out because a field was not finite.
     pub dropped: u64,
     /// Training iterations.
     pub iterations: Option<u64>,
-    /// Training command, the places of a training in braces.
+    /// Training command, with placeholders in braces.
     pub command: Option<String>,
     /// PSNR against photos.
     pub psnr: Option<PsnrFigures>,
@@ -207,28 +208,29 @@ pub struct TrajectoryPart {
     pub name: String,
     /// `refine`, `novel`, `orbit` or `keyframes`.
     pub kind: String,
-    /// Path, by its kind, and speed as the recipe has them.
+    /// Path, by its kind, and speed, as in the recipe.
     pub parameters: Value,
-    /// Poses of another trajectory that were drawn as its key poses, by number from 0.
+    /// Poses of another trajectory that were drawn as key poses, by number from 0.
     pub keyframes: Vec<u64>,
     /// Number of poses.
     pub poses: usize,
     /// Last stamp, microseconds.
     pub duration_us: i64,
-    /// Frames a second, `p/q`.
+    /// Frames per second, `p/q`.
     pub rate: String,
-    /// How brightness is taken between frames.
+    /// Interpolation of brightness between frames.
     pub sampling: Value,
-    /// How frames are rendered.
+    /// Rules of rendering.
     pub render_rules: Value,
-    /// The sensor, where there are events.
+    /// The sensor, if there are events.
     pub sensor: Option<Value>,
-    /// The sensors by name, where several saw one rendering; then `sensor` is null, and so are the counts of `statistics`.
+    /// The sensors by name, if several saw one rendering. Then `sensor` and the counts of
+    /// `statistics` are null.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub sensors: BTreeMap<String, SensorPart>,
-    /// Blur, where there is any.
+    /// Blur, if there are blurred frames.
     pub blur: Option<Value>,
-    /// What was counted.
+    /// Statistics.
     pub statistics: TrajectoryStatistics,
 }
 
@@ -238,22 +240,23 @@ pub struct TrajectoryPart {
 pub struct SensorPart {
     /// Model and parameters.
     pub sensor: Value,
-    /// The sensor that it is without that one's noise, where there is such: poses, frames and stamps are the same.
+    /// A sensor with noise that otherwise equals this one, if there is one. Poses, frames and
+    /// stamps are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twin_of: Option<String>,
-    /// What was counted of its stream; what is the trajectory's is null.
+    /// Statistics of its stream. Values of the whole trajectory are null.
     pub statistics: TrajectoryStatistics,
 }
 
-/// What was counted on a trajectory.
+/// Statistics of a trajectory.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryStatistics {
-    /// Events.
+    /// Number of events.
     pub events: Option<u64>,
-    /// Brighter.
+    /// Number of brighter events.
     pub on: Option<u64>,
-    /// Darker.
+    /// Number of darker events.
     pub off: Option<u64>,
     /// Events per pixel and second.
     pub rate_ev_px_s: Option<f64>,
@@ -298,27 +301,27 @@ impl QuantityExtent {
 pub struct DepthQuantiles {
     /// 5 %.
     pub p5: f32,
-    /// Half.
+    /// 50 %.
     pub p50: f32,
     /// 95 %.
     pub p95: f32,
 }
 
-/// The axes of the paper's appendix D.
+/// The axes of appendix D of the paper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneAttributes {
-    /// `sharp`, `blurry`: what is in the tree.
+    /// `sharp`, `blurry`: the kinds of pictures in the tree.
     pub data_type: Vec<String>,
     /// `object`, `medium`, `large` or `unknown`.
     pub scene_scale: String,
-    /// Poses are exact.
+    /// True: poses are exact.
     pub gt_poses: bool,
-    /// `uniform` where the speed varies by at most 1 %.
+    /// `uniform` if the speed varies by at most 1 %.
     pub speed_profile: String,
     /// True if there is more than one trajectory.
     pub multi_trajectory: bool,
-    /// What stands in for a device.
+    /// Simulated device.
     pub device: String,
     /// The source.
     pub data_source: String,
@@ -327,7 +330,7 @@ pub struct SceneAttributes {
 /// Composes the file.
 ///
 /// # Errors
-/// When a blob cannot be read to be hashed.
+/// A blob that must be hashed cannot be read.
 pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
@@ -369,10 +372,10 @@ fn source_part(recipe: &Recipe) -> SourcePart {
     }
 }
 
-/// Every photo that the source has, in natural order of the names: those that are used and those that are not.
+/// All photos of the source, used and unused, in natural order of the names.
 fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
     if !scene.recipe.source.has_photos() {
-        // The embedded scene has views, but there are no photos.
+        // The embedded scene has views but no photos.
         return Vec::new();
     }
     let image = |view: &CapturedView| ImagePart {
@@ -424,7 +427,7 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
     }))
 }
 
-/// Where the Gaussians of a recipe come from.
+/// Kind of the source of a recipe's Gaussians.
 fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
     match (&recipe.source, training_command(recipe)) {
         (SceneSource::Procedural(_), _) => "procedural",
@@ -433,7 +436,7 @@ fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
     }
 }
 
-/// The program that trained the scene.
+/// The program that trained the scene, if the recipe names one.
 fn training_command(recipe: &Recipe) -> Option<&TrainerCommand> {
     match &recipe.reconstruct {
         Some(ReconstructMethod::Command(command)) => Some(command),
@@ -441,7 +444,8 @@ fn training_command(recipe: &Recipe) -> Option<&TrainerCommand> {
     }
 }
 
-/// The groups of a novel trajectory share the seeds of its draws, which derive from its name as the recipe has it.
+/// Every derived stream seed. The groups of a novel trajectory share the seeds of its draws, which
+/// derive from its name in the recipe.
 fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
     let mut seeds = BTreeMap::new();
     let mut add = |name: &str, purpose: StreamPurpose, seed: Seed| {
@@ -472,7 +476,8 @@ fn scene_attributes<'r>(
     let shown = licence.passing != Redistributability::Withheld;
     let has = |output| shown && recipe.outputs.contains(&output);
     let data_type = [("sharp", has(OutputKind::Sharp)), ("blurry", has(OutputKind::Blur))];
-    // Where the frame rate varies in the speed's place, steps are as short as they are quick.
+    // If the law varies the frame rate instead of the camera's speed, the speed is uniform by
+    // definition.
     let is_uniform = |report: &SpeedReport| {
         report.meaning == SpeedMeaning::FrameRate
             || QuantityExtent::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
@@ -481,7 +486,7 @@ fn scene_attributes<'r>(
         SceneSource::Captured(captured, _) => Some(captured.kind),
         SceneSource::Procedural(_) | SceneSource::None => None,
     };
-    // Scales of captures are arbitrary: only what a dataset is of says how large things are.
+    // Lengths of captures are arbitrary, so only the dataset indicates the size of objects.
     let (scale, data_source) = match captured {
         Some(CaptureKind::Mvimgnet) => ("object", "MVImgNet"),
         Some(CaptureKind::Dl3dv) => ("large", "DL3DV-10K"),
@@ -499,5 +504,5 @@ fn scene_attributes<'r>(
     }
 }
 
-/// Speeds whose extremes differ by no more than this factor are called uniform.
+/// Speeds are called uniform if their extremes differ by no more than this factor.
 const UNIFORM: f64 = 1.01;

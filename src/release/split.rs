@@ -1,5 +1,5 @@
-//! Which split a scene belongs to, told from its own description alone, so that an audit can tell it again; and whether
-//! two splits have something in common all the same.
+//! Splits of scenes. The split of a scene follows from its own description alone, so an audit can
+//! compute it again. Common material of two splits is found as well.
 
 use super::checksum;
 use super::scene::{SceneRecord, SplitPart};
@@ -7,22 +7,25 @@ use crate::recipe::{SplitPlan, SplitUnit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// The split of a scene by a rule.
+/// Deals a scene into a split by a rule.
 pub(super) fn split_part(scene: &SceneRecord, splits: &SplitPlan) -> SplitPart {
     let group = split_key(scene, splits.by);
     SplitPart { name: splits.of(&group).to_owned(), group }
 }
 
-/// What keeps scenes together: the recipe's own word where objects are meant; else the upstream's id of the capture; else
-/// the photos of the source, whichever of them are used; else the Gaussians; else the scene is by itself.
+/// The key that keeps scenes together: the recipe's group if the unit is an object; else the
+/// upstream's id of the capture; else the photos of the source, used or not; else the Gaussians;
+/// else the scene's own id.
 fn split_key(scene: &SceneRecord, by: SplitUnit) -> String {
     let group = scene.recipe.get("group").and_then(serde_json::Value::as_str);
     if let (SplitUnit::Object, Some(group)) = (by, group) {
         return format!("group/{group}");
     }
+    // With the kind, because two datasets may use the same id.
     if let Some(id) = &scene.source.upstream_id {
         return format!("{}/{id}", scene.source.kind);
     }
+    // Sorted, so that the order and the names of the photos do not matter.
     let photos: BTreeSet<&str> = split_photos(scene).collect();
     if !photos.is_empty() {
         let photos: Vec<&str> = photos.into_iter().collect();
@@ -42,12 +45,12 @@ fn scene_digest(scene: &SceneRecord) -> Option<&str> {
     scene.reconstruction.as_ref().map(|made| made.scene_sha256.as_str())
 }
 
-/// Something that two splits have in common.
+/// Material that two splits have in common.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SplitLeak {
-    /// The scenes, with their splits: the first of each split that has it.
+    /// The scenes, with their splits: the first scene of each split that has the material.
     pub scenes: [(String, String); 2],
-    /// What it is.
+    /// Kind and value of the material.
     pub what: String,
 }
 
@@ -58,10 +61,10 @@ impl fmt::Display for SplitLeak {
     }
 }
 
-/// What scenes of two splits have in common: a group, a photo by its SHA-256, or the Gaussians. One of each kind for two
-/// scenes.
+/// Finds material that scenes of two splits have in common: a group, a photo by its SHA-256, or the
+/// Gaussians. Two scenes give at most one leak of each kind.
 pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
-    // The first scene of each split that has a thing.
+    // The first scene of each split that has the material.
     let mut holders: BTreeMap<(&str, &str), BTreeMap<&str, &str>> = BTreeMap::new();
     for (scene, part) in scenes.iter().filter_map(|scene| Some((scene, scene.split.as_ref()?))) {
         let group = [("the group", part.group.as_str())];
@@ -76,6 +79,7 @@ pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
     for ((kind, value), of) in holders {
         let mut of = of.into_iter();
         let Some((first_split, first)) = of.next() else { continue };
+        // Two scenes of one capture share hundreds of photos; the first one is enough.
         for (split, scene) in of.filter(|(_, scene)| told.insert((kind, first, *scene))).collect::<Vec<_>>() {
             let scenes =
                 [(first, first_split), (scene, split)].map(|(id, of)| (id.to_owned(), of.to_owned()));

@@ -1,6 +1,6 @@
-//! A tree of files on its way to disk: written aside, synced, audited, and put in place by one rename.
+//! Writes a tree of files: in a work folder, synced, audited, and put in place by one rename.
 //!
-//! The audit is given the takedown list, so that no release is put in place that holds what it lists.
+//! The audit gets the takedown list, so that no release with a listed scene is put in place.
 
 use super::manifest::ManifestFile;
 use super::standing::StandingTree;
@@ -17,10 +17,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Where a file's bytes come from.
+/// Source of a file's bytes.
 #[derive(Debug)]
 pub(super) enum FileContent {
-    /// Made for the release.
+    /// Bytes made for the release.
     Bytes(Vec<u8>),
     /// A blob of the store.
     Blob { path: PathBuf, digest: Digest, size: u64 },
@@ -47,7 +47,8 @@ pub(super) struct ReleaseTree {
 }
 
 impl ReleaseTree {
-    /// Adds a file. Recipes are refused where two scenes would write one path, so a path is new.
+    /// Adds a file. Its path is new, because recipes are refused if two scenes would write the same
+    /// path.
     pub(super) fn add(&mut self, path: String, content: FileContent) {
         let before = self.files.insert(path, content);
         assert!(before.is_none(), "scene ids and trajectory names do not clash in valid recipes");
@@ -62,7 +63,7 @@ impl ReleaseTree {
         self.files.keys().map(String::as_str)
     }
 
-    /// The blobs that files are made from, one for each file.
+    /// The blobs that files are made from, one per file.
     fn blobs(&self) -> impl Iterator<Item = &Digest> {
         self.files.values().filter_map(|content| match content {
             FileContent::Blob { digest, .. } => Some(digest),
@@ -70,7 +71,7 @@ impl ReleaseTree {
         })
     }
 
-    /// The file in the store that a file of the tree is.
+    /// The file in the store with the content of a file of the tree.
     pub(super) fn place(&self, path: &str) -> Option<&Path> {
         match self.files.get(path)? {
             FileContent::Blob { path, .. } => Some(path),
@@ -96,18 +97,18 @@ impl ReleaseTree {
     }
 }
 
-/// What was written.
+/// Summary of a written tree.
 #[derive(Debug)]
 pub(super) struct TreeOutcome {
-    /// Number of files, the sums included.
+    /// Number of files, including the sums.
     pub(super) files: usize,
     /// Their bytes.
     pub(super) bytes: u64,
-    /// True if the release stood there already, so that nothing was written.
+    /// True if the same release was already at the target; then nothing was written.
     pub(super) stood: bool,
 }
 
-/// Writes the tree and its sums, and puts it in place, unless it stands there already.
+/// Writes the tree and its sums and puts it in place, unless it stands there already.
 pub(super) fn write_tree(
     target: &mut ReleaseTarget,
     tree: &ReleaseTree,
@@ -116,7 +117,9 @@ pub(super) fn write_tree(
     cancel: &AtomicBool,
 ) -> Result<TreeOutcome, ReleaseError> {
     let listing = tree.listing();
+    // A release that shares files with the store is not what the other modes ask for.
     let shares = target.standing().is_some_and(StandingTree::shares_files);
+    // `B3SUMS` covers all files but the sums, so an equal text means an equal release.
     if (link == LinkMode::Hard || !shares) && target.holds(&b3_sums(&listing))? {
         let (files, bytes) = target.standing().map(StandingTree::size).unwrap_or_default();
         return Ok(TreeOutcome { files, bytes, stood: true });
@@ -129,16 +132,19 @@ pub(super) fn write_tree(
         .par_iter()
         .map(|(path, content)| Ok((path.as_str(), placing.place(path, content)?)))
         .collect::<Result<_, ReleaseError>>()?;
+    // Before the sums, which promise that all other files are whole.
     sync_tree(&root)?;
     write_sums(&root, &mut written)?;
     let report = audit::audit_against(&root, Some(takedown)).map_err(failed(&root))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
     }
+    // The audit may take long, and the rename after it cannot be undone.
     placing.go_on()?;
     target.put(work)?;
     if link == LinkMode::Hard {
-        // The names that were removed with the old release moved the blobs' ctimes once more.
+        // The names that were removed with the old release have changed the blobs' ctimes once
+        // more.
         tree.blobs().try_for_each(|digest| store.settle(digest))?;
     }
     let bytes = written.values().map(|hashes| hashes.size).sum();
@@ -150,10 +156,10 @@ fn b3_sums(listing: &[ManifestFile]) -> String {
     checksum::sums_text(listing.iter().map(|file| (file.path.as_str(), file.blake3.to_string())))
 }
 
-/// The size of every file, the sums included.
+/// The size of every file, including the sums.
 fn sizes(listing: &[ManifestFile]) -> BTreeMap<String, u64> {
     let b3 = b3_sums(listing).len();
-    // SHA-256 sums have the length of BLAKE3 sums, and there is one line more.
+    // SHA-256 sums are as long as BLAKE3 sums, and there is one more line.
     let sums =
         b3 + checksum::sums_text([(checksum::B3_NAME, Digest::of_bytes(b"").to_string())].into_iter()).len();
     let sums = [(checksum::B3_NAME, b3), (checksum::NAME, sums)];
@@ -161,7 +167,8 @@ fn sizes(listing: &[ManifestFile]) -> BTreeMap<String, u64> {
     listing.iter().map(|file| (file.path.clone(), file.size)).chain(sums).collect()
 }
 
-/// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
+/// Writes the sums and adds them to the written files. `B3SUMS` comes first, because `SHA256SUMS`
+/// covers it.
 fn write_sums(
     partial: &Path,
     written: &mut BTreeMap<&str, checksum::FileHashes>,
@@ -179,7 +186,7 @@ fn write_sums(
     Ok(())
 }
 
-/// The making of files below a new tree.
+/// Creation of files in a new tree.
 struct FilePlacing<'a> {
     root: &'a Path,
     /// The release that is about to be replaced.
@@ -194,10 +201,11 @@ impl FilePlacing<'_> {
         if self.cancel.load(Ordering::Relaxed) { Err(ReleaseError::Interrupted) } else { Ok(()) }
     }
 
-    /// Brings one file to its place and hashes it there.
+    /// Creates one file and hashes it where it lies.
     fn place(&self, name: &str, content: &FileContent) -> Result<checksum::FileHashes, ReleaseError> {
         self.go_on()?;
         let path = self.root.join(name);
+        // The written file is hashed instead of its source, so a copy that went wrong is found.
         let hash = || checksum::hash_file(&path).map_err(failed(&path));
         let (blob, digest) = match content {
             FileContent::Bytes(bytes) => {
@@ -216,16 +224,18 @@ impl FilePlacing<'_> {
         materialise_blob(blob, &path, self.link).map_err(failed(&path))?;
         let hashes = hash()?;
         if hashes.blake3 == *digest {
+            // A link to the blob has changed its ctime, by which the store knows it.
             self.store.settle(digest)?;
             return Ok(hashes);
         }
-        // It may be longer than the list of the work folder says, and would be left there.
+        // It may be longer than the list in the work folder says, and would then be left there.
         remove()?;
         Err(ReleaseError::Altered { path: name.to_owned() })
     }
 
-    /// Gives the file a second name in the new tree if the release there has the same one. The first name
-    /// goes when the tree is in place, so the new release shares it with nothing.
+    /// Gives a file of the standing release a second name in the new tree, if it has the same
+    /// content. The first name is removed when the tree is in place, so the new release shares the
+    /// file with nothing.
     fn take_over(&self, name: &str, digest: &Digest, path: &Path) -> bool {
         let standing = self.standing.filter(|_| self.link != LinkMode::Hard);
         let file = standing.and_then(|standing| standing.unshared(name, digest));
@@ -233,8 +243,9 @@ impl FilePlacing<'_> {
     }
 }
 
-/// Brings a blob to `path`.
+/// Creates `path` with the content of a blob.
 fn materialise_blob(blob: &Path, path: &Path, link: LinkMode) -> io::Result<()> {
+    // It fails across file systems and at the limit of links; a copy serves as well.
     if link == LinkMode::Hard && fs::hard_link(blob, path).is_ok() {
         return Ok(());
     }
@@ -246,7 +257,7 @@ fn materialise_blob(blob: &Path, path: &Path, link: LinkMode) -> io::Result<()> 
     io::copy(&mut from, &mut to).map(drop)
 }
 
-/// Has everything that was written to this file system on disk before the sums say so.
+/// Syncs everything that was written to this file system, before the sums are written.
 fn sync_tree(folder: &Path) -> Result<(), ReleaseError> {
     let synced = File::open(folder).and_then(|file| rustix::fs::syncfs(&file).map_err(io::Error::from));
     synced.map_err(failed(folder))

@@ -57,6 +57,7 @@ impl RunEstimate {
         let (sum, count) = self.stages.entry(step.stage).or_default();
         *sum += core_seconds;
         *count += 1.0;
+        // A step without an earlier time tells nothing about the speed of this run.
         if let Some(expected) = step.expected {
             let [before, now] = &mut self.before_and_now;
             *before += expected;

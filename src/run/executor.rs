@@ -24,25 +24,25 @@ pub(super) struct FinishedStep {
     sources: SourceFiles,
     /// True if it was up to date.
     is_recheck: bool,
-    /// `Err` where the step panicked.
+    /// `Err` if the step panicked.
     result: thread::Result<Result<StepResult, StepError>>,
 }
 
-/// A run that goes on.
+/// A run in progress.
 pub(super) struct RunExecutor<'scope, 'a> {
     plan: &'a Plan,
     store: &'a Store,
     options: RunOptions,
     cancel: &'a AtomicBool,
     observer: &'a dyn RunObserver,
-    /// For each step, the number of inputs that are not there yet.
+    /// For each step, the number of inputs that are not available yet.
     missing: Vec<usize>,
     /// For each step, the consumers of its product.
     followers: Vec<Vec<StepId>>,
     /// Steps with all inputs present that are not assessed yet.
     ready: BTreeSet<StepId>,
     ranks: Vec<StepRank>,
-    /// Steps that must run, in the order of their turn.
+    /// Steps that must run, in order of rank.
     stale: BTreeMap<StepRank, StaleStep>,
     /// Running steps with their key, resources and threads.
     pub(super) running: BTreeMap<StepId, (Key, ResourceGrant, ScopedJoinHandle<'scope, ()>)>,
@@ -63,6 +63,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         for (step, inputs) in inputs.iter().enumerate() {
             inputs.iter().for_each(|(_, input)| followers[input.0].push(StepId(step)));
         }
+        // An input used twice counts twice, here and in `followers`.
         let missing: Vec<usize> = inputs.iter().map(Vec::len).collect();
         let ready = (0..missing.len()).filter(|step| missing[*step] == 0).map(StepId).collect();
         Self {
@@ -83,7 +84,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
 
     fn stopped(&self) -> bool {
         let failed = !self.summary.failures.is_empty() && !self.options.keep_going;
-        // Without space for one step, the next would only take what the running ones still need.
+        // Without space for one step, the next one would only take what the running ones still
+        // need.
         failed || self.summary.is_full() || self.cancel.load(Ordering::Relaxed)
     }
 
@@ -99,6 +101,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     ) where
         'a: 'scope,
     {
+        // All ready steps are assessed before any is started: a kept step makes its consumers
+        // ready.
         while !self.stopped()
             && let Some(step) = self.ready.pop_first()
         {
@@ -114,6 +118,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             let stale = self.stale.remove(&rank).expect("the step was found among the stale");
             match self.is_mended(&stale) {
                 Ok(true) => {
+                    // The next assessment finds the bytes, and keeps the step.
                     self.ready.insert(rank.1);
                     return self.start_ready(scope, sender);
                 }
@@ -123,16 +128,18 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         }
     }
 
-    /// The next step to start. A step whose key is being made waits, and will find the record. A
-    /// step that is too large for the whole budget runs alone.
+    /// The next step to start. A step waits while another one with the same key runs, and will find
+    /// its record. A step that is too large for the whole budget runs alone.
     fn next_stale(&self) -> Option<StepRank> {
         let left = self.left();
         let at_work = |key: &Key| self.running.values().any(|(running, ..)| running == key);
+        // If nothing runs, waiting would free nothing.
         let fits = |stale: &StaleStep| left.holds(&stale.need) || self.running.is_empty();
         self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
     }
 
-    /// Returns true if another step has meanwhile made the lost bytes for which this step was to run.
+    /// Returns true if another step has meanwhile made the lost bytes that were the reason to run
+    /// this step.
     fn is_mended(&self, stale: &StaleStep) -> Result<bool, StoreError> {
         if !matches!(stale.reason, StepReason::BlobMissing { .. } | StepReason::BlobAltered { .. }) {
             return Ok(false);
@@ -146,7 +153,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         Ok(true)
     }
 
-    /// Assesses a ready step. Returns `None` if it is up to date, which is then noted.
+    /// Assesses a ready step. Returns `None` if it is up to date; the step is then recorded as
+    /// kept.
     fn assess(&mut self, step: StepId) -> Result<Option<StaleStep>, PlanError> {
         let planned = &self.plan.steps()[step.0];
         let outputs_of = |id| Some(self.summary.products[&id].outputs.clone());
@@ -191,6 +199,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     {
         let StepNeed { memory, .. } = stale.need;
         let whole = self.options.budget;
+        // An equal share of the free cores for this step and each waiting one, rounded up.
         let cores = self.left().cores.div_ceil(self.stale.len() + 1).max(1);
         let (at_work, grant) = (stale.key, ResourceGrant { cores, need: stale.need });
         self.observer.tell(&RunEvent::Started { step, reason: &stale.reason, cores });
@@ -231,6 +240,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         if let Some((.., thread)) = self.running.remove(&step) {
             thread.join().expect("the thread has told, and told last, what became of its step");
         }
+        // Steps with the same key are assessed again: they find the new record, or run if this step
+        // failed.
         let twins: Vec<StepRank> =
             self.stale.iter().filter(|(_, s)| s.key == key).map(|(rank, _)| *rank).collect();
         for twin in twins {
@@ -270,6 +281,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
 
     pub(super) fn close(mut self) -> RunSummary {
         self.summary.interrupted |= self.cancel.load(Ordering::Relaxed);
+        // A cancelled step is in neither list, and counts as not reached.
         let ended = self.summary.products.len() + self.summary.failures.len();
         self.summary.unreached = self.plan.steps().len() - ended;
         self.summary

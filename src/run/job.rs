@@ -29,7 +29,7 @@ pub(super) struct StaleStep {
     /// The files outside the store, as in the key.
     pub(super) sources: SourceFiles,
     pub(super) reason: StepReason,
-    /// True if the step is up to date and only compared with its record.
+    /// The recorded outputs, if the step is up to date and only compared with its record.
     pub(super) recheck: Option<Vec<StoredOutput>>,
     pub(super) files: Vec<ArtifactFiles>,
     pub(super) need: StepNeed,
@@ -45,7 +45,7 @@ pub(super) struct StepResult {
     pub(super) saving: Option<TimeSaved>,
 }
 
-/// One step's work, on its own thread.
+/// The work of one step on its own thread.
 pub(super) struct StepJob<'a> {
     pub(super) plan: &'a Plan,
     pub(super) store: &'a Store,
@@ -58,8 +58,10 @@ pub(super) struct StepJob<'a> {
 impl StepJob<'_> {
     pub(super) fn run(&self, step: StepId, stale: &StaleStep) -> Result<StepResult, StepError> {
         if let StepReason::BlobAltered { digest } = &stale.reason {
+            // The altered file has the name of the right bytes, and must not be taken for them.
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
+        // Even an empty folder cannot be created on a full disk.
         let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
         self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
     }
@@ -73,6 +75,7 @@ impl StepJob<'_> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let mut cx = StageContext::new(workspace.path(), self.cancel);
+        // A clock without a date: no product may depend on the time of the build.
         cx.clock = Some(monotonic_seconds);
         cx.allows_commands = self.allows_commands;
         cx.programs = self.programs.clone();
@@ -82,7 +85,7 @@ impl StepJob<'_> {
         }
         let worked = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
-        // Half of a file that is being written looks broken. That it changes is the better message.
+        // A file that is half written looks broken. The message that it changes is the better one.
         if !matches!(worked, Err(StageError::Cancelled)) {
             self.refuse_moved(planned, &stale.sources)?;
         }
@@ -103,8 +106,8 @@ impl StepJob<'_> {
         Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving })
     }
 
-    /// The error, or the lack of disk space if that is the cause: known from the chain of errors,
-    /// or else from the free space, because not every library passes on the cause.
+    /// Returns the error, or the lack of disk space if that is the cause. The cause is known from
+    /// the chain of errors, or else from the free space, because not every library passes it on.
     fn with_space(&self, error: StepError, wrote: u64) -> StepError {
         let may_have_written = match &error {
             StepError::Stage(StageError::Work { .. } | StageError::Io { .. } | StageError::Program(_)) => {
@@ -121,16 +124,16 @@ impl StepJob<'_> {
         StepError::Full { wrote, space, cause: error.to_string() }
     }
 
-    /// The bytes that were read must be those of the key: the step may have waited long for its
-    /// start.
+    /// Checks that the files that were read are those of the key: the step may have waited long for
+    /// its start.
     fn refuse_moved(&self, planned: &PlannedStep, then: &SourceFiles) -> Result<(), StepError> {
         let now = read_sources(self.plan, self.store, planned)?;
         now.moved_since(then).map_or(Ok(()), |name| Err(StepError::Moved(name)))
     }
 
-    /// Does the work in separate threads and waits for their end. The allocator gives the memory of
-    /// ended threads to the next ones only after that; otherwise one more set of kept pages would
-    /// be in use, which no estimate includes.
+    /// Does the work in separate threads and waits for their end. Only then does the allocator give
+    /// the memory of ended threads to the next ones. Otherwise one more set of kept pages would be
+    /// in use, which no estimate includes.
     fn in_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, StageError> {
         let mut threads = Vec::with_capacity(self.cores);
         let start = |worker: rayon::ThreadBuilder| {

@@ -6,7 +6,7 @@ use crate::stage::StepId;
 use std::cmp::Reverse;
 use std::time::Duration;
 
-/// The place of a step in the order: the smallest comes first.
+/// Position of a step in the order. The smallest one comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct StepRank(Reverse<u64>, pub(super) StepId);
 
@@ -20,7 +20,7 @@ pub(super) fn step_ranks(plan: &Plan, past: &[Option<PastCosts>]) -> Vec<StepRan
         Duration::try_from_secs_f64(seconds).map_or(0, |d| u64::try_from(d.as_millis()).unwrap_or(u64::MAX))
     };
     let mut chains: Vec<u64> = (0..plan.steps().len()).map(own).collect();
-    // Inputs stand before their consumers, so in reverse order every consumer is done.
+    // Inputs precede their consumers, so in reverse order every consumer is done.
     for (step, planned) in plan.steps().iter().enumerate().rev() {
         for (_, input) in planned.step.inputs() {
             chains[input.0] = chains[input.0].max(own(input.0).saturating_add(chains[step]));

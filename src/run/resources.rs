@@ -13,7 +13,7 @@ pub struct ResourceBudget {
     pub gpus: usize,
 }
 
-/// What a running step holds.
+/// Resources that a running step holds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ResourceGrant {
     pub(super) cores: usize,
@@ -24,6 +24,7 @@ impl ResourceBudget {
     /// The remaining resources.
     pub(super) fn left<'g>(mut self, granted: impl Iterator<Item = &'g ResourceGrant>) -> Self {
         for grant in granted {
+            // A step that runs alone may have been granted more than the total.
             self.cores = self.cores.saturating_sub(grant.cores);
             self.memory = self.memory.saturating_sub(grant.need.memory);
             self.gpus = self.gpus.saturating_sub(usize::from(grant.need.gpu));

@@ -8,7 +8,7 @@ use crate::store::StoreAccess;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
-/// What steps of these tests hand on.
+/// Product of the steps in these tests.
 #[derive(Debug)]
 struct Note;
 
@@ -20,16 +20,16 @@ impl Artifact for Note {
     }
 }
 
-/// What a step does before it writes its note.
+/// Action of a step before it writes its note.
 #[derive(Debug, Clone, Default)]
 enum Act {
     #[default]
     Nothing,
     Overwrite(PathBuf),
-    /// Writes where there is never room.
+    /// Writes to a device without free space.
     Fill,
     Fail,
-    /// Fails over a file that somebody is writing.
+    /// Fails on a file that another process is writing.
     FailOver(PathBuf),
     Panic,
 }
@@ -132,13 +132,15 @@ fn an_input_that_changes_while_it_is_read_is_not_recorded() {
     assert_eq!(counts(&summary), [0, 0, 1, 0]);
     let error = &summary.failures[0].error;
     assert_eq!(error.to_string(), "source changed while it was read; nothing was recorded");
-    // The next build is right: the new bytes are read once, and the old ones still count as never read.
+    // The next build is right: the new bytes are read once, and the old ones still count as never
+    // read.
     assert_eq!(counts(&run_with(folder.path(), vec![(reader.clone(), None)], false, false)), [1, 0, 0, 0]);
     std::fs::write(&source, "still").unwrap();
     assert_eq!(counts(&run_with(folder.path(), vec![(reader, None)], false, false)), [1, 0, 0, 0]);
 }
 
-/// What a step saw of a file that was written anew meanwhile is not known, whatever the file holds afterwards.
+/// The bytes that a step saw of a file that was rewritten meanwhile are not known, whatever the
+/// file contains afterwards.
 #[test]
 fn an_input_that_is_written_anew_with_equal_bytes_is_not_recorded() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,7 +199,7 @@ fn a_failure_stops_what_is_behind_it_and_with_keep_going_nothing_else() {
     }
 }
 
-/// Where there is no room for one step, the next would take what is left from the steps at work.
+/// If there is no room for one step, the next one would take what is left from the running steps.
 #[test]
 fn after_a_full_disk_nothing_starts_even_with_keep_going() {
     let folder = tempfile::tempdir().unwrap();
@@ -210,7 +212,7 @@ fn after_a_full_disk_nothing_starts_even_with_keep_going() {
     assert!(summary.is_full() && !summary.interrupted);
 }
 
-/// What is half written by somebody else and cannot be read is told as what it is.
+/// A half-written file that cannot be read is reported as such.
 #[test]
 fn a_step_that_fails_over_a_moving_input_blames_the_move() {
     let folder = tempfile::tempdir().unwrap();
@@ -238,7 +240,7 @@ fn a_run_that_is_cancelled_starts_nothing() {
     assert_eq!((counts(&summary), summary.interrupted), ([0, 0, 0, 2], true));
 }
 
-/// A broken invariant in a step ends the program; it must not wait for the step for ever.
+/// A broken invariant in a step ends the program; the executor must not wait forever for the step.
 #[test]
 fn a_panic_of_a_step_is_carried_on() {
     let folder = tempfile::tempdir().unwrap();

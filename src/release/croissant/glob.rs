@@ -1,6 +1,7 @@
-//! Patterns of paths: `**` stands for any number of folders, `*` for any letters of a name.
+//! Patterns of paths: `**` matches any number of folders, including none; `*` matches any
+//! characters of a name.
 
-/// Returns true if a pattern is of this `/`-separated path.
+/// Returns true if the pattern matches this `/`-separated path.
 pub(in crate::release) fn glob_matches(pattern: &str, path: &str) -> bool {
     let [pattern, path] = [pattern, path].map(|text| text.split('/').collect::<Vec<_>>());
     match_folders(&pattern, &path)

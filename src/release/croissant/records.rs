@@ -1,11 +1,11 @@
-//! The record sets: the rows of the index, and a record of each `scene.json`.
+//! The record sets: one record per row of the index, and one per `scene.json`.
 
 use crate::recipe::SplitPlan;
 use crate::release::index::table::ColumnKind;
 use crate::release::index::{self, COLUMNS};
 use serde_json::{Value, json};
 
-/// What is told of a `scene.json`: name, kind and path in it, and what it is.
+/// Fields of a `scene.json`: name, kind, path in the file, and description.
 const SCENE: [(&str, ColumnKind, &str, &str); 12] = [
     ("id", ColumnKind::Text, "$.id", "scene id, and its folder"),
     ("source", ColumnKind::Text, "$.source.kind", "kind of source that the poses come from"),
@@ -21,7 +21,7 @@ const SCENE: [(&str, ColumnKind, &str, &str); 12] = [
     ("recipe_sha256", ColumnKind::Text, "$.recipe_sha256", "SHA-256 of the recipe as compact JSON"),
 ];
 
-/// How Croissant calls a kind.
+/// Name of a kind in Croissant.
 pub(in crate::release) fn data_type(kind: ColumnKind) -> &'static str {
     match kind {
         ColumnKind::Text => "sc:Text",
@@ -47,7 +47,7 @@ fn record_field(set: &str, name: &str, kind: ColumnKind, description: &str, sour
     field
 }
 
-/// The rows of the index. Where there are splits, the column of them refers to their records.
+/// The rows of the index. If there are splits, their column refers to the records of the splits.
 pub(super) fn index_records(splits: Option<&SplitPlan>) -> Value {
     let from =
         |column: &str| json!({ "fileObject": { "@id": index::NAME }, "extract": { "column": column } });
@@ -63,7 +63,7 @@ pub(super) fn index_records(splits: Option<&SplitPlan>) -> Value {
 /// Id of the record set of splits.
 pub(in crate::release) const SPLITS: &str = "splits";
 
-/// The splits, a record each, written out.
+/// The splits, one record each, with the data written into the file.
 pub(super) fn split_records(splits: &SplitPlan) -> Value {
     let name = format!("{SPLITS}/name");
     let field = json!({
@@ -76,7 +76,7 @@ pub(super) fn split_records(splits: &SplitPlan) -> Value {
     records
 }
 
-/// The scene files, which are the file set `files`.
+/// The scene files, as records of the file set `files`.
 pub(super) fn scene_records(files: &str) -> Value {
     let from = |path: &str| json!({ "fileSet": { "@id": files }, "extract": { "jsonPath": path } });
     let fields =

@@ -1,4 +1,4 @@
-//! The answers.
+//! The answers of the datasheet.
 
 use super::{DatasheetEntry, UNKNOWN, UNSTATED};
 use crate::licence::LicenceObligation;
@@ -9,26 +9,27 @@ use crate::release::{TOOL, card, croissant};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// What answers are made from.
+/// Input of the answers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AnswerContext<'a> {
     pub(super) facts: &'a ReleaseFacts<'a>,
     pub(super) info: &'a ReleaseInfo,
 }
 
-/// What the publisher says, or that it says nothing.
+/// A statement of the publisher, or the note that it is missing.
 fn stated_or_silent(text: Option<&String>) -> String {
     text.map_or_else(|| UNSTATED.to_owned(), |text| format!("The publisher: \"{}\"", plain_text(text)))
 }
 
-/// `1 a, 2 b`.
+/// Counts in the form `1 a, 2 b`.
 fn counted_list<K: AsRef<str>>(counts: &BTreeMap<K, usize>) -> String {
     let each: Vec<String> = counts.iter().map(|(name, count)| format!("{count} {}", name.as_ref())).collect();
     each.join(", ")
 }
 
 impl AnswerContext<'_> {
-    /// What `release.yaml` says where it has a default, which nobody said.
+    /// A statement from `release.yaml`. The default value of a field is not a statement of the
+    /// publisher.
     fn said(&self, of: fn(&ReleaseInfo) -> &String) -> String {
         let given = of(self.info);
         stated_or_silent(Some(given).filter(|text| *text != of(&ReleaseInfo::default())))
@@ -171,7 +172,7 @@ impl AnswerContext<'_> {
         }
     }
 
-    /// What is so of scenes that were made up, and what can be said of captures.
+    /// One answer for scenes that are all procedural, or another one for captures.
     fn of_captures(&self, made_up: &str, captured: &str) -> String {
         if self.facts.made_up() {
             format!("{made_up} Its scenes are made up by the program.")
@@ -215,6 +216,7 @@ impl AnswerContext<'_> {
                 },
             );
         match (days.keys().next(), days.keys().next_back()) {
+            // Days are `YYYY-MM-DD`, so the order of the texts is that of time.
             (Some(first), Some(last)) => format!(
                 "Captures were downloaded between {first} and {last} ({} of {} scenes say when). When they were taken is not \
                  known.",

@@ -1,4 +1,4 @@
-//! Where two JSON values differ, leaf by leaf.
+//! Differences between two JSON values, leaf by leaf.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -9,16 +9,16 @@ use std::collections::BTreeSet;
 pub struct ValueChange {
     /// Its place: keys, indices and names of list elements, joined by dots.
     pub path: String,
-    /// The value in the old release; `None` where it was absent.
+    /// The value in the old release; `None` if it was absent.
     pub old: Option<Value>,
-    /// The value in the new release; `None` where it is absent.
+    /// The value in the new release; `None` if it is absent.
     pub new: Option<Value>,
 }
 
 /// The leaves that differ, sorted by place.
 ///
-/// Elements of a list are held against each other by their `name` where all have one, else by index where the lists
-/// are of one length; lists that are neither differ as a whole.
+/// Elements of a list are compared by their `name` if all have one, or else by index if the lists
+/// have the same length. Other lists differ as a whole.
 pub(super) fn value_changes(old: &Value, new: &Value) -> Vec<ValueChange> {
     let mut found = Vec::new();
     walk_values(&mut found, "", Some(old), Some(new));
@@ -45,7 +45,7 @@ fn walk_values(found: &mut Vec<ValueChange>, path: &str, old: Option<&Value>, ne
 
 type ValuePair<'a> = (String, Option<&'a Value>, Option<&'a Value>);
 
-/// The parts of two values that belong together; `None` where the values can only be told as a whole.
+/// Pairs of parts that belong together; `None` if the values can only be compared as a whole.
 fn value_pairs<'a>(old: &'a Value, new: &'a Value) -> Option<Vec<ValuePair<'a>>> {
     match (old, new) {
         (Value::Object(a), Value::Object(b)) => {
@@ -63,6 +63,7 @@ fn by_name<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>>
     }
     let names: Vec<&str> = old.iter().chain(new).map(name).collect::<Option<_>>()?;
     let unique = |list: &[Value]| list.iter().map(name).collect::<BTreeSet<_>>().len() == list.len();
+    // A repeated name does not identify an element.
     if !unique(old) || !unique(new) {
         return None;
     }
@@ -72,6 +73,7 @@ fn by_name<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>>
 }
 
 fn by_index<'a>(old: &'a [Value], new: &'a [Value]) -> Option<Vec<ValuePair<'a>>> {
+    // With an insertion, all later elements would differ, so lengths must agree.
     let both = old.iter().zip(new).enumerate();
     (old.len() == new.len()).then(|| both.map(|(i, (a, b))| (i.to_string(), Some(a), Some(b))).collect())
 }

@@ -1,5 +1,5 @@
-//! A small table as Parquet (parquet.apache.org, format 2): every column may be null, one row group, plain values,
-//! compressed by zstd, and no word of when it was written, so that equal tables are equal bytes.
+//! Small tables as Parquet (parquet.apache.org, format 2): nullable columns, one row group, plain
+//! values, compressed by zstd. No time of writing is included, so equal tables are equal bytes.
 
 use crate::budget::{ByteBudget, OverBudget};
 use crate::files::{self, LinkRule};
@@ -19,14 +19,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::release) enum ColumnKind {
     /// UTF-8.
     Text,
-    /// 64 bits, signed.
+    /// 64-bit signed integer.
     Whole,
-    /// 64 bits, floating.
+    /// 64-bit floating-point number.
     Number,
     /// True or false.
     Flag,
@@ -73,7 +73,7 @@ impl From<i64> for CellValue {
 }
 
 impl From<u64> for CellValue {
-    /// Nothing that is counted reaches 2^63.
+    /// Counts never reach 2^63.
     fn from(value: u64) -> Self {
         i64::try_from(value).map_or(Self::Null, Self::Whole)
     }
@@ -97,16 +97,16 @@ impl<T: Into<Self>> From<Option<T>> for CellValue {
     }
 }
 
-/// A table that was read.
+/// A table read from a file.
 #[derive(Debug)]
 pub(in crate::release) struct IndexTable {
-    /// Name and kind of each column; none where a column holds what is never written here.
+    /// Name and kind of each column; no kind for a type that this program never writes.
     pub(in crate::release) columns: Vec<(String, Option<ColumnKind>)>,
-    /// Rows of as many cells.
+    /// Rows, with one cell per column.
     pub(in crate::release) rows: Vec<Vec<CellValue>>,
 }
 
-/// The file that holds these rows; each has a cell for each column, of its kind or null.
+/// Composes a file with these rows. Each row has one cell per column, of its kind or null.
 pub(in crate::release) fn write_table(
     columns: &[(&str, ColumnKind)],
     rows: &[Vec<CellValue>],
@@ -129,10 +129,12 @@ fn encode_table(
     let fields: String = columns.iter().map(field).collect();
     let schema = parse_message_type(&format!("message rows {{ {fields} }}"))?;
     let properties = WriterProperties::builder()
+        // The library would write its own version, and an update of it would change the bytes.
         .set_created_by(writer.to_owned())
         .set_compression(Compression::ZSTD(ZstdLevel::default()))
         .set_dictionary_enabled(false)
         .set_statistics_enabled(EnabledStatistics::Chunk)
+        // One row group, however many rows: the library splits at a number of its own.
         .set_max_row_group_row_count(Some(rows.len().max(1)))
         .build();
     let mut file = SerializedFileWriter::new(Vec::new(), Arc::new(schema), Arc::new(properties))?;
@@ -148,6 +150,7 @@ fn encode_table(
 }
 
 fn write_column(column: &mut ColumnWriter<'_>, cells: &[&CellValue]) -> Result<(), ParquetError> {
+    // Definition levels: 1 for a value, 0 for null. The values themselves follow without gaps.
     let present: Vec<i16> = cells.iter().map(|cell| i16::from(**cell != CellValue::Null)).collect();
     let present = Some(present.as_slice());
     match column {
@@ -185,9 +188,10 @@ fn write_column(column: &mut ColumnWriter<'_>, cells: &[&CellValue]) -> Result<(
 /// Reads a file.
 ///
 /// # Errors
-/// When it cannot be read, or is no Parquet.
+/// It cannot be read, or is not Parquet.
 pub(in crate::release) fn read_table(path: &Path) -> Result<IndexTable, ParquetError> {
-    // The library panics on some damaged files where an error is due; no state outlives the call.
+    // The library panics on some damaged files instead of returning an error. No state outlives the
+    // call.
     let read = AssertUnwindSafe(|| decode_table(files::open_with(path, LinkRule::Refuse)?));
     let damaged = |_| Err(ParquetError::General("it is damaged, in a way that stops its reader".into()));
     catch_unwind(read).unwrap_or_else(damaged)
@@ -212,7 +216,7 @@ fn decode_table(file: File) -> Result<IndexTable, ParquetError> {
     let mut text = 0;
     for row in reader.get_row_iter(None)? {
         let cells: Vec<CellValue> = row?.into_columns().into_iter().map(column_cell).collect();
-        // A dictionary of one long text can stand for many.
+        // One long text in a dictionary can be used by many cells.
         text += cells.iter().map(text_bytes).sum::<usize>();
         budget.check(text, 1).map_err(over)?;
         rows.push(cells);
@@ -229,13 +233,15 @@ fn over(error: OverBudget) -> ParquetError {
     ParquetError::General(format!("its cells would take {error}"))
 }
 
-/// Holds the rows and the pages that a file says it has against its bytes, and takes their memory from the budget.
+/// Compares the rows and pages that a file claims to have with its bytes, and takes their memory
+/// from the budget.
 fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut ByteBudget) -> Result<(), ParquetError> {
     let negative = |_| ParquetError::General("it says that it has less than nothing".to_owned());
     for group in metadata.row_groups() {
         let rows = usize::try_from(group.num_rows()).map_err(negative)?;
+        // The memory of the rows as they are read below.
         budget.take(rows, columns * size_of::<CellValue>() + size_of::<Vec<CellValue>>()).map_err(over)?;
-        // The pages of one group at a time are in memory.
+        // Only the pages of one group at a time are in memory.
         let pages = group.columns().iter().map(|column| usize::try_from(column.uncompressed_size()));
         let pages = pages.sum::<Result<usize, _>>().map_err(negative)?;
         budget.check(pages, 1).map_err(over)?;
@@ -250,7 +256,7 @@ fn column_cell((_, field): (String, Field)) -> CellValue {
         Field::Long(value) => CellValue::Whole(value),
         Field::Double(value) => CellValue::Number(value),
         Field::Bool(value) => CellValue::Flag(value),
-        // What is never written here equals nothing that is.
+        // A type that is never written here must not equal a cell that is.
         other => CellValue::Text(format!("{other:?}")),
     }
 }

@@ -1,4 +1,5 @@
-//! `scene.json` composed once more from a tree: from the recipe in it, and from what other files of the scene say.
+//! `scene.json` composed again from a tree: from the recipe in it, and from other files of the
+//! scene.
 
 use super::trajectory::{
     blur_value, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value, twin_of,
@@ -17,9 +18,10 @@ use crate::release::checksum;
 use crate::release::published::PublishedScene;
 use serde_json::Value;
 
-/// The file as it follows from the recipe and the other files. The following is taken as it stands, since no other file
-/// of the tree has it: photos, a capture's own camera, what is known of the Gaussians, the rate and error that a
-/// tolerance led to, and counts of the simulation that the events do not show.
+/// Composes the file from the recipe and the other files. Some values are copied, because no other
+/// file of the tree has them: photos, a capture's own camera, the facts about the Gaussians, the
+/// rate and error that a tolerance led to, and counts of the simulation that the events do not
+/// show.
 pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
@@ -46,7 +48,8 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
 }
 
 fn camera(recipe: &Recipe, found: &CameraPart) -> CameraPart {
-    // A recipe that says less than a whole camera takes the rest from the capture.
+    // A recipe without a whole camera takes the rest from the capture, which the tree does not
+    // have.
     camera::choose_camera(recipe.camera, None).map_or_else(
         || found.clone(),
         |camera| CameraPart {
@@ -77,7 +80,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     let stamps = &motion.trajectory.stamps_us;
     let last_us = stamps.last().copied().unwrap_or(0);
     let size = Size { width: scene.file.camera.width, height: scene.file.camera.height };
-    // A tolerance chooses how brightness is taken between frames, which is a parameter of some sensors.
+    // A tolerance chooses the interpolation between frames, which is a parameter of some sensors.
     let chosen = recipe.tolerance.is_some();
     let simulated = recipe.outputs.contains(&OutputKind::Events);
     let seed = sensor_seed(recipe, &found.name);
@@ -119,7 +122,8 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     }
 }
 
-/// Returns true if a scene that says so itself is antialiased is known to the simulation alone.
+/// Render rules as in the recipe. If a scene file declares itself antialiased, only the simulation
+/// knows it, so this value is copied.
 fn rules(recipe: &Recipe, simulated: bool, found: &Value) -> Value {
     let mut rules = super::trajectory::render_rules(recipe.render, None);
     if simulated && found["antialiased"].is_boolean() {
@@ -128,9 +132,10 @@ fn rules(recipe: &Recipe, simulated: bool, found: &Value) -> Value {
     rules
 }
 
-/// Counts, with those recomputed that follow from others.
+/// Statistics in which the values that follow from others are recomputed.
 fn counted(found: &TrajectoryStatistics, size: Size, last_us: i64) -> TrajectoryStatistics {
     TrajectoryStatistics {
+        // Checked: the numbers come from a file that may be damaged.
         off: found.events.zip(found.on).and_then(|(events, on)| events.checked_sub(on)),
         rate_ev_px_s: found.events.and_then(|events| rate_ev_px_s(events, size, last_us)),
         ..found.clone()

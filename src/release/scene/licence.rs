@@ -1,10 +1,10 @@
-//! Under which terms a scene is passed on, part by part.
+//! Licence terms of a scene, part by part.
 
 use crate::licence::{ComposedTerms, HolderTerms, LicenceObligation, Redistributability, UpstreamGrant};
 use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
 
-/// Under which terms the scene is passed on.
+/// Licence terms of a scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LicencePart {
@@ -12,21 +12,23 @@ pub struct LicencePart {
     pub expression: String,
     /// Terms of parts of the scene.
     pub parts: Vec<LicensedPart>,
-    /// The tools that it was made with; their licences do not enter the expression.
+    /// The tools that the scene was made with. Their licences are not part of the expression.
     pub tools: Vec<LicensedTool>,
     /// True if receivers must accept the upstream terms first.
     pub gated: bool,
-    /// Why the releaser may pass on what upstream does not let everyone pass on.
+    /// The releaser's reason to redistribute material that the upstream does not let everyone
+    /// redistribute.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redistribution: Option<String>,
-    /// True if what shows the scene (events, pictures) is left out of the release, as upstream forbids to pass it on.
+    /// True if the files that show the scene (events, pictures) are left out, because the upstream
+    /// forbids their redistribution.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub withheld: bool,
-    /// Who is to be named.
+    /// Names for attribution.
     pub attribution: String,
 }
 
-/// What stands in the place of a dataset for what its owner added.
+/// Name of the part that the owner of a scene added, in the place of a dataset's name.
 pub(in crate::release) const OWNER: &str = "owner";
 
 /// Terms of a part.
@@ -35,21 +37,22 @@ pub(in crate::release) const OWNER: &str = "owner";
 pub struct LicensedPart {
     /// Files, as a glob below the scene's folder.
     pub path: String,
-    /// The dataset, or `owner`: what was added to it.
+    /// The dataset, or `owner` for the part that was added to it.
     pub asset: String,
     /// SPDX expression.
     pub expression: String,
-    /// Who is to be named; empty where nobody is stated.
+    /// Name for attribution; empty if there is no name.
     pub attribution: String,
-    /// What is asked of whoever receives it, as far as it is known.
+    /// Known obligations of receivers.
     pub obligations: Vec<LicenceObligation>,
-    /// Of a dataset: whether its terms were read in full at their holder's. The owner's part is what the recipe says.
+    /// For a dataset: true if its terms were read in full at their holder's. Absent for the owner's
+    /// part, whose terms are those of the recipe.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified: Option<bool>,
-    /// Of a dataset: where its terms were read.
+    /// For a dataset: addresses of the documents with its terms.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub evidence: Vec<String>,
-    /// Why the terms are other than those that the dataset has for everybody, where they are.
+    /// The grant, if the terms differ from the public terms of the dataset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grant: Option<UpstreamGrant>,
 }
@@ -70,7 +73,7 @@ impl LicensedPart {
     }
 }
 
-/// A tool.
+/// A tool with its licence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LicensedTool {
@@ -105,7 +108,7 @@ pub(super) fn licence_part(recipe: &Recipe, licence: &ComposedTerms) -> LicenceP
     }
 }
 
-/// Everybody who is to be named.
+/// All names for attribution.
 fn attribution_names(licence: &ComposedTerms) -> String {
     let named = licence.parts.iter().map(|part| part.attribution.as_str());
     named.filter(|name| !name.is_empty()).collect::<Vec<_>>().join("; ")

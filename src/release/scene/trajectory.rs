@@ -1,4 +1,4 @@
-//! What `scene.json` says of one trajectory.
+//! The part of `scene.json` on one trajectory.
 
 use super::{DepthQuantiles, QuantityExtent, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use crate::artifact::{BlurredFrames, EventStream, SimulationRecord};
@@ -14,7 +14,7 @@ use crate::trajectory::CourseKind;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// The part of a trajectory.
+/// Composes the part of a trajectory.
 pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
     let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
     let stamps = &built.motion.trajectory.stamps_us;
@@ -35,7 +35,7 @@ pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> Traje
     }
 }
 
-/// How a path was made, as recipes call it.
+/// Name of a kind of path in recipes.
 pub(super) fn kind_name(kind: CourseKind) -> &'static str {
     match kind {
         CourseKind::Refine => "refine",
@@ -45,7 +45,8 @@ pub(super) fn kind_name(kind: CourseKind) -> &'static str {
     }
 }
 
-/// Dense frames of an exposure and from one to the next, and how many pictures stand for one at most.
+/// Numbers of dense frames of an exposure and from one exposure to the next, and the largest number
+/// of sub-frames of a dense frame.
 pub(super) fn blur_value(recipe: &Recipe, most: &Value) -> Value {
     json!({ "frames": recipe.shutter.frames, "stride": recipe.shutter.frames, "subframes": most })
 }
@@ -54,20 +55,22 @@ fn most_subframes(blurred: &BlurredFrames) -> Option<u32> {
     blurred.exposures.iter().map(|exposure| exposure.subframes).max()
 }
 
-/// Frames a second, and how brightness was taken between frames, as the recipe says in full; for a tolerance what was chosen,
-/// and the error that was foreseen and found.
+/// Frames per second, and the interpolation of brightness between frames, in full as in the recipe.
+/// For a tolerance also the choice that was made, and the expected and the measured error.
 pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&SimulationRecord>) -> Value {
     let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
+        // The recipe leaves the interpolation to the tolerance, so its own value is not the one
+        // used.
         out.insert("between".into(), json!(chosen.between));
         out.insert("tolerance".into(), json!(chosen));
     }
     out
 }
 
-/// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would
-/// round such numbers.
+/// Path, speed, and the base of a novel path. The seeds of draws are written as text elsewhere,
+/// because many readers of JSON would round large numbers.
 pub(super) fn parameter_values(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
     let mut parameters = json!(asked.path);
     if let Some(novel) = parameters.get_mut("novel").and_then(Value::as_object_mut) {
@@ -78,8 +81,8 @@ pub(super) fn parameter_values(recipe: &Recipe, asked: &TrajectoryRecipe) -> Val
     parameters
 }
 
-/// The speed as the merged recipe shows it: a formula is text there. Its syntax tree can nest deeper than readers of
-/// JSON follow.
+/// The speed as in the merged recipe, where a formula is text. Its syntax tree can nest deeper than
+/// readers of JSON follow.
 fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
     let all = recipe.merged.get("trajectories").and_then(Value::as_array);
     let of_it = all.into_iter().flatten().find(|shown| shown["name"] == asked.written.as_str());
@@ -91,7 +94,7 @@ pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&SimulationRe
     json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
 }
 
-/// The one stream, where there are not several.
+/// The only stream, if it has no name.
 fn the_one(built: &BuiltTrajectory) -> Option<(&SimulationRecord, &EventStream)> {
     let stream = built.streams().first().filter(|stream| stream.name.is_none());
     built.simulation().zip(stream)
@@ -135,7 +138,7 @@ fn voltmeter_value(v: &VoltmeterModel) -> Value {
     out
 }
 
-/// Each of several sensors with what was counted of its stream.
+/// Each of several sensors with the statistics of its stream.
 fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     let Some(simulation) = built.simulation() else { return BTreeMap::new() };
     let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
@@ -155,11 +158,12 @@ fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     named.map(part).collect()
 }
 
-/// The name of the first sensor that this one without noise would be, if its noise were taken away.
+/// The name of the first sensor that would equal this one without its noise.
 pub(super) fn twin_of<'s>(
     own: &SensorChoice,
     mut all: impl Iterator<Item = (Option<&'s str>, &'s SensorChoice)>,
 ) -> Option<&'s str> {
+    // Labels do not change events, and twins may differ in them.
     let own = own.without_labels();
     let is_twin = |other: &SensorChoice| {
         let noisy = other.without_labels();
@@ -168,7 +172,7 @@ pub(super) fn twin_of<'s>(
     all.find(|(_, other)| is_twin(other))?.0
 }
 
-/// What was counted of stream `i`.
+/// Statistics of stream `i`.
 fn stream_statistics(
     built: &BuiltTrajectory,
     simulation: &SimulationRecord,
@@ -187,7 +191,7 @@ fn stream_statistics(
     }
 }
 
-/// Events per pixel and second; `None` where no time passes.
+/// Events per pixel and second; `None` if the duration is 0.
 pub(super) fn rate_ev_px_s(events: u64, size: Size, last_us: i64) -> Option<f64> {
     let pixel_seconds = size.pixels() as f64 * (last_us as f64 * 1e-6);
     (pixel_seconds > 0.0).then(|| events as f64 / pixel_seconds)
@@ -202,6 +206,7 @@ fn trajectory_statistics(built: &BuiltTrajectory) -> TrajectoryStatistics {
         angular_rad_s: QuantityExtent::from_values(&report.angular_rad_s),
         max_step_px: simulation.and_then(|s| s.flow_px).map(|FlowQuantiles { max, .. }| max),
         depth_unit: depth.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
+        // With several streams these counts belong to each of them, and stay null here.
         ..the_one(built).map(|(simulation, _)| stream_statistics(built, simulation, 0)).unwrap_or_default()
     }
 }
