@@ -181,8 +181,8 @@ fn passage_time(distance: f64, speed: f64, sigma: f64, draws: &mut CellDraws) ->
         let z = draws.normal();
         // Twice the Lévy time `shape / z^2`, as published.
         2.0 * (root / z) * (root / z)
-    // With next to no noise, the path is straight to all digits.
     } else if !(shape.is_finite() && phi.is_finite()) {
+        // With next to no noise, the path is straight to all digits.
         distance / speed.abs()
     } else if speed > 0.0 || underflows {
         let (z, u) = (draws.normal(), draws.uniform());
