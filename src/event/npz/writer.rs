@@ -1,4 +1,4 @@
-//! Writing: the length of an array stands before its elements, so columns are kept in temporary
+//! Writing: an array's length is written before its elements, so columns are kept in temporary
 //! files.
 
 use super::{ARRAYS, END_US, LABEL};
@@ -62,6 +62,7 @@ impl Writer {
             write_npy_header(&mut archive, kind, count)?;
             std::io::copy(&mut column.rewound()?, &mut archive)?;
         }
+        // A buffered writer that is dropped hides the failure of its last write.
         archive.finish()?.flush()?;
         Ok(count)
     }
@@ -69,6 +70,7 @@ impl Writer {
 
 impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        // Before any column is written, so that the columns stay equally long.
         self.order.admit(events)?;
         let [t, x, y, p] = &mut self.columns;
         for event in events {
@@ -116,6 +118,7 @@ impl ColumnSpool {
     }
 
     fn rewound(&mut self) -> std::io::Result<&File> {
+        // The rewind also flushes the buffer, so that the file is complete behind it.
         self.file.rewind()?;
         Ok(self.file.get_ref())
     }
