@@ -404,7 +404,7 @@ mod tests {
         FrontEnd { decode: ChannelDecode::Srgb, ..FrontEnd::default() }
     }
 
-    /// What is seen of a frame all of one colour; 20 pixels are two eights and a rest.
+    /// Brightness that is seen of a frame in one colour. 20 pixels are two eights and a rest.
     fn seen(front_end: FrontEnd, rgb: [f32; 3]) -> f32 {
         let frame = front_end.see(&grey(ramp(), None), Some(&Image::filled(SIZE, rgb)));
         assert_eq!((frame.index, frame.t, frame.rate.is_none()), (3, Timestamp(7), true));
@@ -484,8 +484,9 @@ mod tests {
         assert_eq!((same.luminance.pixels(), same.rate), (&values[..], frame.rate));
     }
 
-    /// Central differences of a frame a little before and after, in steps that 32 bits hold well: `h = 2^-4` grey leaves a
-    /// curvature of `h^2/6` times a third derivative of at most 1e-4, and `2^-18` of rounding of each over `2h`.
+    /// Central differences of a frame a little before and after, in steps that 32 bits hold well:
+    /// `h = 2^-4` grey leaves a curvature of `h^2/6` times a third derivative of at most 1e-4, and
+    /// `2^-18` of rounding of each over `2h`.
     #[test]
     fn the_rate_of_a_grey_goes_through_the_same_map() {
         let range = GreyRange { min: 5.0, max: Some(300.0) };

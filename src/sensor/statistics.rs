@@ -205,9 +205,9 @@ mod tests {
 
     #[test]
     fn residuals_stay_where_a_stationary_pixel_is() {
-        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each,
-        // has mean 0 under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f =
-        // v^2 `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
+        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0
+        // at each, has mean 0 under the stationary law: `mean(drift) = rate (on A - off B)` for f =
+        // v, and for f = v^2 `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
         for (drift, variance) in
             [(0.0, 1.0), (1e-9, 1.0), (0.01, 1.0), (0.3, 1.0), (-2.0, 1.0), (40.0, 1.0), (-1.0, 1e-4)]
         {

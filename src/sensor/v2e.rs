@@ -14,9 +14,9 @@
 //! - events lie where the pixel's own brightness crosses its threshold, not on a grid with as many
 //!   instants as the busiest pixel of the frame has events;
 //! - `filter: exact` (the default) is the exact response of the filter to an input that is linear
-//!   between two frames, with the rate of their mean. `filter: euler` is the program's step `min(1, 2
-//!   pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the delay of one
-//!   frame that some of its versions have;
+//!   between two frames, with the rate of their mean. `filter: euler` is the program's step
+//!   `min(1, 2 pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the
+//!   delay of one frame that some of its versions have;
 //! - shot noise is a Poisson process with exponential gaps, not one trial per step. For greys above
 //!   white, its rate stays that of white;
 //! - thresholds of ON and OFF are drawn separately; `f` is not rounded and has 64 bits;

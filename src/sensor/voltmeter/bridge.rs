@@ -191,8 +191,8 @@ mod tests {
         }
     }
 
-    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and shape `a^2
-    /// / v`.
+    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and
+    /// shape `a^2 / v`.
     #[test]
     fn touch_times_are_distributed_as_those_of_rand_distr() {
         for (index, [a, g, v]) in [

@@ -224,7 +224,8 @@ mod tests {
         for &(t, polarity) in &found {
             count[usize::from(polarity > 0)] += 1.0;
             level = 1.3 * count[1] - 0.7 * count[0];
-            // The drift reaches 20,000, where an ulp is 4e-12; its slope is 8e-3 per ns, an ulp of t 5e-10 ns.
+            // The drift reaches 20,000, where an ulp is 4e-12; its slope is 8e-3 per ns, an ulp of
+            // t 5e-10 ns.
             let drift = LineDrift::rise_of_one(&curve, t);
             assert!((drift - level).abs() < 2e-11, "{t}: {drift} {level}");
         }

@@ -319,8 +319,8 @@ mod tests {
     #[test]
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     fn polarities_are_right_to_the_last_digits_wherever_the_voltage_is() {
-        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with
-        // 80 digits.
+        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and
+        // 0.999, with 80 digits.
         let wanted = [
             (1e-20, [0.75, 0.9995]),
             (-1e-20, [0.75, 0.9995]),
@@ -353,8 +353,8 @@ mod tests {
         assert!((times[50_000] - 4.395).abs() < 0.12, "{}", times[50_000]);
     }
 
-    /// With the drift, the published times have their correct law: mean `distance / speed` and shape
-    /// `(distance / sigma)^2`.
+    /// With the drift, the published times have their correct law: mean `distance / speed` and
+    /// shape `(distance / sigma)^2`.
     #[test]
     fn times_with_the_drift_are_distributed_as_those_of_rand_distr() {
         for (index, [distance, speed, sigma]) in
@@ -438,8 +438,8 @@ mod tests {
     #[test]
     fn a_burst_is_a_loop_and_the_cap_ends_or_thins_it() {
         let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
-        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint
-        // form.
+        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the
+        // midpoint form.
         let steep = official([1000.0 * k1, k2, 1e-4, 0.0, 0.0, 0.0]);
         let events = (2000.0 * k1 * 255.0 / (255.0 + 2.0 * k2)).floor();
         let frames = [[0.0, 255.0], [255.0, 0.0]];

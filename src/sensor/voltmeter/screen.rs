@@ -169,7 +169,8 @@ mod tests {
     fn the_refusal_names_grey_and_rate() {
         let error = reading(TimeUnit::Us, WhiteBrightness::Grey255).screen(rate()).unwrap_err();
         assert!(error.to_string().starts_with("a static pixel of grey 255 would make 255100"), "{error}");
-        // 25.5 kHz at grey 255 are 10.6 events in a frame interval of 1/2400 s and 510 in one of 1/50 s.
+        // 25.5 kHz at grey 255 are 10.6 events in a frame interval of 1/2400 s and 510 in one of
+        // 1/50 s.
         let slow = reading(TimeUnit::Ms, WhiteBrightness::Grey255).screen(Hertz("50".parse().unwrap()));
         assert!(
             matches!(slow, Err(ScreenError::Impossible { per_frame, .. }) if (509.0..511.0).contains(&per_frame))

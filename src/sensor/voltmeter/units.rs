@@ -121,7 +121,8 @@ mod tests {
                     let own = increments(k, [a / g, b / g], 416.0 * r);
                     let official = increments(units.to_official(k), [a, b], 416.0);
                     for (x, y) in own.into_iter().zip(official) {
-                        // Four roundings in either form, each of at most half an ulp of a sum of like signs.
+                        // Four roundings in either form, each of at most half an ulp of a sum of
+                        // like signs.
                         assert!((x - y).abs() <= 4.0 * f64::EPSILON * x.abs(), "{units:?}: {x:e} and {y:e}");
                     }
                 }
