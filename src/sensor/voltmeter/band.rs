@@ -320,8 +320,7 @@ impl TimeStep<'_> {
             let observed = self.length.min(self.last);
             store_eight(load_eight(simd, slice.variance, pixel) + square * observed, slice.variance, pixel);
         }
-        // The bound on the drift moves both barriers nearer. A pixel may be walked in vain, but
-        // none that needs it is left out.
+        // `straying` moves both barriers nearer, so no pixel that needs a walk is left out.
         let barriers = self.law.thresholds.eight(simd, slice.first + pixel);
         let live = mask_bits(barriers.reached([x, y], square * self.length, straying));
         if live == 0 {
@@ -349,8 +348,6 @@ impl TimeStep<'_> {
             let walker = Walker {
                 pixel: pixel + lane,
                 seat: slice.seats[pixel + lane].into(),
-                // The walk begins at the window's start, so the stored voltage at its end is not
-                // used.
                 voltage: x[lane],
                 sigma: sigma[lane],
                 curvature: curvature[lane],
