@@ -34,10 +34,15 @@ const MANTISSA: u64 = (1 << 52) - 1;
 pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
     let all = |v: f64| f64x8::splat(simd, v);
+    // A subnormal has no leading bit. Scaled by 2^54 it is normal, and the shift takes the 54 off
+    // again.
     let subnormal = x.simd_lt(f64::MIN_POSITIVE);
     let x = subnormal.select(x * TWO_54, x);
     let shift = subnormal.select(all(TWO_52 + 1023.0 + 54.0), all(TWO_52 + 1023.0));
+    // The sum carries into the exponent from the mantissa of `sqrt(2)` on, so `f` lies around 0.
     let bits = x.to_bits() + (ONE - LEAST);
+    // The bits of `2^52 + exponent`. The difference is the exponent as a float, without a
+    // conversion.
     let exponent = f64x8::from_bits((bits >> 52) | UNIT_ULP) - shift;
     let f = f64x8::from_bits((bits & MANTISSA) + LEAST) - 1.0;
     let half_square = f * 0.5 * f;
@@ -47,6 +52,8 @@ pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let [c1, c2, c3, c4, c5, c6, c7] = LOG;
     let even = w * (w * (w * c6 + c4) + c2);
     let odd = z * (w * (w * (w * c7 + c5) + c3) + c1);
+    // From small terms to large ones, in the order of `e_log.c`: another order changes the last
+    // bit.
     s * (half_square + (odd + even)) + exponent * LN2_LOW - half_square + f + exponent * LN2_HIGH
 }
 
@@ -68,13 +75,14 @@ pub(crate) fn ln_ratio<S: Simd>([a, b]: [f64x8<S>; 2]) -> f64x8<S> {
     let low = (z * c1 + c0) + (z * c3 + c2) * w;
     let series = (q + q) * (low + ((z * c5 + c4) + w * c6) * (w * w));
     let near = q.abs().simd_lt(NEAR);
+    // The logarithms of both are needed only if some ratio is far from 1.
     if near.all_true() { series } else { near.select(series, ln_eight(b) - ln_eight(a)) }
 }
 
 const TWO_52: f64 = 4_503_599_627_370_496.0;
 const TWO_54: f64 = 18_014_398_509_481_984.0;
 
-/// Coefficients of `x - 2 x/(e^x - 1)...` of `e_exp.c`: of `x^2` to `x^10`.
+/// Coefficients of `x^2` to `x^10` in `x (e^x + 1)/(e^x - 1) - 2`, from `e_exp.c`.
 const EXP: [f64; 5] = [
     1.66666666666666019037e-01,
     -2.77777777770155933842e-03,
@@ -96,12 +104,15 @@ pub(crate) fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let x = x.max(-LARGEST).min(LARGEST);
     let shifted = x * INVERSE_LN2 + ROUNDER;
     let k = shifted - ROUNDER;
+    // The product with `LN2_HIGH` is exact, because the lower bits of that number are 0.
     let (high, low) = (x - k * LN2_HIGH, k * LN2_LOW);
     let r = high - low;
     let z = r * r;
     let [c1, c2, c3, c4, c5] = EXP;
     let c = r - z * (z * (z * (z * (z * c5 + c4) + c3) + c2) + c1);
     let y = (r * c / (all(2.0) - c) - low + high) + 1.0;
+    // The low bits of `shifted` are `k`, which is added to the exponent. `LARGEST` keeps the sum
+    // within the exponents of normal numbers.
     f64x8::from_bits(y.to_bits() + (shifted.to_bits() << 52))
 }
 
@@ -122,6 +133,7 @@ pub(crate) fn store_eight<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize
 pub(crate) fn set_lanes(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = bits.trailing_zeros() as usize;
+        // `wrapping_sub`, because the iterator is also asked when no bit is left.
         bits &= bits.wrapping_sub(1);
         (place < 64).then_some(place)
     })

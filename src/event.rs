@@ -74,8 +74,8 @@ impl Event {
 pub trait EventSink {
     /// Appends a chunk.
     ///
+    /// # Errors
     /// The bytes cannot be written.
-    /// When the bytes cannot be written.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()>;
 }
 

@@ -43,8 +43,10 @@ impl Seed {
     /// draws.
     #[must_use]
     pub fn for_stream(recipe_seed: u64, scene: &str, trajectory: &str, purpose: StreamPurpose) -> Self {
+        // A key of its own, so that no other hash of the program can give the same bits.
         let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 stream seed v1");
         hasher.update(&recipe_seed.to_le_bytes());
+        // Names with their lengths: `ab` and an empty name must differ from `a` and `b`.
         for name in [scene, trajectory, purpose.name()] {
             hasher.update(&(name.len() as u64).to_le_bytes());
             hasher.update(name.as_bytes());
@@ -136,6 +138,7 @@ fn block_counter(cell: SeedCell, space: DrawSpace) -> [u32; 4] {
 fn space_tag(level: u8, space: DrawSpace) -> u32 {
     match space {
         DrawSpace::Tree => u32::from(level) << 1,
+        // Levels below 64 take the tags up to 127. The other purposes count down from 255.
         DrawSpace::Leaf => u32::from(level) << 1 | 1,
         DrawSpace::Initial => 0xff,
         DrawSpace::Choice => 0xfe,
@@ -149,6 +152,7 @@ fn space_tag(level: u8, space: DrawSpace) -> u32 {
 
 /// Draw `number` is in the first or the second half of its block.
 fn half_block(block: [u32; 4], number: u32) -> u64 {
+    // The low word comes first.
     let at = 2 * (number % 2) as usize;
     u64::from(block[at + 1]) << 32 | u64::from(block[at])
 }
@@ -191,6 +195,8 @@ impl CellDraws {
     )]
     pub fn index(&mut self, count: usize) -> usize {
         let count = count as u64;
+        // 2^64 modulo `count`. The products with a lower half below it are those that come too
+        // often.
         let excess = count.wrapping_neg() % count;
         loop {
             let product = u128::from(self.bits()) * u128::from(count);
@@ -205,6 +211,7 @@ impl CellDraws {
             self.next += 1;
             return self.first[self.next as usize - 1];
         }
+        // A block serves two draws. The first after the known ones is even, so it makes its block.
         if self.next.is_multiple_of(2) {
             self.counter[3] = self.next / 2;
             self.block = philox::philox_block(self.counter, self.key);

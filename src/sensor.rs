@@ -58,6 +58,7 @@ pub trait SensorModel {
 /// Checks that every pixel of a frame has coordinates that events can hold.
 fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
     size.check_sensor().map_err(|e| SensorError::Setup(format!("frames of {e}")))?;
+    // Coordinates are 16 bits wide: the pixel at 65535 is the last one that an event can name.
     let fits = |extent: u32, from: u16| u64::from(extent) + u64::from(from) <= 1 << 16;
     if fits(size.width, origin[0]) && fits(size.height, origin[1]) {
         return Ok(());
@@ -108,15 +109,15 @@ pub struct SimulationAccount {
     /// Pixels with an event balance that differs from their drift by more than the law allows. 0 in
     /// a sound run.
     pub drift_violations: u64,
-    /// The largest such difference divided by its bound; at most 1 in a sound run.
+    /// Largest difference of that kind, divided by its bound. At most 1 in a sound run.
     pub drift_worst: f64,
     /// Events left out because of the cap.
     #[serde(default, skip_serializing_if = "is_default")]
     pub capped: u64,
 }
 
-/// Returns true if a value is the default of its type. Defaults are left out of records, because older
-/// records lack the field.
+/// Returns true if a value is the default of its type. Defaults are left out of records, because
+/// older records lack the field.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }

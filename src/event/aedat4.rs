@@ -1,5 +1,6 @@
-//! Event streams as iniVation's AEDAT 4.0: a version line, a header, packets of events (docs.inivation.com, "AEDAT 4.0
-//! file format"; schemas `IOHeader`, `EventPacket` of dv-processing).
+//! Event streams as iniVation's AEDAT 4.0: a version line, a header, packets of events
+//! (docs.inivation.com, "AEDAT 4.0 file format"; schemas `IOHeader`, `EventPacket` of
+//! dv-processing).
 //!
 //! Header and packets are `FlatBuffers` with a few fields, which are laid out here directly;
 //! packets are compressed separately. LZ4 frames are written; plain and Zstandard packets can be

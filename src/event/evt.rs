@@ -1,5 +1,6 @@
-//! Event streams as Prophesee's raw files: a header of lines that begin with `%`, then words of 32 (EVT 2.0) or 16 bits
-//! (EVT 3.0), little-endian (Metavision SDK documentation, "RAW file format", "EVT 2.0", "EVT 3.0").
+//! Event streams as Prophesee's raw files: a header of lines that begin with `%`, then words of 32
+//! (EVT 2.0) or 16 bits (EVT 3.0), little-endian (Metavision SDK documentation, "RAW file format",
+//! "EVT 2.0", "EVT 3.0").
 //!
 //! Both encode a time by its changed parts, so a reader keeps the other parts. Events before the
 //! first complete time of a recording have no time; they are dropped and counted.

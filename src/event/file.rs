@@ -114,6 +114,7 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints) -> Result<OpenEv
         }
     };
     let header = match (header, hints.size) {
+        // A size in the file is never overridden: the readers check the events against it.
         (Some(header), Some(said)) if header.size != said => {
             let because = format!("a sensor of {}, and --size says {said}", header.size);
             return Err(EventFileError::Container(because));
@@ -182,9 +183,11 @@ pub fn create(
         EventFormat::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
         EventFormat::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
     };
+    // An HDF5 file states the origin of its times. The other formats count from 0.
     let offset_us = if format == EventFormat::H5 { h5.t_offset_us } else { 0 };
     match zero_us.checked_sub(offset_us) {
         Some(0) => Ok(file),
+        // The chunks are copied only where the clocks differ.
         Some(by_us) => Ok(Box::new(ShiftedClock { file, by_us, shifted: Vec::new() })),
         None => Err(too_far(zero_us)),
     }

@@ -19,8 +19,8 @@
 //! noise, and events for which brightness moved less than half the threshold since the pixel's
 //! previous event (see `sensor/label.rs`).
 //!
-//! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`ChunkFilter`] is
-//! chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which
+//! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`ChunkFilter`]
+//! is chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which
 //! every HDF5 reader supports, and contains no time of writing: equal streams are equal bytes.
 
 mod attributes;

@@ -40,6 +40,7 @@ impl StreamOrder {
     pub fn admit(&mut self, events: &[Event]) -> Result<(), EventFileError> {
         for event in events {
             let key = event.file_order();
+            // Equal keys are in order: a pixel may make two events in one microsecond.
             if self.last.is_some_and(|last| key < last) || !self.holds(event, key.0) {
                 return Err(self.refusal(event));
             }
@@ -60,6 +61,7 @@ impl StreamOrder {
         let because = if !(0..self.end_us).contains(&t) {
             format!("t = {t} us, wanted 0 to {}", self.end_us - 1)
         } else if self.holds(event, t) {
+            // The event is sound by itself, so it conflicts with its predecessor.
             let (t0, y0, x0, p0) = self.last.expect("only an event with a predecessor can precede it");
             format!(
                 "(t us, y, x, polarity) = ({t}, {y}, {x}, {p:?}) follows ({t0}, {y0}, {x0}, {p0:?}); a stream is \

@@ -24,10 +24,11 @@ pub struct WindowCounts {
 }
 
 impl WindowCounts {
-    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`.
+    /// A white picture of a sensor of `size`, for the events with
+    /// `window_us.start <= t < window_us.end`.
     ///
     /// # Errors
-    /// When there is no memory for its pixels.
+    /// There is no memory for its pixels.
     pub fn new(size: Size, window_us: Range<i64>) -> Result<Self, TryReserveError> {
         Ok(Self { window_us, balance: Image::try_filled(size, [0; 2])? })
     }
@@ -44,6 +45,7 @@ impl WindowCounts {
         if x < width && y < height && self.window_us.contains(&event.t.floor_micros()) {
             let pixel = &mut self.balance.pixels_mut()[(y * width + x) as usize];
             let count = &mut pixel[event.polarity as usize];
+            // A count that overflowed would turn a busy pixel white.
             *count = count.saturating_add(1);
         }
     }
@@ -57,8 +59,9 @@ impl EventSink for WindowCounts {
     }
 }
 
-/// The colour of a pixel with so many OFF and ON events.
+/// The colour of a pixel with these numbers of OFF and ON events.
 fn colour([off, on]: [u32; 2]) -> [u8; 3] {
+    // A shift by 8 or more leaves no white.
     let rest = 255u8.checked_shr(on.abs_diff(off)).unwrap_or(0);
     match on.cmp(&off) {
         std::cmp::Ordering::Greater => [255, rest, rest],
@@ -93,6 +96,7 @@ pub fn picture_grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: 
     const CAPTION: u32 = 11;
     let captioned = |(picture, caption): &(Image<[u8; 3]>, String)| {
         let Size { width, height } = picture.size();
+        // A caption wider than its picture widens the cell.
         let width = width.max(text::text_width(caption));
         let mut whole = Image::filled(Size { width, height: height + CAPTION }, [255; 3]);
         text::draw_text(&mut whole, [1, 2], caption);

@@ -1,39 +1,42 @@
-//! Events of one microsecond in the order of files, where a camera delivers them as they come.
+//! Sorts the events of each microsecond into the order of files. A camera delivers them as they
+//! come.
 
 use super::{Event, EventFileError, EventLabel, EventSource, Polarity};
 use crate::units::Timestamp;
 
-/// Events of one microsecond: they wait in memory for one another, 8 bytes each. 2^22.
+/// Maximum number of events in one microsecond, 2^22. They wait in memory for one another, 8 bytes
+/// each.
 pub const MAX_SIMULTANEOUS: usize = 1 << 22;
 
-/// Events of a chunk that is given.
+/// Maximum number of waiting events that are passed on at once.
 const CHUNK: usize = 65_536;
 
 /// Sorts the events of each microsecond by [`Event::file_order`].
 pub struct SortedEvents<'a> {
     source: &'a mut dyn EventSource,
-    /// The source's last chunk, and how many of its events were taken.
+    /// The source's last chunk, and the number of its events that were taken.
     chunk: Vec<Event>,
     taken: usize,
-    /// Of the last microsecond so far: more of it may follow.
+    /// The events of the last microsecond so far. More events of it may follow.
     waiting: EventGroup,
-    /// True if no more of it follows.
+    /// True if no event of the waiting microsecond can follow.
     complete: bool,
-    /// Events given.
+    /// Number of events passed on.
     given: u64,
     ended: bool,
 }
 
 impl<'a> SortedEvents<'a> {
-    /// The events of a source.
+    /// Wraps a source.
     pub fn new(source: &'a mut dyn EventSource) -> Self {
         let (chunk, waiting) = (Vec::new(), EventGroup::default());
         Self { source, chunk, taken: 0, waiting, complete: false, given: 0, ended: false }
     }
 
-    /// Takes the source's next chunk, and of it the events of the microsecond that waits.
+    /// Takes the source's next chunk, and from it the events of the waiting microsecond.
     fn advance(&mut self) -> Result<(), EventFileError> {
         self.ended = !self.source.next_chunk(&mut self.chunk)?;
+        // Before anything is taken: sorting would hide times that go back.
         self.check()?;
         self.taken = self.wait()?;
         self.complete = self.ended || self.taken < self.chunk.len();
@@ -43,7 +46,8 @@ impl<'a> SortedEvents<'a> {
         Ok(())
     }
 
-    /// Takes the events of the waiting microsecond that the chunk begins with; how many they are.
+    /// Takes the events of the waiting microsecond at the start of the chunk, and returns their
+    /// number.
     fn wait(&mut self) -> Result<usize, EventFileError> {
         let Some(us) = self.waiting.us().or(self.chunk.first().map(micros)) else { return Ok(0) };
         let count = self.chunk.iter().take_while(|event| micros(event) == us).count();
@@ -59,22 +63,23 @@ impl<'a> SortedEvents<'a> {
         Ok(count)
     }
 
-    /// Gives the rest of the chunk but for its last microsecond, which waits.
+    /// Appends the rest of the chunk to `out`, except for its last microsecond, which waits.
     fn give_rest(&mut self, out: &mut Vec<Event>) {
         let rest = &self.chunk[self.taken..];
         let last = rest.last().map(micros);
         let (settled, waiting) = rest.split_at(rest.partition_point(|event| Some(micros(event)) < last));
         let first = out.len();
         out.extend_from_slice(settled);
+        // One pass is enough where the chunk is sorted already.
         if !out[first..].is_sorted_by_key(Event::file_order) {
             out[first..].sort_by_key(Event::file_order);
         }
-        // Of one chunk, so they are few.
+        // These come from a single chunk, so their number is not checked here.
         last.into_iter().for_each(|us| self.waiting.extend(us, waiting));
         self.complete = false;
     }
 
-    /// Returns true if the times of the chunk go back, which no order of reading can change.
+    /// Checks that times do not go back. No order of reading could correct that.
     fn check(&self) -> Result<(), EventFileError> {
         let mut last = self.waiting.us();
         for (event, index) in self.chunk.iter().zip(self.given + self.waiting.len() as u64..) {
@@ -103,7 +108,7 @@ impl EventSource for SortedEvents<'_> {
                 self.advance()?;
                 continue;
             }
-            // A large group goes out in parts: nothing that it passes through holds it as a whole.
+            // A large group is passed on in parts, so that no receiver holds it as a whole.
             if !self.waiting.give(CHUNK, out) {
                 self.give_rest(out);
             }
@@ -121,16 +126,17 @@ fn micros(event: &Event) -> i64 {
     event.t.floor_micros()
 }
 
-/// Events of one microsecond, each in 64 bits: row, column, polarity, label, nanoseconds.
+/// The events of one microsecond, each in 64 bits: row, column, polarity, label, nanoseconds.
 #[derive(Debug, Default)]
 struct EventGroup {
     us: i64,
     packed: Vec<u64>,
-    /// How many of them were given.
+    /// Number of events that were passed on.
     given: usize,
 }
 
-/// Bits of the label and of the nanoseconds below a microsecond, which the order of files leaves out.
+/// Number of bits of the label and of the nanoseconds below a microsecond. Both have no part in the
+/// order of files.
 const UNORDERED_BITS: u32 = 1 + NANO_BITS;
 const NANO_BITS: u32 = 10;
 
@@ -139,7 +145,7 @@ impl EventGroup {
         self.packed.len()
     }
 
-    /// Their microsecond, if there are any.
+    /// The microsecond of the events, if there are any.
     fn us(&self) -> Option<i64> {
         (!self.packed.is_empty()).then_some(self.us)
     }
@@ -149,7 +155,7 @@ impl EventGroup {
         self.packed.extend(events.iter().map(|event| pack(us, event)));
     }
 
-    /// Brings them into the order of files, equal ones as they came.
+    /// Sorts the events into the order of files. Events that are equal in it keep their order.
     fn sort(&mut self) {
         let key = |packed: &u64| packed >> UNORDERED_BITS;
         if !self.packed.is_sorted_by_key(key) {
@@ -157,7 +163,8 @@ impl EventGroup {
         }
     }
 
-    /// Appends the next events, at most `count`, to `out`; whether more are left, and none of them is kept if not.
+    /// Appends the next events, at most `count`, to `out`. Returns true if more are left. After the
+    /// last, the group is empty.
     fn give(&mut self, count: usize, out: &mut Vec<Event>) -> bool {
         let end = self.packed.len().min(self.given + count);
         out.extend(self.packed[self.given..end].iter().map(|packed| unpack(self.us, *packed)));
@@ -165,7 +172,7 @@ impl EventGroup {
         if end < self.packed.len() {
             return true;
         }
-        // A group is as large as its microsecond, which is seldom so.
+        // Groups of this size are rare, so their memory is freed.
         self.packed =
             if self.packed.capacity() > CHUNK { Vec::new() } else { std::mem::take(&mut self.packed) };
         self.packed.clear();
@@ -175,7 +182,7 @@ impl EventGroup {
 }
 
 fn pack(us: i64, event: &Event) -> u64 {
-    // Below a microsecond, so below 1000.
+    // The rest below a whole microsecond: at least 0 and below 1000.
     let nanos = event.t.0.abs_diff(us * 1000);
     let place = u64::from(event.y) << 16 | u64::from(event.x);
     let kind = (event.polarity as u64) << 1 | event.label as u64;
@@ -240,7 +247,7 @@ mod tests {
         assert_eq!(error.to_string(), "event 2: t = 3 us follows 4 us");
     }
 
-    /// Every field comes back; what files order by decides, and events that are equal in it stay as they came.
+    /// Every field is kept. Events that are equal in the order of files stay as they came.
     #[test]
     fn events_keep_all_their_fields() {
         let (on, off) = (Polarity::On, Polarity::Off);
@@ -255,7 +262,8 @@ mod tests {
         assert_eq!(all(&[&[a], &[b, c], &[d]]).unwrap(), [c, d, b, a]);
     }
 
-    /// More events at one time than are given at once, from the last pixel to the first, with others around them.
+    /// More events at one time than are passed on at once, from the last pixel to the first, with
+    /// other events around them.
     #[test]
     fn a_large_microsecond_goes_out_in_parts() {
         let mut events: Vec<Event> =

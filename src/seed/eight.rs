@@ -18,9 +18,11 @@ impl SeedCells {
     #[inline(always)]
     pub(crate) fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
         let all = |v: u64| u64x8::splat(pixels.simd, v);
+        // The same fields as in `block_counter`, so that both ways give the same bits.
         let third = u64::from(space_tag(self.level, self.space)) << 24 | self.index >> 32;
         let counter = [pixels, all(self.index & philox::LOW), all(third), all(block.into())];
         let [a, b, c, d] = philox::philox_eight(counter, self.seed.key());
+        // Low word first, as in `half_block`.
         [b << 32 | a, d << 32 | c]
     }
 
@@ -55,6 +57,7 @@ pub(crate) fn normal_deviates<S: Simd>(simd: S, values: &mut [f64]) {
 #[expect(clippy::cast_possible_truncation, reason = "places in a chunk of 64")]
 #[inline(always)]
 fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
+    // Eight more places than values, because a compressed vector is stored whole.
     let (mut tail_places, mut tails, mut count) = ([0; CHUNK + 8], [0.5; CHUNK + 8], 0);
     let lanes = u64x8::from_fn(simd, |lane| lane as u64);
     for start in (0..values.len()).step_by(8) {
@@ -65,6 +68,7 @@ fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
         simd.compress_u64x8(lanes + start as u64, far).store_slice(&mut tail_places[count..count + 8]);
         store_eight(simd.compress_f64x8(p, far), &mut tails, count);
         count += mask_bits(far).count_ones() as usize;
+        // For all lanes. The tails among them are overwritten below.
         let r = f64x8::splat(simd, normal::CENTRE_SQUARE) - q * q;
         let z = q * normal::polynomial_eight(&normal::CENTRE_NUMERATOR, r)
             / normal::polynomial_eight(&normal::CENTRE_DENOMINATOR, r);
@@ -89,7 +93,7 @@ fn tail_eight<S: Simd>(p: f64x8<S>) -> f64x8<S> {
     let z = normal::polynomial_eight(&normal::MIDDLE_NUMERATOR, s)
         / normal::polynomial_eight(&normal::MIDDLE_DENOMINATOR, s);
     let mut z = z.copysign(q);
-    // One draw in 10^11.
+    // Three draws in 10^11, so each is computed alone.
     for i in set_lanes(mask_bits(r.simd_gt(normal::FAR))) {
         z[i] = normal::normal_quantile(p[i]);
     }

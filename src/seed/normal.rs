@@ -86,11 +86,13 @@ pub fn normal_quantile(p: f64) -> f64 {
         let r = CENTRE_SQUARE - q * q;
         return q * estrin_polynomial(&CENTRE_NUMERATOR, r) / estrin_polynomial(&CENTRE_DENOMINATOR, r);
     }
+    // The difference is exact, because `p` is above 1/2 here.
     let tail = if q < 0.0 { p } else { 1.0 - p };
     tail_quantile(tail).copysign(q)
 }
 
 fn tail_quantile(tail: f64) -> f64 {
+    // The published expansions of the tails are in `sqrt(-ln p)`.
     let r = (-libm::log(tail)).sqrt();
     let [middle, far] = FAR_CENTRE.map(|centre| r - centre);
     if r <= FAR {

@@ -1,7 +1,7 @@
 //! Philox4x32-10: 128 random bits as a function of a 128-bit counter and a 64-bit key.
 //!
-//! Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011; reference implementation
-//! Random123. Integer arithmetic only, so it is the same on every machine.
+//! Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011; reference
+//! implementation Random123. Integer arithmetic only, so it is the same on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "the low halves of products are what the rounds take")]
 
 use fearless_simd::{Simd, SimdBase as _, u64x8};

@@ -5,27 +5,28 @@ use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::Distribution;
 
-/// Comparisons of the family, planted defects left out: 1 normal, 1 exponential, 4 Poisson, 6 bridges, 4 of
-/// the law `official`.
+/// Comparisons of the family, planted defects left out: 1 normal, 1 exponential, 4 Poisson, 6
+/// bridges, 4 of the law `official`.
 const FAMILY: usize = 16;
 
 /// Draws of each side.
 pub(crate) const N: usize = 40_000;
 
-/// `N` draws of a distribution of `rand_distr`, from a generator that the program uses for no draw of a
-/// sensor.
+/// `N` draws of a distribution of `rand_distr`, from a generator that the program uses for no draw
+/// of a sensor.
 pub(crate) fn theirs(distribution: &impl Distribution<f64>) -> Vec<f64> {
     distribution.sample_iter(ChaCha12Rng::seed_from_u64(20_250_521)).take(N).collect()
 }
 
-/// The critical value for alpha 1e-4 over the family (Bonferroni): `sqrt(-ln(alpha / 2) / 2)` bounds the
-/// limit law of the scaled distance. For discrete laws the true level is lower.
+/// The critical value for alpha 1e-4 over the family (Bonferroni): `sqrt(-ln(alpha / 2) / 2)`
+/// bounds the limit law of the scaled distance. For discrete laws the true level is lower.
 pub(crate) fn limit() -> f64 {
     (-(1e-4 / FAMILY as f64 / 2.0).ln() / 2.0).sqrt()
 }
 
-/// Largest distance between the distribution functions of two samples, times `sqrt(n m / (n + m))`. Both
-/// functions are taken after all draws of a value, so that ties of a discrete law are no distance.
+/// Largest distance between the distribution functions of two samples, times `sqrt(n m / (n + m))`.
+/// Both functions are taken after all draws of a value, so that ties of a discrete law are no
+/// distance.
 pub(crate) fn scaled_distance(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
     a.sort_unstable_by(f64::total_cmp);
     b.sort_unstable_by(f64::total_cmp);
@@ -35,7 +36,8 @@ pub(crate) fn scaled_distance(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
     distances.fold(0.0, f64::max) * (n * m / (n + m)).sqrt()
 }
 
-/// Asserts that our draws have the law of theirs, and that the same draws with a planted defect do not.
+/// Asserts that our draws have the law of theirs, and that the same draws with a planted defect do
+/// not.
 pub(crate) fn compare(name: &str, ours: &[f64], theirs: &[f64], defect: impl Fn(f64) -> f64) {
     let found = scaled_distance(ours.to_vec(), theirs.to_vec());
     let spoilt = scaled_distance(ours.iter().map(|x| defect(*x)).collect(), theirs.to_vec());

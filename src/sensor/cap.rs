@@ -6,7 +6,7 @@ use crate::event::{Event, EventSink, Polarity};
 use crate::frames::DenseFrame;
 use crate::image::Size;
 
-/// Pixels of which at most `cap` events between two frames are passed on.
+/// Pixels that each pass on at most `cap` events between two frames.
 pub(super) struct CappedPixels {
     pixels: Box<dyn SensorPixels>,
     first: FirstOnes,
@@ -21,6 +21,7 @@ impl CappedPixels {
 
 impl SensorPixels for CappedPixels {
     fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+        // Before the events of the frame, which are assigned to intervals by these stamps.
         self.first.stamps.push(frame.t.0);
         self.pixels.advance(frame, &mut KeptEvents { sink, by: &mut self.first })
     }
@@ -29,6 +30,7 @@ impl SensorPixels for CappedPixels {
         let account = self.pixels.finish(&mut KeptEvents { sink, by: &mut self.first })?;
         let FirstOnes { on, off, cap, .. } = self.first;
         Ok(SimulationAccount {
+            // The account of the inner pixels counts the dropped events too.
             events: account.events - on - off,
             on: account.on - on,
             off: account.off - off,
@@ -44,14 +46,15 @@ impl SensorPixels for CappedPixels {
 struct FirstOnes {
     cap: u32,
     width: usize,
-    /// Stamps of the frames so far, ns. Events may arrive some frames later.
+    /// Stamps of the frames so far, ns. Events may arrive some frames after their interval.
     stamps: Vec<i64>,
     /// Index of the frame that ends the present interval.
     frame: usize,
     /// For each pixel, the interval of its last event and its number of events in it.
     seen: Vec<(usize, u32)>,
-    /// Number of dropped events.
+    /// Number of dropped ON events.
     on: u64,
+    /// Number of dropped OFF events.
     off: u64,
     kept: Vec<Event>,
 }
@@ -64,6 +67,7 @@ impl FirstOnes {
 
     /// Returns true if the event is among the first of its pixel and interval.
     fn keeps(&mut self, event: &Event) -> bool {
+        // Events come in file order, so the interval only moves forward.
         while self.stamps.get(self.frame).is_some_and(|&end| end < event.t.0) {
             self.frame += 1;
         }

@@ -56,6 +56,8 @@ impl SensorChoice {
     pub fn dead_us(&self) -> i64 {
         match self {
             Self::Voltmeter(_) => 0,
+            // Stamps are rounded down, so two of them may be closer than the period, but never by
+            // less than its whole microseconds.
             Self::Esim(sensor) => sensor.refractory.period_us.floor() as i64,
             Self::V2e(sensor) => sensor.refractory.period_us.floor() as i64,
         }
@@ -71,7 +73,7 @@ impl SensorChoice {
         }
     }
 
-    /// The same sensor without noise: only brightness makes events, on pixels with the same
+    /// The sensor without its noise: only brightness makes events, on pixels with the same
     /// mismatch. Labels are removed as well; they change no event.
     #[must_use]
     pub fn without_noise(&self) -> Self {
@@ -79,6 +81,8 @@ impl SensorChoice {
         match self {
             Self::Voltmeter(sensor) => {
                 let [k1, k2, ..] = sensor.k;
+                // `k3` and `k6` are the noise, `k4` and `k5` the leak, which makes events without
+                // brightness.
                 let k = [k1, k2, 0.0, 0.0, 0.0, 0.0];
                 Self::Voltmeter(voltmeter::VoltmeterModel { k, hot_pixels, labels, ..sensor.clone() })
             }
@@ -90,7 +94,7 @@ impl SensorChoice {
         }
     }
 
-    /// The same sensor without labels.
+    /// The sensor without labels.
     #[must_use]
     pub fn without_labels(&self) -> Self {
         let labels = false;

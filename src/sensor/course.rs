@@ -45,7 +45,7 @@ impl BrightnessCourse {
         course
     }
 
-    /// The same course with `more` added, evenly over its length.
+    /// Adds `more` to the course, evenly over its length.
     pub(super) fn tilted(self, more: f64) -> Self {
         let tilt = more / self.length;
         Self { to: self.to + more, slope: self.slope + tilt, tilt: self.tilt + tilt, ..self }
@@ -63,17 +63,21 @@ impl BrightnessCourse {
     /// The brightness `t` ns after the earlier frame. At the later frame it is exactly the value
     /// given.
     pub(super) fn at(&self, t: f64) -> f64 {
+        // The sum may miss `to` by its rounding, and the next course begins at `to`.
         if t >= self.length { self.to } else { self.from + self.rise(t) }
     }
 
     fn rise(&self, t: f64) -> f64 {
         let x = self.rate * t;
+        // The limit of the quotient for small `x`; at 0 it would be 0/0.
         let mean = if x == 0.0 { 1.0 } else { -libm::expm1(-x) / x };
         t * (self.slope - self.pull * mean)
     }
 
     /// The time between two instants at which the brightness turns around, if there is one.
     pub(super) fn turn(&self) -> Option<f64> {
+        // Without a filter or without a turn, the logarithm is infinite or NaN, and no comparison
+        // holds.
         let t = libm::log(self.pull / self.slope) / self.rate;
         (t > 0.0 && t < self.length).then_some(t)
     }
@@ -81,6 +85,7 @@ impl BrightnessCourse {
     /// The time at which a monotonic brightness reaches `level`.
     pub(super) fn reaches(&self, level: f64, [mut low, mut high]: [f64; 2]) -> f64 {
         if self.pull == 0.0 {
+            // Rounding may leave the stretch that is searched.
             return (self.length * ((level - self.from) / (self.to - self.from))).clamp(low, high);
         }
         let rising = self.at(high) >= self.at(low);

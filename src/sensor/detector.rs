@@ -34,7 +34,7 @@ pub(super) struct OwnEventKind<'a> {
     pub(super) space: DrawSpace,
     /// Probability of ON.
     pub(super) on_share: f64,
-    /// True if such an event sets the reference to the present brightness.
+    /// True if an event of this kind sets the reference to the present brightness.
     pub(super) resets: bool,
 }
 
@@ -62,14 +62,20 @@ impl DetectorPixel {
         let mut due = [0, 1].map(|i: usize| sources[i].due(0.0));
         let mut now = 0.0;
         loop {
+            // Without further own events both times are infinite, and the watch below reaches the
+            // later frame.
             let which = usize::from(due[1] < due[0]);
             let until = due[which].min(length);
+            // Crossings up to the own event come first: it may move the reference and starts a dead
+            // time.
             self.watch(course, [now, until], refractory, writer)?;
             if due[which] > length {
                 break;
             }
             now = until;
             let source = &mut sources[which];
+            // Drawn in the dead time as well. The process belongs to a source that knows nothing of
+            // the dead time, which only hides its events.
             let mark = source.train.wait(source.site, source.space);
             due[which] = source.due(now);
             let ns = PairWriter::nanosecond(now);
@@ -84,6 +90,7 @@ impl DetectorPixel {
         }
         #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]
         let passed = length as i64;
+        // Both are counted from the later frame on, because the next call measures time from there.
         self.dead = (self.dead - passed).max(0);
         self.leaked += course.added(length);
         ControlFlow::Continue(())
@@ -98,6 +105,7 @@ impl DetectorPixel {
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
         let mut now = from;
+        // A search for a crossing assumes a monotonic course, so the stretch is cut where it turns.
         let turn = course.turn().filter(|turn| *turn > from && *turn < until);
         for end in turn.into_iter().chain([until]) {
             while let Some((t, polarity)) = self.next(course, [now, end], refractory) {
@@ -116,6 +124,7 @@ impl DetectorPixel {
     /// Sets the reference to the brightness at `t`.
     fn remember(&mut self, course: &BrightnessCourse, t: f64) {
         self.reference = course.at(t);
+        // The course adds leak from the earlier frame on. This offset makes the sum 0 at `t`.
         self.leaked = -course.added(t);
     }
 
@@ -164,6 +173,8 @@ impl DetectorPixel {
         if high <= self.reference || low >= self.reference {
             return None;
         }
+        // Past the level already at `now`: after a dead time, or under thresholds that were drawn
+        // again.
         if here >= high {
             Some((now, Polarity::On))
         } else if here <= low {

@@ -1,4 +1,5 @@
-//! The sensor of ESIM (Rebecq, Gehrig, Scaramuzza, CoRL 2018; uzh-rpg/rpg_esim, `event_simulator.cpp`).
+//! The sensor of ESIM (Rebecq, Gehrig, Scaramuzza, CoRL 2018; uzh-rpg/rpg_esim,
+//! `event_simulator.cpp`).
 //!
 //! A pixel sees `V = ln(eps + L/255)`, or `L/255`, as a straight line between two frames, and
 //! stores a reference level. When `V` has risen by `C+` from that level, the pixel makes an ON
@@ -42,7 +43,7 @@ pub struct EsimModel {
     /// `C+` and `C-` as differences of natural logarithms (of `L/255` if the intensity is linear),
     /// and their spread.
     pub threshold: ThresholdMismatch,
-    /// When thresholds are drawn.
+    /// Time at which thresholds are drawn.
     pub mismatch: RedrawRule,
     /// The quantity that pixels compare.
     pub intensity: IntensityScale,
@@ -98,10 +99,11 @@ impl Default for EsimModel {
 }
 
 impl EsimModel {
-    /// Returns true if the event balance of a pixel must equal the change of its brightness to less than a
-    /// threshold.
+    /// Returns true if the event balance of a pixel must equal the change of its brightness to less
+    /// than a threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
+        // Each of these options drops crossings, moves the reference or adds events.
         self.refractory.period_us == 0.0
             && (self.mismatch == RedrawRule::PerSensor || self.threshold.spread == 0.0)
             && self.hot_pixels.is_absent()
@@ -112,7 +114,8 @@ impl EsimModel {
     /// events.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or a hot pixel makes more than 50 events per frame interval.
+    /// A parameter is outside its range, or a hot pixel makes more than 50 events per frame
+    /// interval.
     pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let quantity = match self.intensity {
@@ -127,6 +130,7 @@ impl EsimModel {
         self.threshold.validate()?;
         self.refractory.validate()?;
         self.hot_pixels.validate()?;
+        // With 0, the logarithm of a black pixel would be infinite.
         if !(self.eps > 0.0 && self.eps.is_finite()) {
             let (name, wanted) = ("eps", "a finite number above 0");
             return Err(ScreenError::Parameter { name, found: self.eps, wanted });
@@ -163,6 +167,7 @@ impl SensorModel for EsimModel {
     fn contrast(&self) -> (f64, f64) {
         let [on, off] = match self.intensity {
             IntensityScale::Log => self.threshold.sides(),
+            // From half of white, a step by the threshold is a factor of 1 + 2 threshold.
             IntensityScale::Linear => self.threshold.sides().map(|threshold| libm::log1p(2.0 * threshold)),
         };
         (on, off)
@@ -199,6 +204,7 @@ impl FrameLaw for EsimModel {
             first: seen,
             seen,
             own: self.hot_pixels.train(site),
+            // The detector takes two sources, and ESIM has hot pixels only. This one never fires.
             shot: PoissonTrain::silent(),
         }
     }

@@ -122,6 +122,7 @@ impl LuminanceWeights {
     pub fn from_weights(weights: [f64; 3]) -> Result<Self, FrontEndError> {
         let bits = |weights: [f64; 3]| weights.map(f64::to_bits);
         let mut named = [Self::Rec601, Self::Rec709].into_iter();
+        // Compared as bits, so that only the exact numbers of a named set get its name.
         let named = named.find(|named| bits(named.weights()) == bits(weights));
         named.map_or_else(|| ColourWeights::try_from(weights).map(Self::Weights), Ok)
     }
@@ -189,6 +190,7 @@ impl ChannelDecode {
 impl GreyRange {
     /// Clamps a brightness to the bounds.
     fn hold(self, grey: f64) -> f64 {
+        // Without a lower bound, values below 0 pass: the sensor sets them to 0 and counts them.
         let least = if self.min > 0.0 { grey.max(self.min) } else { grey };
         self.max.map_or(least, |max| least.min(max))
     }
@@ -200,7 +202,7 @@ impl GreyRange {
 }
 
 impl fmt::Display for FrontEnd {
-    /// The map as text, such as `0.299 R + 0.587 G + 0.114 B, display-encoded`.
+    /// The map as text, for example `0.299 R + 0.587 G + 0.114 B, display-encoded`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [r, g, b] = self.luminance.weights();
         let of = match self.decode {
@@ -208,6 +210,7 @@ impl fmt::Display for FrontEnd {
             ChannelDecode::Srgb => "of linear light",
         };
         write!(f, "{r} R + {g} G + {b} B, {of}")?;
+        // Equality without a float comparison, which the lints forbid.
         if !(1.0..=1.0).contains(&self.exposure) {
             write!(f, ", times {}", self.exposure)?;
         }
@@ -254,6 +257,8 @@ impl FrontEnd {
     #[must_use]
     pub fn see(&self, frame: &DenseFrame, colour: Option<&Image<[f32; 3]>>) -> DenseFrame {
         let (luminance, rate) = match colour.filter(|_| self.needs_colour()) {
+            // A weighted sum of rates would need the rates of the colours, which frames do not
+            // have.
             Some(colour) => (self.of_colour(colour), None),
             None => (self.of_grey(&frame.luminance), self.rate_of_grey(frame)),
         };
@@ -271,6 +276,7 @@ impl FrontEnd {
     /// Eight pixels at a time.
     #[inline(always)]
     fn weigh<S: Simd>(&self, simd: S, colour: &[[f32; 3]], seen: &mut [f32]) {
+        // One product per channel instead of three.
         let weights = self.luminance.weights().map(|w| w * self.exposure * WHITE);
         let eight = |colour: &[[f32; 3]; 8]| -> [f64; 8] {
             let channel = |c: usize| {
@@ -288,6 +294,7 @@ impl FrontEnd {
         for (seen, colour) in seen.iter_mut().zip(colour) {
             hold(seen, eight(colour));
         }
+        // The sums of the padding are never stored, because `rest` is as long as `last`.
         let mut padded = [[0.0; 3]; 8];
         padded[..last.len()].copy_from_slice(last);
         hold(rest, eight(&padded));
@@ -312,6 +319,7 @@ impl FrontEnd {
         let seen = |(rate, grey): (&f32, &f32)| {
             let (grey, free) = (f64::from(*grey), self.free(f64::from(*grey)));
             let slope =
+                // A clamped brightness does not move, so its rate is 0.
                 if self.range.holds(free) { 0.0 } else { self.exposure * self.decode.slope(grey / WHITE) };
             to_single(slope * f64::from(*rate))
         };
@@ -396,7 +404,7 @@ mod tests {
         FrontEnd { decode: ChannelDecode::Srgb, ..FrontEnd::default() }
     }
 
-    /// What is seen of a frame all of one colour; 20 pixels are two eights and a rest.
+    /// Brightness that is seen of a frame in one colour. 20 pixels are two eights and a rest.
     fn seen(front_end: FrontEnd, rgb: [f32; 3]) -> f32 {
         let frame = front_end.see(&grey(ramp(), None), Some(&Image::filled(SIZE, rgb)));
         assert_eq!((frame.index, frame.t, frame.rate.is_none()), (3, Timestamp(7), true));
@@ -476,8 +484,9 @@ mod tests {
         assert_eq!((same.luminance.pixels(), same.rate), (&values[..], frame.rate));
     }
 
-    /// Central differences of a frame a little before and after, in steps that 32 bits hold well: `h = 2^-4` grey leaves a
-    /// curvature of `h^2/6` times a third derivative of at most 1e-4, and `2^-18` of rounding of each over `2h`.
+    /// Central differences of a frame a little before and after, in steps that 32 bits hold well:
+    /// `h = 2^-4` grey leaves a curvature of `h^2/6` times a third derivative of at most 1e-4, and
+    /// `2^-18` of rounding of each over `2h`.
     #[test]
     fn the_rate_of_a_grey_goes_through_the_same_map() {
         let range = GreyRange { min: 5.0, max: Some(300.0) };

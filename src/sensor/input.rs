@@ -4,13 +4,14 @@ use super::SensorError;
 use crate::frames::DenseFrame;
 use crate::image::Size;
 
-/// Latest stamp. Beyond it, the number of a clock cell would overflow the counter of the draws: 2.3
-/// years.
+/// Latest stamp, 2.3 years. Beyond it, the number of a clock cell would overflow the counter of the
+/// draws.
 const LAST_STAMP: i64 = 1 << 56;
 
 /// Checks that a frame may follow the one stamped `before`, and counts its values below zero.
 pub(super) fn admit_frame(before: Option<i64>, frame: &DenseFrame, size: Size) -> Result<u64, SensorError> {
     check_order(before, frame, size)?;
+    // Comparisons with NaN are false, so the count of negative values would pass over it.
     match frame.luminance.pixels().iter().any(|l| !l.is_finite()) {
         true => Err(not_finite(frame)),
         false => Ok(frame.luminance.pixels().iter().filter(|l| **l < 0.0).count() as u64),

@@ -42,6 +42,7 @@ impl SensorPixels for WithHot {
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
         let account = self.pixels.finish(&mut MergedEvents { sink, hot: &mut self.hot })?;
+        // Own events may follow the last event of the law, so they are not all merged by now.
         self.hot.append_rest(sink)?;
         let HotPixelQueue { made, pairs, fired, .. } = &self.hot;
         let alone =
@@ -56,7 +57,7 @@ impl SensorPixels for WithHot {
     }
 }
 
-/// True if a pixel fired, and the cause.
+/// Causes for which a pixel has fired.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct FiredCause {
     by_law: bool,
@@ -154,7 +155,7 @@ impl HotPixelQueue {
         self.waiting.push(Reverse(NextHotEvent { event, at, site, train }));
     }
 
-    /// Adds the own events up to this place in file order to the output.
+    /// Adds own events to the output, in file order, as long as `holds` is true.
     fn take_until(&mut self, holds: impl Fn(&Event) -> bool) {
         while let Some(Reverse(next)) = self.waiting.peek() {
             if !holds(&next.event) {
@@ -175,6 +176,8 @@ impl HotPixelQueue {
         if self.together.place != place {
             self.together = CoincidentEvents { place, ..CoincidentEvents::default() };
         }
+        // An own event pairs with all events of its microsecond, an event of the law only with own
+        // ones, because the law counts the pairs of its own events.
         self.pairs += if own { self.together.all } else { self.together.own };
         self.together.all += 1;
         self.together.own += u64::from(own);
@@ -186,6 +189,7 @@ impl HotPixelQueue {
 
     /// Passes on the remaining own events up to the last stamp.
     fn append_rest(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
+        // The process has no end, so the last stamp cuts it off.
         let last = self.last;
         self.out.clear();
         self.take_until(|own| own.t <= last);
@@ -204,6 +208,8 @@ impl EventSink for MergedEvents<'_> {
         self.hot.out.clear();
         for event in events {
             let until = event.file_order();
+            // Up to and including the place of the law's event: where both are equal, the own event
+            // is first.
             self.hot.take_until(|own| own.file_order() <= until);
             self.hot.take(*event, false);
         }

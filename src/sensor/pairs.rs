@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::ControlFlow;
 
-/// Approximate number of pixels that one thread takes at a time.
+/// Number of pixels that one thread takes at a time. The last band may be shorter.
 const BAND: usize = 4096;
 
 /// A sensor's law between two frames.
@@ -31,8 +31,7 @@ pub(super) trait FrameLaw: Debug + Send + Sync {
     /// The pixel at its first frame.
     fn begin(&self, site: PixelSite, luminance: f64) -> Self::Pixel;
 
-    /// Moves a pixel from one frame to the next, and notes its events in order of time. Breaks if
-    /// the writer breaks.
+    /// Moves a pixel from one frame to the next, and notes its events. Breaks if the writer breaks.
     fn cross(
         &self,
         pixel: &mut Self::Pixel,
@@ -44,7 +43,7 @@ pub(super) trait FrameLaw: Debug + Send + Sync {
     fn labels(&self) -> bool;
 
     /// Difference between the pixel's event balance and the change of its brightness, relative to
-    /// what the law allows. `None` if the law makes no such promise.
+    /// the bound that the law guarantees. `None` if the law guarantees none.
     fn imbalance(&self, pixel: &Self::Pixel, on: u32, off: u32) -> Option<f64>;
 }
 
@@ -109,6 +108,7 @@ impl<'a> PairWriter<'a> {
     /// The whole nanosecond of an event `t` ns after the earlier frame. An event at the earlier
     /// frame's own time gets the first nanosecond after it.
     pub(super) fn nanosecond(t: f64) -> i64 {
+        // An interval contains its end but not its start, which belongs to the interval before.
         (t as i64).max(1)
     }
 
@@ -120,6 +120,8 @@ impl<'a> PairWriter<'a> {
             if !self.cap.leave_out {
                 return ControlFlow::Break(());
             }
+            // The caller goes on as after an event that is passed on: its reference and its dead
+            // time move, so the cap does not change which events come later.
             self.left_out += 1;
             return ControlFlow::Continue(ns);
         }
@@ -188,6 +190,8 @@ impl<L: FrameLaw> PairPixels<L> {
             before: None,
             pixels: Vec::new(),
             tally: vec![EventTally::default(); n],
+            // One per chunk of pixels. The parallel iteration over all lists ends with the shortest
+            // one.
             bands: std::iter::repeat_with(PairBand::default).take(n.div_ceil(BAND)).collect(),
             windows: EventWindow::default(),
             negative_luminance: 0,
@@ -212,6 +216,8 @@ impl<L: FrameLaw> PairPixels<L> {
 
     /// Crosses the time between two frames.
     fn cross(&mut self, before: &LatestFrame, frame: &DenseFrame) -> Result<(), SensorError> {
+        // Taken out of `self`: the threads change them while they read the law and the size in
+        // `self`.
         let (mut pixels, mut tally) = (std::mem::take(&mut self.pixels), std::mem::take(&mut self.tally));
         let mut bands = std::mem::take(&mut self.bands);
         let after = frame.luminance.pixels();
@@ -227,6 +233,7 @@ impl<L: FrameLaw> PairPixels<L> {
             let slice = PixelRun { first: i * BAND, pixels, tally, luminance: [from, to] };
             self.cross_band(slice, before.index as u64, length, band);
         });
+        // In order of pixels, so that the message names the same pixel for any number of threads.
         let over = bands.iter().find_map(|band| band.over);
         (self.pixels, self.tally, self.bands) = (pixels, tally, bands);
         let Some(pixel) = over else { return Ok(()) };
@@ -244,6 +251,7 @@ impl<L: FrameLaw> PairPixels<L> {
             let broken = self.law.cross(pixel, &pair, &mut writer).is_break();
             band.most = band.most.max(writer.made);
             band.left_out += writer.left_out;
+            // The rest of the band is left as it is, because an error ends the run.
             if broken {
                 band.over = Some(first + i);
                 return;
@@ -258,6 +266,8 @@ impl<L: FrameLaw> PairPixels<L> {
         if !self.law.labels() {
             noted.iter_mut().for_each(|event| event.label = EventLabel::Signal);
         }
+        // Only a division into several windows needs the order of time: it is made by binary
+        // search.
         if to - from > LONGEST {
             noted.sort_unstable_by_key(|event| event.ns);
         }
@@ -267,6 +277,7 @@ impl<L: FrameLaw> PairPixels<L> {
             // A single window has nothing to merge with, so sorting is left to the sink.
             let count = if end == to { rest.len() } else { rest.partition_point(|e| from + e.ns <= end) };
             let (now, later) = rest.split_at(count);
+            // Events are packed relative to a whole microsecond, and `start` may lie inside one.
             let since = start.div_euclid(1000) * 1000;
             let ns = |e: &NotedEvent| (from + e.ns - since).cast_unsigned();
             let pack = |e: &NotedEvent| PackedEvent::new(ns(e), e.at, e.polarity, e.label);
@@ -275,6 +286,7 @@ impl<L: FrameLaw> PairPixels<L> {
             (rest, start) = (later, end);
         }
         noted.clear();
+        // The memory of the joined list serves the next pair of frames.
         if let Some(band) = self.bands.first_mut() {
             band.events = noted;
         }
@@ -328,6 +340,7 @@ impl<L: FrameLaw> SensorPixels for PairPixels<L> {
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
         let last = self.before.as_ref().map_or(0, |before| before.t);
+        // One microsecond further, because no later window will complete the one of the last stamp.
         self.windows.close(last.div_euclid(1000) + 1, sink)?;
         Ok(self.settle())
     }

@@ -14,9 +14,9 @@ const GREYS: [f64; 5] = [0.0, 16.0, 64.0, 128.0, 255.0];
 const DARKEST: f64 = 1.0;
 /// Events a pixel may make from noise alone in one frame interval.
 pub(super) const LIMIT_PER_FRAME: f64 = 50.0;
-/// Noise at grey 128 above this many Hz is worth a word.
+/// Noise at grey 128, in Hz, above which there is a warning.
 const NOISY_HZ: f64 = 20.0;
-/// Change of brightness per event, as a factor, above which there is a warning.
+/// Contrast of one event, as a difference of logarithms, above which there is a warning.
 const INSENSITIVE: f64 = 1.0;
 
 /// Noise of a pixel at constant brightness.
@@ -151,11 +151,12 @@ pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), Screen
 }
 
 impl SensorScreening {
-    /// The table of a sensor that does `noise` at each grey and has these hot pixels, with frames at this rate.
+    /// The table of a sensor with these hot pixels and with `noise` at each grey. Frames come at
+    /// `rate`.
     ///
     /// # Errors
-    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255, or
-    /// a hot pixel by itself.
+    /// Noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16,
+    /// 64, 128 or 255, or a hot pixel would do so by itself.
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],
@@ -163,12 +164,14 @@ impl SensorScreening {
         noise: impl Fn(f64) -> ConstantLightNoise,
     ) -> Result<Self, ScreenError> {
         let frames_per_second = rate.to_f64();
+        // `noise` describes a pixel that is not hot, so hot pixels are checked apart.
         let per_frame = hot_pixels.rate / frames_per_second;
         if !hot_pixels.is_absent() && per_frame > LIMIT_PER_FRAME {
             return Err(ScreenError::HotPixels { hz: hot_pixels.rate, per_frame, frames_per_second });
         }
         let at_greys = GREYS.map(&noise);
         let worst = at_greys
+            // The fold starts at grey 1, which the table does not show.
             .into_iter()
             .fold(noise(DARKEST), |worst, noise| if noise.total_hz > worst.total_hz { noise } else { worst });
         let per_frame = worst.total_hz / frames_per_second;

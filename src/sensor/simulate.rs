@@ -36,13 +36,13 @@ impl<'a> SensorChannel<'a> {
         Self { pixels, sink, front_end: FrontEnd::default(), watch: None }
     }
 
-    /// The same behind a front end.
+    /// Places the pixels behind a front end.
     #[must_use]
     pub fn behind(self, front_end: FrontEnd) -> Self {
         Self { front_end, ..self }
     }
 
-    /// The same with an observer of each frame as the pixels see it.
+    /// Adds an observer of each frame as the pixels see it.
     #[must_use]
     pub fn watched(self, watch: &'a mut dyn FnMut(&DenseFrame)) -> Self {
         Self { watch: Some(watch), ..self }
@@ -76,11 +76,13 @@ pub fn simulate_all(
     for front_end in &front_ends {
         front_end.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
     }
+    // Before the first frame: sources prepare colours only if they were asked for them by then.
     if front_ends.iter().any(FrontEnd::needs_colour) {
         frames.want_colour();
     }
     while let Some(frame) = frames.next()? {
         for (i, front_end) in front_ends.iter().enumerate() {
+            // The sensors of this front end were served when it first occurred.
             if front_ends[..i].contains(front_end) {
                 continue;
             }

@@ -22,15 +22,19 @@ impl RenewalProcess {
     pub fn on_share(self) -> f64 {
         let Self { drift, variance, up, down } = self;
         let (pa, pb) = (2.0 * drift.abs() * up / variance, 2.0 * drift.abs() * down / variance);
+        // Without drift `pa` is 0, or NaN without noise, so this case comes before the others.
         if drift == 0.0 {
             return if variance == 0.0 { f64::NAN } else { down / (up + down) };
         }
+        // Both exponents have underflowed, and the quotient below would be 0/0.
         if pa + pb == 0.0 {
             return down / (up + down);
         }
+        // Without noise, or with next to none, the drift alone decides.
         if !(pa + pb).is_finite() {
             return if drift > 0.0 { 1.0 } else { 0.0 };
         }
+        // Negative exponents cannot overflow, and `expm1` keeps the digits of small ones.
         let share = libm::expm1(-pb) / libm::expm1(-(pa + pb));
         if drift > 0.0 { share } else { libm::exp(-pa) * share }
     }
@@ -40,6 +44,8 @@ impl RenewalProcess {
     pub fn mean_interval(self) -> f64 {
         let Self { drift, variance, up, down } = self;
         let skew = 2.0 * drift / variance;
+        // NaN without drift and noise. The comparison is then false, and the case of no drift
+        // applies.
         if skew.abs() * (up + down) < 1e-4 {
             // The closed form cancels here, so its expansion is used. The next term is of order
             // (skew W)^2, below 1e-8.
@@ -92,10 +98,13 @@ impl RenewalProcess {
         }
         let skew = 2.0 * drift / variance;
         let scale = 2.0 / (variance * self.mean_interval());
+        // The share of OFF by the mirrored process: one less the share of ON would lose its digits.
         let (on, off) = (self.on_share(), Self { drift: -drift, up: down, down: up, ..self }.on_share());
         let below = |depth: f64| off * scale * occupation_tail(skew, depth);
         let above = |depth: f64| on * scale * occupation_tail(-skew, depth);
         let inside = below(down);
+        // Each side is measured from its own barrier, so that a small share is never a difference
+        // of two large ones.
         if u < inside {
             bisect_below(down, |depth| below(depth) < u) - down
         } else {
@@ -113,7 +122,7 @@ fn occupation_tail(skew: f64, depth: f64) -> f64 {
         return 0.0;
     }
     let share = if y.abs() < 0.1 {
-        // The next term is y^8/10!, 3e-15 of the first.
+        // The next term is y^8/10!, at most 3e-15.
         [2.0, 6.0, 24.0, 120.0, 720.0, 5040.0, 40320.0, 362_880.0]
             .iter()
             .rev()
@@ -196,9 +205,9 @@ mod tests {
 
     #[test]
     fn residuals_stay_where_a_stationary_pixel_is() {
-        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each,
-        // has mean 0 under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f =
-        // v^2 `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
+        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0
+        // at each, has mean 0 under the stationary law: `mean(drift) = rate (on A - off B)` for f =
+        // v, and for f = v^2 `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
         for (drift, variance) in
             [(0.0, 1.0), (1e-9, 1.0), (0.01, 1.0), (0.3, 1.0), (-2.0, 1.0), (40.0, 1.0), (-1.0, 1e-4)]
         {

@@ -1,4 +1,5 @@
-//! The sensor of v2e (Hu, Liu, Delbruck, CVPRW 2021; SensorsINI/v2e, `emulator.py`, `emulator_utils.py`).
+//! The sensor of v2e (Hu, Liu, Delbruck, CVPRW 2021; SensorsINI/v2e, `emulator.py`,
+//! `emulator_utils.py`).
 //!
 //! A pixel maps the grey `L` by `f(L) = L ln(20)/20` up to 20 and `ln L` above. The result passes a
 //! first-order low-pass filter with rate `2 pi cutoff (L + 20)/275`, so it is slower in the dark.
@@ -13,9 +14,9 @@
 //! - events lie where the pixel's own brightness crosses its threshold, not on a grid with as many
 //!   instants as the busiest pixel of the frame has events;
 //! - `filter: exact` (the default) is the exact response of the filter to an input that is linear
-//!   between two frames, with the rate of their mean. `filter: euler` is the program's step `min(1, 2
-//!   pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the delay of one
-//!   frame that some of its versions have;
+//!   between two frames, with the rate of their mean. `filter: euler` is the program's step
+//!   `min(1, 2 pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the
+//!   delay of one frame that some of its versions have;
 //! - shot noise is a Poisson process with exponential gaps, not one trial per step. For greys above
 //!   white, its rate stays that of white;
 //! - thresholds of ON and OFF are drawn separately; `f` is not rounded and has 64 bits;
@@ -102,7 +103,7 @@ pub struct LeakNoise {
     pub cov: f64,
 }
 
-/// Largest grey with a linear mapping.
+/// Largest grey that is mapped linearly.
 const LINEAR: f64 = 20.0;
 /// White, on the grey scale.
 const WHITE: f64 = 255.0;
@@ -122,8 +123,8 @@ fn rate_intensity(luminance: f64) -> f64 {
 }
 
 impl V2eModel {
-    /// Returns true if the event balance of a pixel must equal the change of its brightness to less than a
-    /// threshold.
+    /// Returns true if the event balance of a pixel must equal the change of its brightness to less
+    /// than a threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
         let quiet = self.leak.rate == 0.0 && self.shot == 0.0 && self.hot_pixels.is_absent();
@@ -137,6 +138,7 @@ impl V2eModel {
     pub fn noise(&self, grey: f64) -> ConstantLightNoise {
         let shots = self.shots_per_second(grey);
         let leak = self.leak.rate;
+        // By `expm1`, because shots far rarer than the leak must leave its rate as it is.
         let leaks = if shots == 0.0 || leak == 0.0 { leak } else { shots / libm::expm1(shots / leak) };
         let total = shots + leaks;
         let share = (leaks + 0.5 * shots) / total;
@@ -155,8 +157,12 @@ impl V2eModel {
             SensorScreening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| {
                 self.noise(grey)
             })?;
-        // The table is of a nominal pixel; the leak of the others is spread, and their mean is what a stream holds.
+        // The table is of a nominal pixel. The leak of the others is spread, and a stream holds
+        // their mean. The mean of a log-normal factor is `exp` of half the variance of its
+        // logarithm.
         let LeakNoise { rate: leak, jitter, cov } = self.leak;
+        // A jitter above 1 turns the leak around in some frames. The OFF events of those count as
+        // well.
         let (frames_per_second, share) = (rate.to_f64(), jitter.max(1.0));
         let hz = leak * share * libm::exp(0.5 * (cov * LN_10) * (cov * LN_10));
         let per_frame = hz / frames_per_second;
@@ -185,6 +191,7 @@ impl V2eModel {
 
     /// Shot noise of a pixel with nominal thresholds.
     fn shots_per_second(&self, luminance: f64) -> f64 {
+        // The published rate would turn negative for greys far above white.
         self.shot * (1.0 - SHOT_FALL * rate_intensity(luminance.min(WHITE)))
     }
 
@@ -202,6 +209,7 @@ impl V2eModel {
                 BrightnessCourse::filter_output(&filter, length)
             }
             FilterSteps::Euler => {
+                // A longer step would go beyond the input.
                 let step = (rate(after) * length).min(1.0);
                 BrightnessCourse::straight_line(pixel.seen, pixel.seen + step * (input - pixel.seen), length)
             }
@@ -291,6 +299,7 @@ impl FrameLaw for V2eModel {
         let input = lin_log(luminance[1]);
         let (plain, leaked) = (self.course(pixel, input, pair), self.leaked(pixel, pair));
         let [on, off] = pixel.detector.thresholds;
+        // Shot noise is stronger in a pixel with a lower threshold, in proportion.
         let [on, off] = [self.threshold.on / on, self.threshold.off / off];
         let shots = luminance.map(|l| 0.5 * (on + off) * self.shots_per_second(l) / NS);
         let own = [self.hot_pixels.per_ns(); 2];
@@ -316,6 +325,7 @@ impl FrameLaw for V2eModel {
         let flow = pixel.detector.cross(&course, &self.refractory, &mut sources, writer);
         // Tilting the brightness has the same effect as moving the level.
         pixel.detector.reference -= leaked;
+        // The output without leak, because the next course adds the leak of its own interval.
         (pixel.seen, pixel.input) = (plain.at(length), input);
         flow
     }

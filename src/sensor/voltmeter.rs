@@ -3,7 +3,9 @@
 //! The voltage `x` of a pixel that sees the grey `L(t)` moves as
 //!
 //! ```text
-//! dx = dD + sigma(L) dW,    D(t) = k1 ln(L + k2) + integral of (k4 + k5 L),    sigma(L) = k3 sqrt(L)/(L + k2) + k6
+//! dx = dD + sigma(L) dW
+//! D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)
+//! sigma(L) = k3 sqrt(L)/(L + k2) + k6
 //! ```
 //!
 //! When it reaches `threshold_on`, an ON event happens; when it reaches `-threshold_off`, an OFF
@@ -142,7 +144,8 @@ impl BetweenFrames {
 }
 
 impl VoltmeterModel {
-    /// Thresholds of 1, the law `exact`, log gain, voltages from zero, linear between frames, a cap of 1000.
+    /// Thresholds of 1, the law `exact`, log gain, voltages from zero, linear between frames, a cap
+    /// of 1000.
     #[must_use]
     pub fn new(k: [f64; 6]) -> Self {
         Self {
@@ -166,7 +169,7 @@ impl VoltmeterModel {
 impl VoltmeterModel {
     /// The number of clock cells that the law `exact` did not look into because no threshold was
     /// within reach, and the number of all cells over a clip of this length. Cells are as long as
-    /// the longest leaf. `None` for sensors without such a clock. The first number is a lower
+    /// the longest leaf. `None` for sensors without this clock. The first number is a lower
     /// bound: where leaves are shorter, more than one is counted per cell.
     #[must_use]
     pub fn quiet_cells(&self, account: &SimulationAccount, size: Size, span_us: i64) -> Option<[u64; 2]> {
@@ -176,14 +179,16 @@ impl VoltmeterModel {
         has_clock.then(|| [all.saturating_sub(account.leaves), all])
     }
 
-    /// In a cell that is not looked into, a threshold is touched with a probability below `e` to
-    /// the minus this.
+    /// Negative logarithm of the largest probability that a threshold is touched in a cell that is
+    /// not looked into.
     pub const MISSED_LN: f64 = bridge::NEGLIGIBLE;
 
     /// Pixels of the law `exact`, with the hot pixels and the cap around them.
     fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn SensorPixels> {
         let cap = self.max_events_per_pixel_frame;
         let mut pixels: Box<dyn SensorPixels> = if self.allow_cap {
+            // The sampler itself has no cap then. It would end the run at the cap instead of
+            // dropping events.
             let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
             Box::new(CappedPixels::new(
                 Box::new(exact::ExactSampler::new(&free, size, origin, seed)),
@@ -193,7 +198,9 @@ impl VoltmeterModel {
         } else {
             Box::new(exact::ExactSampler::new(self, size, origin, seed))
         };
+        // Outside the cap, which counts the events of the law only.
         if !self.hot_pixels.is_absent() {
+            // A stream without labels has the label `Signal` on every event.
             let own = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
             pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed, own));
         }

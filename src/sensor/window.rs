@@ -13,7 +13,8 @@ use crate::units::Timestamp;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PackedEvent(u64);
 
-/// Longest window, ns. Its events fit [`PackedEvent`], including the partial microseconds at both ends.
+/// Longest window, ns. Its events fit [`PackedEvent`], including the partial microseconds at both
+/// ends.
 pub(super) const LONGEST: i64 = 1000 << 20;
 
 /// Two polarities, 1000 nanoseconds, two labels.
@@ -82,6 +83,7 @@ impl EventWindow {
     #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 21 bits")]
     fn sort(&mut self) {
         let Self { events, sorted, places, .. } = self;
+        // Time has the highest bits of an event, so the largest event is the latest.
         let last = events.iter().max().map_or(0, |event| event.micros().cast_unsigned() as usize);
         if last > MOST_MICROS {
             return events.sort_unstable();
@@ -89,6 +91,7 @@ impl EventWindow {
         places.clear();
         places.resize(last + 2, 0);
         let micros = |event: &PackedEvent| event.micros().cast_unsigned() as usize;
+        // Counted one place further on: after the sum, each place is the start of its microsecond.
         events.iter().for_each(|event| places[micros(event) + 1] += 1);
         for i in 1..places.len() {
             places[i] += places[i - 1];
@@ -99,6 +102,7 @@ impl EventWindow {
             sorted[*place as usize] = *event;
             *place += 1;
         }
+        // After the placement, each place is the end of its microsecond.
         let mut start = 0;
         for end in places.iter().map(|end| *end as usize) {
             sorted[start..end].sort_unstable();
@@ -113,12 +117,14 @@ impl EventWindow {
         self.sort();
         let count = self.events.partition_point(|event| event.micros() < finished);
         self.same_us_same_pixel += coincident_pairs(&self.events[..count]);
+        // In parts, so that the unpacked events of a large window are never in memory together.
         for part in self.events[..count].chunks(CHUNK) {
             self.chunk.clear();
             self.chunk.extend(part.iter().map(|event| event.event(self.first_us)));
             sink.append(&self.chunk)?;
         }
         self.events.drain(..count);
+        // The events that wait are packed again relative to the next window.
         for event in &mut self.events {
             event.0 -= finished.cast_unsigned() * MICRO;
         }
@@ -135,6 +141,7 @@ const CHUNK: usize = 1 << 16;
 
 /// Pairs in one microsecond and pixel: two events are one pair, three are three.
 fn coincident_pairs(sorted: &[PackedEvent]) -> u64 {
+    // Packed events of one place differ in polarity, nanosecond and label at most.
     let same = |a: &PackedEvent, b: &PackedEvent| a.place() == b.place();
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }

@@ -23,6 +23,7 @@ pub(super) fn header_buffer(info: &str) -> Vec<u8> {
     bytes.extend(4_u32.to_le_bytes()); // on to the text
     bytes.extend(buffer_length(info.len()).to_le_bytes());
     bytes.extend(info.as_bytes());
+    // A text ends with a zero byte, and a buffer has a multiple of 4 bytes.
     bytes.resize((bytes.len() + 1).next_multiple_of(4), 0);
     with_size(bytes)
 }
@@ -72,9 +73,11 @@ impl<'a> BufferTable<'a> {
 
     /// Place of field `k`; `None` if it is absent and has its default.
     fn field(&self, k: usize) -> Option<usize> {
+        // Offsets come from the file: each is checked, because a damaged one may point anywhere.
         let back = i32::from_le_bytes(read_array(self.bytes, self.at)?);
         let list = usize::try_from(i64::try_from(self.at).ok()? - i64::from(back)).ok()?;
         let entry = 4 + 2 * k;
+        // A list from an older schema is shorter. A field beyond its end has its default.
         if entry + 2 > usize::from(u16::from_le_bytes(read_array(self.bytes, list)?)) {
             return None;
         }

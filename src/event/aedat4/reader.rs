@@ -11,10 +11,12 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// Bytes of a header: it describes a few streams as XML, which takes a multiple once it is parsed.
+/// Maximum size of a header, bytes. It describes a few streams as XML, which takes a multiple of
+/// that once it is parsed.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// Bytes of an inflated packet of any size, 2^20 events; larger ones go by what they take compressed.
+/// Maximum size of an inflated packet, bytes: 2^20 events. A packet whose compressed form is large
+/// may be larger in proportion.
 const MAX_PACKET: usize = 16 << 20;
 
 /// Reads the first stream of events of a file. Its order is not checked.
@@ -32,8 +34,8 @@ pub struct Reader {
 impl Reader {
     /// Opens a file and reads its header.
     ///
+    /// # Errors
     /// The file is of another version, or its header names no stream of events or no sensor size.
-    /// When it is of another version, or its header names no stream of events or no sensor's size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut file = BufReader::new(files::open(path)?);
         let mut version = [0; VERSION.len()];
@@ -63,6 +65,8 @@ impl Reader {
             .ok_or_else(|| wrong_packet(at, "the header does not describe its streams"))?;
         let stream =
             info::read_info(&String::from_utf8_lossy(text)).map_err(|because| wrong_packet(at, &because))?;
+        // Without a table of packets, its place is -1, and the packets reach to the end of the
+        // file.
         let end = table.i64(1).and_then(|end| u64::try_from(end).ok()).unwrap_or(u64::MAX);
         Ok(Self { file, compression, stream, offset: at + 4 + length, end })
     }
@@ -95,6 +99,7 @@ impl Reader {
     /// The events of a packet at offset `at`.
     fn events(&self, packet: &[u8], at: u64, out: &mut Vec<Event>) -> Result<(), EventFileError> {
         let inflated = self.inflate(packet).map_err(|e| wrong_packet(at, &format!("the packet: {e}")))?;
+        // The first 4 bytes are the size of the buffer.
         let table = inflated.get(4..).and_then(|bytes| BufferTable::root_table(bytes, EVENTS));
         let table = table.ok_or_else(|| wrong_packet(at, "the packet holds no events"))?;
         // A packet without its field has no events.
@@ -108,6 +113,7 @@ impl Reader {
     fn inflate(&self, packet: &[u8]) -> std::io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let limit = MAX_PACKET.max(packet.len().saturating_mul(budget::MAX_PER_BYTE));
+        // One byte above the limit shows that there is more.
         let mut take = |from: &mut dyn Read| from.take(limit as u64 + 1).read_to_end(&mut bytes);
         match self.compression {
             PacketCompression::None => take(&mut &*packet),
@@ -147,6 +153,7 @@ impl Reader {
 impl EventSource for Reader {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
+        // Packets of other streams have no events, so reading goes on until there is one.
         while out.is_empty() {
             let at = self.offset;
             let Some((stream, packet)) = self.packet()? else { return Ok(false) };
@@ -160,6 +167,7 @@ impl EventSource for Reader {
 
 /// This many bytes, or `None` if the file ends before.
 fn read_exactly(file: &mut impl Read, length: u64) -> std::io::Result<Option<Vec<u8>>> {
+    // Through `take`, not a buffer of `length` bytes: the length is a claim of the file.
     let mut bytes = Vec::new();
     file.by_ref().take(length).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 == length).then_some(bytes))

@@ -69,6 +69,8 @@ impl EventSink for Writer {
         self.order.admit(events)?;
         let mut rest = events;
         while !rest.is_empty() {
+            // The cut depends on the number of events alone, so the caller's chunks do not show in
+            // the bytes.
             let (now, later) = rest.split_at(rest.len().min(PACKET - self.waiting.len()));
             self.waiting.extend_from_slice(now);
             rest = later;

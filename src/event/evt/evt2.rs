@@ -26,6 +26,7 @@ impl Evt2Encoder {
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) {
         let t = event.t.floor_micros() as u64;
         let (high, low) = ((t >> LOW) as u32, t as u32 & ((1 << LOW) - 1));
+        // Written only where it changes: events between two time words share the upper bits.
         if self.high != Some(high) {
             self.high = Some(high);
             out.extend((TIME_HIGH << 28 | high).to_le_bytes());

@@ -25,14 +25,15 @@ const VALUE: u16 = (1 << PART) - 1;
 /// Minimum number of events for which a base and a mask are shorter.
 const WORTH_A_MASK: usize = 3;
 
-/// A step of the upper part of a time: a reader sees that time began anew by a step down, and steps of a quarter leave
-/// no doubt how often.
+/// Largest step of the upper part of a time that is written at once. A reader notices an overflow
+/// by a step down, so steps of a quarter of the range leave no doubt about the number of overflows.
 const STEP: i64 = 1 << (PART - 2);
 
-/// Words of a stream that stand for silence alone, 2 bytes for each 4.2 seconds: 51 days.
+/// Maximum number of words in a stream that only bridge silence, 2 bytes for each 4.2 seconds: 51
+/// days.
 pub(super) const MAX_SILENT_WORDS: i64 = 1 << 20;
 
-/// Turns events into words. Events of one time, row and polarity wait for one another.
+/// Encodes events as words. Events of one time, row and polarity wait for one another.
 #[derive(Debug, Default)]
 pub(super) struct Evt3Encoder {
     /// Time divided by 2^12, without overflow; `None` before the first.
@@ -40,7 +41,7 @@ pub(super) struct Evt3Encoder {
     low: Option<u16>,
     row: Option<u16>,
     waiting: Vec<Event>,
-    /// Time over 2^12 of the last event that was put, and words that silence takes up to it.
+    /// Time divided by 2^12 of the last event, and the number of words that silence takes up to it.
     put_high: i64,
     silent_words: i64,
 }
@@ -50,14 +51,16 @@ fn write_word(kind: u16, value: u16, out: &mut Vec<u8>) {
 }
 
 impl Evt3Encoder {
-    /// Puts an event; `None` where silence would take more words than [`MAX_SILENT_WORDS`].
+    /// Encodes an event. Returns `None` if silence takes more words than [`MAX_SILENT_WORDS`].
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) -> Option<()> {
         let high = event.t.floor_micros() >> PART;
         self.silent_words += (high - self.put_high) / STEP;
         self.put_high = high;
+        // Checked per event: a single late time could fill the disk with time words.
         if self.silent_words > MAX_SILENT_WORDS {
             return None;
         }
+        // A run of pixels has one time, row and polarity, so a change of any of them ends it.
         let key = |e: &Event| (e.t.floor_micros(), e.y, e.polarity);
         if self.waiting.last().is_some_and(|last| key(last) != key(event)) {
             self.flush(out);
@@ -106,6 +109,7 @@ impl Evt3Encoder {
         }
         if self.high != Some(high) {
             write_word(TIME_HIGH, high as u16, out);
+            // A reader sets the lower part to 0 at a new upper part, so it is written again.
             self.low = None;
         }
         if self.low != Some(low) {
@@ -122,6 +126,7 @@ fn leading_mask(columns: &[u16], base: u16) -> (u16, usize) {
     let mut taken = 0;
     for &x in columns {
         let Some(bit) = x.checked_sub(base).filter(|bit| *bit < 12) else { break };
+        // Columns ascend, so a bit at or above this one is the same column once more.
         if mask >> bit != 0 {
             break;
         }
@@ -158,6 +163,7 @@ impl Evt3Decoder {
         for bit in (0..bits).filter(|bit| mask >> bit & 1 == 1) {
             self.event(self.base + bit, self.polarity != 0, found)?;
         }
+        // Bounded, so that the masks of a damaged file cannot overflow the column.
         self.base = (self.base + bits).min(VALUE);
         Ok(())
     }
@@ -179,6 +185,8 @@ impl WordDecoder for Evt3Decoder {
             TIME_HIGH => {
                 // A large step backwards is an overflow of the counter, not disorder.
                 self.turns += i64::from(self.high.is_some_and(|last| last > value && last - value > 1 << 11));
+                // The lower part starts at 0 until its own word comes. A repeated upper part
+                // changes nothing.
                 if self.high != Some(value) {
                     (self.high, self.low) = (Some(value), 0);
                 }

@@ -26,8 +26,11 @@ pub(super) fn write_header(out: &mut impl Write, version: EvtVersion, size: Size
 pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size, u64), EventFileError> {
     let (mut version, mut size) = (None, None);
     let mut bytes = 0;
+    // The header ends with its `end` line, or without one at the first byte that is no `%`. After
+    // an `end` line a `%` belongs to a word.
     while input.fill_buf()?.first() == Some(&b'%') {
         let mut line = Vec::new();
+        // Limited, because a file of another kind may have no line break at all.
         input.by_ref().take(MOST_BYTES).read_until(b'\n', &mut line)?;
         bytes += line.len() as u64;
         if line.last() != Some(&b'\n') || bytes > MOST_BYTES {
@@ -41,6 +44,7 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size,
             "format" => {
                 let (name, fields) = value.split_once(';').unwrap_or((value, ""));
                 version = Some(self::parse_version(name)?);
+                // The size of the `format` line counts before that of a `geometry` line.
                 size = parse_size(fields).or(size);
             }
             "geometry" => size = size.or_else(|| size_pair(value.split_once('x')?)),

@@ -97,7 +97,10 @@ impl Reader {
 impl EventSource for Reader {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
+        // A block of time words has no events, so reading goes on until there is one.
         while out.is_empty() {
+            // Blocks are full except at the end of the file, and a multiple of both sizes of words.
+            // Only the last word of a file can be cut off.
             let mut block = Vec::with_capacity(BLOCK);
             self.file.by_ref().take(BLOCK as u64).read_to_end(&mut block)?;
             if block.is_empty() {

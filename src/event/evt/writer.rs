@@ -34,6 +34,7 @@ impl Writer {
             let because = format!("a sensor of {size}, and EVT has at most {EDGE} columns and rows");
             return Err(EventFileError::Container(because));
         }
+        // EVT 3.0 counts overflows without a limit, so only internal times bound it.
         let (encoder, end_us) = match version {
             EvtVersion::Evt2 => (EvtEncoder::Evt2(evt2::Evt2Encoder::default()), evt2::END_US),
             EvtVersion::Evt3 => (EvtEncoder::Evt3(evt3::Evt3Encoder::default()), END_US),
@@ -48,6 +49,7 @@ impl Writer {
     /// # Errors
     /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
+        // Events of the last run still wait in the encoder.
         if let EvtEncoder::Evt3(encoder) = &mut self.encoder {
             encoder.flush(&mut self.words);
         }
@@ -60,6 +62,7 @@ impl Writer {
 impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.order.admit(events)?;
+        // `admit` has counted the chunk already.
         let first = self.order.count() - events.len() as u64;
         for (event, index) in events.iter().zip(first..) {
             match &mut self.encoder {

@@ -42,6 +42,7 @@ impl RootAttributes {
         let (mut header, _) = ObjectHeader::decode_v1(&head).map_err(|e| damaged_file(&e.to_string()))?;
         let mut found = Vec::new();
         let mut blocks = 0;
+        // Continuations may hold further continuations, so blocks are read until one has none.
         while !header.messages.is_empty() {
             let mut rest = Vec::new();
             for message in &header.messages {
@@ -55,6 +56,7 @@ impl RootAttributes {
             }
             header.messages = rest;
             blocks += 1;
+            // A continuation that points to itself would never end.
             if blocks > 64 {
                 return Err(damaged_file("its header goes on and on"));
             }
@@ -64,6 +66,7 @@ impl RootAttributes {
 
     /// The value of a scalar attribute; `None` if it is absent or of another type.
     pub(super) fn value<T: H5Type + FromBytes>(&self, name: &str) -> Option<T> {
+        // The type is compared too: bytes of another type would be read as a wrong number.
         let attribute = self.0.iter().find(|a| a.name == name && a.datatype == T::hdf5_type())?;
         T::from_bytes(&attribute.data)
     }
@@ -98,6 +101,8 @@ fn read_continued(
         return Err(damaged_file("a continuation of its header is cut short"));
     };
     let body = read_block(file, at, len.min(MOST))?;
+    // A continuation has no head, so decoding gets one: version 1, no limit on messages, one
+    // reference.
     let mut header = vec![1, 0, 0xff, 0xff, 1, 0, 0, 0];
     header.extend((body.len() as u64).to_le_bytes());
     header.extend(body);

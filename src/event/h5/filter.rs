@@ -107,6 +107,7 @@ impl ChunkFilter {
 }
 
 fn shuffle_bytes(bytes: &[u8], width: usize) -> Vec<u8> {
+    // Zeros in the places of missing elements pad the last chunk.
     let mut shuffled = vec![0; CHUNK * width];
     for (i, element) in bytes.chunks_exact(width).enumerate() {
         for (k, &byte) in element.iter().enumerate() {

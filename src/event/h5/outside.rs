@@ -1,9 +1,10 @@
-//! Ways in which an HDF5 file leads to other files, all of which are refused: external and soft links,
-//! datasets whose bytes lie in other files (external file lists), and virtual datasets.
+//! Ways in which an HDF5 file leads to other files: external and soft links, datasets whose bytes
+//! lie in other files (external file lists), and virtual datasets. All of them are refused.
 //!
-//! rust-hdf5 0.7 follows each of them. It opens the sources of virtual datasets together with the file,
-//! so these are looked for before: the list of sources lies in a global heap collection, which begins
-//! with `GCOL`, and ends with a checksum, so that other bytes are hardly ever taken for one.
+//! rust-hdf5 0.7 follows each of them. It opens the sources of virtual datasets together with the
+//! file, so these are looked for in advance. The list of sources lies in a global heap collection,
+//! which begins with `GCOL`, and ends with a checksum, so that other bytes are hardly ever taken
+//! for one.
 
 use crate::event::EventFileError;
 use rust_hdf5::format::FormatContext;
@@ -16,11 +17,11 @@ use std::io::{Read, Seek, SeekFrom};
 /// First bytes of a global heap collection.
 const HEAP: &[u8; 4] = b"GCOL";
 
-/// Bytes that are searched at once.
+/// Number of bytes that are searched at once.
 const BLOCK: usize = 1 << 20;
 
-/// Maximum bytes of a heap collection that is read. libhdf5 makes them of 4 KiB, larger only for a
-/// larger object.
+/// Maximum size of a heap collection that is read, bytes. libhdf5 makes collections of 4 KiB, and
+/// larger ones only for a larger object.
 const MAX_HEAP: u64 = 1 << 26;
 
 /// Widths of lengths that the library reads, in bytes.
@@ -29,11 +30,12 @@ const WIDTHS: [u8; 3] = [2, 4, 8];
 /// Refuses a file that holds the sources of a virtual dataset.
 ///
 /// # Errors
-/// For such a file, for a heap collection too large to be searched, and when the file cannot be read.
+/// The file has such sources or a heap collection too large to be searched, or cannot be read.
 pub(super) fn refuse_virtual(mut file: File) -> Result<(), EventFileError> {
     let heaps = heaps(&mut file)?;
     let mut search = LinkSearch { left: file.metadata()?.len().saturating_add(MAX_HEAP), file };
     for at in heaps {
+        // The width of lengths is not known here, so all are tried.
         for sizeof_size in WIDTHS {
             if search.finds_sources(at, FormatContext { sizeof_addr: 8, sizeof_size })? {
                 return Err(refusal("a virtual dataset, whose events are in other files"));
@@ -77,6 +79,7 @@ impl LinkSearch {
         let head = self.bytes(at, 24)?;
         let Ok(size) = GlobalHeapCollection::decode_size(&head, &context) else { return Ok(false) };
         let size = size as u64;
+        // A size beyond the file belongs to other bytes that happen to begin with `GCOL`.
         if size > self.file.metadata()?.len().saturating_sub(at) {
             return Ok(false);
         }
@@ -99,13 +102,14 @@ impl LinkSearch {
     }
 }
 
-/// Refuses links on the way to the datasets: their objects would be elsewhere.
+/// Refuses links on the way to the datasets, because their objects would lie elsewhere.
 ///
 /// # Errors
-/// At the first link that is none of the file's own objects.
+/// A name on the way is a link to anything but an object of the file itself.
 pub(super) fn refuse_links(file: &H5File, datasets: &[&'static str]) -> Result<(), EventFileError> {
     let root = file.root_group();
     for &dataset in datasets {
+        // Every group on the way may be a link, so each prefix of the path is looked up.
         let ends = dataset.match_indices('/').map(|(at, _)| at).chain([dataset.len()]);
         for name in ends.map(|end| &dataset[..end]) {
             let leads = match root.link_class(name) {
@@ -124,7 +128,7 @@ pub(super) fn refuse_links(file: &H5File, datasets: &[&'static str]) -> Result<(
 /// Refuses a dataset whose bytes lie in other files.
 ///
 /// # Errors
-/// For such a dataset, and where the library cannot tell.
+/// The dataset has other files, or the library cannot read where its bytes lie.
 pub(super) fn refuse_external(dataset: &H5Dataset, name: &'static str) -> Result<(), EventFileError> {
     if dataset.external_files()?.is_empty() && dataset.virtual_mappings()?.is_empty() {
         return Ok(());

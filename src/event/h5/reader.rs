@@ -61,10 +61,12 @@ impl Reader {
     fn open_unguarded(path: &Path) -> Result<Self, EventFileError> {
         let opened = files::open(path)?;
         let bytes = opened.metadata()?.len();
+        // Before the library opens the file, because it follows virtual datasets at once.
         outside::refuse_virtual(opened)?;
         let file = H5File::options().no_locking().open(path)?;
         outside::refuse_links(&file, &[X, Y, P, T, LABEL, MS_TO_IDX, T_OFFSET])?;
         let (t, count) = open_column::<u32>(&file, T)?;
+        // The number of elements is a claim of the file, and memory is taken by it.
         if count as u64 > bytes.saturating_mul(MOST_PER_BYTE) {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
             return Err(EventFileError::Dataset { dataset: T, because });
@@ -87,8 +89,8 @@ impl Reader {
         Ok(reader)
     }
 
-    /// The properties of the stream; `None` for a file without `width` and `height`, such as DSEC's
-    /// own.
+    /// The properties of the stream; `None` for a file without `width` and `height`, for example
+    /// DSEC's own files.
     #[must_use]
     pub fn header(&self) -> Option<StreamHeader> {
         self.header
@@ -125,6 +127,7 @@ impl Reader {
     /// Makes the next chunk the one with event `number`; the end if there are fewer events.
     pub fn seek(&mut self, number: u64) {
         let number = usize::try_from(number).map_or(self.count, |number| number.min(self.count));
+        // To the start of a step, so that each chunk is still decompressed once.
         self.next = if number == self.count { number } else { number - number % self.step };
     }
 
@@ -151,6 +154,7 @@ impl Reader {
             let times: Vec<u32> = read_elements(&self.t, T, start, self.step.min(self.count - start))?;
             for (number, t) in (start as u64..).zip(times) {
                 if t < last {
+                    // An unsorted stream has no index, so its times are the fault to name.
                     return Err(wrong_value(T, number, t, format!("at least {last}, the time before it")));
                 }
                 last = t;
@@ -158,6 +162,7 @@ impl Reader {
             }
         }
         stored.expect(self.count as u64, index.complete(last))?;
+        // Entries beyond the definition must equal the number of events.
         let rest = (stored.len - stored.at) as u64;
         stored.expect(self.count as u64, rest)
     }
@@ -289,7 +294,7 @@ fn read_elements<T: H5Type>(
 }
 
 /// Runs code of rust-hdf5. Version 0.7.9 panics on some damaged files (a datatype with an
-/// overflowing size); such a panic becomes an error.
+/// overflowing size); the panic becomes an error.
 fn guard_panics<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
     std::panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
         Err(EventFileError::Container(

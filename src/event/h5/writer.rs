@@ -1,4 +1,5 @@
-//! Writing: events are held until they fill chunks, chunks are filtered in parallel and stored in stream order.
+//! Writing: events are held until they fill chunks, chunks are filtered in parallel and stored in
+//! stream order.
 
 use super::filter::ChunkFilter;
 use super::{CHUNK, END_US, H5Options, MS_TO_IDX, T_OFFSET, index::MsIndex};
@@ -89,6 +90,7 @@ impl Writer {
     /// The stamp is outside `0..2^32`, or writing fails.
     pub fn finish(mut self, last_stamp_us: i64) -> Result<u64, EventFileError> {
         let count = self.order.count();
+        // A stream may end after its last event, and the index covers it up to there.
         let end_us = last_stamp_us.max(self.order.last_us().unwrap_or(0));
         let Ok(end_us) = u32::try_from(end_us) else {
             let because = format!("the stream ends at {end_us} us, wanted 0 to {}", END_US - 1);
@@ -114,6 +116,8 @@ impl Writer {
 
     fn extend_index(&mut self, value: u64, mut entries: u64) -> Result<(), EventFileError> {
         while entries > 0 {
+            // A long silence adds many entries at once. They are stored in chunks, not held
+            // together.
             let now = entries.min(CHUNK as u64);
             self.index_held.extend(std::iter::repeat_n(value, usize::try_from(now).unwrap_or(CHUNK)));
             entries -= now;
@@ -144,6 +148,7 @@ impl Writer {
                 bytes.collect::<Result<Vec<_>, _>>()
             });
             let stored: Vec<Vec<Vec<u8>>> = stored.collect::<Result<_, _>>()?;
+            // In the order of the stream, whichever chunk was filtered first.
             for (events, bytes) in chunks.iter().zip(&stored) {
                 for (column, bytes) in self.columns.iter_mut().zip(bytes) {
                     column.store(events.len(), bytes)?;
@@ -158,10 +163,12 @@ impl Writer {
 impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         let first = self.order.count();
+        // Before the index sees the events, so that a refused chunk leaves no entries.
         self.order.admit(events)?;
         self.note_times(first, events)?;
         self.held.extend_from_slice(events);
         if self.held.len() >= BATCH * CHUNK {
+            // Whole chunks only: a shorter chunk is final.
             self.store_chunks(self.held.len() / CHUNK * CHUNK)?;
         }
         Ok(())

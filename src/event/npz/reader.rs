@@ -36,6 +36,7 @@ impl Reader {
     /// It is not a zip archive, an array is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut archive = ZipArchive::new(BufReader::new(files::open(path)?))?;
+        // Each array has its own file handle, because all of them are read side by side.
         let [t, x, y, p] = ARRAYS.map(|(name, kind)| ArrayColumn::open(path, &mut archive, name, kind));
         let columns = [t?, x?, y?, p?];
         let (name, kind) = LABEL;
@@ -130,6 +131,7 @@ impl EventSource for Reader {
             }
         }
         self.next += count as u64;
+        // A checksum covers a whole array, so it can be compared only after the last chunk.
         if self.next == self.count {
             self.columns.iter_mut().chain(&mut self.labels).try_for_each(ArrayColumn::verify)?;
         }
@@ -165,13 +167,16 @@ impl ArrayColumn {
         let (method, crc32, len) = (entry.compression(), entry.crc32(), entry.compressed_size());
         let mut file = files::open(path)?;
         file.seek(SeekFrom::Start(start))?;
+        // Limited to the entry, so that a damaged stream cannot read into the next one.
         let stored = BufReader::new(file.take(len));
         let data: Box<dyn Read> = match method {
             CompressionMethod::Stored => Box::new(stored),
             CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored)),
             other => return Err(refusal(format!("compressed by {other}, wanted deflate"))),
         };
+        // Around the decoder: the archive has the checksum of the plain bytes.
         let mut data = CrcReader::new(data);
+        // The parser can be made to take very long, so it gets checked headers only.
         let head = npy::checked_header(&mut data).map_err(|e| refusal(e.to_string()))?;
         let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
         let (found, shape) = (header.dtype().descr(), header.shape());
@@ -198,6 +203,7 @@ impl ArrayColumn {
     /// Compares the array's checksum with the archive's, after everything is read.
     fn verify(&mut self) -> Result<(), EventFileError> {
         let refusal = |because| EventFileError::Dataset { dataset: self.name, because };
+        // Reads to the end of the entry: bytes after the last element are in the checksum too.
         let extra = std::io::copy(&mut self.data, &mut std::io::sink())?;
         if extra > 0 {
             return Err(refusal(format!("{extra} bytes follow its {} elements", self.count)));

@@ -1,4 +1,4 @@
-//! Writing: the length of an array stands before its elements, so columns are kept in temporary
+//! Writing: an array's length is written before its elements, so columns are kept in temporary
 //! files.
 
 use super::{ARRAYS, END_US, LABEL, SIZE};
@@ -76,6 +76,7 @@ impl Writer {
 
 impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        // Before any column is written, so that the columns stay equally long.
         self.order.admit(events)?;
         let [t, x, y, p] = &mut self.columns;
         for event in events {
@@ -123,6 +124,7 @@ impl ColumnSpool {
     }
 
     fn rewound(&mut self) -> std::io::Result<&File> {
+        // The rewind also flushes the buffer, so that the file is complete behind it.
         self.file.rewind()?;
         Ok(self.file.get_ref())
     }

@@ -42,6 +42,7 @@ impl RateBars {
         let mut rate = Self { window_us, begin_us, bar_us: 1, bars: Vec::new() };
         if let (Some(begin), true) = (begin_us, rate.window_us.end != i64::MAX) {
             // The whole window is drawn, with or without events.
+            // The end is not part of the window, so the last bar holds the microsecond before it.
             rate.reach(rate.window_us.end.saturating_sub(begin).saturating_sub(1));
         }
         rate
@@ -63,6 +64,7 @@ impl RateBars {
     /// The plot of the events so far.
     #[must_use]
     pub fn image(&self) -> Image<[u8; 3]> {
+        // Few bars are drawn wider, so that the labels have room.
         let wide = LEAST_WIDTH.div_ceil(self.bars.len().max(1)).max(1);
         let width = (wide * self.bars.len()).max(LEAST_WIDTH);
         let height = 2 * (HALF + MARGIN) + 1;
@@ -75,6 +77,7 @@ impl RateBars {
                 fill_rectangle(&mut image, 0..width, row..row + 1, GRID);
             }
         }
+        // At least 1, because a stream without events has no highest bar to divide by.
         let most = self.bars.iter().flatten().copied().max().unwrap_or(0).max(1);
         for (number, &[off, on]) in self.bars.iter().enumerate() {
             let columns = number * wide..(number + 1) * wide;
@@ -90,6 +93,7 @@ impl RateBars {
     /// The labels: the value of the highest bar, and the times of both ends.
     fn label(&self, image: &mut Image<[u8; 3]>, most: u64) {
         let Size { width, height } = image.size();
+        // In 128 bits: the product of a count and a million may exceed 64.
         let hz = u128::from(most) * 1_000_000 / u128::from(self.bar_us.unsigned_abs());
         text::draw_text(image, [3, 3], &format_amount(u64::try_from(hz).unwrap_or(u64::MAX), "ev/s"));
         let begin = self.begin_us.unwrap_or(0);
@@ -108,6 +112,7 @@ impl RateBars {
             if number < MOST_BARS {
                 break number;
             }
+            // Pairs are added from the first bar on, so the start of the plot stays where it is.
             self.bar_us *= 2;
             let sum = |pair: &[[u64; 2]]| pair.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
             self.bars = self.bars.chunks(2).map(sum).collect();
@@ -136,6 +141,7 @@ impl EventSink for RateBars {
 
 /// Number of rows of a bar; at least one if there is an event.
 fn bar_rows(count: u64, most: u64) -> usize {
+    // Rounded up, so that a single event shows.
     let rows = (u128::from(count) * HALF as u128).div_ceil(u128::from(most));
     usize::try_from(rows).unwrap_or(HALF)
 }

@@ -17,9 +17,10 @@ pub struct TimeSurface {
     window_us: Range<i64>,
     first_us: Option<i64>,
     last_us: i64,
-    /// Time of the last event of each pixel, and which of [`SEEN`] it was: 0 before the first. Zeros take no memory
-    /// until an event is kept.
+    /// Time of the last event of each pixel. 0 before the first, because zeros take no memory until
+    /// an event is stored.
     latest_us: Image<i64>,
+    /// Polarity of the last event of each pixel, from [`SEEN`]; 0 before the first.
     seen: Image<u8>,
 }
 
@@ -27,11 +28,12 @@ pub struct TimeSurface {
 const SEEN: [u8; 2] = [1, 2];
 
 impl TimeSurface {
-    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`, which may be
-    /// `i64::MIN` and `i64::MAX`: from the first event, to the last.
+    /// A white picture of a sensor of `size`, for the events with
+    /// `window_us.start <= t < window_us.end`. With `i64::MIN` and `i64::MAX`, the window is from
+    /// the first event to the last.
     ///
     /// # Errors
-    /// When there is no memory for its pixels.
+    /// There is no memory for its pixels.
     pub fn new(size: Size, window_us: Range<i64>) -> Result<Self, TryReserveError> {
         let (latest_us, seen) = (Image::try_filled(size, 0)?, Image::try_filled(size, 0)?);
         Ok(Self { window_us, first_us: None, last_us: 0, latest_us, seen })
@@ -43,6 +45,7 @@ impl TimeSurface {
     pub fn usual_tau_us(&self) -> f64 {
         let begin =
             if self.window_us.start == i64::MIN { self.first_us.unwrap_or(0) } else { self.window_us.start };
+        // Events of one instant make a window of no length, and the age is divided by this.
         (self.end_us().saturating_sub(begin) / REACH).max(1) as f64
     }
 

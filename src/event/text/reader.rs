@@ -16,7 +16,7 @@ const CHUNK: usize = 65_536;
 /// The mark that some programs put before UTF-8 text.
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
-/// What a time counts.
+/// Unit of a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextTimeUnit {
     /// Seconds.
@@ -58,13 +58,14 @@ impl Reader {
     /// a size stated in the file must agree.
     ///
     /// # Errors
-    /// When the file is empty, its sensor's size is not known, or the line of names lacks a column.
+    /// The file is empty, the sensor size is unknown, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TextTimeUnit>) -> Result<Self, EventFileError> {
         let mut head = TextHead { size, places: [0, 1, 2, 3] };
         let input = ShortLines::new(BufReader::new(files::open(path)?), MAX_LINE);
         let mut lines = Lines { input, number: 0 };
         let (mut first, mut is_empty) = (None, true);
         while let Some(line) = lines.next()? {
+            // A file with a head and no events is an empty stream. An empty file is an error.
             is_empty &= line.trim().is_empty();
             if !head.takes(&line).map_err(|because| error_at(lines.number, &because))? {
                 first = Some(line);
@@ -110,6 +111,8 @@ impl Reader {
         }
         let coordinate = |k: usize, end: u32| {
             let text = field(k)?;
+            // Parsed as the type of a coordinate, so that a large number is refused and not
+            // wrapped.
             let found = text.parse::<u16>().ok().filter(|v| u32::from(*v) < end);
             found.ok_or_else(|| format!("{} = {text}, wanted 0 to {}", NAMES[k], end - 1))
         };
@@ -156,6 +159,7 @@ impl Lines {
         let Some(line) = self.input.next() else { return Ok(None) };
         self.number += 1;
         let mut line = line.map_err(|e| error_at(self.number, &e.to_string()))?;
+        // Only at the start of the file. Elsewhere it is a character of a field.
         if self.number == 1 && line.starts_with(BYTE_ORDER_MARK) {
             line.drain(..BYTE_ORDER_MARK.len());
         }
@@ -163,7 +167,7 @@ impl Lines {
     }
 }
 
-/// What stands before the events.
+/// The head of a text: everything before the events.
 struct TextHead {
     size: Option<Size>,
     places: [usize; 4],
@@ -180,7 +184,9 @@ impl TextHead {
         let fields: Vec<&str> = split_fields(line).collect();
         match fields[..] {
             [] => Ok(true),
+            // Two numbers in a line of their own are the sensor size; an event has four columns.
             [width, height] => self.sized(Some((width, height))).map(|()| true),
+            // A line of names has no number at all, so a damaged event is not taken for one.
             _ if fields.iter().all(|f| f.parse::<f64>().is_err()) => self.named(&fields).map(|()| true),
             _ => Ok(false),
         }
@@ -237,6 +243,7 @@ fn parse_time(text: &str, unit: Option<TextTimeUnit>) -> Result<Timestamp, Strin
     }
     let places = unit.digits();
     let kept = fraction.chars().chain(std::iter::repeat('0')).take(places);
+    // Digits are joined before they are parsed, so no rounding takes place.
     let ns: i64 = digits.chars().chain(kept).collect::<String>().parse().map_err(|_| refuse())?;
     Ok(Timestamp(if negative { -ns } else { ns }))
 }

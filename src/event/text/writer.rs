@@ -48,6 +48,7 @@ impl Writer {
 
 impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        // Before the first line, so that a refused chunk leaves no part of it.
         self.order.admit(events)?;
         let s = self.separator;
         for Event { t, x, y, polarity, .. } in events {

@@ -28,7 +28,7 @@ impl HotPixelNoise {
     /// Checks share and rate.
     ///
     /// # Errors
-    /// Names the value that is outside its range.
+    /// The share or the rate is outside its range.
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
         if !(0.0..=1.0).contains(&self.share) {
             let (name, wanted) = ("hot_pixels.share", "a number from 0 to 1");
@@ -44,6 +44,7 @@ impl HotPixelNoise {
 
     /// The process of the pixel at `site`; without events if the pixel is not hot.
     pub(in crate::sensor) fn train(&self, site: PixelSite) -> PoissonTrain {
+        // Draw 0 decides; the events have indices from 1, so both use the same purpose.
         if self.is_absent() || site.draws(DrawSpace::Hot, 0).uniform() >= self.share {
             return PoissonTrain::silent();
         }

@@ -10,7 +10,7 @@ use crate::seed::DrawSpace;
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
-/// The time at which thresholds are drawn.
+/// Time at which thresholds are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RedrawRule {
@@ -73,9 +73,11 @@ pub(in crate::sensor) fn draw_thresholds(
     site: PixelSite,
     frame: u64,
 ) -> [f64; 2] {
+    // The floor is left out as well: equal thresholds below it are allowed.
     if spread == 0.0 {
         return nominal;
     }
+    // Both come from one cell, ON first. Another order would change every stream with mismatch.
     let mut draws = site.draws(DrawSpace::Mismatch, frame);
     let [on, off] = [0, 1].map(|side| (nominal[side] + spread * draws.normal()).max(floors[side]));
     [on, off]

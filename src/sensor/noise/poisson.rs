@@ -7,7 +7,7 @@
 use super::PixelSite;
 use crate::seed::DrawSpace;
 
-/// The process of one pixel: the exposure that is left until its next event.
+/// The process of one pixel, as the exposure that is left until its next event.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sensor) struct PoissonTrain {
     left: f64,
@@ -64,6 +64,7 @@ impl PoissonTrain {
             self.left -= ahead;
             return None;
         }
+        // Rounding may place the event just outside the stretch in which it was found.
         Some(rates.reached(start, self.left).clamp(start, rates.length))
     }
 
@@ -77,6 +78,7 @@ impl PoissonTrain {
     /// has just happened.
     pub(in crate::sensor) fn wait(&mut self, site: PixelSite, space: DrawSpace) -> f64 {
         let mut happened = site.draws(space, self.next);
+        // The first draw of this index was spent on the time of the event.
         happened.uniform();
         self.next += 1;
         self.left = -libm::log(site.draws(space, self.next).uniform());

@@ -3,7 +3,7 @@
 use crate::sensor::screening::ScreenError;
 use serde::{Deserialize, Serialize};
 
-/// A thousand seconds.
+/// Longest period, microseconds: a thousand seconds.
 const LONGEST_US: f64 = 1e9;
 
 /// The length of the dead time, and the reference after it.
@@ -35,6 +35,7 @@ impl RefractoryPeriod {
     /// The dead time in whole nanoseconds, rounded up.
     #[expect(clippy::cast_possible_truncation, reason = "periods are below 2^53 ns")]
     pub(in crate::sensor) fn period_ns(&self) -> i64 {
+        // Rounded up, so that whole nanoseconds never shorten the period.
         (self.period_us * 1e3).ceil() as i64
     }
 

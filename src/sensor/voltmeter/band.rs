@@ -5,7 +5,7 @@
 //!            block of 64 pixels, eight lanes at a time
 //!  frames -> fill: ln(L + k2) at the knots -> crossing: drift, sigma, curvature -> pass
 //!                                                                                 /    \
-//!                                       no barrier within reach: y = x + drift + noise  Walkers -> tree
+//!                                  no barrier within reach: y = x + drift + noise  Walkers -> tree
 //! ```
 //!
 //! The cost of the exact law is decided here. In most windows of most pixels no barrier is within
@@ -120,11 +120,14 @@ impl TimeStep<'_> {
                     self.fill(simd, slice.first + start, end - start, &mut band.block);
                     for i in (start..end).step_by(8) {
                         let increment = load_eight(simd, &noise, i - start);
+                        // `crossing` leaves the drift of these eight in the block's pieces, and
+                        // `pass` reads it there, so each eight is finished before the next.
                         let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
                         self.pass::<C, S>(crossing, i, i - start, &mut slice, band);
                     }
                 },
             );
+            // Between blocks, so that the list may grow past `CROWD` by one block at most.
             if band.walkers.len() >= CROWD {
                 self.walk::<C, S>(simd, &mut slice, band);
             }
@@ -152,9 +155,12 @@ impl TimeStep<'_> {
         }
         let cells = SeedCells { seed: self.law.seed, space: DrawSpace::Tree, level: 0, index: self.root() };
         for (i, seats) in (0..).step_by(8).zip(seats.chunks_exact(8)) {
+            // The other number of this block of bits is the draw that splits the root
+            // (`RootWalk::split`).
             let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), 0);
             store_eight(eight::uniform_eight(draw), noise, i);
         }
+        // In one call for the whole block: the rare tails are then gathered over many pixels.
         eight::normal_deviates(simd, &mut noise[..seats.len()]);
         for i in (0..seats.len()).step_by(8) {
             store_eight(load_eight(simd, noise, i) * ROOT_DEVIATION, noise, i);
@@ -173,6 +179,8 @@ impl TimeStep<'_> {
                 let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
                 store_eight(here, level, i);
                 if self.law.between == BetweenFrames::Hermite {
+                    // The slope of a logarithm: the rate over the level that the logarithm is taken
+                    // of.
                     let rate = f64x8::from_fn(simd, |lane| frame.rate[first + i + lane].into());
                     store_eight(rate * SECONDS / here, slope, i);
                 }
@@ -212,6 +220,7 @@ impl TimeStep<'_> {
                 (false, false) => [0.0, 0.0],
             };
             for i in (0..count).step_by(8) {
+                // Products with a weight of 0 hide the steps beyond the ends, which are not set.
                 let [in_step, out_step] = [before, at].map(|knot| load_eight(simd, &knots[knot][1], i));
                 store_eight(in_step * left + out_step * right, &mut knots[at][2], i);
             }
@@ -229,6 +238,8 @@ impl TimeStep<'_> {
     ) -> (Wide<S>, FrameEnds<S>) {
         let FrameLeg { inverse, frame, .. } = self.legs[leg];
         let at = frame - self.knots.start;
+        // After the last frame the brightness stays. The inverse is 0 there, and with it the share
+        // of a step that is not set.
         let next = if inverse == 0.0 { at } else { at + 1 };
         let ends = [at, next].map(|knot| &block.knots[knot]);
         let ends = FrameEnds {
@@ -259,20 +270,27 @@ impl TimeStep<'_> {
         for (at, leg) in self.legs.iter().enumerate() {
             let (curve, ends) = self.curve::<C, S>(simd, at, i, block);
             let [from, to] = [leg.from - leg.stamp, leg.to - leg.stamp];
+            // The first leg may begin before the window, and the drift counts from the window's
+            // start.
             let here = if from > 0.0 { drift - C::rise(process, &curve, from) } else { drift };
             here.store_slice(&mut block.pieces[at][0]);
             drift = here + C::rise(process, &curve, to);
             curvature = curvature.max(C::curvature(&curve, [from, to]));
+            // One sigma for the whole root cell. If each cell took its own, the voltage would
+            // depend on where cells are split.
             if at == self.middle.0 && !process.is_noiseless() {
                 level = C::level(process, &ends, self.middle.1);
             }
         }
         let slope = drift * (1.0 / self.length);
         let mut knots = zero;
+        // The first leg begins at or before the window's start, so its stamp is no knot.
         for (leg, piece) in self.legs.iter().zip(&block.pieces).skip(1) {
             knots = knots.max((f64x8::from_slice(simd, &piece[0]) - slope * leg.stamp).abs());
         }
         let sigma = if process.is_noiseless() { zero } else { process.sigma(level) };
+        // Over a length `h`, a curve with `|f''| <= c` differs from its chord by at most `c h^2/8`.
+        // The knots add the distance of the polygon through the stamps.
         let straying = curvature * (self.widest * self.widest * 0.125) + knots;
         FreeCrossing { increment, drift, sigma, curvature, straying }
     }
@@ -298,9 +316,11 @@ impl TimeStep<'_> {
         store_eight(y, slice.voltage, pixel);
         store_eight(load_eight(simd, slice.drift, pixel) + drift, slice.drift, pixel);
         if !self.law.process.is_noiseless() {
+            // Noise after the last stamp makes no events, so it explains no imbalance.
             let observed = self.length.min(self.last);
             store_eight(load_eight(simd, slice.variance, pixel) + square * observed, slice.variance, pixel);
         }
+        // `straying` moves both barriers nearer, so no pixel that needs a walk is left out.
         let barriers = self.law.thresholds.eight(simd, slice.first + pixel);
         let live = mask_bits(barriers.reached([x, y], square * self.length, straying));
         if live == 0 {
@@ -309,6 +329,7 @@ impl TimeStep<'_> {
         // Padding lanes have no tally and must make no events.
         let pixels = slice.tally.len();
         let live = set_lanes(live).take_while(|lane| pixel + lane < pixels);
+        // A window without noise lies between two frames, so it has one leg and one straight drift.
         if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
             let straight = StraightDrift::new(barriers, [x, drift], self.length);
             return self.run_straight(live, pixel, &straight, slice, band);
@@ -356,6 +377,7 @@ impl TimeStep<'_> {
         let logs = logs.as_deref_mut();
         let mut writer = BandWriter { window: self, first: *first, tally, events, most, capped, logs };
         for lane in lanes {
+            // The reset of an event moves everything after it, so the voltage at the end moves too.
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
             // A break means that the step has failed; the failure is in `capped`.
             if let ControlFlow::Continue(taken) = straight.cross(lane, &mut emit) {

@@ -39,6 +39,7 @@ impl Barriers {
 
     /// The barrier that a path from `x` to `y` touches with the larger probability.
     pub(super) fn likelier(self, x: f64, y: f64) -> BarrierSide {
+        // The touch probability `exp(-2 a g / v)` falls with the product of the distances.
         if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) {
             BarrierSide::Up
         } else {
@@ -55,27 +56,29 @@ pub(super) struct WideBarriers<S: Simd> {
 }
 
 impl<S: Simd> WideBarriers<S> {
-    /// The same thresholds for all eight.
+    /// The thresholds of one pixel for all eight.
     #[inline(always)]
     pub(super) fn splat(simd: S, Barriers { up, down }: Barriers) -> Self {
         Self { up: f64x8::splat(simd, up), down: f64x8::splat(simd, down) }
     }
 
-    /// Returns true if any barrier is within reach of paths from `x` to `y` with variance `v` that may
-    /// stray from the straight line by `straying`. This is [`Barriers::live`] for eight pixels,
-    /// with the barriers moved nearer by `straying`.
+    /// Returns true if any barrier is within reach of paths from `x` to `y` with variance `v` that
+    /// may differ from the straight line by `straying`. This is [`Barriers::live`] for eight
+    /// pixels, with the barriers moved nearer by `straying`.
     #[inline(always)]
     pub(super) fn reached(self, [x, y]: [f64x8<S>; 2], v: f64x8<S>, straying: f64x8<S>) -> mask64x8<S> {
         let (up, down) = (self.up - straying, self.down - straying);
         let reached = |a: f64x8<S>, g: f64x8<S>| {
+            // Without a division or an exponential: the probability is above `e^-40` where this
+            // holds.
             a.simd_le(0.0) | g.simd_le(0.0) | (a * g * 2.0).simd_lt(v * NEGLIGIBLE)
         };
         reached(up - x, up - y) | reached(down + x, down + y)
     }
 }
 
-/// Returns true if a barrier at distances `a` and `g` from the ends (negative beyond the barrier) is within
-/// reach.
+/// Returns true if a barrier at distances `a` and `g` from the ends (negative beyond the barrier)
+/// is within reach.
 fn within_reach(a: f64, g: f64, v: f64) -> bool {
     a <= 0.0 || g <= 0.0 || 2.0 * a * g < NEGLIGIBLE * v
 }
@@ -107,6 +110,7 @@ impl BarrierSide {
 
 /// Probability that the path touches a barrier at distances `a > 0` and `g` from its ends.
 pub(super) fn touch_probability(a: f64, g: f64, v: f64) -> f64 {
+    // The path crosses the barrier to reach its end. The formula would exceed 1.
     if g <= 0.0 { 1.0 } else { libm::exp(-2.0 * a * g / v) }
 }
 
@@ -120,13 +124,19 @@ pub(super) fn touch_probability(a: f64, g: f64, v: f64) -> f64 {
 pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     const HUGE: f64 = 1e290;
     let (shape, phi) = (a * a / v, a * g / v);
+    // Without noise, or with next to none, the path is straight. Larger numbers would overflow
+    // below.
     let noisy = v > 0.0 && shape < HUGE && phi < HUGE;
     if !noisy {
         return a / (a + g);
     }
+    // The transform depends on `z^2` only. With a positive `z` no difference is taken.
     let z = z.abs();
     let q = phi + 0.5 * z * z + z * (0.25 * z * z + phi).sqrt();
+    // The roots of the transform are `shape/q` and the square of the mean over it. The first is
+    // taken with probability mean / (mean + root), here without a division.
     let ratio = if u * (q + phi) <= q { shape / q } else { a / g * (q / phi) };
+    // An infinite ratio is a touch at the end. The quotient would be NaN.
     if ratio.is_finite() { ratio / (1.0 + ratio) } else { 1.0 }
 }
 
@@ -181,8 +191,8 @@ mod tests {
         }
     }
 
-    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and shape `a^2
-    /// / v`.
+    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and
+    /// shape `a^2 / v`.
     #[test]
     fn touch_times_are_distributed_as_those_of_rand_distr() {
         for (index, [a, g, v]) in [

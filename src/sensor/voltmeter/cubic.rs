@@ -17,6 +17,7 @@ pub(super) struct CubicDrift;
 #[inline(always)]
 fn log_cubic<S: Simd>(ends: &FrameEnds<S>) -> [f64x8<S>; 3] {
     let FrameEnds { step, slopes, inverse, .. } = *ends;
+    // Slopes per unit of `s`, which runs from 0 to 1 between the frames.
     let [a, b] = slopes.map(|slope| slope * (1.0 / inverse));
     [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
 }
@@ -34,6 +35,7 @@ impl DriftCurve for CubicDrift {
         let length = 1.0 / inverse;
         let signal = log_cubic(ends).map(|c| c * k1);
         let mut leak = [f64x8::splat(signal[0].simd, 0.0); 3];
+        // The middle of the interval takes an exponential, which only the leak needs.
         if k5 != 0.0 {
             let middle = Self::level(process, ends, 0.5 * length) - k2;
             let [first, last] = ends.levels.map(|level| level - k2);
@@ -65,12 +67,13 @@ impl DriftCurve for CubicDrift {
 
     #[inline(always)]
     fn curvature<S: Simd>([_, c2, c3, inverse]: &Wide<S>, times: [f64; 2]) -> f64x8<S> {
+        // The second derivative is linear in time, so its largest value is at one of the ends.
         let [from, to] = times.map(|t| (*c3 * (*inverse * (3.0 * t)) + *c2).abs());
         from.max(to) * 2.0 * *inverse * *inverse
     }
 
-    /// Around `s0`, the quadratic part strays by a quarter of its coefficient, the cubic part by
-    /// `2/sqrt 27`.
+    /// Around `s0`, the quadratic part differs from its chord by at most a quarter of its
+    /// coefficient, the cubic part by at most `2/sqrt 27` of its own.
     fn bulge_of_one([_, c2, c3, inverse]: &One, [from, to]: [f64; 2]) -> f64 {
         let [s, width] = [from * inverse, (to - from) * inverse];
         ((c2 + 3.0 * c3 * s).abs() * 0.25 + 0.385 * c3.abs() * width) * width * width
@@ -89,10 +92,12 @@ impl DriftCurve for CubicDrift {
     /// The roots of `3 c3 s^2 + 2 c2 s + c1`, computed without subtracting numbers of like size.
     fn turns_of_one([c1, c2, c3, inverse]: &One, [from, to]: [f64; 2]) -> [Option<f64>; 2] {
         let square = c2 * c2 - 3.0 * c1 * c3;
+        // A double root is no turn: the drift only pauses there.
         if square <= 0.0 {
             return [None, None];
         }
         let q = -(c2 + square.sqrt().copysign(*c2));
+        // A coefficient of 0 makes a root infinite, which lies outside.
         let inside = |s: f64| Some(s / inverse).filter(|t| *t > from && *t < to);
         let [a, b] = [q / (3.0 * c3), c1 / q];
         [inside(a.min(b)), inside(a.max(b))]

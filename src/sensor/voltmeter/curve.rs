@@ -57,7 +57,8 @@ pub(super) trait DriftCurve {
     fn are_straight(process: &DriftProcess) -> bool;
 }
 
-/// The curve of one pixel, for tests: `L + k2` and the slope of its logarithm at two frames, `length` ns apart.
+/// The curve of one pixel, for tests: `L + k2` and the slope of its logarithm at two frames that
+/// are `length` ns apart.
 #[cfg(test)]
 pub(super) fn of_one<C: DriftCurve>(process: &DriftProcess, knots: [[f64; 2]; 2], length: f64) -> One {
     use fearless_simd::{Level, SimdBase as _, dispatch};

@@ -24,6 +24,8 @@ pub(super) struct DriftProcess {
 impl DriftProcess {
     pub(super) fn new(sensor: &VoltmeterModel) -> Self {
         let [k1, k2, k3, k4, k5, k6] = sensor.k;
+        // Noise grows with the square root of time, so its coefficients convert by the root of the
+        // unit.
         let root = US.sqrt();
         Self { k1, k2, k3: k3 * root, k4: k4 * US, k5: k5 * US, k6: k6 * root, gain: sensor.gain }
     }
@@ -36,11 +38,13 @@ impl DriftProcess {
     /// Standard deviation of the noise per square root of a nanosecond, where `L + k2` is `level`.
     #[inline(always)]
     pub(super) fn sigma<S: Simd>(&self, level: f64x8<S>) -> f64x8<S> {
+        // `level` is a sum with `k2`. Rounding may put a black pixel below 0, and the root would be
+        // NaN.
         let luminance = (level - self.k2).max(0.0);
         luminance.sqrt() * self.k3 / (luminance + self.k2) + self.k6
     }
 
-    /// The same for one grey.
+    /// [`DriftProcess::sigma`] of one grey.
     pub(super) fn sigma_of_one(&self, luminance: f64) -> f64 {
         self.k3 * luminance.sqrt() / (luminance + self.k2) + self.k6
     }

@@ -26,7 +26,7 @@ use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Version of the law: raised when a clock, a constant or a draw changes.
+/// Version of the law. Raise it when a clock, a constant or a draw changes.
 pub(super) const VERSION: u32 = 3;
 
 /// Number of bands per thread. More bands balance quiet and busy parts of the image better; fewer
@@ -109,8 +109,10 @@ impl ExactSampler {
             u32::from(y) << 16 | u32::from(x)
         };
         let mut seats: Vec<u32> = (0..n).map(seat).collect();
+        // Padding has a seat too, because whole vectors of pixels are drawn for.
         seats.resize(padded, 0);
         let bands = BANDS_A_THREAD * rayon::current_num_threads();
+        // A multiple of 8, so that no vector of pixels reaches into the next band.
         let band = n.div_ceil(bands).max(LEAST_BAND).next_multiple_of(8);
         Self {
             law,
@@ -136,6 +138,8 @@ impl ExactSampler {
     fn window_end(&self, until: i64) -> i64 {
         if self.law.process.is_noiseless() {
             let next = self.frames.iter().map(|frame| frame.t).find(|&t| t > self.crossed);
+            // Packed events have no room for a longer window, so a long interval is crossed in
+            // parts.
             next.unwrap_or(until).min(self.crossed + LONGEST)
         } else {
             self.crossed + ROOT
@@ -154,6 +158,7 @@ impl ExactSampler {
             self.cross_window(end, last)?;
             self.windows.close(end.div_euclid(1000), sink)?;
             self.crossed = end;
+            // The curve of the leg that begins at `end` still needs these frames.
             let kept = self.law.kept();
             while self.frames.len() > kept && self.frames[kept].t <= end {
                 self.spare.extend(self.frames.pop_front());
@@ -174,6 +179,7 @@ impl ExactSampler {
             tally.par_chunks_mut(size),
             self.bands.par_iter_mut(),
         );
+        // The instruction set is chosen once per band: everything inside is compiled for it.
         let level = self.level;
         chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
             let slice = BandSlice { first: i * size, seats, voltage, drift, variance, tally };
@@ -186,7 +192,7 @@ impl ExactSampler {
                 }
             }
         });
-        // In order of bands, so that the error of the first pixel is the one that is reported.
+        // In order of bands, so that the first band with a failure is the one that is reported.
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
                 return Err(error);
@@ -200,11 +206,13 @@ impl ExactSampler {
     fn store(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
         input::check_order(self.frames.back().map(|before| before.t), frame, self.law.size)?;
         let luminance = frame.luminance.pixels();
+        // A frame that is no longer needed gives its memory to the next.
         let mut stored = self.spare.pop().unwrap_or_default();
         (stored.index, stored.t) = (frame.index, frame.t.0);
         stored.luminance.resize(self.state.voltage.len(), 0.0);
         let (negative, finite) =
             dispatch!(self.level, simd => clamp_luminance(simd, luminance, &mut stored.luminance));
+        // NaN is not below 0, so the count of negative values does not show it.
         if !finite {
             return Err(input::not_finite(frame));
         }
@@ -231,6 +239,7 @@ impl ExactSampler {
         }
         let mut logs = self.law.logs(first);
         for band in &mut self.bands {
+            // Each band takes its own part of one sequence over all pixels.
             band.logs = Some(logs.by_ref().take(self.band).collect());
         }
     }
@@ -268,6 +277,7 @@ impl ExactSettings {
             |(pixel, (voltage, luminance))| {
                 let [x, y] = self.at_sensor(pixel);
                 let cell = SeedCell { x, y, level: 0, index: 0 };
+                // The uniform is the quantile of the stationary law, so one draw is enough.
                 let share = self.seed.draws(cell, DrawSpace::Initial).uniform();
                 let barriers = self.thresholds.of(pixel);
                 *voltage = self.process.at_rest(f64::from(*luminance), barriers).residual(share);
@@ -346,6 +356,7 @@ fn clamp_luminance<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
 impl SensorPixels for ExactSampler {
     fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.store(frame)?;
+        // A `catmull` leg is known when the frame after its end has come, so it waits for one more.
         let until = self.frames.len().checked_sub(self.law.kept()).map_or(0, |at| self.frames[at].t);
         self.cross_until(until, i64::MAX, sink)
     }
@@ -356,6 +367,7 @@ impl SensorPixels for ExactSampler {
         // events are dropped.
         let end = if self.law.process.is_noiseless() { last } else { (last + ROOT - 1) & !(ROOT - 1) };
         self.cross_until(end, last, sink)?;
+        // One further, because no later window will complete the last microsecond.
         self.windows.close(end.div_euclid(1000) + 1, sink)?;
         Ok(self.settle())
     }

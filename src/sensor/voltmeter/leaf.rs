@@ -61,6 +61,8 @@ impl ClockLeaf {
         spans.push(whole);
         while let Some(span) = spans.pop() {
             let length = span.until - self.time;
+            // The bridge forgets the drift: the ends are known, and only the variance of the rest
+            // counts.
             let v = self.variance * length;
             let side = match self.barriers.live(x, span.end, v) {
                 LiveBarriers::Neither => None,
@@ -69,6 +71,7 @@ impl ClockLeaf {
                 // The middle of the bridge is normal around the mean of its ends with variance v/4.
                 LiveBarriers::Both if length > 1.0 => {
                     let end = 0.5 * (x + span.end) + 0.5 * v.sqrt() * self.draws.normal();
+                    // The first half lies on top of the stack, because it comes first in time.
                     spans.extend([span, LeafSpan { end, until: self.time + 0.5 * length }]);
                     continue;
                 }
@@ -87,6 +90,7 @@ impl ClockLeaf {
             // The reset subtracts a threshold from all that follows, so the known ends move with
             // it.
             x = 0.0;
+            // The same end once more: after the reset, the rest of the span is a bridge from 0.
             spans.push(span);
             let step = side.step(self.barriers);
             spans.iter_mut().for_each(|span| span.end -= step);
@@ -103,7 +107,10 @@ impl ClockLeaf {
         if g > 0.0 && self.draws.uniform() >= touch_probability(a, g, v) {
             return None;
         }
+        // Always both, in this order: the number of draws is part of the law.
         let (z, u) = (self.draws.normal(), self.draws.uniform());
+        // A path beyond the barrier is as likely as its mirror image, so the side of the end does
+        // not matter to the time of the touch.
         Some(touch_time(a, g.abs(), v, z, u))
     }
 }

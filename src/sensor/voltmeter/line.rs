@@ -11,7 +11,8 @@ use super::drift::DriftProcess;
 use crate::elementary;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdMask as _, f64x8};
 
-/// `slope t + bend t E(growth t)`: coefficients slope, bend, growth, and the largest second derivative.
+/// `slope t + bend t E(growth t)`: coefficients slope, bend, growth, and the largest second
+/// derivative.
 #[derive(Debug)]
 pub(super) struct LineDrift;
 
@@ -25,6 +26,7 @@ impl DriftCurve for LineDrift {
             DriftGain::Log => {
                 let growth = step * inverse;
                 let slope = growth * k1 + (k4 - k5 * k2);
+                // `D'' = k5 (L + k2) growth`, and the brightness is largest at one of the ends.
                 [slope, from * k5, growth, (growth * k5).abs() * from.max(to)]
             }
             DriftGain::Midpoint => {
@@ -70,6 +72,7 @@ impl DriftCurve for LineDrift {
     }
 
     fn turns_of_one(curve: &One, [from, to]: [f64; 2]) -> [Option<f64>; 2] {
+        // The rate is monotonic in time, so opposite signs at the ends are one turn between them.
         let turns = || Self::rate_of_one(curve, from) * Self::rate_of_one(curve, to) < 0.0;
         if Self::is_straight(curve) || !turns() {
             return [None, None];
@@ -100,6 +103,7 @@ const SERIES: [f64; 8] =
 fn mean_growth<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let series = series_small(x);
     let large = x.abs().simd_ge(SMALL);
+    // Between close frames no lane is large, and the exponential is not needed.
     if large.any_true() { large.select((elementary::exp_eight(x) - 1.0) / x, series) } else { series }
 }
 
@@ -113,6 +117,7 @@ fn exp_small<S: Simd>(x: f64x8<S>) -> f64x8<S> {
 #[inline(always)]
 fn series_small<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let c = SERIES;
+    // Two independent halves, which a processor evaluates in parallel.
     let square = x * x;
     let low = (x * c[1] + c[0]) + (x * c[3] + c[2]) * square;
     let high = (x * c[5] + c[4]) + (x * c[7] + c[6]) * square;

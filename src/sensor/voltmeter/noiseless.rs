@@ -46,6 +46,8 @@ impl<S: Simd> StraightDrift<S> {
     /// Pixels that start at the voltages `x` and drift by `rise` over `length` ns.
     #[inline(always)]
     pub(super) fn new(barriers: WideBarriers<S>, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
+        // A pixel without drift keeps a distance from both barriers, so the choice for 0 does not
+        // matter.
         let step = rise.simd_ge(0.0).select(barriers.up, -barriers.down);
         Self { rise, first: step - x, step, pace: f64x8::splat(x.simd, length) / rise, length }
     }
@@ -58,10 +60,13 @@ impl<S: Simd> StraightDrift<S> {
         let polarity = if rise >= 0.0 { Polarity::On } else { Polarity::Off };
         let mut crossed = 0.0;
         loop {
+            // From the count. Adding thresholds one by one would add up their rounding.
             let target = first + crossed * step;
+            // A voltage that ends exactly at the barrier has reached it.
             if target.abs() > rise.abs() {
                 return ControlFlow::Continue(crossed * step);
             }
+            // Rounding may put the last event after the window.
             emit.event((target * pace).clamp(0.0, *length), polarity)?;
             crossed += 1.0;
         }
@@ -93,7 +98,7 @@ impl<C: DriftCurve> DriftRun<'_, C> {
         ControlFlow::Continue(x)
     }
 
-    /// The same for a span in which the drift is monotonic.
+    /// [`DriftRun::cross`] for a span in which the drift is monotonic.
     fn cross_one_way(
         &self,
         barriers: Barriers,
@@ -115,7 +120,9 @@ impl<C: DriftCurve> DriftRun<'_, C> {
                 return ControlFlow::Continue(x + rise - crossed * step);
             }
             let guess = start + target * pace;
+            // Levels follow in order of time, so the search begins at the previous event.
             from = solve_monotonic::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
+            // Times of the curve count from its frame, times of events from the window's start.
             emit.event(self.stamp + from, polarity)?;
             crossed += 1.0;
         }
@@ -134,7 +141,7 @@ fn solve_monotonic<C: DriftCurve>(
     if C::is_straight(curve) {
         return t;
     }
-    // Each round halves the bracket or is a Newton step; 200 are more than bisection alone needs.
+    // Each round halves the bracket or is a Newton step. Bisection alone needs fewer than 200.
     for _ in 0..200 {
         let error = C::rise_of_one(curve, t) - level;
         if error == 0.0 {
@@ -146,6 +153,8 @@ fn solve_monotonic<C: DriftCurve>(
             low = t;
         }
         let newton = t - error / C::rate_of_one(curve, t);
+        // Where the drift turns, its rate is 0. The step is then infinite or NaN, and the bracket
+        // is halved.
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         if (next - t).abs() <= f64::EPSILON * t.abs() || next <= low || next >= high {
             return next;
@@ -215,7 +224,8 @@ mod tests {
         for &(t, polarity) in &found {
             count[usize::from(polarity > 0)] += 1.0;
             level = 1.3 * count[1] - 0.7 * count[0];
-            // The drift reaches 20,000, where an ulp is 4e-12; its slope is 8e-3 per ns, an ulp of t 5e-10 ns.
+            // The drift reaches 20,000, where an ulp is 4e-12; its slope is 8e-3 per ns, an ulp of
+            // t 5e-10 ns.
             let drift = LineDrift::rise_of_one(&curve, t);
             assert!((drift - level).abs() < 2e-11, "{t}: {drift} {level}");
         }

@@ -1,4 +1,5 @@
-//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for
+//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter,
+//! `src/simulator_utils.py`), for comparisons.
 //! comparisons.
 //!
 //! Between two frames, drift and noise take their values at the middle. The polarity of a pixel's
@@ -66,7 +67,7 @@ impl OfficialSampler {
         }
     }
 
-    /// Drift and standard deviation of the noise between two frames, per ns and per square root of a ns.
+    /// Drift and standard deviation of the noise between two frames, per ns and per root of a ns.
     fn motion(&self, pair: &PixelPair) -> [f64; 2] {
         let [from, to] = pair.luminance;
         [self.process.midpoint_drift([from, to], pair.length), self.process.sigma_of_one(0.5 * (from + to))]
@@ -85,10 +86,12 @@ impl OfficialSampler {
         let mut t = 0.0;
         loop {
             let x = pixel.voltage;
+            // The exit of a path from 0 between barriers at the distances that are left.
             let exit = RenewalProcess { drift, variance: sigma * sigma, up: up - x, down: down + x };
             let on = draws.uniform() <= exit.on_share();
             let (distance, speed) = if on { (exit.up, drift) } else { (exit.down, -drift) };
             let tau = passage_time(distance, speed, sigma, &mut draws);
+            // An event at the stamp of the later frame is left to the next pair.
             if t + tau >= pair.length {
                 let way = distance * ((pair.length - t) / tau);
                 pixel.voltage += if on { way } else { -way };
@@ -146,6 +149,7 @@ impl FrameLaw for OfficialSampler {
         pair: &PixelPair,
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
+        // Two independent processes. Their events are brought into order of time by the window.
         self.walk(pixel, pair, writer)?;
         self.own(pixel, pair, writer)
     }
@@ -166,16 +170,19 @@ fn passage_time(distance: f64, speed: f64, sigma: f64, draws: &mut CellDraws) ->
         return 0.0;
     }
     if sigma == 0.0 {
+        // Without noise the drift alone decides. Away from it, the barrier is never reached.
         return if speed > 0.0 { distance / speed } else { f64::INFINITY };
     }
     let root = distance / sigma;
     let (shape, phi) = (root * root, root * (speed.abs() / sigma));
+    // Against the drift, the normal draw lies beyond `2 sqrt(phi)` deviations.
     let underflows = 2.0 * phi.sqrt() > TRUNCATION;
     if speed == 0.0 {
         let z = draws.normal();
         // Twice the Lévy time `shape / z^2`, as published.
         2.0 * (root / z) * (root / z)
     } else if !(shape.is_finite() && phi.is_finite()) {
+        // With next to no noise, the path is straight to all digits.
         distance / speed.abs()
     } else if speed > 0.0 || underflows {
         let (z, u) = (draws.normal(), draws.uniform());
@@ -197,12 +204,15 @@ fn inverse_gaussian(shape: f64, phi: f64, z: f64, u: f64) -> f64 {
     if u * (q + phi) <= q { shape / q } else { shape / phi * (q / phi) }
 }
 
-/// The same transform for a negative mean and a normal draw below `-2 sqrt(phi)`, with `u` as its
+/// [`inverse_gaussian`] for a negative mean and a normal draw below `-2 sqrt(phi)`, with `u` as its
 /// share. The acceptance step then always takes the smaller root.
 fn counter_drift_time(shape: f64, phi: f64, u: f64) -> f64 {
     let edge = 0.5 * libm::erfc(2.0 * phi.sqrt() / std::f64::consts::SQRT_2);
+    // The quantile of 0 would be infinite.
     let z = normal::normal_quantile((edge * u).max(f64::MIN_POSITIVE));
+    // Rounding may put the draw just inside the edge, and the root below would be NaN.
     let y = (z * z).max(4.0 * phi);
+    // The smaller root, with a sum in the denominator instead of a difference in the numerator.
     2.0 * shape / ((y - 2.0 * phi) + (y * (y - 4.0 * phi)).sqrt())
 }
 
@@ -309,8 +319,8 @@ mod tests {
     #[test]
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     fn polarities_are_right_to_the_last_digits_wherever_the_voltage_is() {
-        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with
-        // 80 digits.
+        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and
+        // 0.999, with 80 digits.
         let wanted = [
             (1e-20, [0.75, 0.9995]),
             (-1e-20, [0.75, 0.9995]),
@@ -343,8 +353,8 @@ mod tests {
         assert!((times[50_000] - 4.395).abs() < 0.12, "{}", times[50_000]);
     }
 
-    /// With the drift, the published times have their correct law: mean `distance / speed` and shape
-    /// `(distance / sigma)^2`.
+    /// With the drift, the published times have their correct law: mean `distance / speed` and
+    /// shape `(distance / sigma)^2`.
     #[test]
     fn times_with_the_drift_are_distributed_as_those_of_rand_distr() {
         for (index, [distance, speed, sigma]) in
@@ -428,8 +438,8 @@ mod tests {
     #[test]
     fn a_burst_is_a_loop_and_the_cap_ends_or_thins_it() {
         let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
-        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint
-        // form.
+        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the
+        // midpoint form.
         let steep = official([1000.0 * k1, k2, 1e-4, 0.0, 0.0, 0.0]);
         let events = (2000.0 * k1 * 255.0 / (255.0 + 2.0 * k2)).floor();
         let frames = [[0.0, 255.0], [255.0, 0.0]];

@@ -20,6 +20,7 @@ impl VoltmeterModel {
             up: self.threshold_on,
             down: self.threshold_off,
         };
+        // A leak against the sign of the ON threshold makes OFF events.
         let leak = drift / if drift < 0.0 { self.threshold_off } else { self.threshold_on };
         let share = renewal.on_share();
         ConstantLightNoise {
@@ -30,10 +31,10 @@ impl VoltmeterModel {
         }
     }
 
-    /// Returns true if every parameter is within its range.
+    /// Checks that every parameter is within its range.
     ///
     /// # Errors
-    /// Names the first parameter that is outside its range.
+    /// A parameter is outside its range; the first one is named.
     pub fn validate(&self) -> Result<(), ScreenError> {
         let k_names = ["k1", "k2", "k3", "k4", "k5", "k6"];
         let thresholds = [("threshold.on", self.threshold_on), ("threshold.off", self.threshold_off)];
@@ -71,17 +72,18 @@ impl VoltmeterModel {
         Ok(())
     }
 
-    /// Predicts what this sensor does with frames at this rate.
+    /// Predicts this sensor's behaviour with frames at this rate.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and
-    /// frame interval at grey 0, 1, 16, 64, 128 or 255.
+    /// A parameter is outside its range, or noise alone would make more than 50 events per pixel
+    /// and frame interval at grey 0, 1, 16, 64, 128 or 255.
     pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
         let mut screening =
             SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| self.noise(grey))?;
         let as_printed =
+            // Compared as bits: a set that differs in the last digit is no longer the printed one.
             self.k.iter().zip(VoltmeterPreset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
         screening.warnings.extend(as_printed.then_some(ScreeningWarning::UncertainUnits));
         Ok(screening)
@@ -167,7 +169,8 @@ mod tests {
     fn the_refusal_names_grey_and_rate() {
         let error = reading(TimeUnit::Us, WhiteBrightness::Grey255).screen(rate()).unwrap_err();
         assert!(error.to_string().starts_with("a static pixel of grey 255 would make 255100"), "{error}");
-        // 25.5 kHz at grey 255 are 10.6 events in a frame interval of 1/2400 s and 510 in one of 1/50 s.
+        // 25.5 kHz at grey 255 are 10.6 events in a frame interval of 1/2400 s and 510 in one of
+        // 1/50 s.
         let slow = reading(TimeUnit::Ms, WhiteBrightness::Grey255).screen(Hertz("50".parse().unwrap()));
         assert!(
             matches!(slow, Err(ScreenError::Impossible { per_frame, .. }) if (509.0..511.0).contains(&per_frame))

@@ -43,6 +43,8 @@ impl TimeStep<'_> {
         if self.law.between == BetweenFrames::Linear {
             return from + step * s;
         }
+        // The cubic of `cubic.rs`, for one pixel: labels must see the brightness that makes the
+        // events.
         let [a, b] = [leg.frame, leg.frame + 1].map(|frame| self.slope(pixel, frame) / leg.inverse);
         from + (((a + b - 2.0 * step) * s + (3.0 * step - 2.0 * a - b)) * s + a) * s
     }

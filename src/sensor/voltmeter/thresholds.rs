@@ -32,11 +32,14 @@ impl PixelThresholds {
         if sensor.threshold_spread == 0.0 {
             return Self::Equal(Barriers { up, down });
         }
+        // Padding lanes compute like others, and a threshold of 0 would put all of them within
+        // reach.
         let padded = size.pixels().next_multiple_of(8);
         let mut both = [up, down].map(|nominal| Vec::from_iter(std::iter::repeat_n(nominal, padded)));
         let width = size.width as usize;
         for pixel in 0..size.pixels() {
             let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
+            // By the position on the sensor, so that a crop has the thresholds of the whole image.
             let own =
                 drawn_pair([up, down], sensor.threshold_spread, PixelSite { seed, x: left + x, y: top + y });
             both.iter_mut().zip(own).for_each(|(all, own)| all[pixel] = own);

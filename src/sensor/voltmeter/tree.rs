@@ -16,8 +16,8 @@
 //! cell. Frames, neighbours and threads therefore cannot change it.
 //!
 //! A cell ends in one of three ways. If no barrier is within reach, the voltage moves to its end in
-//! one step ([`RootWalk::visit`]). If the drift in the cell is straight enough, the cell is a leaf, and
-//! the first passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the
+//! one step ([`RootWalk::visit`]). If the drift in the cell is straight enough, the cell is a leaf,
+//! and the first passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the
 //! cell is split, and its halves follow in order of time ([`RootWalk::halve`]).
 //!
 //! Pixels descend together. All walkers that reach a cell share its times, so eight of them do the
@@ -219,6 +219,7 @@ impl Walkers {
     fn pieces<S: Simd>(&self, simd: S, members: &[usize; 8], [leg, legs]: [usize; 2]) -> [f64x8<S>; 5] {
         let mut eight = [[0.0; 8]; 5];
         for (lane, member) in members.iter().enumerate() {
+            // Walkers are rows of `legs` pieces: a walker's own pieces lie next to each other.
             let piece = &self.pieces[member * legs + leg];
             for (to, from) in eight.iter_mut().zip(piece) {
                 to[lane] = *from;
@@ -259,6 +260,8 @@ impl ClockCell {
     /// Number of the cell among all cells of its level since the first stamp: the cell's part of a
     /// draw's key.
     fn index(self, root: u64) -> u64 {
+        // Every level counts its cells from the first stamp, so a root's number is shifted by the
+        // level.
         root << self.level | u64::from(self.start >> (LEVELS - self.level))
     }
 }
@@ -328,6 +331,7 @@ impl RootWalk<'_> {
         );
         let [first, second] = node.halves();
         let done = self.enter::<C, S>(simd, first, &list.first_half());
+        // The second half begins with the voltages that the first has left.
         let done = if done.is_break() { done } else { self.enter::<C, S>(simd, second, &list.second_half()) };
         self.walkers.lists[level] = list;
         done
@@ -345,12 +349,14 @@ impl RootWalk<'_> {
         for i in (0..end).step_by(8) {
             let members = places_of(&list.members, i);
             let seats = u64x8::from_fn(simd, |lane| walkers.seats[members[lane]]);
+            // The first number is left out: at the root it is the increment of the whole cell.
             let [_, draw] = cells.pair(seats, 0);
             store_eight(eight::uniform_eight(draw), &mut list.half, i);
         }
         eight::normal_deviates(simd, &mut list.half[..end]);
-        // Two passes over the list: the transcendental `normals` runs faster over one long array
-        // than eight at a time.
+        // Two passes over the list: `normal_deviates` runs faster over one long array than eight at
+        // a time.
+        // The variance in the middle is a quarter of the cell's length: `sqrt(length / 4)`.
         let deviation = 0.5 * f64::from(node.length()).sqrt();
         let middle = f64::from(node.start + node.length() / 2);
         let at = window.leg_at(middle);
@@ -362,6 +368,8 @@ impl RootWalk<'_> {
             let half =
                 load_eight(simd, &list.increment, i) * 0.5 + load_eight(simd, &list.half, i) * deviation;
             store_eight(half, &mut list.half, i);
+            // The rest, so that both halves add up to the cell: its end stays where it was before
+            // the split.
             store_eight(load_eight(simd, &list.increment, i) - half, &mut list.increment, i);
         }
     }
@@ -373,6 +381,7 @@ impl RootWalk<'_> {
         let level = usize::from(node.level);
         let mut next = std::mem::take(&mut self.walkers.lists[level]);
         let mut leaves = std::mem::take(&mut self.walkers.leaves);
+        // The list of this level is free: its cell before this one has been walked to the end.
         (next.len, leaves.len) = (0, 0);
         let length = f64::from(node.length());
         let knots = self.knots(node);
@@ -389,15 +398,16 @@ impl RootWalk<'_> {
             let y = x + (to - from) + sigma * increment;
             let barriers = self.barriers(simd, &members);
             let live = mask_bits(barriers.reached([x, y], sigma * sigma * length, straying));
+            // The last eight may end with padding, which moves no voltage and joins no list.
             let known = u64::MAX >> (64 - 8.min(crowd.len - i));
             for lane in set_lanes(!live & known) {
                 self.walkers.voltage[members[lane]] = y[lane];
             }
             let mut leaf = 0;
             if node.length() <= LEAF {
-                // A parabola with this curvature strays by `straying`, and no curve here strays by
-                // more than 2.03 times that. So this bound decides most lanes without the exact
-                // distance, which costs an exponential each.
+                // A parabola with this curvature differs from its chord by `straying`, and no curve
+                // here by more than 2.03 times that. So this bound decides most lanes without the
+                // exact distance, which costs an exponential each.
                 let sure = if knots.is_empty() { mask_bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
                 leaf = live & known & sure;
                 leaf |= self.leaves::<C>(node, &members, live & known & !sure);
@@ -476,6 +486,7 @@ impl RootWalk<'_> {
         let [a, b] = node.ends();
         let legs = &self.window.legs;
         let pieces = &self.walkers.pieces[member * legs.len()..][..legs.len()];
+        // At `b` itself the leg that ends there counts, not the one that begins.
         let [first, last] = [self.window.leg_at(a), self.window.leg_at(b.next_down())];
         let bulge = |at: usize| {
             let (leg, [_, curve @ ..]) = (&legs[at], &pieces[at]);
@@ -491,6 +502,8 @@ impl RootWalk<'_> {
         let (from, to) = (drift(first, a), drift(last, b));
         let slope = (to - from) / (b - a);
         let stray = |at: usize| (pieces[at][0] - from - slope * (legs[at].stamp - a)).abs();
+        // Each piece stays near its own chord, and the polygon of these chords near the cell's
+        // chord.
         (first + 1..=last).map(stray).fold(0.0, f64::max) + (first..=last).map(bulge).fold(0.0, f64::max)
     }
 

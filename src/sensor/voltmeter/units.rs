@@ -1,7 +1,7 @@
 //! The units of a literal `k`, and the one unit system in which the program computes.
 //!
-//! The official system is that of the published program: microseconds and grey 0..255. There k1 is a pure number, k2 in
-//! grey, k3 in grey^.5/us^.5, k4 in 1/us, k5 in 1/(grey us), k6 in 1/us^.5.
+//! The official system is that of the published program: microseconds and grey 0..255. There k1 is
+//! a pure number, k2 in grey, k3 in grey^.5/us^.5, k4 in 1/us, k5 in 1/(grey us), k6 in 1/us^.5.
 
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,7 @@ pub enum TimeUnit {
 }
 
 impl TimeUnit {
-    /// The number of microseconds in this unit.
+    /// Length of a microsecond in this unit.
     #[must_use]
     pub fn of_a_microsecond(self) -> f64 {
         match self {
@@ -121,7 +121,8 @@ mod tests {
                     let own = increments(k, [a / g, b / g], 416.0 * r);
                     let official = increments(units.to_official(k), [a, b], 416.0);
                     for (x, y) in own.into_iter().zip(official) {
-                        // Four roundings in either form, each of at most half an ulp of a sum of like signs.
+                        // Four roundings in either form, each of at most half an ulp of a sum of
+                        // like signs.
                         assert!((x - y).abs() <= 4.0 * f64::EPSILON * x.abs(), "{units:?}: {x:e} and {y:e}");
                     }
                 }

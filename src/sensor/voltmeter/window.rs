@@ -66,14 +66,19 @@ impl<'a> TimeStep<'a> {
                 to: since_start(next.unwrap_or(end).min(end)),
             }
         };
+        // A frame stamped `end` belongs to the next window.
         let legs: Vec<FrameLeg> = (before(start)..=before(end - 1)).map(leg).collect();
+        // A leg that begins in the window depends on the frame at its end too, where there is one.
         let mut knots = before(start)..frames.len().min(before(end - 1) + 2);
+        // A slope is that of a parabola through three frames, so both ends need one more neighbour.
         if law.between == BetweenFrames::Catmull {
             knots = knots.start.saturating_sub(1)..frames.len().min(knots.end + 1);
         }
         let middle = start + (end - start) / 2;
+        // `sigma` of the root cell is taken there. At a stamp the later leg counts.
         let holding = before(middle);
         let middle = (holding - legs[0].frame, (middle - frames[holding].t) as f64);
+        // `last` is `i64::MAX` until the sequence ends.
         let last = last.saturating_sub(start) as f64;
         let into_microsecond = start.rem_euclid(1000).cast_unsigned();
         let widest = legs.iter().map(|leg: &FrameLeg| leg.to - leg.from).fold(0.0, f64::max);
@@ -93,6 +98,7 @@ impl<'a> TimeStep<'a> {
 
     /// The leg that contains `t`, ns since the window's start; at a stamp, the later leg.
     pub(super) fn leg_at(&self, t: f64) -> usize {
+        // A time at the window's end has no later leg.
         self.legs.iter().position(|leg| t < leg.to).unwrap_or(self.legs.len() - 1)
     }
 

@@ -42,6 +42,7 @@ impl PixelTally {
             Polarity::On => self.on += 1,
             Polarity::Off => self.off += 1,
         }
+        // Events of a pixel come in order of time, so a change of frame starts a new count.
         self.since = if self.frame == frame { self.since + 1 } else { 1 };
         self.frame = frame;
         self.since
@@ -84,6 +85,7 @@ impl EmitEvents for PixelPen<'_, '_> {
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
         let Self { writer, pixel, at } = self;
         let window = writer.window;
+        // Before the count: an event after the last stamp is not made, so it cannot exceed the cap.
         if t > window.last {
             return ControlFlow::Continue(());
         }
@@ -94,6 +96,7 @@ impl EmitEvents for PixelPen<'_, '_> {
         let count = writer.tally[*pixel].count(polarity, window.frames[frame].index as u32);
         *writer.most = count.max(*writer.most);
         if count > window.law.cap {
+            // Other pixels of the band may go on after a failure. The first one stays.
             if writer.capped.is_none() {
                 *writer.capped = Some(writer.too_many(*pixel, frame));
             }
@@ -114,6 +117,7 @@ impl BandWriter<'_> {
         let pixel = self.first + pixel;
         let [x, y] = self.window.law.at(pixel);
         let before = self.window.frames[frame];
+        // Past the last frame the luminance stays, so that frame is both ends of the leg.
         let after = self.window.frames.get(frame + 1).unwrap_or(&before);
         SensorError::Cap {
             x,
