@@ -184,9 +184,9 @@ impl AuditFault {
     }
 
     /// Returns true if the fault concerns a scene or one of its files.
-    fn concerns(&self, scene: &str) -> bool {
-        let below = |file: &String| file.strip_prefix(scene).is_some_and(|rest| rest.starts_with('/'));
-        self.scene.as_deref() == Some(scene) || self.file.as_ref().is_some_and(below)
+    fn concerns(&self, scene: &str, owners: &FileOwners<'_>) -> bool {
+        let is_owner = |file: &String| owners.of(file).is_some_and(|owner| owner.id == scene);
+        self.scene.as_deref() == Some(scene) || self.file.as_ref().is_some_and(is_owner)
     }
 
     /// Returns the fault with the scene that its file belongs to: the longest id that the path
@@ -377,6 +377,7 @@ fn audit_scenes(
     takedown: Option<&TakedownList>,
 ) -> Vec<AuditFault> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
+    let owners = &FileOwners::new(manifest);
     for listed in &manifest.scenes {
         let path = format!("{}/{}", listed.id, layout::SCENE);
         // Index of this scene in `scenes`, which it enters only if it can be read.
@@ -389,7 +390,7 @@ fn audit_scenes(
             ));
         } else if let Some(scene) = claims::parse_claims::<SceneRecord>(tree, &path, &mut faults) {
             faults.extend(claims::audit_scene(manifest, listed, &scene));
-            faults.extend(terms::scene_terms(&scene, tree));
+            faults.extend(terms::scene_terms(&scene, tree, owners));
             faults.extend(contents::audit_scene(tree, &scene));
             faults.extend(steps::audit(manifest, listed, &scene));
             scenes.push(scene);
@@ -421,8 +422,9 @@ fn published(
     }
     let scenes: BTreeMap<&str, &SceneRecord> =
         scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect();
+    let owners = &FileOwners::new(manifest);
     let read = |listed: &ManifestScene| -> (Option<PublishedScene>, Vec<AuditFault>) {
-        let sound = faults.iter().all(|fault| !fault.concerns(&listed.id));
+        let sound = faults.iter().all(|fault| !fault.concerns(&listed.id, owners));
         let Some(scene) = scenes.get(listed.id.as_str()).filter(|_| sound) else { return (None, Vec::new()) };
         let mut found = Vec::new();
         let read = again::read(tree, listed, scene, &mut found);

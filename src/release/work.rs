@@ -230,12 +230,13 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
         return work.clear_unplaced(&files).map(|()| Vec::new());
     };
     let old = folder.join(OLD);
-    if is_there(&old) && !is_there(target) {
+    let is_cut_off = is_there(&work.tree()) && placing.is_the_new(&work.tree())?;
+    if is_cut_off && is_there(&old) && !is_there(target) {
         // The swap took two steps and was cut off between them.
         move_to_free(&old, target)?;
     }
     // After an exchange `tree` is the folder that stood at the target; only the inode shows that.
-    if is_there(&work.tree()) && placing.is_the_new(&work.tree())? {
+    if is_cut_off {
         return work.clear_unplaced(&files).map(|()| Vec::new());
     }
     work.clear_placed(&|part| placing.remove_at(part, cancel))

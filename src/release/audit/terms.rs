@@ -4,7 +4,7 @@
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::files::{self, LinkRule};
 use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, SourceKind, is_metadata, ledger};
-use crate::release::manifest::ReleaseManifest;
+use crate::release::manifest::{FileOwners, ReleaseManifest};
 use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
 use crate::release::{datasheet, loader, reuse};
 use serde_json::Value;
@@ -12,7 +12,11 @@ use std::collections::BTreeSet;
 use std::io;
 
 /// Checks a scene's own terms, and what its source demands of them.
-pub(super) fn scene_terms(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
+pub(super) fn scene_terms(
+    scene: &SceneRecord,
+    tree: &TrustedTree<'_>,
+    owners: &FileOwners<'_>,
+) -> Vec<AuditFault> {
     let fault = |code, message: String| AuditFault::of_scene(code, &scene.id, message);
     let text = scene.licence.expression.trim();
     if text.is_empty() {
@@ -34,7 +38,7 @@ pub(super) fn scene_terms(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<Au
         faults.extend(demanded_terms(scene, asset, &expression));
     }
     if let Some(asset) = upstream.filter(|asset| asset.restricted()) {
-        faults.extend(restricted_faults(scene, asset, tree));
+        faults.extend(restricted_faults(scene, asset, tree, owners));
     }
     faults.extend(part_terms(scene, upstream, &expression));
     faults.extend(scene.licence.tools.iter().filter_map(|tool| of_tool(scene, tool)));
@@ -161,7 +165,12 @@ fn photo_faults(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> 
 
 /// Reports files derived from restricted material. They may exist only if the scene is gated and
 /// the releaser gives a reason.
-fn restricted_faults(scene: &SceneRecord, asset: &LedgerAsset, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
+fn restricted_faults(
+    scene: &SceneRecord,
+    asset: &LedgerAsset,
+    tree: &TrustedTree<'_>,
+    owners: &FileOwners<'_>,
+) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
         let message = format!("its source {} must be gated, and it is not", asset.name);
@@ -173,7 +182,9 @@ fn restricted_faults(scene: &SceneRecord, asset: &LedgerAsset, tree: &TrustedTre
         return faults;
     }
     let folder = format!("{}/", scene.id);
-    let derived = tree.below(&folder).filter(|path| !is_metadata(path));
+    // A scene `a/b` lies in the folder of a scene `a`, and has terms of its own.
+    let is_own = |path: &&str| owners.of(path).is_none_or(|owner| owner.id == scene.id);
+    let derived = tree.below(&folder).filter(|path| !is_metadata(path)).filter(is_own);
     faults.extend(derived.map(|path| {
         let message =
             format!("it is derived from {}, and nothing says why this release may pass that on", asset.name);

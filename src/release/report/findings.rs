@@ -53,23 +53,34 @@ impl VerdictCount {
         if words.is_empty() { "no statement".to_owned() } else { words.join(", ") }
     }
 
+    /// Width of each part of a bar of 1000, as long as its count, but wide enough to be seen.
+    fn widths(self) -> Vec<(Verdict, usize)> {
+        const MIN_WIDTH: usize = 8;
+        let total = self.total().max(1);
+        let mut widths: Vec<(Verdict, usize)> =
+            self.present().map(|(verdict, count)| (verdict, (1000 * count / total).max(MIN_WIDTH))).collect();
+        // The widest part gives what the rare ones take, and takes what rounding leaves.
+        let others: usize = widths.iter().map(|(_, width)| width).sum();
+        if let Some((_, widest)) = widths.iter_mut().max_by_key(|(_, width)| *width) {
+            *widest = 1000 + *widest - others;
+        }
+        widths
+    }
+
     /// A bar whose parts are as long as their counts, with the worst verdict at the left.
     pub(super) fn bar(self, html: &mut HtmlFragment) {
-        let total = self.total().max(1);
         let words = self.words();
         let attributes =
             [("class", "bar"), ("viewBox", "0 0 1000 10"), ("preserveAspectRatio", "none"), ("role", "img")];
         html.within("svg", &[attributes.as_slice(), &[("aria-label", &words)]].concat(), |html| {
             let mut left = 0;
-            for (verdict, count) in self.present() {
-                // At least 8 of 1000, for a verdict that is rare; the last part must still fit.
-                let width = (1000 * count / total).max(8);
-                let [x, width] = [left.min(992), width].map(|n: usize| n.to_string());
+            for (verdict, width) in self.widths() {
+                let [x, shown] = [left, width].map(|n: usize| n.to_string());
                 html.empty(
                     "rect",
-                    &[("class", verdict_class(verdict)), ("x", &x), ("width", &width), ("height", "10")],
+                    &[("class", verdict_class(verdict)), ("x", &x), ("width", &shown), ("height", "10")],
                 );
-                left += 1000 * count / total;
+                left += width;
             }
         });
     }

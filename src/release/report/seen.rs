@@ -10,6 +10,7 @@ use super::depth::DetailLevel;
 use super::embed::EmbeddedPicture;
 use super::section::ReportTrajectory;
 use crate::artifact::EventStream;
+use crate::check::Finding;
 use crate::event::picture::WindowCounts as Balance;
 use crate::event::{EventSink as _, EventSource as _, h5};
 use crate::files;
@@ -151,6 +152,13 @@ pub(super) struct OfCheck<'a> {
 }
 
 impl OfCheck<'_> {
+    /// Returns true if a finding is of this check, on this sensor where the picture is of one of several.
+    pub(super) fn concerns(&self, finding: &Finding) -> bool {
+        let stream = finding.subject.split('#').next().unwrap_or_default();
+        let is_of_sensor = |sensor| stream.strip_suffix(sensor).is_some_and(|rest: &str| rest.ends_with('/'));
+        finding.check == self.check && self.sensor.is_none_or(is_of_sensor)
+    }
+
     pub(super) fn read(&self, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
         picture(self.path, places, width)
     }
@@ -161,8 +169,7 @@ pub(super) fn of_checks(track: ReportTrajectory<'_>, depth: DetailLevel) -> Vec<
     let paths = track.entry.below(&format!("{}/checks/", track.part.name));
     let mut pictures: Vec<OfCheck<'_>> = paths.filter_map(output_number).collect();
     let findings = &track.published.findings;
-    let worst =
-        |of: &OfCheck<'_>| super::findings::worst_verdict(findings.iter().filter(|f| f.check == of.check));
+    let worst = |of: &OfCheck<'_>| super::findings::worst_verdict(findings.iter().filter(|f| of.concerns(f)));
     pictures.retain(|of| depth.passed_pictures || worst(of).is_some_and(super::findings::is_fault));
     pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::verdict_rank));
     pictures.truncate(depth.check_pictures);

@@ -204,7 +204,7 @@ fn speed_words(counted: &TrajectoryStatistics) -> String {
 fn pictures_of_checks(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     for of in seen::of_checks(track, page.depth) {
         let Some(picture) = of.read(page.places, page.depth.picture) else { continue };
-        let own = track.published.findings.iter().filter(|finding| finding.check == of.check);
+        let own = track.published.findings.iter().filter(|finding| of.concerns(finding));
         let fault = super::findings::worst_verdict(own).filter(|verdict| is_fault(*verdict));
         let mut words = format!("check {}", of.check);
         if let Some(sensor) = of.sensor {

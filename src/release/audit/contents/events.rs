@@ -59,6 +59,8 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     if reader.header().is_none_or(|header| header.size != size) {
         counted.faults = Some(format!("its sensor is not the {size} of scene.json"));
     }
+    // The size is a claim of a tree that may be forged.
+    size.check_sensor().map_err(|e| EventFileError::Container(format!("a sensor of {e}")))?;
     let mut seen = vec![false; size.pixels()];
     let (mut millisecond, mut within) = (i64::MIN, 0);
     let mut chunk = Vec::new();
