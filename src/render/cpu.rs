@@ -160,6 +160,7 @@ impl CpuRenderer {
         work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
         done(PassKind::Project);
 
+        // One order serves the whole frame, so ties do not depend on tiles or threads.
         let sorted = self.sorter.run(&self.splats, &self.chunks);
         done(PassKind::Sort);
         let grid = TileGrid::new(view.camera.size);
@@ -191,6 +192,7 @@ impl CpuRenderer {
     /// Restricts later frames to the Gaussians with these indices. Blocks are rebuilt in place, so
     /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {
+        // Freed first, so that the old and the new blocks do not exist at once.
         self.blocks = Vec::new();
         self.blocks = activate::activate_all(&self.scene, self.style.rules, numbers);
     }
@@ -210,6 +212,7 @@ impl Renderer for CpuRenderer {
             OmissionPolicy::Needless => activate::sh_degree(&self.scene),
             OmissionPolicy::Nothing => self.scene.sh_degree,
         };
+        // An earlier promise may have left Gaussians out, which a later frame must show.
         let kept: usize = self.blocks.iter().map(|block| block.len).sum();
         if omit == OmissionPolicy::Nothing && kept < self.scene.len() {
             self.keep(&unseen::all_indices(&self.scene));
@@ -242,6 +245,7 @@ fn feature_count(want: ChannelSet) -> usize {
 
 /// The raster pass for this number of features, with or without rates.
 fn raster_pass(features: usize, rate: bool, frame: RasterInput<'_>, out: &mut Vec<f32>) -> RenderWork {
+    // One copy per number of features, so that the sums of a pixel can stay in registers.
     macro_rules! with {
         ($($n:literal)+) => {
             match (features, frame.rules == RenderRules::Soft, rate) {

@@ -76,13 +76,14 @@ pub(super) fn plane_count(features: usize, rate: bool) -> usize {
 }
 
 /// Blends every tile with `N` features per splat. `SOFT` fades layers in, `RATE` computes the rate
-/// of the luminance. A tile's part of `out` is [`plane_count`] of [`PIXELS`] values: the sums of weight
-/// times feature, the transmittance, then the rates of luminance and transmittance.
+/// of the luminance. A tile's part of `out` is [`plane_count`] of [`PIXELS`] values: the sums of
+/// weight times feature, the transmittance, then the rates of luminance and transmittance.
 pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
     frame: RasterInput<'_>,
     out: &mut Vec<f32>,
 ) -> RenderWork {
     let stride = plane_count(N, RATE) * PIXELS;
+    // Every tile of a band is stored as a whole, so old values need no clearing.
     out.resize(frame.grid.len() * stride, 0.0);
     let band = frame.lists.band();
     out.par_chunks_mut(stride)
@@ -100,6 +101,7 @@ pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
                 dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, DualNumber<f32>, N>(simd, frame, index, out))
             }
         })
+        // The counts are integers, so the order in which tasks are joined does not show.
         .reduce(RenderWork::default, |mut a, b| {
             a += b;
             a

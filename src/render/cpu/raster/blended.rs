@@ -27,7 +27,8 @@ use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;
 
-/// Blends one tile with `N` features per splat into its part of the planes (see [`super::raster_tiles`]).
+/// Blends one tile with `N` features per splat into its part of the planes (see
+/// [`super::raster_tiles`]).
 #[inline(always)]
 pub(super) fn blend_tile_smoothly<V: Simd, S: RealNumber<Plain = f32>, const N: usize>(
     simd: V,
@@ -103,6 +104,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
         if self.first[1] < first || self.first[1] > end {
             return;
         }
+        // Columns need no test. Outside its extent, a splat's opacity is below the least one.
         let alpha = self.alphas(simd, splat, rates);
         let hits = alpha.iter().filter(|alpha| alpha.value() > 0.0).count();
         if hits == 0 {
@@ -110,6 +112,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
         }
         self.blended += hits as u64;
         let depth = S::with_rate(splat.depth, rates.depth);
+        // The new layer and all later ones are too deep to cover these, so these are complete.
         while self.queue.get(self.laid).is_some_and(|next| depth_cover(depth, next.depth).value() <= 0.0) {
             self.lay();
         }
@@ -131,6 +134,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
             e1 * e1 + e2 * e2
         });
         let powers = opacity_powers(simd, q.map(S::value));
+        // `check_style` admits this order under the rules `soft` only, so their constants are used.
         std::array::from_fn(|x| {
             let free = splat.opacity * powers[x];
             if !self.open[x] || free < SOFT_MIN_ALPHA {
