@@ -170,11 +170,13 @@ impl RegionPasses<'_> {
     /// Records all passes.
     pub(super) fn record(&self, encoder: &mut CommandEncoder) {
         let buffers = self.buffers;
+        // Passes add to the totals, and write sizes and lists only where there is something to do.
         for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
             encoder.clear_buffer(buffer, 0, None);
         }
         self.stage(encoder, TimedStage::Project, |pass| self.project(pass));
         let bound = &buffers.bound;
+        // `DIGITS` is even, so the order is back in its first buffer, which the later passes bind.
         let (by, scan) = (Dispatch::SplatBlocks, &self.pipelines.scan_splat_digits);
         self.stage(encoder, TimedStage::Sort, |pass| {
             self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan))
@@ -272,6 +274,8 @@ impl RegionPasses<'_> {
     /// Number of digits of a tile's index, including a larger value for the empty pair.
     fn tile_digits(&self) -> u32 {
         let [columns, rows] = self.region.tiles();
+        // Of the empty pair's ones, only these digits are sorted. Their value is at least
+        // `columns * rows`, which no tile has.
         (u32::BITS - (columns * rows).leading_zeros()).div_ceil(DIGIT_BITS)
     }
 }
