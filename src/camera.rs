@@ -49,7 +49,7 @@ impl Camera {
     }
 }
 
-/// A recipe's camera, where it differs from the source's camera.
+/// A recipe's choice of a camera that differs from the source's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraChoice {
     /// Width in pixels.

@@ -52,7 +52,7 @@ impl LinearLightSum {
     }
 }
 
-/// Eight values at a time.
+/// Adds the linear light of display values, eight at a time.
 #[inline(always)]
 fn add_eight<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
     let light = |values: &[f32; 8]| -> [f64; 8] {
