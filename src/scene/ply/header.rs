@@ -101,7 +101,7 @@ pub(super) const MAX_LEN: usize = 1 << 16;
 pub(super) struct PlyHeader {
     pub(super) encoding: BodyEncoding,
     pub(super) elements: Vec<PlyElement>,
-    /// Prefix of our own comments.
+    /// Notes in our own comments.
     pub(super) notes: PlyNotes,
 }
 

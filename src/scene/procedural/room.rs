@@ -118,6 +118,7 @@ fn add_table(seed: u64, into: &mut TableArrangement) {
     let grain = SurfelCover { aspect: 5.0, ..SurfelCover::CRISP };
     into.parts.push(ObjectPart::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
     into.parts.push(ObjectPart::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
+    // The wings begin inside the edge of the sharp part, and lie deeper, so they leave no gap.
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
         into.parts.push(ObjectPart::sheet("table", top(left, right, -0.2), look()).detail(0.02));
     }
@@ -166,6 +167,7 @@ fn add_cloth(into: &mut TableArrangement) {
     }
 }
 
+/// The point of the cloth at `(u, v)`, with its ripples.
 fn linen_colour(u: f64, v: f64) -> DVec3 {
     let (sin, cos) = turn_sine(-0.035);
     let (a, b) = (mix_values(-0.98, 0.98, u), mix_values(-0.80, 0.62, v));

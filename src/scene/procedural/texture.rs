@@ -57,6 +57,7 @@ pub(super) fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
 /// patterns finer than the surfels blur and do not alias.
 pub(super) fn stripe_share(x: f64, period: f64, width: f64, window: f64) -> f64 {
     let covered = |x: f64| {
+        // Whole periods before `x`, then the part of the stripe in the last one.
         let turns = (x / period).floor();
         turns * width + (x - turns * period).min(width)
     };
