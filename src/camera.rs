@@ -43,6 +43,7 @@ impl Camera {
     /// `cy' = cy W'/W + (H' - H W'/W) / 2`.
     #[must_use]
     pub fn resized(&self, size: Size) -> Self {
+        // One scale for both axes keeps pixels square if they were.
         let k = f64::from(size.width) / f64::from(self.size.width);
         let crop = (f64::from(size.height) - f64::from(self.size.height) * k) / 2.0;
         Self { size, fx: self.fx * k, fy: self.fy * k, cx: self.cx * k, cy: self.cy * k + crop }

@@ -160,6 +160,7 @@ pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     reason = "clipped to 0..=255 before the cast"
 )]
 pub fn to_byte(v: f32) -> u8 {
+    // A cast of NaN gives 0.
     (255.0 * v.clamp(0.0, 1.0) + 0.5) as u8
 }
 

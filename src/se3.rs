@@ -78,6 +78,7 @@ pub fn look_at(forward: DVec3, up: DVec3) -> Option<DQuat> {
     let sine = right.length();
     (sine > LEAST).then(|| {
         let right = right / sine;
+        // The columns are orthonormal up to rounding only.
         DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward)).normalize()
     })
 }

@@ -82,6 +82,7 @@ pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>>
     let Some((width, height)) = size else { return Err(invalid(file.shape())) };
     let size = Size { width, height };
     let values = file.into_vec::<f32>()?;
+    // `chunks` refuses a length of 0, which images without pixels would have.
     Ok(values.chunks(size.pixels().max(1)).map(|v| Image::from_vec(size, v.to_vec())).collect())
 }
 

@@ -205,6 +205,7 @@ struct StoredImage {
 }
 
 fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<StoredImage, PngError> {
+    // The length of the file bounds the pixels that it can hold.
     let file = input.seek(SeekFrom::End(0))?;
     input.rewind()?;
     let mut reader = opened(&mut input)?;

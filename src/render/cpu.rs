@@ -77,6 +77,7 @@ impl CpuRenderer {
     /// # Errors
     /// The scene has more than 2^32 - 1 Gaussians, or the background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: RenderStyle) -> Result<Self, RenderError> {
+        // The places in the keys of the sort have 32 bits.
         if u32::try_from(scene.len()).is_err() {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
@@ -156,6 +157,7 @@ impl CpuRenderer {
         let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
+        // `splats` has a place for every Gaussian that was kept, drawn or not.
         work.unseen = work.gaussians - self.splats.len() as u64;
         work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
         done(PassKind::Project);
@@ -182,6 +184,7 @@ impl CpuRenderer {
         );
         out.flow =
             if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, view)) } else { None };
+        // Depth may have been made for flow alone.
         out.depth = out.depth.take().filter(|_| want.depth);
         done(PassKind::Resolve);
         Ok(work)

@@ -115,6 +115,7 @@ pub fn sum_colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(
     basis: &[T],
 ) -> [T; 3] {
     let zero = T::nearest(0.0);
+    // From +0, so that functions with zero coefficients change no bit of the sum.
     let mut sum = [zero; 3];
     for (c, &b) in coefficients.iter().zip(basis) {
         for (s, &c) in sum.iter_mut().zip(c) {

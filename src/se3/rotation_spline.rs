@@ -74,6 +74,7 @@ impl RotationSpline {
         );
         let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn_between(r[0], r[1]).0).collect();
         let rates = RateEquations::new(steps, &vectors).solve()?;
+        // The rate at the end of a segment is turned into the slope of its rotation vector there.
         let turns = (0..steps.len())
             .map(|i| {
                 let end_slope = slope_from_rate(vectors[i]) * rates[i + 1];
@@ -131,6 +132,7 @@ impl<'a> RateEquations<'a> {
     fn solve(&self) -> Result<Vec<DVec3>, SplineDiverged> {
         let mean: Vec<DVec3> = self.turns.iter().zip(self.steps).map(|(r, h)| *r / *h).collect();
         let mut change = f64::INFINITY;
+        // Half steps converge where full steps overshoot, but they need more rounds.
         for (rounds, damping) in ROUNDS {
             // Each attempt starts from the mean turns: rates that have diverged are no start.
             let mut rates: Vec<DVec3> = std::iter::once(mean[0]).chain(mean.iter().copied()).collect();

@@ -132,6 +132,7 @@ fn spline_slopes(h: &[f64], d: &[DVec3]) -> Vec<DVec3> {
         above: h[i - 1],
         right: (d[i - 1] * h[i] + d[i] * h[i - 1]) * 3.0,
     }));
+    // The last row is the first row of the reversed curve.
     let (a, b) = (h[n - 1], h[n - 2]);
     rows.push(TridiagonalRow { below: a + b, diagonal: b, above: 0.0, right: end(a, b, d[n - 1], d[n - 2]) });
     solve_tridiagonal(rows)

@@ -99,6 +99,7 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
     }
     let rotation = stored_rotation(scene.rotations[i]);
     [0, 1, 2].map(|k| {
+        // By `libm` and in 64 bits, so that the bits do not depend on the platform.
         let deviation = libm::exp(f64::from(scene.log_scales[i][k]));
         (rotation.col(k) * deviation).as_vec3().to_array()
     })

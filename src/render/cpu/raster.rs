@@ -53,7 +53,7 @@ const BATCH: usize = 64;
 pub(super) struct RasterInput<'a> {
     /// Projected Gaussians.
     pub(super) splats: &'a [Splat],
-    /// The splats' rates; empty if rates were not requested.
+    /// The splats' rates. If rates were not requested, it is empty or that of an earlier frame.
     pub(super) rates: &'a [SplatRates],
     /// The lists of the tiles.
     pub(super) lists: &'a TileLists,
@@ -123,6 +123,7 @@ impl SplatBatch {
         for (near, &place) in self.splats.iter_mut().zip(places) {
             *near = frame.splats[place as usize];
         }
+        // Without rates, their array may be empty or that of an earlier frame.
         if RATE {
             for (near, &place) in self.rates.iter_mut().zip(places) {
                 *near = frame.rates[place as usize];
@@ -149,8 +150,10 @@ fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
         shapes: BatchEllipses::default(),
     };
     let mut work = RenderWork::default();
+    // With nothing to omit, finished blocks are blended too. Their pixels stay as they are.
     let whole = frame.omit == OmissionPolicy::Nothing;
     for run in frame.lists.of(index) {
+        // A batch never spans the lists of two chunks, so the last one of a run may be short.
         for places in run.chunks(BATCH) {
             // Nothing behind an opaque tile can change it, so the rest of the list is only counted.
             if pixels.is_finished() && !whole {

@@ -85,6 +85,7 @@ fn fill_image<T: Copy + Send>(
     };
     let BlendedTiles { tiles, features, grid } = blended;
     let stride = tiles.len() / grid.len();
+    // Every pixel is written below, so an image of the right size is reused as it is.
     let reused = image.take().filter(|i| i.size() == grid.size);
     let mut filled = reused.unwrap_or_else(|| Image::filled(grid.size, blank));
     filled.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {

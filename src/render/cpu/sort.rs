@@ -42,6 +42,7 @@ impl DepthSorter {
     /// Writes the keys in file order, and returns the bits of the smallest and largest depth.
     fn lay_down(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> [u32; 2] {
         self.keys.resize(chunks.iter().map(|chunk| chunk.drawn).sum(), 0);
+        // Each chunk writes to its own part of the keys, so chunks run in parallel.
         let mut rest = self.keys.as_mut_slice();
         let keys = chunks.iter().map(|c| rest.split_off_mut(..c.drawn).expect("as many as are drawn"));
         let keys: Vec<&mut [u64]> = keys.collect();
@@ -76,6 +77,7 @@ impl DepthSorter {
             self.spare[*place as usize] = key;
             *place += 1;
         }
+        // The buffers change roles, so no pass copies keys back.
         std::mem::swap(&mut self.keys, &mut self.spare);
     }
 }

@@ -218,6 +218,7 @@ impl GpuDevice {
         if let Some(room) = self.room.filter(|room| wanted > *room) {
             return Err(full(format!("there is room for {room}")));
         }
+        // Only a lack of memory is caught here. Other errors arrive through the device's callback.
         let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let made = make(&self.device);
         match wait_for(scope.pop()) {

@@ -210,6 +210,7 @@ impl RegionPasses<'_> {
         let timestamp_writes = self.clock.map(|clock| clock.stamp(stage));
         let described = ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
         let mut pass = encoder.begin_compute_pass(&described);
+        // The view is the same for all pipelines of a frame.
         pass.set_bind_group(0, &self.buffers.bound.frame, &[]);
         fill(&mut pass);
     }
@@ -248,6 +249,7 @@ impl RegionPasses<'_> {
     ) {
         let sizes = &self.buffers.groups;
         for digit in 0..digits {
+            // Digits sort in turn from the first buffer to the second and back.
             let (way, entry) = (&ways[(digit % 2) as usize], [(first + digit) * ALIGNED]);
             pass.set_pipeline(&self.pipelines.count);
             pass.set_bind_group(1, way, &entry);
@@ -268,6 +270,7 @@ impl RegionPasses<'_> {
     ) {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(1, group, &[]);
+        // The device knows the size, so the host need not wait for the counts.
         pass.dispatch_workgroups_indirect(&self.buffers.groups, by.offset());
     }
 

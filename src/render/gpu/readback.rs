@@ -85,6 +85,7 @@ impl Ring {
         let wait = PollType::Wait { submission_index: Some(copy.submitted), timeout: None };
         device.device.poll(wait).map_err(|e| device.lost(&e.to_string()))?;
         device.check()?;
+        // The poll has run the callback, so the result is there.
         let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
         mapped.map_err(|e| device.lost(&e.to_string()))?;
         let view = copy.buffer.slice(..transfer_bytes(floats)).get_mapped_range();

@@ -70,6 +70,7 @@ impl ScenePart {
                 harmonics: buffer(harmonics, usage),
             }
         })?;
+        // Two words, padded to a row of a uniform buffer.
         let words: Vec<u8> = [count as u32, groups, 0, 0].into_iter().flat_map(u32::to_le_bytes).collect();
         device.queue.write_buffer(&part.counts, 0, &words);
         write_rows(device, &part.means, range.clone().map(|i| mean_row(scene.positions[i], &activated[i])));

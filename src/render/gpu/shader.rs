@@ -84,6 +84,7 @@ pub(super) struct ImageLayout {
 impl ImageLayout {
     /// The layout for these channels. Flow is computed from depth.
     pub(super) fn new(want: ChannelSet) -> Self {
+        // The shaders and the host both take the places from here.
         let mut floats = 0;
         let mut next = |wanted: bool, n: u32| {
             let at = floats;
@@ -225,6 +226,7 @@ fn count_words(variant: &ShaderVariant) -> Vec<(&'static str, u32)> {
         ("BATCH", BATCH),
         ("SPLAT_ROWS", splat_rows(layout.rate.is_some())),
         ("SH_LEN", (u32::from(variant.sh_degree) + 1).pow(2)),
+        // `EXACT` has no constant, because no shader asks for it.
         ("OFFICIAL", RenderRules::Official as u32),
         ("GSPLAT", RenderRules::Gsplat as u32),
         ("SOFT", RenderRules::Soft as u32),

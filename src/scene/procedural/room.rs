@@ -46,6 +46,8 @@ fn add_wall(seed: u64, into: &mut TableArrangement) {
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
         into.parts.push(ObjectPart::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
     }
+    // Rings and grout lie slightly in front of the wall, because layers are blended in the order of
+    // their centres.
     for i in -6..=6 {
         for j in 0..=4 {
             add_ring(table_point(f64::from(i) * TILE, f64::from(j) * TILE, WALL_Z - 0.005), into);

@@ -139,6 +139,7 @@ impl SurfaceRows {
     }
 
     fn width_at(&self, v: f64) -> f64 {
+        // Widths are measured in the middle of the strips.
         let x = (v * f64::from(MEASURED) - 0.5).clamp(0.0, f64::from(MEASURED - 1));
         let k = (x.floor() as usize).min(self.widths.len() - 2);
         self.widths[k] + (self.widths[k + 1] - self.widths[k]) * (x - k as f64)
@@ -154,6 +155,7 @@ fn cover_sheet(
     found: &mut impl FnMut(&SurfelSpot),
 ) {
     let rows = SurfaceRows::measure_sheet(sheet);
+    // The height of a cell. Its width is `aspect` times that.
     let spacing = (rows.area() / (count.max(1) as f64 * how.aspect)).sqrt();
     let height: f64 = rows.heights.iter().sum();
     let row_count = ((height / spacing).round() as usize).clamp(1, count.max(1));

@@ -16,6 +16,7 @@ pub(crate) fn finalise_bits(mut z: u64) -> u64 {
 
 /// A number from 0 to 1 for the lattice point `(x, y)`.
 pub(super) fn lattice_value(seed: u64, x: i64, y: i64) -> f64 {
+    // As in SplitMix64, an increment comes before the finaliser, which maps 0 to 0.
     let row = finalise_bits(seed.wrapping_add(STEP).wrapping_add(y.cast_unsigned().wrapping_mul(STEP)));
     unit_interval(finalise_bits(row ^ x.cast_unsigned().wrapping_mul(STEP)))
 }

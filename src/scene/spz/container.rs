@@ -70,6 +70,7 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let Some(extensions_len) = table.checked_sub(cursor.offset()) else {
         return Err(at.malformed(format!("a table at byte {table}"), "a table after the header"));
     };
+    // Extensions lie between the header and the table.
     let extensions = cursor.take(extensions_len, "extensions")?;
     let flip = if header.has_extensions {
         AxisFlip::from_extensions(&mut ByteCursor::new(EXTENSIONS, extensions))?

@@ -22,6 +22,8 @@ impl AttributePlanes {
         let [positions, opacities, colours, scales, rotations, harmonics] = &self.0;
         let signs = QuaternionSigns::for_flip(flip);
         let unit = 1.0 / (1_u32 << header.fractional_bits) as f32;
+        // Three bytes in version 2, four from version 3 on. A file of no Gaussians has no bytes at
+        // all.
         let rotation_len = rotations.len() / header.count.max(1);
         let rest_len = sh::function_count(header.sh_degree) - 1;
         let mut coefficients = vec![[0.0; 3]; rest_len + 1];

@@ -49,6 +49,7 @@ impl BatchEllipses {
     #[inline(always)]
     pub(super) fn cover<S: Simd>(&self, simd: S, corner: [usize; 2]) -> [u64; BLOCKS] {
         let mut masks = [0; BLOCKS];
+        // `BATCH` is a multiple of every vector's length.
         for first in (0..BATCH).step_by(S::f32s::LEN) {
             self.cover_some::<S>(simd, corner, first, &mut masks);
         }
@@ -63,6 +64,7 @@ impl BatchEllipses {
         let [mean_x, mean_y] = [load(&self.mean[0]), load(&self.mean[1])];
         let [w1, w2, w3] = [load(&self.w[0]), load(&self.w[1]), load(&self.w[2])];
         let reach = load(&self.reach);
+        // One division serves all rows.
         let inverse = S::f32s::splat(simd, 1.0) / w1;
         let slope = w2 * inverse;
         let (zero, nothing) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, f32::NEG_INFINITY));
