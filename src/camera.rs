@@ -43,13 +43,14 @@ impl Camera {
     /// `cy' = cy W'/W + (H' - H W'/W) / 2`.
     #[must_use]
     pub fn resized(&self, size: Size) -> Self {
+        // One scale for both axes keeps pixels square if they were.
         let k = f64::from(size.width) / f64::from(self.size.width);
         let crop = (f64::from(size.height) - f64::from(self.size.height) * k) / 2.0;
         Self { size, fx: self.fx * k, fy: self.fy * k, cx: self.cx * k, cy: self.cy * k + crop }
     }
 }
 
-/// A recipe's camera, where it differs from the source's camera.
+/// A recipe's choice of a camera that differs from the source's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraChoice {
     /// Width in pixels.

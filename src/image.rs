@@ -13,13 +13,14 @@ use crate::budget;
 use std::collections::TryReserveError;
 use std::fmt;
 
-/// Pixels of an image that is read: above every camera. 2^28.
+/// Maximum number of pixels of an image that is read: 2^28, above every camera.
 pub const MAX_PIXELS: usize = 1 << 28;
 
-/// Columns, and rows, of a sensor: events count them in 16 bits.
+/// Maximum number of columns, and of rows, of a sensor: events count them in 16 bits.
 pub const MAX_SENSOR_SIDE: u32 = 1 << 16;
 
-/// Pixels of a sensor, and of the frames that it sees: twice the largest event cameras in each direction. 2^24.
+/// Maximum number of pixels of a sensor and of its frames: 2^24, twice the largest event cameras in
+/// each direction.
 pub const MAX_SENSOR_PIXELS: usize = 1 << 24;
 
 /// Width and height in pixels.
@@ -38,10 +39,11 @@ impl Size {
         self.width as usize * self.height as usize
     }
 
-    /// Holds the size of a sensor against [`MAX_SENSOR_SIDE`] and [`MAX_SENSOR_PIXELS`]: memory goes with its pixels.
+    /// Compares the size of a sensor with [`MAX_SENSOR_SIDE`] and [`MAX_SENSOR_PIXELS`], because
+    /// memory grows with its pixels.
     ///
     /// # Errors
-    /// When the sensor is larger.
+    /// The size exceeds a limit.
     pub fn check_sensor(self) -> Result<(), TooLarge> {
         let fits = self.width.max(self.height) <= MAX_SENSOR_SIDE && self.pixels() <= MAX_SENSOR_PIXELS;
         if fits {
@@ -58,9 +60,9 @@ impl Size {
 pub struct TooLarge {
     /// The size that was found.
     pub size: Size,
-    /// Columns and rows at most.
+    /// Maximum number of columns and of rows.
     pub sides: u32,
-    /// Pixels at most.
+    /// Maximum number of pixels.
     pub pixels: usize,
 }
 
@@ -101,13 +103,13 @@ impl<T> Image<T> {
         &self.data
     }
 
-    /// All pixels, row-major, to be written.
+    /// All pixels, row-major, for writing.
     #[must_use]
     pub fn pixels_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
-    /// The pixels, giving the image up.
+    /// Converts the image into its pixels.
     #[must_use]
     pub fn into_pixels(self) -> Vec<T> {
         self.data
@@ -115,31 +117,32 @@ impl<T> Image<T> {
 }
 
 impl<T: Clone> Image<T> {
-    /// An image with every pixel the same, where there is memory for it. Zeros take no memory until they are written.
+    /// An image with every pixel equal to `value`. Zeros take no memory until they are written.
     ///
     /// # Errors
-    /// When there is not.
+    /// There is no memory for the image.
     pub fn try_filled(size: Size, value: T) -> Result<Self, TryReserveError> {
         Ok(Self { size, data: budget::try_filled(value, size.pixels())? })
     }
 
-    /// An image with every pixel the same.
+    /// An image with every pixel equal to `value`.
     #[must_use]
     pub fn filled(size: Size, value: T) -> Self {
         Self { size, data: vec![value; size.pixels()] }
     }
 }
 
-/// What an image file shows, on the grey scale 0..255.
+/// Content of an image file, on the grey scale 0..255.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GreyImage {
-    /// Luminance of what is encoded.
+    /// Luminance of the encoded values.
     pub luminance: Image<f32>,
-    /// The colours that it is of, where the image is not grey.
+    /// Colours; `None` if the image is grey.
     pub colours: Option<Image<[f32; 3]>>,
 }
 
-/// Weights of red, green and blue in the luminance that sensors see (ITU-R BT.601, on encoded values).
+/// Weights of red, green and blue in the luminance that sensors see (ITU-R BT.601, on encoded
+/// values).
 pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
 
 /// Luminance of an encoded colour on the scale of its channels, unclamped.
@@ -148,7 +151,8 @@ pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     LUMINANCE_WEIGHTS[0] * r + LUMINANCE_WEIGHTS[1] * g + LUMINANCE_WEIGHTS[2] * b
 }
 
-/// A channel on the scale 0..1 as the byte that image files hold: `floor(255 clip(v) + 0.5)`. NaN gives 0.
+/// A channel on the scale 0..1 as the byte that image files hold: `floor(255 clip(v) + 0.5)`. NaN
+/// gives 0.
 #[must_use]
 #[expect(
     clippy::cast_possible_truncation,
@@ -156,6 +160,7 @@ pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     reason = "clipped to 0..=255 before the cast"
 )]
 pub fn to_byte(v: f32) -> u8 {
+    // A cast of NaN gives 0.
     (255.0 * v.clamp(0.0, 1.0) + 0.5) as u8
 }
 

@@ -23,7 +23,8 @@ use shared::MAX_EDGE;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RenderRules {
-    /// graphdeco-inria/diff-gaussian-rasterization: 3-sigma square extents rounded out to 16x16 tiles.
+    /// graphdeco-inria/diff-gaussian-rasterization: square extents of 3 sigma, rounded out to tiles
+    /// of 16x16 px.
     Official,
     /// Every pixel at which alpha reaches 1/255.
     Exact,
@@ -49,7 +50,7 @@ pub enum LayerOrder {
 }
 
 impl LayerOrder {
-    /// Returns true if this is the order of recipes that name none.
+    /// Returns true if this is the default.
     #[must_use]
     pub fn is_depth(&self) -> bool {
         *self == Self::Depth
@@ -241,7 +242,8 @@ pub struct RenderWork {
     /// Drawn Gaussians with a depth deviation above 0.1 of the depth, for which the affine
     /// approximation is doubtful.
     pub affine_doubtful: u64,
-    /// The same with a limit of 0.3.
+    /// Drawn Gaussians with a depth deviation above 0.3 of the depth, for which the affine
+    /// approximation is invalid.
     pub affine_invalid: u64,
 }
 
@@ -249,6 +251,7 @@ impl RenderWork {
     /// Number of Gaussians that were drawn.
     #[must_use]
     pub fn drawn(&self) -> u64 {
+        // A Gaussian is left out for one reason only, so no two of these counts overlap.
         self.gaussians - self.unseen - self.behind - self.degenerate - self.outside
     }
 }
@@ -299,15 +302,15 @@ pub trait Renderer {
         let _ = omit;
     }
 
-    /// Promises that later frames show only these poses of this camera. What none of them can see
-    /// may be left out, which changes no pixel. A view outside the promise may lack Gaussians. A
-    /// later promise replaces an earlier one; an empty promise leaves nothing out.
+    /// Promises that later frames show only these poses of this camera. Gaussians that none of them
+    /// can see may be left out, which changes no pixel. A view outside the promise may lack
+    /// Gaussians. A later promise replaces an earlier one; an empty promise leaves nothing out.
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         let _ = (camera, poses);
     }
 
-    /// Announces a view that will be rendered after those announced before. An asynchronous back
-    /// end may start it now. Failures are reported by `render`.
+    /// Announces a view. Views are rendered in the order in which they are announced. An
+    /// asynchronous back end may start the view now. Failures are reported by `render`.
     fn expect(&mut self, view: &CameraView, want: ChannelSet) {
         let _ = (view, want);
     }
@@ -329,6 +332,8 @@ fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
     if !style.background.iter().all(|v| v.is_finite()) {
         return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
     }
+    // The cut of the other rules would keep the jumps that a blended order is meant to remove. The
+    // CPU's pass therefore has the constants of `soft` built in.
     if style.order == LayerOrder::Blended && style.rules != RenderRules::Soft {
         let because = format!("a blended order is of the rules soft, found {:?}", style.rules);
         return Err(RenderError::Style(because.to_lowercase()));

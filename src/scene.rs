@@ -1,8 +1,8 @@
 //! A scene of 3D Gaussians in memory.
 //!
-//! Fields are stored as trained files store them (log scales, opacity logits, spherical-harmonic coefficients), so
-//! that reading and writing lose nothing; the renderer applies the activations. Axes are those of the scene's
-//! `.ply` form.
+//! Fields are stored as trained files store them (log scales, opacity logits, spherical-harmonic
+//! coefficients), so that reading and writing lose nothing. The renderer applies the activations.
+//! Axes are those of the scene's `.ply` form.
 
 mod collector;
 mod cursor;
@@ -207,8 +207,8 @@ pub fn read_file(path: &Path) -> Result<Gaussians, SceneError> {
     scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })
 }
 
-/// Reads a scene from one file, as [`read_file`], or from several: a folder with a SOG scene, or its
-/// `meta.json`.
+/// Reads a scene from one file, as [`read_file`], or from several: a folder with a SOG scene, or
+/// its `meta.json`.
 ///
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].
@@ -221,6 +221,7 @@ pub fn read_any(path: &Path) -> Result<Gaussians, SceneError> {
         return read_file(path);
     };
     sog::read_sog_folder(folder).map_err(|error| match error {
+        // The error of one file names its path already.
         file @ SceneError::File { .. } => file,
         because => SceneError::Content { path: folder.to_owned(), because: Box::new(because) },
     })
@@ -235,6 +236,7 @@ fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     } else if starts(&sog::ZIP_MAGIC) {
         sog::read_sog(bytes)
     } else if bytes.trim_ascii_start().starts_with(b"{") {
+        // JSON is recognised only for the hint in the error.
         Err(SceneError::Unsupported {
             format: "scene",
             offset: 0,

@@ -19,10 +19,12 @@ pub mod sum;
 use glam::{DMat3, DQuat, DVec3};
 pub use screen::{RotationError, ScreenedRotation, rotation_from_matrix, rotation_from_quaternion};
 
-/// Diagonal of the matrix that turns OpenGL camera axes (x right, y up, z back) into OpenCV's and back.
+/// Diagonal of the matrix that turns OpenGL camera axes (x right, y up, z back) into OpenCV's and
+/// back.
 pub const OPENCV_FROM_OPENGL: DVec3 = DVec3::new(1.0, -1.0, -1.0);
 
-/// A rotation followed by a translation: `x_a = rotation * x_b + translation` for a motion `a_from_b`.
+/// A rotation followed by a translation: `x_a = rotation * x_b + translation` for a motion
+/// `a_from_b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Se3 {
     /// Unit quaternion.
@@ -76,6 +78,7 @@ pub fn look_at(forward: DVec3, up: DVec3) -> Option<DQuat> {
     let sine = right.length();
     (sine > LEAST).then(|| {
         let right = right / sine;
+        // The columns are orthonormal up to rounding only.
         DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward)).normalize()
     })
 }

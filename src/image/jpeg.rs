@@ -12,10 +12,10 @@ use zune_jpeg::errors::DecodeErrors;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Columns, and rows, of an image that is read.
+/// Maximum number of columns, and of rows, of an image that is read.
 const MAX_EDGE: usize = 1 << 14;
 
-/// Pixels that a byte stands for at most: a block of 64 takes a bit of its own.
+/// Maximum number of pixels per byte: each block of 64 takes at least one bit.
 const MAX_PIXELS_PER_BYTE: usize = 8 * 64;
 
 /// The reason why a JPEG cannot be read.
@@ -27,23 +27,24 @@ pub enum JpegError {
     /// An image of another size, or larger than its file can hold.
     #[error("an image of {found}, wanted {wanted}")]
     Size {
-        /// Its size.
+        /// The size found.
         found: Size,
-        /// What it should be.
+        /// The size wanted.
         wanted: String,
     },
 }
 
-/// An image without the channels that are wanted of it.
+/// The error for an image without the wanted channels.
 fn lacks(channels: &'static str) -> JpegError {
     JpegError::Damaged(DecodeErrors::FormatStatic(channels))
 }
 
-/// Reads the luminance of an image, grey 0..255. Its size is `wanted`, where that is known: one of another size is
+/// Reads the luminance of an image, grey 0..255. If `wanted` is given, an image of another size is
 /// refused by its header.
 ///
 /// # Errors
-/// When the bytes are damaged or no JPEG, the image has no luma of its own (CMYK), or more than 16,384 columns or rows.
+/// The bytes are damaged or not a JPEG, the image has no luma of its own (CMYK), it has more than
+/// 16,384 columns or rows, or it has another size than `wanted`.
 pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, JpegError> {
     let (size, _, greys) = decode_as(bytes, ColorSpace::Luma, wanted)?;
     if greys.len() != size.pixels() {
@@ -55,8 +56,10 @@ pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, 
 /// [`read_luminance`], with the colours of the image, 0..255, unless it is grey.
 ///
 /// # Errors
-/// As [`read_luminance`], and when the chroma, which that does not read, is damaged or not as large as the luma asks for.
+/// As [`read_luminance`]. Also, the chroma, which [`read_luminance`] does not read, is damaged or
+/// smaller than the luma requires.
 pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<GreyImage, JpegError> {
+    // Luma is decoded by itself. Computed from the decoded colours, it would be rounded twice.
     let luminance = read_luminance(bytes, wanted)?;
     let (size, stored, samples) = decode_as(bytes, ColorSpace::RGB, wanted)?;
     if stored == Some(ColorSpace::Luma) {
@@ -72,10 +75,11 @@ pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<GreyImage, Jpe
 /// Reads an 8-bit image as it is encoded; grey becomes three equal channels.
 ///
 /// # Errors
-/// When the bytes are damaged or no JPEG, or the image has more than 16,384 columns or rows, or another size than
-/// `wanted`.
+/// The bytes are damaged or not a JPEG, or the image has more than 16,384 columns or rows, or
+/// another size than `wanted`.
 pub fn read_rgb(bytes: &[u8], wanted: Option<Size>) -> Result<Image<[u8; 3]>, JpegError> {
     let (size, _, samples) = decode_as(bytes, ColorSpace::RGB, wanted)?;
+    // The decoder may give one sample per pixel for grey. An image without pixels has no ratio.
     let pixels = match samples.len().checked_div(size.pixels()) {
         Some(3) => samples.as_chunks().0.to_vec(),
         Some(1) => samples.into_iter().map(|grey| [grey; 3]).collect(),
@@ -102,7 +106,7 @@ pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// Size, the colour space of the file, and the samples in another.
+/// Size, the colour space of the file, and the samples in `space`.
 fn decode_as(
     bytes: &[u8],
     space: ColorSpace,
@@ -118,12 +122,13 @@ fn decode_as(
     let side = |n: usize| u32::try_from(n).unwrap_or(0);
     let (width, height) = decoder.dimensions().unwrap_or((0, 0));
     let size = Size { width: side(width), height: side(height) };
+    // Before anything is decoded: a small file can claim gigabytes.
     check_claim(size, bytes.len(), wanted)?;
     let samples = decoder.decode()?;
     Ok((size, decoder.input_colorspace(), samples))
 }
 
-/// Holds the size in a header against the size that is wanted and what the file can hold.
+/// Refuses a size other than the wanted one, and more pixels than the file can hold.
 fn check_claim(size: Size, file: usize, wanted: Option<Size>) -> Result<(), JpegError> {
     let refuse = |wanted: String| Err(JpegError::Size { found: size, wanted });
     if let Some(wanted) = wanted.filter(|wanted| *wanted != size) {

@@ -52,7 +52,7 @@ impl LinearLightSum {
     }
 }
 
-/// Eight values at a time.
+/// Adds the linear light of display values, eight at a time.
 #[inline(always)]
 fn add_eight<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
     let light = |values: &[f32; 8]| -> [f64; 8] {
@@ -65,6 +65,7 @@ fn add_eight<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
             *sum += light;
         }
     }
+    // The rest, padded with black. The light of the padding is not added.
     let mut padded = [0.0; 8];
     padded[..last.len()].copy_from_slice(last);
     for (sum, light) in rest.iter_mut().zip(light(&padded)) {

@@ -39,6 +39,7 @@ pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
 /// [`MOST_DB`].
 #[must_use]
 pub fn psnr_db(mean_square: f64) -> f64 {
+    // A mean square of 0 gives infinity, which the minimum ends.
     (-10.0 * libm::log10(mean_square)).min(MOST_DB)
 }
 
@@ -53,6 +54,7 @@ pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
         let columns = column_moments(a, b, row, &window);
         let at = |x: usize| {
             let mut seen = [WindowMoments::default(); 3];
+            // Black outside the border: pixels out there add nothing to any moment.
             for (column, weight) in (x..).zip(window).filter_map(|(k, w)| Some((k.checked_sub(REACH)?, w))) {
                 for (seen, moments) in seen.iter_mut().zip(columns.get(column).into_iter().flatten()) {
                     seen.add(weight, moments.0);
@@ -127,9 +129,10 @@ fn image_row(image: &Image<[f32; 3]>, row: usize) -> &[[f32; 3]] {
     &image.pixels()[row * width..][..width]
 }
 
-/// The sum over rows per pixel and channel, in a fixed order for any number of threads.
+/// The sum over rows, per pixel and channel, in a fixed order for any number of threads.
 fn mean_of_rows(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, sum: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
     assert_eq!(a.size(), b.size(), "pictures of one size are compared");
+    // The rows are collected first. A parallel sum would have an order of its own.
     let rows: Vec<f64> = (0..a.size().height as usize).into_par_iter().map(sum).collect();
     rows.iter().sum::<f64>() / (3 * a.size().pixels()) as f64
 }

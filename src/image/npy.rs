@@ -43,7 +43,7 @@ pub fn write_image<P: NpyPixel>(image: &Image<P>, out: impl Write) -> io::Result
 /// Writes the numbers of an array of this shape, in C order.
 ///
 /// # Errors
-/// When `out` fails.
+/// Writing to `out` fails.
 pub fn write_values(shape: &[u64], values: &[f32], out: impl Write) -> io::Result<()> {
     let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd()?;
     writer.extend(values.iter().copied())?;
@@ -82,6 +82,7 @@ pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>>
     let Some((width, height)) = size else { return Err(invalid(file.shape())) };
     let size = Size { width, height };
     let values = file.into_vec::<f32>()?;
+    // `chunks` refuses a length of 0, which images without pixels would have.
     Ok(values.chunks(size.pixels().max(1)).map(|v| Image::from_vec(size, v.to_vec())).collect())
 }
 
@@ -115,10 +116,12 @@ pub fn checked_header(data: &mut impl Read) -> io::Result<Vec<u8>> {
     let refusal = |because: String| Err(io::Error::new(io::ErrorKind::InvalidData, because));
     let mut head = vec![0; 10];
     data.read_exact(&mut head)?;
+    // The magic bytes are left to the parser, which reads them again.
     let version = head[6];
     if version != 1 {
         return refusal(format!("version {version} of its format, wanted 1"));
     }
+    // Version 1 has a length of 16 bits, so a header takes at most 64 KiB.
     let len = usize::from(u16::from_le_bytes([head[8], head[9]]));
     head.resize(10 + len, 0);
     data.read_exact(&mut head[10..])?;

@@ -22,10 +22,11 @@ pub enum PhotoError {
 const JPEG: [u8; 2] = [0xff, 0xd8];
 const PNG: [u8; 4] = *b"\x89PNG";
 
-/// Reads a photo of 8 bits of a camera of this size; grey becomes three equal channels.
+/// Reads an 8-bit photo by a camera of this size; grey becomes three equal channels.
 ///
 /// # Errors
-/// When the bytes are damaged, or of another format, depth or size: the size by the header, before anything is decoded.
+/// The bytes are damaged, or of another format, depth or size. The size is tested by the header,
+/// before anything is decoded.
 pub fn read_photo(bytes: &[u8], camera: Size) -> Result<Image<[u8; 3]>, PhotoError> {
     if bytes.starts_with(&JPEG) {
         Ok(jpeg::read_rgb(bytes, Some(camera))?)

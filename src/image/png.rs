@@ -54,12 +54,12 @@ pub enum PngError {
     /// An image of another size, or larger than its file can hold.
     #[error("an image of {found}, wanted {wanted}")]
     Size {
-        /// Its size.
+        /// The size found.
         found: Size,
-        /// What it should be.
+        /// The size wanted.
         wanted: String,
     },
-    /// There is no memory for it.
+    /// There is no memory for the pixels.
     #[error("{0}")]
     Memory(#[from] TryReserveError),
 }
@@ -101,10 +101,10 @@ pub fn read_rgb(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> 
     colours(read_stored(input, None)?)
 }
 
-/// [`read_rgb`] of an image whose size is known: one of another size is refused by its header.
+/// As [`read_rgb`], for an image of known size: one of another size is refused by its header.
 ///
 /// # Errors
-/// As [`read_rgb`], and when the image has another size.
+/// As [`read_rgb`], or the image has another size.
 pub fn read_sized(input: impl BufRead + Seek, wanted: Size) -> Result<Image<[u8; 3]>, PngError> {
     colours(read_stored(input, Some(wanted))?)
 }
@@ -119,11 +119,12 @@ fn colours(stored: StoredImage) -> Result<Image<[u8; 3]>, PngError> {
     Ok(Image::from_vec(size, pixels))
 }
 
-/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: a grey as it stands, a colour by
-/// [`super::LUMINANCE_WEIGHTS`]; of 16 bits the full scale is 65,535. Its size is `wanted`, where that is known.
+/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: grey values unchanged,
+/// colours by [`super::LUMINANCE_WEIGHTS`]. With 16 bits, the full scale is 65,535. If `wanted` is
+/// given, an image of another size is refused.
 ///
 /// # Errors
-/// As [`read_sized`], but that 16 bits are right too.
+/// As [`read_sized`], except that 16 bits are accepted.
 pub fn read_luminance(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Image<f32>, PngError> {
     Ok(read_samples(input, wanted)?.luminance())
 }
@@ -162,6 +163,7 @@ impl GreySamples {
 
 fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<GreySamples, PngError> {
     let StoredImage { size, colour, depth, bytes } = read_stored(input, wanted)?;
+    // 257 is 65,535 / 255, so that full scale is 255 for both depths.
     let wide = |[high, low]: [u8; 2]| f64::from(u16::from_be_bytes([high, low])) / 257.0;
     let values = match depth {
         BitDepth::Eight => bytes.into_iter().map(f64::from).collect(),
@@ -178,7 +180,8 @@ fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Grey
 
 const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
 
-/// In 64 bits, where the weights sum to 1 closely enough that equal channels give that grey.
+/// Luminance in 64 bits, where the weights sum to 1 closely enough that equal channels give that
+/// grey.
 fn weigh_grey(rgb: [f64; 3]) -> f64 {
     LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| weight_decimal(weight) * v).sum()
 }
@@ -193,7 +196,7 @@ fn to_single(v: f64) -> f32 {
     v as f32
 }
 
-/// An image as a file holds it.
+/// An image as stored in a file.
 struct StoredImage {
     size: Size,
     colour: ColorType,
@@ -202,6 +205,7 @@ struct StoredImage {
 }
 
 fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<StoredImage, PngError> {
+    // The length of the file bounds the pixels that it can hold.
     let file = input.seek(SeekFrom::End(0))?;
     input.rewind()?;
     let mut reader = opened(&mut input)?;
@@ -211,7 +215,8 @@ fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<S
     let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
     let claimed = check_claim(size, colour.samples() * wide, file, wanted)?;
     if ByteBudget::of_file(file).check(claimed, 1).is_err() {
-        // It compresses better than photos do: it is decoded to nothing first, so that a broken one takes no memory.
+        // It compresses better than photos do. A first pass keeps nothing, so that a broken file
+        // takes no memory.
         while reader.next_row()?.is_some() {}
         reader.finish()?;
         drop(reader);
@@ -224,16 +229,18 @@ fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<S
     Ok(StoredImage { size, colour, depth, bytes })
 }
 
-/// A decoder behind the header. Texts and profiles, which inflate on their own, are passed over.
+/// A decoder that has read the header. Texts and profiles, which inflate on their own, are ignored.
 fn opened<R: BufRead + Seek>(input: R) -> Result<Reader<R>, DecodingError> {
     let mut decoder = png::Decoder::new(input);
+    // Palettes and transparency are refused, not expanded.
     decoder.set_transformations(Transformations::IDENTITY);
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
     decoder.read_info()
 }
 
-/// The bytes of an image of this size, if a file of `file` bytes can hold it and it is what is wanted.
+/// The number of bytes of an image of this size. The size must be the wanted one, and a file of
+/// `file` bytes must be able to hold it.
 fn check_claim(size: Size, bytes_a_pixel: usize, file: u64, wanted: Option<Size>) -> Result<usize, PngError> {
     let refuse = |wanted: String| Err(PngError::Size { found: size, wanted });
     if let Some(wanted) = wanted.filter(|wanted| *wanted != size) {

@@ -14,6 +14,7 @@ pub fn to_width(image: &Image<[u8; 3]>, width: u32) -> Image<[u8; 3]> {
     if width == 0 || width >= from.width {
         return image.clone();
     }
+    // Rounded up, so that at least one row remains.
     let height = (u64::from(from.height) * u64::from(width)).div_ceil(u64::from(from.width));
     let size = Size { width, height: u32::try_from(height).expect("it is lower than the image") };
     let columns: Vec<_> = (0..width).map(|x| covered_range(x, width, from.width)).collect();
@@ -37,6 +38,7 @@ struct PixelCover {
 impl PixelCover {
     fn weight(&self, at: u32) -> u64 {
         match at {
+            // A single old pixel is cut by both ends of the new one.
             at if self.range.len() == 1 && at == self.range.start => self.first + self.last - self.whole,
             at if at == self.range.start => self.first,
             at if at + 1 == self.range.end => self.last,
@@ -68,6 +70,7 @@ fn covered_mean(image: &Image<[u8; 3]>, columns: &PixelCover, rows: &PixelCover)
             weights += weight;
         }
     }
+    // Half of the weights makes the division round to the nearest.
     sums.map(|sum| u8::try_from((sum + weights / 2) / weights).expect("a mean of bytes is a byte"))
 }
 

@@ -55,7 +55,8 @@ mod tests {
     use super::*;
     use fearless_simd::{Level, dispatch};
 
-    /// Light of 8-bit display values to six digits, from the table in nothings/stb, `stb_image_resize.h`.
+    /// Light of 8-bit display values to six digits, from the table in nothings/stb,
+    /// `stb_image_resize.h`.
     const PUBLISHED: [(u8, f64); 10] = [
         (0, 0.0),
         (1, 0.000_304),

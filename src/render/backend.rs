@@ -74,13 +74,14 @@ impl Backend {
         matches!(self, Self::Gpu(_) | Self::Unopened(_))
     }
 
-    /// Returns true if a numerical class is one of the CPU in f32, of any revision.
+    /// Returns true if a numerical class is that of the CPU in f32, in any revision.
     #[must_use]
+    // The number behind the slash is the revision, which does not matter here.
     pub fn is_cpu(class: &str) -> bool {
         class.starts_with("cpu/")
     }
 
-    /// Returns true if a numerical class is one of a GPU.
+    /// Returns true if a numerical class is that of a GPU.
     #[must_use]
     pub fn is_gpu(class: &str) -> bool {
         class.starts_with("gpu/")

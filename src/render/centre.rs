@@ -1,10 +1,11 @@
-//! How fast the middle of the picture moves, by the poses alone.
+//! Speed of the middle of the picture, from the poses alone.
 //!
-//! By `Xdot = -v - w x X` (docs/design/numerics-rendering.md, "Rates of a moving camera") a point straight
-//! ahead at distance `D` moves on the image by `f |v| / D` for a camera that shifts sideways by `v`, and by
-//! `f |w|` for one that turns by `w` across its optical axis. Which way each of the two goes is left aside:
-//! their sum is the most that such a point moves, and what a camera that keeps looking at it hides. Moving
-//! forward and turning about the optical axis leave the point where it is.
+//! By `Xdot = -v - w x X` (docs/design/numerics-rendering.md, "Rates of a moving camera") a point
+//! straight ahead at distance `D` moves on the image by `f |v| / D` for a camera that shifts
+//! sideways by `v`, and by `f |w|` for one that turns by `w` across its optical axis. The
+//! directions of the two motions are ignored. Their sum is the largest possible motion of the
+//! point, and it contains the motion that a camera hides by looking at the point. Forward motion
+//! and rotation about the optical axis leave the point in place.
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
@@ -14,14 +15,15 @@ use crate::se3::Se3;
 use crate::se3::rotation::log_vector;
 use glam::DVec3;
 
-/// Quantiles over the steps between neighbouring poses of the most that a point straight ahead at
-/// `distance` (units) moves, px of `camera` along x, to first order in the turn; `None` where there is no
-/// step.
+/// Quantiles, over the steps between neighbouring poses, of the largest possible motion of a point
+/// straight ahead at `distance` (scene units). They are in px of `camera` along x, to first order
+/// in the turn. `None` if there is no step.
 #[must_use]
 pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<FlowQuantiles> {
     let across = |v: DVec3| v.truncate().length();
     let step = |pair: &[Se3]| {
         let camera_from_world = pair[0].rotation.conjugate();
+        // In the axes of the first pose, where the components across the optical axis are x and y.
         let shift = camera_from_world * (pair[1].translation - pair[0].translation);
         let turn = log_vector(camera_from_world * pair[1].rotation);
         (camera.fx * (across(shift) / distance + across(turn))) as f32
@@ -42,7 +44,7 @@ mod tests {
         Camera { size: Size { width: 41, height: 31 }, fx: 50.0, fy: 50.0, cx: 20.5, cy: 15.5 };
     const DISTANCE: f32 = 4.0;
 
-    /// What the middle pixel moves by while the camera moves by this, by the formula and by projection.
+    /// Motion of the middle pixel for this motion of the camera, by the formula and by projection.
     fn both(shift: DVec3, turn: DVec3) -> [f32; 2] {
         let start =
             Se3 { rotation: exp_vector(DVec3::new(0.3, -0.7, 0.2)), translation: DVec3::new(5.0, -2.0, 9.0) };

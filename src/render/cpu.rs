@@ -77,6 +77,7 @@ impl CpuRenderer {
     /// # Errors
     /// The scene has more than 2^32 - 1 Gaussians, or the background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: RenderStyle) -> Result<Self, RenderError> {
+        // The places in the keys of the sort have 32 bits.
         if u32::try_from(scene.len()).is_err() {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
@@ -156,10 +157,12 @@ impl CpuRenderer {
         let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
+        // `splats` has a place for every Gaussian that was kept, drawn or not.
         work.unseen = work.gaussians - self.splats.len() as u64;
         work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
         done(PassKind::Project);
 
+        // One order serves the whole frame, so ties do not depend on tiles or threads.
         let sorted = self.sorter.run(&self.splats, &self.chunks);
         done(PassKind::Sort);
         let grid = TileGrid::new(view.camera.size);
@@ -181,6 +184,7 @@ impl CpuRenderer {
         );
         out.flow =
             if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, view)) } else { None };
+        // Depth may have been made for flow alone.
         out.depth = out.depth.take().filter(|_| want.depth);
         done(PassKind::Resolve);
         Ok(work)
@@ -191,6 +195,7 @@ impl CpuRenderer {
     /// Restricts later frames to the Gaussians with these indices. Blocks are rebuilt in place, so
     /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {
+        // Freed first, so that the old and the new blocks do not exist at once.
         self.blocks = Vec::new();
         self.blocks = activate::activate_all(&self.scene, self.style.rules, numbers);
     }
@@ -210,6 +215,7 @@ impl Renderer for CpuRenderer {
             OmissionPolicy::Needless => activate::sh_degree(&self.scene),
             OmissionPolicy::Nothing => self.scene.sh_degree,
         };
+        // An earlier promise may have left Gaussians out, which a later frame must show.
         let kept: usize = self.blocks.iter().map(|block| block.len).sum();
         if omit == OmissionPolicy::Nothing && kept < self.scene.len() {
             self.keep(&unseen::all_indices(&self.scene));
@@ -242,6 +248,7 @@ fn feature_count(want: ChannelSet) -> usize {
 
 /// The raster pass for this number of features, with or without rates.
 fn raster_pass(features: usize, rate: bool, frame: RasterInput<'_>, out: &mut Vec<f32>) -> RenderWork {
+    // One copy per number of features, so that the sums of a pixel can stay in registers.
     macro_rules! with {
         ($($n:literal)+) => {
             match (features, frame.rules == RenderRules::Soft, rate) {

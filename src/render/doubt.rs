@@ -14,6 +14,7 @@ pub struct BlendDoubt {
 impl BlendDoubt {
     /// Adds an image with the channels opacity and doubtful weight.
     pub fn add(&mut self, rendered: &RenderedImages) {
+        // Sums in 64 bits: images have millions of pixels.
         let sum = |image: &Option<Image<f32>>| -> f64 {
             image.iter().flat_map(Image::pixels).map(|v| f64::from(*v)).sum()
         };

@@ -1,8 +1,8 @@
 //! Dual numbers: values with their derivative in time, for forward-mode differentiation.
 //!
 //! Every operation computes the exact derivative of its result next to the value. The value's bits
-//! are those of the same operation on plain numbers. Code written over [`RealNumber`] is therefore both a
-//! computation and its derivative, without a second formula.
+//! are those of the same operation on plain numbers. Code written over [`RealNumber`] is therefore
+//! both a computation and its derivative, without a second formula.
 //!
 //! Everything is inlined into loops over many Gaussians, which are compiled for each instruction
 //! set.
@@ -71,6 +71,8 @@ macro_rules! plain {
 
             #[inline(always)]
             fn at_least(self, least: Self) -> Self {
+                // The same selection as for dual numbers, not `max`: with and without rates, the
+                // values have the same bits.
                 if self > least { self } else { least }
             }
         }
@@ -170,6 +172,7 @@ impl<T: RealNumber<Plain = T>> Div for DualNumber<T> {
     #[inline(always)]
     fn div(self, o: Self) -> Self {
         let value = self.value / o.value;
+        // Written with the quotient, because the square of the divisor could overflow.
         Self { value, rate: (self.rate - value * o.rate) / o.value }
     }
 }

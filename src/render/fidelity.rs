@@ -65,7 +65,7 @@ pub struct PsnrFigures {
     pub min: f64,
     /// Number of views.
     pub views: usize,
-    /// Mean PSNR of the held-out views, dB; `None` without such views.
+    /// Mean PSNR of the held-out views, dB; `None` if no view is held out.
     pub held_out: Option<f64>,
 }
 
@@ -132,19 +132,20 @@ pub fn held_out(index: usize) -> bool {
     index.is_multiple_of(HELD_OUT)
 }
 
-/// The indices of the compared photos: all of up to 100, otherwise 100 of them evenly,
-/// `round(i (count - 1) / 99)`.
+/// Indices of the compared photos: all photos if there are at most 100, otherwise 100 of them,
+/// evenly spread: `round(i (count - 1) / 99)`.
 #[must_use]
 pub fn picked_indices(count: usize) -> Vec<usize> {
     let steps = MOST_VIEWS - 1;
     match count {
         0..=MOST_VIEWS => (0..count).collect(),
+        // Rounding to the nearest, in integers.
         _ => (0..MOST_VIEWS).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect(),
     }
 }
 
-/// PSNR (dB) and SSIM of the rendering of a view and its photo. The photo has the size of the
-/// view's camera.
+/// PSNR (dB) and SSIM of the rendering of a view, compared with its photo. The photo has the size
+/// of the view's camera.
 ///
 /// # Errors
 /// The view cannot be rendered.
@@ -167,10 +168,12 @@ pub fn compare_view(
     if let Some(covered) = covered_pixels(&view.camera, &view.lens) {
         counted = covered.pixels().iter().filter(|is_covered| **is_covered).count();
         let pixels = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
+        // Equal pixels add no error to the sum.
         for ((shown, wanted), _) in pixels.zip(covered.pixels()).filter(|(_, is_covered)| !**is_covered) {
             (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
         }
     }
+    // The mean counts pixels outside the photo, which have no error. The factor leaves them out.
     let part = photo.size().pixels() as f64 / counted as f64;
     Ok([psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)])
 }

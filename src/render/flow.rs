@@ -59,6 +59,7 @@ impl PixelFlowMeter {
     pub fn new(renderer: Box<dyn Renderer>, camera: Camera) -> Self {
         let Size { width, height } = camera.size;
         let columns = width.min(METER_WIDTH);
+        // The product of two edges can exceed 32 bits. Rounding up keeps at least one row.
         let rows = (u64::from(height) * u64::from(columns)).div_ceil(u64::from(width));
         let small = camera.resized(Size { width: columns, height: u32::try_from(rows).unwrap_or(height) });
         Self {
@@ -103,6 +104,7 @@ impl PixelFlowMeter {
 
 impl FlowMeter for PixelFlowMeter {
     fn median_px(&mut self, world_from_camera: &Se3, twist: &Twist) -> Result<Option<f64>, String> {
+        // The linear part of a twist is in world axes; its angular part is already in the body's.
         let linear = world_from_camera.rotation.conjugate() * twist.linear;
         let velocity = CameraVelocity { linear, angular: twist.angular };
         self.speed_px(world_from_camera, velocity, 50).map_err(|e| e.to_string())
@@ -142,22 +144,22 @@ pub struct FlowQuantiles {
 }
 
 impl FlowQuantiles {
-    /// Quantiles of the values that are not NaN, by [`nearest_ranks`]; `None` if there are no such
-    /// values.
+    /// Quantiles of the values that are not NaN, by [`nearest_ranks`]. `None` if no value is left.
     #[must_use]
     pub fn from_values(values: Vec<f32>) -> Option<Self> {
         nearest_ranks(values, [50, 95, 100]).map(|[median, p95, max]| Self { median, p95, max })
     }
 }
 
-/// Quantiles in percent of the values that are not NaN, or `None` without such values. Each is one
-/// of the values: the smallest for which at least that share of all values is not larger (nearest
-/// rank).
+/// Quantiles in percent of the values that are not NaN. `None` if no value is left. Each quantile
+/// is one of the values: the smallest for which at least that share of all values is not larger
+/// (nearest rank).
 #[must_use]
 pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N]) -> Option<[f32; N]> {
     values.retain(|v| !v.is_nan());
     values.sort_unstable_by(f32::total_cmp);
     let n = values.len();
+    // At least rank 1, so that 0 % gives the smallest value.
     (n > 0).then(|| percents.map(|percent| values[(n * percent).div_ceil(100).max(1) - 1]))
 }
 
@@ -167,6 +169,7 @@ pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N])
 pub fn sample_pairs(poses: usize, wanted: usize) -> Vec<(usize, usize)> {
     let pairs = poses.saturating_sub(1);
     let count = wanted.min(pairs);
+    // The first and the last pair are both included. A single pair has no distance to divide.
     let first = |i: usize| if count > 1 { i * (pairs - 1) / (count - 1) } else { 0 };
     (0..count).map(|i| (first(i), first(i) + 1)).collect()
 }

@@ -138,8 +138,8 @@ impl GpuRenderer {
         })
     }
 
-    /// Durations of [`TimedStage::ALL`] for the last frame, or for its last region. `None` before the
-    /// first frame, and for a device without a clock.
+    /// Durations of [`TimedStage::ALL`] for the last frame, or for its last region. `None` before
+    /// the first frame, and for a device without a clock.
     #[must_use]
     pub fn times(&self) -> Option<[Duration; TimedStage::ALL.len()]> {
         self.times
@@ -158,6 +158,8 @@ impl GpuRenderer {
         let PendingView { view, want, mut shots } = pending;
         let (size, layout) = (view.camera.size, ImageLayout::new(want));
         let mut work: Option<RenderWork> = None;
+        // The capacities of the submission, not those of now: an earlier region may have raised
+        // them.
         while let Some(GpuShot { region, room, copy }) = shots.pop() {
             let floats = region.pixels(size) as u64 * u64::from(layout.floats);
             let gaussians = self.gaussians;
@@ -195,8 +197,10 @@ impl GpuRenderer {
         let layout = ImageLayout::new(want);
         let pixels = region.pixels(view.camera.size) as u64;
         let needed = buffers::room_of(region, pixels, layout.floats);
+        // The lists of the tiles, 8 bytes each, must fit one binding as well.
         if readback::transfer_bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
             let [one, other] = region.halves().ok_or_else(|| self.device.too_small("images"))?;
+            // `finish` takes regions from the end, so the first half is pushed last.
             self.shoot(view, want, other, shots)?;
             return self.shoot(view, want, one, shots);
         }
@@ -205,6 +209,8 @@ impl GpuRenderer {
         let at = self.compiled(layout)?;
         let room = self.buffers.room;
         let bytes = frame::frame_bytes(view, self.origin, &self.style, region, [room.splats, room.pairs]);
+        // The queue keeps the order of writes and submissions, so frames under way see their own
+        // values.
         self.device.queue.write_buffer(&self.buffers.frame, 0, &bytes);
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -262,6 +268,7 @@ impl GpuRenderer {
         }
         let variant = ShaderVariant { style: self.style, sh_degree: self.sh_degree, layout };
         self.pipelines.push((layout, FramePipelines::new(&self.device, &self.layouts, &variant)));
+        // Errors of compilation arrive through the device's callback.
         self.device.check()?;
         Ok(self.pipelines.len() - 1)
     }
@@ -287,6 +294,8 @@ impl Renderer for GpuRenderer {
         let pending = match expected {
             Some(expected) => expected.begun?,
             None => {
+                // The caller departed from the announced order, so the remaining announcements are
+                // dropped.
                 self.expected.clear();
                 self.begin(view, want)?
             }

@@ -122,6 +122,7 @@ impl Renderer for ReferenceRenderer {
         out.doubtful = want.doubtful.then(|| image(&|p| p.doubtful));
         out.luminance_rate = want.luminance_rate.then(|| image(&|p| p.luminance().rate));
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
+        // Flow is computed from depth, so depth is made for it too.
         let depth = (want.depth || want.flow).then(|| image(&ReferencePixel::depth));
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::flow_rates(depth, view));
         out.depth = depth.filter(|_| want.depth);
@@ -178,12 +179,14 @@ impl ReferenceRenderer {
     }
 
     /// The layers blended at a pixel with their opacities, front to back; the transmittance behind
-    /// them; and whether more layers would have followed.
+    /// them; and true if the pixel stopped before the last layer.
     fn seen<'a>(
         &self,
         layers: &[&'a ReferenceLayer],
         [x, y]: [usize; 2],
     ) -> (Vec<(&'a ReferenceLayer, D)>, D, bool) {
+        // The plain order decides which layers a pixel has and where it stops, also under the
+        // blended order.
         let mut seen = Vec::new();
         let mut rest = D::constant(1.0);
         for &layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
@@ -203,11 +206,14 @@ impl ReferenceRenderer {
         let mut before = D::constant(1.0);
         let mut first = 0;
         let weight = |(i, &(layer, alpha)): (usize, &(&'a ReferenceLayer, D))| {
+            // A layer that covers this one wholly also covers all deeper ones wholly, so its factor
+            // is kept.
             while first < i && self.cover(seen[first].0, layer).value >= 1.0 {
                 before = before * (D::constant(1.0) - seen[first].1);
                 first += 1;
             }
-            // Layers with nearly the same depth, in front and behind.
+            // The other layers, in front and behind. They are in order of depth, so the first one
+            // that covers nothing ends the search.
             let near =
                 (first..seen.len()).filter(|j| *j != i).map(|j| (self.cover(seen[j].0, layer), seen[j].1));
             let near = near.take_while(|(cover, _)| cover.value > 0.0);
@@ -233,6 +239,7 @@ impl ReferenceRenderer {
         let [dx, dy] = [0, 1].map(|k| D::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
         let [w1, w2, w3] = layer.w;
         let power = D::constant(-0.5) * ((w1 * dx + w2 * dy).squared() + (w3 * dy).squared());
+        // The clamp of a dual number gives a capped opacity the rate 0.
         let alpha = (layer.opacity * power.exponential()).clamp(0.0, f64::from(MAX_ALPHA));
         if alpha.value < least_alpha(self.style.rules) {
             return None;

@@ -11,7 +11,7 @@ pub(super) struct Gaussian<'a> {
     pub(super) log_scale: [f32; 3],
     pub(super) rotation: [f32; 4],
     pub(super) opacity_logit: f32,
-    /// As many entries as the collector's degree requires.
+    /// One entry per function of the collector's degree.
     pub(super) sh: &'a [[f32; 3]],
 }
 
@@ -33,8 +33,8 @@ pub(super) struct GaussianCollector {
 }
 
 impl GaussianCollector {
-    /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the file's size; an error where
-    /// there is no memory for them.
+    /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the
+    /// file's size. There is an error if there is no memory for them.
     pub(super) fn new(sh_degree: u8, capacity: usize) -> Result<Self, SceneError> {
         let scene = Gaussians {
             origin: DVec3::ZERO,
@@ -59,6 +59,7 @@ impl GaussianCollector {
             scene.screening.non_finite += 1;
             return;
         }
+        // Kept: the renderer takes a zero quaternion for no rotation.
         if is_zero(gaussian.rotation) {
             scene.screening.zero_quaternions += 1;
         }

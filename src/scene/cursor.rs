@@ -23,7 +23,7 @@ impl<'a> ByteCursor<'a> {
         self.offset
     }
 
-    /// The same bytes from `offset` on, for an error at that place.
+    /// A cursor over the same bytes at `offset`, for an error at that place.
     pub(super) fn at(&self, offset: usize) -> Self {
         Self { offset, ..self.clone() }
     }
@@ -70,9 +70,8 @@ impl<'a> ByteCursor<'a> {
         Ok(&self.take(len + 1, what)?[..len])
     }
 
-    /// The next line without its end (`
-    /// ` or `\r
-    /// `). Bytes that are not UTF-8 are replaced.
+    /// The next line without its line feed, and without a carriage return before it. Bytes that are
+    /// not UTF-8 are replaced.
     pub(super) fn line(&mut self, what: &str) -> Result<Cow<'a, str>, SceneError> {
         let line = self.until(|&b| b == b'\n', what)?;
         Ok(String::from_utf8_lossy(line.strip_suffix(b"\r").unwrap_or(line)))
@@ -86,7 +85,7 @@ impl<'a> ByteCursor<'a> {
         }
     }
 
-    /// The error that `found` stands here instead of `wanted`.
+    /// The error that says `found` where `wanted` was expected.
     pub(super) fn malformed(&self, found: impl Into<String>, wanted: impl Into<String>) -> SceneError {
         SceneError::Malformed {
             format: self.format,

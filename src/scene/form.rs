@@ -48,7 +48,7 @@ impl SceneFormat {
         }
     }
 
-    /// The content of the file, and the losses: the content is read back and compared with `scene`.
+    /// The content of the file, and the losses. The content is read back and compared with `scene`.
     ///
     /// # Errors
     /// [`WriteError`] if the format cannot hold the scene at all.
@@ -56,6 +56,7 @@ impl SceneFormat {
         let mut bytes = Vec::new();
         let back = match self {
             Self::Ply => {
+                // Floats are written as they are, so there is nothing to compare.
                 ply::write_ply(scene, &mut bytes)?;
                 return Ok((bytes, Vec::new()));
             }
@@ -69,9 +70,11 @@ impl SceneFormat {
             }
         };
         let back = back.map_err(|e| match e {
+            // Numbers beyond the format become infinite, and the reader drops those Gaussians.
             SceneError::Empty { .. } if !scene.is_empty() => WriteError::Overflow { count: scene.len() },
             other => WriteError::Unreadable(Box::new(other)),
         })?;
+        // Losses are compared by index, which one dropped Gaussian would shift.
         if back.len() != scene.len() {
             return Err(WriteError::Overflow { count: scene.len() - back.len() });
         }

@@ -13,6 +13,7 @@ pub(super) fn logit_of_byte(byte: u8) -> f32 {
 /// The byte whose logit gives the nearest opacity. The ends count as half a step inside.
 pub(super) fn byte_of_logit(logit: f32) -> u8 {
     let wanted = 255.0 / (1.0 + libm::exp(-f64::from(logit)));
+    // Byte 0 counts as 0.5, so its range ends halfway between 0.5 and 1. Likewise for 255.
     if wanted < 0.75 {
         0
     } else if wanted > 254.25 {

@@ -1,9 +1,10 @@
 //! Scenes as `.ply` files, the format of 3D Gaussian Splatting itself.
 //!
-//! Properties are found by name, in any order: `x y z`, `f_dc_0..2`, `f_rest_0..` (0, 9, 24 or 45 of them; all of
-//! red, then green, then blue), `opacity`, `scale_0..2`, `rot_0..3`, each float or double. Other properties and other
-//! elements are skipped. The body is binary of either byte order, or ascii. The format does not record antialiasing.
-//! Compressed files, recognised by their elements, are read as well.
+//! Properties are found by name, in any order: `x y z`, `f_dc_0..2`, `f_rest_0..` (0, 9, 24 or 45
+//! of them; all of red, then green, then blue), `opacity`, `scale_0..2`, `rot_0..3`, each float or
+//! double. Other properties and other elements are skipped. The body is binary of either byte
+//! order, or ascii. The format does not record antialiasing. Compressed files, recognised by their
+//! elements, are read as well.
 
 mod body;
 mod header;
@@ -24,7 +25,8 @@ pub use write::write_ply;
 /// relative to an origin near their median. Gaussians that are not finite are dropped and counted.
 ///
 /// # Errors
-/// [`SceneError`] if the bytes are not such a file, a property is missing, or no Gaussian remains.
+/// Returns a [`SceneError`] if the bytes are not a `.ply` file, a property is missing, or no
+/// Gaussian remains.
 pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = ByteCursor::new(".ply", bytes);
     let header = PlyHeader::read(&mut cursor)?;
@@ -43,6 +45,8 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
         collector.push(&columns.gaussian(row, origin, &mut harmonics));
     }
     let mut scene = collector.finish(origin, header.notes.antialiased)?;
+    // A file of our own notes the counts of its source. Only the Gaussians dropped now are added:
+    // zero quaternions are still in the file, and the notes count them already.
     if let Some(noted) = header.notes.screening {
         let non_finite = noted.non_finite.saturating_add(scene.screening.non_finite);
         scene.screening = SceneScreening { non_finite, ..noted };
@@ -102,11 +106,13 @@ impl GaussianColumns {
                 at.malformed(format!("no property `{name}`"), wanted)
             })
         };
+        // Counted, not looked up: their number decides the degree, and so which names must exist.
         let rest_len = vertices.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
         let sh_degree = degree_of(rest_len, at)?;
         let functions = sh::function_count(sh_degree);
         let mut harmonics = vec![[column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?]];
         for k in 0..functions - 1 {
+            // The file has all coefficients of red, then all of green, then all of blue.
             let of = |channel: usize| column(&format!("f_rest_{}", channel * (functions - 1) + k));
             harmonics.push([of(0)?, of(1)?, of(2)?]);
         }

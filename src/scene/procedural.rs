@@ -91,6 +91,8 @@ pub fn still_life(life: &StillLife) -> Gaussians {
     let counts = shape::split_count(life.gaussians as usize, &weights);
     let mut collector = GaussianCollector::new(light::DEGREE, life.gaussians as usize)
         .expect("a valid still life has few Gaussians");
+    // Each part draws from its own stream, so the number of surfels of one part changes no draw of
+    // another.
     for (stream, (part, count)) in (0_u64..).zip(arrangement.parts.iter().zip(counts)) {
         let mut draws = SceneDraws::new(life.seed, stream);
         part.shape.spots(count, &mut draws, |spot| paint_spot(part, spot, &arrangement, &mut collector));
@@ -110,6 +112,7 @@ pub fn still_capture(life: &StillLife) -> Capture {
 
 fn arrange_table(seed: u64) -> TableArrangement {
     let mut arrangement = TableArrangement::default();
+    // The offsets keep apart the seeds that each group derives from its own.
     room::add_room(seed, &mut arrangement);
     fruit::add_fruit(seed.wrapping_add(200), &mut arrangement);
     bouquet::add_bouquet(seed.wrapping_add(300), &mut arrangement);
@@ -137,6 +140,7 @@ fn paint_spot(
     collector: &mut GaussianCollector,
 ) {
     let finish = (part.look)(spot);
+    // The side towards the lamp and the viewer is lit.
     let away = part.thin && spot.normal.dot(DVec3::new(0.1, -0.5, -0.85)) < 0.0;
     let normal = if away { -spot.normal } else { spot.normal };
     let lit = LitPoint { object: part.object, position: spot.position, normal };

@@ -16,6 +16,7 @@ pub(super) fn rotation_angle(a: [f32; 4], b: [f32; 4]) -> f64 {
         return 0.0;
     }
     let (a, b) = (unit_quaternion(a), unit_quaternion(b));
+    // By the chord, which keeps its digits for small angles, where an arc cosine loses them.
     let chord = |sign: f64| a.iter().zip(b).map(|(a, b)| (a - sign * b).powi(2)).sum::<f64>().sqrt();
     4.0 * libm::asin((chord(1.0).min(chord(-1.0)) / 2.0).min(1.0))
 }

@@ -60,7 +60,7 @@ pub const fn function_count(degree: u8) -> usize {
 }
 
 /// The functions of degree 0 to `degree` in the unit direction `[x, y, z]`. Entries from
-/// `len(degree)` on are zero.
+/// [`function_count`] of `degree` on are zero.
 ///
 /// A degree above [`MAX_DEGREE`] gives the functions up to [`MAX_DEGREE`].
 #[must_use]
@@ -106,8 +106,8 @@ fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
     ]
 }
 
-/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` with the values of [`basis_values`], summed
-/// in the order of the functions. The shorter of the two ends the sum.
+/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` with the values of [`basis_values`],
+/// summed in the order of the functions. The shorter of the two ends the sum.
 #[must_use]
 #[inline(always)]
 pub fn sum_colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(
@@ -115,6 +115,7 @@ pub fn sum_colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(
     basis: &[T],
 ) -> [T; 3] {
     let zero = T::nearest(0.0);
+    // From +0, so that functions with zero coefficients change no bit of the sum.
     let mut sum = [zero; 3];
     for (c, &b) in coefficients.iter().zip(basis) {
         for (s, &c) in sum.iter_mut().zip(c) {

@@ -43,7 +43,8 @@ pub fn read_sog_folder(folder: &Path) -> Result<Gaussians, SceneError> {
     read_parts(&mut FolderParts(folder), ByteBudget::of(0))
 }
 
-/// Reads what the parts hold; `budget` is that of the archive, and grows with each file of a folder.
+/// Reads the parts of a scene. `budget` is that of the archive, and grows with each file of a
+/// folder.
 fn read_parts(parts: &mut impl SogParts, mut budget: ByteBudget) -> Result<Gaussians, SceneError> {
     let meta = SogMeta::parse_meta(&parts.part(META, meta::PART, &mut budget)?)?;
     let files = SogFiles::read_all(&meta, parts, &mut budget)?;
@@ -116,6 +117,7 @@ struct SogImages {
 
 impl SogImages {
     fn decode_all(meta: &SogMeta, files: &SogFiles, budget: &mut ByteBudget) -> Result<Self, SceneError> {
+        // The palette is decoded by limits of its own: it has one pixel per function of each set.
         let palette = match (&meta.palette, &files.palette) {
             (Some(meta), Some([centroids, labels])) => Some((
                 meta,
@@ -144,7 +146,7 @@ impl SogImages {
         })
     }
 
-    /// Refuses what no Gaussian can have, before memory is taken for the scene.
+    /// Refuses invalid rotations and labels, before memory is taken for the scene.
     fn check(&self, count: usize) -> Result<(), SceneError> {
         for i in 0..count {
             self.rotation(i)?;
@@ -177,6 +179,7 @@ impl SogImages {
             components[k] = (f64::from(byte) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2;
         }
         let squares: f64 = components.iter().map(|c| c * c).sum();
+        // The three others can be longer than 1, by rounding or in a damaged file.
         components[largest] = (1.0 - squares).max(0.0).sqrt();
         Ok(components.map(|c| c as f32))
     }

@@ -28,6 +28,7 @@ pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     for _ in 0..count {
         push_record(cursor.array("a record")?, &mut collector);
     }
+    // A rest is shorter than a record, which `take` reports.
     if !cursor.rest().is_empty() {
         cursor.take(RECORD_LEN, "a record")?;
     }
@@ -58,6 +59,7 @@ fn splat_record(scene: &Gaussians, i: usize) -> [u8; RECORD_LEN] {
     let colour = scene.sh_of(i)[0].map(|c| nearest_byte((0.5 + sh::C0 * f64::from(c)) * 255.0));
     record[24..27].copy_from_slice(&colour);
     record[27] = byte_of_logit(scene.opacity_logits[i]);
+    // The byte 128 is 0, and 1 is clamped to 127/128.
     record[28..]
         .copy_from_slice(&unit_quaternion(scene.rotations[i]).map(|c| nearest_byte(c * 128.0 + 128.0)));
     record

@@ -65,6 +65,7 @@ impl SpzHeader {
         let (sh_degree, fractional_bits) = read_layout(cursor)?;
         let at = cursor.clone();
         let [flags] = cursor.array("flags")?;
+        // An unknown flag may change the meaning of the planes.
         if flags & !3 != 0 {
             return Err(at.unsupported(format!("the flags {flags:#04x}"), "flags 1 and 2 are known"));
         }

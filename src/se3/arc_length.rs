@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! segment     |--------------------------------------------------|
-//! panels      |------------|------------|------------|-----|-----|   halved where the rule is inaccurate
+//! panels      |------------|------------|------------|-----|-----|   halved where inaccurate
 //! halves      |-----|------|-----|------|-----|------|--|--|--|--|
 //! one half    x  o     o      o     o  x     o: Gauss nodes    x: ends
 //! ```
@@ -10,9 +10,9 @@
 //! Lengths come from adaptive 5-point Gauss-Legendre quadrature. A panel is accepted when the rule
 //! over it agrees with the sum of the rules over its halves; the halves are then kept.
 //!
-//! Only the length before each segment is stored. A [`ArcWalk`] along the curve rebuilds the panels of
-//! the segment that it is in, so a path of millions of segments needs memory for their lengths
-//! alone.
+//! Only the length before each segment is stored. An [`ArcWalk`] along the curve rebuilds the
+//! panels of the segment that it is in, so a path of millions of segments needs memory for their
+//! lengths alone.
 //!
 //! To invert the length, the speed on a half panel is replaced by the polynomial of degree 6
 //! through seven values: five at the nodes, which the quadrature has computed already, and two at
@@ -35,9 +35,9 @@ const TOLERANCE: f64 = 1e-13;
 /// test does not notice a cusp in between. A cusp that this test misses is within 5e-7 of the
 /// panel's width from its end, and costs 5e-13 of its length.
 const SEEN: f64 = 1e-6;
-/// The same limit where the speed at an end is positive but below `SEEN`. A curve that passes so
-/// close to a stop bends inside the panel, and its length up to a place would be wrong by 1e-11 of
-/// the panel's length.
+/// Replaces [`SEEN`] where the speed at an end is positive but below `SEEN` of the mean. A curve
+/// that passes so close to a stop bends inside the panel, and its length up to a place would be
+/// wrong by 1e-11 of the panel's length.
 const SEEN_AT_A_STOP: f64 = 1e-9;
 /// Error, relative to the segment's length, below which a panel is always accepted. At a cusp the
 /// relative error of the panel that contains it never falls.
@@ -100,6 +100,9 @@ impl<P: CurveSpeed> ArcLength<P> {
     /// Measures a curve. Segment `i` covers `steps[i] > 0` of the parameter.
     pub fn measure_curve(steps: &[f64], pace: P) -> Self {
         let mut measured = Self { pace, steps: steps.to_vec(), before: Vec::with_capacity(steps.len() + 1) };
+        // One buffer of panels serves all segments, and only lengths are kept. The sum is
+        // compensated, because a path of a million segments would otherwise lose digits to its
+        // length.
         let (mut sum, mut halves) = (NeumaierSum::default(), Vec::new());
         measured.before.push(0.0);
         for segment in 0..steps.len() {
@@ -165,6 +168,7 @@ impl<P: CurveSpeed> ArcLength<P> {
         let bound = |k: usize| self.steps[segment] * (k as f64 / PANELS as f64);
         let spans: [SegmentSpan; PANELS] =
             std::array::from_fn(|k| self.span(segment, bound(k), bound(k + 1)));
+        // The floor needs only the size of the segment, which four rules give well enough.
         let floor = spans.iter().map(SegmentSpan::length).sum::<f64>() * FLOOR;
         halves.clear();
         spans.into_iter().for_each(|span| self.subdivide(halves, span, floor, DEPTH));
@@ -178,10 +182,12 @@ impl<P: CurveSpeed> ArcLength<P> {
         // `sum <= floor` ends the search at a stop, where a relative test on almost nothing would
         // never pass.
         let near = (whole.length() - sum).abs() <= (TOLERANCE * sum).max(floor);
+        // `sees_ends` evaluates the curve twice more, so it is asked last.
         if depth == 0 || sum <= floor || (near && self.sees_ends(&whole)) {
             halves.extend([left, right]);
             return;
         }
+        // Each half becomes the whole of the next level, with the speeds that it has already.
         self.subdivide(halves, left, floor, depth - 1);
         self.subdivide(halves, right, floor, depth - 1);
     }
@@ -251,6 +257,8 @@ impl HalfPanel {
     /// borders.
     fn invert(&self, share: f64) -> f64 {
         let target = self.whole * share;
+        // The integral grows with `w`, so the sign of the residual says on which side the root
+        // lies.
         let (mut low, mut high) = (-1.0, 1.0);
         let mut w = self.guess(share);
         for _ in 0..ROUNDS {
@@ -263,6 +271,7 @@ impl HalfPanel {
                 w = newton.clamp(-1.0, 1.0);
                 break;
             }
+            // A step that leaves the bracket is replaced by its middle.
             w = if newton > low && newton < high { newton } else { f64::midpoint(low, high) };
         }
         self.from + self.width * (0.5 + 0.5 * w)
@@ -271,6 +280,8 @@ impl HalfPanel {
     /// A first guess of `w` for `share`, by cubic Hermite interpolation of the inverse.
     fn guess(&self, share: f64) -> f64 {
         let ([a, b], rest) = (self.bends, 1.0 - share);
+        // At a stop a bend is infinite, and the cubic is NaN or far off. The linear guess is always
+        // inside.
         let u = share + share * rest * (a * rest - b * share);
         if u > 0.0 && u < 1.0 { 2.0 * u - 1.0 } else { 2.0 * share - 1.0 }
     }
@@ -298,11 +309,13 @@ impl<P: CurveSpeed> ArcWalk<'_, P> {
         if segments == 0 {
             return CurvePlace { segment: 0, x: 0.0 };
         }
+        // Answered first, so that rounding cannot place the end in a segment by itself.
         if length >= self.arc.total() {
             let last = segments - 1;
             return CurvePlace { segment: last, x: self.arc.steps[last] };
         }
         let near = self.segment.unwrap_or(0);
+        // Without the total, which starts no segment.
         let segment = index_of(&self.arc.before[..segments], near, length);
         if self.segment != Some(segment) {
             self.enter(segment);
@@ -333,6 +346,7 @@ impl<P: CurveSpeed> ArcWalk<'_, P> {
         self.before.clear();
         let mut sum = NeumaierSum::default();
         for half in &self.halves {
+            // As in `measure_curve`, so that the last half ends where the next segment begins.
             self.before.push(self.arc.before[segment] + sum.value());
             sum.add(half.length());
         }
@@ -368,6 +382,7 @@ const WEIGHTS: [f64; 3] = [0.236_926_885_056_189_08, 0.478_628_670_499_366_47, 1
 /// Weights of the nodes in the value at 1 of the polynomial through them (Lagrange).
 const EXTRAPOLATION: [f64; 5] = {
     let mut weights = [1.0; 5];
+    // `while`, because constants have no `for`.
     let mut i = 0;
     while i < 5 {
         let mut j = 0;
@@ -382,7 +397,7 @@ const EXTRAPOLATION: [f64; 5] = {
     weights
 };
 
-/// Where the polynomial of a half has its values: both ends, and the nodes.
+/// Places at which the polynomial of a half takes its values: both ends, and the nodes.
 const PLACES: [f64; 7] = [-1.0, NODES[0], NODES[1], NODES[2], NODES[3], NODES[4], 1.0];
 /// `INTERPOLATION[k][i]`: the coefficient of `w^k` in the polynomial that is 1 at place i and 0 at
 /// the others (Lagrange).

@@ -74,6 +74,7 @@ impl RotationSpline {
         );
         let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn_between(r[0], r[1]).0).collect();
         let rates = RateEquations::new(steps, &vectors).solve()?;
+        // The rate at the end of a segment is turned into the slope of its rotation vector there.
         let turns = (0..steps.len())
             .map(|i| {
                 let end_slope = slope_from_rate(vectors[i]) * rates[i + 1];
@@ -112,8 +113,8 @@ impl RotationSpline {
 /// 2/h_k J_k w_k + 4 (1/h_k + 1/h_{k+1}) w_{k+1} + 2/h_{k+1} J_{k+1}^-1 w_{k+2} + q_k(w_{k+1})
 ///     = 6 (r_k/h_k^2 + r_{k+1}/h_{k+1}^2)
 /// ```
-/// with `w` the rates, `r` the turns, `h` the steps, `J` the right Jacobian and `q` the quadratic part of the
-/// angular acceleration at the end of segment k, whose slope is `J_k^-1 w_{k+1}`.
+/// with `w` the rates, `r` the turns, `h` the steps, `J` the right Jacobian and `q` the quadratic
+/// part of the angular acceleration at the end of segment k, whose slope is `J_k^-1 w_{k+1}`.
 struct RateEquations<'a> {
     steps: &'a [f64],
     turns: &'a [DVec3],
@@ -131,7 +132,9 @@ impl<'a> RateEquations<'a> {
     fn solve(&self) -> Result<Vec<DVec3>, SplineDiverged> {
         let mean: Vec<DVec3> = self.turns.iter().zip(self.steps).map(|(r, h)| *r / *h).collect();
         let mut change = f64::INFINITY;
+        // Half steps converge where full steps overshoot, but they need more rounds.
         for (rounds, damping) in ROUNDS {
+            // Each attempt starts from the mean turns: rates that have diverged are no start.
             let mut rates: Vec<DVec3> = std::iter::once(mean[0]).chain(mean.iter().copied()).collect();
             for _ in 0..rounds {
                 change = self.improve(&mut rates, damping);
@@ -171,6 +174,7 @@ impl<'a> RateEquations<'a> {
                 pivot -= eliminated * self.after(k - 1);
                 right -= eliminated * x[k - 1];
             }
+            // Inverted once: the next row and the back substitution both use it.
             pivots.push(pivot.inverse());
             x.push(right);
         }
@@ -228,7 +232,8 @@ pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
     slope - once * c.versine + r.cross(once) * c.sine
 }
 
-/// The inverse of [`rate_from_slope`], for `|r| <= pi`: `I + [r]/2 + (1 - t/2 cot(t/2)) / t^2 [r]^2`.
+/// The inverse of [`rate_from_slope`], for `|r| <= pi`:
+/// `I + [r]/2 + (1 - t/2 cot(t/2)) / t^2 [r]^2`.
 fn slope_from_rate(r: DVec3) -> DMat3 {
     let t2 = r.length_squared();
     let skew = skew_matrix(r);
@@ -253,6 +258,7 @@ struct LogCoefficients {
 }
 
 impl LogCoefficients {
+    // The closed forms cancel for small angles, so the series take over below 1 rad.
     fn for_angle(t2: f64) -> Self {
         if t2 < 1.0 {
             return Self { versine: power_sum(t2, &VERSINE), sine: power_sum(t2, &SINE) };

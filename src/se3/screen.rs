@@ -51,6 +51,7 @@ pub fn rotation_from_matrix(matrix: &DMat3) -> Result<ScreenedRotation, Rotation
     let deviation = excess.to_cols_array().iter().fold(0.0, |m: f64, e| m.max(e.abs()));
     refuse_above_limit(deviation)?;
     let determinant = matrix.determinant();
+    // A reflection has orthonormal columns too, so the determinant is tested by itself.
     if determinant < 0.0 {
         return Err(RotationError::Mirrors { determinant });
     }
@@ -98,7 +99,8 @@ mod tests {
 
     #[test]
     fn matrices_and_quaternions_name_the_same_rotation_at_every_angle() {
-        // Every branch of the conversion: the largest of w, x, y, z in turn, and the half turns between them.
+        // Every branch of the conversion: the largest of w, x, y, z in turn, and the half turns
+        // between them.
         for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.48, 0.6, 0.64)] {
             for degrees in [0.0f64, 1e-9, 1e-3, 30.0, 90.0, 119.0, 121.0, 179.0, 180.0 - 1e-9, 180.0] {
                 let q = exp_vector(axis * (degrees * std::f64::consts::PI / 180.0));

@@ -22,6 +22,7 @@ pub(super) const fn alternating_series<const N: usize>(first: usize, numerators:
     let mut factorial = 1.0;
     let mut sign = 1.0;
     let (mut k, mut n) = (0, 1);
+    // `while`, because constant functions have no `for`.
     while k < N {
         while n <= 2 * k + first {
             factorial *= n as f64;

@@ -77,6 +77,7 @@ impl CubicSpline {
         );
         let chords: Vec<DVec3> =
             steps.iter().zip(points.windows(2)).map(|(h, p)| (p[1] - p[0]) / *h).collect();
+        // Not-a-knot ends need three segments. With fewer, the curve has fewer parameters.
         let slopes = match chords.len() {
             1 => vec![chords[0]; 2],
             2 => parabola_slopes(steps, &chords),
@@ -131,13 +132,14 @@ fn spline_slopes(h: &[f64], d: &[DVec3]) -> Vec<DVec3> {
         above: h[i - 1],
         right: (d[i - 1] * h[i] + d[i] * h[i - 1]) * 3.0,
     }));
+    // The last row is the first row of the reversed curve.
     let (a, b) = (h[n - 1], h[n - 2]);
     rows.push(TridiagonalRow { below: a + b, diagonal: b, above: 0.0, right: end(a, b, d[n - 1], d[n - 2]) });
     solve_tridiagonal(rows)
 }
 
-/// Elimination without pivoting. Row 0 has a positive pivot, and every later pivot keeps at least
-/// half its diagonal.
+/// Elimination without pivoting. Row 0 has a positive pivot. Every inner pivot keeps at least half
+/// its diagonal, and the last one stays positive.
 fn solve_tridiagonal(mut rows: Vec<TridiagonalRow>) -> Vec<DVec3> {
     for i in 1..rows.len() {
         let factor = rows[i].below / rows[i - 1].diagonal;

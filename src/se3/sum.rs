@@ -12,6 +12,7 @@ impl NeumaierSum {
     /// Adds `term`.
     pub fn add(&mut self, term: f64) {
         let next = self.sum + term;
+        // The smaller of the two loses its low bits in the sum, so they are recovered from it.
         self.lost +=
             if self.sum.abs() >= term.abs() { (self.sum - next) + term } else { (term - next) + self.sum };
         self.sum = next;

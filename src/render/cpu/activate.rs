@@ -66,6 +66,7 @@ pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
 }
 
 fn activate_block(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> GaussianBlock {
+    // Padding lanes hold zeros. They are projected with the others, and never counted or drawn.
     let zero = [0.0; LANES];
     let mut block = GaussianBlock {
         len: numbers.len(),
@@ -93,10 +94,12 @@ fn activate_block(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Gau
 
 fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
     if !is_finite(scene, i) {
+        // NaN makes the determinant NaN in every view, so the Gaussian counts as degenerate.
         return [[f32::NAN; 3]; 3];
     }
     let rotation = stored_rotation(scene.rotations[i]);
     [0, 1, 2].map(|k| {
+        // By `libm` and in 64 bits, so that the bits do not depend on the platform.
         let deviation = libm::exp(f64::from(scene.log_scales[i][k]));
         (rotation.col(k) * deviation).as_vec3().to_array()
     })

@@ -46,8 +46,7 @@ impl TileGrid {
     }
 }
 
-/// Maximum number of entries that all lists may have at once: about 100 MB at 8 bytes per [`TilePair`]
-/// plus 4.
+/// Maximum number of entries in all lists at once: about 100 MB at 8 bytes per [`TilePair`] plus 4.
 pub(super) const BUDGET: usize = 1 << 23;
 
 /// The lists of a band of tiles. The band covers all tiles if they are within the budget.
@@ -87,8 +86,8 @@ pub(super) struct OrderedSplats<'a> {
 }
 
 impl TileLists {
-    /// Empty lists. They will never hold more than `budget` entries at once, unless a single tile
-    /// has more.
+    /// Empty lists. They never hold more than `budget` entries at once, except for a single tile
+    /// with more.
     pub(super) fn new(budget: usize) -> Self {
         Self { budget, band: 0..0, chunks: Vec::new() }
     }
@@ -124,6 +123,7 @@ impl TileLists {
     /// there are more than `bound`; the lists are then invalid.
     fn fill(&mut self, frame: OrderedSplats<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
         let used = frame.order.len().div_ceil(CHUNK);
+        // Each chunk keeps one start per tile. These starts count too, even if the lists are short.
         if used.saturating_mul(band.len()) > bound {
             return None;
         }
@@ -139,8 +139,10 @@ impl TileLists {
 
     /// Divides the tiles into bands within the budget.
     fn bands(&self, frame: OrderedSplats<'_>) -> Vec<Range<usize>> {
+        // As in `fill`, the starts of all chunks must be within the budget.
         let most = (self.budget / frame.order.len().div_ceil(CHUNK)).max(1);
         let mut bands: Vec<Range<usize>> = Vec::new();
+        // Full at first, so that the first tile opens a band.
         let mut listed = usize::MAX;
         for (tile, count) in list_lengths(frame).into_iter().enumerate() {
             listed = listed.saturating_add(count as usize);
@@ -190,6 +192,7 @@ struct ListCapacity {
 impl ListCapacity {
     /// Adds entries, and returns whether the total is within the bound.
     fn take(&self, entries: usize) -> bool {
+        // Relaxed: only the sum matters, and no other memory is published by it.
         self.taken.fetch_add(entries, Ordering::Relaxed) + entries <= self.bound
     }
 }
@@ -218,6 +221,7 @@ impl SplatChunk {
                     }
                 });
             }
+            // Threads share the counter, so it is not touched for every splat.
             if self.pairs.len() - told >= STEP {
                 if !room.take(self.pairs.len() - told) {
                     return false;
@@ -263,6 +267,7 @@ fn each_run(splat: &Splat, grid: TileGrid, band: &Range<usize>, mut each: impl F
     let outline = splat.outline();
     let within = band.start / grid.columns..band.end.div_ceil(grid.columns);
     for row in rows.start.max(within.start)..rows.end.min(within.end) {
+        // `columns_in` expects rows within those of the splat.
         let [first, end] = splat.rows;
         let [first, end] = [first.max((row * TILE) as u16), end.min(((row + 1) * TILE) as u16)];
         let columns = tiles(if one_row_or_column { splat.columns } else { outline.columns_in(first, end) });

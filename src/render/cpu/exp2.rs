@@ -25,6 +25,8 @@ pub(super) fn exp2_neg<S: Simd>(simd: S, q: f32x16<S>) -> f32x16<S> {
     // The fraction is negated: the signs of the odd terms turn, and no rounding changes.
     let g = q + (shifted - ROUNDER);
     let p = all(1.0) - g * (all(c1) - g * (all(c2) - g * (all(c3) - g * (all(c4) - g * c5))));
+    // The integer in the low bits of `shifted` is `-round(q)`. Added to the exponent, it multiplies
+    // by a power of two; [`LARGEST`] keeps the result a normal number.
     f32x16::from_bits(p.to_bits() + (shifted.to_bits() << 23))
 }
 

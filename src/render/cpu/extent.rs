@@ -8,6 +8,7 @@ use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TIL
 /// is `log2(255 opacity)` except under `soft`, plus a margin: the exponential has a relative error
 /// of 2e-7, and `q` itself of some units of 2^-24.
 pub(super) fn opacity_reach(rules: RenderRules, opacity: f32) -> f32 {
+    // An opacity below the least one has reach 0. The projection culls it by a test of its own.
     libm::log2f(opacity / least_alpha(rules)).max(0.0) * (1.0 + 1e-5) + 1e-5
 }
 
@@ -60,13 +61,15 @@ impl ExtentSide {
             }
             RenderRules::Official => {
                 let radius = (EXTENT_SIGMAS * self.longest.sqrt()).ceil();
+                // The published program counts pixels by their index: the centre of pixel 0 is at
+                // 0.
                 common(within, official_extent(self.mean - 0.5, radius, self.size))
             }
         }
     }
 }
 
-/// The pixel ranges of both axes.
+/// The pixels that two ranges share.
 #[inline(always)]
 fn common([a0, a1]: [u16; 2], [b0, b1]: [u16; 2]) -> [u16; 2] {
     [a0.max(b0), a1.min(b1)]
@@ -79,8 +82,8 @@ fn longest([a, b, c]: [f32; 3]) -> f32 {
     middle + (half * half + b * b).max(EXTENT_ROOT_FLOOR).sqrt()
 }
 
-/// The published square, rounded outwards to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c +
-/// r + 15) / 16)`.
+/// The published square, rounded outwards to tiles, in pixels: `trunc((c - r) / 16)` to
+/// `trunc((c + r + 15) / 16)`.
 #[inline(always)]
 fn official_extent(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     let last = centre + radius + (TILE_PX - 1.0);

@@ -39,6 +39,8 @@ pub(super) struct ViewTransform {
 pub(in crate::render) fn slope_bounds(camera: &Camera, rules: RenderRules) -> [[f64; 2]; 2] {
     let along = |focal: f64, centre: f64, edge: u32| match rules {
         RenderRules::Official | RenderRules::Exact | RenderRules::Soft => {
+            // The published bounds are symmetric about the optical axis: they know no principal
+            // point.
             let most = FRUSTUM_SLACK * f64::from(edge) / (2.0 * focal);
             [-most, most]
         }
@@ -91,8 +93,8 @@ pub(super) struct SplatCovariance<S> {
 }
 
 impl<S: RealNumber<Plain = f32>> SplatCovariance<S> {
-    /// `w1, w2, w3` of [`Splat`]. `w2` is computed as `-b / sqrt(c) / sqrt(det)`: the product `c
-    /// det` overflows first.
+    /// `w1, w2, w3` of a splat. `w2` is computed as `-(b / c) w1`, because the product `c det` of
+    /// `-b / sqrt(c det)` could overflow.
     #[inline(always)]
     pub(super) fn weights(&self) -> [S; 3] {
         let to_binary = S::with_rate(TO_BINARY, 0.0);
@@ -118,7 +120,7 @@ impl ViewTransform {
         self.origin + DVec3::new(x.into(), y.into(), z.into())
     }
 
-    /// A point in camera axes. While the camera moves, `qdot = -v - w x q`.
+    /// The projection of a point in camera axes. While the camera moves, `qdot = -v - w x q`.
     #[inline(always)]
     pub(super) fn sight<S: RealNumber<Plain = f32>>(&self, point: DVec3) -> ProjectedMean<S> {
         let rate = -self.velocity.linear - self.velocity.angular.cross(point);
@@ -139,6 +141,7 @@ impl ViewTransform {
     #[inline(always)]
     fn clamped<S: RealNumber<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
         let [low, high] = self.slack[k];
+        // `&` and selections instead of `&&` and branches keep the loop over lanes vector code.
         let inside = (low < slope) & (slope < high);
         // `f64::clamp` without its check of the bounds.
         let slope = if slope < low { low } else { slope };
@@ -192,6 +195,7 @@ impl ViewTransform {
             dot_product(self.rows[1], axis),
             dot_product(self.rows[2], axis),
         ];
+        // `seen x w` is `-w x seen`.
         let rate = cross_product(seen, self.turning);
         [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
     }

@@ -27,6 +27,7 @@ impl InstructionSet {
     pub fn available_sets() -> Vec<Self> {
         let best = Level::new();
         let mut all = Vec::new();
+        // From narrow to wide: `widest_set` takes the last.
         let mut add = |name, level: Option<Level>| all.extend(level.map(|level| Self { level, name }));
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         {

@@ -26,7 +26,7 @@ use rayon::prelude::*;
 /// output begins.
 pub(super) const CHUNK: usize = 4096;
 
-/// True if a Gaussian is drawn, and why not if it is not.
+/// Outcome of a projection: drawn, or the reason why not. It is as wide as an `f32` lane.
 type Fate = u32;
 const DRAWN: Fate = 0;
 const BEHIND: Fate = 1;
@@ -113,7 +113,7 @@ struct ProjectedBlock<S: LaneValue> {
     depth: S::Lanes,
     mean: [S::Lanes; 2],
     slopes: [S::Lanes; 2],
-    /// `a`, `b` and `c` of [`Footprint`].
+    /// `a`, `b` and `c` of `SplatCovariance`.
     covariance: [Lane; 3],
     depth_deviation: Lane,
     w: [S::Lanes; 3],
@@ -140,6 +140,8 @@ impl ProjectionInput<'_> {
     ) {
         let count = self.blocks.iter().map(|block| block.len).sum();
         splats.resize(count, Splat::default());
+        // All blocks but the last are full, so these chunks of blocks and of splats hold the same
+        // Gaussians.
         let parts = self.blocks.par_chunks(CHUNK / LANES).zip(splats.par_chunks_mut(CHUNK));
         if self.want.luminance_rate {
             rates.resize(count, SplatRates::default());
@@ -224,6 +226,7 @@ impl ProjectionInput<'_> {
         seen: &ProjectedBlock<S>,
         i: usize,
     ) -> [f32; MAX_FEATURES] {
+        // `resolve_tiles` reads the features in this order.
         let mut features = [0.0; MAX_FEATURES];
         let mut n = 0;
         if self.want.rgb {
@@ -272,12 +275,15 @@ impl<S: LaneValue> ProjectedBlock<S> {
     fn locate(&mut self, eye: &ViewTransform, rules: RenderRules, block: &GaussianBlock) {
         let [x, y, z] = &block.positions;
         let (nearest, farthest) = match rules {
+            // The rules ask for `z > NEAR`. The next float turns that into the comparison of
+            // `gsplat`.
             RenderRules::Official | RenderRules::Exact | RenderRules::Soft => (NEAR.next_up(), f32::INFINITY),
             RenderRules::Gsplat => (GSPLAT_NEAR, GSPLAT_FAR),
         };
         for i in 0..LANES {
             let sight = eye.sight::<S>(eye.camera_from_world * eye.ray([x[i], y[i], z[i]]));
             let depth = sight.depth.value();
+            // A depth that is NaN fails both comparisons and counts as behind.
             let in_front = depth >= nearest && depth <= farthest;
             self.fate[i] = if in_front { DRAWN } else { BEHIND };
             sight.depth.put(&mut self.depth, i);
@@ -310,7 +316,10 @@ impl<S: LaneValue> ProjectedBlock<S> {
                 opacity = opacity * (shape.det0 / shape.det).at_least(floor).sqrt();
             }
             let det = shape.det.value();
+            // `&` instead of `&&`, so that the loop has no branch.
             let sound = det.is_finite() & (det > 0.0) & mean[0].is_finite() & mean[1].is_finite();
+            // A Gaussian has one fate. Behind comes before degenerate, and degenerate before
+            // outside.
             let fate = if opacity.value() < least { OUTSIDE } else { DRAWN };
             let fate = if sound { fate } else { DEGENERATE };
             self.fate[i] = if self.fate[i] == BEHIND { BEHIND } else { fate };
@@ -328,6 +337,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
     /// The reach of the scaled opacities.
     #[inline(always)]
     fn reach_anew(&mut self, rules: RenderRules) {
+        // The logarithm is not vector code, so it is computed for drawn lanes only.
         for i in 0..LANES {
             if self.fate[i] == DRAWN {
                 self.reach[i] = extent::opacity_reach(rules, S::at(&self.opacity, i).value());
@@ -357,6 +367,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
     fn count(&mut self, len: usize, work: &mut RenderWork) -> usize {
         let mut drawn = 0;
         for i in 0..len {
+            // Written for every lane and kept only if the lane is drawn: there is no branch.
             self.drawn[drawn] = i as u8;
             drawn += usize::from(self.fate[i] == DRAWN);
         }
@@ -387,6 +398,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
                 to[k] = from[i];
             }
         }
+        // With a constant degree, the compiler drops the functions above it.
         match degree {
             0 => self.face_to(eye, 0, count),
             1 => self.face_to(eye, 1, count),
@@ -408,10 +420,12 @@ impl<S: LaneValue> ProjectedBlock<S> {
         }
     }
 
-    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::sum_colour`] for three
-    /// channels at once.
+    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::sum_colour`] for
+    /// three channels at once.
     #[inline(always)]
     fn colour(&self, k: usize, coefficients: &[f32]) -> [S; 3] {
+        // Four values at a time fill a vector. The fourth belongs to the next function and is
+        // dropped, so the last function, which no other follows, is added by itself.
         let (mut sum, mut rate) = ([0.0_f32; 4], [0.0_f32; 4]);
         let last = coefficients.len() / 3 - 1;
         for n in 0..last {
@@ -453,6 +467,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
         SplatRates {
             mean: [rate(&self.mean[0]), rate(&self.mean[1])],
             w: [rate(&self.w[0]), rate(&self.w[1]), rate(&self.w[2])],
+            // A drawn opacity is at least the least one, so the quotient is finite.
             opacity: opacity.rate() / opacity.value(),
             depth: rate(&self.depth),
             grey,

@@ -53,7 +53,7 @@ const BATCH: usize = 64;
 pub(super) struct RasterInput<'a> {
     /// Projected Gaussians.
     pub(super) splats: &'a [Splat],
-    /// The splats' rates; empty if rates were not requested.
+    /// The splats' rates. If rates were not requested, it is empty or that of an earlier frame.
     pub(super) rates: &'a [SplatRates],
     /// The lists of the tiles.
     pub(super) lists: &'a TileLists,
@@ -76,13 +76,14 @@ pub(super) fn plane_count(features: usize, rate: bool) -> usize {
 }
 
 /// Blends every tile with `N` features per splat. `SOFT` fades layers in, `RATE` computes the rate
-/// of the luminance. A tile's part of `out` is [`plane_count`] of [`PIXELS`] values: the sums of weight
-/// times feature, the transmittance, then the rates of luminance and transmittance.
+/// of the luminance. A tile's part of `out` is [`plane_count`] of [`PIXELS`] values: the sums of
+/// weight times feature, the transmittance, then the rates of luminance and transmittance.
 pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
     frame: RasterInput<'_>,
     out: &mut Vec<f32>,
 ) -> RenderWork {
     let stride = plane_count(N, RATE) * PIXELS;
+    // Every tile of a band is stored as a whole, so old values need no clearing.
     out.resize(frame.grid.len() * stride, 0.0);
     let band = frame.lists.band();
     out.par_chunks_mut(stride)
@@ -100,6 +101,7 @@ pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
                 dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, DualNumber<f32>, N>(simd, frame, index, out))
             }
         })
+        // The counts are integers, so the order in which tasks are joined does not show.
         .reduce(RenderWork::default, |mut a, b| {
             a += b;
             a
@@ -121,6 +123,7 @@ impl SplatBatch {
         for (near, &place) in self.splats.iter_mut().zip(places) {
             *near = frame.splats[place as usize];
         }
+        // Without rates, their array may be empty or that of an earlier frame.
         if RATE {
             for (near, &place) in self.rates.iter_mut().zip(places) {
                 *near = frame.rates[place as usize];
@@ -147,8 +150,10 @@ fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
         shapes: BatchEllipses::default(),
     };
     let mut work = RenderWork::default();
+    // With nothing to omit, finished blocks are blended too. Their pixels stay as they are.
     let whole = frame.omit == OmissionPolicy::Nothing;
     for run in frame.lists.of(index) {
+        // A batch never spans the lists of two chunks, so the last one of a run may be short.
         for places in run.chunks(BATCH) {
             // Nothing behind an opaque tile can change it, so the rest of the list is only counted.
             if pixels.is_finished() && !whole {

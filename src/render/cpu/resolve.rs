@@ -25,6 +25,7 @@ pub(super) fn resolve_tiles(
     background: [f32; 3],
     out: &mut RenderedImages,
 ) {
+    // The order in which `ProjectionInput::features` wrote the features.
     let mut first = 0;
     let mut next = |n: usize| {
         first += n;
@@ -39,12 +40,14 @@ pub(super) fn resolve_tiles(
     });
     let behind = luminance(background);
     fill_image(&mut out.luminance, 0.0, grey, blended, |pixel, f| pixel.sum(f) + pixel.rest() * behind);
+    // Alpha is not a feature. The 0 only says that it is wanted.
     fill_image(&mut out.alpha, 0.0, want.alpha.then_some(0), blended, |pixel, _| 1.0 - pixel.rest());
     fill_image(&mut out.depth, 0.0, depth, blended, |pixel, f| {
         let alpha = 1.0 - pixel.rest();
         if alpha < DEPTH_MIN_ALPHA { f32::NAN } else { pixel.sum(f) / alpha }
     });
     fill_image(&mut out.doubtful, 0.0, doubtful, blended, |pixel, f| pixel.sum(f));
+    // The rates follow the features and the transmittance.
     let rate = want.luminance_rate.then_some(blended.features + 1);
     fill_image(&mut out.luminance_rate, 0.0, rate, blended, |pixel, f| {
         pixel.sum(f) + pixel.sum(f + 1) * behind
@@ -82,6 +85,7 @@ fn fill_image<T: Copy + Send>(
     };
     let BlendedTiles { tiles, features, grid } = blended;
     let stride = tiles.len() / grid.len();
+    // Every pixel is written below, so an image of the right size is reused as it is.
     let reused = image.take().filter(|i| i.size() == grid.size);
     let mut filled = reused.unwrap_or_else(|| Image::filled(grid.size, blank));
     filled.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {

@@ -18,7 +18,7 @@ const DIGIT_BITS: u32 = 13;
 /// Sorts splats by the bits of their depth; ties keep the order of the file.
 #[derive(Debug, Default)]
 pub(super) struct DepthSorter {
-    /// Position of the depth bits, above the splat's place.
+    /// Bits of the depth in the high half, the splat's place in the low half.
     keys: Vec<u64>,
     spare: Vec<u64>,
 }
@@ -27,6 +27,8 @@ impl DepthSorter {
     /// The order of the projected splats: one key each, with the splat's place in its low half.
     pub(super) fn run(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> &[u64] {
         let [low, high] = self.lay_down(splats, chunks);
+        // Relative to the smallest depth, keys have fewer bits than a float and need fewer passes.
+        // Without splats `low` is above `high`, and there is no pass.
         let bits = u32::BITS - high.saturating_sub(low).leading_zeros();
         let passes = bits.div_ceil(DIGIT_BITS);
         self.spare.resize(self.keys.len(), 0);
@@ -40,11 +42,14 @@ impl DepthSorter {
     /// Writes the keys in file order, and returns the bits of the smallest and largest depth.
     fn lay_down(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> [u32; 2] {
         self.keys.resize(chunks.iter().map(|chunk| chunk.drawn).sum(), 0);
+        // Each chunk writes to its own part of the keys, so chunks run in parallel.
         let mut rest = self.keys.as_mut_slice();
         let keys = chunks.iter().map(|c| rest.split_off_mut(..c.drawn).expect("as many as are drawn"));
         let keys: Vec<&mut [u64]> = keys.collect();
         let lay = |(k, keys): (usize, &mut [u64])| {
             let mut ends = [u32::MAX, 0];
+            // The splats of a chunk begin at a multiple of `CHUNK`; the places between chunks are
+            // unused.
             for ((place, splat), key) in splats.iter().enumerate().skip(k * CHUNK).zip(keys) {
                 let depth = splat.depth.to_bits();
                 ends = [ends[0].min(depth), ends[1].max(depth)];
@@ -72,6 +77,7 @@ impl DepthSorter {
             self.spare[*place as usize] = key;
             *place += 1;
         }
+        // The buffers change roles, so no pass copies keys back.
         std::mem::swap(&mut self.keys, &mut self.spare);
     }
 }

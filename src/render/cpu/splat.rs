@@ -13,6 +13,7 @@ pub(super) const MAX_FEATURES: usize = 6;
 /// dy)^2 + (w3 dy)^2`, where `(dx, dy)` is the pixel's centre minus the mean. This is the Cholesky
 /// form of the exponent, with `w` scaled by `sqrt(log2(e) / 2)`: a sum of squares, so rounding
 /// cannot make it negative.
+// 64 bytes, one cache line: the later passes read splats in no order of memory.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub(super) struct Splat {
@@ -127,6 +128,8 @@ impl SplatEllipse<'_> {
         let top = f32::from(first) + 0.5 - splat.mean[1];
         let bottom = f32::from(end) - 0.5 - splat.mean[1];
         let chord = |dy: f32| {
+            // Away from its widest point an edge only recedes, so the nearest row of the range
+            // decides.
             let widest = dy >= top - slack && dy <= bottom + slack;
             if widest { None } else { splat.chord(dy.clamp(top, bottom)) }
         };

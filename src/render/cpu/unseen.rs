@@ -12,7 +12,8 @@
 //! only if
 //!
 //! ```text
-//! fx u + cx + k (fx/z s V + sqrt(0.3)) >= 0,    that is, as z > 0,    q.x + L q.z >= -k s V,    L = (cx + m) / fx
+//! fx u + cx + k (fx/z s V + sqrt(0.3)) >= 0,    that is, as z > 0,
+//! q.x + L q.z >= -k s V,    L = (cx + m) / fx
 //! ```
 //!
 //! with `m >= k sqrt(0.3)` for every opacity. That is a plane through the camera's centre, widened
@@ -23,7 +24,8 @@
 //! and any `N`
 //!
 //! ```text
-//! N_j.(p - C_j) = N.(p - c) + (N_j - N).(p - c) + N_j.(c - C_j) <= N.(p - c) + turn |p - c| + shift
+//! N_j.(p - C_j) = N.(p - c) + (N_j - N).(p - c) + N_j.(c - C_j)
+//! <= N.(p - c) + turn |p - c| + shift
 //! ```
 //!
 //! with `turn` the largest `|N_j - N|` and `shift` the largest `N_j.(c - C_j)` of the run. If the
@@ -110,6 +112,7 @@ fn frustum_planes(rules: RenderRules, camera: &Camera) -> [CullPlane; 5] {
         let spread = SPREAD * (steepest * steepest + 1.0).sqrt() / normal.length();
         CullPlane { normal: normal.normalize(), least: 0.0, spread }
     };
+    // Slightly nearer than the plane, because depths are rounded to 32 bits before the comparison.
     let near = CullPlane { normal: DVec3::Z, least: f64::from(near) * (1.0 - 1e-6), spread: 0.0 };
     [near, edge(0, 1.0), edge(0, -1.0), edge(1, 1.0), edge(1, -1.0)]
 }
@@ -160,6 +163,7 @@ impl PathHull {
             self.cut(origin, first, shortest);
             self.cut(origin, second, shortest);
         }
+        // In preorder, the parts of a run are the entries between it and its `end`.
         let end = self.runs.len();
         self.runs[place].shortest = end == place + 1;
         self.runs[place].end = end;
@@ -172,6 +176,7 @@ impl PathHull {
         if opacity < 0.999 * least_alpha(self.rules) {
             return true;
         }
+        // `f32::max` ignores NaN, so each scale is tested by itself below.
         let log_deviation = scene.log_scales[i].iter().fold(f32::NEG_INFINITY, |most, &v| most.max(v));
         let deviation = libm::exp(f64::from(log_deviation));
         if !(deviation <= LARGEST_DEVIATION && scene.log_scales[i].iter().all(|v| v.is_finite())) {
@@ -182,6 +187,7 @@ impl PathHull {
         let mut place = 0;
         while let Some(run) = self.runs.get(place) {
             if run.excludes(&self.planes, position, wide) {
+                // The parts of a run see no more than the run itself.
                 place = run.end;
             } else if run.shortest {
                 return false;

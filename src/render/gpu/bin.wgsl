@@ -57,6 +57,7 @@ fn tally(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     for (var width = GROUP / 2u; width > 0u; width /= 2u) {
         workgroupBarrier();
         if local < width {
+            // Saturates, because large splats can make more pairs than 32 bits count.
             counts[local] = sum_up_to_many(counts[local], counts[local + width]);
         }
     }
@@ -75,6 +76,7 @@ fn emit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lo
     }
     counts[local] = count;
     for (var width = 1u; width < GROUP; width *= 2u) {
+        // Read, barrier, add: another thread may still have to read the old value.
         workgroupBarrier();
         var before = 0u;
         if local >= width {
@@ -115,6 +117,7 @@ fn bound(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let end = min((group.x + 1u) * BLOCK, count);
     for (var i = group.x * BLOCK + local; i < end; i += GROUP) {
         let tile = pairs[i].x;
+        // Empty pairs belong to no tile. Their sort key puts them behind all others.
         if tile == NO_TILE {
             continue;
         }

@@ -23,7 +23,7 @@ pub(super) struct BufferCapacity {
 }
 
 impl BufferCapacity {
-    /// The larger of both capacities, field by field.
+    /// The larger of both capacities, field by field. Buffers never shrink.
     pub(super) fn or(self, o: Self) -> Self {
         Self {
             splats: self.splats.max(o.splats),
@@ -109,6 +109,7 @@ impl FrameBuffers {
         let sizes = BufferSizes::new(room, groups);
         device.allocate("splats, pairs and images", sizes.sum(), |gpu| {
             let buffer = |size: u64, usage| {
+                // WebGPU refuses a binding without bytes.
                 let size = size.max(16);
                 gpu.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
             };
@@ -155,6 +156,7 @@ struct BufferSizes {
 
 impl BufferSizes {
     fn new(room: BufferCapacity, part_groups: u32) -> Self {
+        // `sums` and `counts` serve several passes one after another, so each has the larger size.
         let blocks = room.splats.max(room.pairs).div_ceil(BLOCK);
         Self {
             drawn: 4 * u64::from(part_groups) * u64::from(GROUP),

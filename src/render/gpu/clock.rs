@@ -85,6 +85,7 @@ impl DeviceClock {
 
     /// Copies the time stamps to a buffer.
     pub(super) fn copy(&self, encoder: &mut CommandEncoder, to: &Buffer, at: u64) {
+        // By a buffer in between: one that the host can map cannot take queries.
         encoder.resolve_query_set(&self.stamps, 0..STAMPS, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, to, at, BYTES as u64);
     }

@@ -132,18 +132,21 @@ impl GpuDevice {
         let info = adapter.get_info();
         let name = adapter_name(&info);
         let theirs = adapter.limits();
+        // Only the sizes are raised; all else is the default that WebGPU guarantees.
         let required_limits = Limits {
             max_storage_buffer_binding_size: theirs.max_storage_buffer_binding_size,
             max_buffer_size: theirs.max_buffer_size,
             ..Limits::default()
         };
         let limit = theirs.max_storage_buffer_binding_size.min(theirs.max_buffer_size);
+        // Time stamps are optional: a device without them has no clock.
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let wanted = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
         let (device, queue) = wait_for(adapter.request_device(&wanted))
             .map_err(|e| GpuError::Refused { adapter: name.clone(), because: e.to_string() })?;
         let trouble = Arc::new(Mutex::new(None));
         let note = |trouble: &Arc<Mutex<Option<String>>>, because: String| {
+            // The first failure is kept. Later ones are often its consequences.
             trouble.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(because);
         };
         let noted = trouble.clone();
@@ -168,15 +171,15 @@ impl GpuDevice {
         &self.fingerprint
     }
 
-    /// The same device with at most this many bytes per binding.
+    /// Limits each binding to at most this many bytes.
     #[must_use]
     pub fn with_limit(mut self, bytes: u64) -> Self {
         self.limit = self.limit.min(bytes);
         self
     }
 
-    /// The same device with at most this many bytes per allocation, for the scene and for a view's
-    /// lists and images.
+    /// Limits each allocation, for the scene and for a view's lists and images, to at most this
+    /// many bytes.
     #[must_use]
     pub fn with_room(mut self, bytes: u64) -> Self {
         self.room = Some(bytes);
@@ -197,7 +200,7 @@ impl GpuDevice {
     }
 
     pub(super) fn lost(&self, because: &str) -> GpuError {
-        // Drivers may give reasons of several lines; the first is enough.
+        // Drivers may give reasons of several lines; a message has one line.
         let because = because.split_whitespace().collect::<Vec<_>>().join(" ");
         GpuError::Lost { adapter: self.name.clone(), because }
     }
@@ -215,6 +218,7 @@ impl GpuDevice {
         if let Some(room) = self.room.filter(|room| wanted > *room) {
             return Err(full(format!("there is room for {room}")));
         }
+        // Only a lack of memory is caught here. Other errors arrive through the device's callback.
         let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let made = make(&self.device);
         match wait_for(scope.pop()) {
@@ -228,8 +232,8 @@ impl GpuDevice {
     }
 }
 
-/// Returns true if a hardware GPU may be present, as far as this can be known without loading drivers. A
-/// software implementation alone is a library of 60 MB.
+/// Returns true if a hardware GPU may be present. No driver is loaded for the answer: a software
+/// implementation alone is a library of 60 MB.
 fn may_have_hardware() -> bool {
     if !cfg!(target_os = "linux") {
         return true;
@@ -248,6 +252,7 @@ fn list_adapters() -> Result<Vec<Adapter>, GpuError> {
     wanted.flags = wgpu::InstanceFlags::empty();
     let instance = wgpu::Instance::new(wanted);
     let mut all = wait_for(instance.enumerate_adapters(Backends::all()));
+    // The sort is stable, so adapters of one kind stay in the order of their interfaces.
     all.sort_by_key(|a| match a.get_info().device_type {
         DeviceType::DiscreteGpu => 0,
         DeviceType::IntegratedGpu => 1,

@@ -22,6 +22,7 @@ fn exact_sum(a: f32, b: f32) -> vec2f {
 
 fn exact_product(a: f32, b: f32) -> vec2f {
     let product = opaque(a * b);
+    // Twelve bits each, so that the product of two halves fits the 24 bits of an f32.
     let high = vec2f(bitcast<f32>(bitcast<u32>(a) & 0xfffff000u), bitcast<f32>(bitcast<u32>(b) & 0xfffff000u));
     let low = vec2f(a, b) - high;
     let rest = opaque(opaque(high.x * high.y - product) + high.x * low.y) + low.x * high.y;
@@ -40,6 +41,7 @@ fn product2(a: vec2f, b: vec2f) -> vec2f {
 
 fn quotient2(a: vec2f, b: vec2f) -> vec2f {
     let first = a.x / b.x;
+    // One step of long division: the quotient of the rest corrects the first.
     let rest = sum2(a, -product2(vec2f(first, 0.0), b));
     return ordered_sum(first, rest.x / b.x);
 }

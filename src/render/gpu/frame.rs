@@ -56,6 +56,7 @@ pub(super) fn frame_bytes(
     let words = [camera.size.width, camera.size.height, x0, y0, x1, y1, room[0], room[1]];
     let floats = floats.into_iter().flatten().flat_map(f32::to_le_bytes);
     let mut bytes: Vec<u8> = floats.chain(words.into_iter().flat_map(u32::to_le_bytes)).collect();
+    // `resize` adds the last word of `Frame`, which is zero, and the padding.
     bytes.resize(BYTES as usize, 0);
     bytes
 }

@@ -8,7 +8,7 @@ struct Frame {
     // The scene's local origin minus the camera's centre in world axes, as a sum of two.
     origin_high: vec4f,
     origin_low: vec4f,
-    // Focal lengths, px: two high parts, two low parts. The same for the principal point.
+    // Focal lengths, px: two high parts, two low parts. Then the principal point in the same form.
     focal: vec4f,
     centre: vec4f,
     // Bounds of x / z, then of y / z, at which the projection's derivative is taken.
@@ -26,7 +26,7 @@ struct Frame {
     // Capacities for splats and pairs.
     splat_room: u32,
     pair_room: u32,
-    // Always 0, but no compiler knows it.
+    // Always 0, which no compiler can know.
     zero: u32,
 }
 

@@ -170,11 +170,13 @@ impl RegionPasses<'_> {
     /// Records all passes.
     pub(super) fn record(&self, encoder: &mut CommandEncoder) {
         let buffers = self.buffers;
+        // Passes add to the totals, and write sizes and lists only where there is something to do.
         for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
             encoder.clear_buffer(buffer, 0, None);
         }
         self.stage(encoder, TimedStage::Project, |pass| self.project(pass));
         let bound = &buffers.bound;
+        // `DIGITS` is even, so the order is back in its first buffer, which the later passes bind.
         let (by, scan) = (Dispatch::SplatBlocks, &self.pipelines.scan_splat_digits);
         self.stage(encoder, TimedStage::Sort, |pass| {
             self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan))
@@ -208,6 +210,7 @@ impl RegionPasses<'_> {
         let timestamp_writes = self.clock.map(|clock| clock.stamp(stage));
         let described = ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
         let mut pass = encoder.begin_compute_pass(&described);
+        // The view is the same for all pipelines of a frame.
         pass.set_bind_group(0, &self.buffers.bound.frame, &[]);
         fill(&mut pass);
     }
@@ -246,6 +249,7 @@ impl RegionPasses<'_> {
     ) {
         let sizes = &self.buffers.groups;
         for digit in 0..digits {
+            // Digits sort in turn from the first buffer to the second and back.
             let (way, entry) = (&ways[(digit % 2) as usize], [(first + digit) * ALIGNED]);
             pass.set_pipeline(&self.pipelines.count);
             pass.set_bind_group(1, way, &entry);
@@ -266,12 +270,15 @@ impl RegionPasses<'_> {
     ) {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(1, group, &[]);
+        // The device knows the size, so the host need not wait for the counts.
         pass.dispatch_workgroups_indirect(&self.buffers.groups, by.offset());
     }
 
     /// Number of digits of a tile's index, including a larger value for the empty pair.
     fn tile_digits(&self) -> u32 {
         let [columns, rows] = self.region.tiles();
+        // Of the empty pair's ones, only these digits are sorted. Their value is at least
+        // `columns * rows`, which no tile has.
         (u32::BITS - (columns * rows).leading_zeros()).div_ceil(DIGIT_BITS)
     }
 }

@@ -40,7 +40,7 @@ struct Found {
     deviation: f32,
     mean_rate: vec2f,
     w_rate: vec3f,
-    // Scaled axes in world axes.
+    // The ray from the camera's centre to the mean, in world axes.
     from_camera: vec3f,
 }
 
@@ -63,6 +63,7 @@ fn measure(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         if found.fate == DRAWN {
             atomicAdd(&fates[DOUBTFUL - BEHIND], u32(found.deviation > AFFINE_DOUBTFUL * found.depth));
             atomicAdd(&fates[INVALID - BEHIND], u32(found.deviation > AFFINE_INVALID * found.depth));
+            // A region takes its own splats only, but the fates are counted for the whole image.
             counts = u32(is_in_region(found.outline));
         } else {
             atomicAdd(&fates[found.fate - BEHIND], 1u);
@@ -94,6 +95,7 @@ fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     left[local] = counts;
     for (var width = 1u; width < GROUP; width *= 2u) {
         workgroupBarrier();
+        // Read, barrier, add: another thread may still have to read the old value.
         var before = 0u;
         if local >= width {
             before = left[local - width];
@@ -102,6 +104,7 @@ fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         left[local] += before;
     }
     let at = sums[group.x] + left[local] - counts;
+    // Splats beyond the capacity are counted but not written. The host then submits again.
     if counts == 1u && at < frame.splat_room {
         write(i, at);
     }
@@ -137,8 +140,8 @@ fn luminance(c: vec3f) -> f32 {
     return LUMINANCE_R * c.x + LUMINANCE_G * c.y + LUMINANCE_B * c.z;
 }
 
-// Whether a value is neither infinite nor NaN, by its bits: compilers may assume that all values
-// are finite.
+// True for a value that is neither infinite nor NaN. The test is by bits, because compilers may
+// assume that all values are finite.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
@@ -155,6 +158,7 @@ fn project(i: u32) -> Found {
     let point = array(along(0u, ray), along(1u, ray), along(2u, ray));
     found.depth = point[2].x;
     found.fate = BEHIND;
+    // Marks in place of the opacity, because NaN is not portable in WGSL.
     if mean.w == LOST || !is_in_front(found.depth) {
         return found;
     }
@@ -183,6 +187,7 @@ fn outline(i: u32, point: array<vec2f, 3>, found: ptr<function, Found>) {
     let shape = footprint(i, slopes, vec2f(p.z, rate.z));
     (*found).deviation = shape.depth_deviation;
     let sound = is_finite(shape.det.x) && shape.det.x > 0.0 && is_finite(mean.x) && is_finite(mean.y);
+    // The fate is still DEGENERATE.
     if !sound {
         return;
     }

@@ -51,10 +51,12 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         if local == 0u {
             goes_on = atomicLoad(&open);
         }
+        // A uniform load: barriers follow, so all threads must decide alike.
         if workgroupUniformLoad(&goes_on) == 0u {
             break;
         }
         let count = min(BATCH, range.y - base);
+        // All threads have passed the barriers above, so no thread still reads the previous batch.
         for (var k = local; k < count; k += PIXELS) {
             let from_row = pairs[base + k].y * SPLAT_ROWS;
             for (var row = 0u; row < SPLAT_ROWS; row++) {
@@ -80,6 +82,7 @@ fn blend(row: u32, pixel: ptr<function, Pixel>) {
     let e1 = first.z * d.x + first.w * d.y;
     let e2 = second.x * d.y;
     let q = e1 * e1 + e2 * e2;
+    // Outside the ellipse no opacity counts, so the exponential is saved.
     if q > second.z {
         return;
     }
@@ -140,6 +143,7 @@ fn blend_rate(row: u32, seen: vec4f, opacity: vec3f, pixel: ptr<function, Pixel>
     let weight_rate = (*pixel).rest_rate * opacity.z + (*pixel).rest * rate;
     let grey = bitcast<f32>(near[row + 2u].w);
     (*pixel).grey_rate += weight_rate * grey + (*pixel).rest * opacity.z * more.z;
+    // `Tdot (1 - alpha) - T alphadot` is `Tdot` minus the rate of the weight.
     (*pixel).rest_rate -= weight_rate;
 }
 
@@ -163,6 +167,7 @@ fn store(place: vec2u, pixel: Pixel) {
         images[ALPHA_AT * pixels + at] = alpha;
     }
     if DEPTH_AT != ABSENT {
+        // A mark, because NaN is not portable in WGSL.
         images[DEPTH_AT * pixels + at] = select(pixel.depth / alpha, UNDEFINED, alpha < DEPTH_MIN_ALPHA);
     }
     if DOUBT_AT != ABSENT {

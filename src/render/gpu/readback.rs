@@ -25,7 +25,7 @@ pub(super) struct Copy {
     submitted: SubmissionIndex,
 }
 
-/// Size of the counts and time stamps, which precede the images, bytes.
+/// Size of the counts, bytes. Counts and time stamps, together [`HEAD`], precede the images.
 const COUNTS: usize = 4 * TOTALS;
 const HEAD: usize = COUNTS + clock::BYTES;
 
@@ -85,10 +85,12 @@ impl Ring {
         let wait = PollType::Wait { submission_index: Some(copy.submitted), timeout: None };
         device.device.poll(wait).map_err(|e| device.lost(&e.to_string()))?;
         device.check()?;
+        // The poll has run the callback, so the result is there.
         let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
         mapped.map_err(|e| device.lost(&e.to_string()))?;
         let view = copy.buffer.slice(..transfer_bytes(floats)).get_mapped_range();
         let view: BufferView = view.map_err(|e| device.lost(&e.to_string()))?;
+        // The same layout as in `submit`: counts, time stamps, images.
         let (head, images) = view.split_at(HEAD);
         let (counts, stamps) = head.split_at(COUNTS);
         let done = read(&Totals::from_bytes(counts), stamps, images);
@@ -147,6 +149,7 @@ pub(super) fn place_region(
     let float = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
     let depth = |bytes: &[u8; 4]| {
         let z = float(bytes);
+        // Defined depths are positive, so a negative number marks undefined ones.
         if z <= UNDEFINED { f32::NAN } else { z }
     };
     let colour = |bytes: &[u8; 12]| {
@@ -174,6 +177,7 @@ fn fill_region<T: std::marker::Copy + Default, const N: usize>(
         *image = None;
         return;
     }
+    // An image of another size is replaced; one of this size keeps the regions placed before.
     let reused = image.take().filter(|i| i.size() == size);
     let mut filled = reused.unwrap_or_else(|| Image::filled(size, T::default()));
     let [x, y] = region.origin();

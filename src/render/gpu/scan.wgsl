@@ -48,6 +48,7 @@ fn scan(count: u32, start: u32, local: u32) -> u32 {
             sum = sum_up_to_many(sum, entry);
         }
         carry = sum_up_to_many(carry, partial[GROUP - 1u]);
+        // The next round writes `partial` again.
         workgroupBarrier();
     }
     return carry;
@@ -63,6 +64,7 @@ fn ask_for(dispatch: u32, count: u32) {
 @compute @workgroup_size(GROUP)
 fn scan_splats(@builtin(local_invocation_index) local: u32) {
     let sum = scan(part.groups, totals[SPLATS], local);
+    // Every thread must have read the old total before it is replaced.
     storageBarrier();
     workgroupBarrier();
     if local == 0u {
@@ -82,6 +84,7 @@ fn scan_pairs(@builtin(local_invocation_index) local: u32) {
         totals[PAIRS] = sum;
         let count = within(sum, frame.pair_room);
         ask_for(BY_PAIR_BLOCKS, (count + BLOCK - 1u) / BLOCK);
+        // If the pairs exceed their capacity, `emit` must not run: it would write past the buffer.
         ask_for(BY_LISTED_SPLATS, select(0u, (splats + GROUP - 1u) / GROUP, count > 0u));
     }
 }

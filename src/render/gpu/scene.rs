@@ -17,7 +17,7 @@ pub(super) const MOST_GROUPS: u32 = 65_535;
 pub(super) struct ScenePart {
     /// Number of workgroups, at one thread per Gaussian.
     pub(super) groups: u32,
-    /// `ScenePart` of the shaders.
+    /// `Part` of the shaders.
     pub(super) counts: Buffer,
     pub(super) means: Buffer,
     pub(super) axes: Buffer,
@@ -33,6 +33,7 @@ const HARMONIC: u64 = 12;
 pub(super) fn upload_scene(scene: &Gaussians, device: &GpuDevice) -> Result<Vec<ScenePart>, GpuError> {
     let activated: Vec<ActivatedGaussian> =
         (0..scene.len()).into_par_iter().map(|i| activate::activate_one(scene, i)).collect();
+    // Each array must fit one binding, so the largest row decides.
     let each = (HARMONIC * scene.sh_len() as u64).max(AXES).max(MEAN);
     let most = (device.limit / each).min(u64::from(MOST_GROUPS * GROUP)).max(1) as usize;
     (0..scene.len())
@@ -69,6 +70,7 @@ impl ScenePart {
                 harmonics: buffer(harmonics, usage),
             }
         })?;
+        // Two words, padded to a row of a uniform buffer.
         let words: Vec<u8> = [count as u32, groups, 0, 0].into_iter().flat_map(u32::to_le_bytes).collect();
         device.queue.write_buffer(&part.counts, 0, &words);
         write_rows(device, &part.means, range.clone().map(|i| mean_row(scene.positions[i], &activated[i])));

@@ -12,7 +12,8 @@ use std::fmt::{Display, Write as _};
 
 /// Threads of a workgroup, except in the raster pass.
 pub(super) const GROUP: u32 = 256;
-/// Entries that a workgroup sorts. Larger blocks would overflow 16-bit counters.
+/// Entries that a workgroup sorts. Must stay below 65,536, because the sort's counters have 16
+/// bits.
 pub(super) const BLOCK: u32 = 4096;
 /// Bits of a digit of the sort.
 pub(super) const DIGIT_BITS: u32 = 4;
@@ -51,13 +52,13 @@ pub(super) enum Dispatch {
     Splats,
     /// One workgroup per block of splats in a sort.
     SplatBlocks,
-    /// One thread per splat, after there is enough capacity for the pairs.
+    /// One thread per splat; none if the pairs exceed their capacity.
     ListedSplats,
     /// One workgroup per block of pairs in a sort.
     PairBlocks,
 }
 
-/// Number of such dispatches.
+/// Number of these dispatches.
 pub(super) const DISPATCHES: u64 = Dispatch::PairBlocks as u64 + 1;
 
 impl Dispatch {
@@ -83,6 +84,7 @@ pub(super) struct ImageLayout {
 impl ImageLayout {
     /// The layout for these channels. Flow is computed from depth.
     pub(super) fn new(want: ChannelSet) -> Self {
+        // The shaders and the host both take the places from here.
         let mut floats = 0;
         let mut next = |wanted: bool, n: u32| {
             let at = floats;
@@ -170,6 +172,7 @@ fn shader_prelude(variant: &ShaderVariant) -> String {
     for (name, value) in count_words(variant) {
         write_constant(&mut text, name, "u32", format_args!("{value}u"));
     }
+    // `T <= STOP`, the stop of `gsplat`, is `T < STOP.next_up()`.
     let stop = if rules == RenderRules::Gsplat { STOP.next_up() } else { STOP };
     for (name, value) in FLOATS.iter().chain(&[("LEAST_ALPHA", least_alpha(rules)), ("STOP", stop)]) {
         write_constant(&mut text, name, "f32", float_literal(f64::from(*value)));
@@ -223,6 +226,7 @@ fn count_words(variant: &ShaderVariant) -> Vec<(&'static str, u32)> {
         ("BATCH", BATCH),
         ("SPLAT_ROWS", splat_rows(layout.rate.is_some())),
         ("SH_LEN", (u32::from(variant.sh_degree) + 1).pow(2)),
+        // `EXACT` has no constant, because no shader asks for it.
         ("OFFICIAL", RenderRules::Official as u32),
         ("GSPLAT", RenderRules::Gsplat as u32),
         ("SOFT", RenderRules::Soft as u32),

@@ -1,15 +1,17 @@
-// Passes 2 and 3: a stable radix sort of (key, value) pairs by digits of four bits, lowest digit first.
+// Passes 2 and 3: a stable radix sort of (key, value) pairs by digits of four bits, lowest digit
+// first.
 //
-//   blocks           block 0          block 1          block 2
-//   threads       |r0|r1|r2|...|   |r0|r1|r2|...|   |r0|r1|r2|...|     each thread owns a run of entries
-//   count         per block: how many entries have digit 0, 1, ... 15
-//   scan          counts ordered by (digit, block): the exclusive sum is the first place of each
-//   scatter       place of an entry = start of (digit, block) + entries of that digit before it in the block
+// blocks       block 0          block 1          block 2
+// threads      |r0|r1|r2|...|   |r0|r1|r2|...|   |r0|r1|r2|...|   each thread owns a run
+// count        per block: number of entries with digit 0, 1, ... 15
+// scan         counts ordered by (digit, block): the exclusive sum is the first place of each
+// scatter      place = start of (digit, block) + entries of that digit before it in the block
 //
-// A sort by depth is part of the image: equal depths must keep their order, and two runs must give the same bytes.
-// Atomics would rank entries in the order in which threads happen to run. Instead each thread counts its own run in
-// order, and a prefix sum over the threads of the block gives every entry its rank. No subgroup operation is used,
-// so the result does not depend on the subgroup width of the device, and devices without subgroups run it too.
+// A sort by depth is part of the image: equal depths must keep their order, and two runs must give
+// the same bytes. Atomics would rank entries in the order in which threads happen to run. Instead,
+// each thread counts its own run in order, and a prefix sum over the threads of the block gives
+// every entry its rank. No subgroup operation is used. The result therefore does not depend on the
+// subgroup width of the device, and devices without subgroups run it too.
 
 struct Digit {
     // Number of the digit's lowest bit in the key.
@@ -26,11 +28,12 @@ struct Digit {
 
 // Number of neighbouring entries of a block that one thread owns.
 const RUN: u32 = BLOCK / GROUP;
-// Two 16-bit counters share a word, which halves the workgroup memory. They cannot overflow into each other: a block
-// has at most 4096 entries.
+// Two 16-bit counters share a word, which halves the workgroup memory. They cannot overflow into
+// each other: a block has at most 4096 entries.
 const WORDS: u32 = DIGITS / 2u;
 
-// Laid out word by word and not thread by thread: neighbouring threads then touch neighbouring banks.
+// Laid out word by word and not thread by thread, so that neighbouring threads touch neighbouring
+// banks.
 var<workgroup> counters: array<u32, GROUP * WORDS>;
 
 fn length_of() -> u32 {
@@ -58,6 +61,8 @@ fn tally(first: u32, end: u32, local: u32) {
 @compute @workgroup_size(GROUP)
 fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let length = length_of();
+    // Runs of neighbouring entries, and not every 256th entry: the order of threads is then the
+    // order of entries.
     let first = group.x * BLOCK + local * RUN;
     tally(first, min(first + RUN, length), local);
     // Tree reduction over the threads. Integer sums are exact, so their order does not matter.
@@ -74,7 +79,8 @@ fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     if local < DIGITS {
         let blocks = (length + BLOCK - 1u) / BLOCK;
         let both = counters[(local / 2u) * GROUP];
-        // Digit first, block second: the scan over this order gives the global place of each (digit, block).
+        // Digit first, block second: the scan over this order gives the place of each (digit,
+        // block).
         counts[local * blocks + group.x] = (both >> (16u * (local % 2u))) & 0xffffu;
     }
 }
@@ -86,8 +92,8 @@ fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     let first = group.x * BLOCK + local * RUN;
     let end = min(first + RUN, length);
     tally(first, end, local);
-    // Inclusive prefix sum over the threads (Hillis and Steele). Read, barrier, add: a thread must not add to a counter
-    // that another still has to read.
+    // Inclusive prefix sum over the threads (Hillis and Steele). Read, barrier, add: a thread must
+    // not add to a counter that another still has to read.
     var before: array<u32, WORDS>;
     for (var width = 1u; width < GROUP; width *= 2u) {
         workgroupBarrier();
@@ -119,7 +125,8 @@ fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         let value = digit_of(entry.x);
         let at = (value / 2u) * GROUP + local;
         let rank = (counters[at] >> (16u * (value % 2u))) & 0xffffu;
-        // The counter goes on from the rank, so entries of one digit keep their order: the sort is stable.
+        // The counter goes on from the rank, so entries of one digit keep their order: the sort is
+        // stable.
         counters[at] += 1u << (16u * (value % 2u));
         sorted[counts[value * blocks + group.x] + rank] = entry;
     }

@@ -67,6 +67,7 @@ fn columns_in(splat: Outline, first: u32, end: u32) -> vec2u {
     let bottom = f32(end) - 0.5 - splat.mean.y;
     let slack = edge_margin(abs(turn));
     var edges = splat.mean.x + vec2f(-wide, wide);
+    // Only away from the widest point: an edge then recedes, and the nearest row decides.
     if !(-turn >= top - slack && -turn <= bottom + slack) {
         let found = chord(splat, clamp(-turn, top, bottom));
         edges.x = select(edges.x, found.x, found.x <= found.y);

@@ -14,7 +14,7 @@ use std::ops::Range;
 /// A Gaussian on the image plane.
 #[derive(Debug, Clone)]
 pub(super) struct ReferenceLayer {
-    /// Index in the scene, and the depth by which layers are sorted.
+    /// Sort key: the bits of the depth in 32 bits, then the index in the scene.
     pub(super) order: (u32, usize),
     pub(super) mean: [D; 2],
     /// `w1, w2, w3` of the Cholesky form.
@@ -55,8 +55,11 @@ impl<'a> ReferenceView<'a> {
 
     /// The layer of Gaussian `i`, or the reason why it makes none.
     pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Result<ReferenceLayer, CullReason> {
+        // Camera and scene origin are subtracted before anything is rotated. Far from the world's
+        // origin, a difference of rotated positions would cancel.
         let from_camera = self.origin + DVec3::from_array(scene.positions[i].map(f64::from));
         let [x, y, z] = self.moving(self.camera_from_world * from_camera, self.view.velocity.linear);
+        // A depth that is NaN is in no range, so it counts as behind.
         if !self.in_depth(z.value) {
             return Err(CullReason::Behind);
         }
@@ -83,6 +86,8 @@ impl<'a> ReferenceView<'a> {
         }
         let deep = self.depth_deviation(scene, i) / z.value;
         Ok(ReferenceLayer {
+            // Rounded to 32 bits, so that depths tie here exactly where they tie in the other back
+            // ends.
             order: ((z.value as f32).to_bits(), i),
             mean,
             w: shape.weights(),
@@ -126,12 +131,14 @@ impl<'a> ReferenceView<'a> {
         let (aa, cc, det0) = (dot_product(a0, a0), dot_product(a1, a1), dot_product(n, n));
         let d = D::constant(f64::from(DILATION));
         let (a, b, c) = (aa + d, dot_product(a0, a1), cc + d);
+        // `det` equals `a c - b^2` without its cancellation.
         ImageCovariance { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
     }
 
     /// The scaled axes of a Gaussian, in camera axes.
     fn axes(&self, scene: &Gaussians, i: usize) -> [[D; 3]; 3] {
         let [w, x, y, z] = scene.rotations[i].map(f64::from);
+        // As in the CPU's activation: a zero quaternion gives the identity.
         let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
         let turn = DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm));
         let scales = scene.log_scales[i].map(|s| libm::exp(f64::from(s)));
@@ -165,6 +172,8 @@ impl<'a> ReferenceView<'a> {
     }
 
     fn colour(&self, scene: &Gaussians, i: usize, from_camera: DVec3) -> [D; 3] {
+        // A fixed point moves against the camera. In world axes, the camera's rotation has no part
+        // in it.
         let rate = -(self.view.world_from_camera.rotation * self.view.velocity.linear);
         let ray = [0, 1, 2].map(|k| D { value: from_camera[k], rate: rate[k] });
         let length = dot_product(ray, ray).sqrt();
@@ -189,6 +198,8 @@ impl<'a> ReferenceView<'a> {
                     let mid = 0.5 * (a + c);
                     let root = (mid * mid - shape.det.value).max(f64::from(EXTENT_ROOT_FLOOR)).sqrt();
                     let radius = (f64::from(EXTENT_SIGMAS) * (mid + root).sqrt()).ceil();
+                    // The published program counts pixels by their index: the centre of pixel 0 is
+                    // at 0.
                     let index = mean[k] - 0.5;
                     [(index - radius) / tile, (index + radius + tile - 1.0) / tile].map(|t| t.trunc() * tile)
                 }
@@ -216,6 +227,7 @@ struct ImageCovariance {
 impl ImageCovariance {
     fn weights(&self) -> [D; 3] {
         let root = self.c.sqrt();
+        // `w2` has two quotients, because the product `c det` could overflow.
         [(self.c / self.det).sqrt(), -(self.b / root / self.det.sqrt()), D::constant(1.0) / root]
     }
 }

@@ -5,7 +5,8 @@ use crate::scene::{SceneScreening, read_by_content};
 use glam::DVec3;
 use proptest::prelude::*;
 
-/// A scene within what every form holds: positions up to `extent`, scales of the 8-bit range, colours of 0 to 1.
+/// A scene within what every form holds: positions up to `extent`, scales of the 8-bit range,
+/// colours of 0 to 1.
 fn scenes(extent: f64) -> impl Strategy<Value = Gaussians> {
     let fields = (0_u8..=3, 1_usize..5, prop::option::of(any::<bool>()));
     fields.prop_flat_map(move |(degree, n, antialiased)| {
@@ -79,15 +80,16 @@ proptest! {
         let steps = [("positions", position), ("log scales", 0.0625), ("opacities", 1.0 / 255.0),
             ("colours", sh::C0 / 0.15 / 255.0), ("harmonics", 1.0 / 128.0)];
         check_steps(&losses, &steps)?;
-        // Three components are off by sqrt(1/2)/1022 each; the fourth, at least 1/2, by at most that times the sum of
-        // the others over it, 3 at most: a chord of 12^(1/2) of it, and an angle of twice the chord.
+        // Three components are off by sqrt(1/2)/1022 each; the fourth, at least 1/2, by at most
+        // that times the sum of the others over it, 3 at most: a chord of 12^(1/2) of it, and an
+        // angle of twice the chord.
         prop_assert!(largest(&losses, "rotations") < 2.0 * 12_f64.sqrt() * 0.000_692 + 1e-6);
         let back = read(SceneFormat::Spz, &bytes);
         prop_assert_eq!(back.antialiased, Some(scene.antialiased == Some(true)));
         prop_assert!(losses.iter().all(|l| l.largest.is_some()), "{losses:?}");
         let (again, losses) = SceneFormat::Spz.write(&back).unwrap();
-        // What was read is written as it is, but where the two largest components of a rotation nearly tie: then the other
-        // one is left out, and computed by the reader.
+        // What was read is written as it is, except where the two largest components of a rotation
+        // nearly tie: then the other one is left out, and computed by the reader.
         prop_assert!(losses.iter().all(|l| l.field == "rotations" && l.largest < Some(1e-3)), "{losses:?}");
         if losses.is_empty() {
             prop_assert_eq!(read(SceneFormat::Spz, &again), back);
@@ -97,13 +99,15 @@ proptest! {
     #[test]
     fn splat_is_off_by_half_a_step_at_most(scene in scenes(20.0)) {
         let (bytes, losses) = SceneFormat::Splat.write(&scene).unwrap();
-        // Positions: an ulp of 32 bits at 1,020 is 2^-13. Scales: exp and log of 32 bits, an ulp of 10 each.
+        // Positions: an ulp of 32 bits at 1,020 is 2^-13. Scales: exp and log of 32 bits, an ulp of
+        // 10 each.
         let steps = [("positions", 2_f64.powi(-13)), ("log scales", 4e-6), ("opacities", 1.0 / 255.0),
             ("colours", 1.0 / 255.0)];
         check_steps(&losses, &steps)?;
         let back = read(SceneFormat::Splat, &bytes);
         prop_assert_eq!((back.len(), back.sh_degree, back.antialiased), (scene.len(), 0, None));
-        // A component of 1 is cut to 127/128, a step; four components off by a step: a chord of 2/128, twice that.
+        // A component of 1 is cut to 127/128, a step; four components off by a step: a chord of
+        // 2/128, twice that.
         prop_assert!(largest(&losses, "rotations") < 4.0 / 128.0);
         let fields: Vec<&str> = losses.iter().filter(|l| l.largest.is_none()).map(|l| l.field).collect();
         prop_assert_eq!(fields.contains(&"harmonics"), scene.sh_degree > 0);
@@ -154,7 +158,7 @@ fn positions_have_as_many_bits_as_fit() {
     assert!(error.to_string().contains("1 Gaussians have a position or a scale beyond"), "{error}");
 }
 
-/// What is out of range goes to the nearest end, and is told.
+/// Values out of range go to the nearest end, and the losses name them.
 #[test]
 fn losses_are_named_with_their_size() {
     let (bytes, losses) = SceneFormat::Spz.write(&one([1.0; 3])).unwrap();

@@ -43,6 +43,7 @@ impl VertexColumn {
                     || at.malformed(format!("property `{property}` as {:?}", p.kind), "float or double");
                 return number.ok_or_else(wrong).map(|number| Some(Self { offset, number }));
             }
+            // A list has no fixed size. Elements with a list are refused before columns are used.
             if let PropertyKind::One(number) = p.kind {
                 offset += number.size();
             }
@@ -76,7 +77,7 @@ pub(super) fn field_bytes<const N: usize>(row: &[u8], offset: usize) -> [u8; N] 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ElementRows<'a> {
     pub(super) bytes: &'a [u8],
-    /// Where they begin.
+    /// Offset of the first row.
     pub(super) offset: usize,
 }
 
@@ -107,6 +108,7 @@ fn skip_element(
 ) -> Result<(), SceneError> {
     let what = format!("element `{}`", element.name);
     if let Some(stride) = element.stride() {
+        // A product that overflows is larger than the file too, so it is reported as its end.
         let len = stride.saturating_mul(element.count);
         return cursor.take(len, &what).map(|_| ());
     }
@@ -138,6 +140,7 @@ fn read_length(
     if encoding == BodyEncoding::BigEndian {
         wide[..found.len()].reverse();
     }
+    // The highest byte that was read holds the sign, whatever the width.
     let negative =
         matches!(number, NumberType::I8 | NumberType::I16 | NumberType::I32) && wide[found.len() - 1] >= 0x80;
     if negative {
@@ -155,7 +158,8 @@ pub(super) fn binary_body<'a>(
     if header.encoding != BodyEncoding::Ascii {
         return Ok(cursor);
     }
-    // Short words stand for long numbers: what takes more than its budget is read twice, first to nothing.
+    // Short words can become long numbers. If the numbers exceed the budget, a first pass keeps
+    // nothing, so that a broken file takes no memory.
     let mut budget = ByteBudget::of(cursor.rest().len());
     if header
         .elements
@@ -168,12 +172,14 @@ pub(super) fn binary_body<'a>(
     Ok(ByteCursor::new(".ply (as binary)", buffer))
 }
 
-/// Turns the words of an ascii body into the little-endian body that they stand for, number by number.
+/// Converts the words of an ascii body into the same body in little-endian binary, number by
+/// number.
 fn binary_from_ascii(
     header: &PlyHeader,
     text: &mut ByteCursor,
     put: &mut dyn FnMut(&[u8]),
 ) -> Result<(), SceneError> {
+    // An element without properties has no words, whatever count it states.
     for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
         for _ in 0..element.count {
             for property in &element.properties {
@@ -195,8 +201,8 @@ fn skip_spaces(text: &mut ByteCursor) -> Result<(), SceneError> {
     text.take(spaces, "spaces").map(|_| ())
 }
 
-/// Puts the number of the next word. A word counts only when something ends it, so that a file cut
-/// inside its last number is told.
+/// Puts the number of the next word. A word counts only if white space follows it, so that a file
+/// cut off inside its last number is an error.
 fn transcode_word(
     text: &mut ByteCursor,
     number: NumberType,

@@ -101,7 +101,7 @@ pub(super) const MAX_LEN: usize = 1 << 16;
 pub(super) struct PlyHeader {
     pub(super) encoding: BodyEncoding,
     pub(super) elements: Vec<PlyElement>,
-    /// Prefix of our own comments.
+    /// Notes in our own comments.
     pub(super) notes: PlyNotes,
 }
 
@@ -136,6 +136,7 @@ impl PlyHeader {
     fn take_line(&mut self, line: &str, at: &ByteCursor) -> Result<(), SceneError> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
+            // An unknown note of our own is an error; comments of others are skipped.
             ["comment", PlyNotes::MARK, ref note @ ..] => self.notes.read(note, at),
             ["comment" | "obj_info", ..] | [] => Ok(()),
             ["element", name, count] => self.add_element(name, count, at),

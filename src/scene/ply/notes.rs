@@ -29,6 +29,7 @@ impl PlyNotes {
         Self {
             antialiased: scene.antialiased,
             screening: Some(scene.screening),
+            // A zero origin stays out: positions are then written in 32 bits.
             origin: (scene.origin != DVec3::ZERO).then_some(scene.origin),
         }
     }
@@ -70,6 +71,7 @@ fn parse_screening([read, non_finite, zero]: [&str; 3]) -> Option<SceneScreening
 
 fn parse_origin([x, y, z]: [&str; 3]) -> Option<DVec3> {
     let origin = DVec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
+    // All positions are relative to it.
     origin.is_finite().then_some(origin)
 }
 

@@ -44,6 +44,7 @@ pub(super) fn read_packed(header: &PlyHeader, cursor: ByteCursor) -> Result<Gaus
     for i in 0..layout.vertices.count {
         let word = |k: usize| layout.vertices.u32(vertices, i, layout.words[k]);
         let chunk = &chunks[i / CHUNK];
+        // From the highest byte down: red, green, blue, opacity.
         let colour = word(3).to_be_bytes();
         coefficients[0] = chunk.coefficients(colour);
         for (k, coefficient) in coefficients[1..].iter_mut().enumerate() {
@@ -82,6 +83,7 @@ impl PackedLayout {
         let [chunk, vertex] = [header.element("chunk", at)?, header.element("vertex", at)?];
         let harmonics = header.elements.iter().find(|e| e.name == "sh");
         let count = vertex.count;
+        // Rows are indexed without further tests, so the counts are compared first.
         check_rows(chunk, count.div_ceil(CHUNK), at)?;
         harmonics.map_or(Ok(()), |sh| check_rows(sh, count, at))?;
         let rest_len =
@@ -214,6 +216,7 @@ impl PackedChunk {
     fn from_bounds(bounds: [f32; 18], coloured: bool) -> Self {
         let three = |k: usize| [bounds[k], bounds[k + 1], bounds[k + 2]];
         let range = |k: usize| AxisBounds { min: three(k), max: three(k + 3) };
+        // Files without these bounds store colours of 0 to 1.
         let colour = if coloured { range(12) } else { AxisBounds { min: [0.0; 3], max: [1.0; 3] } };
         Self { position: range(0), log_scale: range(6), colour }
     }
@@ -236,6 +239,7 @@ impl AxisBounds {
     fn lerp(&self, share: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| {
             let [min, max] = [self.min[k], self.max[k]].map(f64::from);
+            // In this form, both ends are exact.
             min * (1.0 - share[k]) + max * share[k]
         })
     }
@@ -263,6 +267,7 @@ fn packed_rotation(word: u32) -> [f32; 4] {
         components[k] = (f64::from(word >> shift & 1023) / 1023.0 - 0.5) * SQRT_2;
     }
     let squares: f64 = components.iter().map(|c| c * c).sum();
+    // The three others can be longer than 1, by rounding or in a damaged file.
     components[largest] = (1.0 - squares).max(0.0).sqrt();
     components.map(|c| c as f32)
 }

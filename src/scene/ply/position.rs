@@ -21,9 +21,9 @@ fn round_to_f32(x: f64) -> f64 {
     if rounded.is_finite() { rounded + 0.0 } else { x }
 }
 
-/// The coordinate `x` relative to `origin`, in 32 bits. [`to_absolute`] and this function convert it
-/// back and forth without change: bits below those of the sum are dropped at once. Infinite if 32
-/// bits are not sufficient.
+/// The coordinate `x` relative to `origin`, in 32 bits. [`to_absolute`] and this function convert
+/// it back and forth without change: bits below those of the sum are dropped at once. Infinite if
+/// 32 bits are not sufficient.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]
 pub(super) fn to_local(x: f64, origin: f64) -> f32 {
     let local = |x: f64| (x - origin) as f32;

@@ -29,6 +29,7 @@ pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
 fn header_text(scene: &Gaussians) -> String {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
     let notes = PlyNotes::for_scene(scene);
+    // Sums of a position and an origin need 64 bits.
     let (count, position) = (scene.len(), if notes.origin.is_some() { "double" } else { "float" });
     let _ = writeln!(text, "{notes}element vertex {count}");
     for (i, name) in property_names(scene.sh_degree).iter().enumerate() {
@@ -41,6 +42,7 @@ fn header_text(scene: &Gaussians) -> String {
 fn push_row(scene: &Gaussians, i: usize, row: &mut Vec<u8>) {
     push_position(scene.positions[i], scene.origin, row);
     let mut push = |values: &[f32]| values.iter().for_each(|v| row.extend(v.to_le_bytes()));
+    // Normals, which the format has and Gaussians lack.
     push(&[0.0; 3]);
     let (dc, rest) = scene.sh_of(i).split_at(1);
     push(&dc[0]);

@@ -77,6 +77,7 @@ impl ClosedBook {
         };
         let (left_right, right_left) = (|u| mix_values(-1.0, 1.0, u), |u| mix_values(1.0, -1.0, u));
         side(Box::new(move |u, v| self.point(left_right(u), left_right(v), 1.0)), self.lid(seed));
+        // The spine is round: it bulges in the middle of the height.
         let bulge = |v: f64| -1.0 - 0.06 * libm::sin(v * PI);
         side(Box::new(move |u, v| self.point(left_right(u), bulge(v), v)), self.spine(seed));
         side(Box::new(move |u, v| self.point(1.0, left_right(u), v)), page_look());
@@ -161,7 +162,7 @@ fn brass_look() -> Look {
 }
 
 fn add_rings(middle: DVec3, into: &mut TableArrangement) {
-    // tilt and heading in turns, radius
+    // Tilt and heading in turns, then the radius.
     let rings =
         [(0.0, 0.0, 0.34), (0.25, 0.02, 0.33), (0.065, 0.10, 0.31), (-0.11, 0.30, 0.29), (0.19, 0.62, 0.30)];
     for (tilt, heading, radius) in rings {

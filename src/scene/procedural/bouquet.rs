@@ -110,6 +110,7 @@ fn add_stalk(head: DVec3, into: &mut TableArrangement) {
 
 /// The axes along and across a petal of a flower facing `lean`, at `turns` around it.
 fn petal_axes(lean: DVec3, turns: f64) -> (DVec3, DVec3) {
+    // A flower that faces straight up or down has no such axis, and any will do.
     let a = lean.cross(DVec3::Y).normalize_or(DVec3::X);
     let (sin, cos) = turn_sine(turns);
     let out = a * cos + lean.cross(a) * sin;

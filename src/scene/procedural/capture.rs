@@ -26,6 +26,7 @@ const STREAM: u64 = 2 << 32;
 pub(super) fn arc_capture(life: &StillLife) -> Capture {
     let mut draws = SceneDraws::new(life.seed, STREAM);
     let turns = uneven_angles(life.views, life.arc / 360.0, &mut draws);
+    // Names of equal length sort in the order of the views.
     let digits = life.views.to_string().len().max(3);
     let views = turns.into_iter().enumerate().map(|(k, turns)| CapturedView {
         name: format!("{:0digits$}.jpg", k + 1),
@@ -43,7 +44,8 @@ pub(super) fn arc_capture(life: &StillLife) -> Capture {
     views.collect::<Vec<CapturedView>>().into()
 }
 
-/// `count` angles from `-arc / 2` to `arc / 2`, in turns, with steps that differ by up to a factor of two.
+/// `count` angles from `-arc / 2` to `arc / 2`, in turns, with steps that differ by up to a factor
+/// of two.
 fn uneven_angles(count: u32, arc: f64, draws: &mut SceneDraws) -> Vec<f64> {
     let mut sums = vec![0.0];
     for k in 1..count {

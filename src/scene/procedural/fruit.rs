@@ -152,6 +152,7 @@ fn add_grapes(into: &mut TableArrangement) {
     ];
     for (k, [x, h, z]) in PLACES.into_iter().enumerate() {
         let centre = table_point(BOWL.x + x, h + 0.02, z);
+        // Multiples of the golden ratio spread evenly, so neighbours differ in tone.
         let tone = (k as f64 * 0.618).fract();
         let skin = move |s: &SurfelSpot| {
             let bloom = smooth_step(0.35, 0.75, value_noise(k as u64, 5.0 * s.u, 3.0 * s.v));

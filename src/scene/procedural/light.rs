@@ -43,6 +43,7 @@ pub(super) fn shade_point(lit: LitPoint, albedo: DVec3, occluders: &[SphereOcclu
     let (direction, distance) = to_lamp(lit.position);
     let facing = lit.normal.dot(direction).max(0.0);
     let falloff = 30.0 / (distance * distance);
+    // The spheres of an object would cast shadows on its own surface.
     let strangers = || occluders.iter().filter(|o| o.object != lit.object);
     let shadow: f64 = strangers().map(|o| lamp_share(lit.position, direction, o)).product();
     let open: f64 = strangers().map(|o| sky_share(lit, o)).product();
@@ -59,6 +60,7 @@ fn lamp_share(point: DVec3, direction: DVec3, o: &SphereOccluder) -> f64 {
         return 1.0;
     }
     let miss = (to - direction * along).length();
+    // Never 0, because the step divides by it.
     let penumbra = (LAMP_SIZE * along).max(0.02);
     smooth_step(o.radius - penumbra, o.radius + penumbra, miss)
 }
@@ -67,6 +69,7 @@ fn lamp_share(point: DVec3, direction: DVec3, o: &SphereOccluder) -> f64 {
 /// at its centre (Quilez, "Sphere ambient occlusion").
 fn sky_share(lit: LitPoint, o: &SphereOccluder) -> f64 {
     let to = o.centre - lit.position;
+    // Points inside the sphere count as touching it.
     let squared = to.length_squared().max(o.radius * o.radius);
     let cosine = lit.normal.dot(to) / squared.sqrt();
     1.0 - cosine.max(0.0) * o.radius * o.radius / squared
@@ -87,8 +90,9 @@ const SHARPNESS: f64 = 9.0;
 /// about the mirrored direction, seen along `-mirrored`, with the height `strength` as far as the
 /// series reaches it.
 ///
-/// The lobe is `((1 + t) / 2)^n`, `t` the cosine to its axis; by the Funk-Hecke theorem the coefficient of function
-/// `Y_lm` is `k_l Y_lm(axis)`, with `k_0 = 4 pi / (n + 1)` and `k_l = k_(l-1) (n + 1 - l) / (n + 1 + l)`.
+/// The lobe is `((1 + t) / 2)^n`, with `t` the cosine to its axis. By the Funk-Hecke theorem, the
+/// coefficient of function `Y_lm` is `k_l Y_lm(axis)`, with `k_0 = 4 pi / (n + 1)` and
+/// `k_l = k_(l-1) (n + 1 - l) / (n + 1 + l)`.
 pub(super) fn add_gloss(
     lit: LitPoint,
     strength: f64,
@@ -103,6 +107,7 @@ pub(super) fn add_gloss(
     let strangers = occluders.iter().filter(|o| o.object != lit.object);
     let seen: f64 = strangers.map(|o| lamp_share(lit.position, direction, o)).product();
     let mirrored = lit.normal * (2.0 * facing) - direction;
+    // The reflection fades out towards grazing light, where it ends.
     let strength = strength * seen * smooth_step(0.0, 0.15, facing);
     for (c, y) in coefficients.iter_mut().zip(lobe_coefficients((-mirrored).to_array())) {
         *c += DVec3::splat(strength * y);

@@ -1,4 +1,4 @@
-//! What the still life's objects are made of.
+//! Materials, parts and basic shapes of the still life's objects.
 
 use super::light::SphereOccluder;
 use super::shape::{PartShape, Path, Sheet, SurfelCover, SurfelSpot};
@@ -84,8 +84,8 @@ impl TableArrangement {
     }
 }
 
-/// The point `x` to the right, `height` above the table and `z` behind its middle. World axes are x right, y down,
-/// z forward.
+/// The point `x` to the right, `height` above the table and `z` behind its middle. World axes are x
+/// right, y down, z forward.
 pub(super) fn table_point(x: f64, height: f64, z: f64) -> DVec3 {
     DVec3::new(x, -height, z)
 }
@@ -127,6 +127,7 @@ pub(super) fn smooth_path(points: Vec<DVec3>) -> Path {
     Box::new(move |t| {
         let last = points.len() - 1;
         let x = t.clamp(0.0, 1.0) * last as f64;
+        // The last point belongs to the last piece.
         let k = (x.floor() as usize).min(last - 1);
         let s = x - k as f64;
         let p = |i: usize| points[i.min(last)];

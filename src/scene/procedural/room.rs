@@ -46,6 +46,8 @@ fn add_wall(seed: u64, into: &mut TableArrangement) {
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
         into.parts.push(ObjectPart::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
     }
+    // Rings and grout lie slightly in front of the wall, because layers are blended in the order of
+    // their centres.
     for i in -6..=6 {
         for j in 0..=4 {
             add_ring(table_point(f64::from(i) * TILE, f64::from(j) * TILE, WALL_Z - 0.005), into);
@@ -118,6 +120,7 @@ fn add_table(seed: u64, into: &mut TableArrangement) {
     let grain = SurfelCover { aspect: 5.0, ..SurfelCover::CRISP };
     into.parts.push(ObjectPart::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
     into.parts.push(ObjectPart::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
+    // The wings begin inside the edge of the sharp part, and lie deeper, so they leave no gap.
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
         into.parts.push(ObjectPart::sheet("table", top(left, right, -0.2), look()).detail(0.02));
     }
@@ -166,6 +169,7 @@ fn add_cloth(into: &mut TableArrangement) {
     }
 }
 
+/// The point of the cloth at `(u, v)`, with its ripples.
 fn linen_colour(u: f64, v: f64) -> DVec3 {
     let (sin, cos) = turn_sine(-0.035);
     let (a, b) = (mix_values(-0.98, 0.98, u), mix_values(-0.80, 0.62, v));

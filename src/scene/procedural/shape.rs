@@ -139,6 +139,7 @@ impl SurfaceRows {
     }
 
     fn width_at(&self, v: f64) -> f64 {
+        // Widths are measured in the middle of the strips.
         let x = (v * f64::from(MEASURED) - 0.5).clamp(0.0, f64::from(MEASURED - 1));
         let k = (x.floor() as usize).min(self.widths.len() - 2);
         self.widths[k] + (self.widths[k + 1] - self.widths[k]) * (x - k as f64)
@@ -154,18 +155,21 @@ fn cover_sheet(
     found: &mut impl FnMut(&SurfelSpot),
 ) {
     let rows = SurfaceRows::measure_sheet(sheet);
+    // The height of a cell. Its width is `aspect` times that.
     let spacing = (rows.area() / (count.max(1) as f64 * how.aspect)).sqrt();
     let height: f64 = rows.heights.iter().sum();
     let row_count = ((height / spacing).round() as usize).clamp(1, count.max(1));
     let edge = |r: f64| rows.v_at(r / row_count as f64);
     let widths: Vec<f64> = (0..row_count).map(|r| rows.width_at(edge(r as f64 + 0.5))).collect();
     for (r, in_row) in split_count(count, &widths).into_iter().enumerate() {
+        // Neighbouring rows are shifted, so that their surfels do not line up.
         let phase = if r % 2 == 0 { 0.3 } else { 0.8 };
         let r = r as f64;
         let cell = [1.0 / in_row.max(1) as f64, edge(r + 1.0) - edge(r)];
         for i in 0..in_row {
             let along = (i as f64 + phase + draws.uniform(-UNREST, UNREST)) / in_row as f64;
             let v = edge(r + 0.5 + draws.uniform(-UNREST, UNREST));
+            // A surfel displaced beyond one end of its row enters at the other.
             let mut spot = sheet_surfel(sheet, along - along.floor(), v, cell);
             spot.deviations *= how.overlap;
             found(&spot);
@@ -182,6 +186,7 @@ pub(super) fn split_count(count: usize, weights: &[f64]) -> Vec<usize> {
         .iter()
         .map(|w| {
             so_far += w;
+            // Rounding the running sum, and not each part, makes the total exact.
             let upto = if total > 0.0 { (count as f64 * (so_far / total)).round() as usize } else { 0 };
             let share = upto.min(count) - given;
             given += share;
@@ -195,6 +200,7 @@ pub(super) fn split_count(count: usize, weights: &[f64]) -> Vec<usize> {
 fn sheet_surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> SurfelSpot {
     let d = 1e-4;
     let along = |du: f64, dv: f64| {
+        // At a border the difference is one-sided, and its divisor is the remaining width.
         let (a, b) = ((u - du).max(0.0), (u + du).min(1.0));
         let (c, e) = ((v - dv).max(0.0), (v + dv).min(1.0));
         (sheet(b, e) - sheet(a, c)) / ((b - a) + (e - c))
@@ -209,6 +215,7 @@ fn sheet_surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> SurfelSpot {
         position: sheet(u, v),
         normal,
         spacing,
+        // Flat: thin along the normal.
         deviations: DVec3::new(spacing[0], spacing[1], 0.2 * spacing[0].min(spacing[1])),
         rotation: tangent_frame(tangent, normal),
     }

@@ -16,6 +16,7 @@ pub(crate) fn finalise_bits(mut z: u64) -> u64 {
 
 /// A number from 0 to 1 for the lattice point `(x, y)`.
 pub(super) fn lattice_value(seed: u64, x: i64, y: i64) -> f64 {
+    // As in SplitMix64, an increment comes before the finaliser, which maps 0 to 0.
     let row = finalise_bits(seed.wrapping_add(STEP).wrapping_add(y.cast_unsigned().wrapping_mul(STEP)));
     unit_interval(finalise_bits(row ^ x.cast_unsigned().wrapping_mul(STEP)))
 }
@@ -57,6 +58,7 @@ pub(super) fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
 /// patterns finer than the surfels blur and do not alias.
 pub(super) fn stripe_share(x: f64, period: f64, width: f64, window: f64) -> f64 {
     let covered = |x: f64| {
+        // Whole periods before `x`, then the part of the stripe in the last one.
         let turns = (x / period).floor();
         turns * width + (x - turns * period).min(width)
     };

@@ -98,6 +98,7 @@ impl<'de> Deserialize<'de> for Codebook {
 /// Reads names of files in the folder of `meta.json`; other folders are refused.
 fn parse_names<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[String; N], D::Error> {
     let found = Vec::<String>::deserialize(from)?;
+    // A separator or `..` would lead out of the folder.
     let foreign =
         |name: &&String| name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']);
     if let Some(name) = found.iter().find(foreign) {
@@ -120,6 +121,7 @@ impl SogMeta {
     pub(super) fn parse_meta(json: &[u8]) -> Result<Self, SceneError> {
         let start = ByteCursor::new(PART, json);
         check_json(json).map_err(|e| start.malformed(e.to_string(), "`meta.json` of version 2"))?;
+        // The version first: other versions have other fields.
         let value: Value = serde_json::from_slice(json).map_err(|e| meta_error(json, &e))?;
         match value.get("version") {
             Some(version) if *version == 2 => {}
@@ -150,6 +152,7 @@ impl SogMeta {
 
 /// Creates the error with its offset in bytes.
 fn meta_error(json: &[u8], because: &serde_json::Error) -> SceneError {
+    // The parser counts lines and columns; errors of scenes count bytes.
     let before = json.split_inclusive(|&b| b == b'\n').take(because.line().saturating_sub(1));
     let offset = before.map(<[u8]>::len).sum::<usize>() + because.column().saturating_sub(1);
     let text = because.to_string();

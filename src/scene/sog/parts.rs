@@ -13,7 +13,7 @@ const ARCHIVE: &str = ".sog (archive)";
 
 /// A set of named files.
 pub(super) trait SogParts {
-    /// The content of `name`, which errors call `part`; its memory comes out of `budget`.
+    /// The content of `name`, which errors call `part`. Its memory is taken from `budget`.
     fn part(
         &mut self,
         name: &str,
@@ -34,7 +34,7 @@ impl<'a> ArchiveParts<'a> {
         Ok(Self { bytes, zip })
     }
 
-    /// Bytes that a part may have: images do not compress further, and `meta.json` is small.
+    /// Maximum number of bytes of a part: images do not compress further, and `meta.json` is small.
     fn limit(&self) -> usize {
         self.bytes.len().saturating_add(1 << 20)
     }
@@ -62,6 +62,7 @@ impl SogParts for ArchiveParts<'_> {
             Err(e) => return Err(broken_archive(self.bytes, &e)),
         };
         let mut content = Vec::new();
+        // One byte more than allowed shows that the limit is exceeded.
         let read = file.by_ref().take(limit as u64 + 1).read_to_end(&mut content);
         let at = ByteCursor::new(part, &content).at(content.len());
         match read {

@@ -7,12 +7,13 @@ use crate::scene::{SceneError, sh};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io;
 
-/// Pixels that an image may have for each that is asked for: writers pad to squares, some of them to powers of two.
+/// Maximum number of pixels of an image per wanted pixel: writers pad to squares, some of them to
+/// powers of two.
 const MAX_PADDING: usize = 4;
-/// Pixels that an image may have however few are asked for.
+/// Number of pixels that an image may have in addition, however few are wanted.
 const FREE_PIXELS: usize = 1 << 16;
 
-/// How many pixels an image may have.
+/// Limits on the number of pixels of an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PixelRoom {
     least: usize,
@@ -46,7 +47,7 @@ pub(super) struct DecodedPixels {
 }
 
 impl DecodedPixels {
-    /// Decodes a lossless WebP image, whose memory comes out of `budget`.
+    /// Decodes a lossless WebP image. Its memory is taken from `budget`.
     pub(super) fn decode_webp(
         file: &[u8],
         part: &'static str,
@@ -62,6 +63,7 @@ impl DecodedPixels {
         let (width, height) = decoder.dimensions();
         let (width, height) = (width as usize, height as usize);
         let refuse = |wanted: String| at.malformed(format!("an image of {width}x{height} pixels"), wanted);
+        // By the header, before anything is decoded.
         let PixelRoom { least, most } = room;
         if !(least..=most).contains(&(width * height)) {
             return Err(refuse(format!("{least} to {most} pixels")));

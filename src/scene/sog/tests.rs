@@ -221,8 +221,8 @@ fn errors_in_images_name_their_part_and_place() {
     );
 }
 
-/// Images whose pixels the count asks for, but which no file of this size may have; and one of a folder, whose files
-/// have a budget together.
+/// Images whose pixels the count requires, but which no file of this size may have; and one of a
+/// folder, whose files have a budget together.
 #[test]
 fn images_take_no_more_than_the_budget() {
     let mut scene = sound();

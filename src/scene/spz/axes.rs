@@ -62,6 +62,7 @@ impl AxisFlip {
         while !cursor.rest().is_empty() {
             let kind = cursor.u32("an extension's type")?;
             let len = cursor.u32("an extension's length")? as usize;
+            // Read from a copy: the stated length decides where the next record begins.
             let mut payload = cursor.clone();
             cursor.take(len, "an extension")?;
             if kind == COORDINATE_SYSTEM {

@@ -28,6 +28,7 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     }
     bound_count(&header, bytes.len(), &cursor)?;
     if is_beyond_budget(&header, bytes.len()) {
+        // A first pass keeps nothing, so that a broken file takes no memory.
         let mut trial = SpzStream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
         trial.skip(start.len(), "header")?;
         header.plane_lens().into_iter().zip(NAMES).try_for_each(|(len, name)| trial.skip(len, name))?;
@@ -44,6 +45,7 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 /// Reads to the end of the stream, because gzip verifies its checksum there.
 fn legacy_flip(header: &SpzHeader, stream: &mut SpzStream<impl Read>) -> Result<AxisFlip, SceneError> {
     let start = stream.offset;
+    // One byte more than allowed shows that the limit is exceeded.
     let rest = stream.up_to(MAX_EXTENSIONS + 1, "extensions")?;
     let allowed = if header.has_extensions { MAX_EXTENSIONS } else { 0 };
     if rest.len() > allowed {
@@ -68,6 +70,7 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let Some(extensions_len) = table.checked_sub(cursor.offset()) else {
         return Err(at.malformed(format!("a table at byte {table}"), "a table after the header"));
     };
+    // Extensions lie between the header and the table.
     let extensions = cursor.take(extensions_len, "extensions")?;
     let flip = if header.has_extensions {
         AxisFlip::from_extensions(&mut ByteCursor::new(EXTENSIONS, extensions))?
@@ -78,7 +81,8 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     header.scene(&planes, flip)
 }
 
-/// The table and the streams behind it. A plane without bytes, harmonics of degree 0, has no stream.
+/// Reads the table and the streams behind it. A plane without bytes, harmonics of degree 0, has no
+/// stream.
 fn read_streams(
     header: &SpzHeader,
     stream_count: u8,
@@ -100,6 +104,7 @@ fn read_streams(
             return Err(at.malformed(format!("{raw} bytes of {}", NAMES[i]), format!("{} bytes", lens[i])));
         }
     }
+    // All streams are cut out before one is decompressed, so that a wrong table costs no work.
     let mut streams = Vec::new();
     for &i in &present {
         let at = cursor.clone();
@@ -119,13 +124,13 @@ fn read_streams(
     Ok(planes)
 }
 
-/// Returns true if the planes take more memory than a file of this length may: then it is decompressed to nothing first, so that
-/// a broken one takes none.
+/// Returns true if the planes take more memory than a file of this length may. A first pass then
+/// decompresses without keeping anything, so that a broken file takes no memory.
 fn is_beyond_budget(header: &SpzHeader, file_len: usize) -> bool {
     ByteBudget::of(file_len).check(header.plane_lens().iter().sum(), 1).is_err()
 }
 
-/// A stream of a plane, whose bytes `read` keeps or passes over.
+/// A stream of one plane. The function `read` keeps its bytes or skips them.
 type Zstd<'a> = SpzStream<zstd::stream::read::Decoder<'a, &'a [u8]>>;
 
 fn decompress_stream<'a, T>(
@@ -176,7 +181,7 @@ impl<R: Read> SpzStream<R> {
         Err(self.malformed(start, found, format!("{len} bytes of {what}")))
     }
 
-    /// Passes over exactly `len` bytes.
+    /// Skips exactly `len` bytes.
     fn skip(&mut self, len: usize, what: &'static str) -> Result<(), SceneError> {
         let start = self.offset;
         match io::copy(&mut self.inner.by_ref().take(len as u64), &mut io::sink()) {

@@ -22,6 +22,8 @@ impl AttributePlanes {
         let [positions, opacities, colours, scales, rotations, harmonics] = &self.0;
         let signs = QuaternionSigns::for_flip(flip);
         let unit = 1.0 / (1_u32 << header.fractional_bits) as f32;
+        // Three bytes in version 2, four from version 3 on. A file of no Gaussians has no bytes at
+        // all.
         let rotation_len = rotations.len() / header.count.max(1);
         let rest_len = sh::function_count(header.sh_degree) - 1;
         let mut coefficients = vec![[0.0; 3]; rest_len + 1];
@@ -50,6 +52,7 @@ impl AttributePlanes {
 /// white.
 pub(super) const COLOUR_SCALE: f32 = 0.15;
 
+/// Signs by which the change of axes multiplies positions, quaternions and harmonics.
 struct QuaternionSigns {
     position: [f32; 3],
     rotation: [f32; 3],
@@ -69,6 +72,7 @@ fn three_bytes(plane: &[u8], i: usize) -> [u8; 3] {
 /// Decodes three 24-bit numbers in units of `unit`, a power of two. The result is exact in 32 bits.
 fn decode_position(bytes: &[u8], unit: f32, signs: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| {
+        // Read into the high bytes and shifted down, which extends the sign of the 24 bits.
         let [low, mid, high] = three_bytes(bytes, k);
         let fixed = i32::from_le_bytes([0, low, mid, high]) >> 8;
         signs[k] * (fixed as f32 * unit)

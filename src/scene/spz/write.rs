@@ -13,7 +13,7 @@ use std::io::Write;
 const MAX_STEPS: f64 = 8_388_607.0;
 
 /// Writes `scene` as `.spz`, with every number rounded to the nearest value of the format.
-/// Positions have as many fractional bits as the farthest position permits. The flag of
+/// Positions get the most fractional bits that the farthest position permits. The flag of
 /// antialiasing is taken from the scene.
 ///
 /// # Errors
@@ -96,9 +96,12 @@ const STEP: f64 = FRAC_1_SQRT_2 / 511.0;
 
 #[expect(clippy::cast_possible_truncation, reason = "an index of four")]
 fn packed_without(rotation: [f64; 4], left_out: usize) -> u32 {
+    // A quaternion and its negative are one rotation, so the omitted component can be made
+    // positive.
     let others = (0..4_usize).filter(|&k| k != left_out).map(|k| rotation[k] * rotation[left_out].signum());
     others.fold(left_out as u32, |word, c| {
         let magnitude = u32::from(nearest_magnitude(c.abs() / STEP));
+        // A zero has no sign, so that equal rotations are equal words.
         word << 10 | u32::from(c < 0.0 && magnitude > 0) << 9 | magnitude
     })
 }

@@ -27,7 +27,8 @@ use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;
 
-/// Blends one tile with `N` features per splat into its part of the planes (see [`super::raster_tiles`]).
+/// Blends one tile with `N` features per splat into its part of the planes (see
+/// [`super::raster_tiles`]).
 #[inline(always)]
 pub(super) fn blend_tile_smoothly<V: Simd, S: RealNumber<Plain = f32>, const N: usize>(
     simd: V,
@@ -35,6 +36,8 @@ pub(super) fn blend_tile_smoothly<V: Simd, S: RealNumber<Plain = f32>, const N: 
     index: usize,
     out: &mut [f32],
 ) -> RenderWork {
+    // Without rates, the array may be empty or that of an earlier frame. Plain numbers drop the
+    // rates.
     let moving = |place: u32| frame.rates.get(place as usize).copied().unwrap_or_default();
     let places = frame.lists.of(index).flatten();
     let layers: Vec<(Splat, SplatRates)> =
@@ -43,12 +46,14 @@ pub(super) fn blend_tile_smoothly<V: Simd, S: RealNumber<Plain = f32>, const N: 
     let [width, height] = [frame.grid.size.width, frame.grid.size.height].map(|edge| edge as usize);
     let mut work = RenderWork::default();
     for y in 0..TILE {
+        // Tiles at the border reach beyond the image.
         let inside = if row + y < height { width.saturating_sub(column) } else { 0 };
         let mut pixels = TileRow::<S, N>::new([column, row + y], inside);
         layers.iter().for_each(|(splat, rates)| pixels.take(simd, splat, rates));
         pixels.finish();
         pixels.store(y, out);
         work.blended += pixels.blended;
+        // Pixels outside the image were never open, and do not count as stopped.
         work.stopped += pixels.open.iter().take(inside).filter(|open| !**open).count() as u64;
     }
     work
@@ -103,6 +108,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
         if self.first[1] < first || self.first[1] > end {
             return;
         }
+        // Columns need no test. Outside its extent, a splat's opacity is below the least one.
         let alpha = self.alphas(simd, splat, rates);
         let hits = alpha.iter().filter(|alpha| alpha.value() > 0.0).count();
         if hits == 0 {
@@ -110,6 +116,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
         }
         self.blended += hits as u64;
         let depth = S::with_rate(splat.depth, rates.depth);
+        // The new layer and all later ones are too deep to cover these, so these are complete.
         while self.queue.get(self.laid).is_some_and(|next| depth_cover(depth, next.depth).value() <= 0.0) {
             self.lay();
         }
@@ -130,7 +137,9 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
             let e1 = w1 * (S::with_rate(self.first[0] + x as f32, 0.0) - mx) + w2 * dy;
             e1 * e1 + e2 * e2
         });
+        // The power of the plain pass, so that the opacities have the same bits.
         let powers = opacity_powers(simd, q.map(S::value));
+        // `check_style` admits this order under the rules `soft` only, so their constants are used.
         std::array::from_fn(|x| {
             let free = splat.opacity * powers[x];
             if !self.open[x] || free < SOFT_MIN_ALPHA {
@@ -140,6 +149,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
             let rate = free * (rates.opacity - LN_2 * q[x].rate());
             let alpha = if clamped { S::with_rate(MAX_ALPHA, 0.0) } else { S::with_rate(free, rate) };
             let alpha = alpha * smooth_step(S::constant(255.0) * alpha - S::constant(0.5));
+            // The pixel stops before the layer that would take too much of its light.
             let after = self.rest[x] * (S::constant(1.0) - alpha);
             self.open[x] = after.value() >= STOP;
             if !self.open[x] {
@@ -160,6 +170,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
             for (light, alpha) in self.before.iter_mut().zip(gone.alpha) {
                 *light = *light * (S::constant(1.0) - alpha);
             }
+            // `laid` counts from the front of the queue, which has moved.
             self.laid -= 1;
         }
         let mut light = self.before;
@@ -193,6 +204,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
             let row = &mut plane[y * TILE..][..TILE];
             match n.checked_sub(N) {
                 None => row.copy_from_slice(&self.sums[n]),
+                // The light left for the background does not depend on the order of the layers.
                 Some(0) => row.copy_from_slice(&self.rest.map(S::value)),
                 Some(1) => row.copy_from_slice(&self.grey_rate),
                 Some(_) => row.copy_from_slice(&self.rest.map(S::rate)),

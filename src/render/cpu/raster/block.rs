@@ -131,6 +131,7 @@ impl<const N: usize> TilePixels<N> {
             grey_rate: load(&self.grey_rate),
         };
         while mask != 0 {
+            // Bits are in order of depth, so the lowest one comes first.
             let i = mask.trailing_zeros() as usize;
             mask &= mask - 1;
             state.blend::<SOFT, RATE>(simd, &batch.splats[i], &batch.rates[i], self.limits);
@@ -234,6 +235,7 @@ impl<S: Simd, const N: usize> BlockState<S, N> {
         if RATE {
             let weight_rate = goes_on.select(self.light_rate * alpha + self.light * rate, zero);
             self.grey_rate += weight_rate * rates.grey + weight * rates.grey_rate;
+            // `Tdot (1 - alpha) - T alphadot` is `Tdot` minus the rate of the weight.
             self.light_rate -= weight_rate;
         }
         let finished = f32x16::from_bits(self.light.to_bits() | SIGN);

@@ -25,6 +25,7 @@ pub(super) struct BatchEllipses {
 
 impl Default for BatchEllipses {
     fn default() -> Self {
+        // Unused places are divided by `w1` too. With 1 their values stay finite.
         Self { mean: [[0.0; BATCH]; 2], w: [[1.0; BATCH]; 3], reach: [-1.0; BATCH] }
     }
 }
@@ -33,6 +34,8 @@ impl BatchEllipses {
     /// Copies the ellipses of a batch. Unused places get a negative reach, which touches nothing.
     #[inline(always)]
     pub(super) fn fill(&mut self, splats: &[Splat]) {
+        // The pixel ranges of the rules are not needed: they hold the whole ellipse, or end at the
+        // edges of tiles, which the lists observe already.
         for (i, splat) in splats.iter().enumerate() {
             [self.mean[0][i], self.mean[1][i]] = splat.mean;
             [self.w[0][i], self.w[1][i], self.w[2][i]] = splat.w;
@@ -46,20 +49,22 @@ impl BatchEllipses {
     #[inline(always)]
     pub(super) fn cover<S: Simd>(&self, simd: S, corner: [usize; 2]) -> [u64; BLOCKS] {
         let mut masks = [0; BLOCKS];
+        // `BATCH` is a multiple of every vector's length.
         for first in (0..BATCH).step_by(S::f32s::LEN) {
             self.cover_some::<S>(simd, corner, first, &mut masks);
         }
         masks
     }
 
-    /// The same for one vector of splats, from `first` on. The interval on a row is
-    /// [`Splat::chord`].
+    /// Does the work of [`Self::cover`] for one vector of splats, from `first` on. The interval on
+    /// a row is [`Splat::chord`].
     #[inline(always)]
     fn cover_some<S: Simd>(&self, simd: S, corner: [usize; 2], first: usize, masks: &mut [u64; BLOCKS]) {
         let load = |from: &[f32; BATCH]| S::f32s::from_slice(simd, &from[first..first + S::f32s::LEN]);
         let [mean_x, mean_y] = [load(&self.mean[0]), load(&self.mean[1])];
         let [w1, w2, w3] = [load(&self.w[0]), load(&self.w[1]), load(&self.w[2])];
         let reach = load(&self.reach);
+        // One division serves all rows.
         let inverse = S::f32s::splat(simd, 1.0) / w1;
         let slope = w2 * inverse;
         let (zero, nothing) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, f32::NEG_INFINITY));
