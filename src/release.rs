@@ -20,6 +20,7 @@ pub mod left_out;
 mod loader;
 mod manifest;
 mod path_picture;
+mod provenance;
 mod published;
 pub mod recheck;
 mod removal;

@@ -11,6 +11,7 @@ use crate::licence::{LicenceObligation, Redistributability};
 use crate::recipe::{ReleaseInfo, SplitUnit};
 use crate::sensor::SensorChoice;
 use crate::sensor::voltmeter::BetweenFrames;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 /// Composes the card.
@@ -19,16 +20,16 @@ pub(super) fn compose_card(facts: &ReleaseFacts<'_>) -> String {
     let mut text = card_head(facts);
     for section in [
         card_introduction(facts),
-        FILES.to_owned(),
-        LOADING.to_owned(),
-        conventions_section(scenes),
-        making_section(scenes),
+        files_section(facts),
+        loading_section(facts),
+        conventions_section(facts),
+        making_section(facts),
         checks_section(scenes),
         splits_section(facts),
-        format!("## Limits\n\n{LIMITS}\n"),
+        format!("## Limits\n\n{}\n", facts.provenance().limits()),
         licences_section(facts),
         removal_section(info),
-        citation_section(info),
+        citation_section(facts),
     ] {
         if !section.is_empty() {
             text.push('\n');
@@ -58,7 +59,10 @@ fn card_head(facts: &ReleaseFacts<'_>) -> String {
     let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
     let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
     let _ = writeln!(text, "size_categories: [{}]", quoted(size));
-    text.push_str("tags: [event-camera, 3d-gaussian-splatting, synthetic]\n");
+    text.push_str(match facts.provenance().has_events() {
+        true => "tags: [event-camera, 3d-gaussian-splatting, synthetic]\n",
+        false => "tags: [3d-gaussian-splatting, synthetic]\n",
+    });
     let _ = writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", super::index::NAME);
     if licence.gated {
         text.push_str(&gate_prompt(facts));
@@ -94,22 +98,25 @@ fn card_introduction(facts: &ReleaseFacts<'_>) -> String {
     if !info.description.is_empty() {
         let _ = writeln!(text, "{}\n", plain_text(&info.description));
     }
-    let FileCounts { scenes, trajectories, events, withheld, .. } = facts.counts();
-    let pictures = facts.pictures();
+    let FileCounts { scenes, trajectories, withheld, .. } = facts.counts();
+    let what = match facts.provenance().has_events() {
+        true => "Synthetic event-camera streams with exact poses",
+        false => "Camera paths with exact poses",
+    };
     let _ = writeln!(
         text,
-        "Synthetic event-camera streams with exact poses: {scenes} scene(s), {trajectories} trajectory(ies), {events} \
-         events, {pictures}. Each stream was simulated from renderings of a 3D Gaussian splat along a dense \
-         camera path. `DATASHEET.md` has more."
+        "{what}: {scenes} scene(s), {trajectories} trajectory(ies), {}. {} `DATASHEET.md` has more.",
+        facts.contents(),
+        facts.provenance().collection()
     );
     if withheld > 0 {
         let _ = writeln!(
             text,
-            "\nOf {withheld} scene(s) there are recipe, poses and reports alone: see the licences."
+            "\nThe release has only recipe, poses and reports of {withheld} scene(s): see the licences."
         );
     }
     if facts.taken_down > 0 {
-        let _ = writeln!(text, "\nLeft out, as their removal was asked for: {} scene(s).", facts.taken_down);
+        let _ = writeln!(text, "\n{} scene(s) were removed on request.", facts.taken_down);
     }
     text
 }
@@ -124,8 +131,8 @@ fn splits_section(facts: &ReleaseFacts<'_>) -> String {
     let counts: Vec<String> =
         facts.splits().iter().map(|(name, count)| format!("`{name}` {count}")).collect();
     format!(
-        "## Splits\n\nBy {by}, never by trajectory; number of scenes: {}. `split` in `index.parquet` and in each \
-         `scene.json` says which. No photo and no Gaussians are in two of them.\n",
+        "## Splits\n\nBy {by}, never by trajectory; number of scenes: {}. `index.parquet` and each `scene.json` name the \
+         `split`. No photo and no scene file is in two splits.\n",
         counts.join(", ")
     )
 }
@@ -137,73 +144,152 @@ fn removal_section(info: &ReleaseInfo) -> String {
         None if info.url == ReleaseInfo::default().url => "No contact is stated".to_owned(),
         None => format!("No contact is stated; the publisher's page is {}", plain_text(&info.url)),
     };
-    format!(
-        "## Removal of scenes\n\n{whom}. A scene that is taken down is left out of every later version.\n"
-    )
+    format!("## Removal of scenes\n\n{whom}. Later versions do not contain a scene that was taken down.\n")
 }
 
-const FILES: &str = "\
-## Files
+/// Files of a release: name, content, and the picture or stream without which there are none.
+const FILES: [(&str, &str, FileKind); 22] = [
+    (
+        "<scene>/scene.json",
+        "source, camera, recipe, licence, seeds and statistics of a scene",
+        FileKind::Always,
+    ),
+    (
+        "<scene>/<trajectory>/events.h5",
+        "events in DSEC's layout: `events/{x,y,p,t}`, `ms_to_idx`, `t_offset`",
+        FileKind::Events,
+    ),
+    (
+        "<scene>/<trajectory>/events/<sensor>.h5",
+        "the same, one file per sensor of the trajectory",
+        FileKind::SeveralSensors,
+    ),
+    ("poses.txt", "one line per pose: `t_us tx ty tz qx qy qz qw`, camera to world", FileKind::Always),
+    ("transforms.json", "the same poses and the camera in nerfstudio's form", FileKind::Always),
+    ("timestamps_us.txt", "one time stamp per line, in microseconds", FileKind::Always),
+    ("speed.json", "requested and achieved speed of the camera", FileKind::Always),
+    ("trajectory.svg", "the path from above and from the side, and its speed over time", FileKind::Always),
+    ("trajectory.png", "the path", FileKind::Always),
+    ("sharp/%06d.png", "8-bit sRGB rendering at the pose with that number", FileKind::Sharp),
+    (
+        "blur/%06d.png",
+        "8-bit sRGB mean over an exposure around that pose, in linear light; `transforms.json` has its times",
+        FileKind::Blur,
+    ),
+    (
+        "depth/%06d.npy",
+        "float32 `[H, W]`, scene units along the optical axis: the weighted mean of the Gaussians at a pixel, so that \
+         soft edges mix near and far; NaN where the opacity is below 0.5",
+        FileKind::Depth,
+    ),
+    (
+        "flow/%06d.npy",
+        "float32 `[H, W, 2]`, px/s: image velocity at that pose of the static point at a pixel's depth; NaN without a \
+         depth",
+        FileKind::Flow,
+    ),
+    ("checks.json", "verdicts of the checks", FileKind::Always),
+    ("checks/*.png", "pictures made by some checks", FileKind::Events),
+    ("report.html", "the release for people, in one file: pictures, curves, verdicts", FileKind::Always),
+    ("index.parquet", "table with one row per trajectory", FileKind::Always),
+    ("croissant.json", "this release in Croissant 1.1", FileKind::Always),
+    ("DATASHEET.md", "answers to the questions of \"Datasheets for Datasets\"", FileKind::Always),
+    (
+        "REUSE.toml, LICENSES/",
+        "holders and terms of every file, for `reuse lint`; the texts",
+        FileKind::Always,
+    ),
+    ("gs2e.py", "loader that needs only numpy and h5py", FileKind::Always),
+    (
+        "manifest.json, B3SUMS, SHA256SUMS",
+        "every step with its key; size, BLAKE3 and SHA-256 of every file: `sha256sum --strict -c SHA256SUMS`",
+        FileKind::Always,
+    ),
+];
 
-| file | content |
-|---|---|
-| `<scene>/scene.json` | source, camera, recipe, licence, seeds and statistics of a scene |
-| `<scene>/<trajectory>/events.h5` | events in DSEC's layout: `events/{x,y,p,t}`, `ms_to_idx`, `t_offset`; where several sensors saw one rendering, `events/<sensor>.h5` |
-| `poses.txt` | a line a pose: `t_us tx ty tz qx qy qz qw`, camera to world |
-| `transforms.json` | the same poses and the camera in nerfstudio's form |
-| `timestamps_us.txt` | a stamp a line, microseconds |
-| `speed.json` | asked and achieved speed of the camera |
-| `trajectory.svg` | the path from above and from the side, and its speed over time |
-| `trajectory.png` | the path alone |
-| `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
-| `blur/%06d.png` | 8-bit sRGB mean, in linear light, over an exposure around that pose, which `transforms.json` times |
-| `depth/%06d.npy` | float32 `[H, W]`, scene units along the optical axis: the mean of the Gaussians that a pixel shows, by their weight, so that soft edges mix near and far; NaN where opacity is below 0.5 |
-| `flow/%06d.npy` | float32 `[H, W, 2]`, px/s: image velocity at that pose's time of the static point at a pixel's depth; NaN where depth is |
-| `checks.json`, `checks/*.png` | verdicts of the validation passes, and pictures of what some of them saw |
-| `report.html` | the release for people, in one file that opens from disk: pictures, curves, verdicts, what was left out |
-| `index.parquet` | a row a trajectory, to choose by |
-| `croissant.json` | this release in Croissant 1.1 |
-| `DATASHEET.md` | the questions of \"Datasheets for Datasets\", answered |
-| `REUSE.toml`, `LICENSES/` | holders and terms of every file, for `reuse lint`; the texts |
-| `gs2e.py` | a loader, over numpy and h5py alone |
-| `manifest.json` | every step with its key, every file with size and BLAKE3 |
-| `B3SUMS` | the same files by BLAKE3: `b3sum --check B3SUMS` |
-| `SHA256SUMS` | every file: `sha256sum --strict -c SHA256SUMS` |
-";
+/// The condition under which a release has a file.
+#[derive(Clone, Copy, PartialEq)]
+enum FileKind {
+    Always,
+    Events,
+    SeveralSensors,
+    Sharp,
+    Blur,
+    Depth,
+    Flow,
+}
 
-const LOADING: &str = "\
-## How to load it
+/// Table of the files that the release has.
+fn files_section(facts: &ReleaseFacts<'_>) -> String {
+    let FileCounts { streams, frames, blurred, geometry: [depth, flow], .. } = facts.counts();
+    let several =
+        facts.scenes.iter().any(|scene| scene.file.trajectories.iter().any(|part| !part.sensors.is_empty()));
+    let has = |kind| match kind {
+        FileKind::Always => true,
+        FileKind::Events => streams > 0,
+        FileKind::SeveralSensors => several,
+        FileKind::Sharp => frames > 0,
+        FileKind::Blur => blurred > 0,
+        FileKind::Depth => depth > 0,
+        FileKind::Flow => flow > 0,
+    };
+    let mut text = String::from("## Files\n\n| file | content |\n|---|---|\n");
+    for (name, content, _) in FILES.into_iter().filter(|(.., kind)| has(*kind)) {
+        let names: Vec<String> = name.split(", ").map(|name| format!("`{name}`")).collect();
+        let _ = writeln!(text, "| {} | {content} |", names.join(", "));
+    }
+    text
+}
 
-```python
-from gs2e import Scene  # gs2e.py, copied beside your own code
-
-scene = Scene(\"<scene>\", \"<trajectory>\")
-t, x, y, p, label = scene.events(10_000, 20_000)  # t0_us <= t < t1_us
-world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp
-voxel = scene.voxel(10_000, 20_000, bins=5)  # [bins, H, W]; also .event_frame(), .K, .frames, .blurred, .depth(j), .flow(j)
-```
-";
+/// Lines of Python that load what the release has.
+fn loading_section(facts: &ReleaseFacts<'_>) -> String {
+    let FileCounts { streams, frames, blurred, geometry: [depth, flow], .. } = facts.counts();
+    let lines = [
+        (streams > 0, "t, x, y, p, label = scene.events(10_000, 20_000)  # t0_us <= t < t1_us"),
+        (true, "world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp"),
+        (streams > 0, "voxel = scene.voxel(10_000, 20_000, bins=5)  # [bins, H, W]"),
+        (frames > 0, "frame = scene.frames[0]"),
+        (blurred > 0, "exposure = scene.blurred[0]"),
+        (depth > 0, "depth = scene.depth(0)  # [H, W]"),
+        (flow > 0, "flow = scene.flow(0)  # [H, W, 2]"),
+    ];
+    let lines: Vec<&str> = lines.into_iter().filter(|(has, _)| *has).map(|(_, line)| line).collect();
+    format!(
+        "## How to load it\n\n```python\nfrom gs2e import Scene  # gs2e.py, copied next to your own code\n\n\
+         scene = Scene(\"<scene>\", \"<trajectory>\")\n{}\n```\n",
+        lines.join("\n")
+    )
+}
 
 const CONVENTIONS: &str = "\
 ## Conventions
 
-Time is in integer microseconds from the first pose. Camera axes are OpenCV's: x right, y down, z forward; \
-`transforms.json` alone has OpenGL's (y up, z back). Pixel (i, j) has its centre at (i+0.5, j+0.5). Lengths are in the \
-source's own unit. Polarity 1 is brighter, 0 is darker. Brightness is display-encoded (sRGB) luminance, \
-0.299 R + 0.587 G + 0.114 B, on the grey scale 0..255.
+Times are integer microseconds from the first pose. Camera axes are those of OpenCV: x right, y down, z forward; only \
+`transforms.json` has those of OpenGL (y up, z back). The centre of pixel (i, j) is (i+0.5, j+0.5). Lengths are in the \
+unit of the source.
+";
+
+/// Conventions of events.
+const EVENT_CONVENTIONS: &str = "
+Polarity 1 is brighter, 0 is darker. Brightness is display-encoded (sRGB) luminance, 0.299 R + 0.587 G + 0.114 B, on \
+the grey scale 0..255.
 ";
 
 /// Meaning of labels, for streams that have them.
 const LABELS: &str = "\
-`events/label`, where a stream has it, is 1 for signal and 0 for noise, which brightness did not make: events of hot \
-pixels and shot noise, and those of whose threshold brightness has gone less than half, in the event's direction, since \
-the pixel's event before.
+`events/label`, where a stream has it, is 1 for signal and 0 for noise. Noise events are those of hot pixels and of shot \
+noise, and those before which the brightness moved by less than half a threshold in the event's direction since the \
+previous event of the pixel.
 ";
 
 /// Conventions for reading the numbers, and the sensors that see another brightness than the
 /// others.
-fn conventions_section(scenes: &[PublishedScene]) -> String {
+fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
+    let scenes = facts.scenes;
     let mut text = CONVENTIONS.to_owned();
+    if facts.provenance().has_events() {
+        text.push_str(EVENT_CONVENTIONS);
+    }
     let streams = built_trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
     if streams.into_iter().any(|(_, sensor)| sensor.as_model().labels()) {
         text.push_str(LABELS);
@@ -221,7 +307,7 @@ fn conventions_section(scenes: &[PublishedScene]) -> String {
         let head = "| scene | sensor | brightness |\n|---|---|---|\n";
         let _ = write!(
             text,
-            "These sensors see another brightness, on the same scale:\n\n{head}{}",
+            "These sensors use another brightness, on the same scale:\n\n{head}{}",
             others.concat()
         );
     }
@@ -236,23 +322,20 @@ const PATHS: [(&str, &str); 4] = [
     ("keyframes", "poses given by hand, joined by a curve"),
 ];
 
-fn making_section(scenes: &[PublishedScene]) -> String {
+fn making_section(facts: &ReleaseFacts<'_>) -> String {
+    let scenes = facts.scenes;
     let kinds: Vec<&str> = built_trajectories(scenes).map(|(_, part)| part.kind.as_str()).collect();
     let mut text = String::from("## How it was made\n\nEach path is one of these:\n\n");
     for (kind, what) in PATHS.iter().filter(|(kind, _)| kinds.contains(kind)) {
         let _ = writeln!(text, "- `{kind}`: {what}");
     }
-    let mut between: Vec<&str> =
-        scenes.iter().flat_map(|s| s.recipe.sensors.iter()).map(|(_, s)| between_words(s)).collect();
-    between.sort_unstable();
-    between.dedup();
-    let between = between.join(" or ");
-    let _ = write!(
-        text,
-        "\nPaths were measured by rotation and translation, and sampled densely at the prescribed speed; every pose \
-         was rendered; the sensor saw the renderings as brightness that is {between} in time between poses in ln(L + k2). \
-         Thresholds, sensor parameters and seeds are in `scene.json`.\n\n\
-         | scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
+    text.push_str(
+        "\nPaths are measured by rotation and translation, and sampled at the prescribed speed. Seeds and all parameters \
+         are in `scene.json`.\n",
+    );
+    text.push_str(&sensors_made(scenes));
+    text.push_str(
+        "\n| scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in built_trajectories(scenes).flat_map(|(scene, part)| stream_rows(scene, part)) {
@@ -261,7 +344,32 @@ fn making_section(scenes: &[PublishedScene]) -> String {
     text
 }
 
-/// Interpolation of brightness between poses by a sensor.
+/// One item per kind of sensor: its model, what it compares, and its interpolation between frames.
+fn sensors_made(scenes: &[PublishedScene]) -> String {
+    let mut items = BTreeSet::new();
+    for (scene, part) in built_trajectories(scenes) {
+        for (_, sensor) in scene.streams(part) {
+            let between = between_words(sensor);
+            // A rate of no meaning would be refused by the recipe, which the release holds.
+            let screened = sensor.screen(scene.recipe.rate);
+            let quantity =
+                screened.map_or_else(|_| "brightness".to_owned(), |found| found.quantity.to_owned());
+            items.insert(format!(
+                "- `{}`: compares `{quantity}`, {between} in time between frames\n",
+                sensor.name()
+            ));
+        }
+    }
+    match items.is_empty() {
+        true => String::new(),
+        false => format!(
+            "\nEach frame was rendered and given to the sensor:\n\n{}",
+            Vec::from_iter(items).concat()
+        ),
+    }
+}
+
+/// Interpolation of brightness between frames by a sensor.
 fn between_words(sensor: &SensorChoice) -> &'static str {
     match sensor.between() {
         BetweenFrames::Linear => "linear",
@@ -290,11 +398,12 @@ fn stream_rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
     let counted = |name: Option<&str>, sensor: &SensorChoice, statistics: &TrajectoryStatistics| {
         let (events, on) = (statistics.events.unwrap_or(0), statistics.on.unwrap_or(0));
         let pixel_seconds = size.pixels() as f64 * part.duration_us as f64 * 1e-6;
-        let rate = events as f64 / pixel_seconds;
-        let share = on as f64 / events as f64;
+        // A stream without events or duration has no rate and no share.
+        let ratio = |of: f64, to: f64| if to > 0.0 { format!("{:.3}", of / to) } else { "-".to_owned() };
+        let (rate, share) = (ratio(events as f64, pixel_seconds), ratio(on as f64, events as f64));
         let (on, off) = sensor.as_model().contrast();
         let name = name.map_or_else(String::new, |name| format!("/{name}"));
-        row(&name, &format!("{events} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}"))
+        row(&name, &format!("{events} | {rate} | {share} | {on:.4}, {off:.4}"))
     };
     let streams = scene.streams(part).into_iter().map(|(name, sensor)| {
         let named = name.and_then(|name| part.sensors.get(name));
@@ -337,15 +446,6 @@ they were taken.
 ";
 
 /// Limits of the data.
-pub(super) const LIMITS: &str = "\
-Scenes are static and seen by a moving camera. The splats' own artefacts (floaters, popping where depth order changes, \
-a floor of alpha at 1/255) are part of the brightness that the sensor sees, and so of the events. Brightness beyond the \
-range of the training photos is not known. The sensor model has no bandwidth limit, no refractory time and no mismatch \
-between pixels, where a recipe does not ask for them. Poses are exact for what was rendered; of a capture they are as \
-good as its reconstruction. Lengths are in the unit of each source, which is arbitrary for captures, and which way is up \
-is not known. Events between poses rest on brightness that was interpolated: how far the image moves from pose to pose is \
-in `checks.json` (`sampling`). Photos are named and hashed, and are not in the release.";
-
 fn licences_section(facts: &ReleaseFacts<'_>) -> String {
     let mut text =
         format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", facts.licence.expression);
@@ -354,8 +454,10 @@ fn licences_section(facts: &ReleaseFacts<'_>) -> String {
             scene.recipe.licence.as_ref().map_or_else(|| "not stated".into(), |l| plain_text(&l.holder));
         let passing = match &scene.licence.passing {
             Redistributability::Free => String::new(),
-            Redistributability::Allowed(because) => format!("; passed on, because: {}", plain_text(because)),
-            Redistributability::Withheld => "; recipe, poses and reports alone".to_owned(),
+            Redistributability::Allowed(because) => {
+                format!("; redistributed, because: {}", plain_text(because))
+            }
+            Redistributability::Withheld => "; only recipe, poses and reports".to_owned(),
         };
         let (id, terms) = (&scene.recipe.scene, &scene.licence.expression);
         let _ = writeln!(text, "- {id}: `{terms}`, holder: {holder}{passing}");
@@ -365,7 +467,7 @@ fn licences_section(facts: &ReleaseFacts<'_>) -> String {
     }
     let named: Vec<String> = facts.attributions().into_iter().map(plain_text).collect();
     if !named.is_empty() {
-        let _ = writeln!(text, "\nTo be named: {}.", named.join("; "));
+        let _ = writeln!(text, "\nAttribution: {}.", named.join("; "));
     }
     let ledger = facts.ledger();
     if !ledger.is_empty() {
@@ -379,14 +481,14 @@ fn licences_section(facts: &ReleaseFacts<'_>) -> String {
 }
 
 /// Introduction of the table of terms.
-const PROGRAMS: &str =
-    "What is known of the terms. Those of datasets bind; those of programs bind no scene by themselves.";
+const PROGRAMS: &str = "Known terms. The terms of datasets are binding; the terms of programs do not bind a scene by themselves.";
 
 /// Open question of the table of terms, if scenes were trained.
-const TRAINED: &str = " Whether the licence of 3D Gaussian Splatting reaches what is rendered from scenes that were \
-    trained with it is not said by its text.";
+const TRAINED: &str = " The licence of 3D Gaussian Splatting does not state if it applies to renderings of scenes that \
+    were trained with it.";
 
-fn citation_section(info: &ReleaseInfo) -> String {
+fn citation_section(facts: &ReleaseFacts<'_>) -> String {
+    let info = facts.info;
     let mut text = String::from("## Citation\n\n");
     if !info.cite_as.is_empty() {
         // As code, so that nothing in it is markup.
@@ -395,8 +497,10 @@ fn citation_section(info: &ReleaseInfo) -> String {
         }
         text.push('\n');
     }
-    text.push_str(
-        "The pipeline follows GS2E (arXiv 2505.15287); the sensor law follows DVS-Voltmeter (Lin et al., ECCV 2022).\n",
-    );
+    text.push_str("The pipeline follows GS2E (arXiv 2505.15287)");
+    for (name, publication) in facts.provenance().models() {
+        let _ = write!(text, "; a sensor follows {name} ({publication})");
+    }
+    text.push_str(".\n");
     text
 }

@@ -11,9 +11,9 @@ mod records;
 pub(super) use glob::glob_matches;
 pub(super) use records::{SPLITS, data_type};
 
-use super::card;
 use super::checksum;
 use super::index;
+use super::provenance::Provenance;
 use super::scene::SceneRecord;
 use crate::licence::SourceKind;
 use crate::recipe::{ReleaseInfo, SplitPlan};
@@ -126,7 +126,7 @@ pub(super) fn compose_croissant(of: &DescribedRelease<'_>) -> Value {
         "license": licence_address(of.licence), "creator": { "@type": "Organization", "name": info.creator },
         "datePublished": info.date_published, "citeAs": info.cite_as, "isLiveDataset": false,
         "prov:wasDerivedFrom": source_entries(of.scenes),
-        "prov:wasGeneratedBy": [{ "@type": "prov:Activity", "name": super::TOOL, "description": COLLECTION }],
+        "prov:wasGeneratedBy": [{ "@type": "prov:Activity", "name": super::TOOL, "description": Provenance::of(of.scenes.iter().copied()).collection() }],
         "distribution": distribution_entries(of),
         "recordSet": record_sets(info.splits.as_ref()),
     });
@@ -151,30 +151,20 @@ pub(super) fn licence_address(expression: &str) -> String {
     }
 }
 
-pub(super) const COLLECTION: &str = "Events are simulated: a 3D Gaussian splat is rendered along a dense camera path, and a model \
-    of an event sensor sees the renderings as brightness over time. The build is deterministic; every step, with its \
-    parameters and the digests of its inputs, is in manifest.json.";
-
-pub(super) const USES: &str = "Training and measuring methods that take events: reconstruction of scenes and of intensity, poses, \
-    deblurring, interpolation of frames. It does not stand in for recordings of a sensor where a method is to be used \
-    on those.";
-
-pub(super) const BIASES: &str = "Scenes do not move, and are seen by one moving camera along smooth paths. Light is that of the \
-    captures. Sensors are models with stated parameters, whose noise is that of the model.";
-
 const IMPACT: &str = "None is known beyond that of its sources and of methods trained on it. Licences of the sources \
     bind who receives it: see licence and gated in index.parquet.";
 
 /// The texts of [`RESPONSIBLE`], in the same order.
 fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
     let made_up = |scene: &&SceneRecord| scene.source.kind == SourceKind::Procedural.name();
+    let provenance = Provenance::of(scenes.iter().copied());
     let personal = personal_words(scenes.iter().all(made_up));
     [
-        COLLECTION.into(),
-        card::LIMITS.into(),
-        BIASES.into(),
+        provenance.collection().into(),
+        provenance.limits().into(),
+        provenance.biases().into(),
         personal.into(),
-        USES.into(),
+        provenance.uses().into(),
         IMPACT.into(),
         true.into(),
     ]
@@ -183,9 +173,9 @@ fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
 /// Statement on persons in the scenes, which are all procedural or not.
 pub(super) fn personal_words(made_up: bool) -> &'static str {
     if made_up {
-        "None: its scenes are made up by the program."
+        "None: its scenes are procedural."
     } else {
-        "Not examined: renderings of captured scenes may show what their photos show, faces and writing among it."
+        "Not examined: renderings of captured scenes may show the content of their photos, including faces and text."
     }
 }
 

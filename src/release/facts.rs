@@ -1,6 +1,7 @@
 //! Facts about a release for card and datasheet, counted and gathered once, so that the two cannot
 //! differ.
 
+use super::provenance::Provenance;
 use super::published::PublishedScene;
 use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
@@ -108,13 +109,26 @@ impl ReleaseFacts<'_> {
         self.parts().flat_map(|part| part.obligations.iter().copied()).collect()
     }
 
-    /// The pictures in words: sharp ones always, others if there are any.
-    pub(super) fn pictures(&self) -> String {
-        let FileCounts { frames, blurred, geometry: [depth, flow], .. } = self.counts();
-        let beside = [(blurred, "blurred frames"), (depth, "depth images"), (flow, "flow images")];
-        let beside = beside.into_iter().filter(|(count, _)| *count > 0);
-        let words = beside.map(|(count, what)| format!(", {count} {what}")).collect::<String>();
-        format!("{frames} sharp frames{words}")
+    /// How the data were made.
+    pub(super) fn provenance(&self) -> Provenance {
+        Provenance::of(self.scenes.iter().map(|scene| &scene.file))
+    }
+
+    /// The contents in words, each kind with its number: `12 events, 3 sharp frames`.
+    pub(super) fn contents(&self) -> String {
+        let FileCounts { poses, streams, events, frames, blurred, geometry: [depth, flow], .. } =
+            self.counts();
+        let pictures = [
+            (frames, "sharp frames"),
+            (blurred, "blurred frames"),
+            (depth, "depth images"),
+            (flow, "flow images"),
+        ];
+        let pictures = pictures.into_iter().filter(|(count, _)| *count > 0);
+        let mut words = vec![format!("{poses} poses")];
+        words.extend((streams > 0).then(|| format!("{events} events in {streams} streams")));
+        words.extend(pictures.map(|(count, what)| format!("{count} {what}")));
+        words.join(", ")
     }
 
     fn parts(&self) -> impl Iterator<Item = &HolderTerms> {
@@ -134,10 +148,7 @@ impl ReleaseFacts<'_> {
         if self.trained().is_some() {
             names.insert("3D Gaussian Splatting");
         }
-        let sensors = self.scenes.iter().flat_map(|scene| scene.recipe.sensors.iter());
-        if sensors.into_iter().any(|(_, sensor)| matches!(sensor, SensorChoice::Voltmeter(_))) {
-            names.insert("DVS-Voltmeter");
-        }
+        names.extend(self.provenance().models().map(|(name, _)| name));
         ledger::LEDGER.iter().filter(|asset| names.contains(asset.name)).collect()
     }
 

@@ -10,6 +10,7 @@ pub(super) use again::again;
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
+use super::provenance::Provenance;
 use crate::camera::Camera;
 use crate::licence::{ComposedTerms, Redistributability};
 use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneScale, SceneSource, UpstreamOrigin};
@@ -334,6 +335,8 @@ pub struct SceneAttributes {
 pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    let trajectories: Vec<TrajectoryPart> =
+        scene.trajectories.iter().map(|t| trajectory::trajectory_part(recipe, t)).collect();
     Ok(SceneRecord {
         schema: 1,
         id: recipe.scene.clone(),
@@ -349,12 +352,13 @@ pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneReco
         recipe: recipe.merged.clone(),
         recipe_sha256: super::checksum::sha256_hex(&compact),
         split: None,
-        trajectories: scene.trajectories.iter().map(|t| trajectory::trajectory_part(recipe, t)).collect(),
         attributes: scene_attributes(
             recipe,
             &scene.licence,
             scene.trajectories.iter().map(|t| &t.motion.report),
+            &trajectories,
         ),
+        trajectories,
     })
 }
 
@@ -472,6 +476,7 @@ fn scene_attributes<'r>(
     recipe: &Recipe,
     licence: &ComposedTerms,
     mut reports: impl Iterator<Item = &'r SpeedReport>,
+    trajectories: &[TrajectoryPart],
 ) -> SceneAttributes {
     let shown = licence.passing != Redistributability::Withheld;
     let has = |output| shown && recipe.outputs.contains(&output);
@@ -499,7 +504,7 @@ fn scene_attributes<'r>(
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
         multi_trajectory: recipe.trajectories.len() > 1,
-        device: "3DGS + DVS-Voltmeter".into(),
+        device: Provenance::device(trajectories),
         data_source: data_source.into(),
     }
 }

@@ -5,7 +5,7 @@ use crate::licence::LicenceObligation;
 use crate::recipe::{ReleaseInfo, SplitUnit};
 use crate::release::facts::{FileCounts, ReleaseFacts, plain_text};
 use crate::release::published::PublishedScene;
-use crate::release::{TOOL, card, croissant};
+use crate::release::{TOOL, croissant};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -50,10 +50,10 @@ impl AnswerContext<'_> {
     pub(super) fn composition(&self) -> Vec<DatasheetEntry> {
         let none = "No.".to_owned();
         vec![
-            ("What do the instances represent?", INSTANCES.to_owned()),
+            ("What do the instances represent?", self.instances()),
             ("How many instances are there?", self.how_many()),
             ("Is it all possible instances, or a sample?", SAMPLE.to_owned()),
-            ("What data does each instance consist of?", EACH.to_owned()),
+            ("What data does each instance consist of?", self.each_instance()),
             ("Is there a label or target with each instance?", self.labels()),
             ("Is any information missing from instances?", self.missing()),
             ("Are relationships between instances made explicit?", self.relationships()),
@@ -68,23 +68,79 @@ impl AnswerContext<'_> {
             ("Does it identify subpopulations?", none.clone()),
             ("Can individuals be identified?", self.persons()),
             ("Does it hold sensitive data on persons?", self.persons()),
-            ("Any other comments?", card::LIMITS.to_owned()),
+            ("Any other comments?", self.facts.provenance().limits()),
         ]
     }
 
+    /// Words for the kinds of files of a trajectory, each if the release has it.
+    fn kinds(&self, words: [&'static str; 5]) -> Vec<&'static str> {
+        let FileCounts { streams, frames, blurred, geometry: [depth, flow], .. } = self.facts.counts();
+        let counts = [streams, frames, blurred, depth, flow];
+        counts.into_iter().zip(words).filter(|(count, _)| *count > 0).map(|(_, words)| words).collect()
+    }
+
+    fn instances(&self) -> String {
+        let kinds = self.kinds([
+            "the events of a simulated sensor",
+            "sharp frames",
+            "blurred frames",
+            "depth images",
+            "optical flow",
+        ]);
+        let kinds = kinds.iter().map(|kind| format!(", {kind}")).collect::<String>();
+        format!("Camera trajectories through static scenes of 3D Gaussians, each with exact poses{kinds}.")
+    }
+
+    fn each_instance(&self) -> String {
+        let kinds = self.kinds([
+            "events (time in microseconds, column, row, polarity)",
+            "8-bit sRGB frames",
+            "8-bit sRGB blurred frames with their exposures",
+            "float32 depth in scene units",
+            "float32 optical flow in px/s",
+        ]);
+        let kinds = kinds.iter().map(|kind| format!(", {kind}")).collect::<String>();
+        format!(
+            "Poses, time stamps, a speed report, verdicts of checks{kinds}. `scene.json` has the scene's source, camera, \
+             recipe, seeds and statistics."
+        )
+    }
+
+    fn mechanisms(&self) -> String {
+        let provenance = self.facts.provenance();
+        let models: Vec<String> =
+            provenance.models().map(|(name, publication)| format!("{name} ({publication})")).collect();
+        let sensors = match models.as_slice() {
+            [] => String::new(),
+            models => format!(" and of the event sensor models {}", models.join(" and ")),
+        };
+        format!(
+            "An implementation of a renderer of Gaussian splats{sensors}, in one program. Every trajectory was checked; the verdicts are in \
+             `checks.json`."
+        )
+    }
+
+    fn preprocessing_words(&self) -> String {
+        if self.facts.made_up() {
+            "No; nothing was edited by hand.".to_owned()
+        } else {
+            "Captured poses were smoothed and resampled along curves, as each recipe states; nothing was edited by hand."
+                .to_owned()
+        }
+    }
+
     fn how_many(&self) -> String {
-        let FileCounts { scenes, trajectories, poses, streams, events, withheld, .. } = self.facts.counts();
-        let pictures = self.facts.pictures();
+        let FileCounts { scenes, trajectories, withheld, .. } = self.facts.counts();
         let mut text = format!(
-            "{scenes} scenes ({}) with {trajectories} trajectories of {poses} poses together; in the release are {streams} \
-             event streams with {events} events, and {pictures}.",
-            counted_list(&self.facts.sources())
+            "{scenes} scenes ({}) with {trajectories} trajectories: {}.",
+            counted_list(&self.facts.sources()),
+            self.facts.contents()
         );
         if withheld > 0 {
             let _ = write!(
                 text,
-                " Of {withheld} scenes there are recipe, poses and reports alone, as their upstream does not let \
-                 everyone pass on what is made from them."
+                " Of {withheld} scenes the release has only recipe, poses and reports, because the terms of their upstream \
+                 do not allow everyone to redistribute derived data."
             );
         }
         text
@@ -96,10 +152,13 @@ impl AnswerContext<'_> {
             streams.any(|(_, sensor)| sensor.as_model().labels())
         };
         if self.facts.scenes.iter().any(of) {
-            "Exact camera poses; where a stream has `events/label`, each event is told as signal or noise."
+            "Exact camera poses; `events/label`, where a stream has it, marks each event as signal or noise."
                 .to_owned()
         } else {
-            "Exact camera poses; events have no labels.".to_owned()
+            match self.facts.provenance().has_events() {
+                true => "Exact camera poses; events have no labels.".to_owned(),
+                false => "Exact camera poses.".to_owned(),
+            }
         }
     }
 
@@ -113,11 +172,11 @@ impl AnswerContext<'_> {
         let FileCounts { withheld, .. } = self.facts.counts();
         let withheld = match withheld {
             0 => String::new(),
-            count => format!("Events and pictures of {count} scenes are withheld. "),
+            count => format!("All files that show {count} scenes are withheld. "),
         };
         let text = format!("{photos}{withheld}{}", self.taken_down());
         if text.is_empty() {
-            "What recipes did not ask for; otherwise nothing is known to be missing.".into()
+            "Outputs that the recipes do not request; nothing else is known to be missing.".into()
         } else {
             text
         }
@@ -126,38 +185,48 @@ impl AnswerContext<'_> {
     fn taken_down(&self) -> String {
         match self.facts.taken_down {
             0 => String::new(),
-            count => format!("{count} scenes were left out, as their removal was asked for."),
+            count => format!("{count} scenes were removed on request."),
         }
     }
 
     fn relationships(&self) -> String {
-        "Trajectories of one scene lie in its folder; streams of several sensors on one trajectory lie in its `events/`. \
-         `group` of a scene's `split`, where there are splits, says what is of one capture or object."
-            .to_owned()
+        let mut text = "The trajectories of a scene are in its folder.".to_owned();
+        if self.facts.scenes.iter().any(|scene| scene.file.trajectories.iter().any(|t| !t.sensors.is_empty()))
+        {
+            text.push_str(" The streams of several sensors on one trajectory are in its `events/`.");
+        }
+        if self.info.splits.is_some() {
+            text.push_str(" `group` in the `split` of a scene names its capture or object.");
+        }
+        text
     }
 
     fn splits(&self) -> String {
         let Some(splits) = &self.info.splits else {
-            return "No: the release is not dealt into splits.".to_owned();
+            return "No.".to_owned();
         };
         let by = match splits.by {
             SplitUnit::Capture => "captures",
             SplitUnit::Object => "objects",
         };
         format!(
-            "Yes, by whole {by}, never by trajectory: {} scenes. A group lies where SHA-256 of salt, a NUL and its key puts \
-             it, so a scene that is added moves no other; rule and salt are in `manifest.json`. No photo and no Gaussians \
-             are in two splits.",
+            "Yes, by whole {by}, never by trajectory: {} scenes. The split of a group follows from the SHA-256 of \
+             salt, a NUL and its key, so a new scene does not move others. Rule and salt are in `manifest.json`. No photo \
+             and no scene file is in two splits.",
             counted_list(&self.facts.splits())
         )
     }
 
     fn errors(&self) -> String {
+        let noise = match self.facts.provenance().has_events() {
+            true => " Sensor noise is that of the stated models.",
+            false => "",
+        };
         format!(
-            "Of {} checks {} passed ({}); what is not a pass is in the card, all in `checks.json` of each trajectory. Sensor \
-             noise is that of the stated models. Copies are not known.",
-            self.facts.verdicts().values().sum::<usize>(),
+            "{} of {} checks passed ({}). The card lists those that did not; `checks.json` of each trajectory has all.{noise} \
+             No copies are known.",
             self.facts.passed(),
+            self.facts.verdicts().values().sum::<usize>(),
             counted_list(&self.facts.verdicts())
         )
     }
@@ -166,8 +235,8 @@ impl AnswerContext<'_> {
         if self.facts.photos() == 0 {
             "It is self-contained.".to_owned()
         } else {
-            "What is in it needs nothing else. To make it anew takes the captures, whose photos are named and hashed in \
-             `scene.json` and had from their own holders."
+            "The release needs nothing else. To make it again, the captures are needed: `scene.json` lists their photos by \
+             name and SHA-256, and their holders distribute them."
                 .to_owned()
         }
     }
@@ -175,7 +244,7 @@ impl AnswerContext<'_> {
     /// One answer for scenes that are all procedural, or another one for captures.
     fn of_captures(&self, made_up: &str, captured: &str) -> String {
         if self.facts.made_up() {
-            format!("{made_up} Its scenes are made up by the program.")
+            format!("{made_up} Its scenes are procedural.")
         } else {
             captured.to_owned()
         }
@@ -191,17 +260,17 @@ impl AnswerContext<'_> {
             |how| format!("Gaussians were trained with: {how}."),
         );
         vec![
-            ("How was the data acquired?", format!("{} {trained}", croissant::COLLECTION)),
-            ("What mechanisms were used, and how were they validated?", MECHANISMS.to_owned()),
+            ("How was the data acquired?", format!("{} {trained}", self.facts.provenance().collection())),
+            ("What mechanisms were used, and how were they validated?", self.mechanisms()),
             ("If it is a sample, how was it drawn?", SAMPLE.to_owned()),
             ("Who was involved, and how were they compensated?", UNSTATED.to_owned()),
             ("Over what time was it collected?", self.accessed()),
             ("Were there ethical reviews?", UNSTATED.to_owned()),
             ("Was it collected from persons directly, or through others?", self.upstreams()),
-            ("Were persons notified?", self.of_captures("Nobody was concerned.", UNKNOWN)),
-            ("Did they consent?", self.of_captures("Nobody was concerned.", UNKNOWN)),
+            ("Were persons notified?", self.of_captures("No person is concerned.", UNKNOWN)),
+            ("Did they consent?", self.of_captures("No person is concerned.", UNKNOWN)),
             ("Can they revoke consent?", self.removal()),
-            ("Was the impact on persons analysed?", self.of_captures("Nobody is concerned.", UNSTATED)),
+            ("Was the impact on persons analysed?", self.of_captures("No person is concerned.", UNSTATED)),
             ("Any other comments?", "None.".to_owned()),
         ]
     }
@@ -218,8 +287,8 @@ impl AnswerContext<'_> {
         match (days.keys().next(), days.keys().next_back()) {
             // Days are `YYYY-MM-DD`, so the order of the texts is that of time.
             (Some(first), Some(last)) => format!(
-                "Captures were downloaded between {first} and {last} ({} of {} scenes say when). When they were taken is not \
-                 known.",
+                "Captures were downloaded between {first} and {last} (stated for {} of {} scenes). The dates of the photos \
+                 are not known.",
                 days.values().sum::<usize>(),
                 self.facts.scenes.len()
             ),
@@ -233,7 +302,7 @@ impl AnswerContext<'_> {
             assets.iter().filter(|asset| asset.is_dataset()).map(|asset| asset.attribution).collect();
         if names.is_empty() {
             self.of_captures(
-                "From nobody.",
+                "Not from persons.",
                 "By the owners of the captures: see `licence` in each `scene.json`.",
             )
         } else {
@@ -244,14 +313,14 @@ impl AnswerContext<'_> {
     fn removal(&self) -> String {
         let whom = match &self.info.contact {
             Some(contact) => format!("Ask for the removal of a scene at {}.", plain_text(contact)),
-            None => format!("{} No contact for the removal of scenes is named.", UNSTATED),
+            None => format!("{} No contact for the removal of scenes is stated.", UNSTATED),
         };
         format!("{whom} {}", self.taken_down()).trim_end().to_owned()
     }
 
     pub(super) fn preprocessing(&self) -> Vec<DatasheetEntry> {
         vec![
-            ("Was there preprocessing, cleaning or labelling?", PREPROCESSING.to_owned()),
+            ("Was there preprocessing, cleaning or labelling?", self.preprocessing_words()),
             (
                 "Was the raw data saved too?",
                 if self.facts.photos() == 0 {
@@ -272,14 +341,19 @@ impl AnswerContext<'_> {
         vec![
             ("Has it been used for any tasks already?", UNSTATED.to_owned()),
             ("Is there a list of papers or systems that use it?", UNSTATED.to_owned()),
-            ("What other tasks could it be used for?", croissant::USES.to_owned()),
-            (
-                "Is there anything that might affect future uses?",
-                format!("{} {}", croissant::BIASES, card::LIMITS),
-            ),
+            ("What other tasks could it be used for?", self.facts.provenance().uses().to_owned()),
+            ("Is there anything that might affect future uses?", {
+                let provenance = self.facts.provenance();
+                format!("{} {}", provenance.biases(), provenance.limits())
+            }),
             (
                 "Are there tasks it should not be used for?",
-                "To stand in for recordings of a sensor where a method is to be used on those.".to_owned(),
+                if self.facts.provenance().has_events() {
+                    "As a replacement for recordings of a sensor, for methods that will run on those."
+                        .to_owned()
+                } else {
+                    UNSTATED.to_owned()
+                },
             ),
             ("Any other comments?", "None.".to_owned()),
         ]
@@ -287,7 +361,7 @@ impl AnswerContext<'_> {
 
     pub(super) fn distribution(&self) -> Vec<DatasheetEntry> {
         let gated = if self.facts.licence.gated {
-            " Receivers accept the terms of the upstreams first, where it is distributed: the card has the form."
+            " Receivers must accept the terms of the upstreams first; the card has the form."
         } else {
             ""
         };
@@ -352,16 +426,4 @@ impl AnswerContext<'_> {
     }
 }
 
-const INSTANCES: &str = "Trajectories of a camera through scenes of 3D Gaussians, each with the events that a model of an \
-    event sensor makes of it, exact poses, and sharp and blurred frames, depth and optical flow where they were asked for.";
-
-const SAMPLE: &str = "The scenes that its recipes name; how they were chosen is not stated by the publisher.";
-
-const EACH: &str = "Events (time in microseconds, column, row, polarity), poses, time stamps, speed report, checks, 8-bit \
-    sRGB frames, and float32 depth (scene units) and optical flow (px/s), as the recipe asks; source, camera, recipe, seeds and statistics in the scene's `scene.json`.";
-
-const MECHANISMS: &str = "A renderer of Gaussian splats and models of event sensors, in one program. Every trajectory was \
-    held against a list of checks, whose records are in `checks.json`.";
-
-const PREPROCESSING: &str = "Captured poses were smoothed and resampled along curves, as each recipe states; nothing was \
-    edited by hand.";
+const SAMPLE: &str = "The scenes of its recipes; the publisher does not state how they were chosen.";

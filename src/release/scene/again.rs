@@ -26,6 +26,8 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
     let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
     let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);
+    let trajectories: Vec<TrajectoryPart> =
+        scene.paths().map(|(part, of)| trajectory(scene, part, &of.motion)).collect();
     let photos = found.images.iter().filter(|_| recipe.source.has_photos());
     SceneRecord {
         schema: 1,
@@ -42,8 +44,8 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
         recipe: recipe.merged.clone(),
         recipe_sha256: checksum::sha256_hex(&compact),
         split: found.split.clone(),
-        trajectories: scene.paths().map(|(part, of)| trajectory(scene, part, &of.motion)).collect(),
-        attributes: scene_attributes(recipe, &scene.licence, reports),
+        attributes: scene_attributes(recipe, &scene.licence, reports, &trajectories),
+        trajectories,
     }
 }
 

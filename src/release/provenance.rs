@@ -1,0 +1,141 @@
+//! Sentences on how the data of a release were made. They follow from the scene records: no sentence
+//! names a sensor, a picture or a source that the release does not have.
+
+use super::scene::{SceneRecord, SensorPart, TrajectoryPart};
+use serde_json::Value;
+use std::collections::BTreeSet;
+
+/// Models of sensors: name in `scene.json`, name in texts, and publication.
+const MODELS: [(&str, &str, &str); 3] = [
+    ("voltmeter", "DVS-Voltmeter", "Lin et al., ECCV 2022"),
+    ("esim", "ESIM", "Rebecq et al., CoRL 2018"),
+    ("v2e", "v2e", "Hu et al., CVPRW 2021"),
+];
+
+/// What the trajectories of a release were made with.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Provenance {
+    /// Models of the sensors whose events were simulated, as in `scene.json`.
+    models: BTreeSet<String>,
+    /// True if some scenes are captures, of photos that exist.
+    captured: bool,
+    /// True if some scenes name photos.
+    photos: bool,
+    /// True if frames are rendered: for a sensor, or as pictures.
+    rendered: bool,
+}
+
+impl Provenance {
+    pub(super) fn of<'s>(scenes: impl Iterator<Item = &'s SceneRecord>) -> Self {
+        let mut of = Self::default();
+        for scene in scenes {
+            of = of.with_models(&scene.trajectories);
+            let outputs = scene.recipe["outputs"].as_array().map_or(0, Vec::len);
+            of.rendered |= outputs > 0;
+            of.captured |= !["procedural", "none"].contains(&scene.source.kind.as_str());
+            of.photos |= !scene.images.is_empty();
+        }
+        of
+    }
+
+    /// True if there are simulated events.
+    pub(super) fn has_events(&self) -> bool {
+        !self.models.is_empty()
+    }
+
+    /// Each model of a sensor that was used, with its publication.
+    pub(super) fn models(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
+        let used = MODELS.into_iter().filter(|(id, ..)| self.models.contains(*id));
+        used.map(|(_, name, publication)| (name, publication))
+    }
+
+    /// The simulated devices of a scene: `3DGS + DVS-Voltmeter`.
+    pub(super) fn device(trajectories: &[TrajectoryPart]) -> String {
+        let of = Self::default().with_models(trajectories);
+        std::iter::once("3DGS").chain(of.models().map(|(name, _)| name)).collect::<Vec<_>>().join(" + ")
+    }
+
+    fn with_models(mut self, trajectories: &[TrajectoryPart]) -> Self {
+        let models = trajectories.iter().flat_map(sensors_of).filter_map(|sensor| sensor["model"].as_str());
+        self.models.extend(models.map(str::to_owned));
+        self
+    }
+
+    /// How the data came to be.
+    pub(super) fn collection(&self) -> String {
+        let making = if self.has_events() {
+            "Events are simulated: a 3D Gaussian splat is rendered along a dense camera path, and the model of an event \
+             sensor processes the luminance of the renderings."
+        } else if self.rendered {
+            "Pictures are rendered: a 3D Gaussian splat is seen along a camera path."
+        } else {
+            "Camera paths are computed; nothing is rendered."
+        };
+        format!(
+            "{making} The build is deterministic. Every step, with its parameters and the digests of its inputs, is in \
+             manifest.json."
+        )
+    }
+
+    /// Known limits of the data.
+    pub(super) fn limits(&self) -> String {
+        let mut text = vec!["Scenes are static; only the camera moves."];
+        if self.rendered {
+            text.push(
+                "The artefacts of splats (floaters, popping where the depth order changes, the smallest opacity of 1/255) \
+                 are in the renderings.",
+            );
+        }
+        if self.has_events() {
+            text.push(
+                "They are in the brightness that the sensor sees, and so in the events. Effects of a sensor, such as a \
+                 bandwidth limit, a refractory period or a mismatch between pixels, are simulated only where the recipe \
+                 sets them. Between two frames the brightness is interpolated: `sampling` in `checks.json` has the motion of \
+                 the picture from frame to frame.",
+            );
+        }
+        text.push("Poses are exact for what was computed.");
+        if self.captured {
+            text.push(
+                "The poses of a capture are as good as its reconstruction. The unit of length of a capture is arbitrary, and \
+                 the upward direction is unknown.",
+            );
+        }
+        if self.captured && self.rendered {
+            text.push("Brightness beyond the range of the training photos is unknown.");
+        }
+        if self.photos {
+            text.push("Photos are listed by name and SHA-256; they are not in the release.");
+        }
+        text.join(" ")
+    }
+
+    /// Uses for which the data are meant.
+    pub(super) fn uses(&self) -> &'static str {
+        if self.has_events() {
+            "Training and evaluation of methods that use events: reconstruction of scenes and of intensity, pose estimation, \
+             deblurring, frame interpolation. It does not replace recordings of a sensor for methods that will run on those."
+        } else {
+            "Training and evaluation of methods that use views with exact poses."
+        }
+    }
+
+    /// Known biases.
+    pub(super) fn biases(&self) -> String {
+        let mut text = "Scenes do not move, and one moving camera sees them along smooth paths.".to_owned();
+        if self.captured && self.rendered {
+            text.push_str(" The light is that of the captures.");
+        }
+        if self.has_events() {
+            text.push_str(
+                " Sensors are models with stated parameters, and their noise is that of the model.",
+            );
+        }
+        text
+    }
+}
+
+/// Records of the sensors of a trajectory.
+fn sensors_of(part: &TrajectoryPart) -> impl Iterator<Item = &Value> {
+    part.sensor.iter().chain(part.sensors.values().map(|SensorPart { sensor, .. }| sensor))
+}
