@@ -68,6 +68,7 @@ impl PathViewer for ScoutRenderer<'_> {
         look: &mut dyn FnMut(&[DenseFrame]),
     ) -> Result<(), ScoutError> {
         let (trajectory, velocities) = self.path.sampled(moments_us);
+        // The frames own the renderer while they are rendered. After an error it is not given back.
         let renderer = self.renderer.take().expect("it came back from the last frames");
         let mut frames = RenderedFrames::new(renderer, self.camera, trajectory);
         if rated {
