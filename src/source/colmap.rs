@@ -71,7 +71,7 @@ pub struct ColmapPoint {
     pub error: f64,
 }
 
-/// How deep below the folder given the `sparse/0` of a model is looked for.
+/// Maximum depth below the given folder of a folder that is searched for `sparse/0`.
 const DEEPEST: usize = 3;
 
 /// The two forms that models have on disk.
@@ -130,6 +130,7 @@ impl ColmapModel {
         let mut models = Vec::new();
         for entry in FolderWalk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
             let entry = entry?;
+            // The folder itself is the task of `model_near`.
             models.extend(Self::model_at(entry.path().join("sparse/0")).filter(|_| entry.depth() > 0));
         }
         let mut models = models.into_iter();
@@ -199,6 +200,7 @@ impl ColmapModel {
     /// folder, and the parent, as in DL3DV.
     fn bases(&self) -> Vec<&Path> {
         let mut base = self.dir.as_path();
+        // In this order, so that `x/sparse/0` and `x/sparse` both become `x`.
         for is_shell in [is_number as fn(&str) -> bool, |name| name == "sparse"] {
             if let Some(parent) =
                 base.parent().filter(|_| base.file_name().and_then(|n| n.to_str()).is_some_and(is_shell))
@@ -261,8 +263,7 @@ pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the
-/// files that would be in them are not found.
+/// A folder and the folders below it, down to a depth. Folders that cannot be walked are left out.
 pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
     let entries = FolderWalk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
@@ -347,7 +348,7 @@ pub(super) fn read_model(
     Ok((Capture { unused, ..collect_views(&path, found)? }, warnings))
 }
 
-/// The photos of a folder that a model has no pose for.
+/// The photos of a folder for which a model has no pose.
 fn unregistered_photos(folder: Option<&Path>, images: &[ColmapImage]) -> Result<Vec<String>, SourceError> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
     let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list_photos)?;
@@ -388,11 +389,11 @@ fn image_view(image: &ColmapImage, taken: &ModelCamera, photo: Option<PhotoInfo>
     }
 }
 
-/// Returns the files that [`read_capture`] reads, each with its name within the source: the files of the
-/// model's form, and the existing photos, with or without a pose.
+/// Returns the files that [`read_capture`] reads, each with its name within the source: the files
+/// of the model's form, and the existing photos, with or without a pose.
 ///
 /// # Errors
-/// Same as for [`read_capture`], as far as the names of the photos need the model.
+/// The model is absent, or the images that name the photos cannot be read; see [`read_capture`].
 pub fn source_files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let model = ColmapModel::find_model(dir)?;
     let folder = model.photos();
