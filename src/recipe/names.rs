@@ -91,6 +91,7 @@ fn check_part(part: &str) -> Result<(), String> {
 }
 
 fn is_reserved(part: &str) -> bool {
+    // Windows reserves `con.txt` as well as `con`.
     let stem = part.split('.').next().unwrap_or(part).to_ascii_lowercase();
     let numbered = stem.strip_prefix("com").or_else(|| stem.strip_prefix("lpt"));
     RESERVED.contains(&stem.as_str())

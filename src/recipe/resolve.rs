@@ -32,7 +32,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::TrajectoryContext;
 
-/// Maximum number of frames of a trajectory (pipeline 2.10).
+/// Maximum number of frames of a trajectory.
 const MAX_FRAMES: u64 = 20_000_000;
 
 /// Resolves the content of a file and collects its faults.
@@ -98,6 +98,7 @@ impl Resolver<'_> {
         let scale = self.scene_scale(&raw.attributes);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
+        // The parts return here and not earlier, so that all of them have reported their faults.
         Some(ResolvedRecipe {
             scene: scene?,
             seed: seed?,

@@ -69,6 +69,7 @@ impl Resolver<'_> {
         let all: Vec<Option<Vec<TrajectoryRecipe>>> =
             list.iter().map(|item| self.trajectory(item, list, setting)).collect();
         let all = all.into_iter().collect::<Option<Vec<_>>>()?.concat();
+        // Last, because it needs the number of poses of every base.
         self.refuse_few_poses(list, &all);
         Some(all)
     }
@@ -143,6 +144,7 @@ impl Resolver<'_> {
         match (&raw.orbit, &raw.keyframes) {
             (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(CameraPath::Orbit),
             (_, Field::Given(raw, place)) => self.keyframes(raw, *place, around).map(CameraPath::Keyframes),
+            // A faulty `novel` was reported, and must not become the default path.
             (Field::Absent, Field::Absent) if !raw.novel.is_absent() => None,
             (Field::Absent, Field::Absent) => {
                 self.refine(&raw.refine, within, around).map(CameraPath::Refine)
