@@ -16,7 +16,7 @@ pub struct AnchorFrames {
     pub spans: Vec<[usize; 3]>,
 }
 
-/// Time between anchors, if the sequence has room for at least two such intervals.
+/// Time between anchors, if the sequence has room for at least two of these intervals.
 const SPACING_US: i64 = 100_000;
 /// Number of parts of a sequence. Spans begin at the inner borders.
 const QUARTERS: i64 = 4;

@@ -155,6 +155,7 @@ impl FrameSequence for RenderedFrames {
             .luminance_rate
             .then(|| Self::to_grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
             .transpose()?;
+        // Counted last: a frame that failed is not skipped by the next call.
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
         Ok(Some(DenseFrame { index, t, luminance, rate }))

@@ -78,6 +78,7 @@ impl RecipeFault {
         let mut lines = vec![format!("error: {}", self.message), format!(" {}", self.location())];
         lines.extend(self.excerpt().into_iter().flatten());
         lines.extend(self.help.iter().map(|help| format!("help: {help}")));
+        // Messages and excerpts quote bytes of files, so all lines are escaped.
         lines.iter().map(|line| escape::line(line).into_owned()).collect()
     }
 

@@ -34,7 +34,7 @@ const TAKEN_IN_SCENE: [&str; 2] = ["scene.json", "checks.json"];
 /// Device names that Windows reserves in every folder.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Checks that an id stays inside the release folder on every system. The error says what is wrong.
+/// Checks that an id stays inside the release folder on every system. The error names the fault.
 pub(super) fn scene_id(id: &str) -> Result<(), String> {
     id_parts(id)?;
     id.split('/').enumerate().try_for_each(|(depth, name)| {
@@ -99,6 +99,7 @@ fn is_reserved(part: &str) -> bool {
 }
 
 fn not_taken(name: &str, taken: &[&str]) -> Result<(), String> {
+    // Some file systems ignore case.
     if taken.contains(&name.to_ascii_lowercase().as_str()) {
         return Err(format!("and \"{name}\" is a file of the release"));
     }

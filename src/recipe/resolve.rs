@@ -86,6 +86,7 @@ impl Resolver<'_> {
         let sensors = self.sensors(raw, between, rate);
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
+        // A speed in pixels needs the scene even if there are no outputs.
         let renders = outputs.as_ref().is_some_and(|outputs| !outputs.is_empty())
             || trajectories
                 .iter()
@@ -194,6 +195,7 @@ impl Resolver<'_> {
         within: TextSpan,
         help: &str,
     ) -> Option<(&'f T, TextSpan)> {
+        // A faulty field was reported when it was read.
         if field.is_absent() {
             self.report(FieldProblem::missing_field(name).help(help).at(within));
         }

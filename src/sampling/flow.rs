@@ -11,8 +11,8 @@ use crate::render::flow::{flow_rates, nearest_ranks};
 use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use rayon::prelude::*;
 
-/// Number of parts of a path, each with one flow: as many as steps between its poses, within these
-/// bounds.
+/// Bounds on the number of parts of a path, each with one flow. Within them it is the number of
+/// steps between the poses.
 const PARTS: [usize; 2] = [64, 2048];
 /// Places at which depth is rendered: one per this many parts, within these bounds.
 const PARTS_A_PLACE: usize = 64;

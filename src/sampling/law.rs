@@ -3,7 +3,7 @@
 //!
 //! A jump of the image, such as two Gaussians that swap, is missed in the one interval that
 //! contains it. The share of intervals with a jump is proportional to `h`, and so is the mean
-//! square error. Halving the step does not halve such an error, and no step removes it.
+//! square error. Halving the step does not halve this error, and no step removes it.
 
 use serde::{Deserialize, Serialize};
 

@@ -78,6 +78,7 @@ impl PathViewer for ScoutRenderer<'_> {
             frames.want_colour();
         }
         while let Some(frame) = frames.next()? {
+            // A plain front end shows the frame as it is.
             let seen = |front_end: &FrontEnd| match front_end.is_plain() {
                 true => frame.clone(),
                 false => front_end.see(&frame, frames.colour()),

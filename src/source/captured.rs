@@ -206,6 +206,7 @@ fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
     if wanted >= count {
         return (0..count).collect();
     }
+    // Rounded half up in integers: `floor((2 n + d) / (2 d))` for the fraction `n / d`.
     let gaps = wanted.saturating_sub(1);
     (0..wanted).map(|i| if gaps == 0 { 0 } else { (2 * i * (count - 1) + gaps) / (2 * gaps) }).collect()
 }

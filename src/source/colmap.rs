@@ -223,6 +223,7 @@ impl ColmapModel {
             let (binary, text) =
                 (ModelForm::Binary.file(&self.dir, stem), ModelForm::Text.file(&self.dir, stem));
             if is_there(&binary) && is_there(&text) {
+                // Counts show a stale form without parsing both.
                 let (found, other) =
                     (binary::count_records(&binary)?, text::count_records(&text, lines_a_record)?);
                 if found != other {
@@ -316,6 +317,7 @@ pub(super) fn read_model(
     let find = |name: &str| {
         folder.and_then(|f| photo::find_photo(f, name)).map(|p| photo::read_photo(&p, look)).transpose()
     };
+    // Every byte of a photo may be hashed, so photos are read in parallel.
     let photos: Vec<Option<PhotoInfo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
     let unused: Vec<UnusedPhoto> = unregistered_photos(folder, &images)?
@@ -342,6 +344,7 @@ pub(super) fn read_model(
             camera = photo::fit_camera(&camera, size).map_err(|e| fault(format!("`{}`: {e}", image.name)))?;
         }
         warnings.extend(image_warnings(&image, taken, other, sizing));
+        // The lens stays as it is: its coefficients are relative to the focal length.
         let view = CapturedView { camera, ..image_view(&image, taken, photo) };
         found.push(FoundView { view, place: image.place });
     }
@@ -423,6 +426,7 @@ fn image_pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::ScreenedRotati
     if !translation.is_finite() {
         return Err(format!("the translation is {translation}, wanted finite numbers"));
     }
+    // COLMAP stores `w` first.
     let rotation = se3::rotation_from_quaternion(DQuat::from_xyzw(x, y, z, w)).map_err(|e| e.to_string())?;
     Ok((rotation, translation))
 }

@@ -176,6 +176,7 @@ impl SpeedLaw for SpeedExpression {
         // The integral of the speed over time is a length, so the quadrature of curves computes it.
         let arc = ArcLength::measure_curve(&[1.0], |at: CurvePlace| self.root.value(at.x));
         let place = |k: usize| CurvePlace { segment: 0, x: k as f64 / steps as f64 };
+        // Compensated, because thousands of parts are added.
         let mut sum = NeumaierSum::default();
         let parts = (1..=steps).map(|k| {
             sum.add(arc.between(place(k - 1), place(k)));

@@ -15,7 +15,7 @@ use crate::units::Ratio;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
-/// Largest coordinate, units. Its square, and sums of such squares, stay finite.
+/// Largest coordinate, units. Its square, and sums of these squares, stay finite.
 const FARTHEST: f64 = 1e100;
 /// Parameters of a refined trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize)]

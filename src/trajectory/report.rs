@@ -16,7 +16,7 @@ use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// Share of the path below which a step is left out of ratios. The positions of its ends are sums
-/// near 1, rounded to 1e-4 of such a step.
+/// near 1, rounded to 1e-4 of this share.
 const LEAST_SHARE: f64 = 1e-12;
 /// Share of the path below which a part of the motion is rounding, so that it has no ratios.
 const LEAST_PART: f64 = 1e-9;

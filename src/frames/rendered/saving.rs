@@ -85,7 +85,7 @@ mod tests {
         NOW.get()
     }
 
-    /// A frame takes 5 s with everything and 2 s of what is kept; the first of each kind takes a
+    /// A frame takes 5 s with everything and 2 s of the kept work; the first of each kind takes a
     /// minute.
     #[derive(Default)]
     struct Slow {

@@ -76,6 +76,7 @@ impl Resolver<'_> {
 
     /// Reports repeated names. Names that differ only in case are one folder on some systems.
     fn refuse_repeated_names(&self, list: &List) {
+        // Written names are compared with each other, and folders of groups with all folders.
         let (mut written, mut folders) = (BTreeSet::new(), BTreeSet::new());
         for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
             let Some((name, place)) = raw.name.given() else { continue };

@@ -112,6 +112,7 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, Sou
 pub(super) fn count_records(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();
     let file = files::open(path).map_err(SourceError::io_error(path))?;
+    // Each of the three files begins with its number of records in 64 bits.
     file.take(8).read_to_end(&mut head).map_err(SourceError::io_error(path))?;
     BinaryCursor::new(path, &head).u64()
 }

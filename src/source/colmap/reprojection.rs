@@ -42,6 +42,7 @@ impl ColmapModel {
             return Ok(None);
         }
         let (cameras, points) = (self.cameras()?, self.points()?);
+        // Kept by point, because COLMAP's mean gives each point the same weight.
         let mut of_points = BTreeMap::<u64, DistanceSum>::new();
         let mut behind = 0;
         for image in self.images()? {

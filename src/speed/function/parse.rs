@@ -140,8 +140,8 @@ impl ExpressionParser<'_> {
         if self.takes(")") { Ok(()) } else { Err(self.unexpected(expected)) }
     }
 
-    /// Digits, a point and digits, and an exponent only if a digit follows the `e` (`2e` is 2 times
-    /// the number e).
+    /// Digits, a point and digits, and an exponent only if a digit follows the `e`. `2e` is the
+    /// number 2 before the name `e`, which the grammar refuses.
     fn number(&mut self) -> Result<f64, ExpressionError> {
         let rest = &self.text[self.at..];
         let digits = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();

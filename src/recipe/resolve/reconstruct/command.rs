@@ -127,6 +127,7 @@ impl Resolver<'_> {
                 self.refuse_name(name, place)?;
                 Some(self.folders[place.file as usize].join(self.filled(text, place)?))
             });
+            // The loop goes on after a fault, so that every file is judged.
             match (&mut files, found) {
                 (Some(files), Some(path)) => drop(files.insert(name.clone(), path)),
                 _ => files = None,
