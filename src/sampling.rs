@@ -1,11 +1,12 @@
 //! Choice of the frames for the sensor, where a recipe gives an error and not a frame rate.
 //!
 //! ```text
-//! poses ─ path ─┬─ flow: how fast the picture moves ─ steps of equal way
-//!               └─ pilot: errors of each method at a few steps ─ law ─ cheapest ─ check elsewhere ─ frames
+//! poses ─ path ─┬─ flow: speed of the picture ─ steps of equal motion
+//!               └─ pilot: errors of each method at a few steps ─ law ─ choice ─ check ─ frames
 //! ```
-//! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor: its root
-//! mean square over the pixels at the middles of the intervals, compared with a rendering there.
+//! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor. It is the
+//! root mean square over the pixels at the middles of the intervals, compared with a rendering
+//! there.
 //! The poses, stamps and pictures of a release stay those of the recipe's rate. This module also
 //! chooses the sub-frames of blurred frames ([`exposure`]).
 

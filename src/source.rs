@@ -307,9 +307,13 @@ impl From<WalkError> for SourceError {
     }
 }
 
-/// Tells a folder from a regular file; an error where a path leads to neither.
+/// Returns true if the path is a folder, and false if it is a regular file.
+///
+/// # Errors
+/// The path is neither.
 fn is_folder(path: &Path) -> Result<bool, SourceError> {
     let is_folder = std::fs::metadata(path).is_ok_and(|about| about.is_dir());
+    // Opening the path gives the cause if it leads to nothing.
     if !is_folder {
         files::open(path).map_err(SourceError::io_error(path))?;
     }
@@ -354,13 +358,17 @@ struct FoundView {
     place: SourcePlace,
 }
 
-/// The capture of these views: sorted by name, each name once and without control characters, at least one.
+/// Collects views into a capture, sorted by name.
+///
+/// # Errors
+/// There are no views, or a name appears twice or has a control character.
 fn collect_views(path: &Path, mut found: Vec<FoundView>) -> Result<Capture, SourceError> {
     if let Some(odd) = found.iter().find(|found| found.view.name.contains(char::is_control)) {
         let because = format!("the image name {:?} holds a control character", odd.view.name);
         return Err(SourceError::Content { path: path.to_owned(), place: odd.place.clone(), because });
     }
     found.sort_by(|a, b| natural::compare_names(&a.view.name, &b.view.name));
+    // The order is total, so equal names are neighbours.
     if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
         let because = format!("the image name `{}` is already used by {}", second.view.name, first.place);
         return Err(SourceError::Content { path: path.to_owned(), place: second.place.clone(), because });
@@ -385,6 +393,7 @@ fn screen_camera(camera: &Camera, lens: &LensModel) -> Result<(), String> {
             ));
         }
     }
+    // Both sides may be acceptable, and their product still be too large.
     if camera.size.pixels() > MAX_PIXELS {
         return Err(format!("the image size is {}, wanted at most {MAX_PIXELS} pixels", camera.size));
     }

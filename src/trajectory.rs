@@ -1,10 +1,12 @@
-//! Camera trajectories: a pose for each time stamp.
+//! Camera trajectories: one pose for each time stamp.
 //!
 //! ```text
 //! refine     views -> order -> smooth -> knots ─┐
 //! novel      poses of another -> draw -> knots ─┼─> curve ─┐
-//! keyframes  poses by hand ------------> knots ─┘          ├─> course -> travel (speed law) -> Trajectory, Report
+//! keyframes  poses by hand ------------> knots ─┘          ├─> course
 //! orbit      a point and an axis ---------------> circle ──┘
+//!
+//! course + speed law -> travel -> Trajectory, SpeedReport
 //! ```
 //! A [`path`] makes a course; [`travel`] follows it, and only travel knows speed and time. Each
 //! step is a file. One [`metric`] measures knots, merges them, and finds gaps.

@@ -52,15 +52,16 @@ pub fn format_amount(n: u64, unit: &str) -> String {
     format!("{scaled:.1} {}{unit}", PREFIXES[prefix])
 }
 
-/// A real for people, by value: `0.25`, `150`, and with an exponent where it would be long, `1e300`.
+/// A real for people, by value: `0.25`, `150`, and with an exponent where it would be long,
+/// `1e300`.
 #[must_use]
 pub fn brief(value: f64) -> String {
     let usual = value == 0.0 || !value.is_finite() || (1e-6..1e16).contains(&value.abs());
     if usual { value.to_string() } else { format!("{value:e}") }
 }
 
-/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without passing through floating point:
-/// in floats `ceil(1.1 * 50)` is 56.
+/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without passing through
+/// floating point: in floats `ceil(1.1 * 50)` is 56.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
@@ -99,6 +100,7 @@ impl Ratio {
     /// `ceil(self * n)`, or `None` if that exceeds 64 bits.
     #[must_use]
     pub fn ceil_times(self, n: u64) -> Option<u64> {
+        // The product of two 64-bit numbers fits 128 bits.
         let product = u128::from(self.numerator) * u128::from(n);
         u64::try_from(product.div_ceil(u128::from(self.denominator))).ok()
     }
@@ -149,6 +151,7 @@ fn parse_ratio(text: &str) -> Option<Ratio> {
     if whole.is_empty() && fraction.is_empty() {
         return None;
     }
+    // Trailing zeros would only use up the digits that are allowed.
     let fraction = fraction.trim_end_matches('0');
     let digits = parse_digits(&format!("0{whole}{fraction}"))?;
     let scale = exponent.checked_sub(i32::try_from(fraction.len()).ok()?)?;
@@ -158,6 +161,7 @@ fn parse_ratio(text: &str) -> Option<Ratio> {
 
 fn parse_digits(text: &str) -> Option<u64> {
     let significant = text.trim_start_matches('0');
+    // 18 digits always fit 64 bits.
     let plain = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit()) && significant.len() <= 18;
     if !plain {
         return None;
@@ -184,6 +188,7 @@ impl Hertz {
     #[must_use]
     pub fn stamp_us(self, index: u64) -> i64 {
         let (p, q) = (u128::from(self.0.numerator), u128::from(self.0.denominator));
+        // Rounded half up in integers: `floor((2 n + d) / (2 d))` for the fraction `n / d`.
         let stamp = (2_000_000 * u128::from(index) * q + p) / (2 * p);
         i64::try_from(stamp).expect("indices and rates are bounded where they are read")
     }

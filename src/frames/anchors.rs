@@ -16,7 +16,7 @@ pub struct AnchorFrames {
     pub spans: Vec<[usize; 3]>,
 }
 
-/// Time between anchors, if the sequence has room for at least two such intervals.
+/// Time between anchors, if the sequence has room for at least two of these intervals.
 const SPACING_US: i64 = 100_000;
 /// Number of parts of a sequence. Spans begin at the inner borders.
 const QUARTERS: i64 = 4;
@@ -51,15 +51,18 @@ impl AnchorChoice {
         };
         let parts = (span / SPACING_US).max(2);
         let mut frames: Vec<usize> = (0..=parts).map(|i| nearest(i, parts)).collect();
+        // A span is twice `apart` long, hence the 2.
         let apart = apart.clamp(1, (stamps_us.len() / (2 * SPANS_IN)).max(1));
         let starts = (1..QUARTERS).map(|i| nearest(i, QUARTERS));
         let threes = starts.map(|start| [start, start + apart, start + 2 * apart]);
+        // Where stamps are uneven, the last quarter may begin too close to the end.
         let threes: Vec<[usize; 3]> = threes.filter(|[.., end]| *end < stamps_us.len()).collect();
         frames.extend(threes.as_flattened());
         frames.sort_unstable();
         frames.dedup();
         let place = |frame| frames.binary_search(&frame).expect("it is one of them");
         let mut spans: Vec<[usize; 3]> = threes.iter().map(|three| three.map(place)).collect();
+        // In a very short sequence several quarters begin at the same frame.
         spans.dedup();
         Self { frames, spans }
     }
@@ -72,7 +75,7 @@ impl AnchorFrames {
         Self { stamps_us: Vec::new(), images: Vec::new(), spans: choice.spans.clone() }
     }
 
-    /// Keeps a frame if it is among the chosen ones.
+    /// Keeps a frame, which must be the next of the chosen ones.
     pub fn keep(&mut self, frame: &DenseFrame, stamp_us: i64) {
         self.stamps_us.push(stamp_us);
         self.images.push(frame.luminance.clone());

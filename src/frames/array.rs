@@ -103,7 +103,7 @@ impl ArrayFrames {
     /// Adds the luminance's change per second at every sample, on the scale of the samples.
     ///
     /// # Errors
-    /// There is not one value per sample.
+    /// The number of values differs from that of samples.
     pub fn with_rates(self, rates: Vec<f32>) -> Result<Self, ArrayError> {
         let found = rates.len();
         if found != self.samples.len() {

@@ -17,7 +17,8 @@ use std::fs;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-/// Frames of a sequence of image files: each takes some hundred bytes for its path.
+/// Maximum number of frames of a sequence of image files. Each takes some hundred bytes for its
+/// path.
 pub const MAX_FRAMES: usize = 1 << 19;
 
 /// The file with a sequence's paths and stamps.
@@ -97,6 +98,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
     if images.is_empty() {
         return Err(FolderError::Content { path: path.to_owned(), because: "it names no image".to_owned() });
     }
+    // The stamps are checked here as well as in the frames, because the lines are known only here.
     relative_stamps(&stamps_us).map_err(|error| match error {
         StampError::Order { index, found, before } => {
             let because = format!("{found} us is not later than the stamp before, {before} us");
@@ -181,7 +183,8 @@ impl FolderFrames {
         }
         let stamps = relative_stamps(stamps_us)?;
         let wanted = image_size(first)?;
-        // Its header alone does not make a sensor of that size.
+        // The first image is decoded before a sensor of its size is made: a header alone may claim
+        // any size.
         read_image(first, false, wanted).map_err(|because| refusal(first, because))?;
         for path in rest {
             let found = image_size(path)?;
@@ -219,7 +222,7 @@ impl FrameSequence for FolderFrames {
     fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
         let index = self.next;
         let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
-        // It may have been replaced since its size was looked up.
+        // The file may have been replaced since its size was read.
         let GreyImage { luminance, colours } =
             read_image(path, self.coloured, self.size).map_err(|because| {
                 let because = format!("{}: {because}", path.display());
@@ -239,7 +242,8 @@ impl FrameSequence for FolderFrames {
     }
 }
 
-/// The luminance of an image of this size, and its colours where they are wanted and it has any.
+/// The luminance of an image of this size, and its colours if they are requested and the image has
+/// any.
 fn read_image(path: &Path, coloured: bool, size: Size) -> Result<GreyImage, String> {
     let size = Some(size);
     if has_extension(path, "png") {

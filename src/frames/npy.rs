@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Stamps of a list.
+/// Maximum number of stamps in a list: 2 GiB of 64-bit integers.
 const MAX_STAMPS: u64 = 1 << 28;
 
 /// Number of frames whose brightest sample decides the full scale of floats.
@@ -65,9 +65,13 @@ impl OpenArray {
         if header.order() != Order::C {
             return Err(refusal("its order is Fortran's, wanted C's (numpy.ascontiguousarray)".to_owned()));
         }
+        // A type is a byte order, a letter and the width in bytes. Types of another form are
+        // refused by the readers.
         let width: u64 = kind.get(2..).and_then(|digits| digits.parse().ok()).unwrap_or(1);
         let elements = header.shape().iter().try_fold(width, |n, &side| n.checked_mul(side));
         let wanted = elements.and_then(|n| n.checked_add(head.len() as u64));
+        // The length must fit exactly, so that a truncated file is found before its last frame is
+        // read.
         if wanted != Some(len) {
             let wanted = wanted.map_or("more".to_owned(), |wanted| wanted.to_string());
             return Err(refusal(format!("{len} bytes, wanted {wanted} by its header")));
@@ -209,7 +213,8 @@ pub fn read_stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
     if array.kind != "<i8" || count > MAX_STAMPS {
         return Err(array.refusal("int64 of shape [N], N at most 2^28"));
     }
-    // The array's shape was held against the length of the file.
+    // The array's shape was compared with the length of the file, so this memory is not just a
+    // claim.
     let mut read = || -> io::Result<Vec<i64>> {
         let mut stamps = budget::try_with_room(usize::try_from(count).unwrap_or(usize::MAX))?;
         for _ in 0..count {

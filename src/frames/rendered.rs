@@ -54,8 +54,8 @@ impl std::fmt::Debug for RenderedFrames {
 impl RenderedFrames {
     /// The frames of a trajectory.
     ///
-    /// There is not one stamp per pose.
-    /// If the trajectory does not have one stamp a pose.
+    /// # Panics
+    /// The number of stamps differs from that of poses.
     #[must_use]
     pub fn new(mut renderer: Box<dyn Renderer>, camera: Camera, trajectory: Trajectory) -> Self {
         let (poses, stamps) = (trajectory.world_from_camera.len(), trajectory.stamps_us.len());
@@ -70,7 +70,7 @@ impl RenderedFrames {
     /// the poses.
     ///
     /// # Panics
-    /// There is not one velocity per pose.
+    /// The number of velocities differs from that of poses.
     #[must_use]
     pub fn with_rates(self, velocities: Vec<CameraVelocity>) -> Self {
         assert_eq!(velocities.len(), self.len(), "one velocity a pose");
@@ -140,6 +140,7 @@ impl FrameSequence for RenderedFrames {
         let index = self.done;
         let Some(view) = self.view(index) else { return Ok(None) };
         let want = self.want();
+        // Each view is announced once, in order, before it is rendered.
         while let Some(next) = self.view(self.expected).filter(|_| self.expected <= index + AHEAD) {
             self.renderer.expect(&next, want);
             self.expected += 1;
@@ -154,6 +155,7 @@ impl FrameSequence for RenderedFrames {
             .luminance_rate
             .then(|| Self::to_grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
             .transpose()?;
+        // Counted last: a frame that failed is not skipped by the next call.
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
         Ok(Some(DenseFrame { index, t, luminance, rate }))

@@ -38,7 +38,7 @@ impl StampError {
 /// Nanoseconds since the first of strictly increasing stamps.
 ///
 /// # Errors
-/// At the first stamp that is not later than the one before, or too far from the first.
+/// A stamp is not later than the one before, or too far from the first.
 pub fn relative_stamps(stamps_us: &[i64]) -> Result<Vec<i64>, StampError> {
     for (index, pair) in stamps_us.windows(2).enumerate() {
         if pair[1] <= pair[0] {
@@ -47,6 +47,7 @@ pub fn relative_stamps(stamps_us: &[i64]) -> Result<Vec<i64>, StampError> {
     }
     let since_first = |(index, &found): (usize, &i64)| {
         let first = stamps_us[0];
+        // Stamps may start anywhere: the difference may overflow as well as its nanoseconds.
         let ns = found.checked_sub(first).and_then(|us| us.checked_mul(1000));
         ns.ok_or(StampError::Span { index, found, first })
     };

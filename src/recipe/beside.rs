@@ -54,6 +54,7 @@ fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Rec
     let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::parent_folder(path) };
     let mut seen = BTreeSet::new();
     let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
+    // Several paths may lead to the same folder.
     found.retain(|path| is_there(path) && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     match found.as_slice() {
         [] => Ok(None),

@@ -117,6 +117,7 @@ fn sampling_value(recipe: &ResolvedRecipe) -> Value {
 fn source_value(raw: &schema::RecipeSchema, source: &SceneSource) -> Value {
     match source {
         SceneSource::Procedural(still_life) => {
+            // The fields of the still life have the names that recipes use.
             let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
             if let Ok(Value::Object(rest)) = serde_json::to_value(still_life) {
                 fields.extend(rest);

@@ -17,8 +17,10 @@ pub(super) fn find_clashes(read: &[ReadRecipe]) -> Vec<RecipeFault> {
             let how = if equal { "" } else { ", in capitals and small letters alike" };
             faults.push(scene.fault(other, &format!("is the id of another recipe too{how}")));
         }
+        // Kept although it clashes, because the next check needs every scene.
         same.push(scene);
     }
+    // A second loop, because a scene may lie in a trajectory of any other scene.
     for scene in read {
         if let Some((other, name)) = containing_trajectory(scene, &scenes) {
             let whose = &other.recipe.scene;

@@ -123,13 +123,13 @@ pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, RecipeFaults>
     read.or_else(|faults| RecipeFaults::value_or(None, faults))
 }
 
-/// The scene that a recipe names; `None` where it cannot be read, or names none.
+/// Scene id of a recipe; `None` if the recipe cannot be read or has no scene id.
 #[must_use]
 pub fn scene_of(recipe: &Path) -> Option<String> {
     RecipeParts::without_defaults(recipe).ok()?.text("scene").map(str::to_owned)
 }
 
-/// Where the defaults of a folder of recipes are.
+/// Path of the defaults file of a folder of recipes.
 #[must_use]
 pub fn defaults_in(folder: &Path) -> PathBuf {
     folder.join(DEFAULTS)
@@ -144,6 +144,7 @@ pub fn relative_path(from_folder: &Path, to: &Path) -> io::Result<PathBuf> {
     if to.is_absolute() {
         return Ok(to.to_owned());
     }
+    // Links are resolved first, because `..` of a linked folder leads elsewhere.
     let (from, to) = (from_folder.canonicalize()?, to.canonicalize()?);
     let shared = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
     let up = from.iter().skip(shared).map(|_| "..");

@@ -71,12 +71,14 @@ impl RecipeFault {
         self.span.map(|(start, _)| self.text.position(start))
     }
 
-    /// The message in its four parts, without colours. Nothing in a line is hidden, nor breaks it.
+    /// The message in its four parts, without colours. Hidden characters and line breaks are
+    /// visible.
     #[must_use]
     pub fn render_lines(&self) -> Vec<String> {
         let mut lines = vec![format!("error: {}", self.message), format!(" {}", self.location())];
         lines.extend(self.excerpt().into_iter().flatten());
         lines.extend(self.help.iter().map(|help| format!("help: {help}")));
+        // Messages and excerpts quote bytes of files, so all lines are escaped.
         lines.iter().map(|line| escape::line(line).into_owned()).collect()
     }
 
@@ -109,8 +111,10 @@ impl RecipeFault {
         let (start, end) = self.span?;
         let (number, column) = self.text.position(start);
         let line: Vec<char> = self.text.line(start).chars().map(printable_char).collect();
+        // A fault may span several lines; the carets stand below the first one only.
         let width =
             self.text.body.get(start..end).map_or(1, |s| s.split(['\n', '\r']).next().map_or(1, char_count));
+        // A long line is cut so that the fault is near the middle.
         let from = column.saturating_sub(EXCERPT / 2).min(line.len().saturating_sub(EXCERPT));
         let cut: String = line.iter().skip(from).take(EXCERPT).collect();
         let caret = column - 1 - from;
@@ -134,7 +138,7 @@ fn printable_char(c: char) -> char {
     }
 }
 
-/// A path, with bytes that are no text in their visible form.
+/// A path for messages. Bytes that are no text have their visible form.
 pub(super) fn shown_path(path: &Path) -> String {
     escape::path(path)
 }
@@ -227,7 +231,7 @@ impl RecipeFaults {
         parts.join(&String::new())
     }
 
-    /// The same as one text that ends in a line break.
+    /// Returns all messages as one text that ends in a line break.
     #[must_use]
     pub fn render_text(&self) -> String {
         self.render_lines().join("\n") + "\n"

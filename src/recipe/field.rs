@@ -59,6 +59,7 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for FieldVisitor<T> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut parts: A) -> Result<Field<T>, A::Error> {
+        // The reader gives the place in three numbers, and then the value unless it is faulty.
         let mut number = || parts.next_element()?.ok_or_else(|| de::Error::custom("a field without a place"));
         let place = TextSpan { file: number()?, start: number()?, end: number()? };
         Ok(parts.next_element()?.map_or(Field::Bad, |value| Field::Given(value, place)))

@@ -67,7 +67,7 @@ pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, RecipeFaults> {
 /// Reads recipes that were found, sorted by scene id.
 ///
 /// # Errors
-/// Same as for [`read_all`].
+/// The recipes have faults; see [`read_all`].
 pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, RecipeFaults> {
     read_after(files, Vec::new())
 }
@@ -82,6 +82,7 @@ fn read_after(files: &[RecipeFile], mut faults: Vec<RecipeFault>) -> Result<Vec<
             Err(more) => faults.extend(more),
         }
     }
+    // The path decides between equal ids, so that their fault is always on the same recipe.
     read.sort_by(|a, b| (&a.recipe.scene, &a.recipe.file.path).cmp(&(&b.recipe.scene, &b.recipe.file.path)));
     faults.extend(find_clashes(&read));
     let recipes = read.into_iter().map(|read| read.recipe).collect();
@@ -123,6 +124,7 @@ struct FoundRecipes {
 impl FoundRecipes {
     /// Adds a recipe. Its defaults are searched from its own folder up to `root`.
     fn add(&mut self, path: PathBuf, root: &Path) {
+        // A path without metadata is added, so that reading it reports the cause.
         let about = std::fs::metadata(&path);
         if about.is_ok_and(|about| !self.known.insert((about.dev(), about.ino()))) {
             return;
@@ -144,6 +146,7 @@ pub(super) fn parent_folder(file: &Path) -> PathBuf {
 
 fn walk_folder(root: &Path, found: &mut FoundRecipes, faults: &mut Vec<RecipeFault>) {
     let mut is_empty = true;
+    // A folder that the user names is searched even if it is hidden.
     let shown = |entry: &DirEntry| entry.depth() == 0 || !is_hidden(entry.path());
     for entry in FolderWalk::new(root).following().entries(shown) {
         match entry {
@@ -172,14 +175,16 @@ fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
-/// Files of every kind count but folders: one that cannot be read as a recipe is a fault, not a scene less.
+/// Returns true for a recipe by its name. Every kind of file except folders counts: a file that
+/// cannot be read is then a fault, and no scene goes missing silently.
 fn is_recipe(entry: &DirEntry) -> bool {
     let yaml = entry.path().extension().is_some_and(|extension| extension == "yaml" || extension == "yml");
     let other = [DEFAULTS, RELEASE, SOURCES].iter().any(|name| entry.file_name() == *name);
     yaml && !other && !entry.file_type().is_dir()
 }
 
-/// A fault where a file has the name of the takedown list in other letters: its scenes would be released.
+/// Returns a fault if a file has the name of the takedown list in other letters: its scenes would
+/// be released.
 pub(super) fn misnamed(path: &Path) -> Option<RecipeFault> {
     let name = path.file_name()?.to_str()?;
     let other = name.eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;

@@ -55,10 +55,12 @@ fn is_version(text: &str) -> bool {
     core.split('.').count() == 3 && core.split('.').all(number) && identifiers
 }
 
-/// An address that leads to text and not to a program. It holds no character that would end it where pages show it
-/// (RFC 3986, appendix A: of ASCII, these alone may stand in an address).
+/// Returns true for an address that leads to text and not to a program. It has no character that
+/// would end it where pages show it (RFC 3986, appendix A: of ASCII, only these characters may
+/// occur in an address).
 fn is_url(text: &str) -> bool {
     let leads = match text.split_once(':') {
+        // A host must follow. The bracket begins an IPv6 address.
         Some(("http" | "https", rest)) => rest
             .strip_prefix("//")
             .is_some_and(|rest| rest.starts_with(|c: char| c.is_alphanumeric() || c == '[')),
@@ -82,6 +84,7 @@ fn is_date(text: &str) -> bool {
     if !shape {
         return false;
     }
+    // All ten bytes are ASCII here, so the slices lie at borders of characters.
     let [year, month, day] =
         [&text[..4], &text[5..7], &text[8..]].map(|part| part.parse::<u32>().unwrap_or(0));
     let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);

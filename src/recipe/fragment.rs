@@ -96,6 +96,7 @@ const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural
 pub fn read_sensor(path: &Path) -> Result<SensorChoice, RecipeFaults> {
     let read = || {
         let parts = RecipeParts::without_defaults(path)?;
+        // The content of the key may stand alone in the file.
         let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
         match parts.standing_in(&NOT_OF_THE_SENSOR, STAND_IN_FOR_THEM).resolved()?.sensors {
             SensorSet::One(sensor) => Ok(sensor),

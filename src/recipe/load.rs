@@ -71,6 +71,8 @@ impl DefaultsLibrary {
         let seen = vec![(path.clone(), own.seen)];
         let mut parts = RecipeParts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
         if let Some(path) = defaults {
+            // Each recipe has the faults of its defaults; repeated faults are dropped when they are
+            // listed.
             let under = self.defaults[path].clone()?;
             parts.seen.push((path.clone(), under.seen));
             parts.texts.push(under.text);
@@ -108,7 +110,7 @@ impl RecipeParts {
         matches!(&self.tree.kind, NodeKind::Map(entries) if entries.iter().any(|entry| entry.key == key))
     }
 
-    /// The text of a key at the top, if it has one.
+    /// The text of a key at the top of the tree, if it has one.
     pub(super) fn text(&self, key: &str) -> Option<&str> {
         let NodeKind::Map(entries) = &self.tree.kind else { return None };
         entries.iter().find(|entry| entry.key == key).and_then(|entry| match &entry.value.kind {
@@ -117,7 +119,7 @@ impl RecipeParts {
         })
     }
 
-    /// The same with the whole tree as the value of one key.
+    /// Returns the parts with the whole tree as the value of one key.
     pub(super) fn under(mut self, key: &str) -> Self {
         let place = self.tree.place;
         let entry = MappingEntry { key: key.to_owned(), place, value: self.tree };
@@ -130,6 +132,7 @@ impl RecipeParts {
     /// # Panics
     /// The text is no mapping.
     pub(super) fn standing_in(mut self, without: &[&str], text: &str) -> Self {
+        // The keys go first, so that faults in them are never reported.
         if let NodeKind::Map(entries) = &mut self.tree.kind {
             entries.retain(|entry| !without.contains(&entry.key.as_str()));
         }
@@ -255,6 +258,7 @@ fn parse_file(file: &Path, index: u32) -> Result<ParsedFile, Vec<RecipeFault>> {
     match tree::parse_tree(&text, index) {
         Ok(tree) => Ok(ParsedFile { text, tree, seen }),
         Err(problems) => {
+            // Places in this file have the number `index`, so the list must reach that far.
             let texts = vec![text; index as usize + 1];
             Err(problems.into_iter().map(|problem| problem.fault(&texts, None)).collect())
         }
@@ -266,6 +270,7 @@ fn read_file(file: &Path) -> Result<(String, StatSighting), RecipeFault> {
         |error| RecipeFault::of_file(file, &format!("cannot be read: {}", system_words(&error)), None);
     let opened = files::open(file).map_err(unreadable)?;
     let about = opened.metadata().map_err(unreadable)?;
+    // Taken before the bytes are read, so that a change in between leaves another state.
     let seen = StatSighting::seen_now(FileStat::from(&about));
     if about.len() > MAX_BYTES as u64 {
         let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
@@ -273,6 +278,7 @@ fn read_file(file: &Path) -> Result<(String, StatSighting), RecipeFault> {
     }
     let bytes = files::read_open(opened, MAX_BYTES as u64).map_err(unreadable)?;
     let text = String::from_utf8(bytes).map_err(|error| {
+        // The lossy text equals the file up to the first wrong byte, so the place is right in it.
         let valid = error.utf8_error().valid_up_to();
         let start = u32::try_from(valid).unwrap_or(u32::MAX);
         let text = SourceText {

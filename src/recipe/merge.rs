@@ -27,6 +27,7 @@ pub(super) fn merge_nodes(over: TreeNode, under: &TreeNode) -> TreeNode {
 }
 
 fn merge_at(path: &str, over: TreeNode, under: &TreeNode) -> TreeNode {
+    // A value that is no mapping replaces the default as a whole.
     let TreeNode { place, kind: NodeKind::Map(entries) } = over else { return over };
     let NodeKind::Map(defaults) = &under.kind else {
         return TreeNode { place, kind: NodeKind::Map(entries) };

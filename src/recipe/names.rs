@@ -34,7 +34,7 @@ const TAKEN_IN_SCENE: [&str; 2] = ["scene.json", "checks.json"];
 /// Device names that Windows reserves in every folder.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Checks that an id stays inside the release folder on every system. The error says what is wrong.
+/// Checks that an id stays inside the release folder on every system. The error names the fault.
 pub(super) fn scene_id(id: &str) -> Result<(), String> {
     id_parts(id)?;
     id.split('/').enumerate().try_for_each(|(depth, name)| {
@@ -91,6 +91,7 @@ fn check_part(part: &str) -> Result<(), String> {
 }
 
 fn is_reserved(part: &str) -> bool {
+    // Windows reserves `con.txt` as well as `con`.
     let stem = part.split('.').next().unwrap_or(part).to_ascii_lowercase();
     let numbered = stem.strip_prefix("com").or_else(|| stem.strip_prefix("lpt"));
     RESERVED.contains(&stem.as_str())
@@ -98,6 +99,7 @@ fn is_reserved(part: &str) -> bool {
 }
 
 fn not_taken(name: &str, taken: &[&str]) -> Result<(), String> {
+    // Some file systems ignore case.
     if taken.contains(&name.to_ascii_lowercase().as_str()) {
         return Err(format!("and \"{name}\" is a file of the release"));
     }

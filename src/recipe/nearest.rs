@@ -3,6 +3,7 @@
 /// Returns the word nearest to `word` by edit distance, if it is near enough to be a typing error.
 /// The first of equal words wins.
 pub(super) fn nearest_word<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+    // One typing error per three letters, but at least one and at most three.
     let reach = (word.chars().count() / 3).clamp(1, 3);
     let ranked = known.iter().map(|k| (edit_distance(&word.to_lowercase(), &k.to_lowercase()), *k));
     ranked.filter(|(d, _)| *d <= reach).min_by_key(|(d, _)| *d).map(|(_, k)| k)

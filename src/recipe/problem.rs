@@ -84,6 +84,8 @@ impl FieldProblem {
     /// problem must be `at` the same place.
     pub(super) fn in_text(mut self, place: TextSpan, text: &str, bytes: std::ops::Range<usize>) -> Self {
         let written = (place.end - place.start) as usize;
+        // Quotes add one byte on either side. Any other length means that the text is not in the
+        // file as it is.
         let quote = if written == text.len() { 0 } else { 1 };
         if written == text.len() + 2 * quote && bytes.end <= text.len() {
             let at = |byte: usize| place.start + u32::try_from(quote + byte).unwrap_or(0);

@@ -73,6 +73,7 @@ impl<'a> TreeReader<'a> {
     fn plain(self, what: &str) -> Result<&'a str, FieldProblem> {
         match &self.node.kind {
             NodeKind::Scalar { text, plain: true } => Ok(text),
+            // A quoted number is a text in YAML, which surprises many authors.
             NodeKind::Scalar { text, plain: false } if number::parse_real(text).is_some() => {
                 Err(self.wanted(what).help("write the number without quotes"))
             }
@@ -121,6 +122,7 @@ impl NodeKind {
     }
 }
 
+// All integer types go through one range check, so that all have the same message.
 macro_rules! whole_numbers {
     ($($method:ident $visit:ident $ty:ty),*) => {$(
         fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
@@ -189,6 +191,7 @@ impl<'de> Deserializer<'de> for TreeReader<'_> {
         name: &'static str,
         visitor: V,
     ) -> Result<V::Value, FieldProblem> {
+        // The name tells the reader who asks: serde has no other way to pass a place.
         match name {
             FIELD => visitor.visit_seq(FieldAccess { reader: self, step: 0 }),
             LITERAL => visitor.visit_str(self.text("a number")?),

@@ -32,7 +32,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::TrajectoryContext;
 
-/// Maximum number of frames of a trajectory (pipeline 2.10).
+/// Maximum number of frames of a trajectory.
 const MAX_FRAMES: u64 = 20_000_000;
 
 /// Resolves the content of a file and collects its faults.
@@ -86,6 +86,7 @@ impl Resolver<'_> {
         let sensors = self.sensors(raw, between, rate);
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
+        // A speed in pixels needs the scene even if there are no outputs.
         let renders = outputs.as_ref().is_some_and(|outputs| !outputs.is_empty())
             || trajectories
                 .iter()
@@ -98,6 +99,7 @@ impl Resolver<'_> {
         let scale = self.scene_scale(&raw.attributes);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
+        // The parts return here and not earlier, so that all of them have reported their faults.
         Some(ResolvedRecipe {
             scene: scene?,
             seed: seed?,
@@ -193,6 +195,7 @@ impl Resolver<'_> {
         within: TextSpan,
         help: &str,
     ) -> Option<(&'f T, TextSpan)> {
+        // A faulty field was reported when it was read.
         if field.is_absent() {
             self.report(FieldProblem::missing_field(name).help(help).at(within));
         }

@@ -1,15 +1,18 @@
-//! The recipe as written, version 1: every key, including the keys of features that do not exist yet.
+//! The recipe as written, version 1: every key, including the keys of features that are not built
+//! yet.
 //!
-//! This file defines types only; [`super::resolve`] knows which keys are required, their ranges and their defaults.
-//! [`UnsupportedField`] marks a key whose feature is not built yet: the key is reserved, and refused by name.
+//! This file defines types only. [`super::resolve`] knows the required keys, their ranges and their
+//! defaults. [`UnsupportedField`] marks a key of a feature that is not built yet: the key is
+//! reserved, and refused by name.
 //!
-//! An enumeration whose choices hold mappings is also listed in `ENUMERATIONS` of [`super::merge`], unless it is in a
-//! list.
+//! An enumeration with choices that hold mappings is also listed in `ENUMERATIONS` of
+//! [`super::merge`], unless it is in a list.
 //!
-//! The comments of the fields are the text of `docs/recipe.md`, which `cargo xtask docs` writes. A field's comment ends
-//! with `Unit: …`, and with `Required.` or `Default: …`. A default in backticks is YAML, and a test compares a recipe
-//! that writes it with one that leaves the key out. Ranges are not repeated here: the test reads them off the messages
-//! of the loader; `RangeSection: …` is for those that no single number shows.
+//! The comments of the fields are the text of `docs/recipe.md`, which `cargo xtask docs` writes. A
+//! field's comment ends with `Unit: …`, and with `Required.` or `Default: …`. A default in
+//! backticks is YAML, and a test compares a recipe that writes it with one that leaves the key out.
+//! Ranges of numbers are not repeated here: the test reads them off the messages of the loader.
+//! `Range: …` is for ranges that no single number shows.
 
 mod reconstruct;
 mod sensor;
@@ -39,18 +42,18 @@ use std::collections::BTreeMap;
 pub(super) struct RecipeSchema {
     /// Version of the recipe language. Range: `1`. Required.
     pub version: Field<u64>,
-    /// Scene id, which is also the scene's folder in the release: parts of letters, digits, `.`, `_` and `-`, separated by
-    /// `/`. Range: at most 200 bytes. Required.
+    /// Scene id, which is also the scene's folder in the release: parts of letters, digits, `.`,
+    /// `_` and `-`, separated by `/`. Range: at most 200 bytes. Required.
     pub scene: Field<String>,
-    /// Seed that every random draw of the scene is derived from. Default: `0`.
+    /// Seed of every random draw of the scene. Default: `0`.
     pub seed: Field<u64>,
     /// Source of the camera poses, the camera and the photos. Required.
     pub source: Field<SourceSection>,
-    /// Name of the photographed object, the same in each recipe that shows it. Release splits with `by: object` keep a group
-    /// together. Default: none.
+    /// Name of the photographed object, the same in each recipe that shows it. Release splits with
+    /// `by: object` keep a group together. Default: none.
     pub group: Field<String>,
-    /// Source of the Gaussians. A procedural source brings its own; a `model` source takes the newest of its folder. Default:
-    /// required for the other sources, unless nothing is rendered.
+    /// Source of the Gaussians. A procedural source brings its own; a `model` source takes the
+    /// newest of its folder. Default: required for the other sources, unless nothing is rendered.
     pub reconstruct: Field<ReconstructSection>,
     /// Camera that renders. Default: the source's own; required where `source` is `none`.
     pub camera: Field<CameraSection>,
@@ -58,16 +61,18 @@ pub(super) struct RecipeSchema {
     pub trajectories: Field<Vec<Field<TrajectorySection>>>,
     /// Times at which frames are rendered for the sensor. Default: `{}`.
     pub sampling: Field<SamplingSection>,
-    /// Rendering. Default: `{}`.
+    /// Settings of the renderer. Default: `{}`.
     pub render: Field<RenderSection>,
-    /// The sensor. Default: `{ voltmeter: {} }`.
+    /// Sensor and its parameters. Default: `{ voltmeter: {} }`.
     pub sensor: Field<SensorSection>,
-    /// Several sensors that see the same rendering, by name, instead of `sensor`. Each has its own event file and its own
-    /// checks. Default: none.
+    /// Several sensors that see the same rendering, by name, instead of `sensor`. Each has its own
+    /// event file and its own checks. Default: none.
     pub sensors: Field<BTreeMap<String, Field<SensorSection>>>,
-    /// Products to make for each trajectory. Steps that no product needs do not run. Default: `[events, sharp]`.
+    /// Products to make for each trajectory. Steps that no product needs do not run. Default:
+    /// `[events, sharp]`.
     pub outputs: Field<Vec<Field<OutputKey>>>,
-    /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case. Default: `{}`.
+    /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case.
+    /// Default: `{}`.
     pub sharp: Field<EverySection>,
     /// Exposure of the blurred frames. Default: `{}`.
     pub blur: Field<BlurSection>,
@@ -75,9 +80,10 @@ pub(super) struct RecipeSchema {
     pub depth: Field<EverySection>,
     /// Spacing of the optical flow images. Default: `{}`.
     pub flow: Field<EverySection>,
-    /// Limits that differ from the defaults, requests for optional checks, and waivers. Default: `{}`.
+    /// Limits that differ from the defaults, requests for optional checks, and waivers. Default:
+    /// `{}`.
     pub checks: Field<Limits>,
-    /// The owner's part of the licence. Default: none.
+    /// Licence of the owner's contribution. Default: none.
     pub licence: Field<LicenceSection>,
     /// Contents of a release. Default: none.
     pub release: Field<UnsupportedField>,
@@ -85,7 +91,7 @@ pub(super) struct RecipeSchema {
     pub attributes: Field<AttributesSection>,
 }
 
-/// One of these.
+/// Kind of the source, with its parameters.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SourceSection {
@@ -101,7 +107,8 @@ pub(super) enum SourceSection {
     Dl3dv(Field<FolderSection>),
     /// A 3DGS model folder with a `cameras.json`.
     Model(Field<FolderSection>),
-    /// No capture: `source: none`. The scene file, the camera, and an orbit or key poses come from the recipe.
+    /// No capture: `source: none`. The scene file, the camera, and an orbit or key poses come from
+    /// the recipe.
     None,
 }
 
@@ -115,7 +122,8 @@ pub(super) struct ProceduralSection {
     pub gaussians: Field<u64>,
     /// Number of captured views. Default: `30`.
     pub views: Field<u64>,
-    /// Extent of the capture's arc; beyond about 80 the outer views see the ends of the room. Unit: degrees. Default: `20`.
+    /// Extent of the capture's arc; beyond about 80 the outer views see the ends of the room. Unit:
+    /// degrees. Default: `20`.
     pub arc: Field<f64>,
     /// Seed of the scene and of its capture. Default: `1`.
     pub seed: Field<u64>,
@@ -136,15 +144,16 @@ pub(super) struct FolderSection {
     pub path: Field<String>,
     /// Number of views to use, picked evenly in natural order of the image names. Default: all.
     pub views: Field<u64>,
-    /// Glob patterns of photos to leave out, compared with the whole name and with its last part. Default: `[]`, for
-    /// `mvimgnet` `["*_bg_removed.png"]`.
+    /// Glob patterns of photos to leave out, compared with the whole name and with its last part.
+    /// Default: `[]`, for `mvimgnet` `["*_bg_removed.png"]`.
     pub exclude: Field<Vec<Field<String>>>,
-    /// File to take the poses from; `dl3dv` only. Default: the COLMAP model where there is one.
+    /// Source of the poses; `dl3dv` only. Default: the COLMAP model if there is one.
     pub poses: Field<PoseFile>,
-    /// Name of the scene in its dataset; enters `scene.json`, and no key. Default: read from the folders for `mvimgnet` and
-    /// `dl3dv`.
+    /// Name of the scene in its dataset; enters `scene.json`, and no key. Default: read from the
+    /// folders for `mvimgnet` and `dl3dv`.
     pub upstream_id: Field<String>,
-    /// Web address of the dataset; decides which upstream terms apply. Range: a URL. Default: known for `mvimgnet` and `dl3dv`.
+    /// Web address of the dataset; decides which upstream terms apply. Range: a URL. Default: known
+    /// for `mvimgnet` and `dl3dv`.
     pub upstream_url: Field<String>,
     /// Day of the download. Range: `YYYY-MM-DD`. Default: none.
     pub accessed: Field<String>,
@@ -152,7 +161,8 @@ pub(super) struct FolderSection {
     pub terms_accepted: Field<bool>,
 }
 
-/// With width and height alone the camera keeps the source's horizontal field of view.
+/// Camera of the renderings. With width and height alone it keeps the source's horizontal field of
+/// view.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct CameraSection {
@@ -160,8 +170,8 @@ pub(super) struct CameraSection {
     pub width: Field<u64>,
     /// Height of the image. Unit: px. Required.
     pub height: Field<u64>,
-    /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required without a capture, or with
-    /// `fy`, `cx` or `cy`.
+    /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required
+    /// without a capture, or with `fy`, `cx` or `cy`.
     pub fx: Field<f64>,
     /// Focal length in y. Unit: px. Default: that of `fx`.
     pub fy: Field<f64>,
@@ -175,15 +185,18 @@ pub(super) struct CameraSection {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct SamplingSection {
-    /// Frames per second rendered for the sensor, and poses per second in the release. Unit: Hz. Default: `2400`.
+    /// Frames per second rendered for the sensor, and poses per second in the release. Unit: Hz.
+    /// Default: `2400`.
     pub rate: Field<NumberLiteral>,
-    /// Brightness between two frames, in `ln(L + k2)`. Sensors `esim` and `v2e` and the law `official` take `linear` only.
-    /// Default: `linear`; with a tolerance, the cheapest that meets it.
+    /// Interpolation of brightness between two frames, in `ln(L + k2)`. Sensors `esim` and `v2e`
+    /// and the law `official` take `linear` only. Default: `linear`; with a tolerance, the cheapest
+    /// that meets it.
     pub between: Field<BetweenKey>,
     /// Summation of speed laws along the path. Default: `sum`; `integral` with a tolerance.
     pub law: Field<SummationKey>,
-    /// RMS interpolation error of the sensor's brightness to aim at; frames are then placed where the error needs them. For
-    /// `voltmeter` with the law `exact`. Unit: contrast thresholds. Default: none.
+    /// Target of the RMS interpolation error of the sensor's brightness. Frames are then placed
+    /// where the error needs them. For `voltmeter` with the law `exact` only. Unit: contrast
+    /// thresholds. Default: none.
     pub tolerance: Field<f64>,
 }
 
@@ -226,7 +239,7 @@ pub(super) struct RenderSection {
 pub(super) enum RulesKey {
     /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles.
     Official,
-    /// Every pixel where a layer's opacity reaches 1/255.
+    /// Every pixel at which a layer's opacity reaches 1/255.
     Exact,
     /// The conventions of gsplat.
     Gsplat,
@@ -245,7 +258,7 @@ pub(super) enum LayeringKey {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub(super) enum AntialiasedKey {
-    /// As the scene file says, else off.
+    /// The setting of the scene file; off if it has none.
     #[serde(rename = "auto")]
     Auto,
     /// On.
@@ -256,7 +269,7 @@ pub(super) enum AntialiasedKey {
     Off,
 }
 
-/// One of these; [sensors.md](sensors.md) describes the models.
+/// Model of the sensor, with its parameters; [sensors.md](sensors.md) describes the models.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SensorSection {
@@ -268,14 +281,15 @@ pub(super) enum SensorSection {
     V2e(Field<Box<V2eSection>>),
 }
 
-/// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a contrast in `ln(L + k2)`.
+/// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a
+/// contrast in `ln(L + k2)`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct VoltmeterSection {
     /// Named set of `k1` to `k6`: `dvs346`, `dvs240` or `gs2e-si`. Default: `dvs346`.
     pub preset: Field<String>,
-    /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`, `k6` at least 0; at most 1e12
-    /// in size. Default: the preset's.
+    /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`,
+    /// `k6` at least 0; at most 1e12 in size. Default: the preset's.
     pub k: Field<[Field<f64>; 6]>,
     /// Units of `k`. Default: required with `k`, refused with a preset.
     pub units: Field<ConstantUnits>,
@@ -287,15 +301,17 @@ pub(super) struct VoltmeterSection {
     pub gain: Field<GainKey>,
     /// Voltages at the first frame. Default: `zero`.
     pub initial: Field<InitialKey>,
-    /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
+    /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
+    /// `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
-    /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
+    /// True if events beyond that limit are dropped and counted, instead of failing the step.
+    /// Default: `false`.
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEndSection>,
-    /// Pixels that fire whatever they see. Default: none.
+    /// Pixels that fire by themselves. Default: none.
     pub hot_pixels: Field<HotPixelsSection>,
-    /// Label each event as signal (1) or noise (0). Default: `false`.
+    /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
@@ -341,32 +357,32 @@ pub(super) enum OutputKey {
     Flow,
 }
 
-/// The same for `sharp`, `depth` and `flow`.
+/// Spacing of the pictures of `sharp`, `depth` or `flow`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EverySection {
-    /// Poses from one picture to the next. Default: `1`.
+    /// Number of poses from one picture to the next. Default: `1`.
     pub every: Field<u64>,
 }
 
-/// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the mean of its sub-frames in
-/// linear light.
+/// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the
+/// mean of its sub-frames in linear light.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct BlurSection {
-    /// Dense frames of one exposure; an odd number. Default: `15`.
+    /// Number of dense frames per exposure; odd. Default: `15`.
     pub frames: Field<u64>,
-    /// Pictures between the dense frames. Default: `auto`.
+    /// Sub-frames between the dense frames. Default: `auto`.
     pub subframes: Field<SubframesKey>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SubframesKey {
-    /// An odd number per dense frame, at most 33, so that the picture moves by at most 1 px between two; motion beyond is a
-    /// warning. Motion is measured where there is a depth.
+    /// An odd number per dense frame, at most 33, so that the picture moves by at most 1 px between
+    /// two. Motion beyond that draws a warning. It is measured at pixels with a depth.
     Auto,
-    /// None.
+    /// No sub-frames.
     Literal,
 }
 
@@ -374,7 +390,7 @@ pub(super) enum SubframesKey {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct AttributesSection {
-    /// Size of the scene. Default: what is known of the source.
+    /// Size of the scene. Default: `object` for `mvimgnet`, `large` for `dl3dv`, otherwise unknown.
     pub scene_scale: Field<SceneScaleKey>,
 }
 
@@ -397,7 +413,8 @@ pub(super) struct LicenceSection {
     pub expression: Field<String>,
     /// Rights holder. Required.
     pub holder: Field<String>,
-    /// Terms that the upstream granted to you, instead of its public terms. Range: SPDX expression. Default: none.
+    /// Terms that the upstream granted to you, instead of its public terms. Range: SPDX expression.
+    /// Default: none.
     pub upstream: Field<String>,
     /// Evidence of that grant. Default: required with `upstream`.
     pub evidence: Field<EvidenceSection>,
@@ -407,9 +424,9 @@ pub(super) struct LicenceSection {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EvidenceSection {
-    /// Who granted it, and for what. Required.
+    /// Grantor, and extent of the grant. Required.
     pub granted_by: Field<String>,
-    /// Where the grant can be read. Range: a URL. Required.
+    /// Address of the grant. Range: a URL. Required.
     pub url: Field<String>,
     /// Day of the grant. Range: `YYYY-MM-DD`. Required.
     pub date: Field<String>,

@@ -28,11 +28,10 @@ pub(super) struct TextSpan {
 
 impl SourceText {
     /// Returns line and column of a byte, both from 1, columns in characters. Lines end as in YAML:
-    /// at `
-    /// `, `\r
-    /// `, `\r`.
+    /// at `\n`, `\r\n` or `\r`.
     pub(super) fn position(&self, offset: usize) -> (usize, usize) {
         let before = self.until(offset);
+        // The first two terms both count a `\r\n`.
         let breaks =
             before.matches('\n').count() + before.matches('\r').count() - before.matches("\r\n").count();
         (breaks + 1, self.until(offset)[self.line_start(offset)..].chars().count() + 1)

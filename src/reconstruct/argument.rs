@@ -40,6 +40,7 @@ impl ArgumentTemplate {
         while let Some(at) = rest.find(['{', '}']) {
             let (before, braces) = rest.split_at(at);
             append_text(&mut parts, before);
+            // Doubled braces come first, because `{{` would otherwise begin a placeholder.
             rest = if let Some(after) = braces.strip_prefix("{{") {
                 append_text(&mut parts, "{");
                 after
@@ -50,6 +51,7 @@ impl ArgumentTemplate {
                 let inside = braces.strip_prefix('{').and_then(|rest| rest.split_once('}'));
                 let (name, after) = inside.ok_or(ArgumentError::Alone)?;
                 match known.get(name) {
+                    // A known value becomes text, and thereby part of the serialised command.
                     Some(Some(value)) => append_text(&mut parts, value),
                     Some(None) => parts.push(ArgumentPart::Place(name.to_owned())),
                     None => return Err(ArgumentError::Unknown(name.to_owned())),
@@ -85,6 +87,7 @@ impl ArgumentTemplate {
 }
 
 fn append_text(parts: &mut Vec<ArgumentPart>, text: &str) {
+    // Neighbouring texts merge, so that equal arguments compare equal however they were spelled.
     match parts.last_mut() {
         Some(ArgumentPart::Text(before)) => before.push_str(text),
         _ if text.is_empty() => {}

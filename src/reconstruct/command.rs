@@ -161,6 +161,7 @@ impl TrainerCommand {
             let path = path.to_owned();
             move |cause| TrainError::Io { path, cause }
         };
+        // Both commands of a training append to the log, so an old log is emptied first.
         std::fs::write(desk.log, "").map_err(io(desk.log))?;
         // The program runs in another working folder.
         let root = std::path::absolute(desk.folder).map_err(io(desk.folder))?;
@@ -186,6 +187,7 @@ impl TrainerCommand {
 
     /// Returns the values of the placeholders of files.
     fn places(&self) -> BTreeMap<&str, PathBuf> {
+        // The program runs in another working folder, so its paths must be absolute.
         let whole = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
         self.files.iter().map(|(name, path)| (name.as_str(), whole(path))).collect()
     }

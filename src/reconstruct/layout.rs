@@ -105,6 +105,7 @@ pub(super) fn lay_out(
         return Err(LayoutError::Nothing { views, without_photo, held_out: views - shown.len() });
     }
     let put = |(index, view, photo): &(usize, &CapturedView, &Path)| {
+        // A capture may have thousands of photos, so the work can stop between two of them.
         if goes_on() { place_photo(*index, view, photo, &images) } else { Err(LayoutError::Stopped) }
     };
     let taken: Vec<WrittenImage> = photos.par_iter().map(put).collect::<Result<_, _>>()?;
@@ -114,6 +115,7 @@ pub(super) fn lay_out(
 
 /// Returns the photo of a view, if it exists.
 fn find_photo<'f>(view: &CapturedView, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
+    // COLMAP sources list their photos below `images`, the others under the name of the view.
     let is_its = |name: &str| name == view.name || name.strip_prefix("images/") == Some(&view.name);
     files.iter().find(|(name, _)| is_its(name)).map(|(_, path)| path.as_path())
 }
@@ -158,6 +160,7 @@ fn write_undistorted(
     let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
     let taken = decode_photo(photo, view.camera.size).map_err(unreadable)?;
     let straight = undistort_photo(&taken, &view.camera, &view.lens);
+    // PNG is lossless: the resampling remains the only change to the photo.
     let name = format!("{index:06}.png");
     let file = images.join(&name);
     File::create(&file)
@@ -170,6 +173,7 @@ fn write_undistorted(
 /// bends it. A grey picture becomes three equal channels.
 fn decode_photo(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
     let bytes = files::read(photo, files::MAX_PICTURE).map_err(|e| e.to_string())?;
+    // The first bytes decide, because an extension may be wrong.
     let shades = if bytes.starts_with(b"\x89PNG") {
         png::read_colours(Cursor::new(&bytes), Some(camera)).map_err(|e| e.to_string())?
     } else {

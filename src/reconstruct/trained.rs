@@ -65,6 +65,7 @@ pub(super) fn read_trained(
         None => model::newest_scene(out).map_err(TrainedError::NotFound)?,
     };
     if !is_there(&file) {
+        // The path as the recipe has it, because `out` is a working folder.
         return Err(TrainedError::Absent(scene.unwrap_or_default().into()));
     }
     let gaussians = scene::read_file(&file).map_err(TrainedError::Unreadable)?;

@@ -40,6 +40,7 @@ pub fn interpolated_value(
 /// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by
 /// the length of the other.
 fn end_slope(beyond: Option<BetweenKnot>, end: BetweenKnot, own: f64, h: f64) -> f64 {
+    // At an end of the sequence the slope is one-sided.
     let Some(beyond) = beyond else { return own };
     let secant = (beyond.v - end.v) / (beyond.seconds - end.seconds);
     let other = (beyond.seconds - end.seconds).abs();

@@ -116,6 +116,8 @@ impl ChoiceQuestion<'_> {
         let Some((best, _, mut step_px)) = cheapest.min_by(|a, b| a.1.total_cmp(&b.1)) else {
             let best = candidates.into_iter().min_by(|a, b| a.finest.total_cmp(&b.finest));
             let best = Box::new(best.ok_or(ChooseError::Short)?);
+            // The advice is against jumps, so it is given only if most of the squared error comes
+            // from them.
             let advice = if best.jumps > 0.5 { self.advice } else { "" };
             return Err(ChooseError::Below { wanted, best, advice });
         };
@@ -144,6 +146,8 @@ impl ChoiceQuestion<'_> {
                 let achieved = checked.rms;
                 return Err(ChooseError::Missed { wanted, achieved, between, step_px });
             }
+            // By the order at this step, the error becomes the target after this factor if the law
+            // holds.
             let less = libm::pow(AIM * wanted / checked.bound, 1.0 / law.order(step_px));
             step_px *= less.clamp(FINER[0], FINER[1]);
         }
@@ -194,6 +198,7 @@ impl ChoiceQuestion<'_> {
         for k in (1..points.len()).rev() {
             points[k - 1].1 = points[k - 1].1.max(points[k].1);
         }
+        // The longest steps come first and have the largest errors, so the far ones are a prefix.
         let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
         let law = ErrorLaw::fit_points(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
         let (finest_px, _) = *points.last()?;
@@ -225,13 +230,17 @@ impl ChoiceQuestion<'_> {
     fn stencils(&self, place: f64, steps: &[f64]) -> Vec<(usize, SampledInterval)> {
         let end = self.flow.end_us();
         // If the longest step does not fit around the place, the place moves.
+        // Its stencil reaches 1.5 steps to both sides.
         let room = 1.5 * self.flow.length_about(place, steps[0]);
         let place = if 2.0 * room < end as f64 { place.clamp(room, end as f64 - room) } else { place };
         #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
         let (center, mut found, mut shorter) = (place as i64, Vec::new(), None);
         for (number, px) in steps.iter().enumerate().rev() {
             let wanted = self.flow.length_about(place, *px);
+            // Three times the shorter step where that is close enough: the outer frames of the
+            // shorter stencil are then the inner ones of the longer.
             let tripled = shorter.map(|h: i64| 3 * h).filter(|h| (*h as f64 / wanted - 1.0).abs() < ALIKE);
+            // Even otherwise, so that half a step is in whole microseconds.
             #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
             let h = tripled.unwrap_or(2 * (wanted / 2.0 + 0.5) as i64);
             if h < SHORTEST_US {
@@ -259,6 +268,7 @@ impl ChoiceQuestion<'_> {
         let mut draws = self.seed.draws(SeedCell { index: CHOICE.index + 1, ..CHOICE }, DrawSpace::Choice);
         let intervals: Vec<SampledInterval> = (0..count)
             .map(|k| {
+                // One interval from each of `count` equal shares of the path.
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below `all`")]
                 let j = ((k as f64 + draws.uniform()) * all as f64 / count as f64) as usize;
                 let outer = [j.checked_sub(1), Some(j + 2)].map(|j| moments.get(j?).copied());

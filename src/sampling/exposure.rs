@@ -75,12 +75,13 @@ impl ExposureRecord {
 #[must_use]
 pub fn exposure_centres(poses: usize, frames: u32) -> Vec<usize> {
     let frames = frames as usize;
+    // One frame beyond half an exposure: the shutter opens halfway to the frame before.
     let beyond = frames / 2 + 1;
     (beyond..poses.saturating_sub(beyond)).step_by(frames).collect()
 }
 
-/// Opening and closing time of the shutter around one of [`exposure_centres`], s: halfway between the frames
-/// of the exposure and the frames beyond.
+/// Opening and closing time of the shutter around one of [`exposure_centres`], s: halfway between
+/// the frames of the exposure and the frames beyond.
 ///
 /// # Panics
 /// There are no frames beyond.
@@ -94,14 +95,15 @@ pub fn shutter_times(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
 /// [`shutter_times`], in whole microseconds.
 ///
 /// # Panics
-/// As [`shutter_times`].
+/// There are no frames beyond.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a trajectory lasts no 292,000 years")]
 pub fn open_us(seconds: &[f64], pose: usize, frames: u32) -> [i64; 2] {
     shutter_times(seconds, pose, frames).map(|s| (s * 1e6).round() as i64)
 }
 
-/// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many frames.
+/// Indices of the poses with a sharp frame that is kept, ascending: every `every`-th pose, and the
+/// centres of exposures of `exposed` frames.
 #[must_use]
 pub fn kept_poses(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..poses).step_by(every as usize).collect();
@@ -223,6 +225,7 @@ impl<'a> FrameExposer<'a> {
         let frames = self.shutter.frames;
         let mut light = LinearLightSum::empty_sum(self.course.camera.size);
         let sees_motion = self.shutter.subframes == SubframeRule::Auto;
+        // The dense frames come first, because their flow determines the number of sub-frames.
         let dense: Vec<SubframeTime> = (0..frames).map(|k| self.moment(pose, k, 1)).collect();
         let fastest = self.add(&dense, sees_motion, &mut light, go_on)?;
         let moved = f64::from(fastest) * (end - start) / f64::from(frames);
@@ -252,6 +255,7 @@ impl<'a> FrameExposer<'a> {
         let [start, end] = self.open(pose);
         let all = f64::from(self.shutter.frames * subframes);
         let at = start + (f64::from(k) + 0.5) / all * (end - start);
+        // The pose itself, because the spline meets it only up to rounding.
         if (self.course.seconds[frame] - at).abs() < SAME {
             SubframeTime::Pose(frame)
         } else {
@@ -281,6 +285,7 @@ impl<'a> FrameExposer<'a> {
             self.work += self.renderer.render(&view, want, &mut self.rendered)?;
             light.add(self.rendered.rgb.as_ref().expect("colour was asked for"));
             let flow = self.rendered.flow.iter().flat_map(Image::pixels);
+            // Pixels without a depth have no finite flow.
             let squares = flow.map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
             fastest = fastest.max(squares.fold(0.0, f32::max).sqrt());
         }

@@ -11,8 +11,8 @@ use crate::render::flow::{flow_rates, nearest_ranks};
 use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use rayon::prelude::*;
 
-/// Number of parts of a path, each with one flow: as many as steps between its poses, within these
-/// bounds.
+/// Bounds on the number of parts of a path, each with one flow. Within them it is the number of
+/// steps between the poses.
 const PARTS: [usize; 2] = [64, 2048];
 /// Places at which depth is rendered: one per this many parts, within these bounds.
 const PARTS_A_PLACE: usize = 64;
@@ -51,6 +51,8 @@ impl PathFlow {
         let rows = (u64::from(height) * u64::from(columns)).div_ceil(u64::from(width));
         let rows = u32::try_from(rows).unwrap_or(height);
         let small = camera.resized(Size { width: columns, height: rows });
+        // The flow of the small image is in its own pixels. This factor converts it to the
+        // camera's.
         let pixels = f64::from(width) / f64::from(columns);
         let parts = intervals.clamp(PARTS[0], PARTS[1]);
         let places = (parts / PARTS_A_PLACE).clamp(PLACES[0], PLACES[1]);
@@ -70,6 +72,8 @@ impl PathFlow {
                 let share = m as f64 / (2 * parts) as f64;
                 let (world_from_camera, velocity) = path.at(time(share));
                 let view = CameraView { camera: small, world_from_camera, velocity };
+                // The place before the moment. The last place has none after it, so the last moment
+                // counts to the pair before.
                 let nearest = ((m * (places - 1)) / (2 * parts)).min(places - 2);
                 pixels * quickest_flow(&depths[nearest..=nearest + 1], &view)
             })
@@ -121,6 +125,8 @@ impl PathFlow {
             return share * self.end_us as f64;
         }
         let (mut before, wanted) = (0.0, share * total);
+        // Parts without motion are skipped: a share of 0 falls where the motion begins, and nothing
+        // is divided by 0.
         for (part, flow) in self.px_s.iter().enumerate() {
             if before + flow >= wanted && *flow > 0.0 {
                 return (part as f64 + (wanted - before) / flow) * self.part_us();
@@ -134,6 +140,8 @@ impl PathFlow {
     /// us.
     #[must_use]
     pub fn length_about(&self, at_us: f64, px: f64) -> f64 {
+        // A longer interval contains the shorter one, so its motion is no less and halving finds
+        // the limit.
         let fits = |h: f64| h * self.highest(at_us - h / 2.0, at_us + h / 2.0) <= px;
         let (mut low, mut high) = (0.0, 2.0 * self.end_us as f64);
         for _ in 0..60 {
@@ -151,6 +159,8 @@ impl PathFlow {
         let mut moments = vec![0];
         let mut at = 0;
         while at < self.end_us {
+            // On a very short path the longest step is below the shortest, and `clamp` needs
+            // ordered bounds.
             let step = self.step_from(at, px).clamp(SHORTEST_US.min(longest), longest);
             let left = self.end_us - at;
             // The rest at the end is divided, so that the last step is not tiny.
@@ -166,7 +176,11 @@ impl PathFlow {
         let mut highest = 0.0f64;
         let mut end = at;
         while end < self.end_us as f64 {
+            // Without the small addition, a border that is rounded down would be its own successor,
+            // and the loop would not end.
             let next = (libm::floor(end / part + 1e-9) + 1.0) * part;
+            // A thousandth of a microsecond inside, so that the parts next to this one do not
+            // count.
             highest = highest.max(self.highest(end + 1e-3, next - 1e-3));
             if highest * (next - at) > px {
                 // The step ends in this part, or at its start if its flow would make the step too
@@ -176,6 +190,7 @@ impl PathFlow {
             }
             end = next;
         }
+        // Cut off, not rounded: a longer step would move the image farther than was asked for.
         #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
         let step = (end - at) as i64;
         step

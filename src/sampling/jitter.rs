@@ -13,7 +13,7 @@ pub struct IntervalNoise {
     pub interval_us: f64,
     /// Standard deviation of the noise over this time, thresholds.
     pub rms_th: f64,
-    /// The time in which the signal changes by as much, us.
+    /// The time in which the signal changes by the same amount, us.
     pub us: f64,
 }
 

@@ -3,7 +3,7 @@
 //!
 //! A jump of the image, such as two Gaussians that swap, is missed in the one interval that
 //! contains it. The share of intervals with a jump is proportional to `h`, and so is the mean
-//! square error. Halving the step does not halve such an error, and no step removes it.
+//! square error. Halving the step does not halve this error, and no step removes it.
 
 use serde::{Deserialize, Serialize};
 
@@ -49,12 +49,14 @@ impl ErrorLaw {
         let scaled: Vec<(f64, f64)> = points.iter().map(|(h, e)| (h / unit, e * e)).collect();
         let [low, high] = ORDERS;
         let spacing = (high - low) / f64::from(TRIED - 1);
+        // Many orders first: ternary search needs a single minimum between its ends.
         let tried = (0..TRIED).map(|k| low + f64::from(k) * spacing);
         let least =
             |a: f64, b: f64| if order_residual(&scaled, b) < order_residual(&scaled, a) { b } else { a };
         let best = tried.reduce(least).unwrap_or(low);
         let p = narrow_order(&scaled, [(best - spacing).max(low), (best + spacing).min(high)]);
         let [square, jumps] = at_order(&scaled, p);
+        // Back in the caller's unit of steps.
         Some(Self { c: square.sqrt() / libm::pow(unit, p), p, jumps: jumps / unit })
     }
 
@@ -91,6 +93,7 @@ impl ErrorLaw {
         }
         let (mut low, mut high) = (least, most);
         for _ in 0..60 {
+            // The middle by ratio, because the error is about a power of the step.
             let middle = (low * high).sqrt();
             if self.error(middle) <= error { low = middle } else { high = middle }
         }

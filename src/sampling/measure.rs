@@ -78,6 +78,7 @@ impl SampledVoltage {
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
     fn new(frame: &DenseFrame, k2: f64) -> Self {
         let luminance = frame.luminance.pixels();
+        // Rounding may leave a luminance below 0.
         let level = |l: &f32| f64::from(l.max(0.0)) + k2;
         let v = luminance.par_iter().map(|l| libm::log(level(l)) as f32).collect();
         let slope = frame.rate.as_ref().map_or_else(Vec::new, |rate| {
@@ -117,6 +118,7 @@ pub fn measure_intervals<V: PathViewer>(
     intervals: &[SampledInterval],
     between: &[BetweenFrames],
 ) -> Result<MeasuredIntervals, V::Error> {
+    // A moment that several intervals share is rendered once, when the first of them needs it.
     let mut last_use = BTreeMap::new();
     let mut order = Vec::new();
     for (number, interval) in intervals.iter().enumerate() {
@@ -139,6 +141,7 @@ pub fn measure_intervals<V: PathViewer>(
                 break;
             }
             squares.push(between.iter().map(|between| worst_square(next, *between, scales, &held)).collect());
+            // The number of measured intervals is the index of the next one.
             held.retain(|moment, _| last_use[moment] >= squares.len());
         }
     })?;

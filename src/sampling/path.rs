@@ -39,9 +39,11 @@ impl SampledPath {
     pub fn at(&self, seconds: f64) -> (Se3, CameraVelocity) {
         let t = self.seconds[0] + seconds;
         let last = self.seconds.len() - 2;
+        // The last pose starts no segment, so it stays out of the search.
         let segment = self.seconds[1..=last].partition_point(|start| *start <= t);
         let at = CurvePlace { segment, x: t - self.seconds[segment] };
         let (pose, twist) = (self.curve.pose(at), self.curve.twist(at));
+        // The linear rate of the curve is in world axes, the angular one in the camera's.
         let linear = pose.rotation.conjugate() * twist.linear;
         (pose, CameraVelocity { linear, angular: twist.angular })
     }

@@ -68,6 +68,7 @@ impl PathViewer for ScoutRenderer<'_> {
         look: &mut dyn FnMut(&[DenseFrame]),
     ) -> Result<(), ScoutError> {
         let (trajectory, velocities) = self.path.sampled(moments_us);
+        // The frames own the renderer while they are rendered. After an error it is not given back.
         let renderer = self.renderer.take().expect("it came back from the last frames");
         let mut frames = RenderedFrames::new(renderer, self.camera, trajectory);
         if rated {
@@ -77,6 +78,7 @@ impl PathViewer for ScoutRenderer<'_> {
             frames.want_colour();
         }
         while let Some(frame) = frames.next()? {
+            // A plain front end shows the frame as it is.
             let seen = |front_end: &FrontEnd| match front_end.is_plain() {
                 true => frame.clone(),
                 false => front_end.see(&frame, frames.colour()),

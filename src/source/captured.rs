@@ -89,7 +89,7 @@ impl DiskCapture {
     /// Reads the capture without the bytes of the photos. Their hashes are then unknown.
     ///
     /// # Errors
-    /// Same as for [`DiskCapture::read`].
+    /// The capture cannot be read; see [`DiskCapture::read`].
     pub fn glance(&self) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
         self.look(PhotoScrutiny::Sizes)
     }
@@ -110,7 +110,7 @@ impl DiskCapture {
     /// Returns the files that [`DiskCapture::read`] reads, each with its name within the source.
     ///
     /// # Errors
-    /// Same as for [`DiskCapture::read`], if the files contain the names of the photos.
+    /// The names of the photos are in a file that cannot be read; see [`DiskCapture::read`].
     pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
         match self.kind {
             CaptureKind::Colmap => colmap::source_files(&self.path),
@@ -148,6 +148,7 @@ impl DiskCapture {
     fn select(&self, capture: Capture, warnings: &mut Vec<SourceWarning>) -> Result<Capture, SourceError> {
         let Capture { views, mut unused } = capture;
         let is_excluded = self.selection.excludes();
+        // The choice of the user is the stronger reason, so it replaces the reason of the source.
         for photo in unused.iter_mut().filter(|photo| is_excluded(&photo.name)) {
             photo.why = UnusedReason::Excluded;
         }
@@ -205,6 +206,7 @@ fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
     if wanted >= count {
         return (0..count).collect();
     }
+    // Rounded half up in integers: `floor((2 n + d) / (2 d))` for the fraction `n / d`.
     let gaps = wanted.saturating_sub(1);
     (0..wanted).map(|i| if gaps == 0 { 0 } else { (2 * i * (count - 1) + gaps) / (2 * gaps) }).collect()
 }

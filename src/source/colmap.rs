@@ -71,7 +71,7 @@ pub struct ColmapPoint {
     pub error: f64,
 }
 
-/// How deep below the folder given the `sparse/0` of a model is looked for.
+/// Maximum depth below the given folder of a folder that is searched for `sparse/0`.
 const DEEPEST: usize = 3;
 
 /// The two forms that models have on disk.
@@ -130,6 +130,7 @@ impl ColmapModel {
         let mut models = Vec::new();
         for entry in FolderWalk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
             let entry = entry?;
+            // The folder itself is the task of `model_near`.
             models.extend(Self::model_at(entry.path().join("sparse/0")).filter(|_| entry.depth() > 0));
         }
         let mut models = models.into_iter();
@@ -199,6 +200,7 @@ impl ColmapModel {
     /// folder, and the parent, as in DL3DV.
     fn bases(&self) -> Vec<&Path> {
         let mut base = self.dir.as_path();
+        // In this order, so that `x/sparse/0` and `x/sparse` both become `x`.
         for is_shell in [is_number as fn(&str) -> bool, |name| name == "sparse"] {
             if let Some(parent) =
                 base.parent().filter(|_| base.file_name().and_then(|n| n.to_str()).is_some_and(is_shell))
@@ -221,6 +223,7 @@ impl ColmapModel {
             let (binary, text) =
                 (ModelForm::Binary.file(&self.dir, stem), ModelForm::Text.file(&self.dir, stem));
             if is_there(&binary) && is_there(&text) {
+                // Counts show a stale form without parsing both.
                 let (found, other) =
                     (binary::count_records(&binary)?, text::count_records(&text, lines_a_record)?);
                 if found != other {
@@ -261,8 +264,7 @@ pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the
-/// files that would be in them are not found.
+/// A folder and the folders below it, down to a depth. Folders that cannot be walked are left out.
 pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
     let entries = FolderWalk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
@@ -315,6 +317,7 @@ pub(super) fn read_model(
     let find = |name: &str| {
         folder.and_then(|f| photo::find_photo(f, name)).map(|p| photo::read_photo(&p, look)).transpose()
     };
+    // Every byte of a photo may be hashed, so photos are read in parallel.
     let photos: Vec<Option<PhotoInfo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
     let unused: Vec<UnusedPhoto> = unregistered_photos(folder, &images)?
@@ -341,13 +344,14 @@ pub(super) fn read_model(
             camera = photo::fit_camera(&camera, size).map_err(|e| fault(format!("`{}`: {e}", image.name)))?;
         }
         warnings.extend(image_warnings(&image, taken, other, sizing));
+        // The lens stays as it is: its coefficients are relative to the focal length.
         let view = CapturedView { camera, ..image_view(&image, taken, photo) };
         found.push(FoundView { view, place: image.place });
     }
     Ok((Capture { unused, ..collect_views(&path, found)? }, warnings))
 }
 
-/// The photos of a folder that a model has no pose for.
+/// The photos of a folder for which a model has no pose.
 fn unregistered_photos(folder: Option<&Path>, images: &[ColmapImage]) -> Result<Vec<String>, SourceError> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
     let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list_photos)?;
@@ -388,11 +392,11 @@ fn image_view(image: &ColmapImage, taken: &ModelCamera, photo: Option<PhotoInfo>
     }
 }
 
-/// Returns the files that [`read_capture`] reads, each with its name within the source: the files of the
-/// model's form, and the existing photos, with or without a pose.
+/// Returns the files that [`read_capture`] reads, each with its name within the source: the files
+/// of the model's form, and the existing photos, with or without a pose.
 ///
 /// # Errors
-/// Same as for [`read_capture`], as far as the names of the photos need the model.
+/// The model is absent, or the images that name the photos cannot be read; see [`read_capture`].
 pub fn source_files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let model = ColmapModel::find_model(dir)?;
     let folder = model.photos();
@@ -422,6 +426,7 @@ fn image_pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::ScreenedRotati
     if !translation.is_finite() {
         return Err(format!("the translation is {translation}, wanted finite numbers"));
     }
+    // COLMAP stores `w` first.
     let rotation = se3::rotation_from_quaternion(DQuat::from_xyzw(x, y, z, w)).map_err(|e| e.to_string())?;
     Ok((rotation, translation))
 }

@@ -44,6 +44,8 @@ impl Dl3dvFiles {
         std::fs::read_dir(scene).map_err(SourceError::io_error(scene))?;
         let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
         let transforms = homes().map(|home| home.join("transforms.json")).find(|file| is_there(file));
+        // Models further down are not looked for if `transforms.json` is requested: two of them
+        // would be an error.
         let model = match (wanted, ColmapModel::model_near(scene)) {
             (Some(PoseFile::Transforms), _) => None,
             (_, Some(model)) => Some(model),

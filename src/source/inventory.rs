@@ -105,6 +105,7 @@ pub fn take_inventory(
         }
         CaptureKind::Model => capture_folders(root, &|dir| is_there(&model::locate_cameras(dir)))?,
     };
+    // Scenes of the same name sort by path, so that the same one is kept on every machine.
     found.sort_by(|a, b| natural::compare_names(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
     let mut entries: Vec<InventoryScene> =
         found.into_par_iter().map(|found| found.judged(kind, rules)).collect();
@@ -195,6 +196,7 @@ fn hash_folders(root: &Path) -> Result<Vec<ScenePath>, SourceError> {
 
 /// Finds folders that contain a capture, without descending into them. The root itself may be one.
 fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<ScenePath>, SourceError> {
+    // The walk below skips folders that cannot be read, but the root itself must be readable.
     std::fs::read_dir(root).map_err(SourceError::io_error(root))?;
     let mut found = Vec::new();
     let mut walk =
@@ -207,6 +209,7 @@ fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<
         // A capture may contain folders that look like captures of their own.
         walk.skip_current_dir();
         let below = entry.path().strip_prefix(root).unwrap_or(Path::new(""));
+        // A root may be given as `.` or `..`, which is no name.
         let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));
         let named = if below.as_os_str().is_empty() { own.unwrap_or_default() } else { below.to_owned() };
         let parts: Vec<_> = named.iter().map(|part| part.to_string_lossy()).collect();

@@ -35,6 +35,8 @@ impl CaptureKind {
             return Self::of_file(path).ok_or_else(|| absent(format!("a file of another name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
+        // Folders of MVImgNet and DL3DV are read by their general layout, unless their kind is
+        // named.
         let kinds = [
             (Self::Colmap, colmap::ColmapModel::model_near(path).is_some()),
             (Self::Nerfstudio, is_there(&nerfstudio::locate_transforms(path))),
@@ -56,6 +58,7 @@ impl CaptureKind {
     fn of_file(path: &Path) -> Option<Self> {
         let named = |name: &str| path.file_name().is_some_and(|found| found == name);
         let json = path.extension().is_some_and(|extension| extension == "json");
+        // A `transforms.json` may have any name, for example `transforms_train.json`.
         if named("cameras.json") { Some(Self::Model) } else { json.then_some(Self::Nerfstudio) }
     }
 

@@ -65,6 +65,7 @@ impl LensModel {
         let [distorted_x, distorted_y] = self.distort([x, y]);
         let (du, dv) = ((distorted_x - x) * camera.fx, (distorted_y - y) * camera.fy);
         let distance = (du * du + dv * dv).sqrt();
+        // At a pole the quotient may be NaN as well as infinite.
         if distance.is_nan() { f64::INFINITY } else { distance }
     }
 }

@@ -69,7 +69,7 @@ pub fn read_capture(path: &Path) -> Result<(Capture, Vec<SourceWarning>), Source
 /// Returns the files that [`read_capture`] reads, each with its name within the source.
 ///
 /// # Errors
-/// Never returns an error; missing files are detected on reading.
+/// This function does not fail: missing files are found when they are read.
 pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let file = locate_cameras(path);
     let exposures = file.with_file_name(EXPOSURES);
@@ -91,6 +91,7 @@ pub fn source_folders(path: &Path) -> Vec<PathBuf> {
 pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
     let scenes = scenes_folder(path);
     let kept = list_iterations(&scenes)?;
+    // The last iteration may still be in training: its folder then exists before its file.
     let newest = kept.into_iter().filter(|(_, dir)| is_there(&dir.join(SCENE))).max();
     newest.map(|(_, dir)| dir.join(SCENE)).ok_or_else(|| SourceError::Absent {
         dir: scenes,

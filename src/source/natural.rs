@@ -19,6 +19,7 @@ pub fn compare_names(a: &str, b: &str) -> Ordering {
             return order;
         }
     }
+    // Names that end together differ in leading zeros only: the longer name has more of them.
     rest_a.len().cmp(&rest_b.len()).then_with(|| a.len().cmp(&b.len())).then_with(|| a.cmp(b))
 }
 

@@ -54,6 +54,7 @@ impl PhotoLocation<'_> {
     fn find(self, file: &Path, name: &str) -> Option<PathBuf> {
         let (folder, name) = match self {
             Self::AsNamed => (file.parent()?, name),
+            // The file names the folder of another size, so only the last part counts.
             Self::In(folder) => (folder, name.rsplit('/').next()?),
         };
         photo::find_photo(folder, name).or_else(|| photo::find_photo(folder, &format!("{name}.png")))
@@ -92,11 +93,11 @@ pub(super) fn read_file(
     Ok((collect_views(file, found)?, warnings))
 }
 
-/// Returns the files that [`read_capture`] reads, each with its name within the source: the file, and the
-/// existing photos.
+/// Returns the files that [`read_capture`] reads, each with its name within the source: the file,
+/// and the existing photos.
 ///
 /// # Errors
-/// Same as for [`read_capture`], as far as the names of the photos need the frames.
+/// The document cannot be read, or a frame has no `file_path`; see [`read_capture`].
 pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     files_of(&locate_transforms(path), PhotoLocation::AsNamed)
 }
@@ -115,17 +116,19 @@ pub(super) fn files_of(
     Ok(files)
 }
 
-/// Returns the folders whose listing determines [`source_files`]: the folder of the file, and the folders
-/// of existing or missing photos.
+/// Returns the folders whose listing determines [`source_files`]: the folder of the file, and the
+/// folders of existing or missing photos.
 #[must_use]
 pub fn source_folders(path: &Path) -> Vec<PathBuf> {
     let file = locate_transforms(path);
     let home = photo::or_here(file.parent().unwrap_or(Path::new("")));
     let mut folders = vec![home.clone()];
+    // A document that cannot be read names no photos. Its fault is reported by the reader.
     let document = load_document(&file).unwrap_or_default();
     let top = JsonNode::top_node(&file, &document);
     for frame in top.list("frames").unwrap_or_default() {
         let photo = home.join(frame.text("file_path").unwrap_or_default());
+        // The nearest existing folder: a missing folder of photos would appear in it.
         folders.extend(photo.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned));
     }
     folders.sort();
@@ -197,6 +200,7 @@ impl FrameValues<'_> {
         let ([fx, fy], [cx, cy]) = match (self.number("fl_x")?, self.number("camera_angle_x")?) {
             (Some(fx), _) => ([fx, self.wanted("fl_y")?], [self.wanted("cx")?, self.wanted("cy")?]),
             (None, Some(angle)) => {
+                // The angle is the horizontal field of view.
                 let f = centre[0] / libm::tan(angle / 2.0);
                 let c = |key, middle| Ok::<f64, SourceError>(self.number(key)?.unwrap_or(middle));
                 ([f, f], [c("cx", centre[0])?, c("cy", centre[1])?])

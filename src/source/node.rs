@@ -14,6 +14,7 @@ pub(super) fn load_document(file: &Path) -> Result<Value, SourceError> {
         place: SourcePlace::Line(line),
         because,
     };
+    // The parsed form may take far more memory than the text, so the check comes first.
     check_json(text.as_bytes()).map_err(|e| fault(1, format!("a document that takes {e}")))?;
     serde_json::from_str(&text).map_err(|e| fault(e.line(), e.to_string()))
 }
@@ -138,6 +139,7 @@ impl<'a> JsonNode<'a> {
 
     fn other(&self, wanted: &str) -> SourceError {
         let mut found = self.value.to_string();
+        // At a border of characters, because the value need not be ASCII.
         if let Some((end, _)) = found.char_indices().nth(40) {
             found.truncate(end);
             found.push_str("...");

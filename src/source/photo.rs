@@ -39,6 +39,7 @@ pub(super) fn missing_warning<'a>(
             first = first.or(Some(name));
         }
     }
+    // A source without any photos is complete in itself: only poses are needed.
     let first = first.filter(|_| count < of)?.to_owned();
     Some(SourceWarning::PhotosMissing { dir: folder.to_owned(), count, of, first })
 }
@@ -52,8 +53,9 @@ pub(super) enum PhotoScrutiny {
     Bytes,
 }
 
-/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up, and no
-/// control characters. A link to nothing and a FIFO are there, so that opening them says what is wrong.
+/// Path of the photo with this name, if the photo exists. A name may contain folders, but neither
+/// `..` nor control characters. A dangling link and a FIFO count as existing, so that opening them
+/// reports the fault.
 pub(super) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);
@@ -68,12 +70,13 @@ const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
 /// The names of all photos in a folder and below it, `/` between folders, in natural order.
 ///
 /// # Errors
-/// When a folder cannot be listed, or the walk leaves its bounds.
+/// A folder cannot be listed, the walk leaves its bounds, or a name has a control character.
 pub(super) fn list_photos(folder: &Path) -> Result<Vec<String>, SourceError> {
     let is_photo = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str());
         ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
     };
+    // A name that is not UTF-8 is skipped: no source can refer to it.
     let name = |path: &Path| {
         let parts = path.strip_prefix(folder).ok()?.iter().map(|part| part.to_str());
         Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
@@ -127,6 +130,7 @@ pub(super) fn read_photo(path: &Path, look: PhotoScrutiny) -> Result<PhotoInfo, 
         PhotoScrutiny::Sizes => None,
         PhotoScrutiny::Bytes => Some(file_sha256(path)?),
     };
+    // Opened once more, because the hash has read its file to the end.
     let file = open(path)?;
     Ok(PhotoInfo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(image_size) })
 }

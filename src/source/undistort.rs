@@ -39,14 +39,15 @@ pub fn undistort_photo<'a>(
     Cow::Owned(straight)
 }
 
-/// Returns the mask of the pixels of [`undistort_photo`] that show only the photo, without black from
-/// outside its border. Returns `None` if all pixels do.
+/// Returns the mask of the pixels of [`undistort_photo`] that show only the photo, without black
+/// from outside its border. Returns `None` if all pixels do.
 #[must_use]
 pub fn covered_pixels(camera: &Camera, lens: &LensModel) -> Option<Image<bool>> {
     if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
         return None;
     }
     let Size { width, height } = camera.size;
+    // Between the outermost pixel centres all four neighbours lie in the photo.
     let within = |place: f64, side: u32| (0.5..=f64::from(side) - 0.5).contains(&place);
     let shows = |[u, v]: [f64; 2]| within(u, width) && within(v, height);
     let row = |j| (0..width).map(move |i| shows(seen_at(camera, lens, [i, j])));

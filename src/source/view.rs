@@ -64,6 +64,7 @@ fn read_camera(top: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarning
     let camera = Camera { size, fx: fx?, fy: fy?, cx: cx?, cy: cy? };
     screen_camera(&camera, &LensModel::Pinhole).map_err(|e| top.fault(e))?;
     let rows = top.get("R")?;
+    // The file has rows, `from_cols_array_2d` takes columns.
     let screened = se3::rotation_from_matrix(&DMat3::from_cols_array_2d(&rows.matrix()?).transpose())
         .map_err(|e| rows.fault(e.to_string()))?;
     let translation = DVec3::from_array(top.get("t")?.numbers()?);

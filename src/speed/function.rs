@@ -21,7 +21,7 @@ use crate::se3::spline::CurvePlace;
 use crate::se3::sum::NeumaierSum;
 use serde::Serialize;
 
-/// An expression in `t`, stored as its syntax tree: spaces do not change a key, the order of
+/// An expression in `t`, stored as its syntax tree. Spaces do not change a key; the order of
 /// operations does.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
@@ -173,8 +173,10 @@ impl SpeedLaw for SpeedExpression {
     }
 
     fn distances(&self, steps: usize) -> Vec<f64> {
+        // The integral of the speed over time is a length, so the quadrature of curves computes it.
         let arc = ArcLength::measure_curve(&[1.0], |at: CurvePlace| self.root.value(at.x));
         let place = |k: usize| CurvePlace { segment: 0, x: k as f64 / steps as f64 };
+        // Compensated, because thousands of parts are added.
         let mut sum = NeumaierSum::default();
         let parts = (1..=steps).map(|k| {
             sum.add(arc.between(place(k - 1), place(k)));

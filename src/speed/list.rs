@@ -83,6 +83,7 @@ impl SpeedLevels {
         let whole = NeumaierSum::sum_of(self.multipliers[..k - 1].iter().copied()) + before / 2.0;
         let from_boundary = t - k as f64 / segments;
         let tau = self.blend / segments;
+        // Without a blend the step is a jump, and the quotient would be NaN at the boundary.
         let blended =
             if tau > 0.0 { tau * step_integral(from_boundary / tau) } else { from_boundary.max(0.0) };
         whole / segments + before * (from_boundary + 0.5 / segments) + (after - before) * blended
@@ -122,6 +123,7 @@ impl SpeedLaw for SpeedLevels {
 
 /// The C2 step from 0 at -1 to 1 at 1.
 fn blend_step(x: f64) -> f64 {
+    // In `w` the knots of the B-spline are 0, 1, 2 and 3.
     let w = (1.5 * (x + 1.0)).clamp(0.0, 3.0);
     if w < 1.0 {
         w * w * w / 6.0
@@ -136,6 +138,7 @@ fn blend_step(x: f64) -> f64 {
 
 /// The integral of [`blend_step`] from -1 to `x`; for `x` beyond 1 it is `x`.
 fn step_integral(x: f64) -> f64 {
+    // No upper limit as in `blend_step`: beyond the last knot the integral goes on rising.
     let w = (1.5 * (x + 1.0)).max(0.0);
     let in_w = if w < 1.0 {
         w * w * w * w / 24.0
@@ -174,7 +177,8 @@ mod tests {
 
     #[test]
     fn the_step_is_twice_differentiable_with_the_knots_that_it_claims() {
-        // The second derivative of a quadratic B-spline's integral is piecewise linear: 0, 9/4, -9/4, 0 at the knots.
+        // The second derivative of a quadratic B-spline's integral is piecewise linear: 0, 9/4,
+        // -9/4, 0 at the knots.
         let h = 1e-4;
         let bend = |x: f64| (blend_step(x + h) - 2.0 * blend_step(x) + blend_step(x - h)) / (h * h);
         for (x, want) in

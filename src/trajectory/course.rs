@@ -139,6 +139,7 @@ impl CourseGeometry {
         // underflow it.
         let unit = knots.length() / knots.steps.len() as f64;
         let smallest = knots.steps.iter().copied().fold(f64::INFINITY, f64::min);
+        // Negated, so that a length that is not finite is refused too.
         if !(unit < LONGEST && smallest > unit * LEAST_STEP) {
             return Err(TrajectoryError::Uneven { smallest, length: knots.length() });
         }

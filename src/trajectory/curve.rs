@@ -1,8 +1,8 @@
 //! Curves of poses through (or near) the knots.
 //!
-//! One file per family. All but [`BezierCurve`] are piecewise. A place is a segment and the parameter
-//! since its start, so a long path loses no digits. Translations are relative to the origin of the
-//! course.
+//! One file per family. All but [`BezierCurve`] are piecewise. A place is a segment and the
+//! parameter since its start, so a long path loses no digits. Translations are relative to the
+//! origin of the course.
 
 mod bezier;
 mod circle;
@@ -89,6 +89,8 @@ impl CurveKind {
     pub fn through(self, steps: Vec<f64>, knots: &[Se3]) -> Result<Box<dyn PoseCurve>, SplineDiverged> {
         Ok(match self {
             Self::Cubic => Box::new(CubicPair::through_knots(steps, knots)?),
+            // A uniform spline has the index of the knot as its parameter, so chord lengths play no
+            // part.
             Self::Cumulative => Box::new(CumulativeSpline::near_knots(knots)),
             Self::SlerpLerp => Box::new(SlerpLerp::through_knots(steps, knots)),
             Self::Bezier { degree } => Box::new(BezierCurve::fit_knots(degree, &steps, knots)?),

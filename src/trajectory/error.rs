@@ -135,7 +135,7 @@ pub enum TrajectoryError {
         /// The law's value.
         value: f64,
     },
-    /// The sum of the law's values is not finite.
+    /// A value of the speed law is not positive and finite.
     #[error("the speed law gives {value:e} at t = {t}, a positive finite number was wanted")]
     Speed {
         /// The place.

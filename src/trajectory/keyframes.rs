@@ -70,6 +70,7 @@ impl KeyframePath {
     }
 
     pub(super) fn course(&self) -> Result<PoseCourse, TrajectoryError> {
+        // Errors name a view by its image. A key pose has none and gets its index.
         let names: Vec<String> = (0..self.poses.len()).map(|k| format!("keyframe {k}")).collect();
         let named = names.iter().zip(&self.poses).enumerate().map(|(k, (name, keyframe))| {
             keyframe.pose(k).map(|world_from_camera| NamedPose { name, world_from_camera })

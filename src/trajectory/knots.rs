@@ -67,6 +67,8 @@ impl<'a> KnotSequence<'a> {
     pub(super) fn new(views: &[NamedPose<'a>], metric: MixedMetric) -> Result<Self, TrajectoryError> {
         let apart = knot_distances(views, metric);
         let still = rounding_distance(views, metric);
+        // Steps that are only rounding stay out of the median, which a camera at rest would
+        // otherwise bring down to rounding.
         let limit = still.max(COINCIDE * middle_mean(apart.iter().copied().filter(|d| *d > still).collect()));
         let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new(), views: views.len() };
         let mut start = 0;
@@ -76,6 +78,7 @@ impl<'a> KnotSequence<'a> {
                 start = end;
             }
         }
+        // A merged knot is the mean of its run, so the steps must be measured again.
         knots.steps = knot_distances(&knots.poses, metric);
         Ok(knots)
     }
@@ -88,6 +91,7 @@ impl<'a> KnotSequence<'a> {
             self.merged.push(MergedViews { first, last, count: run.len() });
         }
         if let Some(before) = self.poses.last() {
+            // A mean of rotations may come out with either sign of its quaternion.
             let rotation = &mut knot.world_from_camera.rotation;
             *rotation = same_hemisphere(*rotation, before.world_from_camera.rotation);
         }
@@ -117,8 +121,9 @@ impl<'a> KnotSequence<'a> {
     }
 }
 
-/// The gaps in a capture, in path order. They are looked for before smoothing, which spreads a gap over its window:
-/// one of 12 median steps in a hand-held capture is under 8 of them everywhere after smoothing with half-width 2.
+/// The gaps in a capture, in path order. They are looked for before smoothing, which spreads a gap
+/// over its window. A gap of 12 median steps in a hand-held capture is under 8 of them everywhere
+/// after smoothing with half-width 2.
 pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: MixedMetric) -> Vec<CaptureGap> {
     let apart = knot_distances(views, metric);
     let still = rounding_distance(views, metric);
@@ -128,10 +133,12 @@ pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: MixedMetric) -> Vec<Cap
         before: views[i + 1].name.to_owned(),
         times_median: step / median,
     };
+    // The second condition counts where all views coincide: the median is 0 then, and every
+    // rounding error exceeds 8 times that.
     apart.iter().enumerate().filter(|(_, step)| **step > GAP * median && **step > still).map(gap).collect()
 }
 
-/// Warnings of the gaps that are bridged, or the error for one that must not be.
+/// Warnings for gaps that are bridged, or an error for the first gap if gaps are refused.
 pub(super) fn judge_gaps(
     gaps: &[CaptureGap],
     policy: GapRule,
@@ -156,8 +163,8 @@ pub(super) fn knot_distances(poses: &[NamedPose<'_>], metric: MixedMetric) -> Ve
     poses.windows(2).map(|w| metric.distance(&w[0].world_from_camera, &w[1].world_from_camera)).collect()
 }
 
-/// Distances that rounding alone makes between equal poses, after smoothing: 1e-14 rad, and as much of the largest
-/// centre.
+/// Distances that rounding alone makes between equal poses, after smoothing: 1e-14 rad, and 1e-14
+/// times the largest distance of a centre from the origin.
 pub(super) fn rounding_distance(poses: &[NamedPose<'_>], metric: MixedMetric) -> f64 {
     let farthest = poses.iter().map(|p| p.world_from_camera.translation.length()).fold(0.0, f64::max);
     metric.mix(ROUNDING, ROUNDING * farthest)

@@ -14,8 +14,8 @@ use glam::{DMat3, DVec3};
 pub const ALPHA: f64 = 1.0;
 /// Weight of translation, per scale distance.
 pub const BETA: f64 = 1.0;
-/// Smallest eigenvalue of `mean(I - d d^T)` over the optical axes `d` for which they have a nearest
-/// point.
+/// Smallest eigenvalue of `mean(I - d d^T)` over the optical axes `d` for which a point nearest to
+/// the axes is computed. Below it they are nearly parallel.
 const LEAST_SPREAD: f64 = 1e-3;
 
 /// Maximum number of centres among which the largest distance is searched, spread evenly over a
@@ -73,6 +73,7 @@ fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
     let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
     let focused =
         common_focus(&rays).map(|p| middle_mean(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
+    // A scale of 0 cannot divide. It happens if most centres lie in the focus, or if all are equal.
     focused.filter(|d| *d > 0.0).or_else(|| largest_distance(&rays).filter(|d| *d > 0.0)).unwrap_or(1.0)
 }
 
@@ -87,6 +88,7 @@ fn largest_distance(rays: &[(DVec3, DVec3)]) -> Option<f64> {
 /// The point with the least sum of squared distances to the rays' lines. `None` if the lines are
 /// nearly parallel, or the point lies behind more than half of the cameras.
 pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
+    // The projection across the axis: `|across(d) (p - c)|` is the distance of `p` from the line.
     let across = |d: DVec3| DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
     let n = rays.len() as f64;
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
@@ -94,6 +96,7 @@ pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
         a += across(*direction);
         b += across(*direction) * *centre;
     }
+    // The mean, so that the limit on the spread does not depend on the number of views.
     let (a, b) = (a * (1.0 / n), b / n);
     if !eigenvalues_exceed(&a, LEAST_SPREAD) {
         return None;
@@ -103,8 +106,8 @@ pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     (point.is_finite() && 2 * behind <= rays.len()).then_some(point)
 }
 
-/// Returns true if every eigenvalue of the symmetric `a` exceeds `limit`, by Sylvester's criterion on
-/// `a - limit I`, without computing eigenvalues.
+/// Returns true if every eigenvalue of the symmetric `a` exceeds `limit`, by Sylvester's criterion
+/// on `a - limit I`, without computing eigenvalues.
 fn eigenvalues_exceed(a: &DMat3, limit: f64) -> bool {
     let m = *a - DMat3::from_diagonal(DVec3::splat(limit));
     m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y - m.y_axis.x * m.x_axis.y > 0.0 && m.determinant() > 0.0

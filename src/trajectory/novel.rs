@@ -1,7 +1,7 @@
 //! The paper's 3.5.2: mini-trajectories between key poses drawn from a dense one.
 //!
 //! One draw without replacement serves all groups, which take their key poses from it in turn. Each
-//! group then sorts its key poses by time; in the order of the draw, a path would cut back through
+//! group then sorts its key poses by time. In the order of the draw, a path would cut back through
 //! the object.
 
 use super::course::{CourseKind, PoseCourse};
@@ -15,7 +15,7 @@ use crate::se3::Se3;
 use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 use serde::Serialize;
 
-/// Degrees from which that of a Bezier curve is drawn.
+/// Degrees of a Bezier curve, from which one is drawn.
 const DEGREES: [u32; 4] = [2, 3, 4, 5];
 
 /// One group of key poses.
@@ -102,6 +102,7 @@ impl NovelGroup {
         if keyframes < 2 {
             return Err(wrong("keyframes", keyframes, "a whole number from 2"));
         }
+        // The product of two 32-bit numbers may need 64 bits.
         let wanted = u64::from(groups) * u64::from(keyframes);
         if wanted > found as u64 {
             return Err(TrajectoryError::FewPoses { groups, keyframes, wanted, found });
@@ -109,12 +110,14 @@ impl NovelGroup {
         Ok(())
     }
 
-    /// Indices of the group's key poses among `count`, ascending: its part of a partial
-    /// Fisher-Yates shuffle.
+    /// Indices of the group's key poses among `poses`, in ascending order: the group's part of a
+    /// partial Fisher-Yates shuffle.
     fn draw(&self, poses: usize) -> Vec<usize> {
         let (group, keyframes) = (self.group as usize, self.keyframes as usize);
         let mut draws = choice_draws(self.keyframes_seed, 0);
         let mut deck: Vec<usize> = (0..poses).collect();
+        // Each group repeats the shuffle of the groups before it. The seed fixes the shuffle, so
+        // groups built apart draw different poses.
         for next in 0..(group + 1) * keyframes {
             deck.swap(next, next + draws.index(poses - next));
         }

@@ -55,6 +55,7 @@ impl OrbitPath {
         let rotation =
             look_at(-arm, up).ok_or(TrajectoryError::Orbit { what: "circle", because: ON_AXIS })?;
         let start = Se3 { rotation, translation: arm };
+        // The turn vector is in radians about the unit axis.
         let turn = axis * self.arc.to_radians();
         // The metric of a camera that looks at one point: its scale is the distance to that point.
         let metric = MixedMetric { scale: arm.length() };
@@ -62,6 +63,7 @@ impl OrbitPath {
         Ok(PoseCourse {
             kind: CourseKind::Orbit,
             origin: centre,
+            // The course is relative to `origin`, so the centre of the circle is zero.
             line: CourseGeometry::Curve(Box::new(CirclePath::new(DVec3::ZERO, turn, start))),
             metric,
             length,
@@ -99,9 +101,12 @@ impl CaptureOrbit {
         let poses = views.iter().map(|v| v.world_from_camera);
         let rays: Vec<(DVec3, DVec3)> =
             poses.clone().map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
+        // The screened centres are relative to the first one. The results are in world coordinates
+        // again.
         let seen = Self {
             centre: common_focus(&rays).map(|focus| origin + focus),
             from: Some(origin + views[0].world_from_camera.translation),
+            // Cameras have OpenCV axes: up in the image is `-y`.
             up: poses.map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize(),
         };
         Ok((seen, warnings))

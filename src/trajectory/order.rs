@@ -21,6 +21,8 @@ pub fn natural_order(a: &str, b: &str) -> Ordering {
             return order;
         }
     }
+    // A name that is a prefix of the other comes first. Here the names are equal except for leading
+    // zeros, so the bytes decide.
     x.len().cmp(&y.len()).then_with(|| a.cmp(b))
 }
 
@@ -35,6 +37,8 @@ fn compare_numbers(a: &[u8], b: &[u8]) -> Ordering {
     let significant =
         |digits: &[u8]| digits.iter().position(|d| *d != b'0').map_or(0, |zeros| digits.len() - zeros);
     let (n, m) = (significant(a), significant(b));
+    // Without leading zeros the longer number is the larger one. Comparing digits needs no parse
+    // that could overflow.
     n.cmp(&m).then_with(|| a[a.len() - n..].cmp(&b[b.len() - m..]))
 }
 
@@ -45,6 +49,7 @@ fn compare_numbers(a: &[u8], b: &[u8]) -> Ordering {
 pub(super) fn by_name<'a>(views: &[NamedPose<'a>]) -> Result<Vec<NamedPose<'a>>, TrajectoryError> {
     let mut sorted = views.to_vec();
     sorted.sort_by(|a, b| natural_order(a.name, b.name));
+    // Equal names are neighbours after the sort.
     match sorted.windows(2).find(|w| w[0].name == w[1].name) {
         Some(w) => Err(TrajectoryError::SameName { name: w[0].name.to_owned() }),
         None => Ok(sorted),
@@ -60,6 +65,8 @@ pub(super) fn arrange_views(views: &mut [NamedPose<'_>], order: ViewOrder, metri
     for i in 1..views.len() {
         let here = views[i - 1].world_from_camera;
         let distance = |v: &NamedPose<'_>| metric.distance(&here, &v.world_from_camera);
+        // The swap below leaves the rest out of order, so a tie is decided by name and not by
+        // index.
         let nearest = (i..views.len()).min_by(|a, b| {
             distance(&views[*a])
                 .total_cmp(&distance(&views[*b]))

@@ -51,8 +51,8 @@ impl CameraPath {
         self.travel().along(self.course(ground)?, timing, meter)
     }
 
-    /// Returns true if the path is made from the views of a capture. The base of a novel path may need them
-    /// even if this is false.
+    /// Returns true if the path is made from the views of a capture. The base of a novel path may
+    /// need views even if this is false.
     #[must_use]
     pub fn needs_views(&self) -> bool {
         match self {

@@ -78,6 +78,7 @@ impl SvgText {
 
     /// Text that starts (`anchor` "start"), is centred ("middle") or ends ("end") at a point.
     pub(crate) fn text(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
+        // A quotation mark is harmless here: the words are never in an attribute.
         let words = words.replace('&', "&amp;").replace('<', "&lt;");
         self.line(&format!(
             "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{words}</text>"
@@ -99,6 +100,8 @@ impl SvgText {
 /// The largest of 1, 2 and 5 times a power of ten that is at most `limit > 0`.
 fn round_down(limit: f64) -> f64 {
     let mut power = 1.0f64;
+    // By division, because a rounded logarithm may be off by one at a power of ten. The second
+    // condition ends the loop for a limit below the smallest normal number.
     while power > limit && power > f64::MIN_POSITIVE {
         power /= 10.0;
     }

@@ -15,7 +15,7 @@ use crate::units::Ratio;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
-/// Largest coordinate, units. Its square, and sums of such squares, stay finite.
+/// Largest coordinate, units. Its square, and sums of these squares, stay finite.
 const FARTHEST: f64 = 1e100;
 /// Parameters of a refined trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -110,8 +110,8 @@ impl Default for RefinePath {
     }
 }
 
-/// The dense trajectory through the views of a capture, given in any order; the same as
-/// `Path::Refine`.
+/// The dense trajectory through the views of a capture, given in any order, as by
+/// `CameraPath::Refine`.
 ///
 /// # Errors
 /// There are no views; they have values that are not finite, invalid rotations or equal names;
@@ -135,11 +135,13 @@ impl RefinePath {
         let (origin, mut views, mut warnings) = screen_views(by_name(views)?)?;
         let metric = MixedMetric::new(self.scale, &views)?;
         arrange_views(&mut views, self.order, metric);
+        // Before smoothing, which spreads a gap over its window.
         let gaps = find_gaps(&views, metric);
         warnings.extend(judge_gaps(&gaps, self.gaps)?);
         let knots = KnotSequence::new(&smooth_views(&views, self)?, metric)?;
         let mut course = PoseCourse::through_knots(CourseKind::Refine, knots, self.curve, origin, metric)?;
         course.gaps = gaps;
+        // Screening came first, and so do its warnings.
         course.warnings.splice(..0, warnings);
         Ok(course)
     }
@@ -153,10 +155,12 @@ pub(super) fn screen_views(
 ) -> Result<(DVec3, Vec<NamedPose<'_>>, Vec<TrajectoryWarning>), TrajectoryError> {
     let mut warnings = Vec::new();
     let origin = views.first().ok_or(TrajectoryError::NoViews)?.world_from_camera.translation;
+    // Next to the identity, the first quaternion gets `w >= 0`.
     let mut before = DQuat::IDENTITY;
     for view in &mut views {
         let name = view.name.to_owned();
         let centre = view.world_from_camera.translation - origin;
+        // Negated, so that NaN is refused too.
         if !centre.abs().cmple(DVec3::splat(FARTHEST)).all() {
             return Err(TrajectoryError::Centre { name });
         }

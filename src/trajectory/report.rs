@@ -16,7 +16,7 @@ use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// Share of the path below which a step is left out of ratios. The positions of its ends are sums
-/// near 1, rounded to 1e-4 of such a step.
+/// near 1, rounded to 1e-4 of this share.
 const LEAST_SHARE: f64 = 1e-12;
 /// Share of the path below which a part of the motion is rounding, so that it has no ratios.
 const LEAST_PART: f64 = 1e-9;
@@ -72,7 +72,7 @@ pub struct SpeedReport {
     pub degree_used: Option<u32>,
     /// Indices of the key poses in the base trajectory, from 0.
     pub keyframes: Vec<usize>,
-    /// How the speed law was summed.
+    /// Summation of the speed law.
     pub law: SummationRule,
     /// True if the paper's chord lengths are used unchanged.
     pub literal: bool,
@@ -140,9 +140,10 @@ impl SpeedReport {
         })
     }
 
-    /// The same report with everything measured again that the poses determine (their number, the speeds of the steps,
-    /// the largest turn and the largest change), and everything that was asked of their schedule, where it is known.
-    /// `None` where the rate or the number of steps does not fit.
+    /// The report with everything measured again that the poses determine: their number, the speeds
+    /// of the steps, the largest turn and the largest change. With a `schedule`, the law, the asked
+    /// speeds and the asked lengths come from it. `None` if the rate is not valid or the number of
+    /// steps does not fit.
     #[must_use]
     pub fn measured_again(&self, poses: &[Se3], schedule: Option<&PoseSchedule>) -> Option<Self> {
         let rate = Hertz(self.rate.parse().ok()?);
@@ -152,6 +153,7 @@ impl SpeedReport {
             None => (self.u.clone(), self.s.clone()),
         };
         let count = steps.linear.len();
+        // The report may come from a file, with lists of any length. Steps index `u`.
         let lists = [u.len() + 1, s.len(), self.linear_unit_s.len() + 1, self.angular_rad_s.len() + 1];
         if lists != [count + 1; 4] {
             return None;
@@ -253,6 +255,7 @@ impl FollowError {
         );
         let mut away: Vec<f64> = ratios.into_iter().map(|r| (r - 1.0).abs()).collect();
         let rms = (NeumaierSum::sum_of(away.iter().map(|a| a * a)) / count as f64).sqrt();
+        // The nearest rank: the smallest deviation that at least 95 % of the ratios do not exceed.
         let rank = (count * 95).div_ceil(100).max(1) - 1;
         let p95 = *away.select_nth_unstable_by(rank, f64::total_cmp).1;
         Self { min, max, rms, p95 }
@@ -287,6 +290,7 @@ impl KnotFit {
                 c2: apart(curve.acceleration(left), curve.acceleration(right)) / (rate * rate / between),
             }
         };
+        // The end of the last segment is no joint.
         let inner = &curve.steps()[..curve.steps().len() - 1];
         let largest = |a: KnotJumps, b: KnotJumps| KnotJumps {
             c0: a.c0.max(b.c0),

@@ -30,7 +30,7 @@ pub struct PoseSchedule {
     meaning: SpeedMeaning,
 }
 
-/// Duration of a step, s; `speeds` are what the law asks of the steps.
+/// Duration of a step, s. `speeds` are the law's values, one per step.
 pub(super) fn step_seconds(meaning: SpeedMeaning, rate: Hertz, speeds: &[f64], step: usize) -> f64 {
     match meaning {
         SpeedMeaning::Speed => 1.0 / rate.to_f64(),
@@ -39,8 +39,9 @@ pub(super) fn step_seconds(meaning: SpeedMeaning, rate: Hertz, speeds: &[f64], s
 }
 
 impl PoseSchedule {
-    /// The schedule of `speed` over `count >= 1` poses. Under [`SpeedMeaning::FrameRate`], steps are the
-    /// inverse of the law's values, which has no closed integral here, so the left sum is used.
+    /// The schedule of `speed` over `count >= 1` poses. Under [`SpeedMeaning::FrameRate`], steps
+    /// are the inverse of the law's values, which has no closed integral here, so the left sum is
+    /// used.
     ///
     /// # Errors
     /// The law is not positive and finite at a pose, which its proof excludes.
@@ -51,6 +52,7 @@ impl PoseSchedule {
         let shares = match (meaning, summation) {
             (SpeedMeaning::Speed, SummationRule::Sum) => left_sums(speeds.iter().copied()),
             (SpeedMeaning::Speed, SummationRule::Integral) => {
+                // A single pose has no step, but the law divides by the number of steps.
                 ends_at_one(law.distances(steps.max(1))[..=steps].to_vec())
             }
             (SpeedMeaning::FrameRate, _) => left_sums(speeds.iter().map(|v| 1.0 / v)),
@@ -67,6 +69,7 @@ impl PoseSchedule {
     /// The stamp of every pose, microseconds: see [`stamps_us`].
     pub(super) fn stamps_us(&self, rate: Hertz) -> Result<Vec<i64>, TrajectoryError> {
         let stamps = stamps_us(rate, self.meaning, &self.speeds);
+        // Steps of less than a microsecond may round to equal stamps, which readers refuse.
         match stamps.array_windows().position(|[a, b]| a >= b) {
             None => Ok(stamps),
             Some(step) => Err(TrajectoryError::Stamps { step, value: self.speeds[step] }),
@@ -94,6 +97,7 @@ fn whole_micros(us: f64) -> i64 {
 }
 
 fn law_speeds(law: &dyn SpeedLaw, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
+    // The speed of a step is the law's value at its start, as in a left sum: `v(1)` is never used.
     let speeds: Vec<f64> = (0..steps).map(|j| law.speed(j as f64 / steps as f64)).collect();
     match speeds.iter().position(|v| !(*v > 0.0 && v.is_finite())) {
         None => Ok(speeds),
@@ -113,6 +117,8 @@ fn ends_at_one(mut lengths: Vec<f64>) -> Vec<f64> {
     let last = lengths.len() - 1;
     if last > 0 {
         let total = lengths[last];
+        // Rounding may lift an inner length above the last one. A share above 1 would leave the
+        // curve.
         lengths.iter_mut().for_each(|s| *s = (*s / total).min(1.0));
         lengths[last] = 1.0;
     }
@@ -127,6 +133,8 @@ pub(super) fn places_by_chord(curve: &dyn PoseCurve, shares: &[f64]) -> Vec<Curv
     let total = before[steps.len()];
     let place = |share: &f64| {
         let s = share * total;
+        // The last boundary is left out of the search, so that a share of 1 falls into the last
+        // segment.
         let segment = before[1..steps.len()].partition_point(|b| *b <= s);
         CurvePlace { segment, x: (s - before[segment]).clamp(0.0, steps[segment]) }
     };

@@ -60,7 +60,8 @@ pub(super) fn mean_rotation(window: &[NamedPose<'_>]) -> Result<DQuat, Trajector
     })
 }
 
-/// The rotation at the middle of the window's indices: its middle element, or halfway between its middle two.
+/// The rotation at the middle of the window's indices: its middle element, or halfway between its
+/// middle two.
 fn middle_rotation(window: &[NamedPose<'_>]) -> DQuat {
     let at = |i: usize| window[i].world_from_camera.rotation;
     let n = window.len();

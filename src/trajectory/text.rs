@@ -1,8 +1,8 @@
 //! `poses.txt` and `timestamps_us.txt`: one line per pose, LF, and a final newline.
 //!
-//! A line of poses is `t_us tx ty tz qx qy qz qw`: microseconds, the camera's centre in scene units, and the unit
-//! quaternion from camera (OpenCV axes) to world with `w >= 0`. Numbers have 17 significant digits in the form of
-//! C's `%.17g`, so that reading them gives back the same bits.
+//! A line of poses is `t_us tx ty tz qx qy qz qw`: microseconds, the camera's centre in scene
+//! units, and the unit quaternion from camera (OpenCV axes) to world with `w >= 0`. Numbers have 17
+//! significant digits in the form of C's `%.17g`, so that reading them gives back the same bits.
 
 use super::Trajectory;
 use crate::se3::Se3;
@@ -146,6 +146,8 @@ fn parse_pose(line: usize, text: &str) -> Result<(i64, Se3), TextError> {
     let [tx, ty, tz, qx, qy, qz, qw] = numbers;
     let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
     let unit = (rotation.length_squared() - 1.0).abs() <= UNIT;
+    // Both signs of a quaternion are the same rotation. Only one is valid, so that equal poses have
+    // equal bytes.
     if !unit || canonical_sign(rotation) != rotation {
         return Err(TextError::Quaternion { line, found: rotation });
     }
@@ -177,10 +179,12 @@ fn push_stamp(stamps: &mut Vec<i64>, line: usize, t_us: i64) -> Result<(), TextE
 /// and with an exponent only below 1e-4 and from 1e17 on.
 #[must_use]
 pub fn significant_digits(number: f64) -> String {
+    // 17 significant digits: one before the point, 16 after it.
     let scientific = format!("{number:.16e}");
     let Some((mantissa, exponent)) = scientific.split_once('e') else { return scientific };
     let Ok(power) = exponent.parse::<i32>() else { return scientific };
     if !(-4..17).contains(&power) {
+        // C writes the sign of an exponent and at least two digits.
         let sign = if power < 0 { '-' } else { '+' };
         return format!("{}e{sign}{:02}", trim_zeros(mantissa), power.abs());
     }

@@ -1,4 +1,5 @@
-//! `transforms.json`: a trajectory's poses and camera in nerfstudio's form, with OpenGL camera axes.
+//! `transforms.json`: a trajectory's poses and camera in nerfstudio's form, with OpenGL camera
+//! axes.
 
 use super::Trajectory;
 use crate::camera::Camera;
@@ -51,6 +52,7 @@ pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &Picture
 /// Camera to world with OpenGL camera axes, by rows.
 fn opengl_matrix(world_from_camera: &Se3) -> [[f64; 4]; 4] {
     let turn = world_from_camera.rotation_matrix();
+    // OpenGL's camera looks along `-z` with `y` up, so two axes change their sign.
     let flip = OPENCV_FROM_OPENGL;
     let matrix = DMat4::from_cols(
         (turn.x_axis * flip.x).extend(0.0),
@@ -58,6 +60,7 @@ fn opengl_matrix(world_from_camera: &Se3) -> [[f64; 4]; 4] {
         (turn.z_axis * flip.z).extend(0.0),
         world_from_camera.translation.extend(1.0),
     );
+    // The array lists columns. Those of the transpose are the rows.
     matrix.transpose().to_cols_array_2d()
 }
 

@@ -113,6 +113,8 @@ impl TravelPlan {
 fn apply_flow(length: Option<FlowLength>, schedule: &mut PoseSchedule) -> f64 {
     let Some(length) = length else { return 0.0 };
     let mixed = length.mixed_lengths(&schedule.shares);
+    // Divided by the last value, not by the total: the spline's length rounds, and the last share
+    // must be exactly 1.
     let whole = mixed[mixed.len() - 1];
     if mixed.len() > 1 {
         schedule.shares = mixed.iter().map(|length| (length / whole).min(1.0)).collect();
@@ -151,6 +153,7 @@ fn screen_rate(rate: Hertz) -> Result<(), TrajectoryError> {
     reason = "positive; casts saturate, and what is too many is refused"
 )]
 fn frames_of(seconds: f64, rate: Hertz) -> Result<usize, TrajectoryError> {
+    // The cast saturates. The limit keeps the sum from overflowing.
     within_limit(1 + ((seconds * rate.to_f64()).ceil() as u64).min(u64::MAX - 1))
 }
 

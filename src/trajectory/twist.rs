@@ -1,22 +1,25 @@
-//! How fast a camera moves at each pose of a sampled path.
+//! Velocity of a camera at each pose of a sampled path.
 //!
-//! The derivative, at a pose, of the polynomial through it and its neighbours, five poses in all where there are as many:
-//! through positions in world axes, and through the rotation vectors from this pose to each, whose derivative here is the
-//! body rate. At evenly spaced times away from the ends it is the central difference of fourth order, whose error is
-//! `h^4/30` of the fifth derivative. Where the path is only twice differentiable, at the knots of a cubic spline, it is
-//! off by no more than `h^2/6` of the jump of the third derivative.
+//! It is the derivative, at a pose, of the polynomial through that pose and its neighbours: five
+//! poses in all, or every pose of a shorter path. Positions are in world axes. Rotations enter as
+//! the rotation vectors from this pose to each of the others, whose derivative here is the body
+//! rate. At evenly spaced times away from the ends this is the central difference of fourth order,
+//! with an error of `h^4/30` of the fifth derivative. Where the path is only twice differentiable,
+//! at the knots of a cubic spline, the error is at most `h^2/6` of the jump of the third
+//! derivative.
 
 use crate::se3::rotation::log_vector;
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
 
-/// Poses that a derivative is taken from.
+/// Maximum number of poses that a derivative is taken from.
 const NEAR: usize = 5;
 
-/// The twist of each pose `world_from_camera` at these times, per second; none of a single pose.
+/// Twist of each pose `world_from_camera` at these times, per second. A single pose has a zero
+/// twist.
 ///
 /// # Panics
-/// If there is not one time a pose, strictly increasing.
+/// There are more or fewer times than poses, or the times are not strictly increasing.
 #[must_use]
 pub fn pose_twists(poses: &[Se3], seconds: &[f64]) -> Vec<Twist> {
     assert_eq!(poses.len(), seconds.len(), "one time a pose");
@@ -25,6 +28,8 @@ pub fn pose_twists(poses: &[Se3], seconds: &[f64]) -> Vec<Twist> {
 }
 
 fn pose_twist(poses: &[Se3], seconds: &[f64], at: usize) -> Twist {
+    // At the ends the window moves inwards instead of shrinking, which keeps the order of the
+    // error.
     let near = NEAR.min(poses.len());
     let first = at.saturating_sub(NEAR / 2).min(poses.len() - near);
     let here = poses[at];
@@ -38,8 +43,11 @@ fn pose_twist(poses: &[Se3], seconds: &[f64], at: usize) -> Twist {
     twist
 }
 
-/// The weight of the value at `times[i]` in the derivative at `times[at]` of the polynomial through all.
+/// The weight of the value at `times[i]` in the derivative at `times[at]` of the polynomial through
+/// all.
 fn derivative_weight(times: &[f64], at: usize, i: usize) -> f64 {
+    // The derivative of a Lagrange polynomial at another node: of its factors, the one that is zero
+    // at `at` leaves only its slope, `1 / (times[i] - times[at])`.
     let others = (0..times.len()).filter(|k| *k != i && *k != at);
     others.map(|k| (times[at] - times[k]) / (times[i] - times[k])).product::<f64>() / (times[i] - times[at])
 }

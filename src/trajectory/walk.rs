@@ -1,4 +1,4 @@
-//! Evenness of a capture: distances between successive views, in the order of their names.
+//! Evenness of a capture: distances between successive views, in natural order of their names.
 //!
 //! Everything is measured in the mixed [`super::metric`] and in median steps, so neither the scale
 //! nor the density of a capture matters. A **step** is the distance between neighbours; a long step
@@ -60,6 +60,7 @@ impl CaptureEvenness {
                 0.5 * (steps[i - 1] + steps[i] - past) / median
             },
         };
+        // The closures are lazy: nothing is divided by a median of zero.
         Ok((median > 0.0).then(|| Self {
             steps: views.windows(2).zip(&steps).map(step).collect(),
             detours: (1..steps.len()).map(detour).collect(),

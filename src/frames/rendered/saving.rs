@@ -1,51 +1,57 @@
-//! What leaving out saves on a path: a few of its frames, rendered with all that is left out and without.
+//! Measurement of the time that omissions save on a path: a few of its frames are rendered with
+//! them and without them.
 
 use super::RenderedFrames;
 use crate::frames::{FrameError, FrameSequence as _};
 use crate::render::{ChannelSet, OmissionPolicy, RenderedImages};
 use serde::Serialize;
 
-/// Frames of a path for each that is rendered both ways: all of that then takes less than a hundredth of the path.
+/// Frames of a path per sampled frame. All renderings of the samples then take less than a
+/// hundredth of the time of the path.
 const FRAMES_A_SAMPLE: usize = 500;
 
-/// Fewer frames than these tell nothing of a path.
+/// Minimum number of sampled frames. Fewer say nothing about a path.
 const LEAST: usize = 3;
 
-/// Time that was saved by leaving out: an estimate.
+/// Estimate of the time saved by omissions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TimeSaved {
-    /// Over all frames, s; below 0 where leaving out took longer.
+    /// Total over all frames, s; negative if omissions took longer.
     pub seconds: f64,
-    /// Frames that were rendered both ways.
+    /// Number of frames that were rendered both ways.
     pub sampled: usize,
-    /// Frames of the path.
+    /// Number of frames of the path.
     pub frames: usize,
 }
 
 impl RenderedFrames {
-    /// What is saved by leaving out what is needless, colours that nobody wants among it, by `clock`, which gives seconds
-    /// since some moment. `None` where the path is so short that to measure it would be noticed. To be called before
-    /// the first frame; from then on the needless is left out.
+    /// Estimates the time saved by omissions, including colours that no output needs. `clock` gives
+    /// seconds since some moment. Returns `None` for a path so short that the measurement would
+    /// take a noticeable share of its time. Call this before the first frame: from then on needless
+    /// work is omitted.
     ///
     /// # Errors
-    /// When a frame cannot be rendered.
+    /// A frame cannot be rendered.
     pub fn saving(&mut self, clock: fn() -> f64) -> Result<Option<TimeSaved>, FrameError> {
         let frames = self.len();
         let sampled = frames / FRAMES_A_SAMPLE;
         if sampled < LEAST {
             return Ok(None);
         }
+        // The middles of equal parts of the path.
         let sample: Vec<usize> = (0..sampled).map(|k| (2 * k + 1) * frames / (2 * sampled)).collect();
         self.renderer.omit(OmissionPolicy::Nothing);
         let whole = self.time(&sample, ChannelSet { rgb: true, ..self.want() }, clock)?;
         self.renderer.omit(OmissionPolicy::Needless);
+        // Omitting nothing has brought back all that no pose sees, so the promise is made again.
         self.renderer.keep_to(&self.camera, &self.trajectory.world_from_camera);
         let part = self.time(&sample, self.want(), clock)?;
         let seconds = (whole - part) * frames as f64 / sampled as f64;
         Ok(Some(TimeSaved { seconds, sampled, frames }))
     }
 
-    /// Seconds that these frames take. The first is rendered once more before, since it pays for what all share.
+    /// Seconds that these frames take. The first one is rendered once more beforehand, because it
+    /// pays for work that all share.
     fn time(&mut self, sample: &[usize], want: ChannelSet, clock: fn() -> f64) -> Result<f64, FrameError> {
         let mut rendered = RenderedImages::default();
         let mut began = clock();
@@ -79,7 +85,8 @@ mod tests {
         NOW.get()
     }
 
-    /// A frame takes 5 s with everything and 2 s of what is kept; the first of each kind takes a minute.
+    /// A frame takes 5 s with everything and 2 s of the kept work; the first of each kind takes a
+    /// minute.
     #[derive(Default)]
     struct Slow {
         omit: OmissionPolicy,

@@ -50,6 +50,7 @@ impl SplitPlan {
     pub fn of(&self, key: &str) -> &str {
         let mut hash = Sha256::new();
         hash.update(self.salt.as_bytes());
+        // Without the NUL, another salt and another key could be the same bytes.
         hash.update([0]);
         hash.update(key.as_bytes());
         let first = hash.finalize().iter().take(8).fold(0_u64, |bits, byte| bits << 8 | u64::from(*byte));
@@ -71,6 +72,7 @@ impl SplitPlan {
         if self.shares.is_empty() {
             return Some("there is no split".into());
         }
+        // Negated, so that NaN is refused too.
         if let Some((name, share)) = self.shares.iter().find(|(_, share)| !(**share > 0.0 && **share <= 1.0))
         {
             return Some(format!("the share of {name} is {}, wanted above 0 and at most 1", brief(*share)));

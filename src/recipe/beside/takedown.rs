@@ -1,5 +1,6 @@
 //! `takedown.txt`: scenes that are no longer made or passed on. One line per scene,
-//! `<scene id or upstream id> <day> [reason]`; lines that begin with `#` and empty lines are comments.
+//! `<scene id or upstream id> <day> [reason]`; lines that begin with `#` and empty lines are
+//! comments.
 
 use crate::files::is_there;
 use crate::recipe::fault::{RecipeFault, RecipeFaults};
@@ -31,13 +32,15 @@ impl TakedownList {
         ids(scene, kind, upstream_id).find_map(|id| self.0.get(&id)).map(String::as_str)
     }
 
-    /// The number of ids that name none of these scenes, each given as in [`TakedownList::since`].
+    /// Number of listed ids that match none of these scenes, each given as in
+    /// [`TakedownList::since`].
     #[must_use]
     pub fn unmatched<'a>(
         &self,
         scenes: impl IntoIterator<Item = (&'a str, &'a str, Option<&'a str>)>,
     ) -> usize {
         let named = scenes.into_iter().flat_map(|(scene, kind, upstream)| ids(scene, kind, upstream));
+        // A set, because several scenes may match the same id.
         let matched: BTreeSet<String> = named.filter(|id| self.0.contains_key(id)).collect();
         self.0.len() - matched.len()
     }
@@ -49,7 +52,8 @@ impl TakedownList {
         self.since(&recipe.scene, kind, upstream_id).is_some()
     }
 
-    /// The recipes of scenes that are not listed, and what the list did to the others.
+    /// Returns the recipes of scenes that are not listed, and the numbers of removed scenes and of
+    /// unmatched ids.
     #[must_use]
     pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, TakenDown) {
         let origins = recipes.iter().map(|recipe| (recipe.scene.as_str(), recipe.source.origin()));
@@ -80,6 +84,7 @@ impl TakedownList {
         let texts = vec![Arc::new(SourceText { path: file.to_owned(), body })];
         let mut faults = Vec::new();
         for line in texts[0].body.lines() {
+            // Some editors put a byte order mark before the first line, which is no part of an id.
             let line = line.trim_start_matches('\u{feff}').trim();
             let place = |from: &str| {
                 // Lines and their words are slices of the text, so the distance of their starts is
@@ -93,6 +98,7 @@ impl TakedownList {
             match parse_entry(line) {
                 Ok((id, day)) => {
                     let known = self.0.entry(id.to_lowercase()).or_insert_with(|| day.to_owned());
+                    // Days of this form compare as texts.
                     if day < known.as_str() {
                         day.clone_into(known);
                     }
@@ -116,14 +122,14 @@ pub struct TakenDown {
     pub unmatched: usize,
 }
 
-/// The ids that a scene may be listed by, in small letters: its own, and what its upstream calls it,
-/// alone and below the kind of its source.
+/// The ids by which a scene may be listed, in lower case: its own id, and its upstream id, alone
+/// and below the kind of its source.
 fn ids<'a>(scene: &'a str, kind: &'a str, upstream_id: Option<&'a str>) -> impl Iterator<Item = String> + 'a {
     let upstream = upstream_id.into_iter().flat_map(move |id| [id.to_owned(), format!("{kind}/{id}")]);
     std::iter::once(scene.to_owned()).chain(upstream).map(|id| id.to_lowercase())
 }
 
-/// A place in a file of at most as many bytes as the reader takes.
+/// Converts an offset. Offsets fit because the reader limits the size of a file.
 fn byte_place(at: usize) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
@@ -149,7 +155,7 @@ fn parse_entry(line: &str) -> Result<(&str, &str), (&str, String)> {
 /// the given path. A scene listed in one file is listed for all recipes.
 ///
 /// # Errors
-/// Same as for [`TakedownList::read`].
+/// A line is malformed, a file cannot be read, or a file has the name of the list in other letters.
 pub fn read_takedown(paths: &[PathBuf]) -> Result<TakedownList, RecipeFaults> {
     // Faults of the recipes are reported when the recipes are read.
     takedown_of(paths, &find::find_all(paths).unwrap_or_default())
@@ -158,7 +164,7 @@ pub fn read_takedown(paths: &[PathBuf]) -> Result<TakedownList, RecipeFaults> {
 /// Reads the `takedown.txt` files of recipes that were already found.
 ///
 /// # Errors
-/// Same as for [`TakedownList::read`].
+/// A line is malformed, a file cannot be read, or a file has the name of the list in other letters.
 pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<TakedownList, RecipeFaults> {
     let root = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::parent_folder(path) };
     let roots: BTreeSet<PathBuf> = paths.iter().map(root).collect();
@@ -174,14 +180,14 @@ pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown
     RecipeFaults::value_or(read, misnamed)
 }
 
-/// Files of a folder whose name differs from `takedown.txt` in the case of letters.
+/// Returns a fault for each file of a folder with the name `takedown.txt` in other letters.
 fn misnamed_in(folder: &Path) -> Vec<RecipeFault> {
     // A folder that cannot be listed is found where its recipes are read.
     let entries = std::fs::read_dir(or_here(folder)).into_iter().flatten().flatten();
     entries.filter_map(|entry| find::misnamed(&folder.join(entry.file_name()))).collect()
 }
 
-/// A folder by a path that the system takes: the empty path is the current folder.
+/// Converts an empty path to the current folder, as the system expects.
 fn or_here(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }

@@ -30,10 +30,12 @@ impl<'de> SeqAccess<'de> for FieldAccess<'_> {
         if let Some(number) = [file, start, end].get(self.step - 1) {
             return seed.deserialize(number.into_deserializer()).map(Some);
         }
+        // A key without a value has the same message for every type.
         if self.reader.node.kind == NodeKind::Null {
             self.reader.report(FieldProblem::of_key("has no value").help("give it one, or remove the key"));
             return Ok(None);
         }
+        // The problem goes into the list and not to serde, which would stop there.
         Ok(seed.deserialize(self.reader).map_err(|problem| self.reader.report(problem)).ok())
     }
 }
@@ -88,6 +90,7 @@ impl<'de> MapAccess<'de> for MapEntries<'_> {
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, FieldProblem> {
         let reader = self.reader.of(self.value.take().expect("serde asks for a value after its key"));
         let value = seed.deserialize(reader).map_err(reader.here())?;
+        // A complaint after a value concerns the mapping as a whole, for example a missing key.
         self.last.set(self.reader.node.place);
         Ok(value)
     }

@@ -89,6 +89,7 @@ impl Resolver<'_> {
                 FieldProblem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
             return self.refuse(problem.help(OWN).in_text(place, text, error.span));
         }
+        // A valid SPDX expression may still be terms that no release can have.
         match LicenceExpression::parse(text) {
             Ok(_) => Some(text.to_owned()),
             Err(error) => {

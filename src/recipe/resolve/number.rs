@@ -94,6 +94,7 @@ impl Resolver<'_> {
         match text.parse::<Ratio>() {
             Ok(ratio) if range.holds(ratio.to_f64()) => Some(ratio),
             Ok(_) => self.out_of_range(&bare_text(text), &range, place),
+            // As a float the number is in range, so only its length is wrong.
             Err(_) if text.parse().is_ok_and(|value| range.holds(value)) => self.refuse(
                 FieldProblem::of_field(format!("is {}, wanted at most 18 digits", bare_text(text))).at(place),
             ),

@@ -33,6 +33,7 @@ impl Resolver<'_> {
         });
         let intrinsics = self.intrinsics(raw, [width, height], place, whole);
         let size = Size { width: width?, height: height? };
+        // Both sides may be in range, and their product still too large.
         if let Err(error) = size.check_sensor() {
             return self.refuse(FieldProblem::of_field(format!("is {error}")).at(place));
         }
@@ -56,6 +57,7 @@ impl Resolver<'_> {
         let help = if whole { WHOLE } else { "fy, cx and cy go with fx, in pixels" };
         let (length, point) = (RealRange::above(0.0, 1e6), RealRange::new(-1e6, 1e6));
         self.required(&raw.fx, "fx", camera, help);
+        // If `fx` is absent, that was just reported, and its default reaches no recipe.
         let fx = self.real(&raw.fx, 1.0, length);
         let fy = self.real(&raw.fy, fx.unwrap_or(1.0), length);
         let [middle_x, middle_y] = sides.map(|side| f64::from(side.unwrap_or(0)) / 2.0);

@@ -30,7 +30,7 @@ impl Resolver<'_> {
     ) -> Option<Option<ReconstructMethod>> {
         match (field, source) {
             (Field::Bad, _) => None,
-            // Paths need only poses.
+            // Without a rendering, only poses are needed.
             (Field::Absent, Some(_)) if !renders => Some(None),
             (Field::Absent, Some(SceneSource::Captured(captured, _)))
                 if captured.kind == CaptureKind::Model =>

@@ -72,6 +72,7 @@ impl Resolver<'_> {
                 FieldProblem::of_key("is an error of the sensor voltmeter by the law exact, and of no other");
             return self.refuse(problem.help("leave it out, and write a rate").at(place));
         }
+        // Without the key, the pilot chooses the interpolation.
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };
         Some(Some(ErrorTolerance { rms, between }))
     }

@@ -49,6 +49,8 @@ impl Resolver<'_> {
             let help = "write sensors: { my-name: { voltmeter: {} } }";
             return self.refuse(FieldProblem::of_field("names no sensor").help(help).at(place));
         }
+        // Of names that differ in case only, the map keeps one, and the others do not find
+        // themselves.
         let lower: BTreeMap<String, &String> =
             sensors.keys().map(|name| (name.to_lowercase(), name)).collect();
         if let Some(name) = sensors.keys().find(|name| lower[&name.to_lowercase()] != *name) {
@@ -96,6 +98,7 @@ impl Resolver<'_> {
             }
             Field::Given(schema::SensorSection::Esim(raw), _) => {
                 let (raw, place) = raw.given()?;
+                // Both are evaluated before a fault returns, so that both are reported.
                 let (linear, esim) = (self.only_linear(between, "the sensor esim", place), self.esim(raw));
                 linear?;
                 (SensorChoice::Esim(esim?), place)

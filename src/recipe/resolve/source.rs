@@ -59,6 +59,7 @@ impl Resolver<'_> {
         };
         let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
         let captured = DiskCapture { kind, path: path?, selection };
+        // Statements of the recipe win over values that the folders reveal.
         let known = UpstreamOrigin::from_capture(&captured);
         let upstream = UpstreamOrigin {
             id: id?.or(known.id),

@@ -69,12 +69,14 @@ impl Resolver<'_> {
         let all: Vec<Option<Vec<TrajectoryRecipe>>> =
             list.iter().map(|item| self.trajectory(item, list, setting)).collect();
         let all = all.into_iter().collect::<Option<Vec<_>>>()?.concat();
+        // Last, because it needs the number of poses of every base.
         self.refuse_few_poses(list, &all);
         Some(all)
     }
 
     /// Reports repeated names. Names that differ only in case are one folder on some systems.
     fn refuse_repeated_names(&self, list: &List) {
+        // Written names are compared with each other, and folders of groups with all folders.
         let (mut written, mut folders) = (BTreeSet::new(), BTreeSet::new());
         for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
             let Some((name, place)) = raw.name.given() else { continue };
@@ -143,6 +145,7 @@ impl Resolver<'_> {
         match (&raw.orbit, &raw.keyframes) {
             (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(CameraPath::Orbit),
             (_, Field::Given(raw, place)) => self.keyframes(raw, *place, around).map(CameraPath::Keyframes),
+            // A faulty `novel` was reported, and must not become the default path.
             (Field::Absent, Field::Absent) if !raw.novel.is_absent() => None,
             (Field::Absent, Field::Absent) => {
                 self.refine(&raw.refine, within, around).map(CameraPath::Refine)

@@ -4,7 +4,7 @@ use crate::recipe::field::{Field, UnsupportedField};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// One of these.
+/// Source of the Gaussians, with its parameters.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum ReconstructSection {
@@ -12,7 +12,8 @@ pub(in crate::recipe) enum ReconstructSection {
     Given(Field<GivenSection>),
     /// Training inside the program.
     Builtin(Field<UnsupportedField>),
-    /// A program that trains the scene; runs only with `--allow-commands`. See [trainers.md](trainers.md).
+    /// A program that trains the scene; runs only with `--allow-commands`. See
+    /// [trainers.md](trainers.md).
     Command(Field<Box<CommandSection>>),
 }
 
@@ -26,17 +27,19 @@ pub(in crate::recipe) struct GivenSection {
     pub undistorted: Field<UnsupportedField>,
 }
 
-/// Arguments, `probe` and `program` may hold names in braces, which [trainers.md](trainers.md) lists.
+/// Arguments, `probe` and `program` may contain names in braces; [trainers.md](trainers.md) lists
+/// the names.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct CommandSection {
     /// Name of the program, searched for in `PATH`, or `"{name}"` of `files`. Required.
     pub program: Field<String>,
-    /// Arguments; no shell reads them. Default: `[]`.
+    /// Arguments of the program; no shell reads them. Default: `[]`.
     pub arguments: Field<Vec<Field<String>>>,
-    /// Version of the program; part of the key, so that another version trains again. Required.
+    /// Version of the program. It is part of the key, so another version trains again. Required.
     pub version: Field<String>,
-    /// Arguments that make the program print its version; the output must contain `version`. Default: none.
+    /// Arguments that make the program print its version; the output must contain `version`.
+    /// Default: none.
     pub probe: Field<Vec<Field<String>>>,
     /// Terms of the program. Range: SPDX expression. Required.
     pub licence: Field<String>,
@@ -49,12 +52,13 @@ pub(in crate::recipe) struct CommandSection {
     pub environment: Field<BTreeMap<String, Field<String>>>,
     /// Files that arguments refer to by name; their content is part of the key. Default: `{}`.
     pub files: Field<BTreeMap<String, Field<String>>>,
-    /// Hold back every n-th view, the first included, from the training. Default: no view.
+    /// Spacing of the views that are held out from training: every n-th view, the first included.
+    /// Default: no view.
     pub hold_out: Field<u64>,
     /// Number of Gaussians that the result must have. Default: `{}`.
     pub gaussians: Field<CountSection>,
-    /// Mean PSNR over every 8th view below which the result is refused; the default is that of plain grey against uniformly
-    /// distributed greys. Unit: dB. Default: `10.79`.
+    /// Minimum mean PSNR over every 8th view; a result below it is refused. The default is the PSNR
+    /// of plain grey against uniformly distributed greys. Unit: dB. Default: `10.79`.
     pub min_psnr: Field<f64>,
 }
 
@@ -62,8 +66,8 @@ pub(in crate::recipe) struct CommandSection {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct CountSection {
-    /// Fewest Gaussians. Default: no bound.
+    /// Minimum number of Gaussians. Default: no bound.
     pub min: Field<u64>,
-    /// Most Gaussians. Default: no bound.
+    /// Maximum number of Gaussians. Default: no bound.
     pub max: Field<u64>,
 }

@@ -13,7 +13,7 @@ use serde::Deserialize;
 pub(in crate::recipe) struct EsimSection {
     /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
-    /// When the thresholds of the pixels are drawn. Default: `per-sensor`.
+    /// Time at which the thresholds of the pixels are drawn. Default: `per-sensor`.
     pub mismatch: Field<RedrawRule>,
     /// Scale of brightness. Default: `log`.
     pub intensity: Field<IntensityScale>,
@@ -21,28 +21,33 @@ pub(in crate::recipe) struct EsimSection {
     pub eps: Field<f64>,
     /// Dead time after an event. Default: `{ period_us: 0, reference: passing }`.
     pub refractory: Field<RefractorySection>,
-    /// Pixels that fire whatever they see. Default: none.
+    /// Pixels that fire by themselves. Default: none.
     pub hot_pixels: Field<HotPixelsSection>,
-    /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
+    /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
+    /// `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
-    /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
+    /// True if events beyond that limit are dropped and counted, instead of failing the step.
+    /// Default: `false`.
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEndSection>,
-    /// Label each event as signal (1) or noise (0). Default: `false`.
+    /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
-/// Every key may differ from the preset. `clean` has a threshold spread of 0.02 and no noise; `noisy` has a spread of 0.05, a
-/// cutoff of 30 Hz, a leak of 0.1 Hz with jitter and cov 0.1, and shot noise of 5 Hz.
+/// Every key may differ from the preset. `clean` has a threshold spread of 0.02 and no noise;
+/// `noisy` has a spread of 0.05, a cutoff of 30 Hz, a leak of 0.1 Hz with jitter and cov 0.1, and
+/// shot noise of 5 Hz.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct V2eSection {
     /// Named set of the keys below: `clean` or `noisy`. Default: `clean`.
     pub preset: Field<String>,
-    /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the preset's spread.
+    /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the
+    /// preset's spread.
     pub threshold: Field<ThresholdSection>,
-    /// Cutoff of the low-pass filter at white; 0 turns the filter off. Unit: Hz. Default: the preset's.
+    /// Cutoff of the low-pass filter at white; 0 turns the filter off. Unit: Hz. Default: the
+    /// preset's.
     pub cutoff: Field<f64>,
     /// Response of the filter between two frames. Default: `exact`.
     pub filter: Field<FilterSteps>,
@@ -52,15 +57,17 @@ pub(in crate::recipe) struct V2eSection {
     pub shot: Field<f64>,
     /// Dead time after an event. Default: `{ period_us: 0, reference: at-event }`.
     pub refractory: Field<RefractorySection>,
-    /// Pixels that fire whatever they see. Default: none.
+    /// Pixels that fire by themselves. Default: none.
     pub hot_pixels: Field<HotPixelsSection>,
-    /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
+    /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
+    /// `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
-    /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
+    /// True if events beyond that limit are dropped and counted, instead of failing the step.
+    /// Default: `false`.
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEndSection>,
-    /// Label each event as signal (1) or noise (0). Default: `false`.
+    /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
@@ -80,7 +87,7 @@ pub(in crate::recipe) struct ThresholdSection {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct LeakSection {
-    /// Leak events of a pixel per second. Unit: Hz. Default: the preset's.
+    /// Number of leak events of a pixel per second. Unit: Hz. Default: the preset's.
     pub rate: Field<f64>,
     /// Standard deviation of the rate from frame to frame, as a share of it. Default: the preset's.
     pub jitter: Field<f64>,
@@ -94,7 +101,8 @@ pub(in crate::recipe) struct LeakSection {
 pub(in crate::recipe) struct RefractorySection {
     /// Length of the dead time. Unit: us. Default: `0`.
     pub period_us: Field<f64>,
-    /// Level that brightness is compared with afterwards. Default: `passing` for `esim`, `at-event` for `v2e`.
+    /// Level with which brightness is compared afterwards. Default: `passing` for `esim`,
+    /// `at-event` for `v2e`.
     pub reference: Field<ReferenceRule>,
 }
 
@@ -104,7 +112,7 @@ pub(in crate::recipe) struct RefractorySection {
 pub(in crate::recipe) struct HotPixelsSection {
     /// Share of all pixels that are hot. Required.
     pub share: Field<f64>,
-    /// Events of a hot pixel per second. Unit: Hz. Required.
+    /// Number of events of a hot pixel per second. Unit: Hz. Required.
     pub rate: Field<f64>,
 }
 
@@ -118,11 +126,11 @@ pub(in crate::recipe) struct FrontEndSection {
     pub decode: Field<ChannelDecode>,
     /// Factor on the brightness. Default: `1`.
     pub exposure: Field<f64>,
-    /// Range that brightness is clamped to. Default: `{}`.
+    /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
 }
 
-/// One of these.
+/// Weights of the colours.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum LuminanceSection {
@@ -134,7 +142,7 @@ pub(in crate::recipe) enum LuminanceSection {
     Weights(Field<[Field<f64>; 3]>),
 }
 
-/// Greys; white is 255.
+/// Limits of the brightness in greys; white is 255.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct RangeSection {

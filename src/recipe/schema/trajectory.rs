@@ -1,15 +1,15 @@
-//! Trajectories as written: one path each, and a speed.
+//! Trajectories as written: a name, one path, and a speed.
 //!
 //! ```yaml
 //! trajectories:
-//!   - name: base                        # along the capture; the speed is the paper's where none is written
+//!   - name: base                        # along the capture, at the paper's speed by default
 //!     refine: { window: 2, factor: 5, curve: { bezier: { degree: 9 } } }
 //!     speed: { list: { multipliers: [1, 0.5, 2], blend: 0.1, meaning: speed } }
 //!   - name: mini                        # three trajectories: mini-0, mini-1, mini-2
 //!     novel: { base: base, groups: 3, keyframes: 5, frames: 150, curve: any }
 //!   - name: round                       # without a capture centre, from and up are written
 //!     orbit: { centre: [0, 0, 0], from: [0, 0.5, 4], up: [0, 1, 0], arc: 360 }
-//!     speed: { flow: { px_s: 400, function: "1 + t" } }   # says itself how many poses there are
+//!     speed: { flow: { px_s: 400, function: "1 + t" } }   # sets the number of poses
 //!   - name: by-hand
 //!     keyframes:
 //!       poses:
@@ -21,11 +21,13 @@
 use super::super::field::{Field, NumberLiteral};
 use serde::Deserialize;
 
-/// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md) describes them.
+/// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md)
+/// describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct TrajectorySection {
-    /// Name, which is also the folder in the release: letters, digits, `.`, `_` and `-`. Range: at most 100 bytes. Required.
+    /// Name, which is also the folder in the release: letters, digits, `.`, `_` and `-`. Range: at
+    /// most 100 bytes. Required.
     pub name: Field<String>,
     /// Path along the captured poses, smoothed and densified. Default: none.
     pub refine: Field<RefineSection>,
@@ -35,21 +37,23 @@ pub(in crate::recipe) struct TrajectorySection {
     pub orbit: Field<OrbitSection>,
     /// Path through poses that the recipe lists. Default: none.
     pub keyframes: Field<KeyframesSection>,
-    /// Speed along the path. Default: `function: "0.25*sin(t) + 1.1"` for `refine`, constant for the others.
+    /// Speed along the path. Default: `function: "0.25*sin(t) + 1.1"` for `refine`, constant for
+    /// the others.
     pub speed: Field<SpeedSection>,
 }
 
-/// At most one of `factor`, `frames` and `duration` sets the number of poses; with a speed in px/s none may be given.
+/// At most one of `factor`, `frames` and `duration` sets the number of poses; with a speed in px/s
+/// none may be given.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct RefineSection {
     /// Half-width of the smoothing window; 0 turns smoothing off. Unit: poses. Default: `2`.
     pub window: Field<u64>,
-    /// Poses for each view. Default: `5`.
+    /// Number of poses per view. Default: `5`.
     pub factor: Field<NumberLiteral>,
     /// Number of poses. Default: from `factor`.
     pub frames: Field<u64>,
-    /// Length in time. Unit: s. Default: from `factor`.
+    /// Duration of the path. Unit: s. Default: from `factor`.
     pub duration: Field<NumberLiteral>,
     /// Order of the views along the path. Default: `name`.
     pub order: Field<OrderKey>,
@@ -63,7 +67,8 @@ pub(in crate::recipe) struct RefineSection {
     pub gaps: Field<GapsKey>,
     /// Curve along the smoothed poses. Default: `cubic`.
     pub curve: Field<CurveSection>,
-    /// Use the paper's chord lengths, without normalisation by the arc length of the curve. Default: `false`.
+    /// True if the paper's chord lengths are used, without normalisation by the arc length of the
+    /// curve. Default: `false`.
     pub literal: Field<bool>,
 }
 
@@ -98,8 +103,8 @@ pub(in crate::recipe) enum EndsKey {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct MetricSection {
-    /// Distance that translation is divided by: `scene` for the median distance of the cameras to the point nearest to all
-    /// optical axes, `none` for 1, or a number. Unit: scene units. Default: `scene`.
+    /// Divisor of translation: `scene` for the median distance of the cameras to the point nearest
+    /// to all optical axes, `none` for 1, or a number. Unit: scene units. Default: `scene`.
     pub scale: Field<NumberLiteral>,
 }
 
@@ -112,7 +117,7 @@ pub(in crate::recipe) enum GapsKey {
     Refuse,
 }
 
-/// One of these.
+/// Kind of the curve.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum CurveSection {
@@ -126,7 +131,7 @@ pub(in crate::recipe) enum CurveSection {
     Bezier(Field<BezierSection>),
 }
 
-/// `bezier: { degree: 3 }`.
+/// Parameters of a Bezier curve: `bezier: { degree: 3 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct BezierSection {
@@ -138,23 +143,25 @@ pub(in crate::recipe) struct BezierSection {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct NovelSection {
-    /// Trajectory that key poses are drawn from, which must not be novel. Default: the first that is not novel.
+    /// Trajectory from which the key poses are drawn; it must not be novel. Default: the first that
+    /// is not novel.
     pub base: Field<String>,
     /// Number of groups. Default: `3`.
     pub groups: Field<u64>,
-    /// Key poses of a group; no pose is drawn twice. Default: `5`.
+    /// Number of key poses per group; no pose is drawn twice. Default: `5`.
     pub keyframes: Field<u64>,
-    /// Poses of a group. Default: `150`.
+    /// Number of poses per group. Default: `150`.
     pub frames: Field<u64>,
-    /// Length in time, instead of `frames`. Unit: s. Default: from `frames`.
+    /// Duration of the path, instead of `frames`. Unit: s. Default: from `frames`.
     pub duration: Field<NumberLiteral>,
     /// Curve along the key poses. Default: `any`.
     pub curve: Field<NovelCurveSection>,
-    /// Use chord lengths, without normalisation by the arc length of the curve. Default: `false`.
+    /// True if chord lengths are used, without normalisation by the arc length of the curve.
+    /// Default: `false`.
     pub literal: Field<bool>,
 }
 
-/// As `curve` of a refined path, or drawn at random.
+/// Kind of the curve, as for a refined path, or drawn at random.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum NovelCurveSection {
@@ -170,7 +177,8 @@ pub(in crate::recipe) enum NovelCurveSection {
     Bezier(Field<BezierSection>),
 }
 
-/// Points and directions are world coordinates. Missing ones are taken from the capture; without a capture all are required.
+/// Points and directions are world coordinates. Missing ones are taken from the capture; without a
+/// capture all are required.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct OrbitSection {
@@ -184,7 +192,7 @@ pub(in crate::recipe) struct OrbitSection {
     pub arc: Field<f64>,
     /// Number of poses. Default: `150`.
     pub frames: Field<u64>,
-    /// Length in time, instead of `frames`. Unit: s. Default: from `frames`.
+    /// Duration of the path, instead of `frames`. Unit: s. Default: from `frames`.
     pub duration: Field<NumberLiteral>,
 }
 
@@ -194,17 +202,18 @@ pub(in crate::recipe) struct OrbitSection {
 pub(in crate::recipe) struct KeyframesSection {
     /// Key poses in order of time, at least one. Required.
     pub poses: Field<Vec<Field<PoseSection>>>,
-    /// Poses for each key pose. Default: from `frames`.
+    /// Number of poses per key pose. Default: from `frames`.
     pub factor: Field<NumberLiteral>,
     /// Number of poses. Default: `150`.
     pub frames: Field<u64>,
-    /// Length in time. Unit: s. Default: from `frames`.
+    /// Duration of the path. Unit: s. Default: from `frames`.
     pub duration: Field<NumberLiteral>,
     /// Metric of the path length. Default: `{}`.
     pub metric: Field<MetricSection>,
     /// Curve along the key poses. Default: `cubic`.
     pub curve: Field<CurveSection>,
-    /// Use chord lengths, without normalisation by the arc length of the curve. Default: `false`.
+    /// True if chord lengths are used, without normalisation by the arc length of the curve.
+    /// Default: `false`.
     pub literal: Field<bool>,
 }
 
@@ -214,35 +223,38 @@ pub(in crate::recipe) struct KeyframesSection {
 pub(in crate::recipe) struct PoseSection {
     /// Centre of the camera, world coordinates. Unit: scene units. Required.
     pub position: Field<[Field<f64>; 3]>,
-    /// Rotation from camera to world, OpenCV axes: `[qx, qy, qz, qw]`. Range: of length 1. Default: from `look_at` and `up`.
+    /// Rotation from camera to world, OpenCV axes: `[qx, qy, qz, qw]`. Range: of length 1. Default:
+    /// from `look_at` and `up`.
     pub rotation: Field<[Field<f64>; 4]>,
     /// Point that the camera looks at, world coordinates. Unit: scene units. Default: none.
     pub look_at: Field<[Field<f64>; 3]>,
-    /// Direction in the world that points to the top of the image, of any length but 0. Default: none.
+    /// Direction in the world that points to the top of the image, of any length but 0. Default:
+    /// none.
     pub up: Field<[Field<f64>; 3]>,
 }
 
-/// One of these.
+/// Form of the speed.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum SpeedSection {
-    /// Relative speed as an expression in `t`, which runs from 0 to 1; proved positive before anything runs. It may use `+ - * /
-    /// ^`, `pi`, `e`, `sin cos tan exp log sqrt abs min max`.
+    /// Relative speed as an expression in `t`, which runs from 0 to 1; proved positive before
+    /// anything runs. It may use `+ - * / ^`, `pi`, `e`, `sin cos tan exp log sqrt abs min max`.
     Function(Field<String>),
     /// Levels of relative speed over equal parts of the time.
     List(Field<ListSection>),
-    /// Speed of the picture, as the median optical flow; needs the scene, and sets the number of poses.
+    /// Speed of the picture, as the median optical flow; needs the scene, and sets the number of
+    /// poses.
     Flow(Field<FlowSection>),
 }
 
-/// `list: { multipliers: [1, 0.5, 2], blend: 0.1 }`.
+/// Levels of the speed: `list: { multipliers: [1, 0.5, 2], blend: 0.1 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct ListSection {
-    /// Levels, at least one. Required.
+    /// Levels of relative speed, at least one. Required.
     pub multipliers: Field<Vec<Field<f64>>>,
-    /// Half-width of the blend between two levels, as a share of a part; the speed is then twice differentiable. Default:
-    /// `0.1`.
+    /// Half-width of the blend between two levels, as a share of a part; the speed is then twice
+    /// differentiable. Default: `0.1`.
     pub blend: Field<f64>,
     /// Meaning of a level. Default: `speed`.
     pub meaning: Field<MeaningKey>,
@@ -257,7 +269,7 @@ pub(in crate::recipe) enum MeaningKey {
     FrameRate,
 }
 
-/// `flow: { px_s: 400 }`.
+/// Speed of the picture: `flow: { px_s: 400 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct FlowSection {

@@ -63,7 +63,8 @@ fn restore_sides(entries: &mut [MappingEntry]) {
 /// Bytes that the aliases of a file repeat together.
 const MAX_REPEATED: usize = 8 << 20;
 
-/// Limits far above any recipe and far below what hurts; `<<` is refused, as `defaults.yaml` is how values are shared.
+/// Options of the parser. The limits are far above any recipe and far below sizes that cost time or
+/// memory. `<<` is refused, because values are shared through `defaults.yaml`.
 fn parser_options(body: &str) -> serde_saphyr::Options {
     // The library counts what aliases repeat in values, not in bytes.
     let max_aliases = (MAX_REPEATED / body.len().max(1)).min(100);
@@ -101,6 +102,7 @@ fn refuse_tabs(body: &str, file: u32) -> Result<(), FieldProblem> {
 }
 
 fn in_comment(body: &str, at: usize) -> bool {
+    // A `#` in the middle of a word begins no comment.
     let line = &body[body[..at].rfind(['\n', '\r']).map_or(0, |i| i + 1)..at];
     line.starts_with('#') || line.contains(" #")
 }
@@ -144,6 +146,7 @@ fn parser_problem(error: &serde_saphyr::Error) -> FieldProblem {
 /// Returns the reader's message without its ` at line L, column C`.
 fn parser_sentence(error: &serde_saphyr::Error) -> String {
     let full = error.render_with_formatter(&serde_saphyr::UserMessageFormatter);
+    // The fault states the place itself.
     let head = full.rsplit_once(" at line ").map_or(full.as_str(), |(head, _)| head);
     head.lines().next().unwrap_or_default().to_owned()
 }
@@ -175,9 +178,11 @@ impl RawValue {
         let written = body.get(place.start as usize..place.end as usize).unwrap_or_default();
         let kind = match self.0.value {
             ValueShape::Null => NodeKind::Null,
+            // The text as written, because a number of the parser has lost its digits.
             ValueShape::Typed => NodeKind::Scalar { text: written.to_owned(), plain: true },
             ValueShape::Text(text) => {
                 refuse_other_forms(&text, place, problems);
+                // Quotes and escapes make the written text differ from the decoded one.
                 let plain = written == text;
                 NodeKind::Scalar { text, plain }
             }

@@ -48,7 +48,8 @@ fn read_camera(bytes: &mut BinaryCursor<'_>) -> Result<(u32, ModelCamera), Sourc
     Ok((id, camera))
 }
 
-/// Converts to u32. A value that does not fit is far above the accepted sizes and stays so.
+/// Converts a side to u32. A value that does not fit becomes the largest one, which is refused
+/// later.
 fn clamp_size(side: u64) -> u32 {
     u32::try_from(side).unwrap_or(u32::MAX)
 }
@@ -67,6 +68,7 @@ pub(super) fn read_images(path: &Path) -> Result<Vec<ColmapImage>, SourceError> 
 fn read_image(bytes: &mut BinaryCursor<'_>) -> Result<ColmapImage, SourceError> {
     let start = bytes.at;
     let place = bytes.place(start);
+    // The id of the image. Only tracks refer to it.
     bytes.u32()?;
     let mut numbers = [0.0; 7];
     for number in &mut numbers {
@@ -83,6 +85,7 @@ fn read_image(bytes: &mut BinaryCursor<'_>) -> Result<ColmapImage, SourceError> 
 
 fn read_observation(bytes: &mut BinaryCursor<'_>) -> Result<KeyPoint, SourceError> {
     let xy = [bytes.f64()?, bytes.f64()?];
+    // All bits set is COLMAP's mark of a key point without a triangulated point.
     let point = Some(bytes.u64()?).filter(|&id| id != u64::MAX);
     Ok(KeyPoint { xy, point })
 }
@@ -96,6 +99,7 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, Sou
         let xyz = DVec3::new(bytes.f64()?, bytes.f64()?, bytes.f64()?);
         let rgb = bytes.array()?;
         let error = bytes.f64()?;
+        // Tracks are skipped: the key points of the images contain the same pairs.
         let track = bytes.count(TRACK_BYTES)?;
         bytes.take(track * TRACK_BYTES)?;
         points.insert(id, ColmapPoint { xyz, rgb, error });
@@ -108,6 +112,7 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, Sou
 pub(super) fn count_records(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();
     let file = files::open(path).map_err(SourceError::io_error(path))?;
+    // Each of the three files begins with its number of records in 64 bits.
     file.take(8).read_to_end(&mut head).map_err(SourceError::io_error(path))?;
     BinaryCursor::new(path, &head).u64()
 }

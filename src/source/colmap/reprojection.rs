@@ -42,6 +42,7 @@ impl ColmapModel {
             return Ok(None);
         }
         let (cameras, points) = (self.cameras()?, self.points()?);
+        // Kept by point, because COLMAP's mean gives each point the same weight.
         let mut of_points = BTreeMap::<u64, DistanceSum>::new();
         let mut behind = 0;
         for image in self.images()? {
@@ -73,6 +74,7 @@ impl ColmapModel {
 /// Projects a point into the photo, px; `None` if it is not in front of the camera.
 fn project_point(image: &ColmapImage, taken: &ModelCamera, point: &ColmapPoint) -> Option<[f64; 2]> {
     let at = image.rotation.rotation * point.xyz + image.translation;
+    // Behind the camera these values mean nothing. They are dropped below.
     let [x, y] = taken.lens.distort([at.x / at.z, at.y / at.z]);
     let camera = taken.camera;
     (at.z > 0.0).then_some([camera.fx * x + camera.cx, camera.fy * y + camera.cy])

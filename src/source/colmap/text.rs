@@ -44,6 +44,7 @@ pub(super) fn read_images(path: &Path) -> Result<Vec<ColmapImage>, SourceError> 
     let mut lines = (1..).zip(text.lines());
     while let Some((number, head)) = lines.find(|(_, line)| is_record(line)) {
         let mut image = read_image(&TextLine { path, number, text: head })?;
+        // The second line belongs to the image even if it is empty.
         if let Some((number, text)) = lines.next() {
             image.observations = read_observations(&TextLine { path, number, text }, &mut budget)?;
         }
@@ -82,6 +83,7 @@ fn read_image(line: &TextLine<'_>) -> Result<ColmapImage, SourceError> {
 }
 
 fn read_observations(line: &TextLine<'_>, budget: &mut ByteBudget) -> Result<Vec<KeyPoint>, SourceError> {
+    // Counted first, because the memory must be granted before it is allocated.
     let count = line.text.split_whitespace().count();
     if !count.is_multiple_of(3) {
         return Err(line.fault(format!("{count} numbers, wanted x, y and point id for each key point")));
@@ -93,6 +95,7 @@ fn read_observations(line: &TextLine<'_>, budget: &mut ByteBudget) -> Result<Vec
     while let Some(x) = words.next() {
         let xy = [line.number(Some(x), "x")?, line.number(words.next(), "y")?];
         let id = words.next();
+        // COLMAP writes -1 for a key point without a triangulated point.
         let point = if id == Some("-1") { None } else { Some(line.number(id, "a point id")?) };
         observations.push(KeyPoint { xy, point });
     }

@@ -42,6 +42,7 @@ pub fn write_model(dir: &Path, images: &[WrittenImage], points: &[ColmapPoint]) 
 fn write_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(File::create(path)?);
     write(&mut out)?;
+    // Dropping the writer would ignore an error of the last write.
     out.flush()
 }
 
@@ -61,6 +62,7 @@ fn write_cameras(out: &mut impl Write, cameras: &[Camera]) -> io::Result<()> {
 fn write_images(out: &mut impl Write, images: &[WrittenImage], camera_ids: &[usize]) -> io::Result<()> {
     write_count(out, images.len())?;
     for ((id, image), camera_id) in (1u32..).zip(images).zip(camera_ids) {
+        // COLMAP stores poses as world to camera.
         let Se3 { rotation, translation } = image.world_from_camera.inverse();
         out.write_all(&id.to_le_bytes())?;
         write_numbers(out, &[rotation.w, rotation.x, rotation.y, rotation.z])?;

@@ -60,6 +60,7 @@ impl ValueInterval {
                 Self::hull_of(&corners(libm::pow), LIBM_ULPS)
             }
             BinaryOperator::Power => None,
+            // Minimum and maximum are exact, so nothing is widened.
             BinaryOperator::Min => Some(Self { low: a.low.min(b.low), high: a.high.min(b.high) }),
             BinaryOperator::Max => Some(Self { low: a.low.max(b.low), high: a.high.max(b.high) }),
         }
@@ -73,6 +74,7 @@ impl ValueInterval {
             return None;
         }
         let even = exponent % 2.0 == 0.0;
+        // An even power of an interval around zero is smallest inside it, not at an end.
         match Self::hull_of(&ends, LIBM_ULPS)? {
             hull if even && holds_zero && exponent > 0.0 => Some(Self { low: 0.0, ..hull }),
             hull if even => Some(Self { low: hull.low.max(0.0), ..hull }),
@@ -87,6 +89,7 @@ impl ValueInterval {
             UnaryFunction::Sin => a.wave(libm::sin, FRAC_PI_2),
             UnaryFunction::Cos => a.wave(libm::cos, 0.0),
             UnaryFunction::Tan if a.holds(FRAC_PI_2, PI) => None,
+            // Between two poles the tangent rises, so its ends bound it.
             UnaryFunction::Tan => ends(libm::tan, LIBM_ULPS),
             UnaryFunction::Exp => ends(libm::exp, LIBM_ULPS),
             UnaryFunction::Log if a.low <= 0.0 => None,
@@ -109,6 +112,7 @@ impl ValueInterval {
         if self.holds(crest + PI, TAU) {
             bounds.low = -1.0;
         }
+        // Widening may leave the range of a sine, which is known exactly.
         Some(Self { low: bounds.low.max(-1.0), high: bounds.high.min(1.0) })
     }
 

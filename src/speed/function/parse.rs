@@ -6,8 +6,8 @@ use super::{BinaryOperator, ExpressionError, SyntaxNode, UnaryFunction};
 const LONGEST: usize = 1000;
 /// Deepest nesting of parentheses, signs and powers: bounds the stack of the parser.
 const DEEPEST: usize = 100;
-/// Largest height of the tree: bounds the stack of every walk over it. A sum of `n` terms has the height `n`, as each
-/// operator holds those on its left.
+/// Largest height of the tree: bounds the stack of every walk over it. A sum of `n` terms has the
+/// height `n`, as each operator holds those on its left.
 const TALLEST: usize = 250;
 
 /// Parses `text` into a tree.
@@ -98,6 +98,7 @@ impl ExpressionParser<'_> {
         if self.depth > DEEPEST {
             return Err(self.too_deep(DEEPEST));
         }
+        // A sign binds less than a power: `-t^2` is `-(t^2)`.
         let signed = if self.takes("-") {
             let (node, height) = self.sign()?;
             (SyntaxNode::Negated(Box::new(node)), height + 1)
@@ -113,6 +114,8 @@ impl ExpressionParser<'_> {
     fn power(&mut self) -> Result<Tall, ExpressionError> {
         let base = self.atom()?;
         if self.takes("**") || self.takes("^") {
+            // Through `sign`, so that powers associate to the right and an exponent may be
+            // negative.
             let exponent = self.sign()?;
             return self.join(BinaryOperator::Power, base, exponent);
         }
@@ -137,8 +140,8 @@ impl ExpressionParser<'_> {
         if self.takes(")") { Ok(()) } else { Err(self.unexpected(expected)) }
     }
 
-    /// Digits, a point and digits, and an exponent only if a digit follows the `e` (`2e` is 2 times
-    /// the number e).
+    /// Digits, a point and digits, and an exponent only if a digit follows the `e`. `2e` is the
+    /// number 2 before the name `e`, which the grammar refuses.
     fn number(&mut self) -> Result<f64, ExpressionError> {
         let rest = &self.text[self.at..];
         let digits = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();

@@ -27,6 +27,7 @@ pub(super) fn prove_positive(node: &SyntaxNode) -> Result<(), ExpressionError> {
         }
         // Bounds are dyadic, so halving is exact.
         let middle = f64::midpoint(from, to);
+        // The left half is popped first, so the reported failure is the leftmost one.
         open.push((middle, to, depth + 1));
         open.push((from, middle, depth + 1));
     }
@@ -81,6 +82,7 @@ impl SyntaxNode {
     /// The value of a literal integer, with or without a sign.
     fn whole_number(&self) -> Option<f64> {
         match self {
+            // Whole numbers below 1e15 are exact, so their parity is known.
             Self::Number(value) => (value.fract() == 0.0 && *value < 1e15).then_some(*value),
             Self::Negated(a) => a.whole_number().map(|v| -v),
             _ => None,

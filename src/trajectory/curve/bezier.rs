@@ -85,6 +85,7 @@ impl BezierCurve {
 
     /// The share of the parameter before a place.
     fn share(&self, at: CurvePlace) -> f64 {
+        // The sum may round above the whole at the end of the last segment.
         ((self.before[at.segment] + at.x) / self.whole()).min(1.0)
     }
 }
@@ -92,6 +93,8 @@ impl BezierCurve {
 /// The mean of more than two rotations and their vectors from it, if a curve can be fitted to
 /// these.
 fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
+    // Two knots determine degree 1, whose curve is their slerp. The spline is that slerp, without a
+    // limit on the angle.
     if rotations.len() == 2 {
         return None;
     }
@@ -117,6 +120,7 @@ impl PoseCurve for BezierCurve {
     }
 
     fn twist(&self, at: CurvePlace) -> Twist {
+        // The polynomials are over the share of the parameter, rates are per unit of the parameter.
         let (x, whole) = (self.share(at), self.whole());
         let angular = match &self.rotations {
             RotationControl::Around(_, vectors) => {
@@ -144,6 +148,7 @@ impl PoseCurve for BezierCurve {
     }
 
     fn warning(&self) -> Option<TrajectoryWarning> {
+        // For two knots the spline is the curve that was asked for, so there is no warning.
         let instead = matches!(self.rotations, RotationControl::Spline(_)) && self.steps.len() > 1;
         instead.then_some(TrajectoryWarning::Spread)
     }

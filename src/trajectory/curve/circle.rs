@@ -43,6 +43,8 @@ impl PoseCurve for CirclePath {
     }
 
     fn twist(&self, at: CurvePlace) -> Twist {
+        // The turn leaves its own axis in place, so the axis is the same in the camera at every
+        // place.
         let angular = self.start.rotation.conjugate() * self.turn;
         Twist { linear: self.turn.cross(self.arm(at)), angular }
     }

@@ -65,6 +65,7 @@ impl CumulativeSpline {
             angular: turn_between(w[0].rotation, w[1].rotation).0,
         };
         let moves: Vec<Twist> = control.windows(2).map(step).collect();
+        // A segment takes three moves, so there are two segments fewer than moves.
         Self { steps: vec![1.0; moves.len() - more], control, moves }
     }
 
@@ -99,6 +100,7 @@ impl PoseCurve for CumulativeSpline {
 
     fn twist(&self, at: CurvePlace) -> Twist {
         let ([_, b, c], [ra, rb, rc]) = self.turns(at);
+        // The rates are in the axes of their own moves. Each later turn carries them into its axes.
         let angular = c.conjugate() * (b.conjugate() * ra + rb) + rc;
         Twist { linear: self.linear(at, &SegmentMoves::basis_slope(at.x)), angular }
     }

@@ -1,6 +1,5 @@
-//! The curve `slerp-lerp`: straight lines between centres, slerps between rotations. An ablation:
-//! both rates jump at the knots.
-//! the knots.
+//! The curve `slerp-lerp`: straight lines between centres, slerps between rotations. It is an
+//! ablation: both rates jump at the knots.
 
 use super::PoseCurve;
 use crate::se3::rotation::exp_vector;

@@ -30,6 +30,7 @@ pub(super) fn draw_chart(out: &mut SvgText, panel: PicturePanel, seconds: f64, r
         height: panel.height - TOP - BOTTOM,
     };
     let shown = curves.iter().flat_map(|c| c.values.iter().copied()).filter(|v| v.is_finite());
+    // The mean is 1. It is always shown, so the scale is positive even if no value is finite.
     let highest = shown.fold(1.0, f64::max) * 1.08;
     let top = inner.top + inner.height;
     let point =
@@ -61,6 +62,7 @@ fn speed_curves(report: &SpeedReport) -> Vec<ChartCurve> {
         ("angular", "#d1495b", 1.2, &report.angular_rad_s, report.angular_ratio.is_some()),
         ("mixed", "#111111", 1.4, &mixed, report.mixed_chord_ratio.is_some()),
     ];
+    // A part of the motion that is only rounding has no ratio, and its curve would be noise.
     let drawn = achieved.into_iter().filter(|(.., moves)| *moves);
     std::iter::once(asked)
         .chain(drawn.map(|(name, colour, width, values, _)| ChartCurve {
@@ -103,6 +105,7 @@ fn draw_grid(out: &mut SvgText, inner: PicturePanel, highest: f64, seconds: f64)
         let share = f64::from(k) / 4.0;
         let x = inner.left + inner.width * share;
         let words = format!("{} {unit}", short_number(seconds * scale * share));
+        // The last label ends at the edge, because a centred one would leave the panel.
         out.text([x, bottom + 18.0], if k == 4 { "end" } else { "middle" }, "#333333", &words);
     }
 }
@@ -112,6 +115,7 @@ fn draw_legend(out: &mut SvgText, panel: PicturePanel, curves: &[ChartCurve]) {
     let mut x = panel.left + panel.width - 16.0;
     for curve in curves.iter().rev() {
         out.text([x, panel.top + 20.0], "end", "#333333", curve.name);
+        // A character of 12 px sans-serif is about 7 px wide.
         x -= 10.0 + 7.0 * curve.name.len() as f64;
         out.polyline([[x - 22.0, panel.top + 16.0], [x, panel.top + 16.0]], curve.colour, curve.width);
         x -= 38.0;

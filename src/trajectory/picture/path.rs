@@ -33,6 +33,7 @@ pub(super) fn picture_axes(poses: &[Se3]) -> [DVec3; 3] {
     let from_first = poses.iter().map(|p| p.translation - poses[0].translation);
     let along = from_first.fold(DVec3::ZERO, |far, d| if d.length() > far.length() { d } else { far });
     let level = (along - up * along.dot(up)).try_normalize();
+    // A path straight up, and one that stays in place, have no level direction.
     let along = level.unwrap_or_else(|| up.any_orthonormal_vector());
     [along, along.cross(up), up]
 }
@@ -115,6 +116,7 @@ impl PanelMap {
         }
         let extent = |k: usize, room: f64| (bounds[k][1] - bounds[k][0]) / (room - 2.0 * inset);
         let units_per_px = extent(0, panel.width).max(extent(1, panel.height));
+        // A path that stays in place has no extent, so any scale will do.
         let scale = if units_per_px > f64::MIN_POSITIVE { 1.0 / units_per_px } else { panel.width / 4.0 };
         let middle = |k: usize| f64::midpoint(bounds[k][0], bounds[k][1]);
         let centre = [
@@ -147,6 +149,7 @@ const COLOURS: [[f64; 3]; 5] =
 
 pub(super) fn scale_colour(share: f64) -> String {
     let at = share * 4.0;
+    // The number of the piece. A share of 1 belongs to the last of the four.
     let below = [3.0, 2.0, 1.0, 0.0].into_iter().find(|k| at >= *k).unwrap_or(0.0);
     let k = [0.0, 1.0, 2.0, 3.0].iter().position(|b| *b >= below).unwrap_or(0);
     let mix = |i: usize| (COLOURS[k][i] + (COLOURS[k + 1][i] - COLOURS[k][i]) * (at - below)).round();

@@ -34,6 +34,8 @@ impl Resolver<'_> {
     ) -> Option<TrainerCommand> {
         let files = self.files(&raw.files);
         let iterations = self.iterations(&raw.iterations);
+        // Names become known step by step: the program may refer to files, the version command also
+        // to values of the recipe, and only the arguments to the folders of a training.
         let mut known: Known<'_> = files.iter().flatten().map(|(name, _)| (name.as_str(), None)).collect();
         let program = self
             .required(&raw.program, "program", place, PROGRAM)
@@ -125,6 +127,7 @@ impl Resolver<'_> {
                 self.refuse_name(name, place)?;
                 Some(self.folders[place.file as usize].join(self.filled(text, place)?))
             });
+            // The loop goes on after a fault, so that every file is judged.
             match (&mut files, found) {
                 (Some(files), Some(path)) => drop(files.insert(name.clone(), path)),
                 _ => files = None,

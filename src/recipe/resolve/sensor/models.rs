@@ -140,6 +140,7 @@ impl Resolver<'_> {
         };
         let share = self.required(&raw.share, "share", place, "write share: 0.001, of all pixels");
         let rate = self.required(&raw.rate, "rate", place, "write rate: 10, events per second");
+        // An absent key was reported, and the defaults below are not for use.
         share.and(rate)?;
         let share = self.real(&raw.share, 0.0, RealRange::new(0.0, 1.0));
         let rate = self.real(&raw.rate, 0.0, RATE);

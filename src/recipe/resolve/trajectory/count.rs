@@ -42,6 +42,7 @@ impl Resolver<'_> {
     fn flow_count(&self, raw: PoseSpread<'_>) -> Option<PoseCount> {
         let factor = raw.factor.and_then(given_place);
         let given = [factor, given_place(raw.frames), given_place(raw.duration)];
+        // Each key is reported, not only the first.
         for place in given.iter().flatten().flatten() {
             let problem = FieldProblem::of_key("does not go with a speed in px/s");
             self.report(

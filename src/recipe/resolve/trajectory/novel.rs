@@ -44,6 +44,7 @@ impl NovelGroups {
     /// Returns the path of each group. All groups share the draws; the seeds derive from the
     /// written name.
     pub(super) fn drawn(&self, seed: u64, scene: &str, written: &str) -> impl Iterator<Item = NovelGroup> {
+        // Two streams, so that another curve leaves the key poses as they are.
         let seed = |purpose| Seed::for_stream(seed, scene, written, purpose);
         let (keyframes_seed, curve_seed) = (seed(StreamPurpose::Keyframes), seed(StreamPurpose::Curve));
         let Self { groups, keyframes, count, curve, literal, .. } = *self;
@@ -60,7 +61,7 @@ impl NovelGroups {
     }
 }
 
-/// Returns the name of a group.
+/// Name of a group.
 pub(super) fn group_folder(written: &str, group: u32) -> String {
     format!("{written}-{group}")
 }
@@ -70,6 +71,7 @@ pub(super) fn group_folder(written: &str, group: u32) -> String {
 pub(super) fn group_folders(name: &str, raw: &schema::TrajectorySection) -> Vec<String> {
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
     let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
+    // A number out of range must not make a list of that length.
     let groups = usize::try_from(groups.min(MOST_GROUPS)).expect("groups are few");
     (0..).take(groups).map(|group| group_folder(name, group)).collect()
 }

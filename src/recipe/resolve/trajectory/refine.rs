@@ -11,8 +11,8 @@ use crate::recipe::text::TextSpan;
 use crate::trajectory::curve::CurveKind;
 use crate::trajectory::refine::{EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder};
 
-/// Maximum degree of a Bezier curve. At higher degrees, the control points say little about the
-/// course.
+/// Range of the degree of a Bezier curve. At higher degrees, the control points say little about
+/// the course.
 const DEGREE: WholeRange = WholeRange::new(1, 20);
 
 impl Resolver<'_> {

@@ -15,6 +15,8 @@ pub(super) fn solve_columns(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -
     let mut pivots = Vec::with_capacity(columns.len());
     for k in 0..columns.len().min(right.len()) {
         let Some((widest, norm)) = widest_column(&columns[k..], k) else { break };
+        // Before the first pivot the limit is 0, so that only columns of zeros end the
+        // factorisation there.
         let least = DEPENDENT * pivots.first().map_or(0.0, |first: &f64| first.abs());
         if norm <= least {
             break;
@@ -29,6 +31,8 @@ pub(super) fn solve_columns(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -
     }
     let mut solution = vec![DVec3::ZERO; columns.len()];
     for k in (0..pivots.len()).rev() {
+        // The triangular factor is in row `k` of the later columns. Its diagonal is kept apart,
+        // because the normals of the reflections occupy it.
         let known: DVec3 = (k + 1..pivots.len()).map(|j| solution[order[j]] * columns[j][k]).sum();
         solution[order[k]] = (right[k] - known) / pivots[k];
     }
@@ -53,6 +57,7 @@ struct HouseholderReflection<'a> {
 impl<'a> HouseholderReflection<'a> {
     /// Replaces the column of length `norm > 0` by the normal of the reflection.
     fn onto_axis(column: &'a mut [f64], norm: f64) -> Self {
+        // The sign is the opposite of the column's, so that `column[0] - pivot` does not cancel.
         let pivot = -norm.copysign(column[0]);
         // v.v = 2 norm (norm + |a|), without cancellation.
         let factor = 1.0 / (norm * (norm + column[0].abs()));

@@ -5,8 +5,9 @@ use glam::DVec3;
 
 /// The line between both ends plus a deviation from it, over a parameter from 0 to 1.
 ///
-/// The control points are the sums of those of the line and those of the deviation, with zero first
-/// and last ones. A straight path therefore has a curvature of exactly zero.
+/// Each control point is the sum of a control point of the line and one of the deviation. The first
+/// and last of the deviation are zero. A straight path has no deviation, so its curvature is
+/// exactly zero.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct PinnedBulge {
     start: DVec3,
@@ -57,6 +58,7 @@ fn control_differences(control: &[DVec3]) -> Vec<DVec3> {
 
 /// The Bernstein polynomial `i` of this degree.
 fn bernstein_basis(degree: usize, i: usize, x: f64) -> f64 {
+    // Not `powi`: its precision may differ between platforms.
     let power = |base: f64, exponent: usize| std::iter::repeat_n(base, exponent).product::<f64>();
     binomial_coefficient(degree, i) * power(x, i) * power(1.0 - x, degree - i)
 }
