@@ -8,7 +8,7 @@ impl Random {
     /// The stream of a seed and a number within it.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut random = Self(seed ^ stream.rotate_left(32));
-        // Neighbouring seeds shall have nothing in common.
+        // Neighbouring seeds must have nothing in common.
         random.next();
         random
     }
@@ -25,7 +25,7 @@ impl Random {
         usize::try_from(self.next() % n as u64).unwrap()
     }
 
-    /// One of some values.
+    /// One of the given values.
     pub(crate) fn pick<'a, T>(&mut self, values: &'a [T]) -> &'a T {
         &values[self.below(values.len())]
     }
