@@ -1,4 +1,4 @@
-//! The contract of the command line: verbs, exit codes, what goes to stdout and what to stderr.
+//! The contract of the command line: verbs, exit codes, and the contents of stdout and stderr.
 
 use crate::support::given::sound;
 use crate::support::workspace::{TINY, Workspace};

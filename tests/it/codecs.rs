@@ -1,4 +1,5 @@
-//! Every event codec: what is written is read back, byte for byte the same each time, and damage is named.
+//! Every event codec: written streams are read back, equal streams give equal bytes, and damage is
+//! reported by name.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -39,17 +40,17 @@ fn stream(count: u64) -> Vec<Event> {
     events
 }
 
-/// What files keep of an event.
+/// The fields of an event that files keep.
 fn kept(events: &[Event]) -> Vec<(i64, u16, u16, Polarity)> {
     events.iter().map(Event::file_order).collect()
 }
 
-/// One codec as the contract sees it.
+/// One codec, as its contract describes it.
 struct Codec {
-    /// Of a file of its own.
+    /// Name of the codec's file.
     name: &'static str,
     format: EventFormat,
-    /// Whether a file says how much is in it, so that one cut short is found out wherever it is cut.
+    /// True if a file states its length, so that a truncated file is always detected.
     counted: bool,
 }
 
@@ -148,8 +149,9 @@ fn equal_streams_are_equal_bytes_however_they_are_appended_and_by_however_many_t
     });
 }
 
-/// What is on disk is frozen. A change here, be it of a codec, a compressor or rust-hdf5, raises the revision of the
-/// stages that write such files, and then these digests (BLAKE3, the first 64 bits) are taken anew.
+/// The bytes on disk are frozen. Any change of a codec, a compressor or rust-hdf5 raises the
+/// revision of the stages that write the files. Then these digests (BLAKE3, the first 64 bits) are
+/// taken again.
 #[test]
 fn formats_on_disk_are_frozen() {
     let frozen = [
@@ -173,7 +175,7 @@ fn formats_on_disk_are_frozen() {
     assert_eq!(found, frozen.map(|(name, digests)| (name, digests.map(str::to_owned))));
 }
 
-/// Other people's readers: h5py and NumPy against the stream itself, as text.
+/// Independent readers: h5py and NumPy, compared with the stream itself as text.
 const FOREIGN_READER: &str = r"
 import sys, h5py, numpy as np
 h5, npz, truth, end_us = sys.argv[1], sys.argv[2], np.loadtxt(sys.argv[3], dtype=np.int64, ndmin=2), int(sys.argv[4])
@@ -270,7 +272,7 @@ fn the_head_of_an_hdf5_file_is_read_back() {
     }
 }
 
-/// Labels as files hold them.
+/// The labels of events, as files hold them.
 fn labels(events: &[Event]) -> Vec<EventLabel> {
     events.iter().map(|event| event.label).collect()
 }
@@ -337,7 +339,7 @@ fn what_is_wrong_with_the_labels_of_an_archive_is_named() {
     t("|i1", &[1, 0, 1], Some("dataset `label`: an array of '|i1'"));
 }
 
-/// An HDF5 file in the layout, but with this one thing in place of what belongs there.
+/// A part of an HDF5 file that is replaced by something else; the rest follows the layout.
 #[derive(Clone, Copy)]
 enum Instead {
     Nothing,
@@ -422,7 +424,7 @@ fn what_is_wrong_in_an_hdf5_file_is_named() {
     assert!(read_h5(&path).is_err());
 }
 
-/// `ms_to_idx` by its definition: entry k is the number of events with `t < 1000 k`.
+/// Compares `ms_to_idx` with its definition: entry k is the number of events with `t < 1000 k`.
 #[test]
 fn the_index_of_an_hdf5_file_is_as_defined() {
     let dir = tempfile::tempdir().unwrap();
@@ -451,7 +453,8 @@ fn the_index_of_an_hdf5_file_is_as_defined() {
     }
 }
 
-/// A reader goes on with the chunk that holds the event, and knows where the stream ends.
+/// After a seek the reader continues with the chunk that holds the event, and it detects the end of
+/// the stream.
 #[test]
 fn an_hdf5_file_is_read_from_the_middle() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,10 +1,10 @@
-//! `gs2e convert`: events between file formats, against words and lines written by hand.
+//! `gs2e convert`: events between file formats, compared with words and lines written by hand.
 
 use crate::support::workspace::Workspace;
 use serde_json::Value;
 use std::fs;
 
-/// What a `.txt` holds after its comment, line by line.
+/// The lines of a `.txt` after its comment.
 fn lines(place: &Workspace, name: &str) -> Vec<String> {
     let text = fs::read_to_string(place.path(name)).unwrap();
     let mut lines = text.lines();
@@ -84,7 +84,7 @@ fn evt3_is_read_as_it_is_documented() {
     assert_eq!(lines(&place, "out.txt"), wanted);
 }
 
-/// From format to format and back: the same lines.
+/// Conversion from format to format and back gives the same lines.
 #[test]
 fn a_stream_goes_through_every_format() {
     let place = Workspace::new();
@@ -104,7 +104,7 @@ fn a_stream_goes_through_every_format() {
     }
     assert_eq!(fs::read_to_string(place.path("e.txt")).unwrap(), text);
     assert_eq!(fs::read(place.path("b.raw")).unwrap(), fs::read(place.path("d.raw")).unwrap());
-    // those that do not keep the sensor's size
+    // formats that do not keep the sensor's size
     for (name, size) in [("f.npz", ""), ("g.csv", "--size 320x240")] {
         assert_eq!(place.gs2e(&format!("convert e.txt {name}")).code, 2, "its size would be lost");
         place.ok(&format!("convert --lossy e.txt {name}"));
@@ -124,7 +124,7 @@ fn other_peoples_text_is_read() {
         place.ok(&format!("convert in.txt out.txt {options}"));
         assert_eq!(lines(&place, "out.txt"), wanted, "{text}");
     };
-    // DVS-Voltmeter's: integer microseconds; the size is said
+    // DVS-Voltmeter's: integer microseconds; the size is an option
     t("12 3 4 1\n15 3 5 0\n", "--size 346x260", &["12 3 4 1", "15 3 5 0"]);
     // E2VID's: the size, then seconds
     t(

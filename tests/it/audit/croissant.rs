@@ -1,5 +1,6 @@
-//! What is wrong with `croissant.json` or `index.parquet` is found, by the right name; each case is one that the reader of
-//! Croissant's authors lets pass, or finds only when records are loaded, but for the first two.
+//! Each fault of `croissant.json` or `index.parquet` is found under the right name. Except for the
+//! first two, the reference reader of Croissant accepts each case, or finds it only when records
+//! are loaded.
 
 use super::{INDEX, check_resealed, found};
 use crate::release::small::{copy, edit, release, reseal};
@@ -9,7 +10,7 @@ use std::path::Path;
 
 const NAME: &str = "croissant.json";
 
-/// The faults that a change of `croissant.json` is found by.
+/// Checks that a change of `croissant.json` is found as exactly these faults.
 fn t(change: impl FnOnce(&mut Value), wanted: &[&str]) {
     let wanted: Vec<String> = wanted.iter().map(|code| format!("{code} {NAME}")).collect();
     let wanted: Vec<&str> = wanted.iter().map(String::as_str).collect();
@@ -118,7 +119,7 @@ fn a_release_without_it_is_none() {
     check_resealed(|f| fs::write(f.join(NAME), "{").unwrap(), &[&format!("unreadable {NAME}")]);
 }
 
-/// Has `croissant.json` say what lies there as the index, so that only the rows are at fault.
+/// Updates the sum of the index in `croissant.json`, so that only the rows are at fault.
 fn admit(folder: &Path) {
     reseal(folder);
     let sums = fs::read_to_string(folder.join("SHA256SUMS")).unwrap();
@@ -134,7 +135,7 @@ fn admit(folder: &Path) {
 fn an_index_that_says_otherwise_is_found() {
     const SCENE: &str = "small/one/scene.json";
     const COMPOSED: &str = "not-composed small/one/scene.json";
-    // It has the sum of an index that does not follow from the scenes.
+    // `croissant.json` has the sum of an index that does not follow from the scenes.
     const CATALOGUE: &str = "not-composed croissant.json";
     check_resealed(
         |f| edit(f, SCENE, |v| v["trajectories"][0]["statistics"]["rate_ev_px_s"] = 1.0.into()),

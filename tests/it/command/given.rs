@@ -1,4 +1,5 @@
-//! What a program is given: the photos in capture order, undistorted, and a COLMAP model with pinhole cameras.
+//! The input of a program: the photos in capture order, undistorted, and a COLMAP model with
+//! pinhole cameras.
 
 use super::{COPY, edit, points, runs, trained_by, views};
 use crate::support::given::transforms;
@@ -11,7 +12,7 @@ use gs2e::source::undistort::undistort_photo;
 use gs2e::source::{Capture, LensModel};
 use std::fs;
 
-/// A program that keeps what it was given beside itself.
+/// A program that keeps a copy of its input in its own folder.
 fn keeping() -> String {
     format!("cp -r \"$1\" \"$beside/seen\"; {COPY}")
 }
@@ -37,7 +38,7 @@ fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
     for (view, taken) in capture.views.iter().zip(views()) {
         assert_eq!((view.camera, &view.lens), (taken.camera, &LensModel::Pinhole));
         let apart = view.world_from_camera.translation - taken.world_from_camera.translation;
-        // The way there and back costs a few roundings of numbers up to 4.
+        // The conversion there and back costs a few roundings of numbers up to 4.
         assert!(apart.length() < 1e-14, "{}: {apart}", taken.name);
         assert!(view.world_from_camera.rotation.angle_between(taken.world_from_camera.rotation) < 1e-7);
         let bytes = |path: &str, name: &str| fs::read(place.path(path).join(name)).unwrap();
@@ -54,7 +55,7 @@ fn what_is_held_out_it_does_not_see() {
     assert_eq!(fs::read_dir(place.path("seen/images")).unwrap().count(), 4);
 }
 
-/// Whatever it does to its photos, the user's own stay as they are.
+/// The user's own photos stay unchanged even if the program writes into its copies.
 #[test]
 fn it_cannot_write_into_the_photos() {
     let script = format!("for photo in \"$1\"/images/*; do echo spoilt >> \"$photo\"; done; {COPY}");
@@ -104,7 +105,8 @@ fn a_nerfstudio_capture_is_given_without_points() {
     assert!((ahead * 4.0 + view.translation).length() < 1e-12, "it looks at the origin");
 }
 
-/// The photos of a bent lens come straight, pixel by pixel what [`undistort_photo`] makes of them.
+/// The photos of a distorted lens arrive undistorted, pixel by pixel as [`undistort_photo`] makes
+/// them.
 #[test]
 fn bent_photos_are_given_straight() {
     let place = trained_by(&keeping());

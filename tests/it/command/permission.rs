@@ -1,4 +1,4 @@
-//! No program that a recipe names is run unless the user says so.
+//! No program of a recipe runs unless the user allows it.
 
 use super::{COPY, edit, runs, trained_by, with_tiny};
 use crate::messages::check;
@@ -29,7 +29,7 @@ fn without_leave_the_other_scenes_go_on_where_they_shall() {
     assert_eq!(runs(&place), 0);
 }
 
-/// A recipe that would like to look like another one.
+/// A command line that tries to hide its contents on the terminal.
 #[test]
 fn what_is_shown_cannot_hide_what_it_is() {
     let place = trained_by(COPY);
