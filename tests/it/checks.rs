@@ -89,8 +89,8 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
             records.iter().filter(|r| text(r, "subject").starts_with(&subject)).collect();
         assert!(of_scene.len() >= 20, "{of_scene:#?}");
         for record in &of_scene {
-            // Only Gaussians as wide as a tenth of the wall's distance let 3,000 of them cover the
-            // room.
+            // 3,000 Gaussians cover the room only if the wall's are as wide as a tenth of its
+            // distance. The check `affine` warns of them.
             let may_warn =
                 (setting.arc > 90.0 && record["check"] == "sampling") || record["check"] == "affine";
             // The high thresholds of the published sensor leave a short, slow passage without an
