@@ -1,5 +1,5 @@
 //! Outputs that the user names: only regular files are replaced, they keep their mode, links are
-//! followed, and a file without a right to write stays.
+//! followed, and a read-only file stays.
 
 use super::{plant, run};
 use crate::support::given::sound;
@@ -7,7 +7,7 @@ use crate::support::workspace::Workspace;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, symlink};
 
-/// Each verb that writes one file, with `OUT` for its name, and what the name ends in.
+/// Each verb that writes one file, with `OUT` for the file's name, and the name's extension.
 const WRITERS: [(&str, &str); 5] = [
     ("convert scene.ply OUT --lossy", "spz"),
     ("convert e.csv OUT --size 8x8", "npz"),
