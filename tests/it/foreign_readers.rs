@@ -22,7 +22,7 @@ const WANTED: [(&str, &str, &[&str]); 5] = [
     ("e.npz", "", &["numpy", "evutils"]),
 ];
 
-/// Filters of HDF5 files. Those that need a plug-in are given to h5py.
+/// Filters of HDF5 files, including two that need a plug-in. h5py reads a file of each.
 const FILTERS: [&str; 4] = ["none", "gzip:1", "zstd", "lz4"];
 
 const WIDTH: u32 = 320;

@@ -69,7 +69,7 @@ fn who_does_not_wait_fails_with_the_name() {
     place.ok("build --no-wait");
 }
 
-/// The content of the lock is for people; it says who, where, since when and with what.
+/// The lock's text is for users; it names the process, the host, the time and the command.
 #[test]
 fn the_lock_says_who_holds_it() {
     let place = place();
@@ -92,7 +92,7 @@ fn the_lock_says_who_holds_it() {
     );
 }
 
-/// Who waits is told again from time to time, by the interval of its own claim.
+/// A waiting process is notified again from time to time, at the interval of its own claim.
 #[test]
 fn who_waits_long_is_told_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -121,7 +121,7 @@ fn who_waits_long_is_told_again() {
     assert!(store.is_ok() && told == 4, "told {told} times: {store:?}");
 }
 
-/// `plan`, `why` and `check` take no lock, and change nothing in a store that somebody works in.
+/// `plan`, `why` and `check` take no lock, and change nothing in a store that is in use.
 #[test]
 fn looking_needs_no_lock() {
     let place = place();

@@ -1,5 +1,5 @@
-//! Programs under the supervisor: their output, the reports of their ends, and the processes that they
-//! leave.
+//! Programs under the supervisor: their output, the reports of their ends, and their leftover
+//! processes.
 
 use gs2e::programs::{
     EndKind, ProgramCall, ProgramEnd, ProgramFinder, last_lines, length, run, run_within, says,
@@ -44,7 +44,7 @@ fn what_a_program_says_is_kept_and_how_it_ends_is_told() {
     t("seq 100", "fine", &(82..=100).map(|n| n.to_string()).collect::<Vec<_>>().join("|"));
 }
 
-/// A command that names the version says nothing of the program.
+/// A command line that holds the version is no proof of the program's version.
 #[test]
 fn the_command_itself_says_no_version() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +64,7 @@ fn a_program_that_is_not_there_is_told() {
     assert!(how.to_string().starts_with("it cannot be started: "), "{how}");
 }
 
-/// Runs a script that holds the pipe `held` open, and returns when nothing holds it any more.
+/// Runs a script that holds the pipe `held` open, and returns when no process holds it any more.
 fn run_holding(script: &str, folder: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), ProgramEnd> {
     let pipe = folder.join("held");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
@@ -114,7 +114,7 @@ fn an_answer_is_what_a_program_prints() {
     assert_eq!(programs.ask("sh", &["-c", "pwd; echo $PWD; exit 3"]).unwrap(), "/\n/\n");
     let absent = programs.ask("no-such-program", &[]).unwrap_err();
     assert_eq!(absent, "there is no program `no-such-program`");
-    // More than is read of it: it is neither waited for nor kept.
+    // The answer is longer than the limit: the rest is neither waited for nor kept.
     let long = programs.ask("sh", &["-c", "while :; do echo 0123456789; done"]).unwrap();
     assert_eq!(long.len(), 1 << 20);
     let none = ProgramFinder::default().ask("sh", &["-c", ":"]).unwrap_err();
