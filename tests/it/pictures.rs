@@ -177,7 +177,7 @@ fn centre(pose: &[f64; 8]) -> glam::DVec3 {
     glam::DVec3::new(pose[1], pose[2], pose[3])
 }
 
-/// The point at a pixel's depth is projected from the two poses before and the two after. Their
+/// The point at a pixel's depth is projected into the two poses before and the two after. Their
 /// difference of fourth order in time is the flow, except for `h^4/30` of its fourth derivative,
 /// and except where the path is only twice differentiable.
 #[test]

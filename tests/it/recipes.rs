@@ -1,4 +1,4 @@
-//! Recipes: what they mean, and what is said when they are wrong.
+//! Recipes: their meaning, and the messages about faulty ones.
 
 mod folders;
 mod meaning;
@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 
 const FIXTURES: &str = "tests/fixtures/recipes";
 
-/// Paths are shown as they are named: relative to the repository, where tests run.
+/// Reads a file of the repository, where tests run. Messages show its path as given.
 fn read(path: &str) -> Result<Vec<Recipe>, RecipeFaults> {
     read_all(&[PathBuf::from(path)])
 }
 
-/// The one recipe of a text, written to a folder of its own.
+/// Reads the only recipe of a text, from a folder of its own.
 fn recipe(yaml: &str) -> Result<Recipe, RecipeFaults> {
     let folder = tempfile::tempdir().expect("there is room for a folder");
     let file = folder.path().join("recipe.yaml");
@@ -25,7 +25,7 @@ fn recipe(yaml: &str) -> Result<Recipe, RecipeFaults> {
     Ok(recipes.remove(0))
 }
 
-/// A sound recipe, with `more` lines.
+/// A sound recipe, with the lines `more` appended.
 fn sound(more: &str) -> Recipe {
     let yaml = format!(
         "version: 1\nscene: test\nsource: {{ procedural: {{}} }}\n\
@@ -34,7 +34,7 @@ fn sound(more: &str) -> Recipe {
     recipe(&yaml).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
 }
 
-/// What it says, without the file that says it.
+/// The recipe without its file names, so that recipes can be compared by meaning.
 fn said(recipe: Recipe) -> Recipe {
     let file = RecipeFile { path: PathBuf::new(), defaults: None };
     Recipe { file, seen: Vec::new(), named_at: Default::default(), ..recipe }

@@ -1,4 +1,4 @@
-//! The renderer's rules against closed forms.
+//! The renderer's rules, compared with closed forms.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_scene, render, view_ahead};
@@ -30,7 +30,8 @@ fn a_round_gaussian_on_the_axis_has_its_profile() {
         for y in 0..81 {
             for x in 0..101 {
                 let square = (f64::from(x) - 50.0).powi(2) + (f64::from(y) - 40.0).powi(2);
-                // both rules hold the whole disc down to 1/255: 32.7 px; official's square is 16-px tiles beyond 31
+                // both rules keep the whole disc down to 1/255: 32.7 px; official's square is 16-px
+                // tiles beyond 31
                 let wanted = layer(0.8, variance, square);
                 let alpha = f64::from(at(found.alpha.as_ref(), x, y));
                 // the exponent, up to 5.3, carries a few roundings of 6e-8; 1 - T rounds at 6e-8
@@ -71,7 +72,7 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
         ..ColourBlob::default()
     };
     let style = RenderStyle { background: [0.2, 0.4, 0.8], ..OFFICIAL };
-    // written far first: depth decides, not the file
+    // the far one is written first: depth decides, not the file
     let (found, _) = render(blob_scene(&[far, near]), style, &view_ahead(33, 33, 100.0));
     let centre = at(found.rgb.as_ref(), 16, 16);
     for (c, found) in centre.into_iter().enumerate() {
@@ -82,7 +83,7 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
     let depth = at(found.depth.as_ref(), 16, 16);
     let wanted = (0.6 * 2.0 + 0.4 * 0.7 * 5.0) / (0.6 + 0.4 * 0.7);
     assert!((f64::from(depth) - wanted).abs() < 2e-6, "{depth} for {wanted}");
-    // a corner that neither reaches shows the background and has no depth
+    // a corner that neither Gaussian reaches shows the background and has no depth
     assert_eq!(at(found.rgb.as_ref(), 0, 0).map(f32::to_bits), style.background.map(f32::to_bits));
     assert!(at(found.depth.as_ref(), 0, 0).is_nan());
 }
@@ -112,7 +113,8 @@ fn equal_depths_follow_the_file() {
 
 #[test]
 fn a_pixel_stops_before_the_layer_that_would_leave_too_little() {
-    // capped at 0.99, two layers leave 1e-4 less a rounding: the second is not blended, nor any after it
+    // capped at 0.99, two layers leave 1e-4 less a rounding: the second is not blended, nor any
+    // later one
     let blob = |z| ColourBlob {
         position: [0.0, 0.0, z],
         deviations: [1.0; 3],

@@ -1,4 +1,4 @@
-//! Which files are read, in which order, and with which defaults.
+//! The files that are read, their order, and their defaults.
 
 use gs2e::recipe::{Recipe, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ fn read(root: &Path, names: &[&str]) -> Vec<Recipe> {
     read_all(&paths).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
 }
 
-/// Scene ids and seeds, by which defaults show.
+/// Scene ids and seeds; the seeds show which defaults were read.
 fn seeds(recipes: &[Recipe]) -> Vec<(&str, u64)> {
     recipes.iter().map(|r| (r.scene.as_str(), r.seed)).collect()
 }
@@ -45,7 +45,7 @@ fn the_nearest_defaults_within_the_folder_given_lie_under_a_recipe() {
     assert_eq!(seeds(&all), [("w", 1), ("x", 1), ("y", 0), ("z", 0)]);
     let every: Vec<u32> = all.iter().map(|r| r.every.sharp).collect();
     assert_eq!(every, [1, 1, 2, 2]);
-    // Above the folder given nothing is looked for, and beside a file its own folder alone.
+    // No defaults are read above the given folder; for a given file, only those in its own folder.
     assert_eq!(seeds(&read(root.path(), &["other"])), [("w", 0)]);
     assert_eq!(seeds(&read(root.path(), &["x.yaml", "other/w.yaml"])), [("w", 0), ("x", 1)]);
     assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].every.sharp, 1);
@@ -106,7 +106,7 @@ fn links_are_followed_and_loops_are_told() {
     let root = folder(&[("real/a.yaml", &scene("a"))]);
     std::os::unix::fs::symlink(root.path().join("real"), root.path().join("link")).unwrap();
     assert_eq!(seeds(&read(root.path(), &["link"])), [("a", 0)]);
-    // Once, although two ways lead to it.
+    // The recipe is read once, although two paths lead to it.
     assert_eq!(seeds(&read(root.path(), &[""])), [("a", 0)]);
     std::os::unix::fs::symlink(root.path(), root.path().join("real/up")).unwrap();
     let text = read_all(&[root.path().to_owned()]).unwrap_err().render_text();

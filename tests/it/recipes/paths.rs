@@ -1,4 +1,4 @@
-//! Paths and speeds: what each key means, and that the merged form means the same.
+//! Paths and speeds: the meaning of each key, also in the merged form.
 
 use super::{recipe, said};
 use glam::{DQuat, DVec3};
@@ -18,7 +18,8 @@ use gs2e::trajectory::sample::SummationRule;
 use gs2e::trajectory::travel::PoseCount;
 use gs2e::units::Ratio;
 
-/// A procedural recipe with these trajectories, a list in flow style; its merged form means the same.
+/// A procedural recipe with these trajectories, a list in flow style. Checks that its merged form
+/// means the same.
 fn with(trajectories: &str) -> Recipe {
     let yaml = format!(
         "version: 1\nscene: a\nseed: 7\nsource: {{ procedural: {{}} }}\ntrajectories: [{trajectories}]\n"
@@ -118,7 +119,7 @@ fn keyframes_are_read() {
 fn each_group_is_a_trajectory_and_all_share_the_draws() {
     let recipe = with("{ name: mini, novel: {} }, { name: round, orbit: {} }, { name: base, refine: {} }");
     assert_eq!(names(&recipe), ["mini-0", "mini-1", "mini-2", "round", "base"]);
-    // The first that is not novel, wherever it stands.
+    // The base is the first trajectory that is not novel, at any place in the list.
     let bases: Vec<_> = recipe.trajectories.iter().map(|t| t.base.as_deref()).collect();
     assert_eq!(bases, [Some("round"), Some("round"), Some("round"), None, None]);
     for (group, trajectory) in (0..3).zip(&recipe.trajectories) {
@@ -155,7 +156,7 @@ fn novel_paths_are_read() {
     );
     assert_eq!(novel.curve, GroupCurve::Fixed(CurveKind::Bezier { degree: 4 }));
     assert_eq!(novel.count, PoseCount::Duration(Ratio::new(1, 1).unwrap()));
-    // As many key poses as the base has poses, each drawn once.
+    // The number of key poses equals the base's number of poses; each is drawn once.
     with("{ name: base, refine: { frames: 15 } }, { name: mini, novel: {} }");
 }
 

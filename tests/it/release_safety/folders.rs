@@ -1,4 +1,4 @@
-//! Folders of a person that happen to lie in the way, and the program's own that it left there.
+//! User's folders whose names collide with the program's own, and the program's leftovers.
 
 use super::{beside, named, out, place, released, text};
 use crate::support::workspace::{Workspace, same_tree};
@@ -7,7 +7,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 
-/// Names that earlier versions used for their own folders, and one like today's.
+/// Names that earlier versions used for their own folders, and two like today's.
 const LIKE_OURS: [&str; 4] = ["out.partial", "out.old", ".out.gs2e-notes", ".out.gs2e-abcdefgh01234567"];
 
 #[test]
@@ -27,7 +27,7 @@ fn folders_named_like_temporary_ones_stay() {
     place.ok("audit out");
 }
 
-/// The report's case: the recipes themselves lie in such a folder.
+/// The reported case: the recipes themselves are in a folder with this name.
 #[test]
 fn recipes_in_a_folder_named_like_a_temporary_one_stay() {
     let place = place();
@@ -60,7 +60,7 @@ fn a_file_named_like_the_lock_stays() {
     assert_eq!(text(&place.path(".out.gs2e-lock")), "the only copy");
 }
 
-/// A data set with a manifest and whole sums of its own, as many have.
+/// A data set with its own manifest and complete sums, as is common.
 fn data_set(place: &Workspace, manifest: &str) {
     place.write("out/thesis.txt", "precious");
     place.write("out/manifest.json", manifest);
@@ -114,12 +114,12 @@ fn a_changed_release_is_refused_with_the_names_and_with_leave_its_changes_are_ke
     assert_eq!((&kept["README.md"][..], &kept["tiny/notes.txt"][..]), (&b"my own card"[..], &b"mine"[..]));
 }
 
-/// What is linked into a release is no part of it, and is not followed.
+/// A link in a release is not part of it, and is not followed.
 #[test]
 fn links_in_a_release_are_kept_and_not_followed() {
     let place = released();
     place.write("mine/thesis.txt", "the only copy");
-    // A folder of the release that moved elsewhere, with a link in its place.
+    // A folder of the release was moved elsewhere and replaced by a link.
     fs::rename(place.path("out/tiny/base"), place.path("mine/base")).unwrap();
     symlink("../../mine/base", place.path("out/tiny/base")).unwrap();
     symlink("../mine", place.path("out/shortcut")).unwrap();

@@ -1,11 +1,11 @@
-//! Every mistake ends with its exit code, says what it is, and leaves all files as they were.
+//! Every mistake ends with its exit code and its message, and leaves all files unchanged.
 
 use super::{RIGHT, camera, ply_bytes, transforms, workspace};
 use crate::support::gaussians::blob_scene;
 use crate::support::workspace::{Ended, Workspace, tree};
 use serde_json::{Value, json};
 
-/// The right workspace, with all that is wrong beside it.
+/// The correct workspace, with faulty files of every kind added.
 fn wrong() -> Workspace {
     let place = workspace();
     let whole = std::fs::read(place.path("one.ply")).unwrap();
@@ -39,7 +39,8 @@ fn wrong() -> Workspace {
     place
 }
 
-/// What [`RIGHT`] comes to with a change: its exit code, parts of what it says, and no file touched.
+/// Runs [`RIGHT`] with a change. Checks its exit code and parts of its message, and that no file is
+/// changed.
 fn check() -> impl Fn([&str; 2], i32, &[&str]) {
     let place = wrong();
     let before = tree(&place.path(""));
@@ -154,7 +155,7 @@ fn mistakes_are_objects_for_programs() {
     t(["new.npy", "new.npy --backend cpu --gpu 0"], "no-adapter");
 }
 
-/// What another back end made is no product of this one, and says so.
+/// A product of another back end is not used, and the plan says so.
 #[test]
 fn back_ends_share_no_key() {
     let place = Workspace::with_tiny();
