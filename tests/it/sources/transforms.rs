@@ -46,21 +46,21 @@ fn a_model_and_its_export_are_the_same_capture() {
     assert!(warnings.is_empty() && read.views.len() == original.views.len());
     for (a, b) in original.views.iter().zip(&read.views) {
         assert_eq!((&a.name, a.camera, a.lens.coefficients()), (&b.name, b.camera, b.lens.coefficients()));
-        // A quaternion's way through a matrix costs a few roundings of numbers up to 1.
+        // A quaternion's conversion through a matrix costs a few roundings of numbers up to 1.
         let turn = a.world_from_camera.rotation - b.world_from_camera.rotation;
         assert!(turn.length() < 2e-15, "{}: {turn}", a.name);
         assert_eq!(a.world_from_camera.translation, b.world_from_camera.translation);
     }
 }
 
-/// One frame, at rest, of a camera that is all stated at the top.
+/// One frame, at rest, of a camera that is fully stated at the top.
 fn one_frame() -> Value {
     json!({ "w": 800, "h": 600, "fl_x": 500.0, "fl_y": 501.0, "cx": 400.0, "cy": 300.0,
         "frames": [{ "file_path": "images/1.jpg",
             "transform_matrix": [[1, 0, 0, 1.5], [0, 1, 0, 2.5], [0, 0, 1, 3.5], [0, 0, 0, 1]] }] })
 }
 
-/// `one_frame` with this merged into it; null removes a key.
+/// `one_frame` with this change merged into it; null removes a key.
 fn one_frame_with(change: &Value) -> Value {
     let mut document = one_frame();
     for (key, value) in change.as_object().unwrap() {
@@ -110,7 +110,7 @@ fn a_lens_is_read_as_far_as_there_is_one() {
     assert_eq!(lens(json!({ "k1": 0.1, "k3": 0.3 })).unwrap(), full);
 }
 
-/// A PNG's head, which is all that its size needs.
+/// The head of a PNG, which is enough for its size.
 fn png_head(width: u32, height: u32) -> Vec<u8> {
     let mut head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
     head.extend([width.to_be_bytes(), height.to_be_bytes()].concat());
@@ -124,7 +124,7 @@ fn a_camera_is_scaled_to_the_photo_it_stands_for() {
     std::fs::create_dir(dir.path().join("images")).unwrap();
     let read = |document: &Value, width, height| {
         std::fs::write(dir.path().join("transforms.json"), document.to_string()).unwrap();
-        // A photo named jpg that is a PNG: what counts is the content.
+        // A photo named jpg that is a PNG: only the content counts.
         std::fs::write(dir.path().join("images/1.jpg"), png_head(width, height)).unwrap();
         nerfstudio::read_capture(dir.path()).map_err(|e| e.to_string())
     };
