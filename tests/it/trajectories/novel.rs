@@ -126,7 +126,7 @@ fn seeds_are_all_that_a_draw_depends_on() {
     let other_keys = made(&NovelGroup { keyframes_seed: Seed(99), ..NOVEL }, &base);
     assert_eq!(a.report.curve, other_keys.report.curve);
     assert_ne!(a.report.keyframes, other_keys.report.keyframes);
-    // Which group it is decides, not how many there are.
+    // The draw depends on the group's index, not on the number of groups.
     let more = made(&NovelGroup { groups: 9, ..NOVEL }, &base);
     assert_eq!(a.trajectory, more.trajectory);
 }
