@@ -74,7 +74,7 @@ impl Ninja {
 pub(crate) enum Template {
     /// `capture`, `reconstruct`, `trajectory`, `checks`.
     FourSteps,
-    /// The same four and `events`.
+    /// The steps of [`Self::FourSteps`] and `events`.
     WithEvents,
 }
 

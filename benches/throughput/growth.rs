@@ -41,7 +41,7 @@ const RATE: f64 = 2400.0;
 /// Angular speed of the camera about the scene, rad/s.
 const TURN: f64 = 0.5;
 
-/// The one axis whose sizes are frames.
+/// The only axis whose sizes are frames.
 const FRAME_AXIS: &str = "frames";
 
 /// Parts of the time: before the first frame, in each pass of the renderer, and in the sensor.

@@ -87,7 +87,7 @@ impl Timing {
         format!("{head}: {}\n  median {median}\n  best   {best}", self.what)
     }
 
-    /// The same figures as JSON.
+    /// The figures as JSON.
     pub(crate) fn json(&self) -> Value {
         let rate = |a: &Amount| {
             let [median, best] = [self.median(), self.min()].map(|seconds| a.count / seconds);

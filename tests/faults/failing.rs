@@ -1,4 +1,4 @@
-//! File operations, of which one fails, or all from a given one on.
+//! File operations with injected faults: one fails, or all from a given one on.
 
 use gs2e::store::Digest;
 use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};

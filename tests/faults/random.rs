@@ -1,4 +1,5 @@
-//! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014, figure 16).
+//! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014, figure
+//! 16).
 
 /// A stream of random numbers.
 #[derive(Debug, Clone)]
@@ -20,7 +21,8 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// A number below `n`; the bias of the remainder is below 2^-40 for the small `n` of these tests.
+    /// A number below `n`. The bias of the remainder is below 2^-40 for the small `n` of these
+    /// tests.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         usize::try_from(self.next() % n as u64).unwrap()
     }

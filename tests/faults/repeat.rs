@@ -1,4 +1,5 @@
-//! The same recipes give the same tree: with one thread and with all, in any order, in another
+//! Equal recipes give equal trees: with one thread and with all, in any order, in another folder,
+//! at another time.
 //! folder, at another time.
 
 use crate::place::{Place, tree};

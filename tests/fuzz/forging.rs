@@ -1,7 +1,8 @@
 //! A release whose files are mutated one at a time, with every digest rewritten, as a careful
 //! forger would. The audit finds each change, except changes that it cannot know of.
 //!
-//! An input is a path below the release, a NUL, and the bytes of that file. A mutated path adds a file.
+//! An input is a path below the release, a NUL, and the bytes of that file. A mutated path adds a
+//! file.
 
 #[path = "../it/release/forger.rs"]
 #[expect(dead_code, reason = "the tables of forgeries change JSON files as well")]

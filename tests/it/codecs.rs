@@ -22,7 +22,8 @@ const HEADER: StreamHeader = StreamHeader { size: SIZE, law: Some(LAW), labelled
 
 const LAST_STAMP_US: i64 = 62_083;
 
-/// A sorted stream with gaps of several milliseconds, runs within one microsecond, and sub-microsecond times.
+/// A sorted stream with gaps of several milliseconds, runs within one microsecond, and
+/// sub-microsecond times.
 fn stream(count: u64) -> Vec<Event> {
     let event = |i: u64| {
         let h = (i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);

@@ -37,7 +37,7 @@ fn evt2_is_read_as_it_is_documented() {
         0xa000_0000,       // a trigger
         0x8fff_ffff,
         event(1, 63, 7, 8),
-        0x8000_0000, // the counter began anew
+        0x8000_0000, // the counter restarted
         event(0, 0, 9, 10),
     ];
     let header = "% date 2026-01-01 00:00:00\n% evt 2.0\n% geometry 640x480\n% end\n";
@@ -64,7 +64,7 @@ fn evt3_is_read_as_it_is_documented() {
         0x3064, 0x4805, 0x5081, // base 100 off; of 12: 0, 2, 11; then of 8 from 112: 0 and 7
         0x6011, 0x2004, // the next microsecond, the same row, column 4 off
         0xe000, 0x7123, 0xf456, // others and what belongs to them
-        0x8fff, 0x6fff, 0x2806, // the last microsecond before the counter begins anew
+        0x8fff, 0x6fff, 0x2806, // the last microsecond before the counter restarts
         0x8000, 0x0007, 0x2808,
     ];
     let header = "% evt 3.0\n% format EVT3;height=480;width=640\n% end\n";

@@ -1,4 +1,4 @@
-//! The same recipe gives the same bytes, whatever else the machine does.
+//! Equal recipes give equal bytes, whatever else the machine does.
 
 use crate::support::workspace::{TINY, Workspace, same_tree};
 

@@ -67,7 +67,8 @@ fn ks(sorted: &[f64], cdf: impl Fn(f64) -> f64) -> f64 {
     sorted.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()
 }
 
-/// The same distance between two sorted samples, with the same critical values.
+/// Largest distance between the distribution functions of two sorted samples, scaled for the same
+/// critical values.
 fn ks_of_two(a: &[f64], b: &[f64]) -> f64 {
     let (n, m) = (a.len() as f64, b.len() as f64);
     let distance = |x: &f64| {

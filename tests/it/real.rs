@@ -94,7 +94,7 @@ fn a_colmap_model_at_a_small_size() {
     assert_eq!(place.build("fox.yaml"), [""; 0]);
 }
 
-/// The same capture with its photos and without a scene: its path and its known properties.
+/// A capture with its photos and without a scene: its path and its known properties.
 #[test]
 fn a_capture_is_released_before_it_has_a_scene() {
     let Some(capture) = shared::path("data/captures/fox") else { return };

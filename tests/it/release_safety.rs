@@ -43,7 +43,7 @@ fn place() -> Workspace {
     place
 }
 
-/// The same folder, with a release at `out`.
+/// The folder of [`place`], with a release at `out`.
 fn released() -> Workspace {
     let place = place();
     place.ok("release -q --to out r.yaml");

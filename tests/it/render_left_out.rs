@@ -233,7 +233,8 @@ fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
     }
 }
 
-/// 250 opaque layers behind a crowd, with harmonics of degree 3 of which the last are zero.
+/// 250 opaque layers behind a crowd, with harmonics of degree 3; those of the highest degree are
+/// zero.
 fn opaque() -> Gaussians {
     let layer = |k: u8| ColourBlob {
         position: [0.0, 0.0, 7.0 + 0.01 * f32::from(k)],

@@ -52,7 +52,8 @@ fn after(view: &CameraView, seconds: f64) -> CameraView {
     CameraView { world_from_camera, ..*view }
 }
 
-/// Some hundred overlapping Gaussians of all shapes, a few of them nearly opaque, with harmonics of degree 2.
+/// Some hundred overlapping Gaussians of all shapes, a few of them nearly opaque, with harmonics of
+/// degree 2.
 fn crowd() -> Gaussians {
     let mut draws = ScatterDraws(11);
     let mut draw = |low: f64, high: f64| low + (high - low) * f64::from(draws.next());

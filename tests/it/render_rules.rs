@@ -43,11 +43,13 @@ fn a_round_gaussian_on_the_axis_has_its_profile() {
 
 #[test]
 fn official_extents_end_with_the_tiles_of_three_deviations() {
-    // deviation 10 px: r = ceil(3 sqrt(100.3 + sqrt .1)) = 31 from pixel 50 reaches tiles 1 (16..) to 5 (..95) in x;
-    // opacity 0.99 would reach 33.3 px, to columns 17..83, inside. At 45 px the tiles begin at 0 instead.
+    // deviation 10 px: r = ceil(3 sqrt(100.3 + sqrt .1)) = 31 from pixel 50 reaches tiles 1 (16..)
+    // to 5 (..95) in x; opacity 0.99 would reach 33.3 px, to columns 17..83, inside. At 45 px the
+    // tiles begin at 0 instead.
     let blob = ColourBlob { deviations: [0.4; 3], opacity: 0.999, ..ColourBlob::default() };
     let mut view = view_ahead(160, 160, 100.0);
-    // the mean on pixel 47: 47 - 31 = 16 starts exactly with tile 1, which leaves out pixel 15 at 32 px
+    // the mean on pixel 47: 47 - 31 = 16 starts exactly with tile 1, which excludes pixel 15 at 32
+    // px
     (view.camera.cx, view.camera.cy) = (47.5, 47.5);
     let [official, exact] = [OFFICIAL, EXACT].map(|style| render(blob_scene(&[blob]), style, &view).0);
     let alpha = |image: &RenderedImages, x| f64::from(at(image.alpha.as_ref(), x, 47));

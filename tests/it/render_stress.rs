@@ -48,7 +48,8 @@ fn lists_in_bands_give_the_same_bits() {
     }
 }
 
-/// Giants over a large picture have ten times the entries of the budget. Each pixel shows the first two of them.
+/// Giants over a large picture have ten times the entries of the budget. Each pixel shows the first
+/// two of them.
 #[test]
 fn giants_over_a_large_picture() {
     let (edge, n) = (2048, 6000);

@@ -48,7 +48,8 @@ fn camera() -> Value {
         "R": ROTATION, "t": TRANSLATION })
 }
 
-/// The same view and an empty one, as a `transforms.json`: camera to world, y up and z back.
+/// The view of [`camera`] and an empty one, as a `transforms.json`: camera to world, y up and z
+/// back.
 fn transforms() -> Value {
     // The inverse of `R` and `t`, with the second and third column negated: centre `(3, -2, -1)`.
     let seeing = json!([[0, 0, 1, 3], [0, -1, 0, -2], [1, 0, 0, -1], [0, 0, 0, 1]]);

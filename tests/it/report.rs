@@ -175,7 +175,7 @@ fn the_page_says_what_the_records_say() {
 const WICKED: &str =
     "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & \u{202e}desrever";
 
-/// The same text as the page shows it.
+/// [`WICKED`] as the page shows it.
 const TOLD: &str =
     "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & [U+202E]desrever";
 

@@ -144,7 +144,7 @@ fn options_beat_the_file() {
     assert_ne!(lines(&place, "e.txt"), found);
 }
 
-/// The same frames as bytes, floats, images, and as a sequence of DVS-Voltmeter.
+/// Frames give the same events as bytes, floats, images, and as a sequence of DVS-Voltmeter.
 #[test]
 fn frames_are_the_same_however_they_come() {
     let place = workspace();

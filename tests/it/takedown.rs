@@ -9,7 +9,7 @@ use std::fs;
 
 const LIST: &str = "# asked for by mail\nshown/face 2025-06-01 a face on a photo\n";
 
-/// Two scenes, one of which is taken down later.
+/// Two scenes. One is taken down later.
 fn place() -> Workspace {
     let place = Workspace::new();
     let recipe = |id: &str| TINY.replace("scene: tiny", &format!("scene: {id}"));

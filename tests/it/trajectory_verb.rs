@@ -69,7 +69,8 @@ fn planted(gap: bool) -> Vec<(String, Se3)> {
     (0..8).map(view).collect()
 }
 
-/// `cameras.txt` and `images.txt` of a COLMAP model (its `doc/format.rst`): world to camera, w first.
+/// `cameras.txt` and `images.txt` of a COLMAP model (its `doc/format.rst`): world to camera, w
+/// first.
 fn colmap_text(views: &[(String, Se3)]) -> [String; 2] {
     let mut images = String::new();
     for (i, (name, pose)) in views.iter().enumerate() {

@@ -3,8 +3,8 @@
 
 use crate::command::{Outcome, cargo};
 
-/// Runs the harness; `args` are its own (`--seconds N`, `--only READER`, `--seed N`, `--first N`, `--runs N`,
-/// `--jobs N`).
+/// Runs the harness; `args` are its own (`--seconds N`, `--only READER`, `--seed N`, `--first N`,
+/// `--runs N`, `--jobs N`).
 pub(crate) fn run(args: &[String]) -> Outcome {
     cargo(&["test", "--quiet", "--test", "fuzz", "--"]).args(args).run()
 }

@@ -1,4 +1,5 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report | docs | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report | docs
+//! | manifest`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.

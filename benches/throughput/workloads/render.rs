@@ -90,7 +90,7 @@ fn split(scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> String {
     lines.join("\n    ")
 }
 
-/// The same views on a hardware GPU, at two sizes. The time of each stage goes to stderr.
+/// The views on a hardware GPU, at two sizes. The time of each stage goes to stderr.
 fn on_gpu(name: &str, scene: &Gaussians, view: CameraView, wants: [ChannelSet; 3]) -> Vec<Workload> {
     let device = match GpuDevice::open(&DeviceChoice::Hardware) {
         Ok(device) => device,

@@ -78,7 +78,8 @@ impl Crate {
     }
 }
 
-/// Imported names, each with its module as a path: `src/sensor/noise` for `use crate::sensor::noise::Redraw;`.
+/// Imported names, each with its module as a path: `src/sensor/noise` for
+/// `use crate::sensor::noise::Redraw;`.
 fn imports(text: &str) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     for import in text.split("\nuse crate::").skip(1).filter_map(|rest| rest.split_once(';')) {

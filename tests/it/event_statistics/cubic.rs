@@ -13,7 +13,8 @@ use gs2e::sensor::voltmeter::{BetweenFrames, DriftGain, VoltmeterModel};
 const SIZE: Size = Size { width: 8, height: 3 };
 const K2: f64 = 16.0;
 
-/// Frames of `L + K2 = e^V`, with rates, from `V` and its slope per second as functions of pixel and seconds.
+/// Frames of `L + K2 = e^V`, with rates, from `V` and its slope per second as functions of pixel
+/// and seconds.
 fn of_signal(stamps_us: &[i64], signal: impl Fn(usize, f64) -> [f64; 2]) -> ArrayFrames {
     let each = |value: fn([f64; 2]) -> f64| -> Vec<f32> {
         let all =

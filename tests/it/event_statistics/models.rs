@@ -1,4 +1,5 @@
-//! The sensors of ESIM and v2e against closed forms: crossings, dead times, leak, shot noise and the low-pass filter.
+//! The sensors of ESIM and v2e, compared with closed forms: crossings, dead times, leak, shot noise
+//! and the low-pass filter.
 
 use super::{by_pixel, frames, ks, run};
 use gs2e::event::{Event, Polarity};

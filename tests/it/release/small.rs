@@ -6,7 +6,8 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// Two trajectories of 24 poses over 2,000 Gaussians, at 64x48, with events and pictures of every kind.
+/// Two trajectories of 24 poses over 2,000 Gaussians, at 64x48, with events and pictures of every
+/// kind.
 pub(crate) const RECIPE: &str = "\
 version: 1
 scene: small/one

@@ -1,4 +1,4 @@
-//! User's folders whose names collide with the program's own, and the program's leftovers.
+//! The user's folders with names like the program's own, and the program's leftovers.
 
 use super::{beside, named, out, place, released, text};
 use crate::support::workspace::{Workspace, same_tree};

@@ -14,7 +14,8 @@ use std::io::{BufReader, BufWriter, Write as _};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Undistorts a picture: from, to, fx, fy, cx, cy with pixel centres at integers, and k1, k2, p1, p2.
+/// Undistorts a picture: from, to, fx, fy, cx, cy with pixel centres at integers, and k1, k2, p1,
+/// p2.
 const OPENCV: &str = "
 import sys, cv2, numpy
 fx, fy, cx, cy, *lens = map(float, sys.argv[3:])

@@ -81,7 +81,7 @@ impl Workspace {
         hidden_gpus(self.command_with_gpu(args))
     }
 
-    /// The same command, with the machine's GPUs.
+    /// Like [`Self::command`], with the machine's GPUs.
     pub(crate) fn command_with_gpu(&self, args: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
         command.args(args.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());

@@ -92,7 +92,7 @@ fn read(path: &Path) -> Option<Source> {
     String::from_utf8(bytes).ok().map(|text| Source::new(&name, &text))
 }
 
-/// The same text, with comments and the insides of string and character literals replaced by
+/// The text, with comments and the insides of string and character literals replaced by spaces.
 /// spaces.
 fn without_literals(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
@@ -174,7 +174,8 @@ fn block_comment_end(chars: &[char], mut i: usize) -> usize {
 
 const TEST_MARK: &str = "#[cfg(test)]";
 
-/// The same code with each item after `#[cfg(test)]` blanked. Literals are already blank, so braces
+/// The code with each item after `#[cfg(test)]` blanked. Literals are already blank, so braces
+/// balance.
 /// balance.
 fn without_tests(code: &str) -> String {
     let mut rest = code;

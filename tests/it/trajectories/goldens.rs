@@ -1,4 +1,5 @@
-//! SciPy's splines, quadrature and a whole refinement by another program: `tests/golden/trajectory`.
+//! SciPy's splines, quadrature and a whole refinement by another program:
+//! `tests/golden/trajectory`.
 
 use super::{LAW, named, refined};
 use glam::{DQuat, DVec3};

@@ -55,7 +55,8 @@ fn an_offset_of_a_million_keeps_a_billionth_of_the_path() {
     let (a, b) = (refined(&views, &RefinePath::default(), LAW), refined(&far, &RefinePath::default(), LAW));
     assert!((a.report.length - b.report.length).abs() < 1e-12);
     for (p, q) in a.trajectory.world_from_camera.iter().zip(&b.trajectory.world_from_camera) {
-        // One rounding of a coordinate of 2e6 is 2.3e-10; the path is 5.7 long, in units of 2 scene units.
+        // One rounding of a coordinate of 2e6 is 2.3e-10; the path is 5.7 long, in units of 2 scene
+        // units.
         assert!((p.translation + offset - q.translation).length() < 5e-10);
         assert!(angle_between(p.rotation, q.rotation) < 1e-14);
     }
