@@ -50,7 +50,7 @@ fn a_sound_release_has_no_faults() {
 }
 
 #[test]
-fn a_fault_names_its_scene_and_what_to_do() {
+fn a_fault_names_its_scene_and_its_repair() {
     let folder = copy();
     fs::write(folder.path().join(BASE).join("speed.json"), "{}").unwrap();
     let faults = audit_release(folder.path()).unwrap().faults;
@@ -61,7 +61,7 @@ fn a_fault_names_its_scene_and_what_to_do() {
 }
 
 #[test]
-fn what_is_missing_altered_or_unlisted_is_found() {
+fn missing_altered_and_unlisted_files_are_found() {
     let pose = format!("{BASE}/poses.txt");
     check(
         |f| fs::remove_file(f.join(&pose)).unwrap(),
@@ -131,7 +131,7 @@ fn sums_have_one_form_and_agree() {
 }
 
 #[test]
-fn the_other_sums_are_held_to_the_same() {
+fn the_second_list_of_sums_obeys_the_same_rules() {
     let stamps = format!("{BASE}/timestamps_us.txt");
     let path = stamps.as_str();
     // B3SUMS is changed and the change is hidden in SHA256SUMS: form, lines and digests of B3SUMS
@@ -288,7 +288,7 @@ fn an_upstream_photo_is_known_by_its_bytes() {
 }
 
 #[test]
-fn claims_are_held_against_each_other() {
+fn contradictory_claims_are_found() {
     let scene = |key: &'static str, value: serde_json::Value| {
         move |f: &Path| edit(f, SCENE, |v| *v.pointer_mut(key).unwrap() = value)
     };
@@ -316,7 +316,7 @@ fn claims_are_held_against_each_other() {
 }
 
 #[test]
-fn what_is_told_of_terms_elsewhere_is_found() {
+fn false_terms_in_other_files_are_found() {
     let replace = |name: &'static str, from: &'static str, to: &'static str| {
         move |f: &Path| {
             let text = fs::read_to_string(f.join(name)).unwrap();
@@ -467,7 +467,7 @@ fn missed(hand: u64, flips: usize) -> Vec<String> {
 }
 
 #[test]
-fn the_verb_says_so_by_its_exit_code() {
+fn the_exit_code_of_the_verb_is_the_verdict() {
     let folder = copy();
     assert_eq!(gs2e(folder.path(), &["audit", "."]).status.code(), Some(0));
     fs::write(folder.path().join("more"), "").unwrap();

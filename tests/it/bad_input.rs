@@ -35,7 +35,7 @@ fn the_sound_twin_passes() {
 
 /// Faults in the recipe's text: exit code 2, with the line of the fault.
 #[test]
-fn a_recipe_that_says_what_is_not_understood() {
+fn a_recipe_with_faulty_text_is_refused() {
     let t = |from: &str, to: &str, said: &[&str]| {
         assert!(TINY.contains(from), "{from}");
         let place = Workspace::new();

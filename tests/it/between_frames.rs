@@ -144,7 +144,7 @@ fn cubics_meet_fine_frames_with_fewer() {
 }
 
 #[test]
-fn a_recipe_says_how_brightness_goes() {
+fn a_recipe_chooses_the_brightness_between_frames() {
     let place = Workspace::new();
     let mut streams = Vec::new();
     for between in ["linear", "catmull", "hermite"] {

@@ -128,7 +128,7 @@ fn each_codec(check: impl Fn(&Codec, &Path)) {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_events_are_read_back() {
     each_codec(|codec, path| {
         for count in [0, 1, 2, 65_535, 65_536, 65_537, 200_000] {
             let events = stream(count);
@@ -139,7 +139,7 @@ fn what_is_written_is_read_back() {
 }
 
 #[test]
-fn equal_streams_are_equal_bytes_however_they_are_appended_and_by_however_many_threads() {
+fn equal_streams_are_equal_bytes_for_any_chunks_and_threads() {
     let events = stream(150_000);
     each_codec(|codec, path| {
         codec.write(path, &events, 150_000);
@@ -247,7 +247,7 @@ fn a_file_with_a_byte_changed_is_an_error_or_other_events_but_never_a_crash() {
 }
 
 #[test]
-fn what_is_no_stream_is_not_written() {
+fn an_invalid_stream_is_not_written() {
     let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On, label: EventLabel::Signal };
     let earlier = Event { t: Timestamp(4_999), ..later };
     let outside = Event { t: Timestamp(6_000), x: 640, ..later };
@@ -279,7 +279,7 @@ fn labels(events: &[Event]) -> Vec<EventLabel> {
 }
 
 #[test]
-fn labels_are_kept_where_there_is_a_place_and_the_stream_has_them() {
+fn labels_are_kept_by_formats_that_can_hold_them() {
     each_codec(|codec, path| {
         for count in [0, 1, 65_537, 200_000] {
             let events = stream(count);
@@ -309,7 +309,7 @@ fn labels_are_kept_where_there_is_a_place_and_the_stream_has_them() {
 }
 
 #[test]
-fn what_is_wrong_with_the_labels_of_an_archive_is_named() {
+fn faulty_labels_of_an_archive_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.npz");
     let mut writer = npz::Writer::create(&path, &HEADER).unwrap();
@@ -391,7 +391,7 @@ fn write_foreign(path: &Path, instead: Instead) {
 }
 
 #[test]
-fn what_is_wrong_in_an_hdf5_file_is_named() {
+fn faults_of_an_hdf5_file_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.h5");
     write_foreign(&path, Instead::Nothing);

@@ -109,7 +109,7 @@ pub(crate) fn edit(place: &Workspace, from: &str, to: &str) {
 }
 
 #[test]
-fn it_runs_once_and_again_where_what_it_is_changed() {
+fn the_program_runs_again_only_after_a_change() {
     let place = trained_by(COPY);
     let built = |wanted: usize, why: &str| {
         let made = place.build("--allow-commands recipe.yaml");
@@ -170,7 +170,7 @@ fn keys_and_products_are_the_same_elsewhere() {
 }
 
 #[test]
-fn a_release_says_what_trained_its_scene() {
+fn a_release_names_the_program_that_trained_its_scene() {
     let place = trained_by(COPY);
     edit(&place, "scene: scene.ply\n", "scene: scene.ply\n    iterations: 7000\n");
     edit(&place, "\"{planted}\"]", "\"{planted}\", \"--steps={iterations}\", \"--seed\", \"{seed}\"]");

@@ -38,7 +38,7 @@ fn compressed_scenes_become_ply_without_loss() {
 }
 
 #[test]
-fn what_is_lost_needs_to_be_allowed() {
+fn losses_need_permission() {
     let place = Workspace::new();
     let t = |input: &str, output: &str, told: &[&str]| {
         let command = format!("convert {} {output}", golden(input));
@@ -89,7 +89,7 @@ fn gaussians_that_are_not_finite_are_dropped_and_counted() {
 }
 
 #[test]
-fn other_properties_are_told() {
+fn unknown_properties_are_reported() {
     let place = Workspace::new();
     let names = "x y z nx f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 label";
     let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();

@@ -138,7 +138,7 @@ fn other_peoples_text_is_read() {
 }
 
 #[test]
-fn what_is_wrong_is_named_and_nothing_is_written() {
+fn faults_are_named_and_no_file_is_written() {
     let place = Workspace::new();
     let header = "% evt 3.0\n% geometry 8x8\n% end\n";
     let t = |name: &str, bytes: &[u8], options: &str, code: i32, told: &str| {

@@ -54,7 +54,7 @@ fn stale(steps: &BTreeMap<String, Step>) -> (Vec<&str>, Vec<&str>) {
 }
 
 #[test]
-fn white_space_in_a_source_runs_its_reader_and_nothing_behind() {
+fn white_space_in_a_source_runs_only_its_reader() {
     let place = captured();
     assert_eq!(place.build("tiny.yaml").len(), 8);
     place.write("transforms.json", serde_json::to_string_pretty(&transforms()).unwrap());

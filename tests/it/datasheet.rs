@@ -47,7 +47,7 @@ fn answer(sheet: &str, question: &str) -> String {
 }
 
 #[test]
-fn what_is_not_known_is_said_to_be_so() {
+fn unknown_answers_are_stated_as_unknown() {
     let sheet = text(release(), "DATASHEET.md");
     // The questions of the seven sections of the paper's list, in its order.
     let sections: Vec<&str> = sheet.lines().filter_map(|line| line.strip_prefix("## ")).collect();
@@ -89,7 +89,7 @@ fn numbers_are_those_of_the_tree() {
 }
 
 #[test]
-fn terms_of_an_upstream_are_told_and_asked_for() {
+fn terms_of_an_upstream_are_stated_and_requested() {
     let place = gated();
     place.ok("audit tree");
     let tree = place.path("tree");

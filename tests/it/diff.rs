@@ -65,7 +65,7 @@ fn equal_releases_differ_in_nothing() {
 
 /// The parts of a key are taken from the plan. A lost record is no reason to refuse a release.
 #[test]
-fn a_release_needs_no_record_to_say_what_its_keys_are_made_of() {
+fn a_release_states_the_parts_of_its_keys_without_records() {
     let place = sound();
     place.ok("release -q --to old recipe.yaml");
     for path in tree(&place.path(".gs2e/ac")).keys() {
@@ -143,7 +143,7 @@ fn a_file_of_the_source_is_named() {
 
 /// Differences that no recipe shows: revisions, classes and steps behind equal recipes.
 #[test]
-fn revisions_classes_and_steps_that_differ_are_told() {
+fn different_revisions_classes_and_steps_are_reported() {
     let zeros = "0".repeat(64);
     let t = |change: &dyn Fn(&mut Value), wanted: (&str, bool, Value)| {
         let place = with_manifest(|manifest| change(manifest));
@@ -180,7 +180,7 @@ fn revisions_classes_and_steps_that_differ_are_told() {
 /// The claims of a release are enough: without its other files, without a store, and without
 /// writing.
 #[test]
-fn it_reads_claims_only() {
+fn diff_reads_only_claims() {
     let place = Workspace::with_tiny();
     place.ok("release -q --to old tiny.yaml");
     place.write("tiny.yaml", TINY.replace("width: 64", "width: 66"));

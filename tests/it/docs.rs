@@ -117,7 +117,7 @@ fn the_summary_lists_every_page() {
 /// Features that the README calls missing are refused by name, and every reserved key is on its
 /// list.
 #[test]
-fn what_is_not_there_yet_is_refused() {
+fn missing_features_are_refused_by_name() {
     let readme = text_of("README.md");
     let section = readme
         .split("\n## ")

@@ -48,7 +48,7 @@ fn a_surface_shows_the_last_event_by_its_age() {
 }
 
 #[test]
-fn rates_are_drawn_over_the_window_and_told() {
+fn rates_are_drawn_over_the_window_and_printed() {
     let place = workspace();
     let told = place.ok("convert e.txt p.png --picture rate --window 0,1000 --json").stdout;
     let told: Value = serde_json::from_str(&told).unwrap();
@@ -63,7 +63,7 @@ fn rates_are_drawn_over_the_window_and_told() {
 }
 
 #[test]
-fn what_is_no_picture_is_refused() {
+fn impossible_pictures_are_refused() {
     let place = workspace();
     let t = |args: &str, told: &str| {
         let ended = place.gs2e(args);

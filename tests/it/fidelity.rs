@@ -59,7 +59,7 @@ fn measured(place: &Workspace, part: &str) -> f64 {
 }
 
 #[test]
-fn a_scene_is_as_true_as_its_photos_are_its_own() {
+fn a_scene_scores_high_on_photos_of_its_own() {
     let place = photographed(|_, v| v);
     place.ok("release --to tree recipe.yaml");
     place.ok("audit tree");
@@ -125,7 +125,7 @@ fn one_bad_view_stops_a_release_unless_it_is_accepted() {
 }
 
 #[test]
-fn a_photo_that_changes_is_compared_again_and_one_that_is_none_is_told() {
+fn a_changed_photo_is_compared_again_and_an_invalid_one_is_reported() {
     let place = photographed(|_, v| v);
     place.ok("build recipe.yaml");
     let other = fs::read(place.path("images/000.png")).unwrap();
@@ -142,7 +142,7 @@ fn a_photo_that_changes_is_compared_again_and_one_that_is_none_is_told() {
 }
 
 #[test]
-fn where_there_is_no_photo_nothing_is_compared() {
+fn nothing_is_compared_without_photos() {
     let place = given::sound();
     place.ok("build recipe.yaml");
     let told = finding(&place, "drop");
@@ -152,7 +152,7 @@ fn where_there_is_no_photo_nothing_is_compared() {
 /// A COLMAP model of 20 images one step apart along x, which see one point one pixel off, and its
 /// photos, two more than images.
 #[test]
-fn a_model_is_held_against_its_points_and_its_folder() {
+fn a_model_is_compared_with_its_points_and_its_folder() {
     let image = |i: u32| Photographed {
         id: i + 1,
         q: [1.0, 0.0, 0.0, 0.0],

@@ -71,7 +71,7 @@ fn verdicts(place: &Workspace, name: &str, readers: &[&str]) -> Option<Vec<(Stri
 }
 
 #[test]
-fn foreign_readers_read_what_was_written() {
+fn foreign_readers_read_the_written_events() {
     if shared::path("tools/check_events.py").is_none() {
         return;
     }

@@ -95,7 +95,7 @@ fn misjudged(forgery: &Forgery) -> Option<String> {
 }
 
 #[test]
-fn every_forgery_is_found_where_the_table_says() {
+fn every_forgery_is_found_as_the_table_states() {
     let rows = rows::all();
     assert!(rows.len() >= 82, "{}", rows.len());
     let part = rows.len().div_ceil(4);
@@ -120,7 +120,7 @@ fn every_forgery_is_found_where_the_table_says() {
 }
 
 #[test]
-fn the_page_lists_what_the_audit_cannot_know() {
+fn the_page_lists_the_values_that_an_audit_cannot_know() {
     let page = include_str!("../../docs/audit.md");
     let values = VALUES.iter().flat_map(|(_, pointers)| *pointers).map(|pointer| {
         pointer.rsplit_once("*/").map_or_else(|| pointer.trim_start_matches('/'), |(_, below)| below)
@@ -135,7 +135,7 @@ fn the_page_lists_what_the_audit_cannot_know() {
 }
 
 #[test]
-fn a_release_that_names_another_version_is_judged_by_what_holds_for_any() {
+fn a_release_of_another_version_is_judged_by_common_rules() {
     let folder = copy();
     rows::of_version(folder.path(), "0.0.9");
     reseal(folder.path());

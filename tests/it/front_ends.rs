@@ -31,7 +31,7 @@ fn json(place: &Workspace, path: &str) -> Value {
 }
 
 #[test]
-fn each_of_several_sees_what_it_sees_alone() {
+fn several_sensors_see_the_same_as_each_alone() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
@@ -61,7 +61,7 @@ fn each_of_several_sees_what_it_sees_alone() {
 /// The check `event_frame` compares events with the brightness that their own sensor saw; another
 /// sensor's brightness would not match.
 #[test]
-fn each_is_checked_by_what_it_saw() {
+fn each_sensor_is_checked_by_its_own_brightness() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
@@ -83,7 +83,7 @@ fn each_is_checked_by_what_it_saw() {
 }
 
 #[test]
-fn a_release_says_what_was_seen() {
+fn a_release_states_the_brightness_of_each_sensor() {
     let place = Workspace::new();
     let said = |sensors: &str| {
         place.write("tiny.yaml", recipe(sensors));
@@ -114,7 +114,7 @@ fn a_release_says_what_was_seen() {
 }
 
 #[test]
-fn what_is_written_out_of_the_default_changes_no_key() {
+fn writing_out_a_default_changes_no_key() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     for front_end in [

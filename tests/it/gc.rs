@@ -83,7 +83,7 @@ fn a_removed_recipe_frees_its_blobs_and_no_others() {
 }
 
 #[test]
-fn what_is_young_stays() {
+fn young_files_stay() {
     let place = two();
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
     let before = stored(&place);
@@ -148,7 +148,7 @@ fn a_dry_run_says_the_same_and_changes_nothing() {
 
 /// An edit that is not built yet may be undone.
 #[test]
-fn what_a_step_last_made_stays() {
+fn the_last_products_of_a_step_stay() {
     let place = two();
     place.write("recipes/a.yaml", scene("a", 3));
     assert_eq!(gc(&place, "--min-age 0")["blobs"], 0);
@@ -160,7 +160,7 @@ fn what_a_step_last_made_stays() {
 }
 
 #[test]
-fn a_release_keeps_what_it_was_made_from_as_long_as_it_is_there() {
+fn a_release_keeps_its_inputs_while_it_exists() {
     let place = two();
     place.ok("release -q --to out recipes/a.yaml");
     fs::create_dir(place.path("aside")).unwrap();
@@ -188,7 +188,7 @@ fn a_release_keeps_what_it_was_made_from_as_long_as_it_is_there() {
 
 /// Nothing is deleted if the roots are not known.
 #[test]
-fn what_cannot_be_read_deletes_nothing() {
+fn unreadable_roots_delete_nothing() {
     let place = two();
     place.ok("release -q --to out recipes/b.yaml");
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
@@ -219,7 +219,7 @@ fn what_cannot_be_read_deletes_nothing() {
 /// `gc` is killed at random instants, again and again, while it has much to delete. Marked files
 /// are never harmed. Every kill leaves more for the next round.
 #[test]
-fn a_kill_at_any_moment_loses_nothing_that_is_marked() {
+fn a_kill_at_any_moment_loses_no_marked_file() {
     const GARBAGE: u32 = 400;
     let place = two();
     let marked = keys(&place, "recipes");

@@ -84,7 +84,7 @@ fn three() -> Workspace {
 /// The first build after the cold one reads nothing. A changed file makes only its own scene be
 /// looked at again.
 #[test]
-fn what_has_not_moved_is_known_at_a_glance() {
+fn unchanged_scenes_are_known_at_a_glance() {
     let place = three();
     assert!(build(&place) > 0);
     let all = ["a", "b", "c"].map(str::to_owned).to_vec();
@@ -120,7 +120,7 @@ fn what_has_not_moved_is_known_at_a_glance() {
 }
 
 #[test]
-fn recheck_makes_again_and_tells_unlike_bytes() {
+fn recheck_makes_steps_again_and_compares_bytes() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     place.ok("build");
@@ -132,7 +132,7 @@ fn recheck_makes_again_and_tells_unlike_bytes() {
 }
 
 #[test]
-fn a_step_that_needs_more_than_there_is_runs_alone_and_is_told() {
+fn a_step_above_the_memory_budget_runs_alone_with_a_warning() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     let ended = place.ok("build -j 2 --memory 1MB");
@@ -144,7 +144,7 @@ fn a_step_that_needs_more_than_there_is_runs_alone_and_is_told() {
 /// Before the first run there is no estimate. Afterwards a similar scene is expected to take as
 /// long as the first.
 #[test]
-fn an_estimate_comes_from_what_ran_before() {
+fn an_estimate_comes_from_earlier_runs() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     let estimate = || -> Value { serde_json::from_str(&place.ok("plan --estimate --json").stdout).unwrap() };

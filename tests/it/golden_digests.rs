@@ -155,7 +155,7 @@ fn found() -> Vec<Pin> {
 }
 
 #[test]
-fn what_each_stage_makes_is_what_it_made() {
+fn each_stage_makes_its_pinned_bytes() {
     let (pins, found) = (pins(), found());
     let steps = |pins: &[Pin]| pins.iter().map(|pin| pin.step.clone()).collect::<Vec<_>>();
     let mut faults = Vec::new();

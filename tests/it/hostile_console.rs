@@ -117,7 +117,7 @@ fn photos_files_and_recipes_may_have_any_name() {
 }
 
 #[test]
-fn releases_of_strangers_are_shown_and_do_not_act() {
+fn foreign_releases_are_shown_and_do_not_act() {
     let place = released();
     fs::write(place.path("out").join(WICKED.replace('/', "_")), "x").unwrap();
     let audited = inert(&place, "audit out");
@@ -176,7 +176,7 @@ fn words_of_the_command_line_do_not_act() {
 }
 
 #[test]
-fn the_card_is_markup_of_ours_alone() {
+fn the_card_holds_only_our_markup() {
     let place = Workspace::with_tiny();
     place.ok("release -q --to plain tiny.yaml");
     let outline = |card: &str| -> Vec<String> {
@@ -223,7 +223,7 @@ fn the_card_is_markup_of_ours_alone() {
 }
 
 #[test]
-fn addresses_lead_to_text() {
+fn addresses_of_other_schemes_are_refused() {
     let place = Workspace::with_tiny();
     for url in
         ["javascript:alert(1)", "data:text/html,x", "https://a>b", "https://a\u{202e}b", "file:///etc/passwd"]
@@ -267,7 +267,7 @@ fn lost_results_are_an_error_in_every_verb() {
 }
 
 #[test]
-fn a_reader_may_leave_before_the_end() {
+fn a_reader_may_close_the_pipe_early() {
     let place = released();
     for arguments in RESULTS {
         let (reader, writer) = std::io::pipe().unwrap();
@@ -280,7 +280,7 @@ fn a_reader_may_leave_before_the_end() {
 }
 
 #[test]
-fn stderr_may_be_gone() {
+fn a_lost_stderr_is_no_error() {
     let place = released();
     for arguments in RESULTS {
         let full = File::options().write(true).open("/dev/full").unwrap();
@@ -309,7 +309,7 @@ fn unescaped(word: &str) -> Vec<u8> {
 }
 
 #[test]
-fn paths_that_are_no_text_work_in_every_verb() {
+fn paths_that_are_not_utf8_work_in_every_verb() {
     let place = sound();
     let odd = place.path("").join(OsStr::from_bytes(b"x\xff"));
     fs::create_dir_all(odd.join("data/one")).unwrap();

@@ -97,7 +97,7 @@ fn refused(place: &Workspace, args: &str, file: &str, kinds: &[&str], codes: &[i
 const FILES: &[&str] = &["device", "FIFO", "socket", "dangling", "loop"];
 
 #[test]
-fn what_lies_with_the_recipes_is_an_error_and_never_absent() {
+fn special_files_next_to_recipes_are_errors_and_never_absent() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", TINY);
     for (args, file) in [
@@ -145,7 +145,7 @@ fn files_of_a_colmap_model_are_regular_files() {
 }
 
 #[test]
-fn what_a_trainer_leaves_is_a_regular_file() {
+fn the_scene_of_a_trainer_is_a_regular_file() {
     for leaves in
         ["mkfifo \"$2/scene.ply\"", "ln -s /dev/zero \"$2/scene.ply\"", "ln -s gone \"$2/scene.ply\""]
     {
@@ -157,7 +157,7 @@ fn what_a_trainer_leaves_is_a_regular_file() {
 }
 
 #[test]
-fn what_a_single_step_reads_is_a_regular_file() {
+fn inputs_of_single_step_verbs_are_regular_files() {
     let place = sound();
     for name in ["e.csv", "e.txt", "e.h5", "e.npz", "e.raw", "e.aedat4"] {
         refused(&place, &format!("convert --size 8x8 {name} new.npz"), name, &KINDS, &[1, 2]);
@@ -189,7 +189,7 @@ fn what_a_single_step_reads_is_a_regular_file() {
 }
 
 #[test]
-fn a_blob_that_is_no_file_any_more_is_made_again() {
+fn a_blob_that_is_no_longer_a_file_is_made_again() {
     for kind in KINDS {
         let place = Workspace::with_tiny();
         place.ok("build tiny.yaml");

@@ -125,7 +125,7 @@ fn the_traps_can_be_sprung() {
 }
 
 #[test]
-fn no_verb_runs_what_lies_in_a_folder() {
+fn no_verb_runs_programs_of_its_folders() {
     let place = asking();
     let path = std::env::var("PATH").unwrap_or_default();
     let path = format!(":.:recipes:../x:./capture::{path}:");
@@ -194,7 +194,7 @@ fn asked(place: &Workspace, arguments: &str) -> usize {
 }
 
 #[test]
-fn what_runs_nothing_asks_no_program_for_its_version() {
+fn verbs_that_run_nothing_ask_no_program_for_its_version() {
     let place = with_python();
     for look in ["plan recipes", "plan --json --estimate recipes", "why asks --recipes recipes"] {
         assert_eq!(asked(&place, look), 0, "{look}");
@@ -275,7 +275,7 @@ fn half_an_index_is_no_index() {
 }
 
 #[test]
-fn a_stream_without_events_is_told() {
+fn a_stream_without_events_is_reported() {
     let place = Workspace::new();
     let mut value = recipe("empty");
     value["source"]["procedural"]["arc"] = json!(6);
@@ -294,7 +294,7 @@ fn a_stream_without_events_is_told() {
 /// One event per eight microseconds on average. Three events of a pixel in one microsecond are no
 /// fault of the stream.
 #[test]
-fn pixels_as_hot_as_stamps_can_tell_are_accounted_for() {
+fn very_hot_pixels_are_accounted_for() {
     let place = Workspace::new();
     let mut value = recipe("hot");
     value["sensor"] = json!({ "esim": { "hot_pixels": { "share": 0.005, "rate": 1.2e5 } } });
@@ -309,7 +309,7 @@ fn pixels_as_hot_as_stamps_can_tell_are_accounted_for() {
 }
 
 #[test]
-fn a_file_that_is_no_program_is_told() {
+fn a_file_that_is_no_program_is_reported() {
     let place = crate::command::trained_by(":");
     crate::command::edit(&place, "program: sh", "program: \"{train}\"");
     fs::set_permissions(place.path("train.sh"), Permissions::from_mode(0o644)).unwrap();
@@ -321,7 +321,7 @@ fn a_file_that_is_no_program_is_told() {
 
 /// A trainer's own programs are not looked for in its folder either.
 #[test]
-fn what_a_trainer_starts_is_looked_for_in_absolute_folders() {
+fn programs_of_a_trainer_are_looked_for_in_absolute_folders() {
     let place = crate::command::trained_by(&format!("echo \"path $PATH\"; pwd; {}", crate::command::COPY));
     let path = std::env::var("PATH").unwrap_or_default();
     let mut command = place.command("build -q --allow-commands recipe.yaml");

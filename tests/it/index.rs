@@ -51,7 +51,7 @@ fn counted(path: &Path) -> (i64, i64) {
 }
 
 #[test]
-fn rows_say_what_the_recipe_asked_for_and_the_files_hold() {
+fn rows_agree_with_the_recipe_and_the_files() {
     let rows = rows(release());
     assert_eq!(rows.len(), 2);
     for (row, (name, poses)) in rows.iter().zip([("base", 24), ("slow", 36)]) {
@@ -150,7 +150,7 @@ fn scenes_and_sensors_are_sorted_and_a_second_release_is_the_same() {
 }
 
 #[test]
-fn a_release_without_an_index_is_none() {
+fn a_release_without_an_index_is_faulty() {
     let folder = copy();
     fs::remove_file(folder.path().join("index.parquet")).unwrap();
     assert_eq!(gs2e(folder.path(), &["audit", "."]).status.code(), Some(3));

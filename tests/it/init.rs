@@ -131,7 +131,7 @@ fn every_known_defect_is_named_and_the_others_go_on() {
 }
 
 #[test]
-fn running_it_again_adds_what_is_new_and_touches_nothing_else() {
+fn a_second_run_adds_only_new_scenes() {
     let place = Workspace::new();
     let generator = Generator::new();
     generator.mvimgnet(&place.path("data"), 0, 25, &scene_file());
@@ -155,7 +155,7 @@ fn running_it_again_adds_what_is_new_and_touches_nothing_else() {
 }
 
 #[test]
-fn a_sample_is_a_matter_of_the_seed() {
+fn a_sample_depends_on_the_seed() {
     let place = Workspace::new();
     let generator = Generator::new();
     generator.mvimgnet(&place.path("data"), 0, 40, &scene_file());
@@ -280,7 +280,7 @@ fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
 }
 
 #[test]
-fn other_peoples_captures_are_found_wherever_they_lie() {
+fn foreign_captures_are_found_at_any_depth() {
     let place = Workspace::new();
     let frames = |i: u32| given::transforms(1.0).replace("images/000", &format!("images/{i}"));
     for (i, folder) in
@@ -310,7 +310,7 @@ fn other_peoples_captures_are_found_wherever_they_lie() {
 }
 
 #[test]
-fn a_folder_without_scenes_is_told() {
+fn a_folder_without_scenes_is_reported() {
     let place = Workspace::new();
     fs::create_dir(place.path("data")).unwrap();
     for format in ["colmap", "mvimgnet", "dl3dv", "nerfstudio", "model"] {

@@ -50,7 +50,7 @@ fn ended((mut child, mut told): (Child, BufReader<std::process::ChildStderr>)) -
 }
 
 #[test]
-fn an_interrupted_build_keeps_what_is_finished() {
+fn an_interrupted_build_keeps_finished_steps() {
     let place = two_scenes();
     let build = started(&place);
     signal(&build.0, Signal::INT);
@@ -64,7 +64,7 @@ fn an_interrupted_build_keeps_what_is_finished() {
 
 /// A clip too long to be finished. In a sparse file its zeros take no space.
 #[test]
-fn an_interrupted_simulation_leaves_nothing_behind() {
+fn an_interrupted_simulation_leaves_no_file() {
     const FRAMES: u64 = 1_000_000;
     let place = Workspace::new();
     let head = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({FRAMES}, 130, 173), }}");

@@ -170,7 +170,7 @@ fn walk(pointer: &str, value: &Value, leaves: &mut Vec<String>) {
 /// Outputs enter no key. Of the steps that exist, only `checks` depends on whether there are
 /// events.
 #[test]
-fn outputs_decide_which_steps_there_are() {
+fn outputs_decide_which_steps_exist() {
     let both = own_keys(parse(&recipe("tiny")));
     let t = |outputs: Value, rekeys: &[&str]| {
         let mut edited = recipe("tiny");
@@ -183,7 +183,7 @@ fn outputs_decide_which_steps_there_are() {
 }
 
 #[test]
-fn a_preset_is_its_numbers() {
+fn a_preset_is_keyed_by_its_numbers() {
     let by_name = own_keys(parse(&recipe("tiny")));
     let mut edited = recipe("tiny");
     // The set published with DVS-Voltmeter for the DAVIS346.
@@ -193,7 +193,7 @@ fn a_preset_is_its_numbers() {
 }
 
 #[test]
-fn numbers_are_their_values_whatever_their_spelling() {
+fn numbers_are_keyed_by_value_and_not_by_spelling() {
     let text = |arc: &str, rate: &str, seed: &str| {
         format!(
             "version: 1\nscene: tiny\nseed: {seed}\nsource: {{ procedural: {{ gaussians: 300, views: 6, arc: {arc} }} }}\n\
@@ -219,7 +219,7 @@ fn numbers_are_their_values_whatever_their_spelling() {
 
 /// The files of a captured source enter by content; their paths do not.
 #[test]
-fn sources_are_their_bytes_and_not_their_paths() {
+fn sources_are_keyed_by_bytes_and_not_by_paths() {
     let place = Workspace::new();
     place.write("in/transforms.json", "{ \"frames\": [] }");
     place.write("in/scene.ply", "no scene, and nobody looks into it");
@@ -243,7 +243,7 @@ fn sources_are_their_bytes_and_not_their_paths() {
 
 /// Keys that the program reports after builds in two folders, with the recipe written in two ways.
 #[test]
-fn keys_know_neither_folder_nor_file_nor_cores() {
+fn keys_do_not_depend_on_folder_file_or_cores() {
     let here = Workspace::new();
     here.write("tiny.yaml", recipe("tiny").to_string());
     here.ok("build -j 1 tiny.yaml");

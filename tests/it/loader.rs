@@ -55,7 +55,7 @@ fn planted_answers_are_found() {
 
 /// Compares pictures with those of the program's own decoder.
 #[test]
-fn pictures_are_what_another_decoder_reads() {
+fn pictures_equal_those_of_another_decoder() {
     let place = Workspace::new();
     let base = release().join("small/one/base");
     for j in (0..24).step_by(4) {

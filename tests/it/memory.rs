@@ -81,7 +81,7 @@ fn a_longer_sequence_takes_no_more() {
 /// The budget of a run depends on the estimate, which must be within a quarter for several sizes of
 /// scene and picture.
 #[test]
-fn a_step_takes_what_its_estimate_says() {
+fn the_memory_of_a_step_agrees_with_its_estimate() {
     for (output, gaussians, size) in [
         ("events", 4_096, [346, 260]),
         ("events", 100_000, [320, 180]),

@@ -183,7 +183,7 @@ fn locked() {
 }
 
 #[test]
-fn a_lock_of_a_dead_process_is_no_word_worth() {
+fn a_lock_of_a_dead_process_gives_no_message() {
     let place = Workspace::with_tiny();
     let left = "host: node3\npid: 4711\nboot: x\nsince: 2026-03-01T14:02:59Z\ncommand: gs2e build\n";
     place.write(".gs2e/lock", left);

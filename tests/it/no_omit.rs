@@ -140,14 +140,14 @@ fn events_and_frames_are_the_same_bytes() {
 }
 
 #[test]
-fn with_rates_and_soft_layers_too() {
+fn rates_and_soft_layers_are_the_same_bytes_too() {
     check(&place("hermite", "render: { rules: soft, antialiased: true, background: [0.2, 0.1, 0.4] }\n"));
 }
 
 /// A release states the omissions in its manifest and in a section of its report; everything else
 /// in it is the same.
 #[test]
-fn releases_differ_in_what_they_left_out_and_in_nothing_else() {
+fn releases_differ_only_in_their_omissions() {
     let place = place("linear", "");
     let told = place.ok("release --to omitted recipe.yaml").stderr;
     assert!(told.contains("left out of given/base: what, how much, proof\n"), "{told}");
@@ -184,7 +184,7 @@ fn releases_differ_in_what_they_left_out_and_in_nothing_else() {
 /// The time saved is reported as an estimate if a path is long enough for an unnoticeable
 /// measurement. It is written to no file.
 #[test]
-fn time_saved_is_told_of_long_paths_and_written_nowhere() {
+fn saved_time_is_reported_for_long_paths_and_written_to_no_file() {
     let place = Workspace::new();
     let long =
         TINY.replace("factor: 2", "factor: 250").replace("outputs: [events, sharp]", "outputs: [events]");

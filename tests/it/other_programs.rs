@@ -129,7 +129,7 @@ fn opengl(pose: Se3) -> Se3 {
 }
 
 #[test]
-fn colmap_finds_the_poses_of_real_pictures_and_the_one_that_is_wrong() {
+fn colmap_finds_the_poses_of_real_pictures_and_the_wrong_pose() {
     let Some(filmed) = Filmed::views(10).filter(|_| colmap_is_there()) else { return };
     let found: ColmapPoses = filmed
         .at_desk("a", |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk))
@@ -180,7 +180,7 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
 }
 
 #[test]
-fn a_program_that_fails_is_told_with_its_own_words() {
+fn a_failed_program_is_reported_with_its_output() {
     let Some(filmed) = Filmed::views(3).filter(|_| colmap_is_there() && python_is_there()) else { return };
     let broken: Vec<TrajectoryPicture> = filmed
         .pictures
@@ -198,7 +198,7 @@ fn a_program_that_fails_is_told_with_its_own_words() {
 }
 
 #[test]
-fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
+fn opencv_agrees_with_the_renderer_and_finds_wrong_files() {
     let Some(filmed) = Filmed::views(12).filter(|_| python_is_there()) else { return };
     let Filmed { camera, trajectory, pictures, .. } = &filmed;
     let sound = filmed.seen("sound", &ReleasedPoses::from_trajectory(camera, trajectory, pictures), pictures);
@@ -262,7 +262,7 @@ fn asked(place: &Workspace, more: &str, path: Option<&Path>) -> (i32, Vec<Value>
 }
 
 #[test]
-fn nobody_is_asked_where_no_recipe_says_so() {
+fn no_program_runs_without_a_request_in_the_recipe() {
     let place = Workspace::new();
     place.write("recipe.yaml", recipe("plain").to_string());
     assert!(!place.build("recipe.yaml").contains(&"plain/base/foreign".to_owned()));
@@ -277,7 +277,7 @@ fn nobody_is_asked_where_no_recipe_says_so() {
 }
 
 #[test]
-fn programs_that_are_absent_are_told_and_asked_once_they_are_there() {
+fn absent_programs_are_reported_and_run_once_installed() {
     let place = Workspace::new();
     let mut value = recipe("asks");
     value["outputs"] = json!(["events", "sharp"]);

@@ -102,7 +102,7 @@ fn near(found: DVec3, wanted: DVec3) {
 }
 
 #[test]
-fn each_path_takes_what_it_needs_and_no_more() {
+fn each_path_takes_only_its_inputs() {
     let place = place(&all_kinds());
     let trajectories = ["base", "round", "hand", "swift"];
     let below = |name: &str| ["trajectory", "events", "sharp", "checks"].map(|step| format!("{name}/{step}"));
@@ -199,7 +199,7 @@ fn a_scene_file_needs_no_capture() {
 }
 
 #[test]
-fn a_trajectory_more_changes_no_other() {
+fn an_additional_trajectory_changes_no_other() {
     let mut value = without_capture();
     let place = place(&value);
     place.ok("build -q recipe.yaml");
@@ -220,7 +220,7 @@ fn a_trajectory_more_changes_no_other() {
 
 /// The views of a flow enter its key: the camera, the rendering, the scene. No other path renders.
 #[test]
-fn only_a_flow_sees() {
+fn only_a_flow_depends_on_the_rendering() {
     let mut value = without_capture();
     let place = place(&value);
     place.ok("build -q recipe.yaml");
@@ -256,7 +256,7 @@ fn with_novel() -> Value {
 }
 
 #[test]
-fn groups_have_steps_of_their_own_behind_their_base() {
+fn groups_have_steps_of_their_own_after_their_base() {
     let place = place(&with_novel());
     let steps = steps(&place);
     let at = |step: &str| steps.iter().position(|s| s == step).unwrap_or_else(|| panic!("{step}: {steps:?}"));

@@ -23,7 +23,7 @@ fn array(path: &Path) -> (Vec<u64>, Vec<f32>) {
 }
 
 #[test]
-fn a_release_says_what_it_holds() {
+fn a_release_states_its_pictures() {
     let scene = json_of(release(), "small/one/scene.json");
     assert_eq!(scene["attributes"]["data_type"], json!(["sharp", "blurry"]));
     assert_eq!(scene["trajectories"][0]["blur"], json!({ "frames": 15, "stride": 15, "subframes": 1 }));
@@ -181,7 +181,7 @@ fn centre(pose: &[f64; 8]) -> glam::DVec3 {
 /// difference of fourth order in time is the flow, except for `h^4/30` of its fourth derivative,
 /// and except where the path is only twice differentiable.
 #[test]
-fn flow_is_how_points_move_from_pose_to_pose() {
+fn flow_is_the_motion_of_points_between_poses() {
     let base = release().join(BASE);
     let poses = poses(&base.join("poses.txt"));
     let file = json_of(&base, "transforms.json");
@@ -262,7 +262,7 @@ fn pictures_are_audited() {
 
 /// A camera so fast that pictures lie between the poses, from where other Gaussians are visible.
 #[test]
-fn neither_threads_nor_what_is_left_out_change_a_byte() {
+fn threads_and_omissions_change_no_byte() {
     let place = Workspace::new();
     let quick = TINY
         .replace("arc: 6", "arc: 60")
@@ -280,7 +280,7 @@ fn neither_threads_nor_what_is_left_out_change_a_byte() {
 }
 
 #[test]
-fn a_trajectory_too_short_for_an_exposure_is_told() {
+fn a_trajectory_too_short_for_an_exposure_is_reported() {
     let place = Workspace::new();
     place.write("tiny.yaml", TINY.replace("[events, sharp]", "[blur]"));
     let ended = place.gs2e("build tiny.yaml");

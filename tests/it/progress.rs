@@ -13,7 +13,7 @@ fn two_scenes() -> Workspace {
 /// Checks lines such as `[ 7/12] scene/step 0.1 s`, with the step's remark. Large builds do not
 /// show every step; these few are all shown.
 #[test]
-fn finished_steps_are_told_in_plain_lines() {
+fn finished_steps_are_printed_in_plain_lines() {
     let place = Workspace::with_tiny();
     let told = place.ok("build -j 1 tiny.yaml").stderr;
     let lines: Vec<&str> = told.lines().filter(|line| line.starts_with('[')).collect();
@@ -43,7 +43,7 @@ fn finished_steps_are_told_in_plain_lines() {
 
 /// A step for programs: the paths of its products, and their digests.
 #[test]
-fn finished_steps_are_told_to_programs() {
+fn finished_steps_are_printed_as_objects() {
     let place = two_scenes();
     for state in ["made", "kept"] {
         let told = place.ok("build --json tiny.yaml other.yaml").stdout;
@@ -65,7 +65,7 @@ fn finished_steps_are_told_to_programs() {
 
 /// With `-q` only failures are reported.
 #[test]
-fn a_quiet_build_tells_failures_once() {
+fn a_quiet_build_prints_failures_once() {
     let place = two_scenes();
     place.write(
         "wrong.yaml",
@@ -87,7 +87,7 @@ fn a_quiet_build_tells_failures_once() {
 
 /// Scenes known at a glance count among the steps, in the lines and in the final line.
 #[test]
-fn steps_that_were_settled_count() {
+fn settled_steps_count() {
     let place = two_scenes();
     place.ok("build -q tiny.yaml other.yaml");
     // Longer than a file could change unseen, so that the next build needs no closer look.

@@ -58,7 +58,7 @@ fn names(folder: &str) -> Vec<String> {
 }
 
 #[test]
-fn each_broken_recipe_is_told_in_its_words() {
+fn each_broken_recipe_has_its_message() {
     for name in names(FIXTURES).iter().filter(|name| *name != "beside-bad") {
         let faults = match read(&format!("{FIXTURES}/{name}")) {
             Ok(_) => panic!("{name} is not refused"),
@@ -69,14 +69,14 @@ fn each_broken_recipe_is_told_in_its_words() {
 }
 
 #[test]
-fn broken_files_beside_the_recipes_are_told_in_their_words() {
+fn broken_files_next_to_recipes_have_their_messages() {
     let paths = [PathBuf::from(format!("{FIXTURES}/beside-bad"))];
     let [release, sources] = [read_release(&paths).unwrap_err(), read_sources(&paths).unwrap_err()];
     snapshot("beside-bad", &format!("{}\n{}", release.render_text(), sources.render_text()));
 }
 
 #[test]
-fn each_example_of_the_specification_reads_as_it_says() {
+fn the_example_of_the_specification_has_its_message() {
     // The first row of the table of messages: position, caret, and help.
     let faults = read(&format!("{FIXTURES}/unknown-field.yaml")).unwrap_err();
     let first = faults.listed()[0].render_lines().join("\n");
@@ -87,7 +87,7 @@ fn each_example_of_the_specification_reads_as_it_says() {
 }
 
 #[test]
-fn programs_are_told_the_same() {
+fn faults_as_json_match_the_text() {
     let faults = read(&format!("{FIXTURES}/unknown-field-top.yaml")).unwrap_err();
     let lines: Vec<String> = faults.to_json().iter().map(ToString::to_string).collect();
     snapshot("json", &lines.join("\n"));

@@ -201,13 +201,13 @@ fn cases_said_to_be_the_same_have_the_same_bits() {
 }
 
 #[test]
-fn the_reference_is_the_goldens_to_their_rounding() {
+fn the_reference_meets_the_goldens_within_rounding() {
     let (root, cases) = synthetic();
     reference_meets(&root, &cases);
 }
 
 #[test]
-fn the_reference_is_the_goldens_of_a_captured_scene() {
+fn the_reference_meets_the_goldens_of_a_captured_scene() {
     let Some((root, cases)) = captured() else { return };
     reference_meets(&root, &cases);
 }

@@ -258,7 +258,7 @@ fn small_bindings_change_nothing() {
 }
 
 #[test]
-fn views_in_flight_are_those_made_one_by_one() {
+fn views_in_flight_equal_views_made_one_by_one() {
     let Some(device) = gpu::device() else { return };
     let scene = blob_scene(&blob_crowd(1000, 4));
     let views: Vec<CameraView> = (0..5)
@@ -303,7 +303,7 @@ fn views_in_flight_are_those_made_one_by_one() {
 }
 
 #[test]
-fn what_is_not_finite_is_left_out_and_counted() {
+fn gaussians_that_are_not_finite_are_omitted_and_counted() {
     let Some(device) = gpu::device() else { return };
     let mut spoilt = blob_scene(&blob_crowd(400, 5));
     spoilt.positions[1][0] = f32::NAN;
@@ -331,7 +331,7 @@ fn a_gpu_that_is_lost_is_an_error() {
 }
 
 #[test]
-fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_there_is() {
+fn a_scene_without_room_is_an_error_that_states_the_sizes() {
     let Some(device) = gpu::device() else { return };
     let (crowd, view) = (blob_scene(&blob_crowd(1000, 6)), view_ahead(640, 480, 600.0));
     let told = |room: u64| {
@@ -347,7 +347,7 @@ fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_ther
 }
 
 #[test]
-fn a_gpu_that_is_not_there_is_an_error_that_lists_those_that_are() {
+fn a_missing_gpu_is_an_error_that_lists_the_others() {
     let Some(device) = gpu::device() else { return };
     for (choice, wanted) in [
         (DeviceChoice::Index(99), "no GPU is number 99; there is "),

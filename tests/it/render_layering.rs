@@ -138,7 +138,7 @@ fn no_bit_depends_on_threads_instructions_or_other_channels() {
 }
 
 #[test]
-fn what_is_blended_and_where_it_stops_is_the_plain_orders() {
+fn the_blended_order_blends_and_stops_as_the_plain_order() {
     let view = view_ahead(150, 90, 100.0);
     let [soft, blended] =
         [SOFT, BLENDED].map(|style| render(blob_scene(&blob_crowd(2000, 9)), style, &view).1);

@@ -95,7 +95,7 @@ proptest! {
     })]
 
     #[test]
-    fn what_no_pose_sees_changes_no_bit(
+    fn unseen_gaussians_change_no_bit(
         blobs in blobs(),
         camera in cameras(),
         poses in paths(),
@@ -140,7 +140,7 @@ fn walk() -> Vec<Se3> {
 }
 
 #[test]
-fn nearly_all_that_no_pose_sees_is_found() {
+fn nearly_all_unseen_gaussians_are_found() {
     let mut draws = ScatterDraws(5);
     let mut within = |least, most| draws.within(least, most);
     let blobs: Vec<ColourBlob> = (0..400)
@@ -173,7 +173,7 @@ fn nearly_all_that_no_pose_sees_is_found() {
 }
 
 #[test]
-fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
+fn promises_are_replaced_and_an_empty_one_keeps_all() {
     let (camera, walk) = (view_ahead(64, 48, 60.0).camera, walk());
     // no Gaussian too faint for every view
     let blobs: Vec<ColourBlob> =
@@ -255,7 +255,7 @@ fn opaque() -> Gaussians {
 }
 
 #[test]
-fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
+fn omitted_work_can_be_done_and_changes_no_bit() {
     let CameraView { camera, world_from_camera, .. } = view_ahead(90, 70, 80.0);
     let scene = Arc::new(opaque());
     for rules in ALL_RULES {

@@ -154,7 +154,7 @@ fn channels_are_clamped_below_zero_before_luminance_and_never_above_one() {
 }
 
 #[test]
-fn what_is_left_out_is_counted() {
+fn omitted_gaussians_are_counted() {
     let here = ColourBlob::default();
     let blobs = [
         here,
@@ -205,7 +205,7 @@ fn an_empty_scene_shows_the_background() {
 }
 
 #[test]
-fn only_what_is_wanted_is_made() {
+fn only_requested_images_are_made() {
     let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&[ColourBlob::default()])), OFFICIAL).unwrap();
     let mut out = RenderedImages::default();
     cpu.render(&view_ahead(8, 8, 10.0), ALL, &mut out).unwrap();

@@ -132,7 +132,7 @@ fn luminance_is_that_of_the_colour_up_to_rounding() {
 /// 0.000125 of the light; its fourth layer would leave less than 0.0001, so that every pixel is
 /// finished there.
 #[test]
-fn what_lies_behind_finished_tiles() {
+fn layers_behind_finished_tiles() {
     const LAYERS: usize = 200;
     const LOOK: usize = 64;
     // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by a share of 1e-4

@@ -187,7 +187,7 @@ fn the_planted_gaussian_has_its_closed_form_in_every_channel() {
 
 /// Without further options: colour by the published rules over black, not antialiased.
 #[test]
-fn what_is_left_out_is_usual() {
+fn absent_options_have_the_usual_values() {
     let place = workspace();
     place.ok("render --scene one.ply --view camera.json --out usual.npy");
     let spelled = "--rules official --channel rgb --background 0,0,0 --backend auto --index 0";
@@ -227,7 +227,7 @@ fn the_antialiased_rule_is_the_files_or_forced() {
 /// A layer of one grey step is cut by the other rules and halved by the soft rules, whose ramp is
 /// centred there.
 #[test]
-fn every_rule_can_be_asked_for() {
+fn every_rule_can_be_selected() {
     let place = workspace();
     let faint = 1.0 / 255.0;
     let above = ColourBlob { opacity: faint * 1.001, ..planted() };
@@ -303,7 +303,7 @@ fn equal_pictures_are_equal_bytes() {
 }
 
 #[test]
-fn people_are_told_what_was_drawn() {
+fn the_drawing_is_reported_to_users() {
     let place = workspace();
     // One behind the camera; one outside the picture; two not finite; one half as deep as it is
     // far.
@@ -342,7 +342,7 @@ fn people_are_told_what_was_drawn() {
 }
 
 #[test]
-fn a_view_that_is_not_what_it_says_is_told() {
+fn an_inexact_view_is_reported() {
     let place = workspace();
     let mut bent = transforms();
     bent["k1"] = json!(0.1);

@@ -93,7 +93,7 @@ fn sound(tree: &Path) -> String {
 }
 
 #[test]
-fn the_page_stands_alone_and_its_links_hold() {
+fn the_page_is_self_contained_and_its_links_hold() {
     let source = sound(small::release());
     let page = parsed(&source);
     let policy =
@@ -134,7 +134,7 @@ fn the_policy_names_the_style_sheet_that_is_there() {
 }
 
 #[test]
-fn the_page_says_what_the_records_say() {
+fn the_page_agrees_with_the_records() {
     let tree = small::release();
     let source = page_of(tree);
     let page = parsed(&source);
@@ -189,7 +189,7 @@ outputs: [events, sharp]
 ";
 
 #[test]
-fn whatever_a_recipe_says_is_text() {
+fn texts_of_a_recipe_stay_text() {
     let place = Workspace::new();
     let quoted = serde_json::to_string(WICKED).unwrap();
     place.write(
@@ -233,7 +233,7 @@ fn two_releases_of_one_set_of_recipes_are_the_same_page() {
 }
 
 #[test]
-fn of_a_scene_that_is_withheld_no_pixel_is_shown() {
+fn a_withheld_scene_shows_no_pixel() {
     let place = restricted::place();
     place.ok("release --to tree recipes");
     let source = sound(&place.path("tree"));

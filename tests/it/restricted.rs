@@ -40,7 +40,7 @@ fn scene(place: &Workspace) -> Value {
 }
 
 #[test]
-fn without_a_word_no_likeness_is_passed_on() {
+fn without_permission_no_picture_is_released() {
     let place = place();
     let ended = place.ok("release --to tree recipes");
     assert!(ended.stderr.contains("mvimgnet forbids passing on what is made from it"), "{}", ended.stderr);
@@ -72,7 +72,7 @@ fn without_a_word_no_likeness_is_passed_on() {
 }
 
 #[test]
-fn the_releasers_word_is_released_with_the_scene() {
+fn the_permission_is_released_with_the_scene() {
     let place = place();
     place.write(
         "recipes/sources.yaml",
@@ -106,7 +106,7 @@ fn stating(licence: &str) -> Workspace {
 
 /// A paper's statement about the terms is not enough: the holder's grant is.
 #[test]
-fn other_terms_than_the_upstreams_take_evidence() {
+fn terms_other_than_those_of_the_upstream_need_evidence() {
     for (licence, wanted) in [
         (format!("{UPSTREAM} }}"), "licence-forbidden without evidence"),
         (format!("{UPSTREAM}, evidence: {{}} }}"), "granted_by"),

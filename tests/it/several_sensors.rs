@@ -73,7 +73,7 @@ fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
 }
 
 #[test]
-fn what_one_of_several_sees_it_sees_alone() {
+fn a_sensor_makes_the_same_events_alone() {
     let place = Workspace::new();
     place.write("tiny.yaml", recipe(THREE));
     place.ok("release --to several tiny.yaml");
@@ -109,7 +109,7 @@ fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
 }
 
 #[test]
-fn sensors_that_cannot_be_told_apart_or_are_none_are_refused() {
+fn ambiguous_and_invalid_sensors_are_refused() {
     let place = Workspace::new();
     let refused = |sensors: &str, wanted: &str| {
         place.write("tiny.yaml", recipe(sensors));

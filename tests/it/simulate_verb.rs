@@ -100,7 +100,7 @@ fn by_library(sensor: &VoltmeterModel, seed: u64) -> Vec<Event> {
 }
 
 #[test]
-fn the_library_makes_the_same() {
+fn the_library_makes_the_same_events() {
     let place = workspace();
     let ended = place.ok(&format!("{RIGHT} --json"));
     let wanted = as_lines(&by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7));
@@ -146,7 +146,7 @@ fn options_beat_the_file() {
 
 /// Frames give the same events as bytes, floats, images, and as a sequence of DVS-Voltmeter.
 #[test]
-fn frames_are_the_same_however_they_come() {
+fn frames_of_every_format_are_the_same() {
     let place = workspace();
     place.ok(RIGHT);
     let wanted = fs::read(place.path("e.txt")).unwrap();
@@ -173,7 +173,7 @@ fn frames_are_the_same_however_they_come() {
 }
 
 #[test]
-fn a_rate_stands_in_for_stamps() {
+fn a_rate_replaces_stamps() {
     let place = workspace();
     let stamps: Vec<i64> = (0..COUNT as i64).map(|i| (2 * i * 1_001_000_000 / 30_000 + 1) / 2).collect();
     npy(&place.path("stamps.npy"), &[COUNT as u64], &stamps);
@@ -281,7 +281,7 @@ fn every_format_and_every_filter_holds_the_stream() {
 
 /// The library's labels pass through every format that can hold them.
 #[test]
-fn labels_are_written_where_they_are_asked_for() {
+fn labels_are_written_on_request() {
     let place = workspace();
     place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
     place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
@@ -343,7 +343,7 @@ fn the_scale_of_floats_is_decided_by_two_frames() {
 /// pixel and second (docs/design/numerics-sensor.md, "Units and presets"), and this part moves like
 /// the rest.
 #[test]
-fn a_real_clip_makes_as_many_events_as_such_clips_do() {
+fn a_real_clip_makes_the_expected_number_of_events() {
     let Some(folder) = shared::path("data/heldout") else { return };
     let place = Workspace::new();
     let run = |sensor: &str| -> Value {
@@ -367,7 +367,7 @@ fn a_real_clip_makes_as_many_events_as_such_clips_do() {
 /// A build renders its frames and shows them to the sensor. The same frames from a file give the
 /// same event file.
 #[test]
-fn frames_that_were_rendered_make_what_a_build_made() {
+fn rendered_frames_make_the_events_of_a_build() {
     let place = Workspace::with_tiny();
     place.build("tiny.yaml");
     let steps: Value = serde_json::from_str(&place.ok("plan --json tiny.yaml").stdout).unwrap();

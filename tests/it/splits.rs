@@ -56,7 +56,7 @@ fn recipe(id: &str, seed: u32) -> String {
 }
 
 #[test]
-fn scenes_lie_where_their_own_key_says_whatever_else_is_released() {
+fn the_split_of_a_scene_depends_only_on_its_own_key() {
     let place = Workspace::new();
     place.write("recipes/release.yaml", SPLITS);
     let ids = ["a", "b", "c", "d"];
@@ -169,7 +169,7 @@ fn an_audit_deals_the_scenes_again() {
 }
 
 #[test]
-fn splits_that_are_none_are_refused() {
+fn invalid_splits_are_refused() {
     let place = Workspace::with_tiny();
     for (splits, wanted) in [
         ("{ by: trajectory, shares: { train: 1 } }", "trajectory"),

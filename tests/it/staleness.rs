@@ -17,7 +17,7 @@ fn a_second_release_makes_nothing_and_changes_nothing() {
 /// Each edit makes the steps that read the changed value, the steps that follow from them, and no
 /// other.
 #[test]
-fn an_edit_remakes_what_it_reaches() {
+fn an_edit_remakes_only_affected_steps() {
     let t = |from: &str, to: &str, remade: &[&str]| {
         let place = Workspace::with_tiny();
         place.ok("build tiny.yaml");

@@ -37,7 +37,7 @@ fn outputs(store: &Store, name: &str) -> Option<Vec<StoredOutput>> {
 }
 
 #[test]
-fn what_was_published_is_found_by_another_process() {
+fn published_files_are_found_by_another_process() {
     let folder = tempfile::tempdir().unwrap();
     let made = publish(&open(folder.path()), "a", &[("b/c.txt", "one"), ("a.txt", "two")]).unwrap();
     let names: Vec<&str> = made.iter().map(|o| o.name.as_str()).collect();
@@ -101,7 +101,7 @@ fn two_contents_for_one_key_are_an_error_and_the_first_stays() {
 }
 
 #[test]
-fn a_second_writer_is_refused_or_waits_and_is_told_for_whom() {
+fn a_second_writer_is_refused_or_waits_for_a_named_holder() {
     let folder = tempfile::tempdir().unwrap();
     let first = open(folder.path());
     let refused = Store::open(folder.path(), StoreAccess::WriteNow, &mut |_| {});
@@ -132,7 +132,7 @@ fn a_store_of_a_newer_program_is_left_alone() {
 }
 
 #[test]
-fn looking_at_a_store_that_is_not_there_makes_none() {
+fn looking_at_a_missing_store_creates_no_store() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("absent");
     let store = Store::open(&root, StoreAccess::Read, &mut |_| {}).unwrap();
@@ -141,7 +141,7 @@ fn looking_at_a_store_that_is_not_there_makes_none() {
 }
 
 #[test]
-fn what_a_dead_process_left_behind_is_removed() {
+fn leftovers_of_a_dead_process_are_removed() {
     let folder = tempfile::tempdir().unwrap();
     drop(open(folder.path()));
     std::fs::create_dir(folder.path().join("tmp/4711.0")).unwrap();

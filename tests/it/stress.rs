@@ -95,7 +95,7 @@ fn the_renderers_are_within_their_limits() {
 }
 
 #[test]
-fn a_gpu_that_is_not_there_is_told_and_nothing_is_reported_of_it() {
+fn a_missing_gpu_is_reported_and_has_no_results() {
     let place = Workspace::new();
     let told = place.ok("stress counted splat/near-plane splat/ties@gpu");
     let lines: Vec<&str> = told.stdout.lines().collect();
@@ -108,7 +108,7 @@ fn a_gpu_that_is_not_there_is_told_and_nothing_is_reported_of_it() {
 }
 
 #[test]
-fn what_is_asked_for_is_run_and_what_is_not_there_is_refused() {
+fn selected_cases_run_and_unknown_ones_are_refused() {
     let place = Workspace::new();
     let told = place.ok("stress --area sensor --area clock polarity absolute-stamps --markdown t.md");
     assert_eq!(told.stdout.lines().count(), 2, "{}", told.stdout);

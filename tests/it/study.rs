@@ -34,7 +34,7 @@ fn thresholds_are_swept_over_a_built_scene() {
 }
 
 #[test]
-fn what_is_swept_is_seen_through_the_front_end() {
+fn sweeps_see_through_the_front_end() {
     let place = Workspace::with_tiny();
     let events = |front_end: &str| {
         let sensor = format!("preset: dvs346, front_end: {front_end},");
@@ -54,7 +54,7 @@ fn what_is_swept_is_seen_through_the_front_end() {
 }
 
 #[test]
-fn what_cannot_be_swept_is_told() {
+fn impossible_sweeps_are_refused() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     let refused = |args: &str, wanted: &str| {
@@ -159,7 +159,7 @@ fn told_in_short(words: &str, head: &[&str], rows: &[Vec<&str>]) {
 }
 
 #[test]
-fn what_cannot_be_studied_is_told() {
+fn impossible_studies_are_refused() {
     let place = Workspace::with_tiny();
     let refused = |args: &str, wanted: &str| {
         let told = place.gs2e(&format!("study tiny.yaml {args}"));

@@ -36,7 +36,7 @@ fn faults(place: &Workspace, args: &str) -> (i32, Vec<Value>) {
 }
 
 #[test]
-fn what_is_listed_is_neither_planned_nor_built() {
+fn listed_scenes_are_neither_planned_nor_built() {
     let place = place();
     assert_eq!(scenes(&place), ["kept", "shown/face"]);
     // The list is next to the recipe; it is in capitals and names more than the recipe's scenes.
@@ -58,7 +58,7 @@ fn what_is_listed_is_neither_planned_nor_built() {
 }
 
 #[test]
-fn a_release_drops_what_is_listed_and_counts_it() {
+fn a_release_drops_and_counts_listed_scenes() {
     let place = place();
     place.ok("release --to out --copy recipes");
     place.write("list.txt", LIST);
@@ -84,7 +84,7 @@ fn a_release_drops_what_is_listed_and_counts_it() {
 }
 
 #[test]
-fn a_scene_is_known_by_what_its_upstream_calls_it() {
+fn a_scene_is_known_by_its_upstream_name() {
     let place = Workspace::new();
     let scene = given::ply(|_, value| value);
     Generator::new().mvimgnet(&place.path("data"), 0, 1, &scene);
@@ -108,7 +108,7 @@ fn a_scene_is_known_by_what_its_upstream_calls_it() {
 }
 
 #[test]
-fn nothing_is_released_where_everything_is_listed() {
+fn nothing_is_released_if_everything_is_listed() {
     let place = place();
     place.ok("release --to out recipes/lab/b.yaml");
     place.write("recipes/lab/takedown.txt", LIST);

@@ -51,7 +51,7 @@ fn stages_hold_no_arithmetic() {
 }
 
 #[test]
-fn files_begin_with_what_they_are_about() {
+fn files_begin_with_their_subject() {
     none(&heads(&crate_sources()));
 }
 
@@ -66,7 +66,7 @@ fn files_hold_one_concept() {
 }
 
 #[test]
-fn constants_stand_in_one_place() {
+fn constants_are_defined_in_one_place() {
     none(&constants(&crate_sources()));
 }
 

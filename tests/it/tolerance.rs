@@ -91,7 +91,7 @@ fn threads_and_another_store_change_nothing() {
 }
 
 #[test]
-fn what_cannot_be_reached_is_refused_with_what_can() {
+fn an_unreachable_tolerance_is_refused_with_a_reachable_one() {
     let place = Workspace::new();
     place.write("tolerant.yaml", recipe("{ tolerance: 0.0001 }"));
     let ended = place.gs2e("release --to tree tolerant.yaml");

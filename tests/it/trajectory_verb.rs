@@ -146,7 +146,7 @@ fn every_form_of_a_capture_gives_its_path() {
 }
 
 #[test]
-fn a_photographed_capture_gives_what_the_library_makes() {
+fn a_photographed_capture_gives_the_path_of_the_library() {
     for (capture, kind) in [("sparse/0", "colmap"), ("transforms.json", "nerfstudio")] {
         let Some(path) = shared::path(&format!("data/captures/fox/{capture}")) else { return };
         let read =
@@ -191,7 +191,7 @@ fn the_files_are_those_of_a_release() {
 const RIGHT: &str = "trajectory --capture transforms.json --recipe mine.yaml --name base --out new.txt";
 
 #[test]
-fn people_are_told_how_it_moves() {
+fn the_motion_is_reported_to_users() {
     let place = workspace();
     let told = place.ok(RIGHT).stderr;
     for part in [
@@ -262,7 +262,7 @@ fn poses_may_go_to_stdout() {
 
 /// Every mistake ends with its exit code and its message, and leaves all files unchanged.
 #[test]
-fn mistakes_are_told_and_leave_nothing() {
+fn mistakes_are_reported_and_leave_no_file() {
     let place = workspace();
     place.write("new.txt", "as it was");
     place.write("empty/a.txt", "");
@@ -342,7 +342,7 @@ fn mistakes_are_objects_for_programs() {
 }
 
 #[test]
-fn a_finished_file_takes_the_place_of_another() {
+fn a_finished_file_replaces_another() {
     let place = workspace();
     place.write("new.txt", "as it was");
     std::os::unix::fs::symlink("new.txt", place.path("link.txt")).unwrap();
@@ -357,7 +357,7 @@ fn a_finished_file_takes_the_place_of_another() {
 }
 
 #[test]
-fn exposures_that_were_trained_are_told() {
+fn trained_exposures_are_reported() {
     let place = workspace();
     place.write("trained/exposure.json", "{ \"v0.jpg\": [[1, 0, 0, 0], [0, 0.9, 0, 0], [0, 0, 1, 0]] }");
     let told = place.ok(&RIGHT.replace("transforms.json", "trained")).stderr;

@@ -121,7 +121,7 @@ fn findings_have_the_records_form() {
 
 /// Reads the events with h5py and NumPy. If they are absent, a message goes to stderr.
 #[test]
-fn h5py_reads_what_was_written() {
+fn h5py_reads_the_written_events() {
     let python =
         |program: &str| Command::new("python3").args(["-c", program]).current_dir(release()).output();
     if !python("import h5py, numpy").is_ok_and(|output| output.status.success()) {

@@ -34,7 +34,7 @@ fn field<'v>(file: &'v mut Value, id: &str) -> &'v mut Value {
 }
 
 #[test]
-fn a_field_that_must_be_there_is_missed() {
+fn a_missing_required_field_is_found() {
     t(|v| remove(v, "conformsTo"), &["croissant-field"]);
     t(|v| remove(node(v, "index.parquet"), "sha256"), &["croissant-field"]);
     for name in [
@@ -70,7 +70,7 @@ fn a_field_of_no_vocabulary_is_found() {
 }
 
 #[test]
-fn other_terms_or_names_than_the_releases_are_found() {
+fn terms_and_names_of_another_release_are_found() {
     t(|v| v["license"] = "free as in beer".into(), &["croissant-licence"]);
     t(|v| v["license"] = "https://spdx.org/licenses/MIT.html".into(), &["croissant-licence"]);
     t(|v| v["version"] = "9.9.9".into(), &["claims-disagree"]);
@@ -78,7 +78,7 @@ fn other_terms_or_names_than_the_releases_are_found() {
 }
 
 #[test]
-fn a_file_that_is_another_or_absent_is_found() {
+fn a_wrong_or_absent_file_is_found() {
     t(|v| node(v, "index.parquet")["sha256"] = "0".repeat(64).into(), &["croissant-sum"]);
     t(|v| node(v, "index.parquet")["contentSize"] = "1 B".into(), &["croissant-sum"]);
     t(|v| node(v, "index.parquet")["contentUrl"] = "index.csv".into(), &["croissant-sum"]);
@@ -100,7 +100,7 @@ fn an_id_that_names_nothing_or_two_things_is_found() {
 }
 
 #[test]
-fn a_column_or_path_that_is_not_there_or_of_another_type_is_found() {
+fn a_missing_column_or_path_or_a_wrong_type_is_found() {
     let column =
         |v: &mut Value, name: &str| field(v, "index/events")["source"]["extract"]["column"] = name.into();
     t(|v| column(v, "spikes"), &["croissant-column"]);
@@ -114,7 +114,7 @@ fn a_column_or_path_that_is_not_there_or_of_another_type_is_found() {
 }
 
 #[test]
-fn a_release_without_it_is_none() {
+fn a_release_without_croissant_json_is_faulty() {
     check_resealed(|f| fs::remove_file(f.join(NAME)).unwrap(), &[&format!("missing {NAME}")]);
     check_resealed(|f| fs::write(f.join(NAME), "{").unwrap(), &[&format!("unreadable {NAME}")]);
 }
@@ -132,7 +132,7 @@ fn admit(folder: &Path) {
 }
 
 #[test]
-fn an_index_that_says_otherwise_is_found() {
+fn an_index_that_contradicts_the_files_is_found() {
     const SCENE: &str = "small/one/scene.json";
     const COMPOSED: &str = "not-composed small/one/scene.json";
     // `croissant.json` has the sum of an index that does not follow from the scenes.

@@ -37,7 +37,7 @@ fn rebuilt(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<String>) {
 }
 
 #[test]
-fn scenes_made_again_are_the_same_bytes_and_what_is_not_is_found() {
+fn rebuilt_scenes_have_the_same_bytes_and_changes_are_found() {
     let folder = recipes();
     // The scenes must not be rebuilt from the release's own store.
     fs::remove_dir_all(folder.path().join(".gs2e")).unwrap();
@@ -75,7 +75,7 @@ fn checked(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<Value>) {
 }
 
 #[test]
-fn a_tree_is_checked_by_what_it_holds() {
+fn a_tree_is_checked_by_its_files() {
     let folder = copy();
     let (code, records) = checked(folder.path(), &[]);
     assert_eq!(code, Some(0));

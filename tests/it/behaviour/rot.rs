@@ -63,7 +63,7 @@ fn an_output_rots() {
 
 /// Verbs that read every byte find the change: `plan --verify`, `build --verify` and `audit`.
 #[test]
-fn rot_is_found_by_those_who_read() {
+fn rot_is_found_by_verbs_that_read_every_byte() {
     let place = Workspace::new();
     place.write("recipes/d.yaml", recipe("d").to_string());
     place.ok("release --copy --to out");

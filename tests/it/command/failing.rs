@@ -28,7 +28,7 @@ fn fails(place: &Workspace) -> Ended {
 }
 
 #[test]
-fn a_program_that_fails_is_told_with_the_last_that_it_said() {
+fn a_failed_program_is_reported_with_its_last_output() {
     let place = trained_by("seq 100; echo 'out of memory' >&2; exit 7");
     check(&place, "command-failed", &fails(&place));
     let log = log(&place);
@@ -59,7 +59,7 @@ fn a_program_of_another_version_does_not_train() {
 }
 
 #[test]
-fn a_program_that_is_not_there_is_told() {
+fn a_missing_program_is_reported() {
     let place = trained_by(COPY);
     edit(&place, "program: sh", "program: no-such-trainer");
     let ended = fails(&place);
@@ -71,7 +71,7 @@ fn a_program_that_is_not_there_is_told() {
 }
 
 #[test]
-fn what_is_no_scene_does_not_enter_the_store() {
+fn an_invalid_scene_does_not_enter_the_store() {
     let t = |script: &str, planted: Vec<u8>, wanted: &str| {
         let place = trained_by(script);
         place.write("planted.ply", planted);
@@ -110,7 +110,7 @@ fn too_few_and_too_many_gaussians_are_refused() {
 }
 
 #[test]
-fn what_it_said_goes_with_what_it_made() {
+fn logs_are_deleted_with_their_products() {
     let place = trained_by(COPY);
     let logs = || fs::read_dir(place.path(".gs2e/logs")).unwrap().count();
     for (version, wanted) in [("1.2", 1), ("1.3", 2)] {
@@ -127,7 +127,7 @@ fn what_it_said_goes_with_what_it_made() {
 /// The trainer and its child processes hold a pipe open; the test reads until all of them have
 /// ended.
 #[test]
-fn an_interrupt_stops_the_program_and_all_that_it_started() {
+fn an_interrupt_stops_the_program_and_its_children() {
     let place = trained_by("exec 9> \"$beside/held\"; sleep 600 & echo begun; : > \"$beside/at work\"; wait");
     let pipe = place.path("held");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -152,7 +152,7 @@ fn an_interrupt_stops_the_program_and_all_that_it_started() {
 }
 
 #[test]
-fn a_scene_that_is_not_what_the_photos_show_does_not_enter_the_store() {
+fn a_scene_that_contradicts_its_photos_does_not_enter_the_store() {
     let place = photographed(|_, v| v);
     let command = "reconstruct:\n  command:\n    program: sh\n    arguments: [\"{train}\", \"{capture}\", \"{out}\", \
                    \"{planted}\"]\n    version: \"1.2\"\n    licence: MIT\n    min_psnr: 40\n    scene: scene.ply\n    \

@@ -29,7 +29,7 @@ fn names(capture: &Capture) -> Vec<&str> {
 }
 
 #[test]
-fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
+fn the_program_sees_the_photos_in_capture_order_with_poses_and_points() {
     let place = trained_by(&keeping());
     let (capture, found) = seen(&place);
     let numbered = ["000000.png", "000001.png", "000002.png", "000003.png", "000004.png", "000005.png"];
@@ -47,7 +47,7 @@ fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
 }
 
 #[test]
-fn what_is_held_out_it_does_not_see() {
+fn the_program_does_not_see_held_out_photos() {
     let place = trained_by(&keeping());
     edit(&place, "licence: MIT\n", "licence: MIT\n    hold_out: 3\n");
     let (capture, _) = seen(&place);
@@ -57,7 +57,7 @@ fn what_is_held_out_it_does_not_see() {
 
 /// The user's own photos stay unchanged even if the program writes into its copies.
 #[test]
-fn it_cannot_write_into_the_photos() {
+fn the_program_cannot_write_into_the_photos() {
     let script = format!("for photo in \"$1\"/images/*; do echo spoilt >> \"$photo\"; done; {COPY}");
     let place = trained_by(&script);
     let photo = place.path("capture/images/photo 9.png");
@@ -67,7 +67,7 @@ fn it_cannot_write_into_the_photos() {
 }
 
 #[test]
-fn views_without_a_photo_are_left_out_and_told() {
+fn views_without_a_photo_are_omitted_and_reported() {
     let place = trained_by(&keeping());
     fs::remove_file(place.path("capture/images/photo 10.png")).unwrap();
     let ended = place.ok("build --allow-commands recipe.yaml");
@@ -108,7 +108,7 @@ fn a_nerfstudio_capture_is_given_without_points() {
 /// The photos of a distorted lens arrive undistorted, pixel by pixel as [`undistort_photo`] makes
 /// them.
 #[test]
-fn bent_photos_are_given_straight() {
+fn distorted_photos_arrive_undistorted() {
     let place = trained_by(&keeping());
     fs::remove_dir_all(place.path("capture/sparse")).unwrap();
     place.write("capture/sparse/0/cameras.txt", "1 SIMPLE_RADIAL 64 48 60 32 24 -0.25\n");

@@ -141,7 +141,7 @@ fn jumpy() -> ArrayFrames {
 }
 
 #[test]
-fn what_happens_at_jumps_still_adds_up() {
+fn jumps_keep_the_drift_balance() {
     for (between, noise) in [
         (BetweenFrames::Catmull, 0.0),
         (BetweenFrames::Catmull, 2e-2),
@@ -178,7 +178,7 @@ fn a_slope_from_neighbours_waits_for_the_frame_after() {
 }
 
 #[test]
-fn what_a_cubic_cannot_go_by_is_refused() {
+fn unusable_input_for_a_cubic_is_refused() {
     let bare = frames(SIZE, &[0, 417], |_, _, _| 9.0);
     let refused = |sensor: &VoltmeterModel, mut clip: ArrayFrames| {
         let frame = clip.next().unwrap().unwrap();

@@ -38,7 +38,7 @@ fn noisy() -> VoltmeterModel {
 }
 
 #[test]
-fn static_pixels_do_not_know_the_frame_rate() {
+fn static_pixels_do_not_depend_on_the_frame_rate() {
     let grey = |x: u32, y: u32, _| f64::from(x * 10 + y);
     let at = |rate| run(&noisy(), &frames(SIZE, &stamps(rate, 300_000), grey), 5).0;
     let coarse = at(10.0);
@@ -185,7 +185,7 @@ pub(super) fn moving(size: Size) -> ArrayFrames {
 }
 
 #[test]
-fn threads_do_not_show() {
+fn threads_change_no_event() {
     let clip = moving(Size { width: 96, height: 90 });
     for model in models() {
         let in_pool = |threads| {
@@ -245,7 +245,7 @@ fn crops_and_tiles_are_parts_of_the_whole() {
 }
 
 #[test]
-fn what_is_handed_over_early_is_the_beginning_of_the_whole() {
+fn events_handed_over_early_are_the_beginning_of_the_whole() {
     let mut clip = moving(SIZE);
     let whole = run(&noisy(), &clip, 4).0;
     let mut pixels = noisy().start(SIZE, [0, 0], Seed(4)).unwrap();

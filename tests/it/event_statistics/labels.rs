@@ -117,7 +117,7 @@ fn passed_by(t: f64, v: f64) -> f64 {
 /// when half of that time has passed since the previous event, so the share of noise is the share
 /// of shorter first passages. OFF events, one in exp(2/0.15), are neglected.
 #[test]
-fn half_of_the_way_is_what_tells_them_apart() {
+fn half_of_the_way_separates_signal_from_noise() {
     let (end, variance) = (80_000, 0.15);
     let k6 = (variance * 40.0 / f64::from(end)).sqrt();
     let sensor = voltmeter([40.0 / 16f64.ln(), 16.0, 0.0, 0.0, 0.0, k6]);
@@ -152,7 +152,7 @@ fn half_of_the_way_is_what_tells_them_apart() {
 /// Brightness rises by 95 thresholds per second, with a leak of fewer or of more: each event has
 /// the same share of both. A leak against falling brightness contributes nothing to its events.
 #[test]
-fn a_leak_beside_brightness_is_weighed_against_it() {
+fn a_leak_is_weighed_against_brightness() {
     let ramp = |way: f64| {
         frames(SIZE, &[0, 30_000, 100_000], move |_, _, t| 100.0 * (way * (t as f64 * 1e-5)).exp())
     };

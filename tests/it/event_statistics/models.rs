@@ -70,7 +70,7 @@ fn without_noise_events_lie_where_the_logarithm_crosses() {
 }
 
 #[test]
-fn a_signal_that_is_straight_in_what_is_seen_can_be_cut_anywhere() {
+fn a_signal_straight_in_brightness_can_be_cut_anywhere() {
     // 255 (eps + L/255) runs over three octaves; so does L for v2e, above 20.
     let end = 90_000;
     let octaves = |t: i64| 30.0 * (3.0 * t as f64 / end as f64).exp2();
@@ -113,7 +113,7 @@ fn dead_times(reference: ReferenceRule) -> Vec<i64> {
 }
 
 #[test]
-fn dead_times_end_with_the_reference_that_is_asked_for() {
+fn dead_times_end_with_the_selected_reference() {
     let t = |reference, interval: i64| {
         let times = dead_times(reference);
         assert_eq!(times.len(), (9_870_000 - 100_000) as usize / interval as usize + 1, "{reference:?}");
@@ -243,7 +243,7 @@ fn shot_noise_is_poisson_and_rarer_in_the_light() {
 }
 
 #[test]
-fn shots_take_the_leak_its_time() {
+fn shots_reset_the_leak() {
     // A leak event needs a whole period T without a shot: its rate is s/(e^(sT) - 1), in addition
     // to the shots' own s.
     let leak = LeakNoise { rate: 20.0, ..LeakNoise::default() };

@@ -80,7 +80,7 @@ fn a_file_that_is_replaced_keeps_its_mode_and_a_link_its_target() {
 }
 
 #[test]
-fn an_empty_text_of_events_is_an_error_and_a_mark_of_byte_order_is_none() {
+fn an_empty_event_text_is_an_error_and_a_byte_order_mark_is_not() {
     let place = Workspace::new();
     for (name, text) in [("e.csv", ""), ("e.txt", ""), ("e.csv", "\n\n"), ("e.txt", "\u{feff}")] {
         place.write(name, text);

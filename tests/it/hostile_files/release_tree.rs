@@ -58,7 +58,7 @@ fn no_reader_of_a_tree_takes_a_special_file() {
 }
 
 #[test]
-fn links_of_a_tree_are_refused_also_to_what_is_the_same() {
+fn links_of_a_tree_are_refused_even_to_equal_files() {
     let tree = copy();
     let outside = copy();
     for name in

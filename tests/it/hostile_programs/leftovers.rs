@@ -79,7 +79,7 @@ fn a_build_that_is_killed_leaves_no_trainer() {
 }
 
 #[test]
-fn what_left_the_group_of_a_trainer_ends_with_it() {
+fn processes_that_left_the_group_of_a_trainer_end_with_it() {
     let script = format!("setsid sleep 600 & : > \"$beside/at work\"; {COPY}");
     let (place, code) = until_nothing_is_left(&script, |_, _| {});
     assert_eq!(code, Some(0));
@@ -119,7 +119,7 @@ fn the_next_build_takes_no_folder_from_under_a_trainer() {
 
 /// Killing processes by the program's name spares the supervisor, which then does its work.
 #[test]
-fn a_supervisor_is_not_called_as_the_program_is() {
+fn the_supervisor_has_another_name_than_the_program() {
     let (_, code) = until_nothing_is_left(GROUP, |_, child| {
         let children = Command::new("ps").args(["-A", "-o", "pid=,ppid=,comm="]).output().unwrap();
         let list = String::from_utf8_lossy(&children.stdout).into_owned();

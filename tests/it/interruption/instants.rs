@@ -38,7 +38,7 @@ fn files_in(place: &Workspace, folder: &str) -> usize {
 }
 
 #[test]
-fn an_interrupt_tells_how_many_steps_it_keeps() {
+fn an_interrupt_reports_the_number_of_kept_steps() {
     let place = place();
     let mut child = start(&place);
     let mut told = BufReader::new(child.stdout.take().unwrap());

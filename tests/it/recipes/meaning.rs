@@ -32,7 +32,7 @@ fn refined(recipe: &gs2e::recipe::Recipe) -> &RefinePath {
 }
 
 #[test]
-fn the_bundled_recipes_mean_what_they_say() {
+fn the_bundled_recipes_have_their_stated_meaning() {
     let recipes = read("recipes").unwrap_or_else(|faults| panic!("{}", faults.render_text()));
     for recipe in &recipes {
         let name = recipe.scene.replace('/', "-");
@@ -78,7 +78,7 @@ fn spelling_changes_nothing() {
 }
 
 #[test]
-fn what_is_left_out_is_what_the_paper_does() {
+fn absent_keys_follow_the_paper() {
     let recipe = sound("");
     assert_eq!(recipe.seed, 0);
     assert_eq!(recipe.rate.0, Ratio::new(2400, 1).unwrap());
@@ -93,7 +93,7 @@ fn what_is_left_out_is_what_the_paper_does() {
 }
 
 #[test]
-fn ratios_are_exactly_what_is_written() {
+fn ratios_are_exactly_the_written_values() {
     let rate = |text: &str| sound(&format!("sampling: {{ rate: {text} }}")).rate.0;
     let t = |text: &str, n, d| assert_eq!(rate(text), Ratio::new(n, d).unwrap(), "{text}");
     t("2400", 2400, 1);

@@ -161,7 +161,7 @@ fn novel_paths_are_read() {
 }
 
 #[test]
-fn edits_are_told_by_the_name_as_it_is_written() {
+fn edits_are_reported_by_the_written_name() {
     let path = |groups: u32, x: f64| {
         with(&format!(
             "{{ name: base, keyframes: {{ poses: [{{ position: [{x}, 0, 0], rotation: [0, 0, 0, 1] }}] }} }}, \
@@ -174,7 +174,7 @@ fn edits_are_told_by_the_name_as_it_is_written() {
 }
 
 #[test]
-fn the_usual_speed_is_the_papers_for_refined_paths_alone() {
+fn only_refined_paths_have_the_speed_of_the_paper_by_default() {
     assert_eq!(one("refine: {}").speed, SpeedChoice::Function(law("0.25*sin(t) + 1.1")));
     assert_eq!(one("orbit: {}").speed, SpeedChoice::Function(law("1")));
 }

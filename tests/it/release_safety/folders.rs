@@ -73,7 +73,7 @@ fn data_set(place: &Workspace, manifest: &str) {
 }
 
 #[test]
-fn a_foreign_data_set_is_refused_and_with_leave_moved_aside_whole() {
+fn a_foreign_data_set_is_refused_and_with_replace_moved_aside_whole() {
     let real = text(&released().path("out/manifest.json"));
     for manifest in ["{}", "{\"format\":1}", &real] {
         let place = place();
@@ -91,7 +91,7 @@ fn a_foreign_data_set_is_refused_and_with_leave_moved_aside_whole() {
 }
 
 #[test]
-fn a_changed_release_is_refused_with_the_names_and_with_leave_its_changes_are_kept() {
+fn a_changed_release_is_refused_and_with_replace_its_changes_are_kept() {
     let place = released();
     let before = out(&place);
     place.write("out/tiny/notes.txt", "mine");
@@ -133,7 +133,7 @@ fn links_in_a_release_are_kept_and_not_followed() {
 }
 
 #[test]
-fn a_release_brought_up_to_date_leaves_nothing_beside_it() {
+fn an_updated_release_leaves_no_other_folder() {
     let place = released();
     place.write("r.yaml", super::POSES.replace("seed: 7", "seed: 8"));
     place.ok("release --to out r.yaml");
@@ -147,7 +147,7 @@ fn a_release_brought_up_to_date_leaves_nothing_beside_it() {
 }
 
 #[test]
-fn a_failed_release_leaves_nothing_beside_it() {
+fn a_failed_release_leaves_no_other_folder() {
     let place = released();
     let before = out(&place);
     place.write("r.yaml", format!("{}checks: {{ pose_continuity: {{ max: 1e-9 }} }}\n", super::POSES));

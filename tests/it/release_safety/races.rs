@@ -46,7 +46,7 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
 }
 
 #[test]
-fn who_waits_for_a_folder_says_for_whom() {
+fn a_waiting_release_names_the_holder_of_its_folder() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
     let holder = gs2e::store::StoreLock::take_temporary(

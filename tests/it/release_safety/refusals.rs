@@ -35,7 +35,7 @@ fn a_foreign_folder_is_refused_before_anything_runs() {
 }
 
 #[test]
-fn what_the_release_is_made_from_is_never_replaced() {
+fn inputs_of_a_release_are_never_replaced() {
     let place = Workspace::new();
     place.write("work/recipes/r.yaml", POSES);
     place.write("work/given/points.ply", "mine");

@@ -34,7 +34,7 @@ fn a_line_appended_to_a_release_changes_nothing_else() {
 }
 
 #[test]
-fn files_are_those_of_the_store_where_that_is_asked_for() {
+fn files_are_links_to_the_store_on_request() {
     let place = place();
     place.ok("release --link hard --to out r.yaml");
     assert_eq!(names_of(&place, POSES_TXT), 2);
@@ -51,7 +51,7 @@ fn files_are_those_of_the_store_where_that_is_asked_for() {
 }
 
 #[test]
-fn a_release_that_stands_is_not_written_again() {
+fn an_unchanged_release_is_not_written_again() {
     let place = released();
     let inode = |path: &str| fs::metadata(place.path(path)).unwrap().ino();
     let before = [inode("out"), inode(POSES_TXT)];

@@ -32,7 +32,7 @@ fn without_a_gpu_auto_renders_on_the_cpu_and_says_so_in_one_line() {
 }
 
 #[test]
-fn without_a_gpu_asking_for_one_fails_and_names_what_is_missing() {
+fn without_a_gpu_asking_for_one_fails_and_names_the_missing_part() {
     let place = workspace();
     for args in ["", "--gpu 0", "--gpu Voodoo"] {
         let ended = place.gs2e(&format!("{RIGHT} --backend gpu {args}"));
@@ -50,7 +50,7 @@ fn without_a_gpu_asking_for_one_fails_and_names_what_is_missing() {
 }
 
 #[test]
-fn a_gpu_that_has_no_part_is_refused() {
+fn an_unused_gpu_option_is_refused() {
     let ended = workspace().gs2e(&format!("{RIGHT} --backend cpu --gpu 0"));
     assert_eq!(ended.code, 2);
     assert!(ended.stderr.contains("--gpu chooses among GPUs, and none renders"), "{}", ended.stderr);

@@ -80,7 +80,7 @@ fn a_command_line_that_is_wrong_renders_nothing() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_told() {
+fn an_unwritable_output_is_reported() {
     let t = check();
     for channel in ["depth", "flow", "luminance-rate"] {
         let out = format!("new.png --channel {channel} --velocity 0,0,0,0,0,0");
@@ -95,7 +95,7 @@ fn a_place_that_cannot_be_written_is_told() {
 }
 
 #[test]
-fn scenes_and_views_that_are_absent_or_damaged_are_told() {
+fn absent_and_damaged_scenes_and_views_are_reported() {
     let t = check();
     t(["one.ply", "gone.ply"], 2, &["the scene gone.ply is not there"]);
     t(["one.ply", "cut.ply"], 1, &["failed to read the scene", "cut.ply", "at byte"]);
@@ -166,7 +166,7 @@ fn back_ends_share_no_key() {
 }
 
 #[test]
-fn a_finished_file_takes_the_place_of_another() {
+fn a_finished_file_replaces_another() {
     let place = workspace();
     place.write("new.npy", "as it was");
     place.ok(RIGHT);

@@ -70,7 +70,7 @@ fn of_greys(greys: Vec<u8>) -> Vec<Event> {
 }
 
 #[test]
-fn weights_choose_what_is_seen_of_colours() {
+fn weights_choose_the_visible_colours() {
     let place = workspace();
     colours(&place);
     let run = |options: &str| {
@@ -119,7 +119,7 @@ fn rates_of_greys_go_through_the_curve_and_those_of_colours_are_refused() {
 }
 
 #[test]
-fn options_that_are_none_are_refused() {
+fn invalid_options_are_refused() {
     let place = workspace();
     let t = |options: &str, wanted: &str| {
         let ended = place.gs2e(&format!("{RIGHT} {options}"));

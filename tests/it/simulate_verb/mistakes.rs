@@ -109,7 +109,7 @@ fn mistakes_are_named_and_nothing_is_written() {
 
 /// The first events of each pixel and frame, and the number of omitted ones.
 #[test]
-fn what_exceeds_the_cap_is_left_out_where_that_is_allowed() {
+fn events_above_the_cap_are_omitted_if_allowed() {
     let place = workspace();
     let whole = by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7);
     place.write("s.yaml", "voltmeter: { max_events_per_pixel_frame: 2 }\n");

@@ -67,7 +67,7 @@ fn poses_are_those_of_colmaps_own_export() {
 }
 
 #[test]
-fn the_reprojection_error_is_what_colmap_analyses() {
+fn the_reprojection_error_equals_that_of_colmap() {
     for name in ["fox", "castle"] {
         let Some(dir) = shared(&format!("captures/{name}")) else { return };
         let model = dir.join("sparse/0");

@@ -59,7 +59,7 @@ fn a_model_folder_is_its_poses_and_its_newest_gaussians() {
 }
 
 #[test]
-fn gaussians_that_were_trained_further_are_built_anew() {
+fn gaussians_that_were_trained_further_are_built_again() {
     let place = place();
     place.ok("build recipe.yaml");
     assert_eq!(place.stale("recipe.yaml"), [""; 0]);

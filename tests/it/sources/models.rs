@@ -54,7 +54,7 @@ fn colmaps_points_fall_on_its_key_points() {
 }
 
 #[test]
-fn the_text_form_says_what_the_binary_form_says() {
+fn the_text_form_agrees_with_the_binary_form() {
     let dir = tempfile::tempdir().unwrap();
     let (binary, text) = (dir.path().join("binary"), dir.path().join("text"));
     model().write_binary(&binary);
@@ -107,7 +107,7 @@ fn a_planted_model_is_read_as_planted() {
 }
 
 #[test]
-fn models_are_found_where_people_keep_them() {
+fn models_are_found_in_their_usual_folders() {
     let dir = tempfile::tempdir().unwrap();
     let find = |root: &Path| {
         colmap::read_capture(root).map(|(capture, _)| capture.views.len()).map_err(|e| e.to_string())
@@ -212,7 +212,7 @@ fn refused(change: impl Fn(&mut Planted), words: &str, binary_place: &str, text_
 }
 
 #[test]
-fn what_is_wrong_in_a_model_is_named_with_its_place() {
+fn faults_of_a_model_are_named_with_their_place() {
     // Binary cameras begin at bytes 8 and 64, images at 8 and 135; the text files begin with two
     // comments and one.
     let camera = |change: fn(&mut planted::Camera), words: &str| {
@@ -256,7 +256,7 @@ fn what_is_wrong_in_a_model_is_named_with_its_place() {
 }
 
 #[test]
-fn a_rotation_nearly_one_is_taken_and_told() {
+fn a_nearly_orthonormal_rotation_is_accepted_with_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     let mut rounded = model();
     rounded.images[1].q = rounded.images[1].q.map(|v| v * 0.99999);

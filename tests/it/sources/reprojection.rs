@@ -76,7 +76,7 @@ fn points_behind_the_camera_are_counted_apart() {
 }
 
 #[test]
-fn a_model_without_points_is_not_measured_and_a_false_one_is_told() {
+fn a_model_without_points_is_not_measured_and_a_false_one_is_refused() {
     let mut unseen = shifted();
     unseen.images = images(vec![vec![(1.0, 2.0, -1)]]);
     assert_eq!(measured(&unseen), Ok(None));

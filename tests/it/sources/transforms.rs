@@ -70,7 +70,7 @@ fn one_frame_with(change: &Value) -> Value {
 }
 
 #[test]
-fn a_camera_is_what_the_conventions_say() {
+fn a_camera_follows_the_conventions() {
     let t = |change: Value, wanted: [f64; 4]| {
         let (capture, warnings) = read_transforms(&one_frame_with(&change)).unwrap();
         let c = capture.views[0].camera;
@@ -101,7 +101,7 @@ fn an_opengl_camera_at_rest_looks_along_minus_z() {
 }
 
 #[test]
-fn a_lens_is_read_as_far_as_there_is_one() {
+fn a_lens_is_read_if_there_is_one() {
     let lens =
         |change: Value| read_transforms(&one_frame_with(&change)).map(|(c, _)| c.views[0].lens.clone());
     assert_eq!(lens(json!({ "k1": 0, "p2": 0.0 })).unwrap(), LensModel::Pinhole);
@@ -119,7 +119,7 @@ fn png_head(width: u32, height: u32) -> Vec<u8> {
 }
 
 #[test]
-fn a_camera_is_scaled_to_the_photo_it_stands_for() {
+fn a_camera_is_scaled_to_its_photo() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("images")).unwrap();
     let read = |document: &Value, width, height| {
@@ -143,7 +143,7 @@ fn a_camera_is_scaled_to_the_photo_it_stands_for() {
 }
 
 #[test]
-fn what_is_wrong_in_a_transforms_file_is_named_with_its_place() {
+fn faults_of_a_transforms_file_are_named_with_their_place() {
     let t = |change: Value, words: &str| {
         let error = read_transforms(&one_frame_with(&change)).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains("transforms.json: ") && error.contains(words), "`{words}`: {error}");

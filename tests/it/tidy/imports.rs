@@ -126,7 +126,7 @@ fn first_names(path: &str) -> Vec<String> {
 }
 
 #[test]
-fn names_are_found_however_they_are_imported() {
+fn names_are_found_in_every_form_of_import() {
     let names = |path: &str, code: &str| {
         let found = named_modules(&Source::new(path, code));
         found.into_iter().map(|(_, name)| name).collect::<Vec<_>>().join(" ")

@@ -207,7 +207,7 @@ fn item_length(code: &str) -> usize {
 }
 
 #[test]
-fn code_is_what_is_left_of_comments_literals_and_tests() {
+fn code_excludes_comments_literals_and_tests() {
     let text = r##"//! println!("a")
 use x; /* unsafe /* nested */ unsafe */ let s = "pri\"nt!"; let r = r#"HashMap " "#; let c = '"'; let l: &'a str;
 #[cfg(test)]

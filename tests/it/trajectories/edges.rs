@@ -212,7 +212,7 @@ fn the_literal_rotation_mean_is_the_middle_of_the_window() {
 }
 
 #[test]
-fn wild_speeds_are_told_with_their_largest_turn() {
+fn wild_speeds_are_reported_with_their_largest_turn() {
     let got = refined(&orbit(30, 0.0, 0.0, 1), &frames(200), "exp(9.3*t)");
     let [TrajectoryWarning::SpeedRange { ratio, degrees }] = got.warnings[..] else {
         panic!("{:?}", got.warnings)

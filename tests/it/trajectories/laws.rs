@@ -65,7 +65,7 @@ fn a_list_of_one_level_is_a_constant_speed() {
 }
 
 #[test]
-fn wild_and_unblended_lists_are_told() {
+fn wild_and_unblended_lists_are_reported() {
     let wild = list(&[1.0, 0.2, 5.0, 0.01, 3.0], 0.1, SpeedMeaning::Speed);
     let warnings = travelled(&frames(100), timing(&wild)).unwrap().warnings;
     assert!(
@@ -199,7 +199,7 @@ fn a_speed_in_pixels_is_kept() {
 }
 
 #[test]
-fn a_speed_in_pixels_that_cannot_be_had_is_refused() {
+fn an_impossible_speed_in_pixels_is_refused() {
     struct Blind;
     impl FlowMeter for Blind {
         fn median_px(&mut self, _: &Se3, _: &Twist) -> Result<Option<f64>, String> {

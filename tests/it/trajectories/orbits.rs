@@ -70,7 +70,7 @@ fn orbits_follow_a_law_and_turn_as_often_as_asked() {
 }
 
 #[test]
-fn what_an_orbit_lacks_is_taken_from_the_capture() {
+fn missing_keys_of_an_orbit_come_from_the_capture() {
     // Around the origin at a height of 0.4, z up.
     let views = orbit(30, 0.0, 0.0, 1);
     let path = CameraPath::Orbit(OrbitPath { centre: None, from: None, up: None, arc: 180.0, count: FRAMES });
@@ -163,7 +163,7 @@ fn poses_by_hand_are_passed() {
 }
 
 #[test]
-fn a_pose_by_hand_that_is_none_is_refused_by_its_number() {
+fn an_invalid_pose_by_hand_is_refused_by_its_number() {
     let t = |bad: Keyframe, words: &str| {
         let path = hand(vec![towards(DVec3::X), towards(DVec3::Y), bad], CurveKind::Cubic);
         let refused = made(&path, &Vec::new(), "1").unwrap_err().to_string();
