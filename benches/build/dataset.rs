@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 
-// What lays the dataset out is the tests', which need all of it.
+// The code that lays the dataset out belongs to the tests, which use all of it.
 #[path = "../../tests/it/sources/datasets.rs"]
 #[expect(dead_code, clippy::unwrap_used, reason = "it is the tests', which use the rest")]
 mod datasets;
@@ -14,15 +14,16 @@ mod datasets;
 #[expect(dead_code, clippy::unwrap_used, reason = "it is the tests', which use the rest")]
 mod planted;
 
-/// New instances of the second run.
+/// Number of new instances in the second run.
 const MORE: u32 = 10;
 
-/// Lays out `scenes` instances, makes recipes of them, plans them, and does all of it again with a few more.
+/// Lays out `scenes` instances, makes recipes of them, plans them, and repeats all of it with a few
+/// more.
 pub(crate) fn measure(root: &Path, scenes: usize) -> Outcome {
     let dir = root.join("dataset");
     let count = u32::try_from(scenes).map_err(|e| e.to_string())?;
     let generator = datasets::Generator::new();
-    // Never read here: a scene is only hashed.
+    // The file is never parsed here: a scene is only hashed.
     generator.mvimgnet(&dir.join("data"), 0, count, b"ply\n");
     let run = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
@@ -48,7 +49,7 @@ pub(crate) fn measure(root: &Path, scenes: usize) -> Outcome {
     paths_alone(&dir.join("recipes")).map_err(|e| format!("the recipes: {e}"))?;
     let build = ["build", "-q", "recipes"];
     println!("init     build of their paths: {:.2} s", run(&build)?);
-    // The first look at files that are at rest remembers them.
+    // The first look at files at rest remembers their stat fields.
     sleep(AT_REST);
     run(&build)?;
     println!(
@@ -59,7 +60,7 @@ pub(crate) fn measure(root: &Path, scenes: usize) -> Outcome {
     Ok(())
 }
 
-/// Leaves nothing of these recipes to be rendered.
+/// Removes everything from these recipes that would be rendered.
 fn paths_alone(recipes: &Path) -> std::io::Result<()> {
     for entry in std::fs::read_dir(recipes)? {
         let path = entry?.path();

@@ -1,4 +1,5 @@
-//! The two graphs: ninja's from the scripts of `../shared`, ours from a recipe written here.
+//! The two graphs: ninja's graph comes from the scripts of `../shared`, ours from a recipe defined
+//! here.
 
 use crate::Outcome;
 use crate::series::{Ran, timed};
@@ -16,12 +17,13 @@ fn command(program: impl AsRef<std::ffi::OsStr>, dir: &Path, args: &[&str]) -> C
     command
 }
 
-/// Which scene the `turn`th change falls on: far from the one before, as in `change.sh`.
+/// Index of the scene that the `turn`th change falls on: far from the one before, as in
+/// `change.sh`.
 fn chosen(turn: usize, scenes: usize) -> usize {
     (turn * 37 + 11) % scenes
 }
 
-/// ninja's graph: N scenes of 4 steps, and one step behind them all.
+/// ninja's graph: N scenes of 4 steps, and one step after all of them.
 pub(crate) struct Ninja {
     dir: PathBuf,
     scripts: PathBuf,
@@ -29,7 +31,7 @@ pub(crate) struct Ninja {
 }
 
 impl Ninja {
-    /// Writes the graph; `None`, said, where what it takes is absent.
+    /// Writes the graph. Prints a message and returns `None` if a tool or a script is absent.
     pub(crate) fn prepare(root: &Path, scenes: usize) -> Outcome<Option<Self>> {
         let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/tools/build_bench");
         if !scripts.exists() {
@@ -67,17 +69,18 @@ impl Ninja {
     }
 }
 
-/// What a scene of ours is.
+/// The outputs of a scene in our graph.
 #[derive(Clone, Copy)]
 pub(crate) enum Template {
     /// `capture`, `reconstruct`, `trajectory`, `checks`.
     FourSteps,
-    /// The same and `events`.
+    /// The steps of [`Self::FourSteps`] and `events`.
     WithEvents,
 }
 
 impl Template {
-    /// As small as a scene can be; its seed is that of the scene itself, so that no two scenes share a step.
+    /// A minimal recipe. The scene's own seed is part of its source, so that no two scenes share a
+    /// step.
     fn recipe(self, scene: &str, seed: usize) -> String {
         let outputs = match self {
             Self::FourSteps => "[]",
@@ -101,7 +104,7 @@ pub(crate) struct Ours {
     turn: Cell<usize>,
 }
 
-/// What is read of a line of `build --json`.
+/// The fields that are read from a line of `build --json`.
 #[derive(Deserialize)]
 struct Told {
     #[serde(default)]
@@ -109,7 +112,7 @@ struct Told {
     seconds: Option<f64>,
 }
 
-/// What is read of a step of `plan --json`.
+/// The fields that are read from a step of `plan --json`.
 #[derive(Deserialize)]
 struct Planned {
     key: Option<String>,
@@ -130,7 +133,7 @@ impl Ours {
         fs::write(&path, self.template.recipe(&scene, seed)).map_err(|e| format!("{}: {e}", path.display()))
     }
 
-    /// Gives a recipe a seed that no recipe had.
+    /// Gives a recipe an unused seed.
     pub(crate) fn change(&self) -> Outcome {
         let turn = self.turn.replace(self.turn.get() + 1);
         self.write(chosen(turn, self.scenes), self.scenes + turn)
@@ -140,7 +143,7 @@ impl Ours {
         command(env!("CARGO_BIN_EXE_gs2e"), &self.dir, args)
     }
 
-    /// A build, and the seconds of each step that it made.
+    /// Builds. Returns the run and the seconds of each step that it made.
     pub(crate) fn build_telling(&self, jobs: &str) -> Outcome<(Ran, Vec<f64>)> {
         let ran = self.telling(&["build", "-q", "--json", jobs])?;
         let lines = self.told()?;
@@ -151,7 +154,7 @@ impl Ours {
         Ok((ran, made.collect()))
     }
 
-    /// Prints how many steps there are and how many keys they have.
+    /// Prints the number of steps and the number of distinct keys.
     pub(crate) fn tell_keys(&self) -> Outcome {
         self.telling(&["plan", "--json"])?;
         let steps: Vec<Planned> = serde_json::from_str(&self.told()?)

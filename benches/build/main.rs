@@ -1,10 +1,10 @@
-//! How fast `gs2e` says that there is nothing to do, beside ninja on a graph of the same size:
+//! Time of `gs2e` when there is nothing to do, compared with ninja on a graph of the same size:
 //! `cargo xtask bench build [--scenes N] [--runs N] [--long] [--check]`.
 //!
-//! Everything is a ratio of commands that take turns in one run (A B A B …), since a busy machine moves wall times by
-//! a factor of three; CPU seconds move least. ninja's graph comes from `../shared/tools/build_bench`; where that, or
-//! ninja, is absent, the ratios are not run and said to be so. `--check` ends with 1 where a limit is exceeded or could
-//! not be held against a figure.
+//! Every figure is a ratio of commands that take turns in one run (A B A B …), since a busy machine
+//! changes wall times by a factor of three; CPU seconds change least. ninja's graph comes from
+//! `../shared/tools/build_bench`. If that or ninja is absent, the ratios are not measured, and the
+//! output says so. `--check` ends with 1 if a limit is exceeded or could not be checked.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the figures are printed")]
 
 mod dataset;
@@ -18,16 +18,17 @@ use std::process::ExitCode;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// Why something could not be measured: a sentence for people.
+/// The reason why a measurement failed: a sentence for users.
 type Outcome<T = ()> = Result<T, String>;
 
-/// Above this multiple of ninja's time, `--check` fails.
+/// Multiple of ninja's time above which `--check` fails.
 const RATIO_LIMIT: f64 = 2.0;
 
-/// Above this peak of a no-op in MB, `--check` fails.
+/// Peak of a no-op above which `--check` fails, MB.
 const MEMORY_LIMIT_MB: f64 = 64.0;
 
-/// A file younger than this may still change within the clock's grain: tools that know that read it again.
+/// A file younger than this may still change within the clock's resolution: tools that know this
+/// read it again.
 const AT_REST: Duration = Duration::from_millis(2500);
 
 /// Threads of a first build, as an option and as a number.
@@ -36,7 +37,7 @@ const COLD: (&str, f64) = ("-j2", 2.0);
 struct Options {
     scenes: usize,
     runs: usize,
-    /// Also ten times as many scenes.
+    /// True if ten times as many scenes are measured too.
     long: bool,
     check: bool,
 }
@@ -78,7 +79,7 @@ fn parse(mut args: impl Iterator<Item = String>) -> Outcome<Options> {
             "--runs" => options.runs = count()?,
             "--long" => options.long = true,
             "--check" => options.check = true,
-            // What cargo adds for every benchmark.
+            // cargo passes this to every benchmark.
             "--bench" => {}
             _ => return Err(format!("found `{arg}`, wanted an option")),
         }
@@ -109,12 +110,14 @@ fn measure(options: &Options) -> Outcome<Vec<String>> {
     growth(root, &ours, options)?;
     with_events(root, options)?;
     dataset::measure(root, scenes)?;
-    // Last: what this program itself holds counts towards the peak of what it starts.
+    // This comes last: the memory that this program holds counts towards the peak of its child
+    // processes.
     ours.tell_keys()?;
     Ok(exceeded)
 }
 
-/// The first build, by [`COLD`] threads: beyond the steps' own work is what the engine costs.
+/// Measures the first build, by [`COLD`] threads. Time beyond the steps' own work is the cost of
+/// the engine.
 fn cold(ours: &Ours) -> Outcome {
     let (cold, own) = ours.build_telling(COLD.0)?;
     let (steps, own) = (own.len(), own.iter().sum::<f64>());
@@ -127,7 +130,7 @@ fn cold(ours: &Ours) -> Outcome {
     Ok(())
 }
 
-/// Both tools with nothing to do, or with one recipe changed before each run.
+/// Compares both tools with nothing to do, or with one recipe changed before each run.
 fn compare(
     label: &str,
     ninja: Option<&Ninja>,
@@ -155,7 +158,8 @@ fn compare(
     Ok(slow.into_iter().chain(large).collect())
 }
 
-/// What a changed recipe's steps themselves take, to be subtracted from the time of a changed build.
+/// Measures the work of a changed recipe's steps, to be subtracted from the time of a changed
+/// build.
 fn own_work(ours: &Ours) -> Outcome {
     let mut sums = Vec::new();
     let mut steps = 0;
@@ -170,7 +174,7 @@ fn own_work(ours: &Ours) -> Outcome {
     Ok(())
 }
 
-/// A no-op over a tenth of the scenes, over all, and with `--long` over ten times as many.
+/// Measures a no-op over a tenth of the scenes, over all, and with `--long` over ten times as many.
 fn growth(root: &Path, ours: &Ours, options: &Options) -> Outcome {
     let few = Ours::prepare(&root.join("few"), options.scenes.div_ceil(10), Template::FourSteps)?;
     cold(&few)?;
@@ -199,7 +203,7 @@ fn tell_growth(scenes: [usize; 2], series: [&Series; 2]) {
     println!("growth   ratio  of minima {times:.2}; {linear:.2} of linear growth");
 }
 
-/// The same with a fifth step a scene that renders and simulates.
+/// Repeats the measurements with a fifth step per scene that renders and simulates.
 fn with_events(root: &Path, options: &Options) -> Outcome {
     println!("with `outputs: [events]`, five steps a scene:");
     let ours = Ours::prepare(&root.join("events"), options.scenes, Template::WithEvents)?;

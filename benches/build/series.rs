@@ -1,28 +1,28 @@
-//! Commands that take turns, and what each run of them took.
+//! Commands that take turns, and the cost of each of their runs.
 
 use crate::Outcome;
 use std::process::Command;
 use std::time::Instant;
 use wait4::Wait4 as _;
 
-/// What one run took.
+/// The cost of one run.
 pub(crate) struct Ran {
     pub(crate) seconds: f64,
-    /// User and system time, those of its children included.
+    /// User and system time, including that of child processes, s.
     pub(crate) cpu: f64,
-    /// Largest resident set, at least that of the program that starts it.
+    /// Largest resident set, at least that of the program that starts it, MB.
     pub(crate) peak_mb: f64,
 }
 
 /// A command that is measured in turns with others.
 pub(crate) struct Contender<'a> {
-    /// Done before each run, untimed.
+    /// Work before each run, untimed.
     pub(crate) before: Box<dyn Fn() -> Outcome + 'a>,
     pub(crate) command: Box<dyn Fn() -> Command + 'a>,
 }
 
 impl<'a> Contender<'a> {
-    /// One that needs nothing done before.
+    /// A contender without work before its runs.
     pub(crate) fn still(command: impl Fn() -> Command + 'a) -> Self {
         Self { before: Box::new(|| Ok(())), command: Box::new(command) }
     }
@@ -31,7 +31,7 @@ impl<'a> Contender<'a> {
 /// All runs of one contender.
 pub(crate) struct Series(Vec<Ran>);
 
-/// Runs a command to its end, which must be a good one.
+/// Runs a command to its end, which must be successful.
 pub(crate) fn timed(mut command: Command) -> Outcome<Ran> {
     let told = format!("{command:?}");
     let start = Instant::now();
@@ -64,7 +64,7 @@ pub(crate) fn interleave<const N: usize>(
 }
 
 impl Ran {
-    /// The run as that of so many steps.
+    /// Describes the run as a run of `steps` steps.
     pub(crate) fn each(&self, steps: usize) -> String {
         let ms = |seconds: f64| 1e3 * seconds / steps.max(1) as f64;
         let Self { seconds, cpu, peak_mb } = self;

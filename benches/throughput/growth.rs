@@ -1,8 +1,9 @@
-//! How the cost of events grows: core-seconds of rendering and simulating for 1 to 16 times the frames, the pixels and
-//! the Gaussians.
+//! Growth of the cost of events: core-seconds of rendering and simulating for 1 to 16 times the
+//! frames, the pixels and the Gaussians.
 //!
-//! Times are those of all cores together, from the Gaussians in memory to the last event, which is counted and dropped.
-//! Rounds are interleaved as everywhere here; what is fitted is the fastest run of each size.
+//! Times are sums over all cores, from the Gaussians in memory to the last event, which is counted
+//! and dropped. Rounds are interleaved, as in the other parts. The fit uses the fastest run of each
+//! size.
 
 use glam::DQuat;
 use gs2e::camera::Camera;
@@ -28,30 +29,30 @@ use std::sync::Arc;
 /// The part's name on the command line.
 pub(crate) const PART: &str = "growth";
 
-/// Sizes over the smallest.
+/// Sizes relative to the smallest.
 const FACTORS: [u32; 5] = [1, 2, 4, 8, 16];
-/// About the square roots of these: the sides of pictures.
+/// Sides of the pictures. Their squares grow about as [`FACTORS`].
 const WIDTHS: [u32; 5] = [160, 226, 320, 452, 640];
 
 const FRAMES: u32 = 48;
 const GAUSSIANS: u32 = 20_000;
 const SIZE: Size = Size { width: 640, height: 360 };
 const RATE: f64 = 2400.0;
-/// How fast the camera turns about the scene, rad/s.
+/// Angular speed of the camera about the scene, rad/s.
 const TURN: f64 = 0.5;
 
-/// The one axis whose sizes are frames.
+/// The only axis whose sizes are frames.
 const FRAME_AXIS: &str = "frames";
 
-/// Where time goes: before the first frame, in each pass of the renderer, and in the sensor.
+/// Parts of the time: before the first frame, in each pass of the renderer, and in the sensor.
 const PARTS: [&str; 7] = ["start", "project", "sort", "bin", "raster", "resolve", "sensor"];
 const SENSOR: usize = 6;
 
-/// What one size costs.
+/// The cost of one size.
 struct Point {
     size: f64,
     work: Work,
-    /// Sorted by the sum.
+    /// Runs, sorted by their total.
     runs: Vec<Run>,
 }
 
@@ -62,7 +63,7 @@ struct Work {
     poses: Vec<Se3>,
 }
 
-/// One run: core-seconds by part, and what was made.
+/// One run: core-seconds by part, number of events, and number of blended pairs.
 struct Run {
     core_s: [f64; PARTS.len()],
     events: usize,
@@ -75,15 +76,15 @@ impl Run {
     }
 }
 
-/// What grows along an axis.
+/// An axis along which one size grows.
 pub(crate) struct Axis {
     name: &'static str,
     what: String,
     points: Vec<Point>,
 }
 
-/// The three axes, those whose description holds every text of `only`; each is measured `runs` times after one run to
-/// warm up.
+/// Measures the three axes, or those whose description holds every text of `only`, with `runs` runs
+/// each after one run to warm up.
 pub(crate) fn measure(only: &[String], runs: usize) -> Vec<Axis> {
     let mut axes = vec![frames(), pixels(), gaussians()];
     axes.retain(|axis| only.iter().all(|text| axis.what.contains(text)));
@@ -149,14 +150,14 @@ fn point(size: f64, scene: &Arc<Gaussians>, picture: Size, frames: u32) -> Point
     Point { size, work, runs: Vec::new() }
 }
 
-/// Of all cores of this process, s.
+/// Processor time of all cores of this process, s.
 fn spent() -> f64 {
     let at = clock_gettime(ClockId::ProcessCPUTime);
     at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9
 }
 
 impl Work {
-    /// As the step of a build makes events, but for the file.
+    /// Makes events as the step of a build does, but without writing a file.
     fn run(&self) -> Run {
         const STYLE: RenderStyle = RenderStyle {
             rules: RenderRules::Official,
@@ -196,7 +197,7 @@ impl Work {
     }
 }
 
-/// On the sensor's grey scale.
+/// A frame on the sensor's grey scale.
 fn frame(index: usize, mut luminance: Image<f32>) -> DenseFrame {
     luminance.pixels_mut().iter_mut().for_each(|v| *v *= 255.0);
     let rate = Hertz("2400".parse().expect("it is a ratio"));
@@ -223,7 +224,7 @@ impl Point {
         f64::midpoint(self.runs[(n - 1) / 2].total(), self.runs[n / 2].total())
     }
 
-    /// (Gaussian, pixel) pairs that a pixel of a frame blends, mean.
+    /// Mean number of Gaussians that a pixel of a frame blends.
     fn blended(&self) -> f64 {
         let pixels = self.work.camera.size.pixels() * self.work.poses.len();
         self.best().blended as f64 / pixels as f64
@@ -236,7 +237,7 @@ impl Axis {
         GrowthLaws::fit_points(&points)
     }
 
-    /// For people, as Markdown: a row a size, the exponents below.
+    /// A Markdown table: one row per size, then the exponents.
     pub(crate) fn table(&self) -> String {
         let mut lines = vec![
             format!("**{}** {}:\n", self.name, self.what),
@@ -264,9 +265,9 @@ impl Axis {
         lines.join("\n")
     }
 
-    /// What is paid once, and what grows.
+    /// The cost that is paid once, and the cost that grows.
     fn split(&self, growth: &GrowthLaws) -> String {
-        // A line through noisy runs may begin below 0: nothing is then fixed.
+        // A line through noisy runs may begin below 0: then nothing is fixed.
         let [first, last] =
             [0, self.points.len() - 1].map(|at| 100.0 * growth.fixed_share(self.points[at].size).max(0.0));
         let frames = self.points[0].work.poses.len();
@@ -285,7 +286,7 @@ impl Axis {
         )
     }
 
-    /// The same for programs.
+    /// The figures as JSON.
     pub(crate) fn json(&self) -> Value {
         let point = |point: &Point| {
             let parts: serde_json::Map<String, Value> = PARTS

@@ -1,7 +1,8 @@
-//! How fast each part is on this machine: `cargo xtask bench [--json] [--runs N] [--only TEXT] [PART]…`.
+//! Speed of each part on this machine:
+//! `cargo xtask bench [--json] [--runs N] [--only TEXT] [PART]…`.
 //!
-//! Nothing here passes or fails. Rates are given at the median and at the fastest of several runs, with the workload;
-//! `RAYON_NUM_THREADS=1` gives them for one core.
+//! No result here passes or fails. Rates are given at the median and at the fastest of several
+//! runs, with the workload; `RAYON_NUM_THREADS=1` gives the rates of one core.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the figures are printed")]
 
 mod growth;
@@ -15,7 +16,7 @@ struct Options {
     runs: usize,
     /// Names of parts; empty for all.
     parts: Vec<String>,
-    /// Each stands in the name of every workload that is run.
+    /// Texts that the name of every workload that runs must hold.
     only: Vec<String>,
 }
 
@@ -63,7 +64,7 @@ fn parse(args: impl Iterator<Item = String>) -> Result<Options, String> {
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--json" => options.json = true,
-            // What cargo adds for every benchmark.
+            // cargo passes this to every benchmark.
             "--bench" => {}
             "--runs" => options.runs = count(args.next().as_deref())?,
             "--only" => options.only.push(args.next().ok_or("found nothing after --only, wanted a text")?),

@@ -1,36 +1,37 @@
-//! Timing of workloads in rounds, and the table and JSON of what came out.
+//! Timing of workloads in rounds, and the results as a table and as JSON.
 
 use serde_json::{Value, json};
 use std::time::Instant;
 
-/// How much of something one run did.
+/// The amount of work that one run did.
 pub(crate) struct Amount {
     pub(crate) count: f64,
-    /// What is counted, as in `Mpixel`; rates are per second.
+    /// The unit of the count, as in `Mpixel`; rates are per second.
     pub(crate) unit: &'static str,
 }
 
-/// One run: how long it took and what it did.
+/// One run: its time and its amounts.
 pub(crate) struct Run {
     seconds: f64,
     amounts: Vec<Amount>,
 }
 
-/// Times `work`; what a closure does before calling this is not timed.
+/// Times `work`. Anything before this call is not timed.
 pub(crate) fn timed(work: impl FnOnce() -> Vec<Amount>) -> Run {
     let start = Instant::now();
     let amounts = std::hint::black_box(work());
     Run { seconds: start.elapsed().as_secs_f64(), amounts }
 }
 
-/// Something that is timed.
+/// A timed piece of work.
 pub(crate) struct Workload {
     pub(crate) part: &'static str,
-    /// What exactly is done, sizes included.
+    /// Description of the work, sizes included.
     pub(crate) what: String,
-    /// Another program at the work of the workload before it: the ratio of the two is told.
+    /// True if another program does the work of the previous workload; the ratio of the two is
+    /// reported.
     pub(crate) rival: bool,
-    /// Does it once. Deterministic: every run does the same amounts.
+    /// Does the work once. Deterministic: every run does the same amounts.
     pub(crate) run: Box<dyn FnMut() -> Run>,
 }
 
@@ -40,12 +41,12 @@ pub(crate) struct Timing {
     what: String,
     rival: bool,
     amounts: Vec<Amount>,
-    /// Sorted.
+    /// Times, sorted.
     seconds: Vec<f64>,
 }
 
-/// Runs each workload once to warm up, then `runs` times. Rounds are interleaved (A B C, A B C, …), so that a machine
-/// that is busy for a while slows every workload and not one of them.
+/// Runs each workload once to warm up, then `runs` times. Rounds are interleaved (A B C, A B C, …),
+/// so that a machine that is busy for a while slows every workload and not one of them.
 pub(crate) fn measure(workloads: Vec<Workload>, runs: usize) -> Vec<Timing> {
     let warm = |mut work: Workload| {
         let amounts = (work.run)().amounts;
@@ -74,7 +75,7 @@ impl Timing {
         self.seconds[0]
     }
 
-    /// For people: what was done, then the rates at the median and at the fastest run.
+    /// Lines for users: the work, then the rates at the median and at the fastest run.
     pub(crate) fn lines(&self) -> String {
         let rates = |seconds: f64| {
             let rate =
@@ -86,7 +87,7 @@ impl Timing {
         format!("{head}: {}\n  median {median}\n  best   {best}", self.what)
     }
 
-    /// The same for programs.
+    /// The figures as JSON.
     pub(crate) fn json(&self) -> Value {
         let rate = |a: &Amount| {
             let [median, best] = [self.median(), self.min()].map(|seconds| a.count / seconds);
@@ -101,7 +102,8 @@ impl Timing {
     }
 }
 
-/// How fast each workload is that a rival follows, as a share of the rival's rate: (part, at the median, at the best).
+/// Speed of each workload that has a rival, as a share of the rival's: (part, at the median, at the
+/// best).
 pub(crate) fn ratios(timings: &[Timing]) -> Vec<(&'static str, [f64; 2])> {
     let pairs = timings.iter().zip(timings.iter().skip(1)).filter(|(_, rival)| rival.rival);
     pairs.map(|(own, rival)| (own.part, [rival.median() / own.median(), rival.min() / own.min()])).collect()

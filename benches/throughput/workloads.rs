@@ -1,4 +1,5 @@
-//! What is timed: one file a part. Inputs are made before the clock runs, and those that are files lie in memory then.
+//! The timed work: one file per part. Inputs are made before the clock runs, and input files are in
+//! memory by then.
 
 mod audit;
 mod event;
@@ -28,7 +29,8 @@ pub(crate) fn all(wanted: &dyn Fn(&str) -> bool) -> Vec<Workload> {
     PARTS.iter().zip(makers).filter(|(part, _)| wanted(part)).flat_map(|(_, maker)| maker()).collect()
 }
 
-/// A real scene of the optional test data, or `None`, said on stderr.
+/// A real scene of the optional test data. If it is absent, prints a message to stderr and returns
+/// `None`.
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/scenes").join(name);
     if path.exists() {

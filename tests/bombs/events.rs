@@ -144,7 +144,7 @@ pub(crate) const BOMBS: &[Bomb] = &[
     },
 ];
 
-/// An archive whose arrays hold `count` zeros and say that they have this shape.
+/// Writes an archive whose arrays hold `count` zeros and claim the shape `shape`.
 fn npz(place: &Place, count: usize, shape: &str) {
     let mut archive = zip::ZipWriter::new(std::fs::File::create(place.path("in.npz")).unwrap());
     let deflated = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated);
@@ -156,7 +156,7 @@ fn npz(place: &Place, count: usize, shape: &str) {
     archive.finish().unwrap();
 }
 
-/// A sound file of a few events on 346x260, and what `change` makes of it.
+/// Writes a sound file of a few events on 346x260, after `change` has altered its bytes.
 fn h5(place: &Place, change: impl Fn(&mut Vec<u8>)) {
     place.write("few.txt", "346 260\n0 1 1 1\n5 2 2 0\n9 345 259 1\n");
     place.ok("convert few.txt in.h5");
@@ -166,7 +166,7 @@ fn h5(place: &Place, change: impl Fn(&mut Vec<u8>)) {
     place.write("in.h5", file);
 }
 
-/// Puts another size into the attributes.
+/// Replaces the size in the attributes.
 fn patch_side(file: &mut [u8], side: u32) {
     for (name, was) in [(b"width".as_slice(), 346_u32), (b"height", 260)] {
         let name = file.windows(name.len()).position(|word| word == name).unwrap();
@@ -175,13 +175,14 @@ fn patch_side(file: &mut [u8], side: u32) {
     }
 }
 
-/// A sound header, of packets that are compressed in this way, and one packet behind it.
+/// Writes a sound header that declares this compression, and one packet after it.
 fn aedat4(place: &Place, compression: i32, packet: &[u8]) {
     place.write("few.txt", "346 260\n0 1 1 1\n");
     place.ok("convert few.txt in.aedat4");
     std::fs::remove_file(place.path("few.txt")).unwrap();
     let mut file = std::fs::read(place.path("in.aedat4")).unwrap();
-    // 14 bytes of version, the header's length, and 20 bytes on its table, whose first field is the compression.
+    // The file begins with 14 bytes of version, then the header's length, then 20 bytes about the
+    // header's table, whose first field is the compression.
     let length = u32::from_le_bytes(file[14..18].try_into().unwrap()) as usize;
     file[42..46].copy_from_slice(&compression.to_le_bytes());
     file.truncate(18 + length);

@@ -113,7 +113,7 @@ pub(crate) const BOMBS: &[Bomb] = &[
     },
 ];
 
-/// A sound recipe of a tiny scene with more lines.
+/// Writes a sound recipe of a tiny scene, with the lines `more` appended.
 pub(crate) fn recipe(place: &Place, more: &str) {
     let camera = if more.contains("camera:") { "" } else { "camera: { width: 64, height: 48 }\n" };
     place.write(
@@ -132,7 +132,7 @@ fn transforms(place: &Place, frames: &str) {
     place.write("capture/transforms.json", format!("{{\"w\":64,\"h\":48,\"frames\":{frames}}}"));
 }
 
-/// A model of one camera and these images.
+/// Writes a model with one camera and the given images.
 fn colmap(place: &Place, images: &[u8]) {
     recipe(place, "");
     let mut cameras = 1_u64.to_le_bytes().to_vec();

@@ -1,9 +1,11 @@
-//! Small files that ask for much memory, given to the program as people run it.
+//! Small files that ask for much memory, given to the program as users run it.
 //!
-//! `cargo xtask bombs [--program FILE] [NAME]...` makes them, runs the program on each, and prints a table: bytes of the
-//! input, exit code, and peak of resident memory. A bomb fails where a signal or a panic ends the program, where it is
-//! accepted but should be refused, where it runs for too long, or where its peak is above 64 MB and four times the
-//! input (96 MB where it is read). `--program` runs another build, to compare; then nothing fails.
+//! `cargo xtask bombs [--program FILE] [NAME]...` makes the files, runs the program on each, and
+//! prints a table: bytes of the input, exit code, and peak of resident memory. A bomb fails if a
+//! signal or a panic ends the program, if the program accepts an input that it should refuse, if it
+//! runs for too long, or if its peak is above 64 MB plus four times the input (96 MB plus four
+//! times the input where the input is read). `--program` runs another build, for comparison; then
+//! no bomb fails.
 #![expect(clippy::unwrap_used, reason = "a harness that cannot go on panics")]
 
 mod events;
@@ -18,18 +20,18 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Bytes that a refused input may take at any size, and for each byte of its own.
+/// Bytes that a refused input may take: a fixed amount, plus an amount for each byte of the input.
 const FREE: u64 = 64_000_000;
 const PER_BYTE: u64 = 4;
-/// The same of one that is read: what it is made into is written in batches.
+/// The fixed amount of an input that is read: the output is written in batches.
 const FREE_TO_READ: u64 = 96_000_000;
 
-/// What must become of a bomb.
+/// The required outcome of a bomb.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fate {
     /// An error: exit code 1, 2 or 3.
     Refused,
-    /// It is read in bounded memory.
+    /// The input is read in bounded memory.
     Read,
 }
 
@@ -37,16 +39,16 @@ enum Fate {
 #[derive(Clone, Copy)]
 struct Bomb {
     name: &'static str,
-    /// What it claims.
+    /// The file's claim, as the table shows it.
     what: &'static str,
-    /// Arguments of the program, separated by spaces, in the folder of the bomb.
+    /// Arguments of the program, separated by spaces. It runs in the bomb's folder.
     args: &'static str,
     fate: Fate,
-    /// Makes the files in a folder, with the help of a sound program.
+    /// Makes the files in a folder, with a sound program's help.
     make: fn(&Place),
 }
 
-/// The folder of a bomb, and the program that its sound parts are made with.
+/// The folder of a bomb, and the program that makes its sound parts.
 struct Place {
     folder: tempfile::TempDir,
     program: PathBuf,
@@ -69,7 +71,7 @@ impl Place {
         assert!(run.code == Some(0), "gs2e {args}: {}", run.stderr);
     }
 
-    /// Bytes of all files.
+    /// Total size of all files, bytes.
     fn size(&self) -> u64 {
         let entries = walkdir::WalkDir::new(self.folder.path()).into_iter().map(Result::unwrap);
         entries.filter(|entry| entry.file_type().is_file()).map(|entry| entry.metadata().unwrap().len()).sum()
@@ -86,7 +88,7 @@ fn main() -> ExitCode {
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--program" => program = std::path::absolute(args.next().unwrap()).unwrap(),
-            // What `cargo test` hands to every binary.
+            // `cargo test` passes these to every binary.
             flag if flag.starts_with('-') => {}
             name => names.push(name.to_owned()),
         }
@@ -104,7 +106,7 @@ fn main() -> ExitCode {
     if failures.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Runs the program on a bomb and prints a line of the table; what is wrong with it, if anything.
+/// Runs the program on a bomb and prints a line of the table. Returns the fault, if there is one.
 fn detonate(bomb: &Bomb, program: &Path, own: &Path) -> Option<String> {
     let place = Place { folder: tempfile::tempdir().unwrap(), program: own.to_owned() };
     (bomb.make)(&place);
@@ -141,6 +143,6 @@ fn bytes(count: u64) -> String {
 }
 
 fn say(line: &str) {
-    // A reader that went away (`| head`) is no failed bomb.
+    // A closed pipe (`| head`) is no failed bomb.
     let _ = writeln!(std::io::stdout(), "{line}");
 }

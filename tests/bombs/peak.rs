@@ -1,7 +1,7 @@
 //! A run of the program, and the peak of its resident memory.
 //!
-//! A process inherits the peak of the one that starts it. So this harness, which has held the bombs, starts itself again
-//! as a meter, and the meter starts the program.
+//! A process inherits the peak of the process that starts it. This harness has held the bombs in
+//! memory, so it starts itself again as a meter, and the meter starts the program.
 
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -12,22 +12,22 @@ use wait4::Wait4 as _;
 
 /// The argument that makes a process a meter.
 pub(crate) const METER: &str = "--meter";
-/// Kilobytes of address space: a program that wants more sees its allocations fail.
+/// Limit of the address space, kilobytes. Allocations above it fail.
 const ADDRESS_SPACE: u64 = 6 << 20;
-/// Seconds after which a program is stopped.
+/// Time after which a program is stopped.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Resident kilobytes at which a program is stopped.
+/// Resident memory at which a program is stopped, kilobytes.
 const ENOUGH: u64 = 4_000_000;
 
-/// How a run ended.
+/// Outcome of a run.
 pub(crate) struct Run {
-    /// Its exit code, unless a signal ended it.
+    /// The exit code; `None` if a signal ended the program.
     pub(crate) code: Option<i32>,
-    /// Whether it was stopped, for its time or its memory.
+    /// True if the program was stopped for its time or its memory.
     pub(crate) stopped: bool,
     /// Peak of resident memory, bytes.
     pub(crate) peak: u64,
-    /// What it said to people.
+    /// The program's stderr.
     pub(crate) stderr: String,
 }
 
@@ -47,12 +47,13 @@ impl Run {
     }
 }
 
-/// Runs the program that the arguments name, and prints how it ended as JSON.
+/// Runs the program that the arguments name, and prints its outcome as JSON.
 pub(crate) fn meter(args: impl Iterator<Item = String>) -> ExitCode {
     let mut command = Command::new("sh");
     let script = format!("ulimit -c 0; ulimit -v {ADDRESS_SPACE}; exec \"$0\" \"$@\"");
     command.args(["-c", &script]).args(args).stdout(Stdio::null());
-    // No GPU, whose driver would take memory of its own; two threads, whatever the machine has.
+    // No GPU, since its driver would take memory of its own. Two threads, so that the peak does not
+    // depend on the machine's cores.
     command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
     command.env("RAYON_NUM_THREADS", "2").env("MALLOC_ARENA_MAX", "2");
     let child = command.spawn().unwrap();
@@ -65,12 +66,12 @@ pub(crate) fn meter(args: impl Iterator<Item = String>) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Stops a process that takes too long or too much; whether it did.
+/// Stops a process that takes too much time or memory. Returns true if it did.
 fn watch(pid: u32) -> bool {
     let (status, begin) = (format!("/proc/{pid}/status"), Instant::now());
     loop {
         let text = std::fs::read_to_string(&status).unwrap_or_default();
-        // One that has ended has no memory.
+        // A process that has ended reports no resident memory.
         let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"));
         let Some(kb) = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok())
         else {

@@ -83,7 +83,7 @@ pub(crate) const BOMBS: &[Bomb] = &[
     },
 ];
 
-/// A PNG of a grey square with these chunks behind its header.
+/// A PNG of a grey square with these chunks after its header.
 fn png(side: u32, chunks: &[(png::chunk::ChunkType, &[u8])]) -> Vec<u8> {
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
     let header = [side.to_be_bytes().as_slice(), &side.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
@@ -99,7 +99,7 @@ fn png(side: u32, chunks: &[(png::chunk::ChunkType, &[u8])]) -> Vec<u8> {
     file
 }
 
-/// So many zeros as a zlib stream.
+/// A zlib stream of `count` zeros.
 fn zeros(count: usize) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
     let block = vec![0; 1 << 20];
@@ -117,7 +117,7 @@ fn pngs(place: &Place, png: &[u8]) {
     place.write("frames/1.png", png);
 }
 
-/// A sound JPEG whose header says another size.
+/// Writes a sound JPEG whose header claims another size.
 fn jpegs(place: &Place, side: u16) {
     let mut bytes = Vec::new();
     let encoder = jpeg_encoder::Encoder::new(&mut bytes, 90);
@@ -129,7 +129,7 @@ fn jpegs(place: &Place, side: u16) {
     place.write("frames/1.jpg", &bytes);
 }
 
-/// The head of an array.
+/// The header of an array.
 pub(crate) fn npy(kind: &str, shape: &str) -> Vec<u8> {
     let head = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
     [b"\x93NUMPY\x01\x00\x76\x00", format!("{head:117}\n").as_bytes()].concat()

@@ -1,4 +1,4 @@
-//! A release of a stranger.
+//! A release from an untrusted source.
 
 use crate::inputs::recipe;
 use crate::{Bomb, Fate, Place};
@@ -28,7 +28,7 @@ pub(crate) const BOMBS: &[Bomb] = &[
     },
 ];
 
-/// A release whose index has so many rows of one text, and whose sums say so.
+/// Makes a release whose index has `rows` rows of one text, and whose sums match that index.
 fn index(place: &Place, rows: usize, text: &str) {
     recipe(place, "");
     place.ok("release --to out r.yaml");

@@ -128,7 +128,7 @@ fn deflated() -> SimpleFileOptions {
     SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated)
 }
 
-/// Writes a byte so many times.
+/// Writes a byte `count` times.
 pub(crate) fn repeat(out: &mut impl std::io::Write, byte: u8, count: usize) {
     let block = vec![byte; 1 << 20];
     let mut left = count;
@@ -139,14 +139,14 @@ pub(crate) fn repeat(out: &mut impl std::io::Write, byte: u8, count: usize) {
     }
 }
 
-/// A SOG of images of 4096x4096 of one colour, with `more` as a list in its `meta.json`.
+/// Writes a SOG of one-colour images of 4096x4096, with `more` as a list in its `meta.json`.
 fn sog(place: &Place, count: usize, more: &str) {
     let side = 4096;
     let image = |color, pixel: &[u8]| {
         let mut out = Vec::new();
         let pixels = pixel.repeat((side * side) as usize);
         WebPEncoder::new(&mut out).encode(&pixels, side, side, color).unwrap();
-        // Bytes behind an image make it look as if it did not compress.
+        // Bytes after the image make it look incompressible.
         out.resize(out.len() + 400_000, 0);
         out
     };
@@ -179,7 +179,7 @@ fn zstd_spz(place: &Place) {
     let count = 4_000_000;
     let mut file = spz_header(4, count);
     file[15] = 6;
-    // Extensions that nobody reads make the file long enough for so many Gaussians.
+    // Extensions that are not read make the file long enough for this number of Gaussians.
     let unread: u32 = 500_000;
     file.extend((32 + unread).to_le_bytes());
     file.extend([0; 12]);

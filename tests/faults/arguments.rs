@@ -2,7 +2,7 @@
 
 use crate::Size;
 
-/// What was asked for.
+/// The parsed command line.
 #[derive(Debug)]
 pub(crate) struct Arguments {
     pub(crate) size: Size,
@@ -10,7 +10,8 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Reads `[--long] [--minutes N] [--only NAME]... [--seed N]`; `names` are those of the tests.
+    /// Parses `[--long] [--minutes N] [--only NAME]... [--seed N]`; `names` are the names of the
+    /// tests.
     pub(crate) fn parse(args: impl Iterator<Item = String>, names: &[&str]) -> Result<Self, String> {
         let mut read = Self { size: Size { long: false, seed: 1, minutes: None }, only: Vec::new() };
         let mut args = args;

@@ -1,4 +1,4 @@
-//! Damage to files, as bit rot and bad tools do it.
+//! Damage to files, as bit rot and faulty tools cause it.
 
 use crate::random::Random;
 use std::fs::{self, File, Permissions};
@@ -13,18 +13,18 @@ pub(crate) struct Flip {
 }
 
 impl Flip {
-    /// Any bit of so many bytes.
+    /// Picks any bit of a file of `bytes` bytes.
     pub(crate) fn any(bytes: u64, random: &mut Random) -> Self {
         let byte = random.below(usize::try_from(bytes).unwrap()) as u64;
         Self { byte, bit: u32::try_from(random.below(8)).unwrap() }
     }
 
-    /// Flips it in memory.
+    /// Flips the bit in memory.
     pub(crate) fn in_bytes(self, bytes: &mut [u8]) {
         bytes[usize::try_from(self.byte).unwrap()] ^= 1 << self.bit;
     }
 
-    /// Flips it in a file, which keeps its size, mode and mtime.
+    /// Flips the bit in a file, which keeps its size, mode and mtime.
     pub(crate) fn in_file(self, path: &Path) {
         let before = fs::metadata(path).unwrap();
         fs::set_permissions(path, Permissions::from_mode(0o644)).unwrap();

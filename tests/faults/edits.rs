@@ -1,4 +1,5 @@
-//! Random edit sequences: after each edit the incremental build's products are those of a clean build.
+//! Random sequences of edits: after each edit, the incremental build's products equal those of a
+//! clean build.
 
 use crate::Size;
 use crate::damage::Flip;
@@ -15,20 +16,21 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Names of scenes that may exist.
+/// Names that scenes may have.
 const NAMES: [&str; 4] = ["a", "b", "c", "d"];
 
-/// Edits of one sequence.
+/// Number of edits in one sequence.
 const EDITS: usize = 12;
 
-/// Edits before which everything rests until its stat fields are trusted.
+/// Edits before which the files rest until their stat fields are trusted.
 const RESTS: [usize; 2] = [4, 8];
 
-/// What a scene asks for; sequences walk through these, so that clean builds repeat and can be kept.
+/// The settings of a scene. Sequences draw from few values, so that clean builds repeat and can be
+/// kept.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Wish {
     name: &'static str,
-    /// Which source files.
+    /// Number of the source files.
     number: u32,
     speed: &'static str,
     limit: u32,
@@ -48,7 +50,7 @@ impl Wish {
         }
     }
 
-    /// The same with one field drawn anew.
+    /// A copy with one field drawn again.
     fn edited(&self, random: &mut Random) -> Self {
         let (mut wish, other) = (self.clone(), Self::any(self.name, random));
         match random.below(5) {
@@ -111,11 +113,12 @@ fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result
     let mut told = Vec::new();
     for round in 0..EDITS {
         if RESTS.contains(&round) {
-            // From here on the scenes that nothing moves are known at a glance.
+            // From here on, unchanged scenes are recognised by their stat fields alone.
             std::thread::sleep(Duration::from_millis(2100));
             place.build("")?;
         }
-        // Some edits come before anything was built, and some one after another without a build between.
+        // Some edits come before the first build, and some follow one another without a build
+        // between.
         for _ in 0..=random.below(3) {
             told.push(edit(&place, &mut wishes, random)?);
             tally.count("edits", 1);
@@ -128,7 +131,7 @@ fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result
     Ok(())
 }
 
-/// Does something to the recipes or to the store, and says what.
+/// Changes the recipes or the store, and returns a description of the change.
 fn edit(place: &Place, wishes: &mut BTreeMap<&str, Wish>, random: &mut Random) -> Result<String, String> {
     let name = *random.pick(&NAMES);
     Ok(match random.below(13) {
@@ -169,7 +172,7 @@ fn change(
     text
 }
 
-/// Rewrites a recipe with the same bytes, or a source with its own.
+/// Rewrites a recipe or a source with its own bytes.
 fn touch(place: &Place, wishes: &BTreeMap<&str, Wish>, random: &mut Random) -> String {
     if random.once_in(2) {
         wishes.values().for_each(|wish| wish.write(place));
@@ -179,7 +182,7 @@ fn touch(place: &Place, wishes: &BTreeMap<&str, Wish>, random: &mut Random) -> S
     "sources touched".to_owned()
 }
 
-/// Deletes, cuts or flips a file of the store, if there is one yet.
+/// Deletes, truncates or corrupts a file of the store, if there is one yet.
 fn damage(folder: &std::path::Path, what: &str, random: &mut Random) -> String {
     let entries = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_map(Result::ok);
     let files: Vec<PathBuf> =
@@ -201,12 +204,12 @@ fn damage(folder: &std::path::Path, what: &str, random: &mut Random) -> String {
     format!("{what} {} damaged", path.file_name().unwrap().display())
 }
 
-/// A build that a signal stops somewhere.
+/// A build that a signal stops at a random instant.
 fn stopped(place: &Place, signal: Signal, random: &mut Random) -> Result<String, String> {
     let after = Duration::from_micros(random.below(40_000) as u64);
     let (ended, was_hit) = run_until(place.root(), "build -q -j 2", after, signal);
     let ended_well = was_hit || ended.code == Some(0);
-    // A signal that comes before its handler is there ends the program as it ends any other.
+    // A signal that arrives before its handler is installed ends the program as it ends any other.
     if signal == Signal::INT && ended.signal.is_none() && !ended_well || ended.stderr.contains("panicked") {
         return Err(format!("a build that was stopped: {ended}"));
     }

@@ -25,22 +25,22 @@ impl RunObserver for Silent {
 /// Steps by `scene/step`, with their outputs.
 pub(crate) type Outputs = Vec<(String, Vec<StoredOutput>)>;
 
-/// How a build within this process ended.
+/// Outcome of a build within this process.
 #[derive(Debug)]
 pub(crate) enum Built {
-    /// It says that everything is there.
+    /// The build reports that everything is there.
     Done {
         outputs: Outputs,
-        /// How many steps were made, and how many scenes it knew at a glance.
+        /// Number of steps made; `settled` is the number of scenes known at a glance.
         made: usize,
         settled: usize,
     },
-    /// The words for people: the program would end with 1.
+    /// The error message: the program would exit with 1.
     Failed(String),
     Panicked,
 }
 
-/// How a build is done.
+/// Settings of a build.
 #[derive(Debug, Clone)]
 pub(crate) struct Engine {
     pub(crate) recipes: Vec<PathBuf>,
@@ -49,7 +49,7 @@ pub(crate) struct Engine {
 }
 
 impl Engine {
-    /// Over all recipes of a place.
+    /// An engine over all recipes of a place.
     pub(crate) fn new(place: &Place, fs: Arc<dyn Fs>) -> Self {
         Self { recipes: vec![place.path("recipes")], fs, verify: false }
     }
@@ -84,7 +84,7 @@ impl Engine {
         if plan.steps().is_empty() {
             return Ok(Built::Done { outputs, made: 0, settled });
         }
-        // As the command does: what is missing or unreadable is known before anything runs.
+        // As in the command, missing or unreadable inputs are reported before any step runs.
         assess_plan(&plan, &store).map_err(|e| e.to_string())?;
         let budget = ResourceBudget { cores: 1, memory: u64::MAX, gpus: 0 };
         let options = RunOptions {
@@ -108,7 +108,7 @@ impl Engine {
         Ok(Built::Done { outputs, made: summary.made, settled })
     }
 
-    /// What a store says is up to date, to somebody who only looks; each product is read.
+    /// The products that a read-only look at the store reports as up to date. Each product is read.
     pub(crate) fn look(&self, place: &Place) -> Result<Products, String> {
         let store = self.store(place, StoreAccess::Read)?;
         let (PlanSurvey { plan, .. }, mut outputs) = self.survey(&store)?;
@@ -120,13 +120,13 @@ impl Engine {
     }
 }
 
-/// Names this program, as the command names itself.
+/// A name for this program, as the command names itself.
 fn tag() -> Digest {
     Digest::of_bytes(b"the fault tests")
 }
 
 impl Built {
-    /// The products, read, of a build that must have ended well.
+    /// Reads the products of a build that must have ended well.
     pub(crate) fn products(&self, place: &Place) -> Result<Products, String> {
         match self {
             Self::Done { outputs, .. } => products(place, outputs),
@@ -135,7 +135,7 @@ impl Built {
     }
 }
 
-/// The products that are there, read: each must have the bytes that its record states.
+/// Reads the products that are there. Each must have the bytes that its record states.
 fn products(place: &Place, steps: &[(String, Vec<StoredOutput>)]) -> Result<Products, String> {
     let mut products = Products::new();
     for (name, outputs) in steps {

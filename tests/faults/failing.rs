@@ -1,4 +1,4 @@
-//! File operations of which one, or all from one on, fail.
+//! File operations with injected faults: one fails, or all from a given one on.
 
 use gs2e::store::Digest;
 use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
@@ -21,7 +21,7 @@ pub(crate) enum Kind {
     Sync,
 }
 
-/// Ways to fail.
+/// Ways in which an operation can fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum How {
     NoSpace,
@@ -29,14 +29,14 @@ pub(crate) enum How {
     Interrupted,
     /// Half of the bytes are written, then there is no space.
     Short,
-    /// The folder does not take the name.
+    /// The folder refuses the name.
     Denied,
 }
 
 impl How {
     pub(crate) const ALL: [Self; 5] = [Self::NoSpace, Self::Io, Self::Interrupted, Self::Short, Self::Denied];
 
-    /// Whether an operation of this kind can fail so.
+    /// Returns true if an operation of this kind can fail in this way.
     pub(crate) fn can_meet(self, kind: Kind) -> bool {
         match self {
             Self::Io | Self::Interrupted => true,
@@ -58,13 +58,13 @@ impl How {
     }
 }
 
-/// What fails.
+/// The operation that fails.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Injection {
     /// The number of the operation.
     pub(crate) at: usize,
     pub(crate) how: How,
-    /// Whether all operations fail from there on that can fail so.
+    /// True if every later operation that can fail in this way fails too.
     pub(crate) forever: bool,
 }
 
@@ -72,11 +72,11 @@ pub(crate) struct Injection {
 struct Log {
     kinds: Vec<Kind>,
     hits: u64,
-    /// The first operation that failed.
+    /// Description of the first operation that failed.
     told: Option<String>,
 }
 
-/// The system's files, with faults.
+/// The system's files, with injected faults.
 #[derive(Debug)]
 pub(crate) struct Failing {
     injection: Option<Injection>,
@@ -88,7 +88,7 @@ impl Failing {
         Self { injection: Some(injection), log: Mutex::default() }
     }
 
-    /// Counts only.
+    /// Counts operations and injects no fault.
     pub(crate) fn never() -> Self {
         Self { injection: None, log: Mutex::default() }
     }
@@ -105,7 +105,7 @@ impl Failing {
         self.log.lock().unwrap().told.clone().unwrap_or_default()
     }
 
-    /// Counts the operation: the error that it meets, if any.
+    /// Counts the operation. Returns its fault, if it has one.
     fn meets(&self, kind: Kind, path: &Path) -> Option<How> {
         let mut log = self.log.lock().unwrap();
         let number = log.kinds.len();
@@ -178,7 +178,8 @@ impl Fs for Failing {
     }
 
     fn sync_all(&self, root: &Path) -> io::Result<()> {
-        // In memory there is nothing to sync, and on a disk it would write what others wrote.
+        // In memory there is nothing to sync, and on a disk this would write the data of other
+        // processes.
         self.pass(Kind::Sync, root, || Ok(()))
     }
 }

@@ -1,5 +1,5 @@
-//! Single bits of release files and of blobs flipped, size and mtime kept: the audit finds each, with file, scene and
-//! repair; a build finds each, and makes the blob again.
+//! Flips of single bits in release files and in blobs, with size and mtime kept. The audit finds
+//! each flip and names file, scene and repair. A build finds each flip and makes the blob again.
 
 use crate::Size;
 use crate::damage::Flip;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 struct Fixture {
     place: Place,
     truth: Products,
-    /// Files of the release, and of the products that its recipes ask for.
+    /// Files of the release and of the products that its recipes ask for.
     released: Vec<PathBuf>,
     blobs: Vec<PathBuf>,
 }
@@ -45,7 +45,7 @@ impl Fixture {
     }
 }
 
-/// Files that are not empty, sorted.
+/// Nonempty files, sorted.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().map(Result::unwrap);
     let files = entries.filter(|entry| entry.file_type().is_file() && entry.metadata().unwrap().len() > 0);
@@ -77,7 +77,7 @@ pub(crate) fn run(size: Size) -> Tally {
     })
 }
 
-/// The audit ends with 3 and names the file, its scene and what to do.
+/// Checks that the audit ends with 3 and names the file, its scene and a repair.
 fn is_found(place: &Place, path: &Path) -> Result<(), String> {
     let ended = place.run("audit --json out")?;
     if ended.code != Some(3) {
@@ -86,7 +86,8 @@ fn is_found(place: &Place, path: &Path) -> Result<(), String> {
     let name = path.strip_prefix(place.path("out")).unwrap().to_string_lossy().into_owned();
     let faults: Vec<Value> =
         ended.stdout.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    // A digit that flips in a list of sums is a fault of the file whose sum it was, told by the list's name.
+    // A digit that flips in a list of sums is a fault of the file that the sum belongs to; the
+    // message names the list.
     let names = |fault: &&Value| {
         fault["file"] == *name || fault["message"].as_str().is_some_and(|text| text.contains(&name))
     };
@@ -102,7 +103,7 @@ fn is_found(place: &Place, path: &Path) -> Result<(), String> {
     }
 }
 
-/// A build makes a blob again whose ctime alone tells that it was written to.
+/// Checks that a build makes a blob again if only its ctime shows the change.
 fn mended(fixture: &Fixture, path: &Path, flip: Flip) -> Result<(), String> {
     flip.in_file(path);
     let ended = fixture.place.ok("build --json")?;
@@ -112,7 +113,7 @@ fn mended(fixture: &Fixture, path: &Path, flip: Flip) -> Result<(), String> {
     same(&fixture.place.finished()?, &fixture.truth)
 }
 
-/// A build that verifies makes a blob again of which no stat field tells anything.
+/// Checks that a verifying build makes a blob again if no stat field shows the change.
 fn rotten(fixture: &Fixture, path: &Path, flip: Flip) -> Result<(), String> {
     let then = SystemFs.stat(path).unwrap();
     flip.in_file(path);

@@ -1,4 +1,4 @@
-//! Files whose stat fields stay as they were: damage below the file system, as bit rot is.
+//! Files whose stat fields stay unchanged: damage below the file system, such as bit rot.
 
 use gs2e::store::Digest;
 use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The system's files, whose stat fields are answered as they were seen before, if they have the size they had.
+/// The system's files. A file that has kept its size is reported with its earlier stat fields.
 #[derive(Debug)]
 pub(crate) struct Frozen {
     then: BTreeMap<PathBuf, FileStat>,

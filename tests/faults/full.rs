@@ -1,8 +1,9 @@
-//! A disk that fills at random steps and is freed: the build says so and ends with 1, and the next one finishes.
+//! A disk that fills at random steps and is freed: the build reports it and ends with 1, and the
+//! next build finishes.
 //!
-//! The store lies on a `tmpfs` of a few hundred KiB that grows from one build to the next. Mounting one needs rights;
-//! without them the program starts itself anew in a name space of its own, where it has them, and where there is none the
-//! store's file operations fail in its place.
+//! The store lies on a `tmpfs` of a few hundred KiB that grows from one build to the next. Mounting
+//! it needs privileges. Without them the program restarts itself in a name space of its own. Where
+//! that is impossible too, the store's file operations fail in its place.
 
 use crate::engine::{Built, Engine};
 use crate::failing::{Failing, How, Injection};
@@ -49,8 +50,8 @@ fn may_mount(folder: &Path) -> bool {
     Disk::mount(folder, 64).is_ok()
 }
 
-/// Starts this program anew, with its own arguments, in a name space where it may mount, if it may not do so here.
-/// Returns where there is no need, or no such place.
+/// Restarts this program with its own arguments in a name space where it may mount, unless it may
+/// mount here. Returns if a restart is not needed or not possible.
 pub(crate) fn enter_name_space() {
     const NAME_SPACE: [&str; 4] = ["--user", "--map-root-user", "--mount", "--"];
     let place = Place::new();
@@ -62,7 +63,7 @@ pub(crate) fn enter_name_space() {
     if let (true, Ok(this)) = (quiet(&mut probe), std::env::current_exe()) {
         let mut anew = Command::new("unshare");
         anew.args(NAME_SPACE).arg(this).args(std::env::args_os().skip(1));
-        // Comes back only where it could not be started: then the test has its other way.
+        // `exec` returns only if the start failed. The test then uses its other way.
         let _ = anew.exec();
     }
 }
@@ -72,7 +73,7 @@ fn quiet(command: &mut Command) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-/// A small file system, gone with the value.
+/// A small file system, unmounted when the value is dropped.
 struct Disk {
     at: PathBuf,
 }
@@ -95,7 +96,7 @@ fn mount<const N: usize>(args: [&OsStr; N], at: &Path) -> Result<(), String> {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // What stays mounted goes with the name space or the machine.
+        // A leftover mount goes with the name space or the machine.
         let _ = quiet(Command::new("umount").arg(&self.at));
     }
 }
@@ -116,7 +117,7 @@ fn fill_and_free(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
         if ended.code != Some(1) || !says_so {
             return Err(format!("{kib} KiB: {ended}"));
         }
-        // Whoever looks at a full disk sees what is finished.
+        // A reader of a store on a full disk sees the finished steps.
         within(&sound(&place.plan()?)?, truth).map_err(|why| format!("{kib} KiB: {why}"))?;
         kib += 4 + 4 * random.below(150);
         disk.grow(kib)?;
@@ -124,7 +125,8 @@ fn fill_and_free(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
     Err(format!("not finished with {kib} KiB"))
 }
 
-/// The same where nothing can be mounted: from some operation on there is no space, and each build gets further.
+/// The variant without mounting: from a random operation on there is no space, and each build gets
+/// further.
 fn fail_and_mend(truth: &Products, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
     let place = Place::in_memory();
     scenes::write(&place, SCENES, 5);

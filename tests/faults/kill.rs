@@ -1,7 +1,8 @@
 //! `kill -9` of the process group at random instants, until everything is done.
 //!
-//! After each kill every step that counts as up to date is read and held against an undisturbed build; no step that
-//! was told as made, or counted as up to date after a kill, is ever made again; the next run needs nobody's help.
+//! After each kill, every step that counts as up to date is read and compared with an undisturbed
+//! build. A step that was reported as made, or counted as up to date after a kill, is never made
+//! again. The next run needs no manual repair.
 
 use crate::place::{Place, Products, same, sound, tree, within};
 use crate::program::{end, run_until, start};
@@ -15,10 +16,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Cores that a build is given: at most so many steps are at work when it is killed.
+/// Cores of a build: at most this number of steps are at work when it is killed.
 const CORES: usize = 2;
 
-/// What a build that nobody disturbed makes.
+/// The result of a build that was not killed.
 struct Undisturbed {
     products: Products,
     release: BTreeMap<PathBuf, Digest>,
@@ -27,8 +28,8 @@ struct Undisturbed {
 }
 
 pub(crate) fn run(size: Size) -> Tally {
-    // No kill comes later than this part of an undisturbed build: late enough to get through the looking at a store
-    // that grows, early enough to take several kills a build.
+    // No kill comes later than this share of an undisturbed build: late enough to get past reading
+    // a store that grows, early enough for several kills per build.
     let (kills, count, part) = size.of((200, 200, 0.2), (1000, 2000, 0.2));
     let undisturbed = undisturbed(count, part);
     let mut random = Random::new(size.seed, 0);
@@ -59,7 +60,8 @@ fn undisturbed(count: u32, part: f64) -> Undisturbed {
     Undisturbed { products, release: tree(&place.path("out")), patience }
 }
 
-/// Builds with kills until the build, and the release after it, are done or enough kills are counted.
+/// Builds with kills until the build and the release after it are done, or until the number of
+/// kills is reached.
 fn until_done(
     place: &Place,
     undisturbed: &Undisturbed,
@@ -92,7 +94,8 @@ fn until_done(
     released(place, undisturbed, random, kills, tally)
 }
 
-/// A release that is killed four times at most: the tree is the undisturbed one, and the audit finds nothing.
+/// A release that is killed at most four times: its tree equals the undisturbed one, and the audit
+/// finds no fault.
 fn released(
     place: &Place,
     undisturbed: &Undisturbed,
@@ -125,7 +128,7 @@ fn released(
     }
 }
 
-/// The next run after a kill must just work.
+/// The run after a kill must succeed without help.
 fn orderly(ended: &crate::program::Ended, tally: &mut Tally) -> Result<(), String> {
     if ended.code == Some(0) {
         return Ok(());
@@ -142,7 +145,7 @@ fn note_made(made: &[String], finished: &mut BTreeSet<String>, tally: &mut Tally
     answer
 }
 
-/// What the store says after a kill, held against the truth.
+/// Compares the store's state after a kill with an undisturbed build.
 fn after_kill(
     place: &Place,
     undisturbed: &Undisturbed,

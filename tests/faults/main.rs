@@ -1,8 +1,9 @@
 //! The fault tests: the engine is killed, cut off, starved and damaged, and must never be wrong.
 //!
-//! `cargo xtask faults [--long] [--minutes N] [--only NAME]... [--seed N]` runs them in release mode. Each prints a line with its name,
-//! seed, number of trials, how many went wrong, and seconds, and the command that repeats it; a table ends it. Any
-//! wrong trial makes the exit code 1.
+//! `cargo xtask faults [--long] [--minutes N] [--only NAME]... [--seed N]` runs them in release
+//! mode. Each prints a line with its name, seed, number of trials, number of wrong trials, and
+//! seconds, and the command that repeats it; a table ends it. Any wrong trial makes the exit code
+//! 1.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics, which counts as wrong")]
 
 mod arguments;
@@ -33,22 +34,22 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tally::{Line, Tally};
 
-/// How large a test is, and where its random numbers begin.
+/// The size of a test, and the seed of its random numbers.
 #[derive(Debug, Clone, Copy)]
 struct Size {
     long: bool,
     seed: u64,
-    /// The longest that it may go on beginning trials.
+    /// Time after which no trial begins, minutes.
     minutes: Option<u64>,
 }
 
 impl Size {
-    /// A number for CI, another for the long run.
+    /// Picks the value for CI or the value for the long run.
     fn of<T>(self, ci: T, long: T) -> T {
         if self.long { long } else { ci }
     }
 
-    /// When it begins no more trials; asked for when the trials begin.
+    /// The instant after which no trial begins. Called when the trials begin.
     fn end(self) -> Option<Instant> {
         self.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes))
     }
@@ -95,7 +96,7 @@ fn main() -> ExitCode {
     if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Runs a test and tells of it. A panic is a trial that went wrong.
+/// Runs a test and reports its result. A panic counts as a wrong trial.
 fn run(test: &Test, size: Size) -> Line {
     let started = Instant::now();
     let ended = catch_unwind(AssertUnwindSafe(|| (test.run)(size)));
@@ -112,13 +113,13 @@ fn run(test: &Test, size: Size) -> Line {
     line
 }
 
-/// Whether a test's time is over.
+/// Returns true if the test's time is over.
 fn is_over(end: Option<Instant>) -> bool {
     end.is_some_and(|end| Instant::now() >= end)
 }
 
-/// A line for people, on stdout: the figures are the result.
+/// Prints a line to stdout: the figures are the result.
 fn say(line: &str) {
-    // A reader that went away is no reason to stop.
+    // A closed pipe is no reason to stop.
     let _ = writeln!(std::io::stdout(), "{line}");
 }

@@ -1,7 +1,9 @@
-//! The n-th file operation of the store fails, for every n and in every way that it can, once and for ever.
+//! The n-th file operation of the store fails, for every n and in every possible way, once and for
+//! ever.
 //!
-//! But for an interruption that happens once, which is tried again, the build must say that it failed; nothing may
-//! count as up to date that is not; and a build without faults finishes with the right products.
+//! The build must report failure, except after a single interruption, which is retried. Only steps
+//! that are up to date may count as up to date. A build without faults then finishes with the right
+//! products.
 
 use crate::Size;
 use crate::engine::{Built, Engine};
@@ -17,12 +19,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What the build that meets the fault has to do.
+/// The work of the build that meets the fault.
 #[derive(Debug, Clone, Copy)]
 enum Scenario {
     /// Everything, in a new store.
     Cold,
-    /// A blob that is altered, one that is gone, and a scene that is new; another scene is known at a glance.
+    /// One blob altered, one missing, and one new scene; another scene is known at a glance.
     Mending,
     /// Nothing.
     Idle,
@@ -40,7 +42,8 @@ impl Fixture {
     fn new(scenes: u32) -> Self {
         let place = Place::in_memory();
         scenes::write(&place, scenes, u32::MAX);
-        // What is younger than two seconds is read each time: scenes would never be known at a glance.
+        // Files younger than two seconds are read each time, so scenes would never be known at a
+        // glance.
         std::thread::sleep(Duration::from_millis(2100));
         let truth = Engine::new(&place, Arc::new(SystemFs)).build(&place).products(&place).unwrap();
         let recipes = (0..scenes).map(|number| place.path(&format!("recipes/{number}.yaml"))).collect();
@@ -51,7 +54,7 @@ impl Fixture {
         Engine { recipes: self.recipes.clone(), fs, verify: matches!(scenario, Scenario::Verifying) }
     }
 
-    /// The store in which the build begins.
+    /// Puts the store into the state in which the build begins.
     fn prepare(&self, scenario: Scenario) {
         let _ = fs::remove_dir_all(self.place.store());
         let all = self.recipes.len();
@@ -75,7 +78,7 @@ impl Fixture {
     }
 }
 
-/// Trials of the long run.
+/// Maximum number of trials in the long run.
 const LONG_TRIALS: usize = 2000;
 
 pub(crate) fn run(size: Size) -> Tally {
@@ -84,7 +87,8 @@ pub(crate) fn run(size: Size) -> Tally {
     let mut all = all_injections(scenes, &mut tally);
     tally.count("ways to fail", all.len() as u64);
     if size.long {
-        // Each trial builds hundreds of steps: every so manieth is tried, from a place that the seed chooses.
+        // Each trial builds hundreds of steps, so only every `stride`-th is tried, from an offset
+        // that the seed chooses.
         let stride = all.len().div_ceil(LONG_TRIALS);
         all = all.into_iter().skip(Random::new(size.seed, 0).below(stride)).step_by(stride).collect();
     }
@@ -124,7 +128,8 @@ fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> 
     all
 }
 
-/// Without faults: the right products, from no more steps than there must be, and unmoved scenes known at a glance.
+/// Checks a build without faults: right products, no unnecessary steps, and unchanged scenes known
+/// at a glance.
 fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &Built) -> Result<(), String> {
     same(&built.products(&fixture.place)?, &fixture.truth)?;
     let Built::Done { made, settled, .. } = *built else { return Err(format!("{built:?}")) };
@@ -168,7 +173,7 @@ fn trial(
     verdict.and(state)
 }
 
-/// What counts as up to date is; and the next build finishes.
+/// Checks that steps that count as up to date are, and that the next build finishes.
 fn after(fixture: &Fixture, built: &Built) -> Result<(), String> {
     let Fixture { place, truth, .. } = fixture;
     if let Built::Done { .. } = built {

@@ -1,4 +1,4 @@
-//! A temporary folder in which the program is run, and what its store holds.
+//! A temporary folder in which the program runs, and the contents of its store.
 
 use crate::program::{self, Ended};
 use gs2e::store::Digest;
@@ -13,7 +13,7 @@ pub(crate) type Products = BTreeMap<String, Digest>;
 /// Steps by `scene/step`.
 pub(crate) type Plan = BTreeMap<String, Step>;
 
-/// A folder of its own, removed at the end.
+/// A temporary folder, removed on drop.
 #[derive(Debug)]
 pub(crate) struct Place {
     folder: tempfile::TempDir,
@@ -23,18 +23,18 @@ pub(crate) struct Place {
 #[derive(Debug)]
 pub(crate) struct Step {
     pub(crate) keep: bool,
-    /// Role, the digest that the store states, and the file.
+    /// Role, digest that the store states, and file.
     pub(crate) outputs: Vec<(String, String, PathBuf)>,
 }
 
 impl Place {
-    /// On the disk where temporary files lie.
+    /// A place on the disk with the temporary files.
     pub(crate) fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
     }
 
-    /// In memory where the system has a place for that: for tests of thousands of builds, in which syncing would take
-    /// most of the time and prove nothing.
+    /// A place in memory if the system has one. It is for tests of thousands of builds, in which
+    /// syncing would take most of the time and prove nothing.
     pub(crate) fn in_memory() -> Self {
         tempfile::tempdir_in("/dev/shm").map_or_else(|_| Self::new(), |folder| Self { folder })
     }
@@ -57,23 +57,23 @@ impl Place {
         fs::write(path, content).unwrap();
     }
 
-    /// Runs the program here, `args` separated by spaces, to its end.
+    /// Runs the program here to its end, with `args` separated by spaces.
     pub(crate) fn run(&self, args: &str) -> Result<Ended, String> {
         program::run(self.root(), args)
     }
 
-    /// The same, which must end with 0.
+    /// Runs the program, which must end with 0.
     pub(crate) fn ok(&self, args: &str) -> Result<Ended, String> {
         let ended = self.run(args)?;
         if ended.code == Some(0) { Ok(ended) } else { Err(format!("`gs2e {args}`: {ended}")) }
     }
 
-    /// The plan as the program tells it, by `scene/step`.
+    /// The plan that the program reports, by `scene/step`.
     pub(crate) fn plan(&self) -> Result<Plan, String> {
         self.read_plan(&self.ok("plan --json")?)
     }
 
-    /// What `plan --json` told.
+    /// Parses the output of `plan --json`.
     pub(crate) fn read_plan(&self, ended: &Ended) -> Result<Plan, String> {
         let list: Vec<Value> =
             serde_json::from_str(&ended.stdout).map_err(|e| format!("plan --json: {e}"))?;
@@ -87,13 +87,14 @@ impl Place {
         Ok(list.iter().map(step).collect())
     }
 
-    /// Builds, which must succeed, and gives the products: everything must be up to date afterwards.
+    /// Builds, which must succeed, and returns the products. Everything must be up to date
+    /// afterwards.
     pub(crate) fn build(&self, args: &str) -> Result<Products, String> {
         self.ok(&format!("build -q {args}"))?;
         self.finished()
     }
 
-    /// The products of a plan of which everything must be up to date.
+    /// The products of a plan in which everything must be up to date.
     pub(crate) fn finished(&self) -> Result<Products, String> {
         let plan = self.plan()?;
         match plan.iter().find(|(_, step)| !step.keep) {
@@ -103,7 +104,8 @@ impl Place {
     }
 }
 
-/// The products of all steps that count as up to date, read: each must have the bytes that the store states.
+/// Reads the products of all steps that count as up to date. Each must have the bytes that the
+/// store states.
 pub(crate) fn sound(plan: &Plan) -> Result<Products, String> {
     let mut products = Products::new();
     for (name, step) in plan.iter().filter(|(_, step)| step.keep) {
@@ -121,7 +123,7 @@ pub(crate) fn sound(plan: &Plan) -> Result<Products, String> {
     Ok(products)
 }
 
-/// What two sets of products have not in common; `some` may be part of `whole`.
+/// Checks that every product of `some` is in `whole` with the same digest.
 pub(crate) fn within(some: &Products, whole: &Products) -> Result<(), String> {
     match some.iter().find(|(name, digest)| whole.get(*name) != Some(digest)) {
         None => Ok(()),
@@ -131,7 +133,7 @@ pub(crate) fn within(some: &Products, whole: &Products) -> Result<(), String> {
     }
 }
 
-/// The products must be those of a clean build, all of them.
+/// Checks that the products are exactly those of a clean build.
 pub(crate) fn same(some: &Products, whole: &Products) -> Result<(), String> {
     within(some, whole)?;
     within(whole, some).map_err(|why| format!("missing: {why}"))

@@ -1,8 +1,10 @@
-//! The power fails: after every operation of some builds, with what was not synced dropped, torn, or kept out of order.
+//! The power fails after every operation of some builds; unsynced data is dropped, torn, or kept
+//! out of order.
 //!
-//! The builds run over recorded file operations. What a disk may hold after the n-th is made anew in the store's own
-//! place, and stat fields are answered as they were: a torn file looks as the whole one did, as it does on a file
-//! system that journals its metadata alone. Then somebody looks, and builds.
+//! The builds run over recorded file operations. A possible state of the disk after the n-th is
+//! written to the store's own place, and stat fields are reported as they were. A torn file
+//! therefore looks like the whole one, as it does on a file system that journals only its metadata.
+//! Then the store is read, and built.
 
 mod disk;
 mod recorder;
@@ -22,7 +24,7 @@ use std::fs;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Builds that were recorded, and what they made.
+/// Recorded builds and their products.
 struct Recording {
     place: Place,
     truth: Products,
@@ -30,7 +32,8 @@ struct Recording {
 }
 
 impl Recording {
-    /// Three builds, each of more scenes than the one before: rows of the database speak of files of several batches.
+    /// Three builds, each of more scenes than the one before, so that rows of the database refer to
+    /// files of several batches.
     fn new(scenes: u32) -> Self {
         let place = Place::in_memory();
         let recorder = Arc::new(Recorder::new(place.store()));
@@ -77,6 +80,6 @@ fn trial(recording: &Recording, prefix: usize, loss: Loss, random: &mut Random) 
     within(&frozen.look(place)?, truth).map_err(|why| format!("looking: {why}"))?;
     let next = frozen.build(place).products(place).and_then(|products| same(&products, truth));
     next.map_err(|why| format!("the next build: {why}"))?;
-    // And nobody is fooled later either.
+    // A later look must not be deceived either.
     same(&Engine::new(place, Arc::new(SystemFs)).look(place)?, truth)
 }

@@ -9,10 +9,10 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug)]
 pub(crate) struct Ended {
-    /// `None`: a signal ended it.
+    /// The exit code; `None` if a signal ended the program.
     pub(crate) code: Option<i32>,
     pub(crate) signal: Option<i32>,
     pub(crate) stdout: String,
@@ -30,17 +30,18 @@ impl Ended {
         }
     }
 
-    /// The steps that `build --json` told as made; the last line may be cut.
+    /// The steps that `build --json` reports as made. The last line may be truncated.
     pub(crate) fn made(&self) -> Vec<String> {
         let told = self.stdout.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
         let made = told.filter(|line| line["state"] == "made");
         made.filter_map(|line| line["step"].as_str().map(str::to_owned)).collect()
     }
 
-    /// No panic and no signal of its own: whatever it was fed, it ends by itself and says why.
+    /// Checks that there was no panic and no fatal signal: on any input the program ends by itself
+    /// and gives a reason.
     pub(crate) fn is_orderly(&self) -> Result<(), String> {
         let panicked = self.code == Some(101) || self.stderr.contains("panicked at");
-        // 3 is a verdict, with its own words.
+        // Exit code 3 is a verdict, with its own messages.
         let says_why = ["error", "interrupted"].iter().any(|word| self.stderr.contains(word));
         let unsaid = !matches!(self.code, Some(0 | 3)) && !says_why;
         if panicked || self.signal.is_some() || unsaid { Err(self.to_string()) } else { Ok(()) }
@@ -62,35 +63,37 @@ fn command(folder: &Path, args: &str) -> Command {
     command
 }
 
-/// Starts it in a process group of its own.
+/// Starts the program in a process group of its own.
 pub(crate) fn start(folder: &Path, args: &str) -> Child {
     command(folder, args).spawn().unwrap()
 }
 
-/// Waits for its end.
+/// Waits for the program's end.
 pub(crate) fn end(child: Child) -> Ended {
     Ended::of(child.wait_with_output().unwrap())
 }
 
-/// Runs it to its end, which must be an orderly one.
+/// Runs the program to its end, which must be orderly.
 pub(crate) fn run(folder: &Path, args: &str) -> Result<Ended, String> {
     let ended = end(start(folder, args));
     ended.is_orderly().map_err(|why| format!("`gs2e {args}` ended out of order: {why}"))?;
     Ok(ended)
 }
 
-/// Runs it, and sends its process group a signal after a while unless it ended before; whether it was sent.
+/// Runs the program, and sends its process group a signal after a time, unless it ended before. The
+/// second value is true if the signal was sent.
 pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Signal) -> (Ended, bool) {
     let started = Instant::now();
     let mut child = start(folder, args);
     let pid = Pid::from_child(&child);
     let (mut stdout, mut stderr) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
     let (told, errors) = std::thread::scope(|scope| {
-        // Read all the while: a program whose pipe is full would wait, and be killed at nothing but that.
+        // The pipes are read all the time: a program with a full pipe would wait, and every kill
+        // would hit that wait.
         let told = scope.spawn(|| read(&mut stdout));
         let errors = scope.spawn(|| read(&mut stderr));
         std::thread::sleep(after.saturating_sub(started.elapsed()));
-        // A child that nobody waited for keeps its number: the signal can reach no other group.
+        // An unreaped child keeps its number, so the signal can reach no other group.
         kill_process_group(pid, signal).unwrap();
         (told.join().unwrap(), errors.join().unwrap())
     });

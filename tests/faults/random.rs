@@ -1,4 +1,5 @@
-//! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014, figure 16).
+//! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014, figure
+//! 16).
 
 /// A stream of random numbers.
 #[derive(Debug, Clone)]
@@ -8,7 +9,7 @@ impl Random {
     /// The stream of a seed and a number within it.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut random = Self(seed ^ stream.rotate_left(32));
-        // Neighbouring seeds shall have nothing in common.
+        // Neighbouring seeds must have nothing in common.
         random.next();
         random
     }
@@ -20,12 +21,13 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// A number below `n`; the bias of the remainder is below 2^-40 for the small `n` of these tests.
+    /// A number below `n`. The bias of the remainder is below 2^-40 for the small `n` of these
+    /// tests.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         usize::try_from(self.next() % n as u64).unwrap()
     }
 
-    /// One of some values.
+    /// One of the given values.
     pub(crate) fn pick<'a, T>(&mut self, values: &'a [T]) -> &'a T {
         &values[self.below(values.len())]
     }

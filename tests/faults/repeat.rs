@@ -1,4 +1,6 @@
-//! The same recipes give the same tree: with one thread and all, in any order, in another folder, at another time.
+//! Equal recipes give equal trees: with one thread and with all, in any order, in another folder,
+//! at another time.
+//! folder, at another time.
 
 use crate::place::{Place, tree};
 use crate::random::Random;
@@ -54,11 +56,11 @@ fn shuffled(random: &mut Random) -> Vec<u32> {
     order
 }
 
-/// The release of the scenes, their recipes written and named in this order, with the store elsewhere where a folder
-/// is given.
+/// The release of the scenes, with recipes written and named in this order. The store is in
+/// `folder`, if one is given.
 fn released(args: &str, folder: Option<&str>, order: &[u32]) -> Result<Tree, String> {
     let place = Place::new();
-    // Names whose order in the folder is that of the list, whatever the scenes are called.
+    // Names whose order in the folder is that of the list, independent of the scenes' names.
     for (rank, number) in order.iter().enumerate() {
         scenes::sources(&place, *number);
         let outputs: &[&str] = if number % 3 == 0 { &["events", "sharp"] } else { &[] };
@@ -78,7 +80,7 @@ fn has_fake_clock() -> bool {
     Command::new("faketime").arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// The same with a clock that stands years away.
+/// The release of a build whose clock is up to 5000 days slow.
 fn at_another_time(random: &mut Random) -> Result<Tree, String> {
     let place = Place::new();
     scenes::write(&place, SCENES, 3);

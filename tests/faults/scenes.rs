@@ -1,10 +1,12 @@
-//! Scenes that cost a millisecond a step: a recipe over a tiny capture and forty Gaussians in files.
+//! Scenes that cost a millisecond per step: a recipe over a tiny capture and forty Gaussians in
+//! files.
 
 use crate::place::Place;
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// The recipe of a scene over the files `sources/<number>.{json,ply}`: six steps, or more with outputs.
+/// The recipe of a scene over the files `sources/<number>.{json,ply}`: six steps, or more with
+/// outputs.
 pub(crate) fn recipe(scene: &str, number: u32, outputs: &[&str]) -> Value {
     json!({
         "version": 1,
@@ -19,13 +21,13 @@ pub(crate) fn recipe(scene: &str, number: u32, outputs: &[&str]) -> Value {
     })
 }
 
-/// Writes the files of a number: no two numbers share a step.
+/// Writes the files of a number. No two numbers share a step.
 pub(crate) fn sources(place: &Place, number: u32) {
     place.write(&format!("sources/{number}.json"), transforms(number).to_string());
     place.write(&format!("sources/{number}.ply"), ply(number));
 }
 
-/// Writes scenes `s0`, `s1`, …: six steps each, and every `with_events`-th two more than that.
+/// Writes scenes `s0`, `s1`, … of six steps each. Every `with_events`-th scene has two more.
 pub(crate) fn write(place: &Place, scenes: u32, with_events: u32) {
     for number in 0..scenes {
         sources(place, number);

@@ -1,4 +1,5 @@
-//! `state.db`, its log and the records cut and flipped: an answer may be slow or an error, never wrong.
+//! `state.db`, its log and the records, truncated and corrupted: an answer may be slow or an error,
+//! never wrong.
 
 use crate::Size;
 use crate::damage::Flip;
@@ -12,7 +13,7 @@ use serde_json::json;
 use std::fs;
 use std::path::PathBuf;
 
-/// A built store whose last rows stand in the database's log alone, and what it says.
+/// A built store whose last rows are in the database's log alone, and its products.
 struct Fixture {
     place: Place,
     truth: Products,
@@ -43,7 +44,7 @@ impl Fixture {
         let place = Place::in_memory();
         scenes::write(&place, 3, 3);
         place.build("").unwrap();
-        // A reader that stays keeps the next build from folding the log into the database.
+        // An open reader keeps the next build from folding the log into the database.
         let reader = Connection::open(place.path(".gs2e/state.db")).unwrap();
         let count: i64 =
             reader.query_row("SELECT count(*) FROM sqlite_master", [], |row| row.get(0)).unwrap();
@@ -65,7 +66,7 @@ impl Fixture {
         Self { place, truth, database, log, records }
     }
 
-    /// Everything as it was after the last build; blobs stay where they are.
+    /// Restores the database and the records after the last build. Blobs stay as they are.
     fn restore(&self) {
         for name in ["state.db", "state.db-wal", "state.db-shm"] {
             let _ = fs::remove_file(self.place.store().join(name));
@@ -79,7 +80,7 @@ impl Fixture {
         let _ = fs::remove_file(&self.log.path);
     }
 
-    /// The program looks, builds, and looks again.
+    /// Runs the program to look, to build, and to look again.
     fn judge(&self, tally: &mut Tally) -> Result<(), String> {
         let looked = self.place.run("plan --json")?;
         let built = self.place.run("build -q")?;
@@ -94,10 +95,10 @@ impl Fixture {
     }
 }
 
-/// What is done to the files of a store.
+/// Damage to the files of a store.
 #[derive(Debug, Clone, Copy)]
 enum Damage {
-    /// The record of this number cut at this byte, the database lost.
+    /// The record `number` truncated at this byte, the database lost.
     Record {
         number: usize,
         at: usize,
@@ -144,7 +145,7 @@ pub(crate) fn run(size: Size) -> Tally {
     })
 }
 
-/// One to four bits of the database, its log, or a record without a database.
+/// Flips one to four bits of the database, of its log, or of a record without a database.
 fn flip(fixture: &Fixture, random: &mut Random) {
     let file = match random.below(3) {
         0 => &fixture.database,

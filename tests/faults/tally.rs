@@ -1,27 +1,27 @@
-//! What a test came to: its trials, those that went wrong with the reason, and the figures it counted.
+//! The result of a test: its trials, the wrong ones with their reasons, and its figures.
 
 use crate::Size;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Trials and what was counted in them.
+/// Trials and the figures counted in them.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     trials: u64,
     wrong: Vec<String>,
     figures: BTreeMap<&'static str, u64>,
-    /// What was left out, and why.
+    /// The parts that were left out, with the reason.
     pub(crate) notes: Vec<String>,
 }
 
 impl Tally {
-    /// One trial; the error says what was wrong with it.
+    /// Counts one trial. An error gives the reason why it is wrong.
     pub(crate) fn trial(&mut self, ended: Result<(), String>) {
         self.trials += 1;
         self.wrong.extend(ended.err());
     }
 
-    /// Adds to a figure, which is shown even where it stays 0.
+    /// Adds to a figure. A figure is shown even if it stays 0.
     pub(crate) fn count(&mut self, figure: &'static str, n: u64) {
         *self.figures.entry(figure).or_default() += n;
     }
@@ -42,7 +42,7 @@ impl Tally {
         self.trials
     }
 
-    /// What was counted, behind `before` if there is any.
+    /// The figures, preceded by `before` if there are any.
     fn figures(&self, before: &str) -> String {
         let figures: Vec<String> = self.figures.iter().map(|(name, n)| format!("{name} {n}")).collect();
         if figures.is_empty() { String::new() } else { before.to_owned() + &figures.join(", ") }
@@ -59,7 +59,7 @@ pub(crate) struct Line {
     pub(crate) seconds: f64,
 }
 
-/// At most so many reasons are shown; the rest is counted.
+/// Maximum number of reasons shown; the rest is counted.
 const SHOWN: usize = 5;
 
 impl fmt::Display for Line {
@@ -87,7 +87,7 @@ impl Line {
         format!("{:<10} {:>6} {:>8} {:>6} {:>8}  {}", "test", "seed", "N", "wrong", "seconds", "what")
     }
 
-    /// Its row of the table.
+    /// The test's row of the table.
     pub(crate) fn row(&self) -> String {
         let Self { name, what, size, tally, seconds } = self;
         let (seed, trials, wrong) = (size.seed, tally.trials, tally.wrong());

@@ -45,7 +45,7 @@ fn pause(random: &mut Random, most_ms: usize) {
     std::thread::sleep(Duration::from_millis(random.below(most_ms) as u64));
 }
 
-/// Each step is made by one of them; who waits says for whom.
+/// Checks that each step is made by one of the two, and that a waiting one names the other.
 fn two_coordinators(truth: &Products, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
     let place = Place::in_memory();
     scenes::write(&place, SCENES, 4);
@@ -77,7 +77,8 @@ fn succeeded(ended: &Ended) -> Result<(), String> {
     if ended.code == Some(0) { Ok(()) } else { Err(ended.to_string()) }
 }
 
-/// Stores with locks and databases of their own over the same blobs and records, as tasks on several hosts have them.
+/// Stores with their own locks and databases over shared blobs and records, as tasks on several
+/// hosts have them.
 fn eight_writers(truth: &Products, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
     let place = Place::in_memory();
     scenes::write(&place, SCENES, 4);
@@ -105,7 +106,7 @@ fn eight_writers(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
     if let Some(path) = corrupt.first() {
         return Err(format!("{path} holds other bytes than its name says"));
     }
-    // A store that begins with nothing but the shared files reads every record, and runs nothing.
+    // A store that begins with only the shared files reads every record, and runs no step.
     for name in ["cas", "ac"] {
         fs::create_dir_all(place.store()).unwrap();
         symlink(place.path("shared").join(name), place.store().join(name)).unwrap();
@@ -118,7 +119,7 @@ fn eight_writers(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
     same(&place.finished()?, truth)
 }
 
-/// Files whose bytes are not those of their names.
+/// Files whose bytes do not match their names.
 fn corrupt_blobs(cas: &Path) -> Vec<String> {
     let entries = walkdir::WalkDir::new(cas).into_iter().map(Result::unwrap);
     let files = entries.filter(|entry| entry.file_type().is_file());

@@ -6,8 +6,8 @@ use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Runs trials `0..trials`, each worker with what `prepare` made for it. Which worker has which trial is left to
-/// chance: a trial must depend on its number alone.
+/// Runs trials `0..trials`, each worker with its own value from `prepare`. The assignment of trials
+/// to workers is left to chance, so a trial must depend on its number alone.
 pub(crate) fn spread<W>(
     size: Size,
     trials: usize,
@@ -17,7 +17,7 @@ pub(crate) fn spread<W>(
     spread_over(size, 1, trials, prepare, trial)
 }
 
-/// The same with several workers a core, for trials that mostly wait.
+/// Like [`spread`], with several workers per core, for trials that mostly wait.
 pub(crate) fn spread_over<W>(
     size: Size,
     workers_a_core: usize,
@@ -26,8 +26,8 @@ pub(crate) fn spread_over<W>(
     trial: impl Fn(&mut W, usize, &mut Tally) -> Result<(), String> + Sync,
 ) -> Tally {
     let (next, end) = (AtomicUsize::new(0), size.end());
-    // Where time may run out the trials that are done shall be of every kind: they are taken in steps of about the
-    // golden section, made coprime to their number.
+    // If time may run out, the finished trials should be of every kind. They are taken in steps of
+    // about the golden section, made coprime to their number.
     let golden = trials * 618 / 1000;
     let stride =
         if end.is_none() { 1 } else { (golden.max(1)..).find(|n| gcd(*n, trials) == 1).unwrap_or(1) };

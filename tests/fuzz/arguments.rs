@@ -2,25 +2,25 @@
 
 use std::path::PathBuf;
 
-/// What was asked for.
+/// The parsed command line.
 #[derive(Debug)]
 pub(crate) struct Arguments {
-    /// For each reader.
+    /// Time for each reader, s.
     pub(crate) seconds: u64,
     pub(crate) seed: u64,
     /// The number of the first run.
     pub(crate) first: u64,
-    /// Runs of each reader, where the time does not end them before.
+    /// Maximum number of runs of each reader.
     pub(crate) runs: Option<u64>,
-    /// Readers at a time.
+    /// Number of readers that run at a time.
     pub(crate) jobs: u64,
-    /// Where a child says how far it is.
+    /// The file to which a child writes its progress.
     pub(crate) progress: Option<PathBuf>,
     only: Vec<String>,
 }
 
 impl Arguments {
-    /// Reads the arguments; `names` are those of the readers.
+    /// Parses the arguments; `names` are the names of the readers.
     pub(crate) fn parse(mut args: impl Iterator<Item = String>, names: &[&str]) -> Result<Self, String> {
         let mut read =
             Self { seconds: 300, seed: 1, first: 0, runs: None, jobs: 1, progress: None, only: Vec::new() };

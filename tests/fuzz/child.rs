@@ -14,16 +14,17 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// First argument of a child.
+/// The first argument of a child.
 pub(crate) const MARK: &str = "--child";
-/// Address space of a child: the files have kilobytes, and an allocation beyond this ends the process.
+/// Limit of a child's address space. The files have kilobytes, and an allocation beyond the limit
+/// ends the process.
 const MEMORY: u64 = 2 << 30;
 
-/// What came of some runs.
+/// The result of some runs.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Tally {
     pub(crate) runs: u64,
-    /// Files that were read in spite of everything.
+    /// Files that were read without an error although they were mutated.
     pub(crate) sound: u64,
     pub(crate) failures: u64,
     pub(crate) seconds: f64,
@@ -42,7 +43,7 @@ impl Add for Tally {
     }
 }
 
-/// Runs the one reader that was asked for until its time is over.
+/// Runs the selected reader until its time is over.
 pub(crate) fn run(arguments: &Arguments) -> ExitCode {
     let limit = Rlimit { current: Some(MEMORY), maximum: Some(MEMORY) };
     setrlimit(Resource::As, limit).unwrap();
@@ -61,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> ExitCode {
     {
         let run = arguments.first + tally.runs;
         tally.runs += 1;
-        // Said before it begins, since it may not end.
+        // Recorded before the run begins, since the run may kill the process.
         say_progress(&progress, tally);
         let file = mutated(&corpus, &mut Random::new(arguments.seed, run));
         match one(reader, &file) {
@@ -76,9 +77,9 @@ pub(crate) fn run(arguments: &Arguments) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// One run: whether the file was read, or why the run failed.
+/// Does one run. Returns true if the file was read, or the reason why the run failed.
 fn one(reader: &Reader, file: &[u8]) -> Result<bool, String> {
-    // Processor time: a busy machine is no fault of the reader.
+    // Processor time, so that a busy machine causes no failure.
     let begin = processor_time();
     let sound = catch_unwind(AssertUnwindSafe(|| (reader.read)(file))).map_err(|_| "a panic, shown above")?;
     let took = processor_time().saturating_sub(begin);
@@ -100,7 +101,7 @@ fn say_progress(file: &File, tally: Tally) {
     file.write_all_at(numbers.as_flattened(), 0).unwrap();
 }
 
-/// How far a child has come.
+/// Reads the progress of a child.
 pub(crate) fn progress(path: &Path) -> Tally {
     let bytes = std::fs::read(path).unwrap();
     let number =

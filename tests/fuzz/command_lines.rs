@@ -1,5 +1,6 @@
-//! Command lines and environments under fire, each run in this process, in a folder of its own: no word may panic a verb, and what a verb
-//! says is inert, ends as the contract says, and is JSON where that was asked for.
+//! Mutated command lines, each run in this process in a folder of its own. No word may panic a
+//! verb. The output of a verb is inert, its exit code obeys the contract, and it is JSON where JSON
+//! was requested.
 
 use crate::corpus::{Corpus, files};
 use crate::inert;
@@ -12,7 +13,7 @@ use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// Lines that end well in the folder that [`furnish`] makes.
+/// Lines that succeed in the folder that [`furnish`] makes.
 const SOUND: [&str; 34] = [
     "--help",
     "--version",
@@ -50,7 +51,7 @@ const SOUND: [&str; 34] = [
     "study thresholds --help",
 ];
 
-/// Words that no line needs.
+/// Odd words that are not in any sound line.
 const ODD: [&[u8]; 14] = [
     b"\x1b[31mX\x1b]0;T\x07",
     b"a\nerror: FAKE",
@@ -79,10 +80,10 @@ thread_local! {
     static RUNS: Cell<u32> = const { Cell::new(0) };
 }
 
-/// Runs after which the folder is emptied: names are mutated, so outputs pile up.
+/// Number of runs after which the folder is emptied: names are mutated, so outputs pile up.
 const CLEAN_AFTER: u32 = 2000;
 
-/// Runs a line and judges what it did; whether it ended well.
+/// Runs a line and judges its effects. Returns true if it succeeded.
 pub(crate) fn read(line: &[u8]) -> bool {
     let home = home();
     std::env::set_current_dir(&home).unwrap();
@@ -94,7 +95,7 @@ pub(crate) fn read(line: &[u8]) -> bool {
         return false;
     }
     if takes_long(&words) {
-        // Reads all words, and runs nothing.
+        // An unknown option makes the parser read all words without running anything.
         words.retain(|word| word != "--");
         words.push("--no-such-option".into());
     }
@@ -113,7 +114,7 @@ fn judge(words: &[OsString], exit: ExitKind, stdout: &str, stderr: &str) {
     inert::judge(stdout);
     inert::judge(stderr);
     let asks = |what: &str| words.iter().take_while(|word| *word != "--").any(|word| word == what);
-    // Short options may stand together: `-qh`.
+    // Short options may be combined: `-qh`.
     let helps = stdout.contains("Usage: gs2e") || stdout.starts_with("gs2e ");
     if asks("--json") && !helps {
         let objects: Vec<serde_json::Value> = stdout
@@ -160,7 +161,7 @@ fn words(line: &[u8]) -> Vec<OsString> {
     words.into_iter().map(OsString::from_vec).collect()
 }
 
-/// Whether a line can touch nothing but the folder: verbs write where they are pointed to.
+/// Returns true if a line can change only the folder: verbs write wherever their arguments lead.
 fn is_harmless(words: &[OsString]) -> bool {
     words.iter().all(|word| {
         let word = word.as_bytes();
@@ -171,7 +172,8 @@ fn is_harmless(words: &[OsString]) -> bool {
     })
 }
 
-/// Whether a line may run for seconds by design: measurements, and pools of threads, which a process makes once.
+/// Returns true if a line may run for seconds by design: measurements, and thread pools, which a
+/// process makes only once.
 fn takes_long(words: &[OsString]) -> bool {
     let helps = words.iter().any(|word| word == "--help");
     words.iter().any(|word| {
@@ -206,7 +208,7 @@ licence: { expression: CC0-1.0, holder: Example Lab }
 
 const VIEW: &str = r#"{"W":8,"H":8,"fx":8,"fy":8,"cx":4,"cy":4,"R":[[1,0,0],[0,1,0],[0,0,1]],"t":[0,0,4]}"#;
 
-/// Empties the folder, and puts the files there that sound lines read.
+/// Empties the folder and writes the files that sound lines read.
 fn furnish(home: &Path) {
     for entry in fs::read_dir(home).unwrap() {
         let path = entry.unwrap().path();
@@ -234,7 +236,7 @@ fn furnish(home: &Path) {
     }
 }
 
-/// A stream that can be read afterwards.
+/// A stream whose contents can be read afterwards.
 #[derive(Clone, Default)]
 struct Kept(Arc<Mutex<Vec<u8>>>);
 

@@ -1,5 +1,5 @@
-//! Names from outside under fire, each put where a stranger may put one, and shown by the program itself, on a pipe or
-//! on a terminal: nothing in them may reach it as more than text.
+//! Mutated names from outside, each placed wherever a foreign name may enter, and shown by the
+//! program itself on a pipe or a terminal. No name may reach the output as more than text.
 
 use crate::command_lines::TINY;
 use crate::corpus::Corpus;
@@ -34,12 +34,12 @@ const NAMES: [&str; 18] = [
     "\"'\\`$(x){y}",
 ];
 
-/// The names; where one is put, and what shows it, hangs on all of its bytes.
+/// The names. All bytes of a name decide where it is placed and which command shows it.
 pub(crate) fn corpus() -> Corpus {
     NAMES.into_iter().map(|name| (format!("{name:?}"), name.as_bytes().to_vec())).collect()
 }
 
-/// Shows a name; always sound, as the exit code is the name's own matter.
+/// Shows a name. Always returns true, since any exit code is right for some name.
 pub(crate) fn read(name: &[u8]) -> bool {
     let text = String::from_utf8_lossy(name).replace('\0', "");
     let sum = name.iter().fold(7_usize, |sum, byte| sum.wrapping_mul(31).wrapping_add(usize::from(*byte)));
@@ -49,7 +49,7 @@ pub(crate) fn read(name: &[u8]) -> bool {
     for words in lines {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
         command.args(&words).current_dir(&stage.folder).stdin(Stdio::null());
-        // The environment is a stranger's as well.
+        // The environment is untrusted as well.
         command.env("TERM", if stream & 2 == 0 { "xterm" } else { "dumb" });
         for (k, name) in
             ["LANG", "NO_COLOR", "CLICOLOR_FORCE", "COLUMNS", "RUST_LOG", "XDG_CACHE_HOME"].iter().enumerate()
@@ -67,7 +67,7 @@ pub(crate) fn read(name: &[u8]) -> bool {
         } else {
             let (code, bytes) = on_terminal(command);
             ended(code, &words);
-            // The parser's help is in colours on a terminal, and holds no name.
+            // The parser's help is coloured on a terminal, and holds no name.
             inert::judge_terminal(&bytes);
         }
     }
@@ -78,7 +78,7 @@ fn ended(code: Option<i32>, words: &[OsString]) {
     assert!(matches!(code, Some(0..=3)), "{code:?}: {words:?}");
 }
 
-/// Runs a command with a terminal as its stdout and stderr: its exit code and all that it wrote.
+/// Runs a command with a terminal as its stdout and stderr. Returns its exit code and its output.
 fn on_terminal(mut command: Command) -> (Option<i32>, Vec<u8>) {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&master).unwrap();
@@ -86,10 +86,10 @@ fn on_terminal(mut command: Command) -> (Option<i32>, Vec<u8>) {
     let name = ptsname(&master, Vec::new()).unwrap();
     let terminal = File::options().read(true).write(true).open(OsStr::from_bytes(name.to_bytes())).unwrap();
     let mut child = command.stdout(terminal.try_clone().unwrap()).stderr(terminal).spawn().unwrap();
-    // It holds the terminal open, whose end is then never seen.
+    // The command holds the terminal open; the end of the output would never be seen.
     drop(command);
     let mut bytes = Vec::new();
-    // A terminal that nothing holds open any more is an error to read from.
+    // Reading from a terminal that is no longer open elsewhere is an error.
     let _ = File::from(master).read_to_end(&mut bytes);
     (child.wait().unwrap().code(), bytes)
 }
@@ -115,7 +115,7 @@ impl Stage {
         fs::write(path, content).unwrap();
     }
 
-    /// A release whose files may be changed.
+    /// Copies a release into the stage, where its files may be changed.
     fn release(&self, to: &str) {
         let made = std::env::current_dir().unwrap().join("made");
         if !made.exists() {
@@ -136,17 +136,17 @@ impl Stage {
         }
     }
 
-    /// Puts a text in the place of another in a file.
+    /// Replaces a text in a file.
     fn edit(&self, file: &str, from: &str, to: &str) {
         let text = fs::read_to_string(self.folder.join(file)).unwrap();
         self.write(file, text.replace(from, to));
     }
 }
 
-/// Makes a place with a name in it, and gives the command lines that show it.
+/// Puts a name into a place, and returns the command lines that show it.
 type Put = fn(&Stage, &str) -> Vec<Vec<OsString>>;
 
-/// Where a stranger's text comes in.
+/// Places where foreign text enters.
 const PLACES: [Put; 9] = [
     // A path of a recipe.
     |stage, name| {
@@ -164,12 +164,12 @@ const PLACES: [Put; 9] = [
         stage.write("r.yaml", format!("{TINY}{}: 1\n", quoted(name)));
         lines(&["build r.yaml", "build --json r.yaml"])
     },
-    // The text of a recipe, as it is.
+    // The text of a recipe, verbatim.
     |stage, name| {
         stage.write("r.yaml", format!("{TINY}note: {name}\n"));
         lines(&["plan r.yaml"])
     },
-    // The name of a file that is read.
+    // The name of a file that the program reads.
     |stage, name| {
         let name = file_name(name);
         stage.write(format!("data/{name}.yaml"), "nothing");
@@ -222,18 +222,18 @@ fn lines(lines: &[&str]) -> Vec<Vec<OsString>> {
     lines.iter().map(|line| line.split(' ').map(OsString::from).collect()).collect()
 }
 
-/// A text as YAML holds it.
+/// A text quoted for YAML.
 fn quoted(text: &str) -> String {
     gs2e::escape::quoted(text)
 }
 
-/// The recipe with another line in the place of the one that begins so.
+/// The recipe, with the line that starts with `begins` replaced by `other`.
 fn with(recipe: &str, begins: &str, other: &str) -> String {
     let line = |line: &str| if line.starts_with(begins) { format!("{other}\n") } else { format!("{line}\n") };
     recipe.lines().map(line).collect()
 }
 
-/// The text as a name that a file system takes.
+/// A file name made from the text.
 fn file_name(text: &str) -> String {
     let mut name: String = text.replace('/', "_");
     while name.len() > 200 {

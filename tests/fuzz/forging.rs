@@ -1,7 +1,8 @@
-//! A release whose files are mutated one at a time, with every digest rewritten as a careful forger does: the audit finds
-//! each change, but for those that it cannot know of.
+//! A release whose files are mutated one at a time, with every digest rewritten, as a careful
+//! forger would. The audit finds each change, except changes that it cannot know of.
 //!
-//! An input is a path below the release, a NUL, and the bytes of that file. A mutated path adds a file.
+//! An input is a path below the release, a NUL, and the bytes of that file. A mutated path adds a
+//! file.
 
 #[path = "../it/release/forger.rs"]
 #[expect(dead_code, reason = "the tables of forgeries change JSON files as well")]
@@ -17,7 +18,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// One trajectory, as small as a release with every kind of file can be.
+/// One trajectory, as small as possible for a release with every kind of file.
 const RECIPE: &str = "\
 version: 1
 scene: forged/scene
@@ -37,7 +38,7 @@ flow: { every: 12 }
 ";
 
 struct Release {
-    /// Held, not read: it removes the folder.
+    /// Keeps the folder alive: dropping it removes the folder.
     _folder: TempDir,
     tree: PathBuf,
     files: BTreeMap<String, Vec<u8>>,
@@ -57,7 +58,7 @@ fn release() -> &'static Release {
     })
 }
 
-/// A file of each kind. Sums are left out: they are rewritten.
+/// One file of each kind. Sums are left out, since they are rewritten.
 pub(crate) fn corpus() -> Corpus {
     let own = |name: &str| format!("forged/scene/base/{name}");
     let tops = ["manifest.json", "gs2e.py", "README.md", "report.html", "croissant.json", "index.parquet"];
@@ -72,22 +73,22 @@ fn input(path: &str, bytes: &[u8]) -> Vec<u8> {
     [path.as_bytes(), &[0], bytes].concat()
 }
 
-/// Puts the input in its place, and says whether the audit finds nothing.
+/// Writes the input into the release. Returns true if the audit finds no fault.
 ///
 /// # Panics
-/// When the audit misses what it can know, or finds a fault in the tree as it was released.
+/// The audit misses a change that it can know of, or finds a fault in the tree as released.
 pub(crate) fn read(input: &[u8]) -> bool {
     let Some((path, bytes)) = parse(input) else { return false };
     let Release { tree, files, .. } = release();
     let place = tree.join(path);
-    // A path may lead into a file, or to a folder: then there is nothing to forge.
+    // A path may lead into a file or to a folder: then there is nothing to forge.
     let folder = place.parent().unwrap();
     if std::fs::create_dir_all(folder).is_err() || std::fs::write(&place, bytes).is_err() {
         restore(tree, files);
         return false;
     }
     forger::reseal(tree);
-    // The forger writes sizes and digests of the manifest anew.
+    // The forger rewrites sizes and digests in the manifest.
     let bytes = &std::fs::read(&place).unwrap()[..];
     let sound = audit_release(tree).unwrap().faults.is_empty();
     let before = files.get(path).map_or(&[][..], Vec::as_slice);
@@ -104,13 +105,13 @@ pub(crate) fn read(input: &[u8]) -> bool {
     sound
 }
 
-/// The text of `shown` from a little before its first difference to `other`.
+/// The text of `shown` from shortly before its first difference to `other`.
 fn around_difference(shown: &[u8], other: &[u8]) -> String {
     let first = shown.iter().zip(other).take_while(|(a, b)| a == b).count();
     String::from_utf8_lossy(&shown[first.saturating_sub(80)..shown.len().min(first + 80)]).into_owned()
 }
 
-/// Path and bytes; `None` for a path that leaves the tree, or that names a file of sums.
+/// Path and bytes; `None` if the path leaves the tree or names a file of sums.
 fn parse(input: &[u8]) -> Option<(&str, &[u8])> {
     let end = input.iter().position(|byte| *byte == 0)?;
     let path = std::str::from_utf8(&input[..end]).ok()?;

@@ -1,9 +1,10 @@
-//! A terminal that knows no sequence but those that we write: bytes of an output either are text, or fail.
+//! A terminal that knows only the sequences that the program writes: every other byte of an output
+//! must be text.
 
 use vte::{Params, Parser, Perform};
 
-/// Fails for an output, to a file or a pipe, in which anything acts: a control character but the line end, or a bidi
-/// control (the list of UAX 9).
+/// Fails if an output to a file or a pipe holds an active character: a control character except the
+/// line end, or a bidi control (the list of UAX 9).
 pub(crate) fn judge(text: &str) {
     if let Some(c) = text.chars().find(|c| acts(*c) && *c != '\n') {
         panic!("{c:?} in {text:?}");
@@ -20,7 +21,7 @@ fn acts(c: char) -> bool {
     c.is_control() || bidi.contains(c) || "\u{2028}\u{2029}".contains(c)
 }
 
-/// Fails for an output to a terminal that holds more than text and the bars of progress.
+/// Fails if an output to a terminal holds more than text and progress bars.
 pub(crate) fn judge_terminal(bytes: &[u8]) {
     let mut terminal = Terminal::default();
     Parser::new().advance(&mut terminal, bytes);
@@ -28,7 +29,8 @@ pub(crate) fn judge_terminal(bytes: &[u8]) {
     judge(&terminal.text);
 }
 
-/// Sequences of the bars: up and down, column 1, clear the line or what is below, hide and show the cursor.
+/// Sequences of the bars: up and down, column 1, clear the line or everything below, hide and show
+/// the cursor.
 const BARS: [&str; 10] = ["1A", "1B", "2K", "K", "J", "0J", "1G", "G", "?25l", "?25h"];
 
 #[derive(Default)]
@@ -45,7 +47,7 @@ impl Perform for Terminal {
     fn execute(&mut self, byte: u8) {
         match byte {
             b'\n' => self.text.push('\n'),
-            // The driver of the terminal adds it to each line end; bars begin their line with it.
+            // The terminal driver adds it to each line end, and bars begin their line with it.
             b'\r' => {}
             byte => self.faults.push(format!("control {byte:#04x}")),
         }

@@ -1,10 +1,12 @@
-//! The readers under fire: mutated files of a committed corpus, for a given time, and no reader may panic, die, take more
-//! than its share of memory or a second of time. The command line is one of them (`command-lines`), and so is the
-//! terminal that shows what the program says (`consoles`).
+//! Fuzzing of the readers with mutated files of a committed corpus, for a given time. No reader may
+//! panic, die, exceed its memory limit, or take more than a second per file. The command line is
+//! one of the readers (`command-lines`), and so is the terminal that shows the output (`consoles`).
 //!
-//! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N] [--jobs N]` runs it, every reader
-//! in a process of its own, one or `--jobs` of them at a time. A run is its reader, its seed and its number, so that a failure is repeated by what is printed
-//! with it. A table ends it: runs, how many were read as sound, failures. Any failure makes the exit code 1.
+//! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N] [--jobs
+//! N]` runs it. Every reader has a process of its own; `--jobs` processes run at a time. A run is
+//! defined by its reader, its seed and its number, so the printed line is enough to repeat a
+//! failure. A table ends the output: runs, files read as sound, failures. Any failure makes the
+//! exit code 1.
 #![expect(clippy::unwrap_used, reason = "a harness that cannot go on panics")]
 
 mod arguments;
@@ -53,7 +55,7 @@ fn main() -> ExitCode {
     if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Sends the readers through their runs, so many at a time as is asked for.
+/// Runs all readers, `--jobs` of them at a time.
 fn fuzz_all<'a>(names: &[&'a str], arguments: &Arguments) -> Vec<(&'a str, Tally)> {
     let waiting = Mutex::new(names.iter().enumerate());
     let done = Mutex::new(vec![Tally::default(); names.len()]);
@@ -72,10 +74,11 @@ fn fuzz_all<'a>(names: &[&'a str], arguments: &Arguments) -> Vec<(&'a str, Tally
     names.iter().copied().zip(done.into_inner().unwrap()).collect()
 }
 
-/// Sends a reader through its runs, in a child that may die of one: what is left goes on in the next.
+/// Runs a reader in a child process. If a run kills the child, the next child continues with the
+/// remaining runs.
 fn fuzz(name: &str, arguments: &Arguments) -> Tally {
     let progress = tempfile::NamedTempFile::new().unwrap();
-    // No disk shall slow the readers of files down, where there is such a place.
+    // Memory where the system offers it, so that no disk slows down the readers of files.
     let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let mut all = Tally::default();
     let mut first = arguments.first;
@@ -88,7 +91,7 @@ fn fuzz(name: &str, arguments: &Arguments) -> Tally {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args([child::MARK, "--only", name, "--seed", &arguments.seed.to_string()]);
         command.args(["--first", &first.to_string(), "--seconds", &format!("{:.0}", left.ceil())]);
-        // No GPU is opened: it would take longer than a run may.
+        // No GPU is opened: this would take longer than a run may.
         command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
         command.env("RUST_BACKTRACE", "0").current_dir(folder.path());
         if let Some(runs) = runs_left {
@@ -117,7 +120,8 @@ fn fuzz(name: &str, arguments: &Arguments) -> Tally {
     all
 }
 
-/// What a child may take beyond its time; then it hangs in the run that it has begun, and is ended.
+/// Time that a child may take beyond its limit. After that it hangs in its current run and is
+/// killed.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn ended(child: &mut Child, within: Duration) -> ExitStatus {
@@ -133,18 +137,18 @@ fn ended(child: &mut Child, within: Duration) -> ExitStatus {
     }
 }
 
-/// Failures of a reader after which it is left alone.
+/// Number of failures after which a reader is skipped.
 const MAX_FAILURES: u64 = 20;
 
-/// What is told of a failure: what, and how to have it again.
+/// The message for a failure, with the command that repeats it.
 fn failed(reader: &str, seed: u64, run: u64, what: &str) -> String {
     format!(
         "{reader}: {what}\n  again: cargo xtask fuzz --only {reader} --seed {seed} --first {run} --runs 1"
     )
 }
 
-/// A line for people, on stdout: the figures are the result.
+/// Prints a line to stdout: the figures are the result.
 fn say(line: &str) {
-    // A reader that went away is no reason to stop.
+    // A closed pipe is no reason to stop.
     let _ = writeln!(std::io::stdout(), "{line}");
 }

@@ -1,11 +1,11 @@
-//! From a sound file to one that is not quite sound.
+//! From a sound file to a damaged one.
 
 use crate::corpus::Corpus;
 use crate::random::Random;
 
-/// The longest that a file grows.
+/// Maximum length of a mutated file.
 const MAX_LEN: usize = 1 << 18;
-/// Numbers at which readers stumble.
+/// Numbers that are likely to break readers.
 const EDGES: [u64; 12] = [
     0,
     1,
@@ -20,7 +20,7 @@ const EDGES: [u64; 12] = [
     0x7ff8_0000_0000_0000,
     u64::MAX,
 ];
-/// Words that text readers know, and some that they should not.
+/// Words that text readers know, and some that they do not.
 const WORDS: [&str; 16] = [
     "nan",
     "inf",
@@ -40,7 +40,7 @@ const WORDS: [&str; 16] = [
     "list",
 ];
 
-/// A file of the corpus with some changes; now and then one more than is good for it.
+/// A file of the corpus with some changes, now and then with many.
 pub(crate) fn mutated(corpus: &Corpus, random: &mut Random) -> Vec<u8> {
     let mut file = random.pick(corpus).1.clone();
     let changes = if random.once_in(8) { 1 + random.below(40) } else { 1 + random.below(4) };
@@ -93,7 +93,7 @@ fn change(file: &mut Vec<u8>, corpus: &Corpus, random: &mut Random) {
     }
 }
 
-/// Another number for the run of digits that follows.
+/// Replaces the next run of digits by another number.
 fn number(file: &mut Vec<u8>, at: usize, random: &mut Random) {
     let Some(begin) = file[at..].iter().position(u8::is_ascii_digit).map(|n| at + n) else { return };
     let len = file[begin..].iter().take_while(|b| b.is_ascii_digit()).count();

@@ -1,5 +1,6 @@
-//! The readers, each with the files that it starts from. A container that guards its content with checksums is opened
-//! first and closed again around what has been changed: else nothing would pass it.
+//! The readers, each with its starting files. A container that protects its content with checksums
+//! is opened first and closed again around the changed content: otherwise every mutated file would
+//! be refused at once.
 
 use crate::corpus::{Corpus, files, inflated, zipped};
 use crate::{command_lines, consoles};
@@ -16,11 +17,11 @@ use std::time::Duration;
 use zip::CompressionMethod;
 use zip::write::SimpleFileOptions;
 
-/// A reader.
+/// A reader under test.
 pub(crate) struct Reader {
     pub(crate) name: &'static str,
     pub(crate) corpus: fn() -> Corpus,
-    /// Whether the file is sound.
+    /// Returns true if the file is sound.
     pub(crate) read: fn(&[u8]) -> bool,
 }
 
@@ -145,8 +146,8 @@ pub(crate) const READERS: [Reader; 23] = [
 ];
 
 impl Reader {
-    /// The longest that a run may take: an audit of a whole tree in a program that is not optimised takes its time, and
-    /// several processes are started for one run of `consoles`.
+    /// Maximum time of a run. An audit of a whole tree is slow in an unoptimised program, and one
+    /// run of `consoles` starts several processes.
     pub(crate) fn longest(&self) -> Duration {
         Duration::from_secs(match self.name {
             "release" => 30,
@@ -156,7 +157,7 @@ impl Reader {
     }
 }
 
-/// Reads the file as either kind of image, for its luminance and for its colours.
+/// Reads the file as both kinds of image, for its luminance and for its colours.
 fn read_image(file: &[u8]) -> bool {
     let png = || Cursor::new(file);
     let luminance = [png::read_luminance(png(), None).is_ok(), jpeg::read_luminance(file, None).is_ok()];
@@ -204,7 +205,7 @@ fn read_parts(images: &Corpus, json: &[u8]) -> bool {
     sog::read_sog(&archive.finish().unwrap().into_inner()).is_ok()
 }
 
-/// Puts the image in the place of each of a SOG in turn.
+/// Replaces each image of a SOG in turn by this one, and reads the SOG.
 fn read_as_every_image(image: &[u8]) -> bool {
     thread_local! {
         static SOUND: (Corpus, Vec<u8>) = (zipped(PALETTE, ".webp"), zipped(PALETTE, "json").remove(0).1);
@@ -215,19 +216,19 @@ fn read_as_every_image(image: &[u8]) -> bool {
             images[k].1 = image.to_vec();
             read_parts(&images, json)
         };
-        // All are read, so that any is a place where it may fail.
+        // All are read, since each image may fail in its own place.
         (0..images.len()).filter(|&k| read(k)).count() > 0
     })
 }
 
-/// Reads the file from the folder that the process works in, which is its own.
+/// Writes the file into the process's own folder and reads it.
 fn on_disk(file: &[u8], name: &str, read: impl Fn(&Path) -> bool) -> bool {
     let path = std::env::current_dir().unwrap().join(name);
     std::fs::write(&path, file).unwrap();
     read(&path)
 }
 
-/// Reads the file as each of the three of a model.
+/// Reads the file as each of a model's three files.
 fn read_model(file: &[u8], extension: &str) -> bool {
     for name in ["cameras", "images"] {
         on_disk(file, &format!("{name}.{extension}"), |_| true);
@@ -247,7 +248,7 @@ fn read_events(path: &Path) -> bool {
     h5 || event::npz::Reader::open(path).is_ok_and(drain)
 }
 
-/// Reads a stream to its end; whether that was reached.
+/// Reads a stream. Returns true if its end was reached.
 fn drain(mut source: impl EventSource) -> bool {
     let mut chunk = Vec::new();
     loop {

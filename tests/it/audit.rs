@@ -1,4 +1,4 @@
-//! The audit finds what is wrong with a release, by the right name, and nothing in a sound one.
+//! The audit finds each fault of a release under the right name, and finds none in a sound release.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -13,7 +13,7 @@ use std::path::Path;
 
 pub(crate) const SCENE: &str = "small/one/scene.json";
 pub(crate) const BASE: &str = "small/one/base";
-/// What is found where a row of the index says other than the files that it repeats.
+/// Fault where a row of the index differs from the files that it repeats.
 const INDEX: &str = "claims-disagree index.parquet";
 
 /// `code file-or-scene` of each fault.
@@ -22,14 +22,14 @@ fn found(folder: &Path) -> Vec<String> {
     audit_release(folder).unwrap().faults.into_iter().map(name).collect()
 }
 
-/// Damages a release; the faults found must be exactly `wanted`.
+/// Damages a release. The faults found must be exactly `wanted`.
 fn check(damage: impl FnOnce(&Path), wanted: &[&str]) {
     let folder = copy();
     damage(folder.path());
     assert_eq!(found(folder.path()), wanted, "{:#?}", audit_release(folder.path()).unwrap().faults);
 }
 
-/// Tampers with a release and covers it up with new sums: what is found is what the files say.
+/// Damages a release and rewrites its sums, so that only the files' contents can show the damage.
 fn check_resealed(damage: impl FnOnce(&Path), wanted: &[&str]) {
     check(
         |folder| {
@@ -50,7 +50,7 @@ fn a_sound_release_has_no_faults() {
 }
 
 #[test]
-fn a_fault_names_its_scene_and_what_to_do() {
+fn a_fault_names_its_scene_and_its_repair() {
     let folder = copy();
     fs::write(folder.path().join(BASE).join("speed.json"), "{}").unwrap();
     let faults = audit_release(folder.path()).unwrap().faults;
@@ -61,7 +61,7 @@ fn a_fault_names_its_scene_and_what_to_do() {
 }
 
 #[test]
-fn what_is_missing_altered_or_unlisted_is_found() {
+fn missing_altered_and_unlisted_files_are_found() {
     let pose = format!("{BASE}/poses.txt");
     check(
         |f| fs::remove_file(f.join(&pose)).unwrap(),
@@ -93,7 +93,7 @@ fn sums_have_one_form_and_agree() {
     };
     check(|f| fs::remove_file(f.join("SHA256SUMS")).unwrap(), &["missing SHA256SUMS"]);
     check(|f| sums(f, &|text| text + "\n"), &["altered SHA256SUMS"]);
-    // A last line without a newline says nothing, so its file is unlisted.
+    // A last line without a newline is ignored, so its file is unlisted.
     let last = read(release()).into_keys().next_back().unwrap();
     check(
         |f| sums(f, &|text| text.trim_end().to_owned()),
@@ -131,10 +131,11 @@ fn sums_have_one_form_and_agree() {
 }
 
 #[test]
-fn the_other_sums_are_held_to_the_same() {
+fn the_second_list_of_sums_obeys_the_same_rules() {
     let stamps = format!("{BASE}/timestamps_us.txt");
     let path = stamps.as_str();
-    // Whoever changes B3SUMS and covers that up in SHA256SUMS: form, lines and digests are still held against the bytes.
+    // B3SUMS is changed and the change is hidden in SHA256SUMS: form, lines and digests of B3SUMS
+    // are still compared with the files.
     let sums = |change: &dyn Fn(String) -> String, wanted: &[&str]| {
         let covered = |f: &Path| {
             let text = fs::read_to_string(f.join("B3SUMS")).unwrap();
@@ -162,7 +163,7 @@ fn the_other_sums_are_held_to_the_same() {
         &|text| text + &format!("{}  ../outside\n", "0".repeat(64)),
         &["altered B3SUMS", "unsafe-path ../outside"],
     );
-    // Without the cover it is a file like any other.
+    // Without that cover, B3SUMS is checked like any other file.
     check(|f| fs::remove_file(f.join("B3SUMS")).unwrap(), &["missing B3SUMS"]);
     check(|f| fs::write(f.join("B3SUMS"), "").unwrap(), &["altered B3SUMS"]);
     check(
@@ -262,14 +263,14 @@ fn restricted_material_is_found() {
     assert_eq!(count("demands LicenseRef-DL3DV-10K-ToU"), 1);
     assert_eq!(count("demands CC-BY-NC-4.0"), 1);
     assert_eq!(count("must be gated"), 1);
-    // Two event streams, 6 and 10 sharp pictures, 1 and 2 blurred ones, 2 and 3 of depth and as many of flow, and two
-    // pictures of checks for each trajectory.
+    // Two event streams; per trajectory 6 and 10 sharp pictures, 1 and 2 blurred, 2 and 3 of depth,
+    // 2 and 3 of flow, and two pictures of checks.
     assert_eq!(count("nothing says why this release may pass that on"), 35, "{faults:#?}");
 }
 
 #[test]
 fn an_upstream_photo_is_known_by_its_bytes() {
-    // Not the first picture: both trajectories begin with the same.
+    // The first picture would not do: both trajectories begin with it.
     let photo = format!("{BASE}/sharp/000004.png");
     let folder = copy();
     let f = folder.path();
@@ -280,13 +281,14 @@ fn an_upstream_photo_is_known_by_its_bytes() {
     );
     edit(f, SCENE, |v| v["images"] = vec![image].into());
     reseal(f);
-    // A scene that was photographed has findings on that too, which this one was not and has not.
+    // A photographed scene has findings about its photos. This scene was not photographed, and
+    // lacks them.
     let wanted = [format!("licence-forbidden {photo}"), "scene-incomplete small/one/checks.json".to_owned()];
     assert_eq!(found(f), wanted);
 }
 
 #[test]
-fn claims_are_held_against_each_other() {
+fn contradictory_claims_are_found() {
     let scene = |key: &'static str, value: serde_json::Value| {
         move |f: &Path| edit(f, SCENE, |v| *v.pointer_mut(key).unwrap() = value)
     };
@@ -314,7 +316,7 @@ fn claims_are_held_against_each_other() {
 }
 
 #[test]
-fn what_is_told_of_terms_elsewhere_is_found() {
+fn false_terms_in_other_files_are_found() {
     let replace = |name: &'static str, from: &'static str, to: &'static str| {
         move |f: &Path| {
             let text = fs::read_to_string(f.join(name)).unwrap();
@@ -335,7 +337,7 @@ fn what_is_told_of_terms_elsewhere_is_found() {
         },
         &["missing DATASHEET.md", "missing REUSE.toml"],
     );
-    // The loader's texts go with the loader.
+    // The loader's licence texts are needed only together with the loader.
     check_resealed(
         |f| fs::remove_file(f.join("LICENSES/MIT.txt")).unwrap(),
         &["licence-text-missing LICENSES/MIT.txt"],
@@ -424,8 +426,8 @@ fn unreadable_contents_are_found() {
     damage("checks.json", &text(|t| t.replacen("pass", "fine", 1)), "unreadable");
 }
 
-/// Random bits of random files, each with its file's time kept: a thousand, or ten thousand where slow tests are asked for.
-/// Four hands at once, each on a copy of its own.
+/// Flips random bits of random files and keeps the files' times: a thousand flips, or ten thousand
+/// with slow tests. Four threads work at once, each on its own copy.
 #[test]
 fn every_single_bit_matters() {
     let flips = if std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1") { 10_000 } else { 1_000 };
@@ -465,7 +467,7 @@ fn missed(hand: u64, flips: usize) -> Vec<String> {
 }
 
 #[test]
-fn the_verb_says_so_by_its_exit_code() {
+fn the_exit_code_of_the_verb_is_the_verdict() {
     let folder = copy();
     assert_eq!(gs2e(folder.path(), &["audit", "."]).status.code(), Some(0));
     fs::write(folder.path().join("more"), "").unwrap();

@@ -1,11 +1,13 @@
-//! Bad input, through the program: each case ends with its exit code and one message that says where, what was found
-//! and what was wanted; nothing is written that looks whole, and mending the input is all that it takes.
+//! Bad input, through the program: each case ends with its exit code and one message with the
+//! place, the value found and the value wanted. No file is left that looks complete, and once the
+//! input is repaired the release succeeds.
 
 use crate::support::given::{GIVEN, ply, sound, transforms};
 use crate::support::workspace::{TINY, Workspace, tree};
 use std::io::Write as _;
 
-/// The release of `recipe` is refused with one of these codes, by one message with all of `said`; it leaves nothing.
+/// Checks that the release of `recipe` is refused with one of these codes and one message that
+/// holds all of `said`, and that it leaves no file.
 #[track_caller]
 fn refused(place: &Workspace, recipe: &str, codes: &[i32], said: &[&str]) {
     let before = tree(&place.path("")).into_keys().filter(|name| !name.starts_with(".gs2e/"));
@@ -31,9 +33,9 @@ fn the_sound_twin_passes() {
     sound().ok("release --to out recipe.yaml");
 }
 
-/// Faults of the recipe's text: exit 2, with the line they are on.
+/// Faults in the recipe's text: exit code 2, with the line of the fault.
 #[test]
-fn a_recipe_that_says_what_is_not_understood() {
+fn a_recipe_with_faulty_text_is_refused() {
     let t = |from: &str, to: &str, said: &[&str]| {
         assert!(TINY.contains(from), "{from}");
         let place = Workspace::new();
@@ -41,7 +43,7 @@ fn a_recipe_that_says_what_is_not_understood() {
         place.write("tiny.yaml", &text);
         let line = TINY.lines().position(|line| line.contains(from.trim_end())).expect("it is a line") + 1;
         refused(&place, "tiny.yaml", &[2], said);
-        // A duplicate stands on the line after the first.
+        // A duplicate is on the line after the first.
         let ended = place.gs2e("plan tiny.yaml");
         assert_eq!(ended.code, 2, "{}", ended.stderr);
         let near = [line, line + 1].map(|line| format!("tiny.yaml:{line}:"));
@@ -61,7 +63,7 @@ fn a_recipe_that_says_what_is_not_understood() {
     t("version: 1", "version: 2", &["version", "2"]);
 }
 
-/// Names that would leave the release folder, or meet what lies at its top.
+/// Names that would leave the release folder, or collide with files at its top.
 #[test]
 fn a_name_that_leads_out_of_its_folder() {
     let t = |from: &str, to: &str| {
@@ -98,7 +100,7 @@ fn a_name_that_leads_out_of_its_folder() {
     t("name: base", "name: scene.json");
 }
 
-/// Leaks and thresholds that no sensor has: more than 50 events a pixel between two frames.
+/// Leaks and thresholds that no real sensor has: more than 50 events per pixel between two frames.
 #[test]
 fn a_sensor_that_would_fire_without_end() {
     let place = Workspace::new();
@@ -117,7 +119,8 @@ fn a_file_that_is_not_there() {
     }
 }
 
-/// Faults that only reading the scene or the poses shows. Mending the file is all that it takes afterwards.
+/// Faults that show only when the scene or the poses are read. A repaired file is enough for the
+/// release to succeed.
 #[test]
 fn a_scene_or_a_pose_that_cannot_be_used() {
     let t = |name: &str, content: &[u8], said: &[&str]| {

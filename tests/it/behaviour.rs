@@ -1,5 +1,6 @@
-//! The engine's behaviour table: what happened, and which steps the next build makes. Three scenes of four steps, one
-//! test a row; afterwards the products are always those of a build that nobody disturbed.
+//! The engine's behaviour table: an event, and the steps that the next build makes. There are three
+//! scenes of four steps and one test per row. Afterwards the products always equal those of an
+//! undisturbed build.
 
 mod moving;
 mod rot;
@@ -18,7 +19,7 @@ use std::time::{Duration, SystemTime};
 const NONE: [&str; 0] = [];
 const STEPS: [&str; 4] = ["capture", "reconstruct", "base/trajectory", "base/checks"];
 
-/// A scene of exactly [`STEPS`], which shares none of them with a scene of another number.
+/// A scene of exactly [`STEPS`]. Scenes of different numbers share no step.
 fn scene(name: &str, number: u32) -> Value {
     let mut value = recipe(name);
     value["source"]["procedural"]["seed"] = number.into();
@@ -41,14 +42,14 @@ fn built() -> Workspace {
     place
 }
 
-/// Builds, and gives the steps that were made in order of their names.
+/// Builds, and returns the names of the steps that were made, sorted.
 fn made(place: &Workspace) -> Vec<String> {
     let mut made = place.build("recipes");
     made.sort();
     made
 }
 
-/// Everything is up to date, with the products of a clean build of the same recipes.
+/// Checks that everything is up to date, with the products of a clean build of the same recipes.
 fn stands_as_if_clean(place: &Workspace) {
     let clean = Workspace::new();
     for entry in fs::read_dir(place.path("recipes")).unwrap() {
@@ -113,7 +114,8 @@ fn a_limit_of_a_check_changes() {
     stands_as_if_clean(&place);
 }
 
-/// Damages a product of each step of a scene in turn: the step runs, makes the bytes it made, and nothing behind it runs.
+/// Damages a product of each step of a scene in turn. Each time the step runs and makes the same
+/// bytes, and no later step runs.
 fn each_output(code: &str, damage: impl Fn(&Path)) {
     let place = built();
     let whole = steps(&place, "recipes");
@@ -148,8 +150,8 @@ fn an_output_is_deleted() {
     each_output("blob-missing", |path| fs::remove_file(path).unwrap());
 }
 
-/// The events of a large scene are half written when the whole process group is killed: what was finished stays, and only
-/// the rest is made.
+/// The whole process group is killed while the events of a large scene are half written. Finished
+/// steps stay, and only the rest is made.
 #[test]
 fn the_process_group_is_killed_while_an_output_is_half_written() {
     let place = three();
@@ -179,7 +181,7 @@ fn the_process_group_is_killed_while_an_output_is_half_written() {
     stands_as_if_clean(&place);
 }
 
-/// Whether some step has begun its event file.
+/// Returns true if a step has begun its event file.
 fn is_half_written(tmp: &Path) -> bool {
     let folders = fs::read_dir(tmp).into_iter().flatten().filter_map(Result::ok);
     folders.into_iter().any(|f| fs::metadata(f.path().join("events.h5")).is_ok_and(|m| m.len() > 0))
@@ -237,7 +239,8 @@ fn two_scenes_have_equal_inputs() {
     let made = made(&place);
     let plan = steps(&place, "recipes");
     let keys: BTreeSet<_> = plan.values().map(|step| step.key.clone().unwrap()).collect();
-    // Each scene's noise has a seed of its own: `d` and `e` add only their event streams and the verdicts on them.
+    // Each scene's noise has its own seed: `d` and `e` add only their event streams and the
+    // verdicts on them.
     assert_eq!((plan.len(), made.len(), keys.len()), (3 * 4 + 2 * 5, 3 * 4 + 2 * 2, 3 * 4 + 2 * 2));
     stands_as_if_clean(&place);
 }

@@ -1,4 +1,4 @@
-//! Brightness between rendered frames: rates along a path, and what cubics save.
+//! Brightness between rendered frames: rates along a path, and the savings by cubics.
 
 use crate::support::workspace::{TINY, Workspace};
 use glam::DVec3;
@@ -24,9 +24,9 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 96, height: 72 };
-/// Of the path, s.
+/// Duration of the path, s.
 const LENGTH: f64 = 0.08;
-/// The picture is a continuous function of the view.
+/// A style in which the picture is a continuous function of the view.
 const SMOOTH: RenderStyle = RenderStyle {
     rules: RenderRules::Soft,
     order: LayerOrder::Blended,
@@ -45,7 +45,7 @@ impl World {
         Self { scene: Arc::new(procedural::still_life(&life)), capture: procedural::still_capture(&life) }
     }
 
-    /// Half of an orbit's step there and back, turning all the while.
+    /// Half of an orbit's step there and back, turning all the time.
     fn pose(&self, t: f64) -> Se3 {
         let [from, to] = [&self.capture.views[0], &self.capture.views[1]].map(|view| view.world_from_camera);
         let way = 0.5 * libm::sin(30.0 * t);
@@ -85,7 +85,8 @@ impl World {
     }
 }
 
-/// The rate of each frame against the difference of its neighbours, a thousandth of the path apart.
+/// Compares the rate of each frame with the difference of its neighbours, a thousandth of the path
+/// apart.
 #[test]
 fn frames_along_a_path_carry_the_rate_of_their_change() {
     let world = World::new();
@@ -117,7 +118,8 @@ fn frames_along_a_path_carry_the_rate_of_their_change() {
     assert!(most > 300.0 && median < 1e-3 && high < 1e-2);
 }
 
-/// Events of 100 frames against those of 1600: times of the pixels that have the same number of them.
+/// Compares events of 100 frames with those of 1600: times at the pixels that have equal numbers of
+/// them.
 #[test]
 fn cubics_meet_fine_frames_with_fewer() {
     let world = World::new();
@@ -142,7 +144,7 @@ fn cubics_meet_fine_frames_with_fewer() {
 }
 
 #[test]
-fn a_recipe_says_how_brightness_goes() {
+fn a_recipe_chooses_the_brightness_between_frames() {
     let place = Workspace::new();
     let mut streams = Vec::new();
     for between in ["linear", "catmull", "hermite"] {

@@ -1,4 +1,5 @@
-//! The checks over what the program itself makes, in varied settings: no false alarm, and the thresholds are shown.
+//! The checks on scenes that the program makes, in varied settings: no false alarm, and the
+//! thresholds are recovered.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -11,12 +12,12 @@ use std::fs;
 /// One scene.
 struct Setting {
     sensor: &'static str,
-    /// Degrees.
+    /// Arc of the capture, degrees.
     arc: f64,
-    /// Poses a view.
+    /// Poses per view.
     factor: u32,
     speed: &'static str,
-    /// Thresholds, where the scene is rich enough to show them.
+    /// Thresholds, if the scene is rich enough to show them.
     shown: Option<[f64; 2]>,
 }
 
@@ -75,7 +76,8 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
             speed: law,
             shown: None,
         },
-        // Nearly at rest, and the other extreme: tens of pixels a frame, about which `sampling` must speak.
+        // Nearly at rest, and the other extreme: tens of pixels per frame, so that `sampling` must
+        // warn.
         Setting { sensor: "preset: dvs346", arc: 0.5, factor: 6, speed: even, shown: None },
         Setting { sensor: "preset: dvs346", arc: 180.0, factor: 3, speed: law, shown: Some([1.0, 1.0]) },
     ];
@@ -87,10 +89,12 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
             records.iter().filter(|r| text(r, "subject").starts_with(&subject)).collect();
         assert!(of_scene.len() >= 20, "{of_scene:#?}");
         for record in &of_scene {
-            // 3,000 Gaussians cover the room only if its wall's are a tenth of its distance wide.
+            // 3,000 Gaussians cover the room only if the wall's are as wide as a tenth of its
+            // distance. The check `affine` warns of them.
             let may_warn =
                 (setting.arc > 90.0 && record["check"] == "sampling") || record["check"] == "affine";
-            // The high thresholds of the published sensor leave a short, slow passage without an event.
+            // The high thresholds of the published sensor leave a short, slow passage without an
+            // event.
             let is_silent = record["check"] == "event_rate"
                 && record["measured"] == 0.0
                 && record["because"].as_str().is_some_and(|because| because.starts_with("no events"));
@@ -103,7 +107,7 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
             let name = format!("{subject}#threshold-{part}");
             let shown = of_scene.iter().find(|r| text(r, "subject") == name).unwrap();
             let measured = shown["measured"].as_f64().unwrap_or_else(|| panic!("{shown:#}"));
-            // An edge is sharp to 2 %; the leak between anchors blurs it by as much again.
+            // An edge is sharp to 2 %. The leak between anchors blurs it by the same amount again.
             assert!((measured / wanted - 1.0).abs() < 0.04, "{}: {shown:#}", setting.sensor);
         }
     }

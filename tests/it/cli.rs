@@ -1,4 +1,4 @@
-//! The contract of the command line: verbs, exit codes, what goes to stdout and what to stderr.
+//! The contract of the command line: verbs, exit codes, and the contents of stdout and stderr.
 
 use crate::support::given::sound;
 use crate::support::workspace::{TINY, Workspace};
@@ -89,7 +89,7 @@ fn keep_going_builds_the_other_scenes() {
 }
 
 #[test]
-fn why_names_what_changed() {
+fn why_names_the_change() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     place.write("tiny.yaml", TINY.replace("on: 1.0", "on: 1.2"));
@@ -98,7 +98,7 @@ fn why_names_what_changed() {
 }
 
 #[test]
-fn checks_of_what_is_not_built_and_releases_without_a_build() {
+fn an_unbuilt_scene_is_neither_checked_nor_released() {
     let place = Workspace::with_tiny();
     assert_eq!(place.gs2e("check tiny --recipes tiny.yaml").code, 1, "an unbuilt scene");
     assert_eq!(place.gs2e("release --no-build --to out tiny.yaml").code, 1, "a stale step");

@@ -1,4 +1,5 @@
-//! Every event codec: what is written is read back, byte for byte the same each time, and damage is named.
+//! Every event codec: written streams are read back, equal streams give equal bytes, and damage is
+//! reported by name.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -21,7 +22,8 @@ const HEADER: StreamHeader = StreamHeader { size: SIZE, law: Some(LAW), labelled
 
 const LAST_STAMP_US: i64 = 62_083;
 
-/// A sorted stream with gaps of several milliseconds, runs within one microsecond, and sub-microsecond times.
+/// A sorted stream with gaps of several milliseconds, runs within one microsecond, and
+/// sub-microsecond times.
 fn stream(count: u64) -> Vec<Event> {
     let event = |i: u64| {
         let h = (i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -39,17 +41,17 @@ fn stream(count: u64) -> Vec<Event> {
     events
 }
 
-/// What files keep of an event.
+/// The fields of an event that files keep.
 fn kept(events: &[Event]) -> Vec<(i64, u16, u16, Polarity)> {
     events.iter().map(Event::file_order).collect()
 }
 
-/// One codec as the contract sees it.
+/// One codec, as its contract describes it.
 struct Codec {
-    /// Of a file of its own.
+    /// Name of the codec's file.
     name: &'static str,
     format: EventFormat,
-    /// Whether a file says how much is in it, so that one cut short is found out wherever it is cut.
+    /// True if a file states its length, so that a truncated file is always detected.
     counted: bool,
 }
 
@@ -126,7 +128,7 @@ fn each_codec(check: impl Fn(&Codec, &Path)) {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_events_are_read_back() {
     each_codec(|codec, path| {
         for count in [0, 1, 2, 65_535, 65_536, 65_537, 200_000] {
             let events = stream(count);
@@ -137,7 +139,7 @@ fn what_is_written_is_read_back() {
 }
 
 #[test]
-fn equal_streams_are_equal_bytes_however_they_are_appended_and_by_however_many_threads() {
+fn equal_streams_are_equal_bytes_for_any_chunks_and_threads() {
     let events = stream(150_000);
     each_codec(|codec, path| {
         codec.write(path, &events, 150_000);
@@ -148,8 +150,9 @@ fn equal_streams_are_equal_bytes_however_they_are_appended_and_by_however_many_t
     });
 }
 
-/// What is on disk is frozen. A change here, be it of a codec, a compressor or rust-hdf5, raises the revision of the
-/// stages that write such files, and then these digests (BLAKE3, the first 64 bits) are taken anew.
+/// The bytes on disk are frozen. Any change of a codec, a compressor or rust-hdf5 raises the
+/// revision of the stages that write the files. Then these digests (BLAKE3, the first 64 bits) are
+/// taken again.
 #[test]
 fn formats_on_disk_are_frozen() {
     let frozen = [
@@ -173,7 +176,7 @@ fn formats_on_disk_are_frozen() {
     assert_eq!(found, frozen.map(|(name, digests)| (name, digests.map(str::to_owned))));
 }
 
-/// Other people's readers: h5py and NumPy against the stream itself, as text.
+/// Independent readers: h5py and NumPy, compared with the stream itself as text.
 const FOREIGN_READER: &str = r"
 import sys, h5py, numpy as np
 h5, npz, truth, end_us = sys.argv[1], sys.argv[2], np.loadtxt(sys.argv[3], dtype=np.int64, ndmin=2), int(sys.argv[4])
@@ -244,7 +247,7 @@ fn a_file_with_a_byte_changed_is_an_error_or_other_events_but_never_a_crash() {
 }
 
 #[test]
-fn what_is_no_stream_is_not_written() {
+fn an_invalid_stream_is_not_written() {
     let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On, label: EventLabel::Signal };
     let earlier = Event { t: Timestamp(4_999), ..later };
     let outside = Event { t: Timestamp(6_000), x: 640, ..later };
@@ -270,13 +273,13 @@ fn the_head_of_an_hdf5_file_is_read_back() {
     }
 }
 
-/// Labels as files hold them.
+/// The labels of events, as files hold them.
 fn labels(events: &[Event]) -> Vec<EventLabel> {
     events.iter().map(|event| event.label).collect()
 }
 
 #[test]
-fn labels_are_kept_where_there_is_a_place_and_the_stream_has_them() {
+fn labels_are_kept_by_formats_that_can_hold_them() {
     each_codec(|codec, path| {
         for count in [0, 1, 65_537, 200_000] {
             let events = stream(count);
@@ -306,7 +309,7 @@ fn labels_are_kept_where_there_is_a_place_and_the_stream_has_them() {
 }
 
 #[test]
-fn what_is_wrong_with_the_labels_of_an_archive_is_named() {
+fn faulty_labels_of_an_archive_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.npz");
     let mut writer = npz::Writer::create(&path, &HEADER).unwrap();
@@ -337,7 +340,7 @@ fn what_is_wrong_with_the_labels_of_an_archive_is_named() {
     t("|i1", &[1, 0, 1], Some("dataset `label`: an array of '|i1'"));
 }
 
-/// An HDF5 file in the layout, but with this one thing in place of what belongs there.
+/// A part of an HDF5 file that is replaced by something else; the rest follows the layout.
 #[derive(Clone, Copy)]
 enum Instead {
     Nothing,
@@ -388,7 +391,7 @@ fn write_foreign(path: &Path, instead: Instead) {
 }
 
 #[test]
-fn what_is_wrong_in_an_hdf5_file_is_named() {
+fn faults_of_an_hdf5_file_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.h5");
     write_foreign(&path, Instead::Nothing);
@@ -422,7 +425,7 @@ fn what_is_wrong_in_an_hdf5_file_is_named() {
     assert!(read_h5(&path).is_err());
 }
 
-/// `ms_to_idx` by its definition: entry k is the number of events with `t < 1000 k`.
+/// Compares `ms_to_idx` with its definition: entry k is the number of events with `t < 1000 k`.
 #[test]
 fn the_index_of_an_hdf5_file_is_as_defined() {
     let dir = tempfile::tempdir().unwrap();
@@ -451,7 +454,8 @@ fn the_index_of_an_hdf5_file_is_as_defined() {
     }
 }
 
-/// A reader goes on with the chunk that holds the event, and knows where the stream ends.
+/// After a seek the reader continues with the chunk that holds the event, and it detects the end of
+/// the stream.
 #[test]
 fn an_hdf5_file_is_read_from_the_middle() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Scenes that a program of somebody else's trains: a shell script stands in for it, which copies a planted scene.
+//! Scenes that an external program trains. A shell script takes its place and copies a planted
+//! scene.
 
 mod failing;
 mod given;
@@ -42,10 +43,11 @@ outputs: [sharp]
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
-/// What leaves the planted scene where it is wanted.
+/// Command that copies the planted scene to the requested place.
 pub(crate) const COPY: &str = "cp \"$3\" \"$2/scene.ply\"";
 
-/// Six photos around the origin, with their model, and a program that says its version, counts its runs and then does this.
+/// Six photos around the origin with their model, and a program that reports its version, counts
+/// its runs and then runs `script`.
 pub(crate) fn trained_by(script: &str) -> Workspace {
     let place = Workspace::new();
     place.write("recipe.yaml", RECIPE);
@@ -64,7 +66,7 @@ pub(crate) fn write_script(place: &Workspace, script: &str) {
 fn views() -> Vec<WrittenImage> {
     let view = |i: u32| {
         let angle = 0.002 * f64::from(i);
-        // A turn about y by twice the angle's half, seen from 4 units before the origin.
+        // A turn about y by 2 * 0.002 rad per number, seen from 4 units before the origin.
         let rotation = DQuat::from_xyzw(0.0, -angle, 0.0, 1.0).normalize();
         let world_from_camera = Se3 { rotation, translation: rotation * DVec3::new(0.0, 0.0, -4.0) };
         let camera = Camera { size: SIZE, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
@@ -95,7 +97,7 @@ fn photo(place: &Workspace, name: &str, grey: u8) {
     place.write(&format!("capture/images/{name}"), bytes);
 }
 
-/// How often the program trained.
+/// Number of runs in which the program trained.
 fn runs(place: &Workspace) -> usize {
     fs::read_to_string(place.path("runs")).unwrap_or_default().lines().count()
 }
@@ -107,7 +109,7 @@ pub(crate) fn edit(place: &Workspace, from: &str, to: &str) {
 }
 
 #[test]
-fn it_runs_once_and_again_where_what_it_is_changed() {
+fn the_program_runs_again_only_after_a_change() {
     let place = trained_by(COPY);
     let built = |wanted: usize, why: &str| {
         let made = place.build("--allow-commands recipe.yaml");
@@ -127,7 +129,7 @@ fn it_runs_once_and_again_where_what_it_is_changed() {
         let before = runs(&place);
         edit(&place, from, to);
         let made = built(before + 1, to);
-        // It makes the same scene: nothing behind it runs.
+        // The program makes the same scene, so no later step runs.
         assert_eq!(made, ["trained/reconstruct"], "{to}");
         edit(&place, to, from);
         assert_eq!(built(before + 1, "an edit undone"), [""; 0]);
@@ -147,7 +149,8 @@ fn it_runs_once_and_again_where_what_it_is_changed() {
     built(before + 2, "another program");
 }
 
-/// Neither the folder nor the store is in a key, and what a program says is no part of what it makes.
+/// A key depends neither on the folder nor on the store, and a program's output is not part of its
+/// product.
 #[test]
 fn keys_and_products_are_the_same_elsewhere() {
     let talkative = format!("{COPY}; echo \"in $(pwd), by $$\"");
@@ -167,7 +170,7 @@ fn keys_and_products_are_the_same_elsewhere() {
 }
 
 #[test]
-fn a_release_says_what_trained_its_scene() {
+fn a_release_names_the_program_that_trained_its_scene() {
     let place = trained_by(COPY);
     edit(&place, "scene: scene.ply\n", "scene: scene.ply\n    iterations: 7000\n");
     edit(&place, "\"{planted}\"]", "\"{planted}\", \"--steps={iterations}\", \"--seed\", \"{seed}\"]");
@@ -185,7 +188,7 @@ fn a_release_says_what_trained_its_scene() {
     assert!(!text.contains(place.path("").to_str().unwrap()), "a path of this machine is in {text}");
 }
 
-/// A scene beside the one that is trained, which no program is needed for.
+/// Adds a scene that needs no program.
 fn with_tiny(place: &Workspace) {
     place.write("tiny.yaml", TINY);
 }

@@ -1,4 +1,4 @@
-//! `gs2e convert`: scenes between file formats, and what of them is lost.
+//! `gs2e convert`: scenes between file formats, and the reported losses.
 
 use crate::support::ply;
 use crate::support::workspace::Workspace;
@@ -18,7 +18,8 @@ fn names(place: &Workspace) -> Vec<String> {
     names
 }
 
-/// A `.ply` of what a compressed file holds, as an independent reader of plain floats sees it.
+/// A compressed file becomes a `.ply` with the values that an independent reader of plain floats
+/// finds.
 #[test]
 fn compressed_scenes_become_ply_without_loss() {
     let place = Workspace::new();
@@ -37,7 +38,7 @@ fn compressed_scenes_become_ply_without_loss() {
 }
 
 #[test]
-fn what_is_lost_needs_to_be_allowed() {
+fn losses_need_permission() {
     let place = Workspace::new();
     let t = |input: &str, output: &str, told: &[&str]| {
         let command = format!("convert {} {output}", golden(input));
@@ -67,7 +68,7 @@ fn programs_get_counts_and_losses() {
     let fields: Vec<&str> =
         told["lost"].as_array().unwrap().iter().map(|l| l["field"].as_str().unwrap()).collect();
     assert!(fields.contains(&"rotations"), "{told}");
-    // What has been rounded once is not rounded again.
+    // Values that have been rounded once are not rounded again.
     let again = place.ok("convert --json a.spz b.spz");
     let told: Value = serde_json::from_str(&again.stdout).unwrap();
     assert_eq!(told["lost"].as_array().unwrap().len(), 0, "{told}");
@@ -88,7 +89,7 @@ fn gaussians_that_are_not_finite_are_dropped_and_counted() {
 }
 
 #[test]
-fn other_properties_are_told() {
+fn unknown_properties_are_reported() {
     let place = Workspace::new();
     let names = "x y z nx f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 label";
     let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
@@ -127,7 +128,7 @@ fn a_command_that_is_wrong_writes_nothing() {
     t("folder.ply out.ply", 1, "meta.json");
 }
 
-/// The folder of a SOG is as good as its archive.
+/// A SOG folder gives the same result as its archive.
 #[test]
 fn folders_are_read() {
     let place = Workspace::new();

@@ -1,10 +1,10 @@
-//! `gs2e convert`: events between file formats, against words and lines written by hand.
+//! `gs2e convert`: events between file formats, compared with words and lines written by hand.
 
 use crate::support::workspace::Workspace;
 use serde_json::Value;
 use std::fs;
 
-/// What a `.txt` holds after its comment, line by line.
+/// The lines of a `.txt` after its comment.
 fn lines(place: &Workspace, name: &str) -> Vec<String> {
     let text = fs::read_to_string(place.path(name)).unwrap();
     let mut lines = text.lines();
@@ -37,7 +37,7 @@ fn evt2_is_read_as_it_is_documented() {
         0xa000_0000,       // a trigger
         0x8fff_ffff,
         event(1, 63, 7, 8),
-        0x8000_0000, // the counter began anew
+        0x8000_0000, // the counter restarted
         event(0, 0, 9, 10),
     ];
     let header = "% date 2026-01-01 00:00:00\n% evt 2.0\n% geometry 640x480\n% end\n";
@@ -64,7 +64,7 @@ fn evt3_is_read_as_it_is_documented() {
         0x3064, 0x4805, 0x5081, // base 100 off; of 12: 0, 2, 11; then of 8 from 112: 0 and 7
         0x6011, 0x2004, // the next microsecond, the same row, column 4 off
         0xe000, 0x7123, 0xf456, // others and what belongs to them
-        0x8fff, 0x6fff, 0x2806, // the last microsecond before the counter begins anew
+        0x8fff, 0x6fff, 0x2806, // the last microsecond before the counter restarts
         0x8000, 0x0007, 0x2808,
     ];
     let header = "% evt 3.0\n% format EVT3;height=480;width=640\n% end\n";
@@ -84,7 +84,7 @@ fn evt3_is_read_as_it_is_documented() {
     assert_eq!(lines(&place, "out.txt"), wanted);
 }
 
-/// From format to format and back: the same lines.
+/// Conversion from format to format and back gives the same lines.
 #[test]
 fn a_stream_goes_through_every_format() {
     let place = Workspace::new();
@@ -149,7 +149,7 @@ fn other_peoples_text_is_read() {
         place.ok(&format!("convert in.txt out.txt {options}"));
         assert_eq!(lines(&place, "out.txt"), wanted, "{text}");
     };
-    // DVS-Voltmeter's: integer microseconds; the size is said
+    // DVS-Voltmeter's: integer microseconds; the size is an option
     t("12 3 4 1\n15 3 5 0\n", "--size 346x260", &["12 3 4 1", "15 3 5 0"]);
     // E2VID's: the size, then seconds
     t(
@@ -163,7 +163,7 @@ fn other_peoples_text_is_read() {
 }
 
 #[test]
-fn what_is_wrong_is_named_and_nothing_is_written() {
+fn faults_are_named_and_no_file_is_written() {
     let place = Workspace::new();
     let header = "% evt 3.0\n% geometry 8x8\n% end\n";
     let t = |name: &str, bytes: &[u8], options: &str, code: i32, told: &str| {

@@ -1,4 +1,5 @@
-//! `croissant.json`: what it says is what `release.yaml` and the files say, and the reader of its authors takes all of it.
+//! `croissant.json` agrees with `release.yaml` and the files, and its reference reader accepts all
+//! of it.
 
 use crate::support::absent::absent;
 use crate::support::workspace::{TINY, Workspace};
@@ -18,7 +19,8 @@ cite_as: \"@misc{example, title={Example}}\"
 description: Two scenes of a test.
 ";
 
-/// A release of two scenes under different licences, one of them with two sensors, the other without events.
+/// A release of two scenes under different licences, one of them with two sensors, the other
+/// without events.
 fn released() -> Workspace {
     let place = Workspace::new();
     place.write("recipes/release.yaml", RELEASE);
@@ -38,7 +40,7 @@ fn described(release: &Path) -> Value {
 }
 
 #[test]
-fn it_says_what_the_release_says() {
+fn the_description_agrees_with_the_release() {
     let place = released();
     let out = place.path("out");
     let file = described(&out);
@@ -75,7 +77,7 @@ fn it_says_what_the_release_says() {
 }
 
 #[test]
-fn one_listed_licence_is_told_by_its_address() {
+fn one_listed_licence_is_given_by_its_address() {
     let file = described(crate::release::small::release());
     assert_eq!(file["license"], "https://spdx.org/licenses/CC0-1.0.html");
     assert_eq!(file["name"], "gs2e release");
@@ -85,9 +87,10 @@ fn python(args: &[&str]) -> Option<Output> {
     Command::new("python3").args(args).output().ok()
 }
 
-/// A second opinion. Where Python lacks the readers, that is said on stderr; with `REQUIRE_CROISSANT=1` it is a failure.
+/// Reads the release with an independent reader. If Python lacks it, a message goes to stderr; with
+/// `REQUIRE_CROISSANT=1` that is a failure.
 #[test]
-fn the_reader_of_its_authors_loads_every_record() {
+fn the_reference_reader_loads_every_record() {
     if !python(&["-c", "import mlcroissant, pyarrow.parquet"]).is_some_and(|output| output.status.success()) {
         return absent("REQUIRE_CROISSANT", "python3 with mlcroissant and pyarrow is absent");
     }

@@ -45,7 +45,7 @@ fn transforms() -> Value {
     json!({ "w": 48, "h": 32, "fl_x": 45.0, "fl_y": 45.0, "cx": 24.0, "cy": 16.0, "frames": frames })
 }
 
-/// The steps of the tiny scene that a plan would run for sure, and those behind them.
+/// The steps of the tiny scene that a plan would certainly run, and those that may follow.
 fn stale(steps: &BTreeMap<String, Step>) -> (Vec<&str>, Vec<&str>) {
     let of = |action: &str| {
         steps.iter().filter(|(_, s)| s.action == action).map(|(name, _)| name.as_str()).collect()
@@ -54,7 +54,7 @@ fn stale(steps: &BTreeMap<String, Step>) -> (Vec<&str>, Vec<&str>) {
 }
 
 #[test]
-fn white_space_in_a_source_runs_its_reader_and_nothing_behind() {
+fn white_space_in_a_source_runs_only_its_reader() {
     let place = captured();
     assert_eq!(place.build("tiny.yaml").len(), 8);
     place.write("transforms.json", serde_json::to_string_pretty(&transforms()).unwrap());
@@ -68,7 +68,8 @@ fn white_space_in_a_source_runs_its_reader_and_nothing_behind() {
     assert_eq!(place.stale("tiny.yaml"), NONE);
 }
 
-/// Two steps with other keys and one blob in common, which is damaged: neither hurts what the other mended.
+/// Two steps with different keys share one blob, which is damaged. Repairing one step does not harm
+/// the other.
 #[test]
 fn a_damaged_blob_of_two_steps() {
     for cores in ["1", "2"] {
@@ -88,7 +89,7 @@ fn a_damaged_blob_of_two_steps() {
     }
 }
 
-/// The database is an index: without it, or with another file in its place, the records count.
+/// The database is only an index: if it is lost or replaced by another file, the records count.
 #[test]
 fn a_lost_database_runs_nothing() {
     let place = captured();
@@ -103,7 +104,7 @@ fn a_lost_database_runs_nothing() {
     }
 }
 
-/// One number of a recipe: where it stands, its values, and every step that it touches.
+/// One number of a recipe: its place, its values, and every step that it touches.
 #[test]
 fn why_names_the_number_and_the_steps_that_it_touches() {
     let place = captured();
@@ -119,7 +120,7 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     has("tiny/base/sharp: behind base/trajectory");
     has("tiny/base/checks: behind base/trajectory");
     has("tiny/capture: up to date");
-    // Known already, although the step has no key before the trajectory is made.
+    // This is known already, although the step has no key before the trajectory is made.
     has("changed since it was last made: params.sensor.voltmeter.threshold_on: 1.0 -> 1.25");
     assert_eq!(told.matches("changed since").count(), 2, "{told}");
 }

@@ -1,5 +1,5 @@
-//! What a release tells people and machines of itself: card, datasheet and REUSE.toml say what is in it, and texts of users
-//! stay texts.
+//! The texts of a release, for readers and for programs: card, datasheet and REUSE.toml state its
+//! contents, and users' texts stay plain text.
 
 use crate::release::small::release;
 use crate::sources::datasets::Generator;
@@ -15,7 +15,7 @@ fn text(folder: &Path, name: &str) -> String {
     fs::read_to_string(folder.join(name)).unwrap()
 }
 
-/// A scene of an upstream, whose releaser may pass it on, and one of the program.
+/// One scene from an upstream, which the releaser may pass on, and one that the program makes.
 fn gated() -> Workspace {
     let place = Workspace::new();
     Generator::new().mvimgnet(&place.path("data"), 0, 1, &given::ply(|_, value| value));
@@ -39,7 +39,7 @@ fn gated() -> Workspace {
     place
 }
 
-/// Answer to a question.
+/// The answer to a question.
 fn answer(sheet: &str, question: &str) -> String {
     let (_, rest) =
         sheet.split_once(&format!("**{question}**\n\n")).unwrap_or_else(|| panic!("{question}: {sheet}"));
@@ -47,7 +47,7 @@ fn answer(sheet: &str, question: &str) -> String {
 }
 
 #[test]
-fn what_is_not_known_is_said_to_be_so() {
+fn unknown_answers_are_stated_as_unknown() {
     let sheet = text(release(), "DATASHEET.md");
     // The questions of the seven sections of the paper's list, in its order.
     let sections: Vec<&str> = sheet.lines().filter_map(|line| line.strip_prefix("## ")).collect();
@@ -89,7 +89,7 @@ fn numbers_are_those_of_the_tree() {
 }
 
 #[test]
-fn terms_of_an_upstream_are_told_and_asked_for() {
+fn terms_of_an_upstream_are_stated_and_requested() {
     let place = gated();
     place.ok("audit tree");
     let tree = place.path("tree");
@@ -117,7 +117,7 @@ fn terms_of_an_upstream_are_told_and_asked_for() {
     }
     let asked = answer(&sheet, "Have third parties imposed restrictions?");
     assert!(asked.ends_with("The terms of MVImgNet could not be verified in full."), "{asked}");
-    // Texts of the publisher are no headings, cells or tags.
+    // The publisher's texts become no headings, cells or tags.
     assert_eq!(card.matches("\n## Licence\n").count(), 1, "{card}");
     assert!(card.contains("Two scenes.  ## Licence  all free\n"), "{card}");
     assert!(card.contains("A \\| lab \\<b\\>") && !card.contains("<b>"), "{card}");
@@ -127,7 +127,7 @@ fn terms_of_an_upstream_are_told_and_asked_for() {
     );
 }
 
-/// A second opinion on licences. Where it is absent that is said on stderr.
+/// An independent check of the licences. If the tool is absent, a message goes to stderr.
 #[test]
 fn reuse_finds_terms_for_every_file() {
     let place = gated();

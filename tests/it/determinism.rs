@@ -1,4 +1,4 @@
-//! The same recipe gives the same bytes, whatever the machine does meanwhile.
+//! Equal recipes give equal bytes, whatever else the machine does.
 
 use crate::support::workspace::{TINY, Workspace, same_tree};
 
@@ -10,9 +10,10 @@ fn one_and_two_threads_write_the_same_tree() {
     same_tree(&one.path("out"), &two.path("out"));
 }
 
-/// Two scenes, written and named in either order, in folders of different names, with the stores elsewhere.
+/// Two scenes, written and named in either order, in folders of different names, with the stores
+/// elsewhere.
 #[test]
-fn folders_and_the_order_of_files_do_not_show() {
+fn folders_and_the_order_of_files_do_not_matter() {
     let other = TINY.replace("scene: tiny", "scene: b/other").replace("seed: 7", "seed: 8");
     let here = Workspace::new();
     here.write("recipes/tiny.yaml", TINY);

@@ -1,4 +1,5 @@
-//! `gs2e diff`: what two release trees say differs, and why; and what it does with folders that are none.
+//! `gs2e diff`: the reported differences of two release trees with their reasons, and folders that
+//! are no releases.
 
 use crate::support::given::{sound, transforms};
 use crate::support::steps::recipe;
@@ -8,23 +9,23 @@ use gs2e::stage::events::EventsStage;
 use serde_json::{Value, json};
 use std::fs;
 
-/// What `diff --json` says of two folders.
+/// The object that `diff --json` prints for two folders.
 fn diff(place: &Workspace, old: &str, new: &str) -> Value {
     let ended = place.ok(&format!("diff --json {old} {new}"));
     assert_eq!(ended.stdout.lines().count(), 1, "one object: {}", ended.stdout);
     serde_json::from_str(&ended.stdout).unwrap()
 }
 
-/// Writes the JSON file of a release anew after `change`.
+/// Applies `change` to a JSON file of a release.
 fn edit(place: &Workspace, path: &str, change: impl FnOnce(&mut Value)) {
     let mut value: Value = serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap();
     change(&mut value);
-    // A linked file is read-only, and the store's own.
+    // A linked file is read-only, and is the store's own.
     fs::remove_file(place.path(path)).unwrap();
     place.write(path, value.to_string());
 }
 
-/// A copy of a release of [`TINY`] in `old` and `new`, whose manifest is changed in the second.
+/// Two copies of a release of [`TINY`], in `old` and `new`. The manifest of `new` is changed.
 fn with_manifest(change: impl FnOnce(&mut Value)) -> Workspace {
     let place = Workspace::with_tiny();
     for to in ["old", "new"] {
@@ -39,7 +40,7 @@ fn step<'m>(manifest: &'m mut Value, name: &str) -> &'m mut Value {
     steps.iter_mut().find(|step| step["step"] == name).unwrap()
 }
 
-/// The only changed scene's steps as (step, same bytes, reasons).
+/// The steps of the only changed scene as (step, same bytes, reasons).
 fn steps(told: &Value) -> Vec<(String, bool, Value)> {
     let steps = told["changed"][0]["steps"].as_array().unwrap().iter();
     steps
@@ -62,9 +63,9 @@ fn equal_releases_differ_in_nothing() {
     assert!(ended.stderr.contains("0 added, 0 removed, 0 changed, 1 unchanged"), "{}", ended.stderr);
 }
 
-/// What keys are made of is told from the plan: a record that is lost is no reason to refuse a release.
+/// The parts of a key are taken from the plan. A lost record is no reason to refuse a release.
 #[test]
-fn a_release_needs_no_record_to_say_what_its_keys_are_made_of() {
+fn a_release_states_the_parts_of_its_keys_without_records() {
     let place = sound();
     place.ok("release -q --to old recipe.yaml");
     for path in tree(&place.path(".gs2e/ac")).keys() {
@@ -140,9 +141,9 @@ fn a_file_of_the_source_is_named() {
     assert_eq!([&reasons[0]["old"], &reasons[0]["new"]], [&json!(digests[0]), &json!(digests[1])]);
 }
 
-/// What no recipe says: the machinery behind equal recipes.
+/// Differences that no recipe shows: revisions, classes and steps behind equal recipes.
 #[test]
-fn revisions_classes_and_steps_that_differ_are_told() {
+fn different_revisions_classes_and_steps_are_reported() {
     let zeros = "0".repeat(64);
     let t = |change: &dyn Fn(&mut Value), wanted: (&str, bool, Value)| {
         let place = with_manifest(|manifest| change(manifest));
@@ -176,9 +177,10 @@ fn revisions_classes_and_steps_that_differ_are_told() {
     );
 }
 
-/// The claims are enough: without one blob, without a store, and in trees that nobody may write.
+/// The claims of a release are enough: without its other files, without a store, and without
+/// writing.
 #[test]
-fn it_reads_claims_only() {
+fn diff_reads_only_claims() {
     let place = Workspace::with_tiny();
     place.ok("release -q --to old tiny.yaml");
     place.write("tiny.yaml", TINY.replace("width: 64", "width: 66"));

@@ -1,7 +1,8 @@
-//! The documentation: references that are written from the program, examples that it reads. Links are a rule of tidy.
+//! The documentation: references that the program writes, and examples that it reads. Links are a
+//! rule of tidy.
 //!
-//! `cargo xtask docs` runs these tests with `WRITE_DOCS=1`, which rewrites the generated parts of the pages instead of
-//! comparing them.
+//! `cargo xtask docs` runs these tests with `WRITE_DOCS=1`, which rewrites the generated parts of
+//! the pages instead of comparing them.
 
 mod cli_page;
 mod declared;
@@ -15,18 +16,18 @@ use declared::Crate;
 use markdown::Page;
 use recipe_page::{Reference, Words};
 
-/// Pages by hand and by the program, from the root of the repository.
+/// All pages, written by hand or by the program, as paths from the repository's root.
 fn pages() -> Vec<String> {
     let top = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"].map(str::to_owned);
     top.into_iter().chain(files_below("docs", "md")).collect()
 }
 
-/// Pages that a run of the program writes as a whole, lines of any length included.
+/// Pages that a run of the program writes as a whole. Their lines may have any length.
 const WRITTEN_BY_RUNS: [&str; 3] = ["docs/work-precision.md", "docs/tolerance.md", "docs/stress.md"];
 
 const BEGIN: &str = "<!-- generated: `cargo xtask docs` writes the rest of this page -->\n";
 
-/// Compares the part of a page below its mark with what the program says, or rewrites it.
+/// Compares the part of a page below its mark with the program's text, or rewrites it.
 fn generated(path: &str, wanted: &str) {
     let text = text_of(path);
     let (by_hand, found) =
@@ -49,7 +50,7 @@ fn the_reference_of_the_command_line_is_current() {
     generated("docs/cli.md", &cli_page::markdown());
 }
 
-/// A default in backticks means the same as no key; a required key cannot be left out.
+/// A default in backticks means the same as an absent key; a required key cannot be left out.
 #[test]
 fn stated_defaults_are_those_of_the_loader() {
     let krate = Crate::read();
@@ -102,7 +103,7 @@ fn the_citation_and_the_changelog_name_this_version() {
     assert!(text_of("CHANGELOG.md").contains(version));
 }
 
-/// The book has every page, once.
+/// The book lists every page exactly once.
 #[test]
 fn the_summary_lists_every_page() {
     let summary = Page::parse(&text_of("docs/SUMMARY.md"));
@@ -113,9 +114,10 @@ fn the_summary_lists_every_page() {
     assert_eq!(listed, pages);
 }
 
-/// What the README calls missing is refused by name, and every key that is reserved for later is on its list.
+/// Features that the README calls missing are refused by name, and every reserved key is on its
+/// list.
 #[test]
-fn what_is_not_there_yet_is_refused() {
+fn missing_features_are_refused_by_name() {
     let readme = text_of("README.md");
     let section = readme
         .split("\n## ")

@@ -1,4 +1,4 @@
-//! `gs2e convert events.* picture.png`: what pixels show of planted events.
+//! `gs2e convert events.* picture.png`: the pixels of planted events.
 
 use crate::support::workspace::Workspace;
 use gs2e::image::{Image, Size, png};
@@ -8,7 +8,8 @@ use std::io::BufReader;
 
 const WHITE: [u8; 3] = [255; 3];
 
-/// On 8x4: ON at (1, 2) at 100 us, twice OFF at (3, 0) at 200 and 900, one of each at (5, 1).
+/// On 8x4: ON at (1, 2) at 100 us, OFF at (3, 0) at 200 and 900, one event of each polarity at (5,
+/// 1).
 fn workspace() -> Workspace {
     let place = Workspace::new();
     let events = "100 1 2 1\n200 3 0 0\n300 5 1 1\n400 5 1 0\n900 3 0 0\n";
@@ -47,14 +48,14 @@ fn a_surface_shows_the_last_event_by_its_age() {
 }
 
 #[test]
-fn rates_are_drawn_over_the_window_and_told() {
+fn rates_are_drawn_over_the_window_and_printed() {
     let place = workspace();
     let told = place.ok("convert e.txt p.png --picture rate --window 0,1000 --json").stdout;
     let told: Value = serde_json::from_str(&told).unwrap();
     assert_eq!((&told["events"], &told["picture"]), (&5.into(), &"rate".into()));
     let rate = picture(&place, "--picture rate --window 0,1000");
     let (width, middle) = (rate.size().width as usize, rate.size().height as usize / 2);
-    // one bar a microsecond, each as high as the others: one event
+    // one bar per microsecond, each as high as the others: one event
     let coloured: Vec<usize> = (0..width).filter(|&x| at(&rate, x, middle - 1) != WHITE).collect();
     assert_eq!(coloured, [100, 300]);
     let below: Vec<usize> = (0..width).filter(|&x| at(&rate, x, middle + 1) != WHITE).collect();
@@ -62,7 +63,7 @@ fn rates_are_drawn_over_the_window_and_told() {
 }
 
 #[test]
-fn what_is_no_picture_is_refused() {
+fn impossible_pictures_are_refused() {
     let place = workspace();
     let t = |args: &str, told: &str| {
         let ended = place.gs2e(args);

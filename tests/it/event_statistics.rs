@@ -1,4 +1,5 @@
-//! Events against closed forms, against statistics that other programs measured, and against themselves.
+//! Events compared with closed forms, with statistics that other programs measured, and with
+//! themselves.
 #![expect(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -31,7 +32,7 @@ fn run(sensor: &dyn SensorModel, frames: &ArrayFrames, seed: u64) -> (Vec<Event>
     (events, account)
 }
 
-/// Frames of this luminance, 0..255, as a function of column, row and time in us.
+/// Frames with this luminance, 0..255, as a function of column, row and time in us.
 fn frames(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
     let mut samples = Vec::with_capacity(size.pixels() * stamps_us.len());
     for &t in stamps_us {
@@ -42,7 +43,7 @@ fn frames(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f6
     ArrayFrames::new(size, ArraySamples::Floats(samples, FullScale::Grey255), stamps_us).unwrap()
 }
 
-/// Each pixel's events in order of time: nanoseconds and polarity.
+/// Events by pixel in order of time: nanoseconds and polarity.
 fn by_pixel(size: Size, events: &[Event]) -> Vec<Vec<(i64, Polarity)>> {
     let mut pixels = vec![Vec::new(); size.pixels()];
     for event in events {
@@ -54,8 +55,9 @@ fn by_pixel(size: Size, events: &[Event]) -> Vec<Vec<(i64, Polarity)>> {
     pixels
 }
 
-/// Largest distance between the distribution function of a sorted sample and `cdf`, times the square root of its size.
-/// Critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
+/// Largest distance between the distribution function of a sorted sample and `cdf`, multiplied by
+/// the square root of the sample's size. Critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at
+/// 1e-6.
 fn ks(sorted: &[f64], cdf: impl Fn(f64) -> f64) -> f64 {
     let n = sorted.len() as f64;
     let distance = |(i, x): (usize, &f64)| {
@@ -65,7 +67,8 @@ fn ks(sorted: &[f64], cdf: impl Fn(f64) -> f64) -> f64 {
     sorted.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()
 }
 
-/// The same between two sorted samples, with the same critical values.
+/// Largest distance between the distribution functions of two sorted samples, scaled for the same
+/// critical values.
 fn ks_of_two(a: &[f64], b: &[f64]) -> f64 {
     let (n, m) = (a.len() as f64, b.len() as f64);
     let distance = |x: &f64| {

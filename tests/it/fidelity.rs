@@ -1,5 +1,5 @@
-//! Scenes held against their photos, and captures against themselves, through the program: photos that are the scene's own
-//! renderings but for what is planted.
+//! Scenes compared with their photos, and captures with themselves, through the program. The photos
+//! are the scene's own renderings, except for planted changes.
 
 use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
@@ -16,8 +16,8 @@ use std::sync::Arc;
 
 const LICENCE: &str = "licence: { expression: CC0-1.0, holder: a test }\n";
 
-/// The sound scene with a photo of each view, `images/000.png` and so on: its own rendering in 8 bits, each byte passed
-/// through `change` with the number of the view.
+/// The sound scene with a photo of each view, `images/000.png` and so on: its own rendering in 8
+/// bits, with each byte passed through `change` together with the number of the view.
 pub(crate) fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
     let place = given::sound();
     let recipe = GIVEN.replace("outputs: [events, sharp]", "outputs: []");
@@ -59,11 +59,12 @@ fn measured(place: &Workspace, part: &str) -> f64 {
 }
 
 #[test]
-fn a_scene_is_as_true_as_its_photos_are_its_own() {
+fn a_scene_scores_high_on_photos_of_its_own() {
     let place = photographed(|_, v| v);
     place.ok("release --to tree recipe.yaml");
     place.ok("audit tree");
-    // Rounding to 8 bits alone is 20 log10(255 sqrt(12)) = 58.92 dB, and less where colours are whole numbers or clipped.
+    // Rounding to 8 bits alone gives 20 log10(255 sqrt(12)) = 58.92 dB, and less where colours are
+    // whole numbers or clipped.
     let mean = measured(&place, "mean");
     assert!((58.5..75.0).contains(&mean), "{mean}");
     assert!(measured(&place, "ssim") > 0.999);
@@ -87,7 +88,7 @@ fn a_scene_is_as_true_as_its_photos_are_its_own() {
     let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
     assert!(card.contains("- not-run `capture` given#reprojection: the source is no COLMAP model"), "{card}");
 
-    // What is in the tree is held against what the scene says of it.
+    // The scene's claims are compared with the files in the tree.
     let altered = |from: &str, to: &str| {
         let text = fs::read_to_string(place.path("tree/given/checks.json")).unwrap();
         assert!(text.contains(from));
@@ -105,7 +106,7 @@ fn a_scene_is_as_true_as_its_photos_are_its_own() {
 
 #[test]
 fn one_bad_view_stops_a_release_unless_it_is_accepted() {
-    // Every byte is off by 60, and none is clipped: 20 log10(255 / 60) = 12.57 dB.
+    // Every byte is off by 60, and no byte is clipped: 20 log10(255 / 60) = 12.57 dB.
     let other = |v: u8| if v < 128 { v + 60 } else { v - 60 };
     let place = photographed(|i, v| if i == 3 { other(v) } else { v });
     place.ok("build recipe.yaml");
@@ -124,7 +125,7 @@ fn one_bad_view_stops_a_release_unless_it_is_accepted() {
 }
 
 #[test]
-fn a_photo_that_changes_is_compared_again_and_one_that_is_none_is_told() {
+fn a_changed_photo_is_compared_again_and_an_invalid_one_is_reported() {
     let place = photographed(|_, v| v);
     place.ok("build recipe.yaml");
     let other = fs::read(place.path("images/000.png")).unwrap();
@@ -141,17 +142,17 @@ fn a_photo_that_changes_is_compared_again_and_one_that_is_none_is_told() {
 }
 
 #[test]
-fn where_there_is_no_photo_nothing_is_compared() {
+fn nothing_is_compared_without_photos() {
     let place = given::sound();
     place.ok("build recipe.yaml");
     let told = finding(&place, "drop");
     assert_eq!((&told["verdict"], &told["because"]), (&"not-run".into(), &"there are no photos".into()));
 }
 
-/// A COLMAP model of 20 images a step apart along x, which see one point a pixel off; and its photos, two more than
-/// images.
+/// A COLMAP model of 20 images one step apart along x, which see one point one pixel off, and its
+/// photos, two more than images.
 #[test]
-fn a_model_is_held_against_its_points_and_its_folder() {
+fn a_model_is_compared_with_its_points_and_its_folder() {
     let image = |i: u32| Photographed {
         id: i + 1,
         q: [1.0, 0.0, 0.0, 0.0],
@@ -193,14 +194,14 @@ fn a_model_is_held_against_its_points_and_its_folder() {
     let because = "no photo can be compared; `0.jpg`: neither JPEG nor PNG";
     assert_eq!((&told["verdict"], &told["because"]), (&"not-run".into(), &because.into()));
 
-    // A run of views is gone, and another is off its way by six steps, far from its point.
+    // A run of views is missing, and another view is six steps off the path, far from its point.
     planted.images.drain(5..14);
     planted.images[8].t[1] = 0.6;
     planted.write_binary(&place.path("capture/sparse/0"));
     place.ok("build recipe.yaml");
     close("gap", 10.0, "warn");
     close("outlier", 37f64.sqrt() - 1.0, "warn");
-    // 500 * 0.6 / 5 = 60 px lower, one of which its key point is already.
+    // 500 * 0.6 / 5 = 60 px lower, one of which is the key point's own offset.
     close("reprojection", (10.0 + 59.0) / 11.0, "warn");
     close("registered", 11.0 / 22.0, "warn");
 }

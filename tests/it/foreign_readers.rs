@@ -1,8 +1,9 @@
-//! Every format read back by the field's own programs, bit for bit: `../shared/tools/check_events.py` holds count, order,
-//! positions, polarities and times against the stream itself.
+//! Every format, read back bit for bit by the field's own programs:
+//! `../shared/tools/check_events.py` compares count, order, positions, polarities and times with
+//! the stream itself.
 //!
-//! Which readers are wanted of which format is the table below. Where Python lacks one, that is said on stderr; with
-//! `REQUIRE_READERS=1` it is a failure.
+//! The table below lists the readers of each format. If Python lacks one, a message goes to stderr;
+//! with `REQUIRE_READERS=1` that is a failure.
 
 use crate::support::absent::absent;
 use crate::support::shared;
@@ -10,17 +11,18 @@ use crate::support::workspace::Workspace;
 use serde_json::Value;
 use std::process::{Command, Output};
 
-/// File, what is written of it, and its readers.
+/// File, options of its writing, and its readers.
 const WANTED: [(&str, &str, &[&str]); 5] = [
     ("e.h5", "", &["h5py", "evutils", "evlib", "eventcv"]),
     ("evt2.raw", "--codec evt2", &["evutils", "expelliarmus", "faery", "evlib", "eventcv"]),
-    // expelliarmus gives times of EVT 3.0 that are off by multiples of 4,096 us, of anyone's files.
+    // expelliarmus gives times of EVT 3.0 that are off by multiples of 4,096 us, for files of any
+    // writer.
     ("evt3.raw", "--codec evt3", &["evt3", "faery", "evlib", "eventcv"]),
     ("e.aedat4", "", &["dv_processing", "aedat", "tonic", "eventcv", "faery"]),
     ("e.npz", "", &["numpy", "evutils"]),
 ];
 
-/// Files of filters that need a plug-in, which h5py is given.
+/// Filters of HDF5 files, including two that need a plug-in. h5py reads a file of each.
 const FILTERS: [&str; 4] = ["none", "gzip:1", "zstd", "lz4"];
 
 const WIDTH: u32 = 320;
@@ -31,7 +33,8 @@ fn python(args: &[&str]) -> Option<Output> {
     Command::new("python3").args(args).output().ok()
 }
 
-/// Events at places without pattern, several a microsecond and then none for long, in the order of files.
+/// Events at places without a pattern, several per microsecond and then none for a long time, in
+/// file order.
 fn stream() -> String {
     let mut events: Vec<[u32; 4]> = (0..EVENTS)
         .map(|i| {
@@ -46,7 +49,7 @@ fn stream() -> String {
     text
 }
 
-/// The verdicts of the readers of a file: name, verdict, and why.
+/// The verdicts of the readers of a file: name, verdict, and reason.
 fn verdicts(place: &Workspace, name: &str, readers: &[&str]) -> Option<Vec<(String, String, String)>> {
     let tool = shared::path("tools/check_events.py")?;
     let path = |name: &str| place.path(name).display().to_string();
@@ -68,7 +71,7 @@ fn verdicts(place: &Workspace, name: &str, readers: &[&str]) -> Option<Vec<(Stri
 }
 
 #[test]
-fn foreign_readers_read_what_was_written() {
+fn foreign_readers_read_the_written_events() {
     if shared::path("tools/check_events.py").is_none() {
         return;
     }

@@ -1,5 +1,5 @@
-//! Forged releases, each with all digests rewritten: which the audit finds, which only a scene made again shows, and
-//! which nothing can show.
+//! Forged releases, each with all digests rewritten: forgeries that the audit finds, forgeries that
+//! only a rebuilt scene shows, and forgeries that cannot be found.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -15,27 +15,27 @@ use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// What shows a forgery.
+/// The means by which a forgery is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Found {
     /// The audit, with a fault of this code.
     Audit(&'static str),
-    /// The scene made again from its recipe, and nothing in the tree.
+    /// A comparison with the scene made again from its recipe; the tree alone does not show it.
     Rebuild,
-    /// Nothing, for this reason.
+    /// It cannot be found, for this reason.
     Never(&'static str),
 }
 
-/// A change of a release.
+/// A forged change of a release.
 struct Forgery {
     name: &'static str,
     forge: Box<dyn Fn(&Path) + Send + Sync>,
-    /// Whether the manifest is rewritten as well, or the sums alone.
+    /// True if the manifest is rewritten too; false if only the sums are.
     whole: bool,
     found: Found,
 }
 
-/// The faults of an audit, and those against the release that was made from the recipes.
+/// The faults of an audit, and the differences from a release that was made from the recipes.
 fn judge(forgery: &Forgery) -> (Vec<AuditFault>, Vec<AuditFault>) {
     let folder = copy();
     (forgery.forge)(folder.path());
@@ -56,8 +56,8 @@ fn judge(forgery: &Forgery) -> (Vec<AuditFault>, Vec<AuditFault>) {
     (audited, compared)
 }
 
-/// Files that differ from those of the release in more than what the audit cannot know. The loader of another version is
-/// not compared.
+/// Files that differ from the release in more than the values that the audit cannot know. The
+/// loader of another version is not compared.
 fn unlisted(folder: &Path) -> Vec<String> {
     let (old, new) = (read(release()), read(folder));
     let other_version = old["manifest.json"] != new["manifest.json"] && new["gs2e.py"] != old["gs2e.py"];
@@ -71,9 +71,9 @@ fn unlisted(folder: &Path) -> Vec<String> {
     new.into_iter().filter(|(path, bytes)| !is_known(path, bytes)).map(|(path, _)| path).collect()
 }
 
-/// How a forgery is misjudged, if it is.
+/// Describes how a forgery is misjudged; `None` if it is judged right.
 fn misjudged(forgery: &Forgery) -> Option<String> {
-    // A forgery that cannot be made says so, and the others are judged all the same.
+    // A forgery that cannot be made is reported, and the others are still judged.
     let judged = catch_unwind(AssertUnwindSafe(|| judge(forgery)));
     let Ok((audited, compared)) = judged else { return Some(format!("{}: a panic", forgery.name)) };
     let held = match forgery.found {
@@ -95,7 +95,7 @@ fn misjudged(forgery: &Forgery) -> Option<String> {
 }
 
 #[test]
-fn every_forgery_is_found_where_the_table_says() {
+fn every_forgery_is_found_as_the_table_states() {
     let rows = rows::all();
     assert!(rows.len() >= 82, "{}", rows.len());
     let part = rows.len().div_ceil(4);
@@ -120,12 +120,12 @@ fn every_forgery_is_found_where_the_table_says() {
 }
 
 #[test]
-fn the_page_lists_what_the_audit_cannot_know() {
+fn the_page_lists_the_values_that_an_audit_cannot_know() {
     let page = include_str!("../../docs/audit.md");
     let values = VALUES.iter().flat_map(|(_, pointers)| *pointers).map(|pointer| {
         pointer.rsplit_once("*/").map_or_else(|| pointer.trim_start_matches('/'), |(_, below)| below)
     });
-    // Values of a part that is named as a whole are listed by their last name.
+    // Values of a part that is listed as a whole are listed by their last name.
     let named = |value: &str| {
         let last = value.rsplit('/').next().unwrap_or(value);
         page.contains(&format!("`{value}`")) || page.contains(&format!("`{last}`"))
@@ -135,7 +135,7 @@ fn the_page_lists_what_the_audit_cannot_know() {
 }
 
 #[test]
-fn a_release_that_names_another_version_is_judged_by_what_holds_for_any() {
+fn a_release_of_another_version_is_judged_by_common_rules() {
     let folder = copy();
     rows::of_version(folder.path(), "0.0.9");
     reseal(folder.path());

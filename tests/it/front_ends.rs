@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 const SENSOR: &str = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
 
-/// The recipe with these lines in place of its sensor.
+/// The recipe with these lines instead of its sensor.
 fn recipe(sensors: &str) -> String {
     assert!(TINY.contains(SENSOR));
     TINY.replace(SENSOR, sensors)
@@ -31,7 +31,7 @@ fn json(place: &Workspace, path: &str) -> Value {
 }
 
 #[test]
-fn each_of_several_sees_what_it_sees_alone() {
+fn several_sensors_see_the_same_as_each_alone() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
@@ -58,9 +58,10 @@ fn each_of_several_sees_what_it_sees_alone() {
     }
 }
 
-/// The pass `event_frame` holds events against the brightness that its sensor saw: that of another would not fit.
+/// The check `event_frame` compares events with the brightness that their own sensor saw; another
+/// sensor's brightness would not match.
 #[test]
-fn each_is_checked_by_what_it_saw() {
+fn each_sensor_is_checked_by_its_own_brightness() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
@@ -82,7 +83,7 @@ fn each_is_checked_by_what_it_saw() {
 }
 
 #[test]
-fn a_release_says_what_was_seen() {
+fn a_release_states_the_brightness_of_each_sensor() {
     let place = Workspace::new();
     let said = |sensors: &str| {
         place.write("tiny.yaml", recipe(sensors));
@@ -90,7 +91,7 @@ fn a_release_says_what_was_seen() {
         place.ok("audit out");
         let scene = json(&place, "out/tiny/scene.json");
         let card = fs::read_to_string(place.path("out/README.md")).unwrap();
-        // The canonical recipe is a recipe of the same sensors.
+        // The canonical recipe describes the same sensors.
         place.write("again.yaml", scene["recipe"].to_string());
         assert!(place.stale("again.yaml").is_empty());
         (scene["conventions"]["brightness"].as_str().unwrap().to_owned(), scene, card)
@@ -113,7 +114,7 @@ fn a_release_says_what_was_seen() {
 }
 
 #[test]
-fn what_is_written_out_of_the_default_changes_no_key() {
+fn writing_out_a_default_changes_no_key() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     for front_end in [
@@ -131,7 +132,7 @@ fn what_is_written_out_of_the_default_changes_no_key() {
     assert_eq!(place.stale("tiny.yaml"), ["tiny/base/events", "tiny/base/checks"]);
 }
 
-/// What goes with hermite is built; that the rest is refused is among the broken recipes.
+/// Combinations that hermite supports are built. The refused ones are among the broken recipes.
 #[test]
 fn cubics_see_through_front_ends() {
     let place = Workspace::new();
@@ -174,7 +175,8 @@ fn rendered_colours_are_decoded() {
         assert!(seen.next().unwrap().is_none());
         for (light, rgb) in frame.luminance.pixels().iter().zip(rgb.pixels()) {
             let found = srgb::encode(f64::from(*light) / 255.0);
-            // Rounded to 24 bits twice, of which the steeper end of the curve makes 13 times as much.
+            // The light is rounded to 24 bits twice, and the steeper end of the curve multiplies
+            // the error by 13.
             let off = (found - f64::from(rgb[channel])).abs();
             assert!(off <= 13.0 * 2.0 * f64::from(f32::EPSILON), "{found}, rendered {}", rgb[channel]);
         }

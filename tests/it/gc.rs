@@ -1,4 +1,4 @@
-//! `gs2e gc`: what it deletes, what it leaves, and that being killed costs nothing.
+//! `gs2e gc`: the files that it deletes and keeps, and kills that must cost nothing.
 
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::{Workspace, tree};
@@ -27,7 +27,7 @@ fn two() -> Workspace {
     place
 }
 
-/// The blobs and records that are there, by their paths below the store.
+/// The stored blobs and records, by their paths below the store.
 fn stored(place: &Workspace) -> BTreeSet<String> {
     let all = tree(&place.path(".gs2e")).into_keys();
     all.filter(|path| path.starts_with("cas/") || path.starts_with("ac/")).collect()
@@ -39,13 +39,13 @@ fn blobs_of(place: &Workspace, scene: &str) -> BTreeSet<PathBuf> {
     all.flat_map(|(_, step)| step.outputs.into_values()).collect()
 }
 
-/// What a run of `gc` says to programs.
+/// The JSON result of a `gc` run.
 fn gc(place: &Workspace, args: &str) -> Value {
     let ended = place.ok(&format!("gc --json {args}"));
     serde_json::from_str(&ended.stdout).unwrap_or_else(|e| panic!("{e}: {}", ended.stdout))
 }
 
-/// Puts the stamps of everything in the store back by two days.
+/// Sets the mtimes of all blobs and records back by two days.
 fn age(place: &Workspace) {
     let then = SystemTime::now() - Duration::from_secs(2 * 86_400);
     for path in stored(place) {
@@ -57,7 +57,7 @@ fn age(place: &Workspace) {
 fn a_removed_recipe_frees_its_blobs_and_no_others() {
     let place = two();
     let (a, b) = (blobs_of(&place, "a"), blobs_of(&place, "b"));
-    // Verdicts on two tame scenes may be the same bytes.
+    // The verdicts on two quiet scenes may be the same bytes.
     let a: BTreeSet<PathBuf> = a.difference(&b).cloned().collect();
     assert!(a.len() >= 3, "a scene of another seed shares next to nothing: {a:?}");
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
@@ -83,7 +83,7 @@ fn a_removed_recipe_frees_its_blobs_and_no_others() {
 }
 
 #[test]
-fn what_is_young_stays() {
+fn young_files_stay() {
     let place = two();
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
     let before = stored(&place);
@@ -98,7 +98,7 @@ fn what_is_young_stays() {
     assert_eq!(place.build("recipes"), [""; 0]);
 }
 
-/// A record that stays keeps its blobs, however old they are: it may have found them there.
+/// A kept record keeps its blobs, even old ones: its step may have found them there.
 #[test]
 fn a_young_record_keeps_old_blobs() {
     let place = two();
@@ -119,11 +119,11 @@ fn a_dry_run_says_the_same_and_changes_nothing() {
     place.write(".gs2e/trash/4711.0", "an altered blob");
     let files = || -> BTreeMap<String, Vec<u8>> {
         let all = tree(&place.path(".gs2e")).into_iter();
-        // SQLite's own log is there while somebody looks.
+        // SQLite's own log exists while the database is open for reading.
         all.filter(|(path, _)| !path.starts_with("state.db")).collect()
     };
     let before = files();
-    // It takes no lock.
+    // A dry run takes no lock.
     let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let held = files();
     let mut told = gc(&place, "--dry-run --min-age 0");
@@ -148,7 +148,7 @@ fn a_dry_run_says_the_same_and_changes_nothing() {
 
 /// An edit that is not built yet may be undone.
 #[test]
-fn what_a_step_last_made_stays() {
+fn the_last_products_of_a_step_stay() {
     let place = two();
     place.write("recipes/a.yaml", scene("a", 3));
     assert_eq!(gc(&place, "--min-age 0")["blobs"], 0);
@@ -160,7 +160,7 @@ fn what_a_step_last_made_stays() {
 }
 
 #[test]
-fn a_release_keeps_what_it_was_made_from_as_long_as_it_is_there() {
+fn a_release_keeps_its_inputs_while_it_exists() {
     let place = two();
     place.ok("release -q --to out recipes/a.yaml");
     fs::create_dir(place.path("aside")).unwrap();
@@ -186,9 +186,9 @@ fn a_release_keeps_what_it_was_made_from_as_long_as_it_is_there() {
     assert_eq!(place.stale("aside").len(), 4);
 }
 
-/// Where it is not known what shall stay, nothing goes.
+/// Nothing is deleted if the roots are not known.
 #[test]
-fn what_cannot_be_read_deletes_nothing() {
+fn unreadable_roots_delete_nothing() {
     let place = two();
     place.ok("release -q --to out recipes/b.yaml");
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
@@ -216,15 +216,15 @@ fn what_cannot_be_read_deletes_nothing() {
     drop(holder);
 }
 
-/// Killed at random instants, again and again, while it has much to delete: what is marked is never harmed. Every
-/// kill leaves more for the next round.
+/// `gc` is killed at random instants, again and again, while it has much to delete. Marked files
+/// are never harmed. Every kill leaves more for the next round.
 #[test]
-fn a_kill_at_any_moment_loses_nothing_that_is_marked() {
+fn a_kill_at_any_moment_loses_no_marked_file() {
     const GARBAGE: u32 = 400;
     let place = two();
     let marked = keys(&place, "recipes");
     let whole = stored(&place);
-    // Instants from SplitMix64 of a fixed seed.
+    // The instants come from SplitMix64 with a fixed seed.
     let mut seed = 11_u64;
     let mut instant = || {
         seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -244,7 +244,7 @@ fn a_kill_at_any_moment_loses_nothing_that_is_marked() {
         command.args(["gc", "-q", "--min-age", "0"]).current_dir(place.path(""));
         let mut child =
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        // Every other time from the moment on at which it begins to delete.
+        // In every other round the delay begins when the first file is moved to the trash.
         let first = place.path(&format!(".gs2e/trash/gc.{}.0", child.id()));
         while round % 2 == 0 && !first.exists() && child.try_wait().unwrap().is_none() {}
         std::thread::sleep(instant());

@@ -1,4 +1,4 @@
-//! Scenes that are known at a glance to be up to date, and what is trusted, verified, made again and foretold.
+//! Scenes known at a glance to be up to date, and trust, verification, rechecks and estimates.
 
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, alter};
@@ -29,7 +29,7 @@ fn tag() -> Digest {
     Digest::of_bytes(b"this program")
 }
 
-/// Builds in this process, under [`tag`]: how many steps were made.
+/// Builds in this process under [`tag`], and returns the number of steps made.
 fn build(place: &Workspace) -> usize {
     let plan = Plan::new(
         read_all(&recipes(place)).unwrap_or_else(|faults| panic!("{}", faults.render_text())),
@@ -54,7 +54,7 @@ fn recipes(place: &Workspace) -> Vec<PathBuf> {
     vec![place.path("recipes")]
 }
 
-/// The scenes that are known at a glance, and how many files were read to know it.
+/// The scenes known at a glance, and the number of files that were read to know them.
 fn settled(place: &Workspace, tag: &Digest) -> (Vec<String>, usize) {
     let store = open(place);
     let survey = survey_recipes(&recipes(place), &Backend::Cpu, &store, tag).unwrap();
@@ -76,14 +76,15 @@ fn three() -> Workspace {
     place.write("data/transforms.json", crate::support::given::transforms(1.0).replace("images/", "photos/"));
     place.write("data/scene.ply", crate::support::given::ply(|_, value| value));
     place.write("data/photos/readme.txt", "none yet");
-    // A file younger than two seconds may still change without showing it, and counts as unknown.
+    // A file younger than two seconds may still change unseen, so it counts as unknown.
     std::thread::sleep(Duration::from_millis(2100));
     place
 }
 
-/// The first build after the cold one reads nothing; whatever moves makes its scene, and no other, be looked at again.
+/// The first build after the cold one reads nothing. A changed file makes only its own scene be
+/// looked at again.
 #[test]
-fn what_has_not_moved_is_known_at_a_glance() {
+fn unchanged_scenes_are_known_at_a_glance() {
     let place = three();
     assert!(build(&place) > 0);
     let all = ["a", "b", "c"].map(str::to_owned).to_vec();
@@ -112,14 +113,14 @@ fn what_has_not_moved_is_known_at_a_glance() {
     };
     t("data/photos/002.png", "a photo that a view names", &["a", "b"]);
     t("recipes/defaults.yaml", "sampling: { rate: 2400 }", &[]);
-    // Two recipes of one scene are told, although each is known.
+    // Two recipes of one scene are reported, although each is known.
     place.write("recipes/d.yaml", fs::read(place.path("recipes/a.yaml")).unwrap());
     let store = open(&place);
     assert!(survey_recipes(&recipes(&place), &Backend::Cpu, &store, &tag()).is_err());
 }
 
 #[test]
-fn recheck_makes_again_and_tells_unlike_bytes() {
+fn recheck_makes_steps_again_and_compares_bytes() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     place.ok("build");
@@ -131,7 +132,7 @@ fn recheck_makes_again_and_tells_unlike_bytes() {
 }
 
 #[test]
-fn a_step_that_needs_more_than_there_is_runs_alone_and_is_told() {
+fn a_step_above_the_memory_budget_runs_alone_with_a_warning() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     let ended = place.ok("build -j 2 --memory 1MB");
@@ -140,9 +141,10 @@ fn a_step_that_needs_more_than_there_is_runs_alone_and_is_told() {
     assert_eq!(place.gs2e("build --memory lots").code, 2);
 }
 
-/// Before anything ran nothing is foretold; afterwards a like scene takes what the first one took.
+/// Before the first run there is no estimate. Afterwards a similar scene is expected to take as
+/// long as the first.
 #[test]
-fn an_estimate_comes_from_what_ran_before() {
+fn an_estimate_comes_from_earlier_runs() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     let estimate = || -> Value { serde_json::from_str(&place.ok("plan --estimate --json").stdout).unwrap() };

@@ -1,5 +1,6 @@
-//! What each stage makes, frozen: the content digest of tiny scenes beside the stage's revision and class. A change of
-//! bytes without a change of the key would let old results pass for new ones; here it fails, and says what to raise.
+//! Frozen results of each stage: the content digest of tiny scenes, with the stage's revision and
+//! class. A change of bytes without a change of the key would let old results pass for new ones.
+//! This test then fails and names the revision to raise.
 
 use crate::support::given::{GIVEN, sound};
 use gs2e::release::ReleaseManifest;
@@ -9,22 +10,22 @@ use std::fmt;
 use std::io::Write as _;
 use std::path::Path;
 
-/// A step as it was when it was pinned.
+/// A step and its pinned values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Pin {
     /// Scene and step.
     step: String,
     stage: String,
     revision: u32,
-    /// Numerical class; empty where the stage has none.
+    /// Numerical class; empty if the stage has none.
     class: String,
-    /// What it is made of, as one digest.
+    /// Digest of the step's parameters and inputs.
     key: String,
     /// Content digest of its outputs.
     made: String,
 }
 
-/// The pins, a line each: step, stage, revision, class (`-` for none), key, content.
+/// The pins, one line each: step, stage, revision, class (`-` for none), key, content.
 const PINS: &str = "\
 given/capture capture 1 - 1f239bc3706bce6ad48cb95e467edac25bc8c05f00b22f1574cfe4d3134362b4 1e0e0dc66631d04197236d1f8eaba364597393244ef8abedd258f9527bdcecd7
 given/reconstruct reconstruct 1 - 1fda88689eebaf79bd69dc825d1d13c89d127b8e5922e8fbbdecea2344e6c91f f9d26ec341aaeefc6d12772e2167ee7c2c0613e6d37dba3ea374738e9a68cfc6
@@ -45,7 +46,7 @@ spelled/base/flow flow 1 cpu/1 228378ea723c7ead71c0fa20e93c82cbe8e5ddeb486c8780b
 spelled/base/checks checks 6 - 7d4b1f26a0283a831cd1c7100c0482b9b8d34306507741319484fbf6e987f18d 8bba71d129c8ef51a09809fcf0e1efd6f0da529ac142acd405c0868e86d49390
 ";
 
-/// Nothing is left to a default that may change: such a change would move the key, and hide a change of bytes.
+/// All values are written out: a changed default would move the key and hide a change of bytes.
 const SPELLED: &str = "\
 version: 1
 scene: spelled
@@ -68,16 +69,16 @@ flow: { every: 4 }
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
-/// What is to be done about a step that is not as it was pinned.
+/// The answer to a step that differs from its pin.
 #[derive(Debug, PartialEq, Eq)]
 enum Verdict {
-    /// It is as it was.
+    /// Nothing changed.
     Same,
-    /// The revision was raised, and the bytes are what they were.
+    /// The revision was raised although the bytes are the same.
     RaisedForNothing,
-    /// The key stood still and the bytes moved: a store would hold both for the same.
+    /// The bytes changed and the key did not: a store would confuse the two.
     Raise,
-    /// Key and bytes moved together, or the key alone: the new pin is all there is to do.
+    /// Key and bytes changed together, or the key alone: only the pin must be replaced.
     PinAnew,
 }
 
@@ -112,7 +113,8 @@ impl fmt::Display for Pin {
     }
 }
 
-/// Six views from a straight line, in decimals: a sine of the C library may have another last digit elsewhere.
+/// Six views from a straight line, in decimals: a sine of the C library may differ in its last
+/// digit elsewhere.
 fn transforms() -> String {
     let frame = |i: u32| {
         format!(
@@ -126,7 +128,7 @@ fn transforms() -> String {
     )
 }
 
-/// Both scenes, built and released.
+/// The pins of both scenes, built and released.
 fn found() -> Vec<Pin> {
     let place = sound();
     place.write("transforms.json", transforms());
@@ -153,7 +155,7 @@ fn found() -> Vec<Pin> {
 }
 
 #[test]
-fn what_each_stage_makes_is_what_it_made() {
+fn each_stage_makes_its_pinned_bytes() {
     let (pins, found) = (pins(), found());
     let steps = |pins: &[Pin]| pins.iter().map(|pin| pin.step.clone()).collect::<Vec<_>>();
     let mut faults = Vec::new();
@@ -170,7 +172,8 @@ fn what_each_stage_makes_is_what_it_made() {
                     "warning: the REVISION of `{stage}` went from {was} to {now} and {step} has the bytes it \
                      had; if that is meant, pin\n{found}\n"
                 );
-                // Past the capture of the test's output: it is meant to be seen although the test passes.
+                // Written directly, past the captured output, so that it is seen although the test
+                // passes.
                 drop(std::io::stderr().write_all(line.as_bytes()));
             }
             Verdict::Raise => faults.push(format!(
@@ -193,7 +196,7 @@ fn pins() -> Vec<Pin> {
     PINS.lines().map(Pin::parse).collect()
 }
 
-/// The stages are those that the sources define: one that is new is missed here at once.
+/// The pinned stages are those that the sources define, so a new stage is missed here at once.
 #[test]
 fn every_stage_is_pinned() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/stage");
@@ -206,7 +209,7 @@ fn every_stage_is_pinned() {
         stages.extend(named.map(str::to_owned));
     }
     assert!(stages.len() >= 6, "the sources are not read as they are written: {stages:?}");
-    // What other programs answer depends on which are installed.
+    // The answers of other programs depend on the installed versions.
     stages.remove("foreign");
     let pinned: BTreeSet<String> = pins().into_iter().map(|pin| pin.stage).collect();
     assert_eq!(stages, pinned, "left: the stages there are; right: the stages that are pinned");
@@ -220,7 +223,7 @@ fn the_verdict_follows_key_and_bytes() {
     t("s/base/events events 1 cpu/1 k n", Verdict::Raise);
     t("s/base/events events 2 cpu/1 l m", Verdict::RaisedForNothing);
     t("s/base/events events 2 cpu/1 l n", Verdict::PinAnew);
-    // An input or a parameter moved, or the class.
+    // An input or a parameter changed, or the class.
     t("s/base/events events 1 cpu/1 l n", Verdict::PinAnew);
     t("s/base/events events 1 cpu/1 l m", Verdict::PinAnew);
     t("s/base/events events 1 cpu/2 l m", Verdict::PinAnew);

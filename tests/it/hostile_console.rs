@@ -1,5 +1,5 @@
-//! Names and texts that strangers chose, on the terminal and in the files that people read: nothing in them acts, hides,
-//! or starts a line of its own. And a console that does not lie: results that are lost are an error.
+//! Foreign names and texts, on the terminal and in the files for readers: no part of them acts,
+//! hides, or starts a line of its own. And a reliable console: lost results are an error.
 
 use crate::support::given::{self, sound};
 use crate::support::workspace::{Ended, TINY, Workspace};
@@ -13,7 +13,8 @@ use std::process::{Command, Stdio};
 /// A name that colours, sets the terminal's title, rings, turns text around and fakes a line.
 const WICKED: &str = "\u{1b}[31m\u{1b}]0;PWN\u{7}\u{9b}2J\u{202e}\nerror: FAKE";
 
-/// What no output may hold: Unicode's list of bidi controls (UAX 9), and all control characters but line ends.
+/// Returns true for characters that no output may hold: Unicode's list of bidi controls (UAX 9),
+/// and all control characters but line ends.
 fn acts(c: char) -> bool {
     c != '\n' && c.is_control()
         || "\u{61c}\u{200e}\u{200f}\u{202a}\u{202b}\u{202c}\u{202d}\u{202e}\u{2066}\u{2067}\u{2068}\u{2069}\u{2028}\u{2029}"
@@ -31,7 +32,7 @@ fn inert(place: &Workspace, arguments: &str) -> Ended {
     ended
 }
 
-/// A text as recipes hold it.
+/// A text quoted as in recipes.
 fn quoted(text: &str) -> String {
     gs2e::escape::quoted(text)
 }
@@ -69,7 +70,7 @@ fn paths_and_texts_of_recipes_are_shown_and_do_not_act() {
         assert_eq!(ended.code, 2, "{verb}: {}", ended.stderr);
         assert!(ended.stderr.contains(r"\u{1b}[31m"), "the name is shown: {}", ended.stderr);
     }
-    // What programs get is the name itself.
+    // Programs get the name itself.
     let told = objects(&inert(&place, "plan --json recipe.yaml"));
     assert!(told.iter().any(|fault| fault.to_string().contains("PWN")), "{told:?}");
     for (from, to) in [
@@ -116,7 +117,7 @@ fn photos_files_and_recipes_may_have_any_name() {
 }
 
 #[test]
-fn releases_of_strangers_are_shown_and_do_not_act() {
+fn foreign_releases_are_shown_and_do_not_act() {
     let place = released();
     fs::write(place.path("out").join(WICKED.replace('/', "_")), "x").unwrap();
     let audited = inert(&place, "audit out");
@@ -175,7 +176,7 @@ fn words_of_the_command_line_do_not_act() {
 }
 
 #[test]
-fn the_card_is_markup_of_ours_alone() {
+fn the_card_holds_only_our_markup() {
     let place = Workspace::with_tiny();
     place.ok("release -q --to plain tiny.yaml");
     let outline = |card: &str| -> Vec<String> {
@@ -214,7 +215,7 @@ fn the_card_is_markup_of_ours_alone() {
         assert_eq!(before.len(), after.len(), "{wicked:?}: {after:?}");
         let differing: Vec<_> = before.iter().zip(&after).filter(|(a, b)| a != b).collect();
         assert!(differing.len() <= 1, "only the title differs: {differing:?}");
-        // Its head is read by a reader of YAML, as the text that was written.
+        // A YAML reader finds the written text in the card's head.
         let head = card.split("---\n").nth(1).unwrap();
         let head: Value = serde_saphyr::from_str(head).unwrap_or_else(|e| panic!("{wicked:?}: {e}\n{head}"));
         assert_eq!(head["pretty_name"], wicked);
@@ -222,7 +223,7 @@ fn the_card_is_markup_of_ours_alone() {
 }
 
 #[test]
-fn addresses_lead_to_text() {
+fn addresses_of_other_schemes_are_refused() {
     let place = Workspace::with_tiny();
     for url in
         ["javascript:alert(1)", "data:text/html,x", "https://a>b", "https://a\u{202e}b", "file:///etc/passwd"]
@@ -234,7 +235,7 @@ fn addresses_lead_to_text() {
     }
 }
 
-/// Everything that prints results, over a folder in which it succeeds.
+/// All commands that print results, over a folder in which they succeed.
 const RESULTS: [&str; 14] = [
     "--version",
     "--help",
@@ -266,7 +267,7 @@ fn lost_results_are_an_error_in_every_verb() {
 }
 
 #[test]
-fn a_reader_may_leave_before_the_end() {
+fn a_reader_may_close_the_pipe_early() {
     let place = released();
     for arguments in RESULTS {
         let (reader, writer) = std::io::pipe().unwrap();
@@ -279,7 +280,7 @@ fn a_reader_may_leave_before_the_end() {
 }
 
 #[test]
-fn stderr_may_be_gone() {
+fn a_lost_stderr_is_no_error() {
     let place = released();
     for arguments in RESULTS {
         let full = File::options().write(true).open("/dev/full").unwrap();
@@ -288,7 +289,7 @@ fn stderr_may_be_gone() {
     }
 }
 
-/// Runs the program in `folder`, with `\xff` in words where it stands.
+/// Runs the program in `folder`. In `words`, `\xff` means this byte.
 fn run_in(folder: &Path, words: &str) -> (Option<i32>, String, String) {
     let words = words.split(' ').map(|word| OsString::from(OsStr::from_bytes(&unescaped(word))));
     let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
@@ -308,7 +309,7 @@ fn unescaped(word: &str) -> Vec<u8> {
 }
 
 #[test]
-fn paths_that_are_no_text_work_in_every_verb() {
+fn paths_that_are_not_utf8_work_in_every_verb() {
     let place = sound();
     let odd = place.path("").join(OsStr::from_bytes(b"x\xff"));
     fs::create_dir_all(odd.join("data/one")).unwrap();
@@ -348,12 +349,12 @@ fn paths_that_are_no_text_work_in_every_verb() {
             }
         }
     }
-    // They are named, byte for byte.
+    // The paths are printed byte for byte.
     let (_, stdout, _) = run_in(&place.path(""), r"plan --json --store x\xff/.gs2e x\xff/tiny.yaml");
     assert!(stdout.contains(r"x\\xff/.gs2e/"), "{stdout}");
     let (_, _, stderr) = run_in(&place.path(""), r"plan x\xff/gone.yaml");
     assert!(stderr.contains(r"x\xff/gone.yaml"), "{stderr}");
-    // `gc` keeps what the release was made from, and lets it go with the release.
+    // `gc` keeps the inputs of the release, and deletes them when the release is gone.
     let gc = r"gc --json --min-age 0 --store x\xff/.gs2e recipe.yaml";
     let other = TINY.replace("gaussians: 500, views: 6", "gaussians: 400, views: 7");
     place.write("recipe.yaml", other.replace("scene: tiny", "scene: other"));

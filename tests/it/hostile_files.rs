@@ -1,5 +1,5 @@
-//! Devices, FIFOs, sockets, links to nothing and folders in the place of files, through the program:
-//! each is refused at once by a message that names the file, whatever reads it.
+//! Devices, FIFOs, sockets, dangling links and folders in place of files, through the program. Each
+//! is refused at once by a message that names the file, in every reader.
 
 mod lists;
 mod outputs;
@@ -16,16 +16,16 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// A child that runs so long hangs: the runs here take seconds.
+/// Time after which a child is considered hung: the runs here take seconds.
 const PATIENCE: Duration = Duration::from_secs(240);
 
-/// Address space of a child in KiB, so that a file without end ends the child and not the machine.
+/// Address space of a child in KiB, so that an endless file ends the child and not the machine.
 const MEMORY_KIB: u32 = 24 << 20;
 
-/// Entries that no reader may take for a file.
+/// Entries that no reader may treat as a file.
 const KINDS: [&str; 6] = ["device", "FIFO", "socket", "dangling", "loop", "folder"];
 
-/// Puts an entry of this kind at a path, in place of what is there.
+/// Puts an entry of this kind at a path, replacing any other.
 fn plant(kind: &str, path: &Path) {
     if path.is_dir() && !path.is_symlink() {
         fs::remove_dir_all(path).unwrap();
@@ -43,7 +43,7 @@ fn plant(kind: &str, path: &Path) {
     }
 }
 
-/// Runs the program in `folder`; one that hangs is killed, and fails the test.
+/// Runs the program in `folder`. A hung program is killed, and fails the test.
 fn run(folder: &Path, args: &str) -> Ended {
     let outputs = tempfile::tempdir().unwrap();
     let file = |name: &str| File::create(outputs.path().join(name)).unwrap();
@@ -71,8 +71,8 @@ fn run(folder: &Path, args: &str) -> Ended {
     Ended { code, stdout: text("out"), stderr: text("err") }
 }
 
-/// Puts each kind of entry at `file`, one after the other, and runs the program: it ends with one of
-/// these codes and names the file.
+/// Puts each kind of entry at `file`, one after the other, and runs the program, which must end
+/// with one of these codes and name the file.
 #[track_caller]
 fn refused(place: &Workspace, args: &str, file: &str, kinds: &[&str], codes: &[i32]) {
     fs::create_dir_all(place.path(file).parent().unwrap()).unwrap();
@@ -97,7 +97,7 @@ fn refused(place: &Workspace, args: &str, file: &str, kinds: &[&str], codes: &[i
 const FILES: &[&str] = &["device", "FIFO", "socket", "dangling", "loop"];
 
 #[test]
-fn what_lies_with_the_recipes_is_an_error_and_never_absent() {
+fn special_files_next_to_recipes_are_errors_and_never_absent() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", TINY);
     for (args, file) in [
@@ -145,7 +145,7 @@ fn files_of_a_colmap_model_are_regular_files() {
 }
 
 #[test]
-fn what_a_trainer_leaves_is_a_regular_file() {
+fn the_scene_of_a_trainer_is_a_regular_file() {
     for leaves in
         ["mkfifo \"$2/scene.ply\"", "ln -s /dev/zero \"$2/scene.ply\"", "ln -s gone \"$2/scene.ply\""]
     {
@@ -157,7 +157,7 @@ fn what_a_trainer_leaves_is_a_regular_file() {
 }
 
 #[test]
-fn what_a_single_step_reads_is_a_regular_file() {
+fn inputs_of_single_step_verbs_are_regular_files() {
     let place = sound();
     for name in ["e.csv", "e.txt", "e.h5", "e.npz", "e.raw", "e.aedat4"] {
         refused(&place, &format!("convert --size 8x8 {name} new.npz"), name, &KINDS, &[1, 2]);
@@ -189,7 +189,7 @@ fn what_a_single_step_reads_is_a_regular_file() {
 }
 
 #[test]
-fn a_blob_that_is_no_file_any_more_is_made_again() {
+fn a_blob_that_is_no_longer_a_file_is_made_again() {
     for kind in KINDS {
         let place = Workspace::with_tiny();
         place.ok("build tiny.yaml");
@@ -207,7 +207,8 @@ fn a_blob_that_is_no_file_any_more_is_made_again() {
     }
 }
 
-/// A walk ends: it follows no link out of the folder, and a path that names the whole machine is refused.
+/// A walk ends: it follows no link out of the folder, and a path to the root of the machine is
+/// refused.
 #[test]
 fn a_walk_of_recipes_and_sources_stays_within_its_folder() {
     let place = sound();

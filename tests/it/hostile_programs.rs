@@ -1,5 +1,5 @@
-//! Programs and modules that lie where they should not be run from, and trainers that outlive what
-//! started them.
+//! Programs and modules in folders from which they must not run, and trainers that outlive their
+//! builds.
 
 mod leftovers;
 
@@ -67,7 +67,7 @@ fn plant(place: &Workspace, folder: &str) {
     fs::create_dir_all(&sprung).unwrap();
     let mark = |name: &str| sprung.join(format!("{} {name}", folder.replace('/', "-")));
     for name in PROGRAMS {
-        // `#!/bin/sh` names its interpreter; nothing else of the script is looked for.
+        // `#!/bin/sh` names its interpreter; the rest of the script needs no look-up.
         executable(place, &format!("{folder}/{name}"), &format!(": > '{}'", mark(name).display()));
     }
     for name in MODULES {
@@ -93,7 +93,7 @@ fn sprung(place: &Workspace) -> Vec<String> {
     names
 }
 
-/// A scene in files, held against all programs.
+/// A scene in files, with checks by all external programs.
 fn asking() -> Workspace {
     let place = Workspace::new();
     let mut asks = recipe("asks");
@@ -111,7 +111,7 @@ fn asking() -> Workspace {
     place
 }
 
-/// The traps work: otherwise a test that finds none sprung says nothing.
+/// The traps work. Otherwise a test without sprung traps would prove nothing.
 #[test]
 fn the_traps_can_be_sprung() {
     let place = Workspace::new();
@@ -125,7 +125,7 @@ fn the_traps_can_be_sprung() {
 }
 
 #[test]
-fn no_verb_runs_what_lies_in_a_folder() {
+fn no_verb_runs_programs_of_its_folders() {
     let place = asking();
     let path = std::env::var("PATH").unwrap_or_default();
     let path = format!(":.:recipes:../x:./capture::{path}:");
@@ -171,8 +171,8 @@ fn no_verb_runs_what_lies_in_a_folder() {
     }
 }
 
-/// A scene held against Python alone, and a Python without packages in a folder that is the whole PATH:
-/// all that it is asked for is its version.
+/// A scene with checks by Python alone, and a fake Python without packages in a folder that is the
+/// whole PATH: it is only asked for its version.
 fn with_python() -> Workspace {
     let place = asking();
     let mut value: serde_json::Value =
@@ -185,7 +185,7 @@ fn with_python() -> Workspace {
     place
 }
 
-/// Runs it with this Python; how often that was asked.
+/// Runs the program with this Python, and returns the number of times that Python was asked.
 fn asked(place: &Workspace, arguments: &str) -> usize {
     fs::write(place.path("bin/asked"), "").unwrap();
     let output = place.command(arguments).env("PATH", place.path("bin")).output().unwrap();
@@ -194,7 +194,7 @@ fn asked(place: &Workspace, arguments: &str) -> usize {
 }
 
 #[test]
-fn what_runs_nothing_asks_no_program_for_its_version() {
+fn verbs_that_run_nothing_ask_no_program_for_its_version() {
     let place = with_python();
     for look in ["plan recipes", "plan --json --estimate recipes", "why asks --recipes recipes"] {
         assert_eq!(asked(&place, look), 0, "{look}");
@@ -204,8 +204,8 @@ fn what_runs_nothing_asks_no_program_for_its_version() {
     for look in
         ["plan recipes", "why asks --recipes recipes", "check --recipes recipes", "gc --dry-run recipes"]
     {
-        // A program as young as this one may change unseen: its answer is not remembered, and nothing
-        // asks it again.
+        // A program as young as this one may change unseen. Its answer is not remembered, and these
+        // verbs do not ask it again.
         let output = place.command(look).env("PATH", place.path("bin")).output().unwrap();
         assert_ne!(output.status.code(), None, "{look}");
         assert_eq!(fs::read_to_string(place.path("bin/asked")).unwrap().lines().count(), 1, "{look}");
@@ -215,8 +215,8 @@ fn what_runs_nothing_asks_no_program_for_its_version() {
 #[test]
 fn a_version_is_remembered_until_the_program_moves() {
     let place = with_python();
-    // The clock of a file is coarse: what is younger than two seconds is not trusted to stay as it was
-    // seen.
+    // Timestamps of files are coarse: a file younger than two seconds may still change without a
+    // new timestamp.
     std::thread::sleep(std::time::Duration::from_millis(2100));
     let plan = || {
         let output = place.command("plan --json recipes").env("PATH", place.path("bin")).output().unwrap();
@@ -230,7 +230,7 @@ fn a_version_is_remembered_until_the_program_moves() {
     assert_eq!(asked(&place, "check --recipes recipes"), 0);
     executable(&place, "bin/python3", "echo 'no list'");
     assert_eq!(plan(), ("may-run".to_owned(), "not-asked".to_owned()));
-    // That a program is gone needs no run.
+    // A missing program is detected without a run.
     fs::remove_file(place.path("bin/python3")).unwrap();
     assert_eq!(plan(), ("run".to_owned(), "class".to_owned()));
 }
@@ -244,8 +244,8 @@ fn more_jobs_than_cores_are_not_taken() {
     assert!(!place.ok("plan -j 1 tiny.yaml").stderr.contains("-j 1"));
 }
 
-/// Kills builds of new stores while they start. What they leave is a store or none: nothing has to be
-/// mended.
+/// Kills builds of new stores while they start. They leave a sound store or none, so nothing must
+/// be repaired.
 #[test]
 fn a_build_that_is_killed_as_it_starts_leaves_no_broken_index() {
     for wait in 0..24 {
@@ -261,7 +261,7 @@ fn a_build_that_is_killed_as_it_starts_leaves_no_broken_index() {
     }
 }
 
-/// An index that was being made when the process was killed lies under another name.
+/// An index under construction has another name, so a killed process leaves no half index.
 #[test]
 fn half_an_index_is_no_index() {
     let place = Workspace::with_tiny();
@@ -275,7 +275,7 @@ fn half_an_index_is_no_index() {
 }
 
 #[test]
-fn a_stream_without_events_is_told() {
+fn a_stream_without_events_is_reported() {
     let place = Workspace::new();
     let mut value = recipe("empty");
     value["source"]["procedural"]["arc"] = json!(6);
@@ -291,10 +291,10 @@ fn a_stream_without_events_is_told() {
     assert!(in_tree.lines().any(|line| line.starts_with("warn") && line.contains("no events")), "{in_tree}");
 }
 
-/// An event in every eighth microsecond on average: three of a pixel in one microsecond are no fault of
-/// the stream.
+/// One event per eight microseconds on average. Three events of a pixel in one microsecond are no
+/// fault of the stream.
 #[test]
-fn pixels_as_hot_as_stamps_can_tell_are_accounted_for() {
+fn very_hot_pixels_are_accounted_for() {
     let place = Workspace::new();
     let mut value = recipe("hot");
     value["sensor"] = json!({ "esim": { "hot_pixels": { "share": 0.005, "rate": 1.2e5 } } });
@@ -309,7 +309,7 @@ fn pixels_as_hot_as_stamps_can_tell_are_accounted_for() {
 }
 
 #[test]
-fn a_file_that_is_no_program_is_told() {
+fn a_file_that_is_no_program_is_reported() {
     let place = crate::command::trained_by(":");
     crate::command::edit(&place, "program: sh", "program: \"{train}\"");
     fs::set_permissions(place.path("train.sh"), Permissions::from_mode(0o644)).unwrap();
@@ -321,7 +321,7 @@ fn a_file_that_is_no_program_is_told() {
 
 /// A trainer's own programs are not looked for in its folder either.
 #[test]
-fn what_a_trainer_starts_is_looked_for_in_absolute_folders() {
+fn programs_of_a_trainer_are_looked_for_in_absolute_folders() {
     let place = crate::command::trained_by(&format!("echo \"path $PATH\"; pwd; {}", crate::command::COPY));
     let path = std::env::var("PATH").unwrap_or_default();
     let mut command = place.command("build -q --allow-commands recipe.yaml");

@@ -1,4 +1,4 @@
-//! `index.parquet`: what its rows say is what the recipe asked for and what the files hold, and it is the same everywhere.
+//! `index.parquet`: its rows match the recipe and the files, and it is the same on every machine.
 
 use crate::release::small::{copy, gs2e, release};
 use crate::support::workspace::{TINY, Workspace};
@@ -39,7 +39,7 @@ fn number(row: &Row, column: &str) -> f64 {
     value
 }
 
-/// Events of a stream, and how many of them are brighter.
+/// Number of events in a stream, and number of ON events.
 fn counted(path: &Path) -> (i64, i64) {
     let mut reader = h5::Reader::open(path).unwrap();
     let (mut chunk, mut all, mut on) = (Vec::new(), 0, 0);
@@ -51,7 +51,7 @@ fn counted(path: &Path) -> (i64, i64) {
 }
 
 #[test]
-fn rows_say_what_the_recipe_asked_for_and_the_files_hold() {
+fn rows_agree_with_the_recipe_and_the_files() {
     let rows = rows(release());
     assert_eq!(rows.len(), 2);
     for (row, (name, poses)) in rows.iter().zip([("base", 24), ("slow", 36)]) {
@@ -76,9 +76,9 @@ fn rows_say_what_the_recipe_asked_for_and_the_files_hold() {
         assert_eq!((&row["gated"], &row["blur"]), (&Field::Bool(false), &Field::Bool(true)));
         let asked = [("rate", 2400.0), ("threshold_on", 1.0), ("threshold_off", 1.0)];
         asked.iter().for_each(|(column, value)| assert_eq!(row[*column], Field::Double(*value), "{column}"));
-        // The threshold over the gain k1 of the preset.
+        // The threshold divided by the gain k1 of the preset.
         assert!((number(row, "c_on") - 1.0 / 5.265).abs() < 1e-15);
-        // Pose j is at j / 2400 s, half up.
+        // Pose j is at j / 2400 s, rounded half up.
         assert_eq!(whole(row, "duration_us"), ((poses - 1) * 1_000_000 * 2 + 2400) / 4800);
         let (all, on) = counted(&release().join(&folder).join("events.h5"));
         assert!(all > 0);
@@ -96,7 +96,7 @@ fn rows_say_what_the_recipe_asked_for_and_the_files_hold() {
     assert_eq!(text(&rows[0], "speed_profile").as_deref(), Some("non-uniform"));
 }
 
-/// Half of the steps are slower than the median, and none is beyond the extremes.
+/// Checks that half of the steps are slower than the median, and no step is beyond the extremes.
 fn speeds(row: &Row, folder: &Path) {
     let report: serde_json::Value =
         serde_json::from_slice(&fs::read(folder.join("speed.json")).unwrap()).unwrap();
@@ -150,7 +150,7 @@ fn scenes_and_sensors_are_sorted_and_a_second_release_is_the_same() {
 }
 
 #[test]
-fn a_release_without_an_index_is_none() {
+fn a_release_without_an_index_is_faulty() {
     let folder = copy();
     fs::remove_file(folder.path().join("index.parquet")).unwrap();
     assert_eq!(gs2e(folder.path(), &["audit", "."]).status.code(), Some(3));

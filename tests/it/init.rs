@@ -1,4 +1,4 @@
-//! `gs2e init`: from a dataset on disk to one recipe a scene.
+//! `gs2e init`: from a dataset on disk to one recipe per scene.
 
 use crate::sources::datasets::{Defect, Generator, VIEWS};
 use crate::support::given;
@@ -20,7 +20,7 @@ fn scene_file() -> Vec<u8> {
     given::ply(|_, value| value)
 }
 
-/// The result of `init`, which must end well.
+/// The result of `init`, which must succeed.
 fn init(place: &Workspace, arguments: &str) -> Value {
     serde_json::from_str(&place.ok(&format!("init {arguments} --json")).stdout).unwrap()
 }
@@ -44,7 +44,7 @@ fn each_instance_gets_a_short_recipe_that_builds() {
     assert_eq!(recipe, wanted);
     let steps = place.plan("recipes");
     assert_eq!(steps.iter().filter(|(step, _)| step.ends_with("/mini-2/events")).count(), 12);
-    // One of them through to the release: shorter, smaller, and by its owner's leave.
+    // One scene through to the release: shorter, smaller, and with its owner's permission.
     let defaults = String::from_utf8(files["defaults.yaml"].clone()).unwrap();
     assert!(defaults.contains("refine: { window: 2, factor: 5, curve: cubic }"), "{defaults}");
     let defaults = defaults.replace("frames: 150", "frames: 4") + "camera: { width: 32, height: 18 }\n";
@@ -53,7 +53,7 @@ fn each_instance_gets_a_short_recipe_that_builds() {
     assert!(steps.contains(&"mvimgnet/0/00000000/mini-2/events".to_owned()), "{steps:?}");
 }
 
-/// Each defect, the code of its rejection, and parts of what is said.
+/// Each defect, the code of its rejection, and parts of the message.
 const CASES: [(Defect, &str, &[&str]); 10] = [
     (Defect::NoModel, "incomplete", &["sparse/0", "no COLMAP model"]),
     (Defect::NoCameras, "incomplete", &["sparse/0", "has no cameras"]),
@@ -119,7 +119,7 @@ fn every_known_defect_is_named_and_the_others_go_on() {
         told.starts_with("1 of 12 photos are not in ") && told.ends_with("the first is `005.jpg`"),
         "{told}"
     );
-    // The list says the same, a line each, and is none of the recipes.
+    // The list holds the same, one line each, and is not read as a recipe.
     let list = fs::read_to_string(place.path("recipes/rejected.tsv")).unwrap();
     assert_eq!(list.lines().count(), 12);
     assert!(list.lines().all(|line| line.split('\t').count() == 4), "{list}");
@@ -131,12 +131,12 @@ fn every_known_defect_is_named_and_the_others_go_on() {
 }
 
 #[test]
-fn running_it_again_adds_what_is_new_and_touches_nothing_else() {
+fn a_second_run_adds_only_new_scenes() {
     let place = Workspace::new();
     let generator = Generator::new();
     generator.mvimgnet(&place.path("data"), 0, 25, &scene_file());
     init(&place, "mvimgnet data --to recipes");
-    // What the user wrote stays.
+    // The user's own text stays.
     place.write("recipes/defaults.yaml", "seed: 9\ntrajectories: [{ name: base, refine: {} }]\n");
     let own = "version: 1\nscene: mine\nsource: { procedural: {} }\n";
     place.write("recipes/own/0a.yaml", own);
@@ -155,7 +155,7 @@ fn running_it_again_adds_what_is_new_and_touches_nothing_else() {
 }
 
 #[test]
-fn a_sample_is_a_matter_of_the_seed() {
+fn a_sample_depends_on_the_seed() {
     let place = Workspace::new();
     let generator = Generator::new();
     generator.mvimgnet(&place.path("data"), 0, 40, &scene_file());
@@ -170,7 +170,7 @@ fn a_sample_is_a_matter_of_the_seed() {
     let (five, nine, other) = (sample("a", 5, 1), sample("b", 9, 1), sample("c", 5, 2));
     assert!(five.iter().all(|name| nine.contains(name)), "{five:?} {nine:?}");
     assert_ne!(five, other);
-    // Recipes that are there count: nothing is added, until there is room.
+    // Existing recipes count: no recipe is added until there is room.
     init(&place, "mvimgnet data --to a --limit 5 --seed 2");
     assert_eq!(files(&place.path("a")).len(), 6);
     init(&place, "mvimgnet data --to a --limit 9 --seed 1");
@@ -200,7 +200,7 @@ fn options_are_written_where_they_belong() {
     let refused = place.gs2e("init mvimgnet data --to recipes --pace mild");
     assert_eq!(refused.code, 2, "{}", refused.stderr);
     assert!(refused.stderr.contains("defaults.yaml, which is there"), "{}", refused.stderr);
-    // Where the defaults say how scenes are made, the recipes do not.
+    // If the defaults define the reconstruction, the recipes do not.
     place.write("others/defaults.yaml", "reconstruct: { given: { path: one.ply } }\n");
     init(&place, "mvimgnet data --to others --limit 1");
     let all = self::files(&place.path("others"));
@@ -228,7 +228,7 @@ fn views_that_are_not_used_are_listed_with_the_reason() {
     assert_eq!(images.len(), VIEWS as usize + 2);
     let used: Vec<&str> =
         images.iter().filter(|i| i["used"] == true).map(|i| i["name"].as_str().unwrap()).collect();
-    // Twelve views, four of them: 0, 11/3, 22/3 and 11, rounded.
+    // Four of twelve views: 0, 11/3, 22/3 and 11, rounded.
     assert_eq!(used, ["001.jpg", "005.jpg", "008.jpg", "012.jpg"]);
     let why = |name: &str| images.iter().find(|i| i["name"] == name).unwrap()["why_not"].as_str().unwrap();
     assert_eq!(why("001_bg_removed.png"), "is left out by its name");
@@ -271,7 +271,7 @@ fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
     };
     t(&format!("data/1K/{bulk}"), None, [960, 540], 750.0, 7.0);
     t(&format!("data/1K/{bulk}"), Some(PoseFile::Transforms), [960, 540], 750.0, 7.0);
-    // The model's poses unless the others are asked for; the largest photos.
+    // The model's poses, unless the others are selected; the largest photos.
     t(&format!("data/{sample}"), None, [1920, 1080], 1920.0, 4.0);
     t(&format!("data/{sample}"), Some(PoseFile::Colmap), [1920, 1080], 1920.0, 4.0);
     t(&format!("data/{sample}"), Some(PoseFile::Transforms), [1920, 1080], 1500.0, 7.0);
@@ -280,7 +280,7 @@ fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
 }
 
 #[test]
-fn other_peoples_captures_are_found_wherever_they_lie() {
+fn foreign_captures_are_found_at_any_depth() {
     let place = Workspace::new();
     let frames = |i: u32| given::transforms(1.0).replace("images/000", &format!("images/{i}"));
     for (i, folder) in
@@ -303,14 +303,14 @@ fn other_peoples_captures_are_found_wherever_they_lie() {
     assert_eq!(count(&result, "rejected"), 1);
     let noticed = result["noticed"][0]["because"].as_str().unwrap();
     assert!(noticed.contains("since more_two.yaml is another scene's"), "{noticed}");
-    // The tree itself may be the one capture.
+    // The tree itself may be the only capture.
     let result = init(&place, "nerfstudio data/one --to alone --min-views 1 --min-side 1");
     assert_eq!(result["written"][0]["scene"], "nerfstudio/one");
     assert!(fs::read_to_string(place.path("alone/one.yaml")).unwrap().contains("path: \"../data/one\""));
 }
 
 #[test]
-fn a_folder_without_scenes_is_told() {
+fn a_folder_without_scenes_is_reported() {
     let place = Workspace::new();
     fs::create_dir(place.path("data")).unwrap();
     for format in ["colmap", "mvimgnet", "dl3dv", "nerfstudio", "model"] {

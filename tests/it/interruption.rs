@@ -1,5 +1,5 @@
-//! Builds that are asked to stop: they keep what is finished. The next run just works, and its tree is that of a build
-//! that nobody disturbed.
+//! Builds that are interrupted keep their finished steps. The next run succeeds, and its tree is
+//! that of an undisturbed build.
 
 mod instants;
 
@@ -9,7 +9,8 @@ use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::Child;
 
-/// [`TINY`] and a scene whose events and frames take a second or more: enough to be caught at.
+/// [`TINY`] and a scene whose events and frames take a second or more: long enough to be
+/// interrupted.
 fn two_scenes() -> Workspace {
     let place = Workspace::with_tiny();
     let long = TINY
@@ -49,7 +50,7 @@ fn ended((mut child, mut told): (Child, BufReader<std::process::ChildStderr>)) -
 }
 
 #[test]
-fn an_interrupted_build_keeps_what_is_finished() {
+fn an_interrupted_build_keeps_finished_steps() {
     let place = two_scenes();
     let build = started(&place);
     signal(&build.0, Signal::INT);
@@ -61,9 +62,9 @@ fn an_interrupted_build_keeps_what_is_finished() {
     finishes(&place);
 }
 
-/// A clip of so many frames that nobody waits for its end; a file system keeps its zeros in no room.
+/// A clip too long to be finished. In a sparse file its zeros take no space.
 #[test]
-fn an_interrupted_simulation_leaves_nothing_behind() {
+fn an_interrupted_simulation_leaves_no_file() {
     const FRAMES: u64 = 1_000_000;
     let place = Workspace::new();
     let head = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({FRAMES}, 130, 173), }}");

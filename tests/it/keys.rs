@@ -1,7 +1,7 @@
-//! What a key holds: the projection table of the engine, as data.
+//! The contents of a key: the projection table of the engine, as data.
 //!
-//! A key is taken with the inputs from other steps held fixed, so that a change shows in the stages that read the
-//! field themselves, and not in those behind them.
+//! Keys are compared with the inputs from other steps held fixed, so that a change shows in the
+//! stages that read the field themselves, and not in later ones.
 
 use crate::support::steps::{keys, recipe};
 use crate::support::workspace::Workspace;
@@ -26,7 +26,7 @@ fn read(path: &Path) -> Vec<Recipe> {
     read_all(&[path.to_owned()]).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
 }
 
-/// The recipe in a folder of its own.
+/// Reads the recipe from a folder of its own.
 fn parse(value: &Value) -> Recipe {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recipe.yaml");
@@ -34,7 +34,7 @@ fn parse(value: &Value) -> Recipe {
     read(&path).remove(0)
 }
 
-/// The key of each stage, every input from another step being the digest of its role.
+/// The key of each stage. Every input from another step is the digest of its role.
 fn own_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
     let nowhere = tempfile::tempdir().unwrap();
     let store = Store::open(&nowhere.path().join("store"), StoreAccess::Read, &mut |_| {}).unwrap();
@@ -58,12 +58,13 @@ fn rekeyed(a: &BTreeMap<&'static str, Key>, b: &BTreeMap<&'static str, Key>) -> 
     stages.into_iter().filter(|stage| a.get(stage) != b.get(stage)).collect()
 }
 
-/// Field (JSON pointer), another value within its range, and the stages that read it.
+/// Field (JSON pointer), another value within its range, and the stages that read the field.
 fn table() -> Vec<(&'static str, Value, Vec<&'static str>)> {
     let of_rendering = vec![EVENTS, SHARP];
     let k = json!([5.265, 20.0, 1e-4, 1e-7, 5e-9, 2e-5]);
     vec![
-        // Through the seed of the sensor's stream, which derives from (seed, scene, trajectory, purpose).
+        // The scene enters through the seed of the sensor's stream, which derives from (seed,
+        // scene, trajectory, purpose).
         ("/scene", json!("other"), vec![EVENTS]),
         ("/seed", json!(8), vec![EVENTS]),
         ("/trajectories/0/name", json!("other"), vec![EVENTS]),
@@ -97,7 +98,7 @@ fn table() -> Vec<(&'static str, Value, Vec<&'static str>)> {
         ("/trajectories/0/speed", json!({ "list": { "multipliers": [1, 2] } }), vec![TRAJECTORY]),
         ("/sampling/rate", json!(1200), vec![TRAJECTORY]),
         ("/sampling/law", json!("integral"), vec![TRAJECTORY]),
-        // The law is written: a tolerance needs the integral.
+        // The law is given, since a tolerance needs the integral.
         (
             "/sampling",
             json!({ "rate": 2400, "between": "linear", "law": "integral", "tolerance": 0.03 }),
@@ -148,7 +149,7 @@ fn the_table_names_every_field() {
     let rows: Vec<&str> = table().into_iter().map(|(field, ..)| field).chain(FIXED).collect();
     let mut leaves = Vec::new();
     walk("", &full, &mut leaves);
-    // `outputs` says which steps there are.
+    // `outputs` decides which steps exist.
     leaves.retain(|leaf| !leaf.starts_with("/outputs/") && !leaf.starts_with("/render/background/"));
     let missed: Vec<_> = leaves.iter().filter(|leaf| !rows.contains(&leaf.as_str())).collect();
     assert!(missed.is_empty(), "without a row: {missed:?}");
@@ -166,9 +167,10 @@ fn walk(pointer: &str, value: &Value, leaves: &mut Vec<String>) {
     }
 }
 
-/// Outputs enter no key; of the steps that exist, only `checks` sees whether there are events.
+/// Outputs enter no key. Of the steps that exist, only `checks` depends on whether there are
+/// events.
 #[test]
-fn outputs_decide_which_steps_there_are() {
+fn outputs_decide_which_steps_exist() {
     let both = own_keys(parse(&recipe("tiny")));
     let t = |outputs: Value, rekeys: &[&str]| {
         let mut edited = recipe("tiny");
@@ -181,7 +183,7 @@ fn outputs_decide_which_steps_there_are() {
 }
 
 #[test]
-fn a_preset_is_its_numbers() {
+fn a_preset_is_keyed_by_its_numbers() {
     let by_name = own_keys(parse(&recipe("tiny")));
     let mut edited = recipe("tiny");
     // The set published with DVS-Voltmeter for the DAVIS346.
@@ -191,7 +193,7 @@ fn a_preset_is_its_numbers() {
 }
 
 #[test]
-fn numbers_are_their_values_whatever_their_spelling() {
+fn numbers_are_keyed_by_value_and_not_by_spelling() {
     let text = |arc: &str, rate: &str, seed: &str| {
         format!(
             "version: 1\nscene: tiny\nseed: {seed}\nsource: {{ procedural: {{ gaussians: 300, views: 6, arc: {arc} }} }}\n\
@@ -215,9 +217,9 @@ fn numbers_are_their_values_whatever_their_spelling() {
     assert_eq!(rekeyed(&plain, &of(&text("0.5", "2400.5", "7"))), [TRAJECTORY]);
 }
 
-/// The files of a captured source, by content; where they lie does not count.
+/// The files of a captured source enter by content; their paths do not.
 #[test]
-fn sources_are_their_bytes_and_not_their_paths() {
+fn sources_are_keyed_by_bytes_and_not_by_paths() {
     let place = Workspace::new();
     place.write("in/transforms.json", "{ \"frames\": [] }");
     place.write("in/scene.ply", "no scene, and nobody looks into it");
@@ -239,9 +241,9 @@ fn sources_are_their_bytes_and_not_their_paths() {
     assert_eq!(rekeyed(&before, &captured("in", "elsewhere/other.ply")), [RECONSTRUCT]);
 }
 
-/// Keys as the program tells them, after builds in two folders with the recipe written in two ways.
+/// Keys that the program reports after builds in two folders, with the recipe written in two ways.
 #[test]
-fn keys_know_neither_folder_nor_file_nor_cores() {
+fn keys_do_not_depend_on_folder_file_or_cores() {
     let here = Workspace::new();
     here.write("tiny.yaml", recipe("tiny").to_string());
     here.ok("build -j 1 tiny.yaml");

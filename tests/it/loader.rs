@@ -1,5 +1,6 @@
-//! The loader in every release, `gs2e.py`, as its users run it: what it reads is held against h5py's own columns, against
-//! `poses.txt`, against pictures as another decoder has them, and against planted files whose answers are known.
+//! The loader in every release, `gs2e.py`, as users run it. Its results are compared with h5py's
+//! own columns, with `poses.txt`, with pictures from another decoder, and with planted files of
+//! known content.
 
 use crate::release::small::release;
 use crate::support::absent::absent;
@@ -10,18 +11,18 @@ use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// What is asked of the loader, one command each.
+/// A script of questions to the loader, one command each.
 const QUESTIONS: &str = include_str!("loader/questions.py");
 
-/// Python with the loader of a release; `None` where it lacks numpy or h5py.
+/// Runs Python with the loader of a release; `None` if Python cannot be started.
 fn python(release: &Path, args: &[&str]) -> Option<Output> {
     let mut command = Command::new("python3");
-    // Bytecode would lie in the release.
+    // Python would write bytecode into the release.
     command.env("PYTHONDONTWRITEBYTECODE", "1").env("PYTHONPATH", release).args(args);
     command.output().ok()
 }
 
-/// Asks one question of the loader of a release; the script asserts the answer.
+/// Asks one question of a release's loader; the script asserts the answer.
 fn ask(release: &Path, question: &[&str]) {
     if !python(release, &["-c", "import numpy, h5py"]).is_some_and(|output| output.status.success()) {
         return absent("REQUIRE_READERS", "python3 with numpy and h5py is absent");
@@ -52,9 +53,9 @@ fn planted_answers_are_found() {
     }
 }
 
-/// Pictures against the program's own decoder.
+/// Compares pictures with those of the program's own decoder.
 #[test]
-fn pictures_are_what_another_decoder_reads() {
+fn pictures_equal_those_of_another_decoder() {
     let place = Workspace::new();
     let base = release().join("small/one/base");
     for j in (0..24).step_by(4) {

@@ -38,7 +38,7 @@ fn two_builds_at_once_make_each_step_once() {
 }
 
 #[test]
-fn who_waits_says_for_whom_and_goes_on() {
+fn a_waiting_build_names_the_holder_and_continues() {
     let place = place();
     let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let mut waiting = start(&place);
@@ -58,7 +58,7 @@ fn who_waits_says_for_whom_and_goes_on() {
 }
 
 #[test]
-fn who_does_not_wait_fails_with_the_name() {
+fn no_wait_fails_with_the_name_of_the_holder() {
     let place = place();
     let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let ended = place.gs2e("build --no-wait");
@@ -69,9 +69,9 @@ fn who_does_not_wait_fails_with_the_name() {
     place.ok("build --no-wait");
 }
 
-/// The content of the lock is for people; it says who, where, since when and with what.
+/// The lock's text is for users; it names the process, the host, the time and the command.
 #[test]
-fn the_lock_says_who_holds_it() {
+fn the_lock_names_its_holder() {
     let place = place();
     place.ok("build -j 2 -q");
     let text = std::fs::read_to_string(place.path(".gs2e/lock")).unwrap();
@@ -92,9 +92,9 @@ fn the_lock_says_who_holds_it() {
     );
 }
 
-/// Who waits is told again from time to time, by the interval of its own claim.
+/// A waiting process is notified again from time to time, at the interval of its own claim.
 #[test]
-fn who_waits_long_is_told_again() {
+fn a_long_wait_is_reported_again() {
     let folder = tempfile::tempdir().unwrap();
     let claim =
         LockClaim { command: "gs2e build".into(), remind: Duration::from_millis(1), ..LockClaim::default() };
@@ -121,7 +121,7 @@ fn who_waits_long_is_told_again() {
     assert!(store.is_ok() && told == 4, "told {told} times: {store:?}");
 }
 
-/// `plan`, `why` and `check` take no lock, and change nothing in a store that somebody works in.
+/// `plan`, `why` and `check` take no lock, and change nothing in a store that is in use.
 #[test]
 fn looking_needs_no_lock() {
     let place = place();

@@ -1,4 +1,4 @@
-//! The integration tests: one binary, one module a feature.
+//! The integration tests: one binary, with one module per feature.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 mod audit;

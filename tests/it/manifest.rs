@@ -1,6 +1,6 @@
-//! The demo's committed manifest against a fresh build: digest by digest, since there is one numerical class. The test
-//! runs the program as the tests are built, the manifest comes from an optimised build: equal digests also say that
-//! no optimisation changes a bit.
+//! Compares the demo's committed manifest with a fresh build, digest by digest, since there is one
+//! numerical class. The test runs an unoptimised program, the manifest comes from an optimised
+//! build: equal digests also show that no optimisation changes a bit.
 
 use gs2e::release::{ManifestScene, ReleaseManifest};
 use std::path::Path;
@@ -10,7 +10,7 @@ fn read(path: &Path) -> ReleaseManifest {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// What differs between two scenes, a line each: the first steps that differ tell where to look.
+/// The differences between two scenes, one line each. The first differing steps show the cause.
 fn differences(fresh: &ManifestScene, committed: &ManifestScene) -> Vec<String> {
     let mut lines = Vec::new();
     for (a, b) in fresh.steps.iter().zip(&committed.steps) {

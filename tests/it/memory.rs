@@ -1,5 +1,5 @@
-//! How much memory a step takes: what the estimate says, and no more for a longer sequence; and how much rendering a
-//! view takes: within 2.5 times the scene and 200 MB.
+//! Memory of a step: it agrees with the estimate and does not grow with the sequence. Memory of
+//! rendering a view: at most 2.5 times the scene plus 200 MB.
 
 use crate::support::gaussians::{blob_crowd, blob_scene};
 use crate::support::steps::{recipe, steps};
@@ -9,14 +9,16 @@ use serde_json::{Value, json};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// The largest resident memory of a build that makes nothing but `output` of one trajectory, bytes, and its estimate.
+/// The peak of resident memory in a build that makes only `output` of one trajectory, and its
+/// estimate, bytes.
 fn peak(output: &str, gaussians: u32, [width, height]: [u32; 2], factor: u32) -> (f64, f64) {
     let place = Workspace::new();
     let mut value = recipe("tiny");
     value["source"] = json!({ "procedural": { "gaussians": gaussians, "views": 12, "arc": 0.5 } });
     value["camera"] = json!({ "width": width, "height": height });
     value["trajectories"][0]["refine"]["factor"] = json!(factor);
-    // The first build takes away what is not asked after: making the scene, and every other step but the checks.
+    // A first build removes the rest from the measurement: the scene, and every other step except
+    // the checks.
     value["outputs"] = json!([]);
     place.write("tiny.yaml", value.to_string());
     place.ok("build tiny.yaml");
@@ -32,8 +34,8 @@ fn peak(output: &str, gaussians: u32, [width, height]: [u32; 2], factor: u32) ->
     (found, record["provenance"]["memory"].as_f64().unwrap())
 }
 
-/// The high-water mark of a program's resident memory, bytes, watched until it ends well. What `wait` tells is no use
-/// here: it counts the memory of the test program too, from which the child was forked.
+/// The high-water mark of a program's resident memory in bytes, watched until it succeeds. The
+/// figure of `wait` would include the memory of the test program, from which the child was forked.
 fn high_water(child: &mut Child) -> f64 {
     let status = format!("/proc/{}/status", child.id());
     let mut highest = 0.0_f64;
@@ -50,7 +52,7 @@ fn high_water(child: &mut Child) -> f64 {
     }
 }
 
-/// The same of the user's own frames, which here would be 36 MB.
+/// The user's own frames are not held in memory: a longer clip of 36 MB takes no more.
 #[test]
 fn a_longer_clip_takes_no_more() {
     let place = Workspace::new();
@@ -66,7 +68,7 @@ fn a_longer_clip_takes_no_more() {
     assert!(long - short < 6e6, "{short} bytes for 100 frames, {long} for 1600");
 }
 
-/// Frames are never all in memory, events never at all.
+/// Frames are never all in memory, and the events never are.
 #[test]
 fn a_longer_sequence_takes_no_more() {
     let (short, _) = peak("events", 4096, [346, 260], 1);
@@ -76,9 +78,10 @@ fn a_longer_sequence_takes_no_more() {
     assert!(long < 256e6, "{long}");
 }
 
-/// The budget of a run is only as good as the estimate: within a quarter, for three sizes of scene and picture.
+/// The budget of a run depends on the estimate, which must be within a quarter for several sizes of
+/// scene and picture.
 #[test]
-fn a_step_takes_what_its_estimate_says() {
+fn the_memory_of_a_step_agrees_with_its_estimate() {
     for (output, gaussians, size) in [
         ("events", 4_096, [346, 260]),
         ("events", 100_000, [320, 180]),
@@ -102,7 +105,7 @@ fn a_step_takes_what_its_estimate_says() {
     }
 }
 
-/// The largest resident memory of `gs2e render` for a view of a scene, and the bound, bytes.
+/// The peak of resident memory of `gs2e render` for a view of a scene, and its bound, bytes.
 fn rendering(scene: &Gaussians, edge: u32) -> (f64, f64) {
     let place = Workspace::new();
     let mut file = std::io::BufWriter::new(std::fs::File::create(place.path("scene.ply")).unwrap());
@@ -125,7 +128,7 @@ fn a_view_takes_two_and_a_half_times_its_scene() {
         let mut scene = blob_scene(&blob_crowd(gaussians, 3));
         scene.sh_degree = sh_degree;
         scene.sh = scene.sh.iter().flat_map(|dc| std::iter::repeat_n(*dc, scene.sh_len())).collect();
-        // small ones, as those of a large scene are
+        // small ones, as in a large scene
         scene.log_scales.iter_mut().flatten().for_each(|scale| *scale -= 2.0);
         let (found, bound) = rendering(&scene, 640);
         eprintln!("{gaussians} of degree {sh_degree}: {:.0} of {:.0} MB", found * 1e-6, bound * 1e-6);
@@ -133,8 +136,9 @@ fn a_view_takes_two_and_a_half_times_its_scene() {
     }
 }
 
-/// Each of 3,000 Gaussians covers all of 65,536 tiles: lists of them all would take 2.4 GB. What there may be: two
-/// planes and the picture, lists of up to 200 MB while they grow, the program, and what the allocator keeps.
+/// Each of 3,000 Gaussians covers all of 65,536 tiles: complete lists would take 2.4 GB. The bound
+/// allows two planes and the picture, lists of up to 200 MB while they grow, the program, and the
+/// allocator's reserve.
 #[test]
 fn giants_take_no_more_than_the_budget_of_the_lists() {
     let mut scene = blob_scene(&blob_crowd(3000, 3));

@@ -1,4 +1,5 @@
-//! Every message of the engine, as the program says it: the exit code, the text for people, the objects for programs.
+//! Every message of the engine, as the program prints it: exit code, text for users, objects for
+//! programs.
 
 use crate::command::trained_by;
 use crate::support::absent::not_run;
@@ -13,7 +14,7 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
-/// Snapshots how a run ended: its exit code, its messages, and the objects of them.
+/// Snapshots the result of a run: its exit code, its messages, and their objects.
 #[track_caller]
 pub(crate) fn check(place: &Workspace, name: &str, ended: &Ended) {
     let mut text = format!("exit {}\n", ended.code);
@@ -24,7 +25,7 @@ pub(crate) fn check(place: &Workspace, name: &str, ended: &Ended) {
             || in_message
                 && (line.starts_with([' ', '|']) || line.starts_with("help:") || line.contains('│'));
         if in_message {
-            // What it took differs from run to run.
+            // The time taken differs from run to run.
             let line = if line.starts_with("made ") { line.split(';').next().unwrap() } else { line };
             text.push_str(&format!("{line}\n"));
         }
@@ -39,7 +40,7 @@ pub(crate) fn check(place: &Workspace, name: &str, ended: &Ended) {
     settings.bind(|| insta::assert_snapshot!(name, masked(place, &text)));
 }
 
-/// The text without what differs between two runs or machines.
+/// The text without the parts that differ between two runs or machines.
 fn masked(place: &Workspace, text: &str) -> String {
     let folder = place.path("").canonicalize().unwrap();
     let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
@@ -53,7 +54,7 @@ fn masked(place: &Workspace, text: &str) -> String {
     hex(&text)
 }
 
-/// The text with `mask` for the characters of a kind that follow each `before`.
+/// The text with `mask` in place of the characters of a kind that follow each `before`.
 fn after(text: &str, before: &str, mask: &str, kind: impl Fn(char) -> bool) -> String {
     let mut parts = text.split(before);
     let mut out = parts.next().unwrap_or_default().to_owned();
@@ -64,7 +65,7 @@ fn after(text: &str, before: &str, mask: &str, kind: impl Fn(char) -> bool) -> S
     out
 }
 
-/// The text with `DIGEST` for each run of 64 hexadecimal digits.
+/// The text with `DIGEST` in place of each run of 64 hexadecimal digits.
 fn hex(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
@@ -111,7 +112,7 @@ fn step_failed() {
     check(&place, "step-failed", &place.gs2e("build -j 1 --json recipe.yaml"));
 }
 
-/// Two scenes fail: each is told when it does and again at the end, with a command.
+/// Two scenes fail. Each failure is reported when it happens and again at the end, with a command.
 #[test]
 fn failures_again() {
     let place = sound();
@@ -121,7 +122,7 @@ fn failures_again() {
     check(&place, "failures-again", &place.gs2e("build -k -j 1 recipe.yaml another.yaml"));
 }
 
-/// Writes other bytes over a blob.
+/// Replaces a blob's bytes.
 fn alter(path: &Path) {
     fs::set_permissions(path, fs::Permissions::from_mode(0o644)).unwrap();
     fs::write(path, "other").unwrap();
@@ -182,7 +183,7 @@ fn locked() {
 }
 
 #[test]
-fn a_lock_of_a_dead_process_is_no_word_worth() {
+fn a_lock_of_a_dead_process_gives_no_message() {
     let place = Workspace::with_tiny();
     let left = "host: node3\npid: 4711\nboot: x\nsince: 2026-03-01T14:02:59Z\ncommand: gs2e build\n";
     place.write(".gs2e/lock", left);
@@ -199,8 +200,8 @@ fn store_newer() {
     check(&place, "store-newer", &place.gs2e("build --json tiny.yaml"));
 }
 
-/// A record that holds other bytes of one file than the step makes: they stay where they are only compared, and make
-/// room where another of its blobs is lost.
+/// A record differs in one file from the bytes that the step makes. The record stays if the two are
+/// only compared, and is replaced if another of its blobs is lost.
 #[test]
 fn nondeterministic() {
     let place = Workspace::with_tiny();
@@ -264,8 +265,8 @@ fn no_adapter() {
     assert!(!place.path(".gs2e").exists(), "nothing ran");
 }
 
-/// A store on a file system of its own that is soon full: the build ends with its figures, and goes on once there is
-/// room.
+/// A store on a file system of its own that is soon full: the build ends with figures, and
+/// continues once there is room.
 #[test]
 fn disk_full() {
     let place = Workspace::new();
@@ -291,10 +292,11 @@ fn disk_full() {
     let (code, mut stdout, mut stderr) =
         (output.status.code().unwrap(), text(output.stdout), text(output.stderr));
     assert_ne!(code, 78, "it goes on once there is room:\n{stderr}");
-    // With one core nothing is at work any more when the step fails, and nothing may start.
+    // With one core no other step is at work when the step fails, and no step may start afterwards.
     let states: Vec<&str> = stdout.lines().filter_map(|line| line.split("\"state\":\"").nth(1)).collect();
     assert!(states.last().is_some_and(|state| state.starts_with("failed")), "{stdout}");
-    // Where in its work the step met the end, and after how many others, is the machine's.
+    // The point at which the disk is full, within the step and among the steps, depends on the
+    // machine.
     let causes = [" because ", "kept: "];
     for (text, cause) in [&mut stderr, &mut stdout].into_iter().zip(causes) {
         assert!(text.contains("No space left on device"), "{text}");

@@ -1,4 +1,4 @@
-//! `--no-omit`: what is left out otherwise is computed after all, and neither an event nor a frame changes.
+//! `--no-omit`: work that is otherwise left out is done, and neither an event nor a frame changes.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ColourBlob, blob_crowd, blob_scene};
@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;
 
-/// Something of all that is left out: Gaussians behind the cameras and beside them, an opaque wall of 250 layers, and
-/// harmonics of degree 2 that are zero.
+/// A scene with all kinds of omitted work: Gaussians behind and outside the views, an opaque wall
+/// of 250 layers, and harmonics of degree 2 that are zero.
 fn wasteful() -> Gaussians {
     const DEGREE: u8 = 2;
     // The cameras are 4 units from the origin along z and look back at it.
@@ -35,11 +35,11 @@ fn wasteful() -> Gaussians {
     scene
 }
 
-/// A recipe over it, with this between frames and this line on rendering.
+/// A recipe over that scene, with this interpolation between frames and this `render` line.
 fn place(between: &str, render: &str) -> Workspace {
     let place = Workspace::new();
     let recipe = GIVEN.replace("between: linear", &format!("between: {between}"));
-    // The cameras hardly move: a sensor that sees it.
+    // The cameras hardly move, so the sensor's thresholds are low.
     let recipe = recipe.replace("threshold: { on: 1.0, off: 1.0 }", "threshold: { on: 0.02, off: 0.02 }");
     place.write("recipe.yaml", recipe + render);
     let mut file = Vec::new();
@@ -49,7 +49,7 @@ fn place(between: &str, render: &str) -> Workspace {
     place
 }
 
-/// The steps that a build made, as programs are told of them.
+/// The steps that a build made, as reported to programs.
 fn build(place: &Workspace, options: &str) -> BTreeMap<String, Value> {
     let told = place.ok(&format!("build --json {options} recipe.yaml")).stdout;
     let steps = told.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
@@ -59,7 +59,7 @@ fn build(place: &Workspace, options: &str) -> BTreeMap<String, Value> {
         .collect()
 }
 
-/// Files of a step by their names, with what is in them.
+/// The contents of a step's files, by role.
 fn files(place: &Workspace, step: &Value) -> BTreeMap<String, Vec<u8>> {
     let text = |file: &Value, field: &str| file[field].as_str().unwrap().to_owned();
     let outputs = step["outputs"].as_array().unwrap();
@@ -83,7 +83,7 @@ const BY_RENDERER: [&str; 3] = [
     "pairs with tiles that are finished before",
 ];
 
-/// Holds the counts of two builds against each other.
+/// Compares the counts of two builds.
 fn check_counts(omitted: &Value, whole: &Value) {
     let count = |work: &Value, name: &str| work[name].as_u64().unwrap();
     for name in ["unseen", "zero_harmonics", "hidden"] {
@@ -99,7 +99,7 @@ fn check_counts(omitted: &Value, whole: &Value) {
     assert_eq!(not_drawn(omitted), not_drawn(whole));
 }
 
-/// Builds both ways in one store.
+/// Builds both ways in one store, and compares.
 fn check(place: &Workspace) {
     let (omitted, whole) = (build(place, ""), build(place, "--no-omit"));
     assert_eq!(omitted.len(), 8, "all steps are made");
@@ -140,13 +140,14 @@ fn events_and_frames_are_the_same_bytes() {
 }
 
 #[test]
-fn with_rates_and_soft_layers_too() {
+fn rates_and_soft_layers_are_the_same_bytes_too() {
     check(&place("hermite", "render: { rules: soft, antialiased: true, background: [0.2, 0.1, 0.4] }\n"));
 }
 
-/// A release says in its manifest what was left out, and in a section of its report; all else in it is the same.
+/// A release states the omissions in its manifest and in a section of its report; everything else
+/// in it is the same.
 #[test]
-fn releases_differ_in_what_they_left_out_and_in_nothing_else() {
+fn releases_differ_only_in_their_omissions() {
     let place = place("linear", "");
     let told = place.ok("release --to omitted recipe.yaml").stderr;
     assert!(told.contains("left out of given/base: what, how much, proof\n"), "{told}");
@@ -180,9 +181,10 @@ fn releases_differ_in_what_they_left_out_and_in_nothing_else() {
     assert_eq!(counted("colours that no sensor sees"), Some((12, Some(12))));
 }
 
-/// The time saved is told where a path is long enough to measure it unnoticed, as an estimate, and reaches no file.
+/// The time saved is reported as an estimate if a path is long enough for an unnoticeable
+/// measurement. It is written to no file.
 #[test]
-fn time_saved_is_told_of_long_paths_and_written_nowhere() {
+fn saved_time_is_reported_for_long_paths_and_written_to_no_file() {
     let place = Workspace::new();
     let long =
         TINY.replace("factor: 2", "factor: 250").replace("outputs: [events, sharp]", "outputs: [events]");

@@ -1,6 +1,6 @@
-//! Trajectories held against other programs: COLMAP, which finds poses anew in real renderings, and OpenCV and h5py, which
-//! read what is released. Where one is absent, that is said on stderr; with `REQUIRE_COLMAP`, or `REQUIRE_OPENCV=1`, it is a
-//! failure.
+//! Trajectories compared with other programs: COLMAP, which finds poses again in real renderings,
+//! and OpenCV and h5py, which read the released files. If one is absent, a message goes to stderr;
+//! with `REQUIRE_COLMAP=1` or `REQUIRE_OPENCV=1` that is a failure.
 
 use crate::programs::programs;
 use crate::support::absent::absent;
@@ -33,7 +33,7 @@ fn colmap_is_there() -> bool {
     versions::colmap(&programs()).map_err(|because| absent("REQUIRE_COLMAP", &because)).is_ok()
 }
 
-/// Whether Python has OpenCV and h5py.
+/// Returns true if Python has OpenCV and h5py.
 fn python_is_there() -> bool {
     let programs = programs();
     let there =
@@ -44,7 +44,7 @@ fn python_is_there() -> bool {
     there
 }
 
-/// A camera that moves past a real scene, and its pictures: every pose has one.
+/// A camera that moves past a real scene, with one picture per pose.
 struct Filmed {
     folder: tempfile::TempDir,
     camera: Camera,
@@ -87,7 +87,7 @@ impl Filmed {
         })
     }
 
-    /// A desk of its own; `name` is new.
+    /// Runs `ask` in a new working folder; `name` must be unused.
     fn at_desk<T>(&self, name: &str, ask: impl FnOnce(TrainingWorkspace<'_>) -> T) -> T {
         let folder = self.folder.path().join(name);
         std::fs::create_dir(&folder).unwrap();
@@ -95,7 +95,7 @@ impl Filmed {
         ask(TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
     }
 
-    /// The poses with a change of each.
+    /// The trajectory, with a change applied to each pose.
     fn with(&self, change: impl Fn(usize, Se3) -> Se3) -> Trajectory {
         let mut trajectory = self.trajectory.clone();
         for (j, pose) in trajectory.world_from_camera.iter_mut().enumerate() {
@@ -104,7 +104,7 @@ impl Filmed {
         trajectory
     }
 
-    /// What OpenCV says where the files of another trajectory were released.
+    /// OpenCV's measurements of another trajectory's released files.
     fn seen(&self, name: &str, released: &ReleasedPoses, pictures: &[TrajectoryPicture]) -> OpencvGeometry {
         let own = (&self.camera, &self.trajectory);
         self.at_desk(name, |desk| opencv::measure_released(released, own, pictures, desk)).unwrap().unwrap()
@@ -120,16 +120,16 @@ fn worst(registration: &ColmapRegistration) -> (usize, f64) {
     (worst.pose, worst.rotation_deg)
 }
 
-/// What is planted in a pose of this number.
+/// A planted change of the pose with this number.
 type Change = Box<dyn Fn(usize, Se3) -> Se3>;
 
-/// Axes of OpenGL where OpenCV's are due.
+/// Turns a pose into OpenGL's axes, where OpenCV's are expected.
 fn opengl(pose: Se3) -> Se3 {
     Se3 { rotation: pose.rotation * DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0), ..pose }
 }
 
 #[test]
-fn colmap_finds_the_poses_of_real_pictures_and_the_one_that_is_wrong() {
+fn colmap_finds_the_poses_of_real_pictures_and_the_wrong_pose() {
     let Some(filmed) = Filmed::views(10).filter(|_| colmap_is_there()) else { return };
     let found: ColmapPoses = filmed
         .at_desk("a", |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk))
@@ -167,7 +167,7 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
         |name| filmed.at_desk(name, |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk));
     let [one, other] = ["a", "b"].map(|name| find(name).unwrap().unwrap());
     assert_eq!(one, other);
-    // Two pictures say nothing, and one without anything in it has no place.
+    // Two pictures are too few, and an empty picture cannot be registered.
     let few = &filmed.pictures[..2];
     let told = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
     assert_eq!(told.unwrap_err(), "there are 2 pictures, 3 are the fewest");
@@ -180,7 +180,7 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
 }
 
 #[test]
-fn a_program_that_fails_is_told_with_its_own_words() {
+fn a_failed_program_is_reported_with_its_output() {
     let Some(filmed) = Filmed::views(3).filter(|_| colmap_is_there() && python_is_there()) else { return };
     let broken: Vec<TrajectoryPicture> = filmed
         .pictures
@@ -198,7 +198,7 @@ fn a_program_that_fails_is_told_with_its_own_words() {
 }
 
 #[test]
-fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
+fn opencv_agrees_with_the_renderer_and_finds_wrong_files() {
     let Some(filmed) = Filmed::views(12).filter(|_| python_is_there()) else { return };
     let Filmed { camera, trajectory, pictures, .. } = &filmed;
     let sound = filmed.seen("sound", &ReleasedPoses::from_trajectory(camera, trajectory, pictures), pictures);
@@ -223,7 +223,7 @@ fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
         ("shift", Box::new(|_, p| Se3 { translation: p.translation + DVec3::X * 1e-4, ..p })),
     ];
     for (name, change) in planted {
-        // The renderer's poses stay as they were: it is the files that are wrong.
+        // The renderer's poses stay unchanged: only the files are wrong.
         let seen =
             filmed.seen(name, &ReleasedPoses::from_trajectory(camera, &filmed.with(change), pictures), &[]);
         for file in [seen.poses_txt, seen.transforms_json] {
@@ -238,7 +238,7 @@ fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
 #[test]
 fn motions_that_pictures_do_not_show_are_found_by_opencv() {
     let Some(filmed) = Filmed::views(8).filter(|_| python_is_there()) else { return };
-    // Every second pose is turned: each motion is wrong by 2 degrees.
+    // Every second pose is turned, so each motion is wrong by 2 degrees.
     let turn = exp_vector(DVec3::Y * 2.0 * DEGREE);
     let planted = filmed.with(|j, p| if j % 2 == 1 { Se3 { rotation: p.rotation * turn, ..p } } else { p });
     let released = ReleasedPoses::from_trajectory(&filmed.camera, &planted, &filmed.pictures);
@@ -247,7 +247,7 @@ fn motions_that_pictures_do_not_show_are_found_by_opencv() {
     assert!(seen.pairs.len() >= 3 && half > 1.0, "{:?}", seen.pairs);
 }
 
-/// The records of `gs2e check` on the passes that ask other programs, and its exit code.
+/// Exit code of `gs2e check`, and its records of the checks that run other programs.
 fn asked(place: &Workspace, more: &str, path: Option<&Path>) -> (i32, Vec<Value>) {
     let mut command = place.command(&format!("check --json --recipes recipe.yaml {more}"));
     if let Some(path) = path {
@@ -262,7 +262,7 @@ fn asked(place: &Workspace, more: &str, path: Option<&Path>) -> (i32, Vec<Value>
 }
 
 #[test]
-fn nobody_is_asked_where_no_recipe_says_so() {
+fn no_program_runs_without_a_request_in_the_recipe() {
     let place = Workspace::new();
     place.write("recipe.yaml", recipe("plain").to_string());
     assert!(!place.build("recipe.yaml").contains(&"plain/base/foreign".to_owned()));
@@ -277,7 +277,7 @@ fn nobody_is_asked_where_no_recipe_says_so() {
 }
 
 #[test]
-fn programs_that_are_absent_are_told_and_asked_once_they_are_there() {
+fn absent_programs_are_reported_and_run_once_installed() {
     let place = Workspace::new();
     let mut value = recipe("asks");
     value["outputs"] = json!(["events", "sharp"]);
@@ -316,7 +316,7 @@ fn programs_that_are_absent_are_told_and_asked_once_they_are_there() {
     place.ok("build --recheck 100% recipe.yaml");
 }
 
-/// A real scene through the whole program.
+/// Runs a real scene through the whole program.
 #[test]
 fn a_real_trajectory_agrees_with_colmap_and_opencv() {
     let (Some(scene), Some(views)) =
@@ -357,7 +357,7 @@ fn a_real_trajectory_agrees_with_colmap_and_opencv() {
         "relative-direction",
     ];
     assert_eq!(passed, wanted, "{found:#?}");
-    // A limit that is set judges anew and asks nobody again.
+    // A new limit judges the old answer again and runs no program.
     value["checks"]["pose_colmap"] = json!({ "frames": 16, "max_deg": 1e-6 });
     place.write("recipe.yaml", value.to_string());
     assert_eq!(place.build("recipe.yaml"), ["playbot/base/checks"]);

@@ -1,4 +1,4 @@
-//! Scenes with every kind of path: which steps there are, what they take, and what comes out.
+//! Scenes with every kind of path: their steps, their inputs, and their results.
 
 use crate::support::given::ply;
 use crate::support::steps::{keys, recipe};
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
 
-/// The embedded scene from an arc that is wide enough for its optical axes to meet.
+/// The embedded scene, with an arc that is wide enough for its optical axes to meet.
 fn wide(trajectories: Value) -> Value {
     let mut value = recipe("paths");
     value["source"]["procedural"]["arc"] = json!(20);
@@ -76,13 +76,13 @@ fn poses(place: &Workspace, trajectory: &str) -> Trajectory {
     Trajectory::read_poses(BufReader::new(file)).unwrap()
 }
 
-/// The steps of a plan by their names within the scene.
+/// The steps of a plan, by their names within the scene.
 fn steps(place: &Workspace) -> Vec<String> {
     let plan = place.plan("recipe.yaml");
     plan.into_iter().map(|(step, _)| step.split_once('/').unwrap().1.to_owned()).collect()
 }
 
-/// What a step takes from others, by role.
+/// The inputs that a step takes from others, by role.
 fn inputs(place: &Workspace, step: &str) -> Vec<String> {
     let ended = place.ok(&format!("why --json {step} --recipes recipe.yaml"));
     let why: Value = serde_json::from_str(&ended.stdout).unwrap();
@@ -91,18 +91,18 @@ fn inputs(place: &Workspace, step: &str) -> Vec<String> {
     paths.filter_map(|path| path.strip_prefix("inputs.").map(str::to_owned)).collect()
 }
 
-/// Where the camera looks and where the image's top is, in the world.
+/// The direction of view and the direction of the image's top, in the world.
 fn axes(pose: &Se3) -> [DVec3; 2] {
     [pose.rotation * DVec3::Z, pose.rotation * DVec3::NEG_Y]
 }
 
-/// Both to what text and arithmetic leave of numbers of this size.
+/// Compares within the rounding of text and arithmetic for numbers of this size.
 fn near(found: DVec3, wanted: DVec3) {
     assert!((found - wanted).length() < 1e-9, "{found}, wanted {wanted}");
 }
 
 #[test]
-fn each_path_takes_what_it_needs_and_no_more() {
+fn each_path_takes_only_its_inputs() {
     let place = place(&all_kinds());
     let trajectories = ["base", "round", "hand", "swift"];
     let below = |name: &str| ["trajectory", "events", "sharp", "checks"].map(|step| format!("{name}/{step}"));
@@ -135,7 +135,7 @@ fn all_kinds_of_paths_are_released() {
     let card = std::fs::read_to_string(place.path("out/README.md")).unwrap();
     assert!(card.contains("| paths/round | procedural | orbit |"), "{card}");
 
-    // An orbit keeps its distance r from the point that it looks at: p + r d is the same all along.
+    // An orbit keeps its distance r from the target: p + r d is the same at all poses.
     let round = poses(&place, "paths/round").world_from_camera;
     let ([first, _], [last, _], travelled) =
         (axes(&round[0]), axes(&round[8]), round[8].translation - round[0].translation);
@@ -149,7 +149,7 @@ fn all_kinds_of_paths_are_released() {
     let steps: Vec<f64> = steps.collect();
     assert!(steps.iter().all(|step| (step / steps[0] - 1.0).abs() < 1e-6), "{steps:?}");
 
-    // A curve through the poses given: its ends are theirs.
+    // A curve through the given poses begins and ends in them.
     let hand = poses(&place, "paths/hand").world_from_camera;
     near(hand[0].translation, DVec3::new(0.0, 0.2, 4.0));
     near(axes(&hand[0])[0], DVec3::new(0.0, -0.2, -4.0).normalize());
@@ -159,7 +159,7 @@ fn all_kinds_of_paths_are_released() {
     flows(&place, "paths/swift", 600.0);
 }
 
-/// A flow says itself how long the path takes.
+/// A flow determines the duration of the path.
 fn flows(place: &Workspace, trajectory: &str, px_s: f64) {
     let speed = read(place, &format!("out/{trajectory}/speed.json"));
     let px = speed["flow"]["px"].as_f64().unwrap();
@@ -193,13 +193,13 @@ fn a_scene_file_needs_no_capture() {
         let arm = DVec3::new(4.0 * sin, 3.0, 4.0 * cos);
         near(pose.translation, centre + arm);
         near(axes(pose)[0], -arm / 5.0);
-        // The top of the image is where up is, as far as it is across the look.
+        // The image's top points along the part of up that is perpendicular to the view.
         near(axes(pose)[1], DVec3::new(-0.6 * sin, 0.8, -0.6 * cos));
     }
 }
 
 #[test]
-fn a_trajectory_more_changes_no_other() {
+fn an_additional_trajectory_changes_no_other() {
     let mut value = without_capture();
     let place = place(&value);
     place.ok("build -q recipe.yaml");
@@ -218,9 +218,9 @@ fn a_trajectory_more_changes_no_other() {
     assert_eq!(after, before);
 }
 
-/// What a flow sees enters its key: the camera, the rendering, the scene. No other path sees anything.
+/// The views of a flow enter its key: the camera, the rendering, the scene. No other path renders.
 #[test]
-fn only_a_flow_sees() {
+fn only_a_flow_depends_on_the_rendering() {
     let mut value = without_capture();
     let place = place(&value);
     place.ok("build -q recipe.yaml");
@@ -231,7 +231,7 @@ fn only_a_flow_sees() {
     assert_eq!(trajectories, ["bare/past/trajectory"]);
 }
 
-/// Stamps of a varied frame rate are checked and audited as what they are.
+/// Stamps of a varied frame rate pass the checks and the audit.
 #[test]
 fn a_varied_frame_rate_is_released() {
     let list = json!({ "multipliers": [1, 2], "blend": 0, "meaning": "frame-rate" });
@@ -241,13 +241,13 @@ fn a_varied_frame_rate_is_released() {
     let place = place(&value);
     place.ok("release -q --to out recipe.yaml");
     place.ok("audit out");
-    // Four steps of 1/2400 s, then four of half of it: a step belongs to the level at its start.
+    // Four steps of 1/2400 s, then four of half that: a step belongs to the level at its start.
     let wanted = [0, 417, 833, 1250, 1667, 1875, 2083, 2292, 2500];
     assert_eq!(poses(&place, "bare/round").stamps_us, wanted);
     assert_eq!(read(&place, "out/bare/scene.json")["attributes"]["speed_profile"], "uniform");
 }
 
-/// A base of 30 poses and two groups of three key poses, drawn from it.
+/// A base of 30 poses and two groups of three key poses that are drawn from it.
 fn with_novel() -> Value {
     wide(json!([
         { "name": "mini", "novel": { "groups": 2, "keyframes": 3, "frames": 7, "curve": "cubic" } },
@@ -256,7 +256,7 @@ fn with_novel() -> Value {
 }
 
 #[test]
-fn groups_have_steps_of_their_own_behind_their_base() {
+fn groups_have_steps_of_their_own_after_their_base() {
     let place = place(&with_novel());
     let steps = steps(&place);
     let at = |step: &str| steps.iter().position(|s| s == step).unwrap_or_else(|| panic!("{step}: {steps:?}"));

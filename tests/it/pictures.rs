@@ -1,5 +1,5 @@
-//! Blurred frames, depth and flow of a release, against answers found another way: the frames of the render verb and the
-//! formulas of sRGB, and where points are seen from one pose and the next.
+//! Blurred frames, depth and flow of a release, compared with independent answers: frames of the
+//! render verb with the formulas of sRGB, and projections of points from consecutive poses.
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal};
 use crate::support::gaussians::{ColourBlob, blob_scene};
@@ -23,7 +23,7 @@ fn array(path: &Path) -> (Vec<u64>, Vec<f32>) {
 }
 
 #[test]
-fn a_release_says_what_it_holds() {
+fn a_release_states_its_pictures() {
     let scene = json_of(release(), "small/one/scene.json");
     assert_eq!(scene["attributes"]["data_type"], json!(["sharp", "blurry"]));
     assert_eq!(scene["trajectories"][0]["blur"], json!({ "frames": 15, "stride": 15, "subframes": 1 }));
@@ -59,7 +59,7 @@ fn display(light: f64) -> f64 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The scene that a release was made of.
+/// Writes the scene of a recipe as a `.ply`.
 fn scene_ply(place: &Workspace, recipe: &str) {
     let steps: Vec<Value> = serde_json::from_str(&place.ok(&format!("plan --json {recipe}")).stdout).unwrap();
     let outputs =
@@ -68,7 +68,8 @@ fn scene_ply(place: &Workspace, recipe: &str) {
     place.write("scene.ply", fs::read(place.path(ply["path"].as_str().unwrap())).unwrap());
 }
 
-/// Every blurred frame against the mean of the frames that the render verb makes at the poses of its exposure.
+/// Compares every blurred frame with the mean of the frames that the render verb makes at the poses
+/// of its exposure.
 #[test]
 fn a_blurred_frame_is_the_mean_of_the_dense_ones() {
     let place = Workspace::new();
@@ -100,8 +101,8 @@ fn a_blurred_frame_is_the_mean_of_the_dense_ones() {
     assert!(!place.path("out/tiny/base/blur/000011.png").exists(), "it would end behind the last pose");
 }
 
-/// A small light that a camera passes at 6 px a frame leaves a streak that is even along its length; the three dense frames
-/// alone show three lights.
+/// A small light that a camera passes at 6 px per frame leaves a streak that is even along its
+/// length. The three dense frames alone would show three lights.
 #[test]
 fn a_light_that_passes_leaves_a_streak() {
     let place = Workspace::new();
@@ -136,14 +137,15 @@ fn a_light_that_passes_leaves_a_streak() {
     let blur = |scene: &str| {
         json_of(&place.path("out"), &format!("{scene}/scene.json"))["trajectories"][0]["blur"].clone()
     };
-    // The least odd number that is not below 6.
+    // The smallest odd number that is not below 6.
     assert_eq!(blur("auto"), json!({ "frames": 3, "stride": 3, "subframes": 7 }));
     assert_eq!(blur("literal"), json!({ "frames": 3, "stride": 3, "subframes": 1 }));
-    // Where there are no sharp frames, all poses are listed, and some have a blurred one.
+    // Without sharp frames all poses are listed, and some have a blurred one.
     let frames = json_of(&place.path("out"), "auto/base/transforms.json")["frames"].clone();
     let has = |key: &str| frames.as_array().unwrap().iter().filter(|frame| frame.get(key).is_some()).count();
     assert_eq!((has("t_us"), has("blur_file_path"), has("file_path")), (12, 3, 0));
-    // At pose 5 the camera is at -0.30 by the default speed, so the light at 48 + 4.5 px; the streak goes 9 px to either side.
+    // At pose 5 the camera is at -0.30 by the default speed, so the light is at 48 + 4.5 px; the
+    // streak extends 9 px to either side.
     let streak = |scene: &str| -> Vec<f64> {
         let bytes = fs::read(place.path(&format!("out/{scene}/base/blur/000005.png"))).unwrap();
         let image = png::read_rgb(Cursor::new(bytes)).unwrap();
@@ -175,10 +177,11 @@ fn centre(pose: &[f64; 8]) -> glam::DVec3 {
     glam::DVec3::new(pose[1], pose[2], pose[3])
 }
 
-/// The point at a pixel's depth, seen from the two poses before and the two after: their difference of fourth order in time is
-/// the flow but for `h^4/30` of its fourth derivative, and for where the path is only twice differentiable.
+/// The point at a pixel's depth is projected into the two poses before and the two after. Their
+/// difference of fourth order in time is the flow, except for `h^4/30` of its fourth derivative,
+/// and except where the path is only twice differentiable.
 #[test]
-fn flow_is_how_points_move_from_pose_to_pose() {
+fn flow_is_the_motion_of_points_between_poses() {
     let base = release().join(BASE);
     let poses = poses(&base.join("poses.txt"));
     let file = json_of(&base, "transforms.json");
@@ -211,7 +214,8 @@ fn flow_is_how_points_move_from_pose_to_pose() {
     assert!(worst < 1e-4 * fastest, "{worst} of {fastest} px/s");
 }
 
-/// The audit misses what the recipe asks for, and looks into what is there.
+/// The audit finds missing pictures that the recipe asks for, and reads the pictures that are
+/// there.
 #[test]
 fn pictures_are_audited() {
     let t = |change: &dyn Fn(&Path), code: &str, words: &str| {
@@ -247,7 +251,7 @@ fn pictures_are_audited() {
         });
     };
     t(&timed, "claims-disagree", "exposure");
-    // As many names would not fit into any memory.
+    // This number of names would not fit into any memory.
     let poses = |base: &Path| {
         edit(base.parent().unwrap(), "scene.json", |file| {
             file["trajectories"][0]["poses"] = json!(1_000_000_000_000_000_u64);
@@ -256,9 +260,9 @@ fn pictures_are_audited() {
     t(&poses, "claims-disagree", "scene.json says 1000000000000000 until");
 }
 
-/// Of a camera so quick that pictures lie between the poses, from where other Gaussians are seen.
+/// A camera so fast that pictures lie between the poses, from where other Gaussians are visible.
 #[test]
-fn neither_threads_nor_what_is_left_out_change_a_byte() {
+fn threads_and_omissions_change_no_byte() {
     let place = Workspace::new();
     let quick = TINY
         .replace("arc: 6", "arc: 60")
@@ -276,7 +280,7 @@ fn neither_threads_nor_what_is_left_out_change_a_byte() {
 }
 
 #[test]
-fn a_trajectory_too_short_for_an_exposure_is_told() {
+fn a_trajectory_too_short_for_an_exposure_is_reported() {
     let place = Workspace::new();
     place.write("tiny.yaml", TINY.replace("[events, sharp]", "[blur]"));
     let ended = place.gs2e("build tiny.yaml");
@@ -286,7 +290,8 @@ fn a_trajectory_too_short_for_an_exposure_is_told() {
     assert!(ended.stderr.contains(wanted), "{}", ended.stderr);
 }
 
-/// A scene pays for what it asks for: without blur no step of it, and what was made stays up to date beside it.
+/// A scene pays only for its own outputs: without blur it has no blur step, and other products stay
+/// up to date.
 #[test]
 fn each_kind_is_a_step_of_its_own() {
     let place = Workspace::with_tiny();
@@ -297,7 +302,7 @@ fn each_kind_is_a_step_of_its_own() {
     place.ok("build -q tiny.yaml");
     place.write("tiny.yaml", more.replace("frames: 5", "frames: 7"));
     assert_eq!(place.stale("tiny.yaml"), ["tiny/base/blur"]);
-    // Fewer sharp frames, but those in the middle of exposures.
+    // There are fewer sharp frames, but those in the middle of exposures are kept.
     place.write("tiny.yaml", format!("{more}sharp: {{ every: 4 }}\n"));
     assert_eq!(place.stale("tiny.yaml"), ["tiny/base/sharp"]);
     place.ok("release --copy --to out tiny.yaml");

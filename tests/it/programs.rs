@@ -1,5 +1,5 @@
-//! Programs under the supervisor: their output, the reports of their ends, and the processes that they
-//! leave.
+//! Programs under the supervisor: their output, the reports of their ends, and their leftover
+//! processes.
 
 use gs2e::programs::{
     EndKind, ProgramCall, ProgramEnd, ProgramFinder, last_lines, length, run, run_within, says,
@@ -23,7 +23,7 @@ fn shell(script: &str, folder: &Path) -> ProgramCall {
 }
 
 #[test]
-fn what_a_program_says_is_kept_and_how_it_ends_is_told() {
+fn output_and_exit_of_a_program_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
     let t = |script: &str, wanted: &str, said: &str| {
@@ -44,9 +44,9 @@ fn what_a_program_says_is_kept_and_how_it_ends_is_told() {
     t("seq 100", "fine", &(82..=100).map(|n| n.to_string()).collect::<Vec<_>>().join("|"));
 }
 
-/// A command that names the version says nothing of the program.
+/// A command line that holds the version is no proof of the program's version.
 #[test]
-fn the_command_itself_says_no_version() {
+fn a_command_line_is_no_proof_of_a_version() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
     run(&programs(), &shell(": 1.1.4", folder.path()), &log, &|| true).unwrap();
@@ -56,7 +56,7 @@ fn the_command_itself_says_no_version() {
 }
 
 #[test]
-fn a_program_that_is_not_there_is_told() {
+fn a_missing_program_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let missing = ProgramCall { program: "/no/such/program".into(), ..shell("", folder.path()) };
     let ended = run(&programs(), &missing, &folder.path().join("log"), &|| true);
@@ -64,7 +64,7 @@ fn a_program_that_is_not_there_is_told() {
     assert!(how.to_string().starts_with("it cannot be started: "), "{how}");
 }
 
-/// Runs a script that holds the pipe `held` open, and returns when nothing holds it any more.
+/// Runs a script that holds the pipe `held` open, and returns when no process holds it any more.
 fn run_holding(script: &str, folder: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), ProgramEnd> {
     let pipe = folder.join("held");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
@@ -85,7 +85,7 @@ fn nothing_outlives_a_program() {
 }
 
 #[test]
-fn what_takes_too_long_is_stopped_and_told() {
+fn a_slow_program_is_stopped_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let run = |seconds, script: &str| {
         run_within(seconds, &programs(), &shell(script, folder.path()), &folder.path().join("log"), &|| true)
@@ -96,7 +96,7 @@ fn what_takes_too_long_is_stopped_and_told() {
 }
 
 #[test]
-fn what_is_asked_to_stop_stops_with_all_that_it_started() {
+fn a_stopped_program_ends_with_its_children() {
     let folder = tempfile::tempdir().unwrap();
     let at_work = folder.path().join("at work");
     let script = "trap 'echo stopping; exit 0' TERM; sleep 600 & : > 'at work'; wait";
@@ -109,12 +109,12 @@ fn what_is_asked_to_stop_stops_with_all_that_it_started() {
 }
 
 #[test]
-fn an_answer_is_what_a_program_prints() {
+fn an_answer_is_the_output_of_a_program() {
     let programs = programs();
     assert_eq!(programs.ask("sh", &["-c", "pwd; echo $PWD; exit 3"]).unwrap(), "/\n/\n");
     let absent = programs.ask("no-such-program", &[]).unwrap_err();
     assert_eq!(absent, "there is no program `no-such-program`");
-    // More than is read of it: it is neither waited for nor kept.
+    // The answer is longer than the limit: the rest is neither waited for nor kept.
     let long = programs.ask("sh", &["-c", "while :; do echo 0123456789; done"]).unwrap();
     assert_eq!(long.len(), 1 << 20);
     let none = ProgramFinder::default().ask("sh", &["-c", ":"]).unwrap_err();

@@ -1,4 +1,4 @@
-//! What a build says while it runs: lines for people, objects for programs.
+//! Messages of a running build: lines for users, objects for programs.
 
 use crate::support::workspace::{TINY, Workspace};
 use gs2e::store::Digest;
@@ -10,9 +10,10 @@ fn two_scenes() -> Workspace {
     place
 }
 
-/// `[ 7/12] scene/step 0.1 s`, with what the step says of its product; not every one is shown, but these few are.
+/// Checks lines such as `[ 7/12] scene/step 0.1 s`, with the step's remark. Large builds do not
+/// show every step; these few are all shown.
 #[test]
-fn finished_steps_are_told_in_plain_lines() {
+fn finished_steps_are_printed_in_plain_lines() {
     let place = Workspace::with_tiny();
     let told = place.ok("build -j 1 tiny.yaml").stderr;
     let lines: Vec<&str> = told.lines().filter(|line| line.starts_with('[')).collect();
@@ -22,7 +23,7 @@ fn finished_steps_are_told_in_plain_lines() {
         let rest = line.strip_prefix(&format!("[{}/6] tiny/", i + 1));
         let words: Vec<&str> = rest.unwrap_or_else(|| panic!("{line}")).split(' ').collect();
         assert!(words[1].parse::<f64>().is_ok() && words[2] == "s", "{line}");
-        // Only the events have something to add: how many they are.
+        // Only the events have a remark: their number.
         let remark = &words[3..];
         assert_eq!(
             remark.last() == Some(&"ev") || remark.last() == Some(&"kev"),
@@ -40,9 +41,9 @@ fn finished_steps_are_told_in_plain_lines() {
     assert!(last.starts_with("made 6, up to date 0, failed 0; ") && last.ends_with(" s"), "{last}");
 }
 
-/// A step for programs: where its products lie, under which digests.
+/// A step for programs: the paths of its products, and their digests.
 #[test]
-fn finished_steps_are_told_to_programs() {
+fn finished_steps_are_printed_as_objects() {
     let place = two_scenes();
     for state in ["made", "kept"] {
         let told = place.ok("build --json tiny.yaml other.yaml").stdout;
@@ -62,9 +63,9 @@ fn finished_steps_are_told_to_programs() {
     }
 }
 
-/// `-q` leaves nothing but what went wrong.
+/// With `-q` only failures are reported.
 #[test]
-fn a_quiet_build_tells_failures_once() {
+fn a_quiet_build_prints_failures_once() {
     let place = two_scenes();
     place.write(
         "wrong.yaml",
@@ -84,17 +85,18 @@ fn a_quiet_build_tells_failures_once() {
     assert_eq!(place.stale("tiny.yaml"), [""; 0]);
 }
 
-/// Scenes that are up to date at a glance count among the steps, in the lines and in the end.
+/// Scenes known at a glance count among the steps, in the lines and in the final line.
 #[test]
-fn steps_that_were_settled_count() {
+fn settled_steps_count() {
     let place = two_scenes();
     place.ok("build -q tiny.yaml other.yaml");
-    // Beyond the grain in which a file could change unseen, so that the next build looks no closer.
+    // Longer than a file could change unseen, so that the next build needs no closer look.
     std::thread::sleep(std::time::Duration::from_millis(2100));
     place.ok("build -q tiny.yaml other.yaml");
     place.write("other.yaml", TINY.replace("scene: tiny", "scene: other").replace("seed: 1 }", "seed: 3 }"));
     let told = place.ok("build -j 1 tiny.yaml other.yaml").stderr;
-    // Checks or pictures: the order of steps goes by what they took before.
+    // The last step is one of checks or pictures: the order of steps depends on their earlier
+    // times.
     assert!(told.contains("[12/12] other/base/"), "{told}");
     assert!(told.contains("made 6, up to date 6, failed 0; "), "{told}");
 }

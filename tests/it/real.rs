@@ -1,4 +1,4 @@
-//! Real scenes and real captures, small, where the folder of test data is there.
+//! Real scenes and real captures at small sizes, if the folder of test data is there.
 
 use crate::support::shared;
 use crate::support::steps::{recipe, steps};
@@ -13,7 +13,8 @@ fn finding<'a>(findings: &'a [Value], check: &str, part: &str) -> &'a Value {
     found.unwrap_or_else(|| panic!("no finding of {check}, {part} in {findings:#?}"))
 }
 
-/// A scene of 31,000 Gaussians and 30 views of it: released, judged, and its thresholds found in the events.
+/// A scene of 31,000 Gaussians with 30 views is released and judged, and its thresholds are
+/// recovered from the events.
 #[test]
 fn a_real_scene_at_a_small_size() {
     let (Some(scene), Some(views)) =
@@ -26,7 +27,7 @@ fn a_real_scene_at_a_small_size() {
     value["reconstruct"] = json!({ "given": { "path": scene } });
     value["camera"] = json!({ "width": 160, "height": 90 });
     value["licence"] = json!({ "expression": "CC-BY-4.0", "holder": "Stephane Agullo" });
-    // Unlike thresholds, so that one cannot stand for the other.
+    // The two thresholds differ, so that they cannot be confused.
     value["sensor"] = json!({ "voltmeter": { "threshold": { "on": 1.0, "off": 1.25 } } });
     let place = Workspace::new();
     place.write("playbot.yaml", value.to_string());
@@ -54,8 +55,9 @@ fn a_real_scene_at_a_small_size() {
     assert!((0.3..0.7).contains(&(on / (on + off))), "{account}");
 }
 
-/// A hand-held capture's COLMAP model through `capture` and `trajectory`. The scene is another one: only the wiring is
-/// tried, and without the photos, which it would be held against at full size.
+/// A hand-held capture's COLMAP model through `capture` and `trajectory`. The scene belongs to
+/// another capture: only the wiring is tested, and without the photos, which would be compared at
+/// full size.
 #[test]
 fn a_colmap_model_at_a_small_size() {
     let (Some(scene), Some(model)) =
@@ -76,9 +78,10 @@ fn a_colmap_model_at_a_small_size() {
     place.ok("build fox.yaml");
     let outputs = &steps(&place, "fox.yaml")["fox/base/trajectory"].outputs;
     let poses = fs::read_to_string(&outputs["poses.txt"]).unwrap();
-    // 50 views, all registered, made twice as dense.
+    // 50 views, all registered, at twice the density.
     assert_eq!(poses.lines().filter(|line| !line.starts_with('#')).count(), 100);
-    // What COLMAP says of its points, to the digits that it prints; and the frames that did not register.
+    // COLMAP's own figures for its points, to the digits that it prints, and the frames that did
+    // not register.
     let told = place.gs2e("check --json --recipes fox.yaml").stdout;
     let findings: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     for (part, wanted) in [("#reprojection", 1.09), ("#reprojection-observations", 1.15)] {
@@ -91,7 +94,7 @@ fn a_colmap_model_at_a_small_size() {
     assert_eq!(place.build("fox.yaml"), [""; 0]);
 }
 
-/// The same capture with its photos and without a scene: its path, and what is known of it.
+/// A capture with its photos and without a scene: its path and its known properties.
 #[test]
 fn a_capture_is_released_before_it_has_a_scene() {
     let Some(capture) = shared::path("data/captures/fox") else { return };
@@ -114,7 +117,7 @@ fn a_capture_is_released_before_it_has_a_scene() {
     for (trajectory, poses) in [("base", 250), ("mini-0", 150), ("mini-1", 150)] {
         let lines = read(&format!("{trajectory}/poses.txt"));
         assert_eq!(lines.lines().filter(|line| !line.starts_with('#')).count(), poses);
-        // Every step has its share of the way, to what renormalisation promises.
+        // Every step has its share of the path, within the promise of renormalisation.
         let mixed = &value(&format!("{trajectory}/speed.json"))["mixed_ratio"];
         for end in ["min", "max"] {
             assert!((mixed[end].as_f64().unwrap() - 1.0).abs() < 1e-6, "{trajectory}: {mixed}");
@@ -124,7 +127,7 @@ fn a_capture_is_released_before_it_has_a_scene() {
     let scene = value("scene.json");
     assert_eq!(scene["reconstruction"], Value::Null);
     assert_eq!(scene["images"].as_array().unwrap().len(), 50);
-    // 1080x1920, through the lens that COLMAP solved; no photo is copied.
+    // 1080x1920, through the lens that COLMAP solved. No photo is copied.
     assert_eq!(scene["camera"]["undistorted_from"]["OPENCV"]["k"].as_array().unwrap().len(), 4);
     let findings = value("checks.json");
     let finding = finding(findings.as_array().unwrap(), "recon_psnr", "#mean");

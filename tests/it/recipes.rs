@@ -1,4 +1,4 @@
-//! Recipes: what they mean, and what is said when they are wrong.
+//! Recipes: their meaning, and the messages about faulty ones.
 
 mod folders;
 mod meaning;
@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 
 const FIXTURES: &str = "tests/fixtures/recipes";
 
-/// Paths are shown as they are named: relative to the repository, where tests run.
+/// Reads a file of the repository, where tests run. Messages show its path as given.
 fn read(path: &str) -> Result<Vec<Recipe>, RecipeFaults> {
     read_all(&[PathBuf::from(path)])
 }
 
-/// The one recipe of a text, written to a folder of its own.
+/// Reads the only recipe of a text, from a folder of its own.
 fn recipe(yaml: &str) -> Result<Recipe, RecipeFaults> {
     let folder = tempfile::tempdir().expect("there is room for a folder");
     let file = folder.path().join("recipe.yaml");
@@ -25,7 +25,7 @@ fn recipe(yaml: &str) -> Result<Recipe, RecipeFaults> {
     Ok(recipes.remove(0))
 }
 
-/// A sound recipe, with `more` lines.
+/// A sound recipe, with the lines `more` appended.
 fn sound(more: &str) -> Recipe {
     let yaml = format!(
         "version: 1\nscene: test\nsource: {{ procedural: {{}} }}\n\
@@ -34,7 +34,7 @@ fn sound(more: &str) -> Recipe {
     recipe(&yaml).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
 }
 
-/// What it says, without the file that says it.
+/// The recipe without its file names, so that recipes can be compared by meaning.
 fn said(recipe: Recipe) -> Recipe {
     let file = RecipeFile { path: PathBuf::new(), defaults: None };
     Recipe { file, seen: Vec::new(), named_at: Default::default(), ..recipe }
@@ -58,7 +58,7 @@ fn names(folder: &str) -> Vec<String> {
 }
 
 #[test]
-fn each_broken_recipe_is_told_in_its_words() {
+fn each_broken_recipe_has_its_message() {
     for name in names(FIXTURES).iter().filter(|name| *name != "beside-bad") {
         let faults = match read(&format!("{FIXTURES}/{name}")) {
             Ok(_) => panic!("{name} is not refused"),
@@ -69,14 +69,14 @@ fn each_broken_recipe_is_told_in_its_words() {
 }
 
 #[test]
-fn broken_files_beside_the_recipes_are_told_in_their_words() {
+fn broken_files_next_to_recipes_have_their_messages() {
     let paths = [PathBuf::from(format!("{FIXTURES}/beside-bad"))];
     let [release, sources] = [read_release(&paths).unwrap_err(), read_sources(&paths).unwrap_err()];
     snapshot("beside-bad", &format!("{}\n{}", release.render_text(), sources.render_text()));
 }
 
 #[test]
-fn each_example_of_the_specification_reads_as_it_says() {
+fn the_example_of_the_specification_has_its_message() {
     // The first row of the table of messages: position, caret, and help.
     let faults = read(&format!("{FIXTURES}/unknown-field.yaml")).unwrap_err();
     let first = faults.listed()[0].render_lines().join("\n");
@@ -87,7 +87,7 @@ fn each_example_of_the_specification_reads_as_it_says() {
 }
 
 #[test]
-fn programs_are_told_the_same() {
+fn faults_as_json_match_the_text() {
     let faults = read(&format!("{FIXTURES}/unknown-field-top.yaml")).unwrap_err();
     let lines: Vec<String> = faults.to_json().iter().map(ToString::to_string).collect();
     snapshot("json", &lines.join("\n"));

@@ -1,4 +1,5 @@
-//! The release tree: what is in it, that others read it, that it is the same everywhere, and when it is refused.
+//! The release tree: its contents, its foreign readers, its reproducibility, and the conditions of
+//! a refusal.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -48,7 +49,8 @@ fn the_tree_is_that_of_the_contract() {
             "transforms.json",
         ];
         wanted.extend(names.iter().map(|name| format!("small/one/{trajectory}/{name}")));
-        // Exposures of 15 frames are around pose 8 and every 15th from there; the frames in their middle are kept.
+        // Exposures of 15 frames are around pose 8 and every 15th from there; the frames in their
+        // middle are kept.
         let exposed: Vec<usize> = (8..poses - 8).step_by(15).collect();
         let sharp: BTreeSet<usize> = (0..poses).step_by(4).chain(exposed.clone()).collect();
         let at = |kind: &str, j: usize, end: &str| format!("small/one/{trajectory}/{kind}/{j:06}{end}");
@@ -79,7 +81,7 @@ fn b3sum_accepts_the_sums() {
         return not_run("b3sum is absent");
     };
     assert!(output.status.success(), "{}", said(&output));
-    // Every file is in it but the sums themselves.
+    // Every file is listed except the two lists of sums.
     let lines = fs::read_to_string(release().join("B3SUMS")).unwrap().lines().count();
     assert_eq!(lines + 2, read(release()).len());
 }
@@ -96,7 +98,7 @@ fn nothing_in_the_tree_says_where_or_when_it_was_made() {
 #[test]
 fn two_folders_and_numbers_of_threads_give_one_tree() {
     let folder = tempfile::tempdir().unwrap();
-    // A recipe of the same meaning: other order, other spelling, another name.
+    // A recipe of the same meaning: another order, another spelling, another file name.
     let (head, sensor) = RECIPE.split_once("sensor:").unwrap();
     let (version, head) = head.split_once('\n').unwrap();
     let (sensor, outputs) = sensor.split_once("outputs:").unwrap();
@@ -127,7 +129,7 @@ fn a_foreign_folder_is_left_alone() {
     let (code, text) = released(folder.path(), &[]);
     assert_eq!(code, Some(2), "{text}");
     assert_eq!(fs::read_to_string(at("out/thesis.tex")).unwrap(), "the only copy");
-    // An empty folder is nobody's; and a release is brought up to date, but not when something was put into it.
+    // An empty folder may be filled. A release is updated, but not if a foreign file is in it.
     fs::remove_file(at("out/thesis.tex")).unwrap();
     assert_eq!(released(folder.path(), &[]).0, Some(0));
     assert_eq!(released(folder.path(), &[]).0, Some(0));

@@ -1,5 +1,5 @@
-//! Releases and what else lies on the disk: nothing is deleted that the program did not write, whatever
-//! it is called and whenever the program is stopped.
+//! Releases and other files on the disk: the program deletes only files that it wrote, under any
+//! name and after any interruption.
 
 mod folders;
 mod races;
@@ -35,7 +35,7 @@ fn place() -> Workspace {
     let place = Workspace::new();
     place.write("r.yaml", POSES);
     for (name, bytes) in tree(&built.path(".gs2e")) {
-        // What is known of files by their paths is not known of their copies.
+        // The store's knowledge about files by path does not apply to their copies.
         if !name.starts_with("state.db") && name != "lock" && !name.starts_with("roots") {
             place.write(&format!(".gs2e/{name}"), bytes);
         }
@@ -43,14 +43,14 @@ fn place() -> Workspace {
     place
 }
 
-/// The same with a release of it at `out`.
+/// The folder of [`place`], with a release at `out`.
 fn released() -> Workspace {
     let place = place();
     place.ok("release -q --to out r.yaml");
     place
 }
 
-/// The names in the place, but for the store and its recipe.
+/// The names in the place, except the store and its recipe.
 fn beside(place: &Workspace) -> Vec<String> {
     let entries = fs::read_dir(place.path(".")).unwrap();
     let mut names: Vec<String> =
@@ -60,7 +60,7 @@ fn beside(place: &Workspace) -> Vec<String> {
     names
 }
 
-/// The one name that begins like this.
+/// The only name with this prefix.
 fn named(place: &Workspace, prefix: &str) -> String {
     let mut names = beside(place);
     names.retain(|name| name.starts_with(prefix));

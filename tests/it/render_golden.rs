@@ -1,11 +1,11 @@
-//! Both CPU renderers against images by an independent float64 renderer, which blends every pixel against
-//! every Gaussian in depth order.
+//! Both CPU renderers, compared with images by an independent float64 renderer that blends every
+//! pixel with every Gaussian in depth order.
 //!
-//! Limits (`tests/golden/render`): mean absolute error 2e-5, 99.9 % at most 1e-3, maximum 5e-3. Two float32
-//! effects lie between: a layer whose opacity is within rounding of 1/255 is blended or not (at most 1/255
-//! of a colour), and pixel positions are rounded to 6e-5 px at 1000 px. The reference computes in float64
-//! too: its mean error is below 1e-6, most of it the rounding of its images to 32 bits; its largest is a
-//! layer at 1/255 exactly.
+//! Limits (`tests/golden/render`): mean absolute error 2e-5, 99.9 % at most 1e-3, maximum 5e-3. Two
+//! effects of float32 explain them: a layer whose opacity is within rounding of 1/255 is blended or
+//! not (at most 1/255 of a colour), and pixel positions are rounded to 6e-5 px at 1000 px. The
+//! reference computes in float64 too: its mean error is below 1e-6, mostly the rounding of its
+//! images to 32 bits; its largest error is a layer at exactly 1/255.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table of differences")]
@@ -113,14 +113,15 @@ fn cases(root: &Path) -> Vec<Case> {
     serde_json::from_slice(&std::fs::read(root.join("manifest.json")).unwrap()).unwrap()
 }
 
-/// The folder of the synthetic cases, and all of them.
+/// The folder of the synthetic cases, and all cases.
 pub(super) fn synthetic() -> (PathBuf, Vec<Case>) {
     let root = golden::folder("render");
     let cases = cases(&root);
     (root, cases)
 }
 
-/// The folder of the cases of a captured scene, and all of them, where the optional test data is there.
+/// The folder of the cases of a captured scene, and all of them; `None` without the optional test
+/// data.
 pub(super) fn captured() -> Option<(PathBuf, Vec<Case>)> {
     let root = shared::path("data/golden/render")?;
     let mut cases = cases(&root);
@@ -176,7 +177,7 @@ fn meets(root: &Path, cases: &[Case]) {
         fine &= row(&case.name, "luminance", difference(found.luminance.as_ref().unwrap().pixels(), &grey));
         let alpha = npy(&root.join(format!("{golden}.alpha.npy")));
         fine &= row(&case.name, "alpha", difference(found.alpha.as_ref().unwrap().pixels(), &alpha));
-        // The counts are whole numbers that the rounding of a few opacities near 1/255 may move.
+        // The counts are whole numbers that the rounding of a few opacities near 1/255 may change.
         let near = |a: u64, b: u64| a.abs_diff(b) <= 2 + b / 100_000;
         let Stats { blended_pixels, stopped_pixels } = case.stats;
         let counts_agree = near(work.blended, blended_pixels) && near(work.stopped, stopped_pixels);
@@ -200,13 +201,13 @@ fn cases_said_to_be_the_same_have_the_same_bits() {
 }
 
 #[test]
-fn the_reference_is_the_goldens_to_their_rounding() {
+fn the_reference_meets_the_goldens_within_rounding() {
     let (root, cases) = synthetic();
     reference_meets(&root, &cases);
 }
 
 #[test]
-fn the_reference_is_the_goldens_of_a_captured_scene() {
+fn the_reference_meets_the_goldens_of_a_captured_scene() {
     let Some((root, cases)) = captured() else { return };
     reference_meets(&root, &cases);
 }

@@ -1,8 +1,9 @@
-//! The GPU renderer against the goldens, and against the CPU's.
+//! The GPU renderer, compared with the goldens and with the CPU renderer.
 //!
-//! Both keep the same rules in the same order over the same 32 bits. What differs is the rounding of quotients, roots and
-//! powers (a few units of 6e-8 on a device that does as WebGPU says) and, where it tips a decision at a threshold, one layer of
-//! one pixel: hence a mean of at most 1e-5 and 99.9 % within 1e-3.
+//! Both follow the same rules in the same order over the same 32 bits. They differ in the rounding
+//! of quotients, roots and powers (a few units of 6e-8 on a device that conforms to WebGPU). Where
+//! that tips a decision at a threshold, one layer of one pixel differs: hence a mean of at most
+//! 1e-5 and 99.9 % within 1e-3.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table of differences")]
@@ -28,7 +29,7 @@ use std::time::Duration;
 
 const ALL_RULES: [RenderRules; 4] =
     [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft];
-/// Every image of a camera that moves.
+/// Every image of a moving camera.
 const MOVING: ChannelSet = ChannelSet { flow: true, luminance_rate: true, ..ALL };
 
 fn moving(view: CameraView) -> CameraView {
@@ -72,12 +73,14 @@ fn images(rendered: &RenderedImages) -> Vec<(&'static str, Vec<f32>)> {
     ]
 }
 
-/// Differences between two images over `scale`, a heat map of them where they are too large.
+/// Compares two images relative to `scale`, and writes a heat map if they differ too much.
 fn close(name: &str, what: &str, found: &[f32], wanted: &[f32], size: Size) -> bool {
-    // Depth and flow are undefined where opacity is below one half: the same pixels but for roundings.
+    // Depth and flow are undefined where opacity is below one half: at the same pixels, except for
+    // roundings.
     let undefined = found.iter().zip(wanted).filter(|(a, b)| a.is_nan() != b.is_nan()).count();
     let mut defined = wanted.iter().copied().filter(|v| v.is_finite());
-    // Opacity and colour count as they are; what has a unit, against its largest value.
+    // Opacity and colour are compared directly; images with a unit, relative to their largest
+    // value.
     let scale = defined.by_ref().fold(1.0, |m: f32, v| m.max(v.abs()));
     let errors: Vec<f32> = found
         .iter()
@@ -98,7 +101,7 @@ fn close(name: &str, what: &str, found: &[f32], wanted: &[f32], size: Size) -> b
     fine
 }
 
-/// Writes where two images differ: black is equal, red 1e-5, yellow 1e-3, white 1e-1.
+/// Draws the differences of two images: black is equal, red 1e-5, yellow 1e-3, white 1e-1.
 fn heat(name: &str, errors: &[f32], size: Size) {
     let values = errors.len() / size.pixels();
     let colour = |errors: &[f32]| {
@@ -123,7 +126,7 @@ fn check(
     let pairs = images(&found).into_iter().zip(images(&wanted));
     let closely =
         pairs.map(|((what, a), (_, b))| close(name, what, &a, &b, view.camera.size)).collect::<Vec<_>>();
-    // Whole numbers, but for decisions at a threshold.
+    // The counts are whole numbers, which decisions at a threshold may change.
     let near = |a: u64, b: u64| a.abs_diff(b) <= 2 + b / 10_000;
     let counts = |w: &RenderWork| {
         [
@@ -163,7 +166,7 @@ fn all_met(root: &Path, cases: &[Case], device: &GpuDevice) {
     assert_eq!(missed, 0, "goldens are missed, see the table");
 }
 
-/// Within the limits of the CPU's renderer.
+/// Renders a golden case within the limits of the CPU renderer.
 fn golden(root: &Path, case: &Case, device: &GpuDevice) -> bool {
     let golden = case.same_as.as_ref().unwrap_or(&case.name);
     let (found, work) =
@@ -197,7 +200,7 @@ fn a_crowd_is_as_on_the_cpu() {
     assert!(fine, "the back ends differ, see the table");
 }
 
-/// Where a unit in the last place of 32 bits is 0.06 units long.
+/// Rendering at a distance where a unit in the last place of 32 bits is 0.06 units long.
 #[test]
 fn far_from_the_origin_nothing_is_lost() {
     let Some(device) = gpu::device() else { return };
@@ -231,7 +234,8 @@ fn a_real_scene_is_as_on_the_cpu() {
     assert!(fine.iter().all(|fine| *fine), "the back ends differ, see the table");
 }
 
-/// What does not fit a binding is cut up: the scene into parts, the image into regions. The picture is the same, bit for bit.
+/// Data too large for a binding is divided: the scene into parts, the image into regions. The
+/// picture is the same, bit for bit.
 #[test]
 fn small_bindings_change_nothing() {
     let Some(device) = gpu::device() else { return };
@@ -246,7 +250,7 @@ fn small_bindings_change_nothing() {
         assert!(bits(&found) == bits(&wanted), "{limit}");
         assert_eq!(counted, work, "{limit}");
     }
-    // One tile sees more than so few bytes hold: an error that says what for, and no picture without them.
+    // One tile needs more than these bytes: an error names the tile, and no picture is made.
     let mut gpu = GpuRenderer::new(device.clone().with_limit(1 << 12), &scene, style).unwrap();
     let error = gpu.render(&view, MOVING, &mut RenderedImages::default()).unwrap_err();
     let RenderError::Gpu(GpuError::Tile { limit, .. }) = error else { panic!("{error}") };
@@ -254,7 +258,7 @@ fn small_bindings_change_nothing() {
 }
 
 #[test]
-fn views_in_flight_are_those_made_one_by_one() {
+fn views_in_flight_equal_views_made_one_by_one() {
     let Some(device) = gpu::device() else { return };
     let scene = blob_scene(&blob_crowd(1000, 4));
     let views: Vec<CameraView> = (0..5)
@@ -286,7 +290,8 @@ fn views_in_flight_are_those_made_one_by_one() {
         println!("{times:?} of {:?}", TimedStage::ALL);
         assert!(times[TimedStage::Raster as usize] > Duration::ZERO);
     }
-    // A view that was not expected is rendered all the same, and what is expected of one that cannot be is told of it.
+    // An unexpected view is rendered all the same. Expecting a view that cannot be rendered is no
+    // error; rendering it is.
     gpu.expect(&views[0], want);
     let mut other = RenderedImages::default();
     gpu.render(&views[1], want, &mut other).unwrap();
@@ -298,7 +303,7 @@ fn views_in_flight_are_those_made_one_by_one() {
 }
 
 #[test]
-fn what_is_not_finite_is_left_out_and_counted() {
+fn gaussians_that_are_not_finite_are_omitted_and_counted() {
     let Some(device) = gpu::device() else { return };
     let mut spoilt = blob_scene(&blob_crowd(400, 5));
     spoilt.positions[1][0] = f32::NAN;
@@ -309,7 +314,7 @@ fn what_is_not_finite_is_left_out_and_counted() {
     spoilt.positions[6] = [f32::INFINITY, 0.0, 3.0];
     let view = moving(view_ahead(64, 48, 60.0));
     assert!(check(&device, "spoilt", &Arc::new(spoilt), style(RenderRules::Exact, false), &view));
-    // Nothing at all shows the background.
+    // An empty scene shows the background.
     assert!(check(&device, "empty", &Arc::new(blob_scene(&[])), style(RenderRules::Exact, false), &view));
 }
 
@@ -326,7 +331,7 @@ fn a_gpu_that_is_lost_is_an_error() {
 }
 
 #[test]
-fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_there_is() {
+fn a_scene_without_room_is_an_error_that_states_the_sizes() {
     let Some(device) = gpu::device() else { return };
     let (crowd, view) = (blob_scene(&blob_crowd(1000, 6)), view_ahead(640, 480, 600.0));
     let told = |room: u64| {
@@ -342,7 +347,7 @@ fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_ther
 }
 
 #[test]
-fn a_gpu_that_is_not_there_is_an_error_that_lists_those_that_are() {
+fn a_missing_gpu_is_an_error_that_lists_the_others() {
     let Some(device) = gpu::device() else { return };
     for (choice, wanted) in [
         (DeviceChoice::Index(99), "no GPU is number 99; there is "),

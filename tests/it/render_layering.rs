@@ -16,7 +16,7 @@ use std::sync::Arc;
 const SOFT: RenderStyle = RenderStyle { rules: RenderRules::Soft, background: [0.2, 0.1, 0.4], ..OFFICIAL };
 const BLENDED: RenderStyle = RenderStyle { order: LayerOrder::Blended, ..SOFT };
 
-/// A red and a blue layer that fill the picture, the blue one behind by this.
+/// A red and a blue layer that fill the picture, the blue one deeper by `behind`.
 fn pair(behind: f32) -> Gaussians {
     let layer = |z: f32, opacity: f64, colour: [f64; 3]| ColourBlob {
         position: [0.0, 0.0, z],
@@ -42,7 +42,7 @@ fn layers_of_one_depth_share_the_light_evenly() {
     let wanted = [0.8 * (1.0 - 0.3) + rest * 0.2, 0.6 * (1.0 - 0.4) + rest * 0.4];
     // opacities are rounded at 2^-24 and the exponential is good to 2e-7
     assert!((r - wanted[0]).abs() < 1e-6 && (b - wanted[1]).abs() < 1e-6, "{r} {b}, wanted {wanted:?}");
-    // the order in the file decides nothing
+    // the order in the file does not matter
     let swapped = blob_scene(&[0, 1].map(|k| ColourBlob {
         position: [0.0, 0.0, 4.0],
         deviations: [50.0, 50.0, 1e-4],
@@ -62,18 +62,20 @@ fn layers_that_pass_each_other_make_no_jump() {
         .collect();
     let jump =
         |which: usize| path.windows(2).map(|w| (w[1][which][0] - w[0][which][0]).abs()).fold(0.0, f64::max);
-    // Red gives way to blue by 0.8 * 0.6 in all; a step is 1e-4 / (2 * 5e-4 * 4) of the way, along a curve at most 1.5 steep.
+    // Red gives way to blue by 0.8 * 0.6 in all. A step is 1e-4 / (2 * 5e-4 * 4) of the way, along
+    // a curve with a slope of at most 1.5.
     let most = 0.8 * 0.6 * 1.5 * 1e-4 / (2.0 * 5e-4 * 4.0);
     assert!((jump(0) - 0.48).abs() < 1e-6, "in the plain order all at once: {}", jump(0));
     // positions near 4 are rounded at 2^-22, 1/400 of a step
     assert!(jump(1) <= most * 1.01, "{} of at most {most}", jump(1));
-    // 0.01 of 4 is beyond the depths that are blended: both ends are the plain order's
+    // 0.01 of 4 is beyond the depths that are blended: both ends are as in the plain order
     for end in [path[0], path[200]] {
         assert!((end[0][0] - end[1][0]).abs() < 1e-6 && (end[0][1] - end[1][1]).abs() < 1e-6);
     }
 }
 
-/// Mean and largest difference of luminance between the back ends, and of the CPU's two orders.
+/// Mean and largest difference of luminance between the back ends, and between the CPU's two
+/// orders.
 fn compare(scene: &Arc<Gaussians>, view: &CameraView) -> [[f64; 2]; 2] {
     let grey = |renderer: &mut dyn Renderer| {
         let mut out = RenderedImages::default();
@@ -106,7 +108,8 @@ fn both_back_ends_agree() {
         println!(
             "{name}: mean {mean:.1e}, largest {most:.1e}; from the plain order {moved:.1e}, {furthest:.1e}"
         );
-        // A depth rounded at 2^-24 moves the share of two layers by 1.5 / (2 * 5e-4) of that, 9e-5; limits as for goldens.
+        // A depth rounded at 2^-24 changes the share of two layers by 1.5 / (2 * 5e-4) of that,
+        // 9e-5. The limits are those of the goldens.
         assert!(mean <= 2e-5 && most <= 5e-3, "{name}: {mean:e} {most:e}");
         assert!(moved > 10.0 * mean, "{name}: the order makes a difference");
     }
@@ -135,7 +138,7 @@ fn no_bit_depends_on_threads_instructions_or_other_channels() {
 }
 
 #[test]
-fn what_is_blended_and_where_it_stops_is_the_plain_orders() {
+fn the_blended_order_blends_and_stops_as_the_plain_order() {
     let view = view_ahead(150, 90, 100.0);
     let [soft, blended] =
         [SOFT, BLENDED].map(|style| render(blob_scene(&blob_crowd(2000, 9)), style, &view).1);

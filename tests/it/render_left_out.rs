@@ -1,4 +1,5 @@
-//! What the renderer leaves out changes no bit: Gaussians that no promised view can see, harmonics that are zero.
+//! Work that the renderer omits changes no bit: Gaussians that no promised view can see, harmonics
+//! that are zero.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{
@@ -38,7 +39,7 @@ fn frame(cpu: &mut CpuRenderer, camera: Camera, world_from_camera: Se3) -> (Vec<
     (bits(&out), work)
 }
 
-/// What was not drawn, for whatever reason.
+/// Number of Gaussians not drawn, for any reason.
 fn left_out(work: &RenderWork) -> u64 {
     work.unseen + work.behind + work.degenerate + work.outside
 }
@@ -62,7 +63,7 @@ fn blobs() -> impl Strategy<Value = Vec<ColourBlob>> {
     prop::collection::vec(blob, 1..80)
 }
 
-/// Cameras of all fields of view, the principal point on the image or far off it.
+/// Cameras of all fields of view, with the principal point on the image or far off it.
 fn cameras() -> impl Strategy<Value = Camera> {
     let off = || prop_oneof![2 => Just(0.0_f64), 1 => -150.0..150.0_f64];
     (20.0..200.0_f64, 20.0..200.0_f64, off(), off()).prop_map(|(fx, fy, right, down)| {
@@ -94,7 +95,7 @@ proptest! {
     })]
 
     #[test]
-    fn what_no_pose_sees_changes_no_bit(
+    fn unseen_gaussians_change_no_bit(
         blobs in blobs(),
         camera in cameras(),
         poses in paths(),
@@ -126,7 +127,7 @@ proptest! {
     }
 }
 
-/// A walk of 300 steps along z that looks ahead and sways.
+/// A walk of 300 steps along z, looking ahead and swaying.
 fn walk() -> Vec<Se3> {
     let pose = |j: u32| {
         let s = f64::from(j) / 300.0;
@@ -139,7 +140,7 @@ fn walk() -> Vec<Se3> {
 }
 
 #[test]
-fn nearly_all_that_no_pose_sees_is_found() {
+fn nearly_all_unseen_gaussians_are_found() {
     let mut draws = ScatterDraws(5);
     let mut within = |least, most| draws.within(least, most);
     let blobs: Vec<ColourBlob> = (0..400)
@@ -154,7 +155,7 @@ fn nearly_all_that_no_pose_sees_is_found() {
     let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
     cpu.keep_to(&camera, &poses);
     let found = frame(&mut cpu, camera, poses[0]).1.unseen;
-    // each by itself at every tenth pose: what touches no tile of any is not seen
+    // each alone, at every tenth pose: a Gaussian that touches no tile of any pose is unseen
     let is_unseen = |blob: &&ColourBlob| {
         let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&[**blob])), OFFICIAL).unwrap();
         let mut out = RenderedImages::default();
@@ -165,15 +166,16 @@ fn nearly_all_that_no_pose_sees_is_found() {
     };
     let unseen = blobs.iter().filter(is_unseen).count() as u64;
     println!("{found} of {unseen} unseen ones of {}", blobs.len());
-    // what touches a pixel is never left out, so `found` counts truly unseen ones; one in fifty may be too near
+    // a Gaussian that touches a pixel is never omitted, so `found` counts truly unseen ones; one in
+    // fifty may be too near
     assert!(found <= unseen && unseen > 250, "the scene is a test: {unseen}");
     assert!(found * 50 >= unseen * 49, "{found} of {unseen}");
 }
 
 #[test]
-fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
+fn promises_are_replaced_and_an_empty_one_keeps_all() {
     let (camera, walk) = (view_ahead(64, 48, 60.0).camera, walk());
-    // none too faint for any view
+    // no Gaussian too faint for every view
     let blobs: Vec<ColourBlob> =
         blob_crowd(3000, 4).iter().map(|blob| ColourBlob { opacity: 0.7, ..*blob }).collect();
     let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&blobs)), OFFICIAL).unwrap();
@@ -192,7 +194,8 @@ fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
     assert_eq!(unseen(&[walk[0], lost]), 0, "a pose that is not finite excludes nothing");
 }
 
-/// A crowd with harmonics up to `degree`, stored with those up to `stored`: the rest are zeros of both signs.
+/// A crowd with harmonics up to `degree`, stored with those up to `stored`: the rest are zeros of
+/// both signs.
 fn harmonics(degree: u8, stored: u8) -> Gaussians {
     let mut draws = ScatterDraws(3);
     let mut scene = blob_scene(&blob_crowd(2000, 2));
@@ -230,7 +233,8 @@ fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
     }
 }
 
-/// 250 opaque layers behind a crowd, with harmonics of degree 3 of which the last are zero.
+/// 250 opaque layers behind a crowd, with harmonics of degree 3; those of the highest degree are
+/// zero.
 fn opaque() -> Gaussians {
     let layer = |k: u8| ColourBlob {
         position: [0.0, 0.0, 7.0 + 0.01 * f32::from(k)],
@@ -251,7 +255,7 @@ fn opaque() -> Gaussians {
 }
 
 #[test]
-fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
+fn omitted_work_can_be_done_and_changes_no_bit() {
     let CameraView { camera, world_from_camera, .. } = view_ahead(90, 70, 80.0);
     let scene = Arc::new(opaque());
     for rules in ALL_RULES {

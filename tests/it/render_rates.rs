@@ -1,8 +1,9 @@
-//! Rates of the picture for a moving camera: against central differences of the reference, and of one back end against
-//! the other.
+//! Rates of the picture for a moving camera, compared with central differences of the reference,
+//! and between the back ends.
 //!
-//! Where a layer passes the least opacity, a pixel stops or the order changes, luminance jumps and has no rate; there a
-//! difference over h and one over h/2 disagree, and the pixel is left out and counted.
+//! Where a layer passes the least opacity, a pixel stops or the order changes, luminance jumps and
+//! has no rate. There a difference over h and one over h/2 disagree; such pixels are omitted and
+//! counted.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the figures")]
@@ -51,7 +52,8 @@ fn after(view: &CameraView, seconds: f64) -> CameraView {
     CameraView { world_from_camera, ..*view }
 }
 
-/// Some hundred overlapping Gaussians of all shapes, a few of them nearly opaque, with harmonics of degree 2.
+/// Some hundred overlapping Gaussians of all shapes, a few of them nearly opaque, with harmonics of
+/// degree 2.
 fn crowd() -> Gaussians {
     let mut draws = ScatterDraws(11);
     let mut draw = |low: f64, high: f64| low + (high - low) * f64::from(draws.next());
@@ -77,8 +79,8 @@ fn crowd() -> Gaussians {
     scene
 }
 
-/// Errors over the larger of the wanted value and 1e-3 of the largest of all, where something changes: median and 99 %;
-/// and the share of pixels without a jump.
+/// Errors relative to the wanted value, or to 1e-3 of the largest if that is larger, where the
+/// picture changes: median and 99 %, and the share of pixels without a jump.
 fn errors(found: &[f64], wanted: &[f64], smooth: &[bool]) -> [f64; 3] {
     let largest = wanted.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     let mut errors: Vec<f64> = (0..wanted.len())
@@ -90,7 +92,7 @@ fn errors(found: &[f64], wanted: &[f64], smooth: &[bool]) -> [f64; 3] {
     [at(50), at(99), smooth.iter().filter(|s| **s).count() as f64 / wanted.len() as f64]
 }
 
-/// Central differences of the reference over `2 h`, and whether those over `h` say the same.
+/// Central differences of the reference over `2 h`, and true where those over `h` agree.
 fn differences(reference: &ReferenceRenderer, view: &CameraView, h: f64) -> (Vec<f64>, Vec<bool>) {
     let grey = |seconds: f64| -> Vec<f64> {
         reference.luminance(&after(view, seconds)).unwrap().iter().map(|[value, _]| *value).collect()
@@ -107,7 +109,8 @@ fn check(scene: &Arc<Gaussians>, view: &CameraView, style: RenderStyle) {
     let name = format!("{:?}{}", style.rules, if style.antialiased { " aa" } else { "" });
     let reference = ReferenceRenderer::new(scene.clone(), style).unwrap();
     let rates: Vec<f64> = reference.luminance(view).unwrap().iter().map(|[_, rate]| *rate).collect();
-    // In 2e-7 s nothing moves by 1e-4 px and hardly two depths change places; of differences over it f64 keeps 9 digits.
+    // In 2e-7 s nothing moves by 1e-4 px, and few pairs of depths change places. Differences over
+    // this time keep 9 digits of f64.
     let (wanted, smooth) = differences(&reference, view, 1e-7);
     let [median, most, share] = errors(&rates, &wanted, &smooth);
     println!("{name:12} reference: median {median:.1e}, 99 % {most:.1e}, smooth {share:.4}");
@@ -128,14 +131,14 @@ fn check(scene: &Arc<Gaussians>, view: &CameraView, style: RenderStyle) {
     let [median, most, _] = errors(&found, &wanted, &smooth);
     println!("{name:12} cpu:       median {median:.1e}, 99 % {most:.1e}");
     assert!(median <= 1e-4 && most <= 1e-2, "{name}");
-    // The value beside the rate is that without it, bit for bit.
+    // Luminance is the same with and without the rate, bit for bit.
     let mut alone = RenderedImages::default();
     cpu.render(view, ChannelSet { luminance: true, ..ChannelSet::default() }, &mut alone).unwrap();
     assert!(out.luminance == alone.luminance, "{name}");
     flow_is_the_way_over_time(view, &out);
 }
 
-/// The flow is the displacement of the pixel's point over a short time.
+/// Checks that the flow is the displacement of the pixel's point over a short time.
 fn flow_is_the_way_over_time(view: &CameraView, out: &RenderedImages) {
     let depth = out.depth.as_ref().unwrap();
     let seconds = 1e-4;
@@ -149,7 +152,8 @@ fn flow_is_the_way_over_time(view: &CameraView, out: &RenderedImages) {
         .collect();
     errors.sort_by(f32::total_cmp);
     let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 99 / 100]);
-    // The way is the flow to first order of the time: 1e-4 s of a second order as large as the first.
+    // The displacement is the flow to first order of the time: 1e-4 s of a second order as large as
+    // the first.
     assert!(median <= 1e-4 && most <= 1e-2, "{median:e} {most:e}");
     assert!(flow.iter().zip(depth.pixels()).all(|([x, _], z)| x.is_nan() == z.is_nan()));
 }

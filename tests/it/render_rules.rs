@@ -1,4 +1,4 @@
-//! The renderer's rules against closed forms.
+//! The renderer's rules, compared with closed forms.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_scene, render, view_ahead};
@@ -30,7 +30,8 @@ fn a_round_gaussian_on_the_axis_has_its_profile() {
         for y in 0..81 {
             for x in 0..101 {
                 let square = (f64::from(x) - 50.0).powi(2) + (f64::from(y) - 40.0).powi(2);
-                // both rules hold the whole disc down to 1/255: 32.7 px; official's square is 16-px tiles beyond 31
+                // both rules keep the whole disc down to 1/255: 32.7 px; official's square is 16-px
+                // tiles beyond 31
                 let wanted = layer(0.8, variance, square);
                 let alpha = f64::from(at(found.alpha.as_ref(), x, y));
                 // the exponent, up to 5.3, carries a few roundings of 6e-8; 1 - T rounds at 6e-8
@@ -42,11 +43,13 @@ fn a_round_gaussian_on_the_axis_has_its_profile() {
 
 #[test]
 fn official_extents_end_with_the_tiles_of_three_deviations() {
-    // deviation 10 px: r = ceil(3 sqrt(100.3 + sqrt .1)) = 31 from pixel 50 reaches tiles 1 (16..) to 5 (..95) in x;
-    // opacity 0.99 would reach 33.3 px, to columns 17..83, inside. At 45 px the tiles begin at 0 instead.
+    // deviation 10 px: r = ceil(3 sqrt(100.3 + sqrt .1)) = 31 from pixel 50 reaches tiles 1 (16..)
+    // to 5 (..95) in x; opacity 0.99 would reach 33.3 px, to columns 17..83, inside. At 45 px the
+    // tiles begin at 0 instead.
     let blob = ColourBlob { deviations: [0.4; 3], opacity: 0.999, ..ColourBlob::default() };
     let mut view = view_ahead(160, 160, 100.0);
-    // the mean on pixel 47: 47 - 31 = 16 starts exactly with tile 1, which leaves out pixel 15 at 32 px
+    // the mean on pixel 47: 47 - 31 = 16 starts exactly with tile 1, which excludes pixel 15 at 32
+    // px
     (view.camera.cx, view.camera.cy) = (47.5, 47.5);
     let [official, exact] = [OFFICIAL, EXACT].map(|style| render(blob_scene(&[blob]), style, &view).0);
     let alpha = |image: &RenderedImages, x| f64::from(at(image.alpha.as_ref(), x, 47));
@@ -71,7 +74,7 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
         ..ColourBlob::default()
     };
     let style = RenderStyle { background: [0.2, 0.4, 0.8], ..OFFICIAL };
-    // written far first: depth decides, not the file
+    // the far one is written first: depth decides, not the file
     let (found, _) = render(blob_scene(&[far, near]), style, &view_ahead(33, 33, 100.0));
     let centre = at(found.rgb.as_ref(), 16, 16);
     for (c, found) in centre.into_iter().enumerate() {
@@ -82,7 +85,7 @@ fn nearer_gaussians_are_blended_first_over_the_background() {
     let depth = at(found.depth.as_ref(), 16, 16);
     let wanted = (0.6 * 2.0 + 0.4 * 0.7 * 5.0) / (0.6 + 0.4 * 0.7);
     assert!((f64::from(depth) - wanted).abs() < 2e-6, "{depth} for {wanted}");
-    // a corner that neither reaches shows the background and has no depth
+    // a corner that neither Gaussian reaches shows the background and has no depth
     assert_eq!(at(found.rgb.as_ref(), 0, 0).map(f32::to_bits), style.background.map(f32::to_bits));
     assert!(at(found.depth.as_ref(), 0, 0).is_nan());
 }
@@ -112,7 +115,8 @@ fn equal_depths_follow_the_file() {
 
 #[test]
 fn a_pixel_stops_before_the_layer_that_would_leave_too_little() {
-    // capped at 0.99, two layers leave 1e-4 less a rounding: the second is not blended, nor any after it
+    // capped at 0.99, two layers leave 1e-4 less a rounding: the second is not blended, nor any
+    // later one
     let blob = |z| ColourBlob {
         position: [0.0, 0.0, z],
         deviations: [1.0; 3],
@@ -150,7 +154,7 @@ fn channels_are_clamped_below_zero_before_luminance_and_never_above_one() {
 }
 
 #[test]
-fn what_is_left_out_is_counted() {
+fn omitted_gaussians_are_counted() {
     let here = ColourBlob::default();
     let blobs = [
         here,
@@ -201,7 +205,7 @@ fn an_empty_scene_shows_the_background() {
 }
 
 #[test]
-fn only_what_is_wanted_is_made() {
+fn only_requested_images_are_made() {
     let mut cpu = CpuRenderer::new(Arc::new(blob_scene(&[ColourBlob::default()])), OFFICIAL).unwrap();
     let mut out = RenderedImages::default();
     cpu.render(&view_ahead(8, 8, 10.0), ALL, &mut out).unwrap();

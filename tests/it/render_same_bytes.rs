@@ -1,4 +1,5 @@
-//! What must not change a rendered bit: threads, frames rendered before, other images asked for.
+//! Circumstances that must not change a rendered bit: threads, earlier frames, other requested
+//! images.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
@@ -43,7 +44,8 @@ fn the_number_of_threads() {
     assert_eq!(one, four);
 }
 
-/// Every channel of a moving camera under all rules, by every instruction set of this machine.
+/// Compares every channel of a moving camera under all rules, between all instruction sets of this
+/// machine.
 #[test]
 fn the_instruction_set() {
     let scene = Arc::new(blob_scene(&blob_crowd(GAUSSIANS, 1)));
@@ -126,15 +128,15 @@ fn luminance_is_that_of_the_colour_up_to_rounding() {
     }
 }
 
-/// Tiles are looked at after every 64 of their splats. A wall of opacity 0.95 leaves 0.05, 0.0025 and
-/// 0.000125 of the light; its fourth layer would leave less than 0.0001, so that every pixel is finished
-/// there.
+/// Tiles are checked after every 64 of their splats. A wall of opacity 0.95 leaves 0.05, 0.0025 and
+/// 0.000125 of the light; its fourth layer would leave less than 0.0001, so that every pixel is
+/// finished there.
 #[test]
-fn what_lies_behind_finished_tiles() {
+fn layers_behind_finished_tiles() {
     const LAYERS: usize = 200;
     const LOOK: usize = 64;
-    // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by 1e-4 of itself towards
-    // the corners
+    // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by a share of 1e-4
+    // towards the corners
     let layer = |k: usize, x: f32, deviation: f32| ColourBlob {
         position: [x, 0.0, 4.0 + 0.01 * k as f32],
         deviations: [deviation; 3],
@@ -150,7 +152,8 @@ fn what_lies_behind_finished_tiles() {
     let (seen, rest) = render(blob_scene(&wall[..LOOK]), OFFICIAL, &view);
     assert_eq!((bits(&image), rest.hidden), (bits(&seen), 0));
 
-    // dots of 2 px about (8, 8): the left tile keeps its light at the edges, and nothing is hidden there
+    // dots of 2 px about (8, 8): the left tile keeps its light at the edges, and nothing is hidden
+    // there
     let dots: Vec<ColourBlob> =
         (0..LAYERS).map(|k| layer(k, -8.0 * (4.0 + 0.01 * k as f32) / 100.0, 0.08)).collect();
     let (_, work) = render(blob_scene(&dots), RenderStyle { rules: RenderRules::Exact, ..OFFICIAL }, &view);

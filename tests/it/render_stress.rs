@@ -1,5 +1,5 @@
-//! The CPU renderer where its lists are short of room. What the back ends do at the edges of their arithmetic is in
-//! `gs2e stress` (`stress.rs`).
+//! The CPU renderer with little room for its lists. The back ends' behaviour at the limits of their
+//! arithmetic is tested in `gs2e stress` (`stress.rs`).
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::cast_possible_truncation, reason = "the counts of these scenes fit every type")]
 
@@ -28,7 +28,7 @@ fn bits(image: &RenderedImages) -> Vec<u32> {
     grey.chain(colour).map(|v| v.to_bits()).collect()
 }
 
-/// Whatever the lists may hold at once, down to one entry: the same picture, and the same counts.
+/// Any limit of the lists, down to one entry, gives the same picture and the same counts.
 #[test]
 fn lists_in_bands_give_the_same_bits() {
     let (scene, view) = scenes::askew_crowd(3000);
@@ -39,7 +39,7 @@ fn lists_in_bands_give_the_same_bits() {
         assert!(whole.1.tile_pairs > 10_000, "the scene is a test: {:?}", whole.1);
         for budget in [1, 100, 3000, whole.1.tile_pairs as usize - 1, whole.1.tile_pairs as usize] {
             renderer.set_list_budget(budget);
-            // twice: what the frame before left is no part of this one
+            // twice: leftovers of the previous frame must not enter this one
             for _ in 0..2 {
                 let banded = image(&mut renderer, &view);
                 assert!((bits(&banded.0), banded.1) == (bits(&whole.0), whole.1), "{budget}, {rules:?}");
@@ -48,7 +48,8 @@ fn lists_in_bands_give_the_same_bits() {
     }
 }
 
-/// Giants over a large picture have ten times the entries of the budget. Each pixel shows the first two of them.
+/// Giants over a large picture have ten times the entries of the budget. Each pixel shows the first
+/// two of them.
 #[test]
 fn giants_over_a_large_picture() {
     let (edge, n) = (2048, 6000);
@@ -58,11 +59,11 @@ fn giants_over_a_large_picture() {
     let work = cpu(&scene, OFFICIAL).render(&view, want, &mut out).unwrap();
     assert_eq!(work.tile_pairs, n as u64 * u64::from(edge / 16).pow(2));
     let pixels = u64::from(edge).pow(2);
-    // 0.1 cubed is above 1e-4, its fourth power is just there: three or four layers
+    // 0.1 cubed is above 1e-4, and its fourth power is just at it: three or four layers
     assert_eq!(work.stopped, pixels);
     let grey = out.luminance.unwrap();
     let middle = grey.pixels()[(edge / 2 * edge + edge / 2) as usize];
-    // 0.9 of each layer's 0.587 x 0.5 + 0.114 and, of the later ones, a little red; the first is not red
+    // 0.9 of each layer's 0.587 x 0.5 + 0.114 and, in all but the first, a little red
     assert!((f64::from(middle) / (0.999 * 0.4075) - 1.0).abs() < 2e-3, "{middle}");
     assert!((3 * pixels..=4 * pixels).contains(&work.blended), "{}", work.blended);
 }

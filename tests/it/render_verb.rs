@@ -18,17 +18,18 @@ const FOCAL: f64 = 100.0;
 const DEPTH: f64 = 4.0;
 const COLOUR: [f64; 3] = [1.6, 0.3, 0.0];
 const BACKGROUND: [f64; 3] = [0.2, 0.4, 0.75];
-/// The same in 32 bits.
+/// The background in 32 bits.
 const BEHIND: [f32; 3] = [0.2, 0.4, 0.75];
 /// Opacity of the planted Gaussian.
 const OPACITY: f64 = 0.8;
-/// Its variance on the image: a deviation of 0.4 at depth 4 is 10 px, and both variances are dilated by 0.3.
+/// Variance of the planted Gaussian on the image: a deviation of 0.4 at depth 4 is 10 px, and both
+/// variances are dilated by 0.3.
 const VARIANCE: f64 = 100.3;
 
-/// World to camera, as [`camera`] says it: `(z + 1, y + 2, 3 - x)`.
+/// World to camera, as in [`camera`]: `(z + 1, y + 2, 3 - x)`.
 const ROTATION: [[i32; 3]; 3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]];
 const TRANSLATION: [i32; 3] = [1, 2, 3];
-/// What [`ROTATION`] and [`TRANSLATION`] put on the optical axis at [`DEPTH`].
+/// The point that [`ROTATION`] and [`TRANSLATION`] put on the optical axis at [`DEPTH`].
 const POSITION: [f32; 3] = [-1.0, -2.0, -1.0];
 
 /// A round Gaussian that the camera sees in the middle of the picture.
@@ -47,9 +48,10 @@ fn camera() -> Value {
         "R": ROTATION, "t": TRANSLATION })
 }
 
-/// The same view and one that sees nothing, as a `transforms.json`: camera to world, y up and z back.
+/// The view of [`camera`] and an empty one, as a `transforms.json`: camera to world, y up and z
+/// back.
 fn transforms() -> Value {
-    // The inverse of `R` and `t`, its second and third column turned: centre `(3, -2, -1)`.
+    // The inverse of `R` and `t`, with the second and third column negated: centre `(3, -2, -1)`.
     let seeing = json!([[0, 0, 1, 3], [0, -1, 0, -2], [1, 0, 0, -1], [0, 0, 0, 1]]);
     let away = json!([[1, 0, 0, 0], [0, -1, 0, 900], [0, 0, -1, 0], [0, 0, 0, 1]]);
     json!({ "w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": 50.5, "cy": 40.5, "frames": [
@@ -58,7 +60,8 @@ fn transforms() -> Value {
     ] })
 }
 
-/// A `.ply` as other programs write it: without the note on what was left out before, which reading would believe.
+/// A `.ply` as other programs write it: without the note on earlier screening, which the reader
+/// would trust.
 fn ply_bytes(scene: &Gaussians) -> Vec<u8> {
     const NOTE: &[u8] = b"gs2e screening";
     let mut bytes = Vec::new();
@@ -86,18 +89,18 @@ fn npy(bytes: &[u8]) -> (Vec<u64>, Vec<f32>) {
     (file.shape().to_vec(), file.into_vec().unwrap())
 }
 
-/// What `new.npy` holds after the verb has run with these further arguments.
+/// The array in `new.npy` after a run of the verb with additional arguments.
 fn array(place: &Workspace, args: &str) -> (Vec<u64>, Vec<f32>) {
     place.ok(&format!("{RIGHT} {args}"));
     npy(&fs::read(place.path("new.npy")).unwrap())
 }
 
-/// From the middle of the picture to the middle of a pixel.
+/// Offset from the middle of the picture to the middle of a pixel.
 fn from_middle(i: usize) -> [f64; 2] {
     [(i % WIDTH) as f64 - 50.0, (i / WIDTH) as f64 - 40.0]
 }
 
-/// Opacity at a pixel: profile and cut.
+/// Opacity at a pixel, with profile and cut.
 fn alpha(i: usize) -> f64 {
     let [dx, dy] = from_middle(i);
     let alpha = OPACITY * (-(dx * dx + dy * dy) / (2.0 * VARIANCE)).exp();
@@ -112,7 +115,7 @@ fn mixed(alpha: f64) -> [f64; 3] {
     [0, 1, 2].map(|c| alpha * COLOUR[c] + (1.0 - alpha) * BACKGROUND[c])
 }
 
-/// The camera's velocity in the tests of rates, and what it makes of the point on the axis: `-v - w x X`.
+/// The camera's velocity in the tests of rates. A point moves by `-v - w x X` in the camera.
 const VELOCITY: &str = "--velocity 0.6,-0.3,0,0.2,0.7,-0.5";
 const LINEAR: [f64; 3] = [0.6, -0.3, 0.0];
 const ANGULAR: [f64; 3] = [0.2, 0.7, -0.5];
@@ -124,14 +127,16 @@ fn rate_of([x, y, z]: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| -LINEAR[k] - turned[k])
 }
 
-/// Rate of luminance: a round Gaussian on the axis that moves across it keeps its shape to first order.
+/// Rate of luminance: a round Gaussian on the axis that moves across it keeps its shape to first
+/// order.
 fn luminance_rate(i: usize) -> f64 {
     let [dx, dy] = from_middle(i);
     let [vx, vy, _] = rate_of([0.0, 0.0, DEPTH]).map(|v| v * FOCAL / DEPTH);
     alpha(i) * (dx * vx + dy * vy) / VARIANCE * (luminance(COLOUR) - luminance(BACKGROUND))
 }
 
-/// How fast a pixel's point moves on the image, by a central difference over 2e-4 s of the point's straight motion.
+/// Image velocity of a pixel's point, by a central difference over 2e-4 s of the point's straight
+/// motion.
 fn flow(i: usize) -> [f64; 2] {
     let [dx, dy] = from_middle(i);
     let point = [dx * DEPTH / FOCAL, dy * DEPTH / FOCAL, DEPTH];
@@ -144,13 +149,14 @@ fn flow(i: usize) -> [f64; 2] {
     [(b[0] - a[0]) / 2e-4, (b[1] - a[1]) / 2e-4]
 }
 
-/// Both back ends against closed forms, every channel at every pixel.
+/// Compares both back ends with closed forms, in every channel and at every pixel.
 #[test]
 fn the_planted_gaussian_has_its_closed_form_in_every_channel() {
     let place = workspace();
-    // Opacity carries a few roundings of 6e-8 on an exponent of at most 5.3; a colour of up to 1.6 carries as many.
-    // Depth adds two of 2e-7. A rate is up to 4 1/s times the same; flow is up to 200 px/s, with the depth's rounding
-    // in it, and the difference's own error is 1e-8 of the rate's cube.
+    // Opacity carries a few roundings of 6e-8 on an exponent of at most 5.3; a colour of up to 1.6
+    // carries equally many. Depth adds two of 2e-7. A rate is up to 4 1/s times the same. Flow is
+    // up to 200 px/s, including the depth's rounding, and the difference's own error is 1e-8 of the
+    // rate's cube.
     let t = |channel: &str, last: Option<u64>, limit: f64, wanted: &dyn Fn(usize) -> Vec<f64>| {
         for backend in ["cpu", "reference"] {
             let velocity = if ["flow", "luminance-rate"].contains(&channel) { VELOCITY } else { "" };
@@ -167,7 +173,8 @@ fn the_planted_gaussian_has_its_closed_form_in_every_channel() {
             }
         }
     };
-    // No pixel's opacity lies within 1e-4 of one half, so that both sides agree on where depth is.
+    // No pixel's opacity is within 1e-4 of one half, so that both sides define depth at the same
+    // pixels.
     assert!((0..WIDTH * HEIGHT).all(|i| (alpha(i) - 0.5).abs() > 1e-4));
     let seen = |i: usize, value: f64| if alpha(i) < 0.5 { f64::NAN } else { value };
     t("rgb", Some(3), 2e-6, &|i| mixed(alpha(i)).to_vec());
@@ -180,7 +187,7 @@ fn the_planted_gaussian_has_its_closed_form_in_every_channel() {
 
 /// Without further options: colour by the published rules over black, not antialiased.
 #[test]
-fn what_is_left_out_is_usual() {
+fn absent_options_have_the_usual_values() {
     let place = workspace();
     place.ok("render --scene one.ply --view camera.json --out usual.npy");
     let spelled = "--rules official --channel rgb --background 0,0,0 --backend auto --index 0";
@@ -195,7 +202,7 @@ fn what_is_left_out_is_usual() {
     }
 }
 
-/// A compensated opacity is weaker by the root of the determinants' ratio.
+/// A compensated opacity is weaker by the square root of the determinants' ratio.
 #[test]
 fn the_antialiased_rule_is_the_files_or_forced() {
     let place = workspace();
@@ -217,9 +224,10 @@ fn the_antialiased_rule_is_the_files_or_forced() {
     }
 }
 
-/// A layer of one grey step is cut by the others and halved by the soft rules, whose ramp is centred there.
+/// A layer of one grey step is cut by the other rules and halved by the soft rules, whose ramp is
+/// centred there.
 #[test]
-fn every_rule_can_be_asked_for() {
+fn every_rule_can_be_selected() {
     let place = workspace();
     let faint = 1.0 / 255.0;
     let above = ColourBlob { opacity: faint * 1.001, ..planted() };
@@ -239,7 +247,7 @@ fn pictures_of_bytes_are_the_numbers_clipped() {
         let (shape, values) = array(&place, &format!("--channel {channel}"));
         place.ok(&RIGHT.replace("new.npy", &format!("new.PNG --channel {channel}")));
         let file = fs::read(place.path("new.PNG")).unwrap();
-        // The colour type stands in the header: 2 is colour, 0 grey.
+        // Byte 25 of the header is the colour type: 2 is colour, 0 grey.
         assert_eq!(file[25], colour_type, "{channel}");
         let image = png::read_rgb(Cursor::new(&file)).unwrap();
         let wanted: Vec<u8> = match shape.len() {
@@ -247,7 +255,7 @@ fn pictures_of_bytes_are_the_numbers_clipped() {
             _ => values.iter().flat_map(|v| [to_byte(*v); 3]).collect(),
         };
         assert!(image.pixels().as_flattened() == wanted, "{channel}");
-        // The rule itself, on 1.36, 0.32 and 0.15 in the middle, and on the background.
+        // Checks the rule itself, on 1.36, 0.32 and 0.15 in the middle, and on the background.
         if channel == "rgb" {
             let middle = image.pixels()[40 * WIDTH + 50];
             assert_eq!(middle, [255, 82, 38]);
@@ -256,7 +264,7 @@ fn pictures_of_bytes_are_the_numbers_clipped() {
     }
 }
 
-/// A view is the same in whatever file it stands; views of a capture are counted in natural order from 0.
+/// A view is the same in every file format; views of a capture are counted in natural order from 0.
 #[test]
 fn views_are_found_in_files_and_folders() {
     let place = workspace();
@@ -267,10 +275,10 @@ fn views_are_found_in_files_and_folders() {
         let ended = place.ok(&format!("{args} --index 1"));
         assert!(ended.stderr.contains("\nrgb of view 10.jpg, 101x81, by cpu/"), "{}", ended.stderr);
         let found = npy(&fs::read(place.path("new.npy")).unwrap()).1;
-        // Poses pass through a quaternion, with roundings of 1e-15 px: nothing that 32 bits of a colour would hold but a
-        // rounding.
+        // Poses pass through a quaternion, with roundings of 1e-15 px, which change 32 bits of a
+        // colour by a rounding at most.
         assert!(found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{view}");
-        // Index 0 is the default, and `view 9` comes before `view 10`; it looks elsewhere.
+        // Index 0 is the default. `view 9` comes before `view 10`, and looks elsewhere.
         let ended = place.ok(&args);
         assert!(ended.stderr.contains("warning: no Gaussian is in the picture"), "{}", ended.stderr);
         let found = npy(&fs::read(place.path("new.npy")).unwrap()).1;
@@ -289,15 +297,16 @@ fn equal_pictures_are_equal_bytes() {
     };
     let first = file("");
     assert!(first == file("-j 1") && first == file("-j 3 --backend cpu --json -q"));
-    // To stdout too, and nothing else is there.
+    // Output to stdout is the same file and nothing else.
     let output = place.command(&RIGHT.replace("new.npy", "-")).output().unwrap();
     assert!(output.status.success() && output.stdout == first);
 }
 
 #[test]
-fn people_are_told_what_was_drawn() {
+fn the_drawing_is_reported_to_users() {
     let place = workspace();
-    // Behind the camera; beside the picture; not finite; half as deep as far.
+    // One behind the camera; one outside the picture; two not finite; one half as deep as it is
+    // far.
     let blobs = [
         planted(),
         ColourBlob { position: [9.0, -2.0, -1.0], ..planted() },
@@ -323,7 +332,7 @@ fn people_are_told_what_was_drawn() {
     }
     let quiet = place.ok(&format!("{RIGHT} -q"));
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
-    // A velocity that nothing depends on is told, and changes nothing.
+    // A velocity that does not affect the picture is reported, and changes nothing.
     let before = fs::read(place.path("new.npy")).unwrap();
     let told = place.ok(&format!("{RIGHT} {VELOCITY}")).stderr;
     assert!(told.contains("warning: rgb does not depend on --velocity"), "{told}");
@@ -333,7 +342,7 @@ fn people_are_told_what_was_drawn() {
 }
 
 #[test]
-fn a_view_that_is_not_what_it_says_is_told() {
+fn an_inexact_view_is_reported() {
     let place = workspace();
     let mut bent = transforms();
     bent["k1"] = json!(0.1);
@@ -357,7 +366,8 @@ fn programs_get_one_object() {
     let seconds = told["seconds"].take();
     assert!(["read", "render"].iter().all(|part| seconds[part].as_f64().unwrap() > 0.0));
     assert!(told["backend"].take().as_str().unwrap().starts_with("cpu/"));
-    // 31 px around (50.5, 40.5) reach columns 1 to 5 and rows 0 to 4 of tiles; a corner may be out of reach.
+    // 31 px around (50.5, 40.5) reach columns 1 to 5 and rows 0 to 4 of tiles; a corner may be out
+    // of reach.
     let pairs = told["work"]["tile_pairs"].take().as_u64().unwrap();
     assert!((21..=25).contains(&pairs), "{pairs}");
     // Every pixel within the disc of opacity 1/255 blends the one layer.

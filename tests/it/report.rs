@@ -1,4 +1,5 @@
-//! `report.html`: one page that needs nothing but itself, says only what the release says, and takes every string for text.
+//! `report.html`: one page that is self-contained, agrees with the release, and treats every string
+//! as text.
 
 use crate::release::small;
 use crate::restricted;
@@ -7,7 +8,8 @@ use roxmltree::{Document, Node, ParsingOptions};
 use std::fs;
 use std::path::Path;
 
-/// The page, which must be XML too: every element closed, every value quoted, every character one that a page may hold.
+/// Parses the page, which must be XML too: every element closed, every value quoted, every
+/// character allowed.
 fn parsed(page: &str) -> Document<'_> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     Document::parse_with_options(page, options).unwrap()
@@ -25,18 +27,18 @@ fn text(node: Node<'_, '_>) -> String {
     node.descendants().filter(Node::is_text).map(|n| n.text().unwrap()).collect()
 }
 
-/// The whole text of a page but for its style sheet.
+/// The whole text of a page except its style sheet.
 fn words(page: &Document<'_>) -> String {
     text(elements(page, "body").next().unwrap())
 }
 
-/// The pictures of frames and events below a node; those of checks are as many as the checks make.
+/// Number of pictures of frames and events below a node. Pictures of checks are not counted.
 fn views(node: Node<'_, '_>) -> usize {
     let of_check = |n: &Node<'_, '_>| n.attribute("alt").is_some_and(|alt| alt.starts_with("check "));
     node.descendants().filter(|n| n.has_tag_name("img") && !of_check(n)).count()
 }
 
-/// What a link means, `%XX` read back.
+/// A link's address, with `%XX` decoded.
 fn decoded(address: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = address.as_bytes();
@@ -52,8 +54,8 @@ fn decoded(address: &str) -> String {
     String::from_utf8(bytes).unwrap()
 }
 
-/// Holds a page against the tree that it lies in: links lead to files or to parts of the page, pictures are inside, nothing is
-/// run or fetched, and what an id names is there once.
+/// Checks a page with its tree: links lead to files or to parts of the page, pictures are embedded,
+/// nothing is run or fetched, and ids are unique.
 fn sound(tree: &Path) -> String {
     let source = page_of(tree);
     let page = parsed(&source);
@@ -91,7 +93,7 @@ fn sound(tree: &Path) -> String {
 }
 
 #[test]
-fn the_page_stands_alone_and_its_links_hold() {
+fn the_page_is_self_contained_and_its_links_hold() {
     let source = sound(small::release());
     let page = parsed(&source);
     let policy =
@@ -101,7 +103,8 @@ fn the_page_stands_alone_and_its_links_hold() {
         policy.starts_with("default-src 'none'; style-src 'sha256-") && !policy.contains("unsafe"),
         "{policy}"
     );
-    // A frame in the table; of each of the two trajectories a sharp frame, a blurred one and events.
+    // A frame in the table; a sharp frame, a blurred one and events of each of the two
+    // trajectories.
     assert_eq!(views(page.root()), 1 + 2 * 3);
     assert!(source.contains("alt=\"check event_frame"), "a picture of what a check saw");
     assert_eq!(elements(&page, "article").count(), 2);
@@ -119,7 +122,7 @@ fn the_policy_names_the_style_sheet_that_is_there() {
     let source = page_of(small::release());
     let page = parsed(&source);
     let sheet = text(elements(&page, "style").next().unwrap());
-    // Base 64 by another hand: six bits a digit.
+    // Base 64 computed independently: six bits per digit.
     let bits: String = Sha256::digest(sheet.as_bytes()).iter().map(|b| format!("{b:08b}")).collect();
     let digits: Vec<char> = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']).collect();
     let digit = |six: &[u8]| {
@@ -131,7 +134,7 @@ fn the_policy_names_the_style_sheet_that_is_there() {
 }
 
 #[test]
-fn the_page_says_what_the_records_say() {
+fn the_page_agrees_with_the_records() {
     let tree = small::release();
     let source = page_of(tree);
     let page = parsed(&source);
@@ -168,11 +171,11 @@ fn the_page_says_what_the_records_say() {
     }
 }
 
-/// Strings that a page must not take for markup, as far as a recipe can bring them.
+/// Strings that a page must not treat as markup, as far as a recipe can contain them.
 const WICKED: &str =
     "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & \u{202e}desrever";
 
-/// As the page tells it.
+/// [`WICKED`] as the page shows it.
 const TOLD: &str =
     "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & [U+202E]desrever";
 
@@ -186,7 +189,7 @@ outputs: [events, sharp]
 ";
 
 #[test]
-fn whatever_a_recipe_says_is_text() {
+fn texts_of_a_recipe_stay_text() {
     let place = Workspace::new();
     let quoted = serde_json::to_string(WICKED).unwrap();
     place.write(
@@ -212,7 +215,7 @@ fn whatever_a_recipe_says_is_text() {
         8,
         "name, description, creator, holder twice, waiver twice, citation"
     );
-    // Read as a browser would where it forgives: no tag of a recipe, in any spelling.
+    // As a lenient browser would read it: no tag of a recipe, in any spelling.
     assert!(!source.to_lowercase().contains("<script") && !source.contains("\u{202e}"));
     assert_eq!(source.matches("</style>").count(), 1);
 }
@@ -230,7 +233,7 @@ fn two_releases_of_one_set_of_recipes_are_the_same_page() {
 }
 
 #[test]
-fn of_a_scene_that_is_withheld_no_pixel_is_shown() {
+fn a_withheld_scene_shows_no_pixel() {
     let place = restricted::place();
     place.ok("release --to tree recipes");
     let source = sound(&place.path("tree"));

@@ -1,4 +1,5 @@
-//! Scenes of datasets whose terms forbid passing on: released as recipe, poses and reports, or by the releaser's word.
+//! Scenes of datasets whose terms forbid passing on: released as recipe, poses and reports, or with
+//! the holder's permission.
 
 use crate::release::small::{edit, reseal};
 use crate::sources::datasets::Generator;
@@ -17,7 +18,7 @@ outputs: [events, sharp]
 licence: { expression: CC-BY-4.0, holder: a test }
 ";
 
-/// A dataset of one instance with its recipe, and a scene of the user's own beside it.
+/// A dataset of one instance with its recipe, and a scene of the user's own.
 pub(crate) fn place() -> Workspace {
     let place = Workspace::new();
     let scene = given::ply(|_, value| value);
@@ -39,7 +40,7 @@ fn scene(place: &Workspace) -> Value {
 }
 
 #[test]
-fn without_a_word_no_likeness_is_passed_on() {
+fn without_permission_no_picture_is_released() {
     let place = place();
     let ended = place.ok("release --to tree recipes");
     assert!(ended.stderr.contains("mvimgnet forbids passing on what is made from it"), "{}", ended.stderr);
@@ -71,7 +72,7 @@ fn without_a_word_no_likeness_is_passed_on() {
 }
 
 #[test]
-fn the_releasers_word_is_released_with_the_scene() {
+fn the_permission_is_released_with_the_scene() {
     let place = place();
     place.write(
         "recipes/sources.yaml",
@@ -85,7 +86,7 @@ fn the_releasers_word_is_released_with_the_scene() {
     assert_eq!(scene["licence"]["redistribution"], "a letter of 2025-01-01");
     assert_eq!((&scene["licence"]["withheld"], &scene["licence"]["gated"]), (&Value::Null, &true.into()));
     place.ok("audit tree");
-    // No photo of the dataset is in it, by any name.
+    // No photo of the dataset is in the tree, under any name.
     let photo = &scene["images"][0]["sha256"].as_str().unwrap();
     assert!(!fs::read_to_string(place.path("tree/SHA256SUMS")).unwrap().contains(photo));
 }
@@ -93,7 +94,7 @@ fn the_releasers_word_is_released_with_the_scene() {
 const UPSTREAM: &str = "licence: { expression: CC0-1.0, holder: a test, upstream: CC-BY-4.0";
 const EVIDENCE: &str = "evidence: { granted_by: the project for this scene, url: \"https://example.org/letter\", date: 2025-06-01 }";
 
-/// A place whose recipes state these terms, and take photos alone.
+/// A place whose recipes state these terms and use only photos.
 fn stating(licence: &str) -> Workspace {
     let place = Workspace::new();
     Generator::new().mvimgnet(&place.path("data"), 0, 1, &given::ply(|_, value| value));
@@ -103,9 +104,9 @@ fn stating(licence: &str) -> Workspace {
     place
 }
 
-/// What a paper on the data says of their terms is no reason: their holder's word is.
+/// A paper's statement about the terms is not enough: the holder's grant is.
 #[test]
-fn other_terms_than_the_upstreams_take_evidence() {
+fn terms_other_than_those_of_the_upstream_need_evidence() {
     for (licence, wanted) in [
         (format!("{UPSTREAM} }}"), "licence-forbidden without evidence"),
         (format!("{UPSTREAM}, evidence: {{}} }}"), "granted_by"),
@@ -119,7 +120,7 @@ fn other_terms_than_the_upstreams_take_evidence() {
         assert_eq!(ended.code, 2, "{licence}: {}", ended.stderr);
         assert!(ended.stderr.contains(wanted), "{licence}: {}", ended.stderr);
     }
-    // What is one's own has no upstream that could grant anything.
+    // A user's own scene has no upstream that could grant anything.
     let place = Workspace::with_tiny();
     place.write("own.yaml", format!("{TINY}{UPSTREAM}, {EVIDENCE} }}\n"));
     let ended = place.gs2e("plan own.yaml");
@@ -139,7 +140,7 @@ fn a_known_program_has_its_own_terms() {
     for (licence, wanted) in [
         ("MIT", "3D Gaussian Splatting is under LicenseRef-Inria-MPII-3DGS (licence-forbidden)"),
         ("CC BY MIT", "is no SPDX expression"),
-        // The recipe is sound; what it trains on is not there.
+        // The recipe is sound, but its training data is not there.
         ("LicenseRef-Inria-MPII-3DGS", "capture"),
     ] {
         place.write("recipe.yaml", recipe(licence));
@@ -164,7 +165,7 @@ fn evidence_is_released_with_the_scene_and_audited() {
     let part = &licence["parts"][0];
     assert_eq!((&part["asset"], &part["verified"]), (&"MVImgNet".into(), &false.into()));
     assert_eq!(part["grant"]["granted_by"], "the project for this scene");
-    // Whether it may be passed on is another matter.
+    // Permission to pass the scene on is a separate question.
     assert_eq!((&licence["withheld"], &licence["gated"]), (&true.into(), &true.into()));
     place.ok("audit tree");
     let tree = place.path("tree");
@@ -197,7 +198,7 @@ fn evidence_is_released_with_the_scene_and_audited() {
     assert_eq!(found(&unsaid), forbidden);
 }
 
-/// A capture that is read as one's own is bound by the terms of where it was downloaded.
+/// A capture read as the user's own is bound by the terms of its download address.
 #[test]
 fn an_address_names_its_upstream() {
     let place = stating("licence: { expression: MIT, holder: a test }");

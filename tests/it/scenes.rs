@@ -1,4 +1,4 @@
-//! Real scene files, described by the README of the optional test data, and synthetic ones of
+//! Real scene files, described by the README of the optional test data, and synthetic scenes of
 //! `tests/golden/render`.
 
 #![expect(clippy::unwrap_used, reason = "a test panics to fail")]
@@ -6,8 +6,8 @@
 use crate::support::{golden, shared};
 use gs2e::scene::{self, Gaussians};
 
-/// Reads a scene of `count` Gaussians of this degree, nine tenths of which lie within `radius` of the
-/// origin along each axis, and whose scales and quaternions are those of a trained scene.
+/// Reads a scene of `count` Gaussians of this degree. Nine tenths of them lie within `radius` of
+/// the origin along each axis, and scales and quaternions are those of a trained scene.
 fn check(name: &str, count: usize, degree: u8, radius: f32) -> Option<Gaussians> {
     let scene = scene::read_file(&shared::path(&format!("data/{name}"))?).unwrap();
     assert_eq!((scene.len(), scene.sh_degree), (count, degree), "{name}");
@@ -49,8 +49,8 @@ fn an_spz_file_of_a_garden_is_read() {
     check("scenes/flowers.spz", 542_104, 2, 0.35);
 }
 
-/// The same scene as `.ply` at a coarse level and as `.spz`, each in its own axes: positions and the
-/// harmonic that is odd in y must agree in value and sign.
+/// Compares the scene as `.ply` at a coarse level and as `.spz`, each in its own axes: positions,
+/// and the harmonic that is odd in y, must agree in value and sign.
 #[test]
 fn ply_and_spz_agree_on_axes() {
     let Some(ply) = check("scenes/playbot_lod3.ply", 31_000, 2, 1.0) else { return };
@@ -59,7 +59,7 @@ fn ply_and_spz_agree_on_axes() {
         let (a, b) = (quantile(&ply, axis, 0.5), quantile(&spz, axis, 0.5));
         assert!((a - b).abs() < 0.01, "axis {axis}: median {a} and {b}");
     }
-    // Up is -y: the ground is near 0, the robot reaches to about -1.
+    // Up is -y: the ground is near 0, and the robot reaches to about -1.
     for (share, tolerance) in [(0.001, 0.05), (0.98, 0.01)] {
         let (a, b) = (quantile(&ply, 1, share), quantile(&spz, 1, share));
         assert!((a - b).abs() < tolerance, "height at {share}: {a} and {b}");
@@ -73,8 +73,8 @@ fn synthetic(name: &str) -> Gaussians {
     scene::read_file(&golden::folder("render").join(name)).unwrap()
 }
 
-/// Positions of 32 bits stay as they are, a million units away, too: the twin's lie on a grid that both can
-/// hold.
+/// Positions of 32 bits stay unchanged, also at a million units. The twin's positions lie on a grid
+/// that both can represent.
 #[test]
 fn a_far_scene_of_32_bits_is_not_recentred() {
     let [near, far] = ["s_offset0.ply", "s_offset1e6.ply"].map(synthetic);
@@ -83,7 +83,7 @@ fn a_far_scene_of_32_bits_is_not_recentred() {
     assert_eq!(far.positions, moved);
 }
 
-/// NaN fields are dropped; what is left is the twin without them.
+/// NaN fields are dropped; the rest equals the twin without them.
 #[test]
 fn a_scene_with_nan_equals_its_twin() {
     let [nan, twin] = ["s_nan.ply", "s_nan_twin.ply"].map(synthetic);
@@ -91,17 +91,17 @@ fn a_scene_with_nan_equals_its_twin() {
     assert_eq!(Gaussians { screening: twin.screening, ..nan }, twin);
 }
 
-/// Reads a golden scene in a compressed form and what an independent decoder made of it.
+/// Reads a golden scene in a compressed form, and an independent decoder's result.
 fn decoded(name: &str) -> (Gaussians, Gaussians) {
     let folder = golden::folder("scenes");
     let expected = folder.join(name).with_extension("expected.ply");
     (scene::read_file(&folder.join(name)).unwrap(), crate::support::ply::read(&expected))
 }
 
-/// Both sides compute in 64 bits and round once to 32. Where they take different ways, the last bit may
-/// differ: an ulp is at most 2^-23 of the value. Three components give the fourth of a unit quaternion:
-/// with an error of 64-bit arithmetic below 1e-15 in its square, its root is off by less than 4e-8 even
-/// where it is zero.
+/// Both sides compute in 64 bits and round once to 32. Where their formulas differ, the last bit
+/// may differ: an ulp is at most 2^-23 of the value. Three components give the fourth of a unit
+/// quaternion: with an error of 64-bit arithmetic below 1e-15 in its square, its root is off by
+/// less than 4e-8, even at zero.
 #[test]
 fn compressed_forms_are_read_as_an_independent_decoder_reads_them() {
     let close = |what: &str, got: &[f32], wanted: &[f32], floor: f32| {

@@ -5,7 +5,7 @@ use gs2e::event::h5;
 use serde_json::Value;
 use std::fs;
 
-/// The recipe with these lines in place of its sensor.
+/// The recipe with these lines instead of its sensor.
 fn recipe(sensors: &str) -> String {
     let (head, tail) = TINY
         .split_once("sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n")
@@ -64,16 +64,16 @@ fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
     assert!(judged("fine") > 0 && judged("fine") == judged("usual") && judged("fine") == judged("coarse"));
     assert_eq!(subjects("event_rate").len(), 3 * judged("fine"));
     assert!(subjects("speed").iter().all(|s| s == "tiny/base" || s.starts_with("tiny/base#")));
-    // The canonical recipe is a recipe of the same sensors.
+    // The canonical recipe describes the same sensors.
     place.write("again.yaml", scene["recipe"].to_string());
     assert!(place.stale("again.yaml").is_empty());
-    // One of them is gone, as a damaged mirror has it.
+    // One of the streams is missing, as in a damaged mirror.
     fs::remove_file(place.path("tree/tiny/base/events/fine.h5")).unwrap();
     assert_eq!(place.gs2e("audit tree").code, 3);
 }
 
 #[test]
-fn what_one_of_several_sees_it_sees_alone() {
+fn a_sensor_makes_the_same_events_alone() {
     let place = Workspace::new();
     place.write("tiny.yaml", recipe(THREE));
     place.ok("release --to several tiny.yaml");
@@ -84,7 +84,8 @@ fn what_one_of_several_sees_it_sees_alone() {
     assert!(several == one);
 }
 
-/// A stream and the same without noise are named as a pair; without noise alone is no pair, nor is another threshold.
+/// A sensor and the same sensor without noise are recorded as twins. Another threshold, or a sensor
+/// without a noisy partner, makes no pair.
 #[test]
 fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
     let place = Workspace::new();
@@ -108,7 +109,7 @@ fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
 }
 
 #[test]
-fn sensors_that_cannot_be_told_apart_or_are_none_are_refused() {
+fn ambiguous_and_invalid_sensors_are_refused() {
     let place = Workspace::new();
     let refused = |sensors: &str, wanted: &str| {
         place.write("tiny.yaml", recipe(sensors));

@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 const SIZE: Size = Size { width: 24, height: 16 };
 const COUNT: usize = 24;
-/// Far from even, as those of a camera.
+/// Stamps as uneven as a camera's.
 const STAMPS_US: [i64; COUNT] = [
     0, 417, 833, 1250, 1667, 2083, 2500, 2917, 3333, 3750, 4167, 4583, 5200, 5900, 6000, 6001, 7100, 7900,
     8300, 9100, 9500, 9900, 10_000, 12_345,
@@ -90,7 +90,7 @@ fn read_h5(path: &Path) -> (h5::Reader, Vec<Event>) {
     (reader, all)
 }
 
-/// What the library makes of the clip.
+/// The library's events for the clip.
 fn by_library(sensor: &VoltmeterModel, seed: u64) -> Vec<Event> {
     let mut frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(greys()), &STAMPS_US).unwrap();
     let mut events = Vec::new();
@@ -100,7 +100,7 @@ fn by_library(sensor: &VoltmeterModel, seed: u64) -> Vec<Event> {
 }
 
 #[test]
-fn the_library_makes_the_same() {
+fn the_library_makes_the_same_events() {
     let place = workspace();
     let ended = place.ok(&format!("{RIGHT} --json"));
     let wanted = as_lines(&by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7));
@@ -144,9 +144,9 @@ fn options_beat_the_file() {
     assert_ne!(lines(&place, "e.txt"), found);
 }
 
-/// The same frames as bytes, floats, images, and a sequence of DVS-Voltmeter.
+/// Frames give the same events as bytes, floats, images, and as a sequence of DVS-Voltmeter.
 #[test]
-fn frames_are_the_same_however_they_come() {
+fn frames_of_every_format_are_the_same() {
     let place = workspace();
     place.ok(RIGHT);
     let wanted = fs::read(place.path("e.txt")).unwrap();
@@ -173,7 +173,7 @@ fn frames_are_the_same_however_they_come() {
 }
 
 #[test]
-fn a_rate_stands_in_for_stamps() {
+fn a_rate_replaces_stamps() {
     let place = workspace();
     let stamps: Vec<i64> = (0..COUNT as i64).map(|i| (2 * i * 1_001_000_000 / 30_000 + 1) / 2).collect();
     npy(&place.path("stamps.npy"), &[COUNT as u64], &stamps);
@@ -183,7 +183,7 @@ fn a_rate_stands_in_for_stamps() {
     assert!(fs::read(place.path("e.txt")).unwrap() == wanted);
 }
 
-/// A crop at its place draws the noise of the whole.
+/// A crop at its place draws the noise of the whole clip.
 #[test]
 fn a_crop_makes_the_events_of_the_whole() {
     let place = workspace();
@@ -194,7 +194,7 @@ fn a_crop_makes_the_events_of_the_whole() {
     };
     let crop: Vec<u8> = greys().into_iter().enumerate().filter(|(i, _)| inside(i)).map(|(_, v)| v).collect();
     npy(&place.path("crop.npy"), &[COUNT as u64, 9, 11], &crop);
-    // much noise, from a state that is drawn too
+    // much noise, and a random initial state
     place.write(
         "s.yaml",
         "voltmeter: { k: [2, 0.1, 1, 1, 1, 0.1], units: { time: ms, brightness: 1 }, initial: stationary }\n",
@@ -214,7 +214,7 @@ fn a_crop_makes_the_events_of_the_whole() {
     assert_ne!(lines(&place, "e.txt"), wanted, "elsewhere on the sensor the noise is another");
 }
 
-/// Stamps far from zero, and before it, change nothing but the stamps.
+/// The first stamp may be far from zero, or before it: only the stamps change.
 #[test]
 fn the_first_stamp_may_lie_anywhere() {
     let place = workspace();
@@ -279,9 +279,9 @@ fn every_format_and_every_filter_holds_the_stream() {
     assert!((law.c_on - 1.0 / 5.265).abs() < 1e-12, "the contrast is kept");
 }
 
-/// Labels, as they come out of the library, go through the files that have a place for them.
+/// The library's labels pass through every format that can hold them.
 #[test]
-fn labels_are_written_where_they_are_asked_for() {
+fn labels_are_written_on_request() {
     let place = workspace();
     place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
     place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
@@ -294,7 +294,7 @@ fn labels_are_written_where_they_are_asked_for() {
     assert!(reader.labelled() && as_lines(&events) == as_lines(&wanted));
     assert_eq!(labels(&events), labels(&wanted));
     assert!(labels(&events).contains(&EventLabel::Noise) && labels(&events).contains(&EventLabel::Signal));
-    // To a format without a place for them, and to one with.
+    // To a format without labels, and to one with labels.
     let refused = place.gs2e("convert e.h5 e.txt");
     assert_eq!(refused.code, 2);
     assert!(refused.stderr.contains("labels: dropped, which events are signal"), "{}", refused.stderr);
@@ -310,7 +310,8 @@ fn labels_are_written_where_they_are_asked_for() {
     assert!(!place.path("l.txt").exists());
 }
 
-/// Numerics 1.2: a maximum of the first two frames above 16 means 255, from 2 to 16 is an error, else 1.
+/// Numerics 1.2: if the maximum of the first two frames is above 16, full scale is 255; from 2 to
+/// 16 it is an error; else it is 1.
 #[test]
 fn the_scale_of_floats_is_decided_by_two_frames() {
     let place = workspace();
@@ -331,17 +332,18 @@ fn the_scale_of_floats_is_decided_by_two_frames() {
     assert!(ended.stderr.contains("white is 1 or 255, and the brightest of the first two frames is 7."));
     assert!(ended.stderr.contains("--full-scale 1 or --full-scale 255"));
     place.ok(&format!("{RIGHT} --full-scale 1"));
-    // later frames say nothing
+    // later frames do not matter
     let mut values: Vec<f32> = greys().into_iter().map(|v| f32::from(v) / 255.0).collect();
     values[2 * SIZE.pixels()..].iter_mut().for_each(|v| *v *= 100.0);
     npy(&place.path("frames.npy"), &SHAPE, &values);
     assert!(place.ok(&format!("{RIGHT} --law exact")).stderr.contains("full scale: 1"));
 }
 
-/// A crop of a real video. On the whole of such clips the sensors make 8.6 and 0.044 events a pixel and
-/// second (docs/design/numerics-sensor.md, "Units and presets"), and this part moves as the rest does.
+/// A crop of a real video. On whole clips of this kind the sensors make 8.6 and 0.044 events per
+/// pixel and second (docs/design/numerics-sensor.md, "Units and presets"), and this part moves like
+/// the rest.
 #[test]
-fn a_real_clip_makes_as_many_events_as_such_clips_do() {
+fn a_real_clip_makes_the_expected_number_of_events() {
     let Some(folder) = shared::path("data/heldout") else { return };
     let place = Workspace::new();
     let run = |sensor: &str| -> Value {
@@ -362,9 +364,10 @@ fn a_real_clip_makes_as_many_events_as_such_clips_do() {
     assert!((0.1..0.9).contains(&share), "{share}");
 }
 
-/// A build renders its frames and shows them to the sensor; the same frames out of a file make the same file.
+/// A build renders its frames and shows them to the sensor. The same frames from a file give the
+/// same event file.
 #[test]
-fn frames_that_were_rendered_make_what_a_build_made() {
+fn rendered_frames_make_the_events_of_a_build() {
     let place = Workspace::with_tiny();
     place.build("tiny.yaml");
     let steps: Value = serde_json::from_str(&place.ok("plan --json tiny.yaml").stdout).unwrap();

@@ -1,4 +1,5 @@
-//! Captured datasets as they lie on disk: the real ones under `../shared`, and small ones with every known defect.
+//! Captured datasets as they lie on disk: the real ones under `../shared`, and small ones with
+//! every known defect.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
@@ -19,7 +20,8 @@ fn size(width: u32, height: u32) -> Size {
     Size { width, height }
 }
 
-/// A path below `../shared/data`; `None`, and the test is named as not run, where that is absent.
+/// A path below `../shared/data`. If it is absent, the test is reported as not run and this is
+/// `None`.
 fn shared(path: &str) -> Option<PathBuf> {
     crate::support::shared::path(&format!("data/{path}"))
 }

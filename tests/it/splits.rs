@@ -1,4 +1,5 @@
-//! Splits are dealt by what was photographed, the same whatever else is released, and have nothing in common.
+//! Splits are dealt by the photographed object. They do not depend on the rest of the release, and
+//! share no photos.
 
 use crate::release::small::{edit, reseal};
 use crate::sources::datasets::Generator;
@@ -12,7 +13,7 @@ use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 
-/// Where a key lies in [0, 1): the first 53 bits of its hash.
+/// Position of a key in [0, 1): the first 53 bits of its hash.
 fn place_of(salt: &str, key: &str) -> f64 {
     let hash = Sha256::digest(format!("{salt}\0{key}").as_bytes());
     let bits = u64::from_be_bytes(hash[..8].try_into().unwrap());
@@ -30,7 +31,7 @@ fn told(place: &Workspace, scene: &str) -> (String, String) {
     (text("name"), text("group"))
 }
 
-/// The split of each trajectory, as the index has it.
+/// The split of each trajectory, according to the index.
 fn indexed(place: &Workspace) -> BTreeMap<String, Option<String>> {
     let file = SerializedFileReader::new(File::open(place.path("out/index.parquet")).unwrap()).unwrap();
     let rows = file.get_row_iter(None).unwrap();
@@ -47,7 +48,7 @@ fn indexed(place: &Workspace) -> BTreeMap<String, Option<String>> {
 
 const SPLITS: &str = "splits: { by: object, shares: { train: 0.6, test: 0.4 } }\n";
 
-/// A scene of its own Gaussians, of which nothing but the path is released.
+/// A scene with its own Gaussians, with a release of little more than the path.
 fn recipe(id: &str, seed: u32) -> String {
     let recipe = TINY.replace("scene: tiny", &format!("scene: {id}"));
     let recipe = recipe.replace("arc: 6, seed: 1", &format!("arc: 6, seed: {seed}"));
@@ -55,7 +56,7 @@ fn recipe(id: &str, seed: u32) -> String {
 }
 
 #[test]
-fn scenes_lie_where_their_own_key_says_whatever_else_is_released() {
+fn the_split_of_a_scene_depends_only_on_its_own_key() {
     let place = Workspace::new();
     place.write("recipes/release.yaml", SPLITS);
     let ids = ["a", "b", "c", "d"];
@@ -69,7 +70,7 @@ fn scenes_lie_where_their_own_key_says_whatever_else_is_released() {
         let gaussians =
             json(&place, &format!("out/{id}/scene.json"))["reconstruction"]["scene_sha256"].clone();
         assert_eq!(*group, format!("gaussians/{}", gaussians.as_str().unwrap()));
-        // In the order of their names: test has [0, 0.4).
+        // In the order of the splits' names: test has [0, 0.4).
         let wanted = if place_of("", group) < 0.4 { "test" } else { "train" };
         assert_eq!((split.as_str(), rows[*id].as_deref()), (wanted, Some(wanted)), "{id}");
     }
@@ -83,7 +84,7 @@ fn scenes_lie_where_their_own_key_says_whatever_else_is_released() {
     assert_eq!(ids.iter().map(|id| told(&place, id)).collect::<Vec<_>>(), before);
 }
 
-/// Two instances of a dataset that have the same photos, and a salt that parts them.
+/// Two instances of a dataset with the same photos, and a salt that separates them.
 fn photographed_twice() -> (Workspace, String) {
     let place = Workspace::new();
     Generator::new().mvimgnet(&place.path("data"), 0, 2, &given::ply(|_, value| value));
@@ -113,7 +114,7 @@ fn photos_that_two_splits_would_share_stop_a_release() {
     said("mvimgnet/0/00000000 (");
     said("mvimgnet/0/9e3779b1 (");
     assert!(!place.path("out").exists());
-    // Both are one object, says their recipes; by capture that does not count.
+    // Their recipes declare one object. In splits by capture that does not count.
     let defaults = fs::read_to_string(place.path("recipes/defaults.yaml")).unwrap();
     place.write("recipes/defaults.yaml", format!("{defaults}group: the same mug\n"));
     let by_capture = salted(&salt).replace("by: object", "by: capture");
@@ -131,7 +132,8 @@ fn photos_that_two_splits_would_share_stop_a_release() {
 #[test]
 fn an_audit_deals_the_scenes_again() {
     let (place, salt) = photographed_twice();
-    // Dealt together, as a release demands; then as if it had been dealt by the other salt, and covered up.
+    // The scenes are dealt together, as a release demands. Then the salt is replaced by the other
+    // one, and the sums are rewritten.
     let keys = ["mvimgnet/0/00000000", "mvimgnet/0/9e3779b1"];
     let together = |salt: &String| keys.iter().all(|key| place_of(salt, key) >= 0.4);
     let kept = (0..64).map(|i| format!("t{i}")).find(together).unwrap();
@@ -140,7 +142,7 @@ fn an_audit_deals_the_scenes_again() {
     let out = place.path("out");
     let codes = || -> Vec<String> {
         let faults = audit_release(&out).unwrap().faults;
-        // The index, and what a card says, were not forged with the rest.
+        // The index and the card were not forged with the rest.
         let mut codes: Vec<String> = faults
             .iter()
             .filter(|fault| fault.file.is_none())
@@ -156,18 +158,18 @@ fn an_audit_deals_the_scenes_again() {
         keys.iter().filter(|key| place_of(&salt, key) < 0.4).map(|key| format!("split-leak {key}")).collect();
     assert_eq!(moved.len(), 1);
     assert_eq!(codes(), moved);
-    // The scene says the same now, and what is left is the photos that both have.
+    // The scene's split is changed too. The shared photos remain as a fault.
     let scene = moved[0].strip_prefix("split-leak ").unwrap();
     edit(&out, &format!("{scene}/scene.json"), |file| file["split"]["name"] = "test".into());
     reseal(&out);
-    // Told of the scene in the split that is named first, which is `test`.
+    // The fault is reported for the scene in the alphabetically first split, which is `test`.
     assert_eq!(codes(), [moved[0].as_str()]);
     let faults = audit_release(&out).unwrap().faults;
     assert!(faults.iter().any(|fault| fault.message.starts_with("the photo of SHA-256")), "{faults:#?}");
 }
 
 #[test]
-fn splits_that_are_none_are_refused() {
+fn invalid_splits_are_refused() {
     let place = Workspace::with_tiny();
     for (splits, wanted) in [
         ("{ by: trajectory, shares: { train: 1 } }", "trajectory"),

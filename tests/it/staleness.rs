@@ -1,4 +1,5 @@
-//! What is made again and what is left alone, through the program: a table of edits and their steps.
+//! Steps that are made again and steps that are left alone, through the program: a table of edits
+//! and their steps.
 
 use crate::support::workspace::{TINY, Workspace, tree};
 
@@ -13,9 +14,10 @@ fn a_second_release_makes_nothing_and_changes_nothing() {
     assert!(before == tree(&place.path("out")), "a release of what is there already changed the tree");
 }
 
-/// Each edit makes the steps that read what it changes, and those that follow from them, and no other.
+/// Each edit makes the steps that read the changed value, the steps that follow from them, and no
+/// other.
 #[test]
-fn an_edit_remakes_what_it_reaches() {
+fn an_edit_remakes_only_affected_steps() {
     let t = |from: &str, to: &str, remade: &[&str]| {
         let place = Workspace::with_tiny();
         place.ok("build tiny.yaml");

@@ -1,4 +1,4 @@
-//! The store through its public face: publishing, damage, lost indices, locks.
+//! The store through its public interface: publishing, damage, lost indices, locks.
 
 use gs2e::store::description::describe_value;
 use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
@@ -31,19 +31,19 @@ fn key(name: &str) -> Key {
     Key::of_description(&describe_value(name))
 }
 
-/// What is on record under the key of `name`.
+/// The outputs on record under the key of `name`.
 fn outputs(store: &Store, name: &str) -> Option<Vec<StoredOutput>> {
     store.record(&key(name)).unwrap().map(|record| record.outputs)
 }
 
 #[test]
-fn what_was_published_is_found_by_another_process() {
+fn published_files_are_found_by_another_process() {
     let folder = tempfile::tempdir().unwrap();
     let made = publish(&open(folder.path()), "a", &[("b/c.txt", "one"), ("a.txt", "two")]).unwrap();
     let names: Vec<&str> = made.iter().map(|o| o.name.as_str()).collect();
     assert_eq!(names, ["a.txt", "b/c.txt"]);
     let store = open(folder.path());
-    // The index was not flushed: the record alone must do.
+    // The index was not flushed: the record alone must be enough.
     assert_eq!(outputs(&store, "a"), Some(made.clone()));
     assert_eq!(std::fs::read(store.path_of(&made[1].digest)).unwrap(), b"one");
     assert!(made.iter().all(|o| store.examine(o).unwrap() == BlobState::Sound));
@@ -101,7 +101,7 @@ fn two_contents_for_one_key_are_an_error_and_the_first_stays() {
 }
 
 #[test]
-fn a_second_writer_is_refused_or_waits_and_is_told_for_whom() {
+fn a_second_writer_is_refused_or_waits_for_a_named_holder() {
     let folder = tempfile::tempdir().unwrap();
     let first = open(folder.path());
     let refused = Store::open(folder.path(), StoreAccess::WriteNow, &mut |_| {});
@@ -132,7 +132,7 @@ fn a_store_of_a_newer_program_is_left_alone() {
 }
 
 #[test]
-fn looking_at_a_store_that_is_not_there_makes_none() {
+fn looking_at_a_missing_store_creates_no_store() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("absent");
     let store = Store::open(&root, StoreAccess::Read, &mut |_| {}).unwrap();
@@ -141,7 +141,7 @@ fn looking_at_a_store_that_is_not_there_makes_none() {
 }
 
 #[test]
-fn what_a_dead_process_left_behind_is_removed() {
+fn leftovers_of_a_dead_process_are_removed() {
     let folder = tempfile::tempdir().unwrap();
     drop(open(folder.path()));
     std::fs::create_dir(folder.path().join("tmp/4711.0")).unwrap();
@@ -150,14 +150,15 @@ fn what_a_dead_process_left_behind_is_removed() {
     assert_eq!(std::fs::read_dir(folder.path().join("tmp")).unwrap().count(), 0);
 }
 
-/// Digests are those of the published algorithm: the test vector of the empty input.
+/// Digests are those of the published algorithm, by the test vector of the empty input.
 #[test]
 fn digests_are_blake3() {
     let empty = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
     assert_eq!(Digest::of_bytes(b"").to_string(), empty);
 }
 
-/// A store on a network file system keeps its database elsewhere; the records are in the store all the same.
+/// A store on a network file system keeps its database elsewhere; the records are in the store in
+/// any case.
 #[test]
 fn the_database_may_lie_elsewhere() {
     let [store, elsewhere] = [(); 2].map(|()| tempfile::tempdir().unwrap());

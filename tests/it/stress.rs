@@ -1,4 +1,5 @@
-//! `gs2e stress`: every row within its limit, and naive forms of what it judges beyond theirs.
+//! `gs2e stress`: every row is within its limit, and naive implementations of the same functions
+//! exceed theirs.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table")]
 
@@ -37,7 +38,7 @@ fn run(args: &str) -> Ended {
     Ended { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
-/// Areas in parallel, each in a process of its own.
+/// Runs an area in a process of its own, so that the tests of several areas run in parallel.
 fn all_within(area: &str, at_least: usize) {
     let ended = run(&format!("stress --json --area {area}"));
     let rows = rows(&ended);
@@ -63,8 +64,8 @@ fn the_clock_is_within_its_limits() {
     all_within("clock", 8);
 }
 
-/// On the CPU, by the reference with the limits of 64 bits, and on a GPU, one in software too; with a captured scene
-/// where there is one.
+/// On the CPU, on the reference with the limits of 64 bits, and on a GPU, which may be in software;
+/// with a captured scene if there is one.
 #[test]
 fn the_renderers_are_within_their_limits() {
     let own = shared::path("data/scenes/playbot_lod3.ply").map(std::fs::canonicalize);
@@ -83,7 +84,7 @@ fn the_renderers_are_within_their_limits() {
     let by_gpu = if gpu::device().is_some() { "pass" } else { "not-run" };
     let wanted = [("cpu", "pass"), ("reference", "pass"), ("gpu", by_gpu)];
     assert_eq!(verdicts, wanted.map(|(backend, verdict)| (backend, [verdict].into())).into());
-    // What 64 bits are asked for is no limit of 32.
+    // The limits of 64 bits do not apply to 32 bits.
     let limit =
         |id: &str| rows.iter().find(|row| row["id"] == id).and_then(|row| row["limit"].as_f64()).unwrap();
     for case in ["needles-from-afar", "needles-undilated", "luminance-path"] {
@@ -94,7 +95,7 @@ fn the_renderers_are_within_their_limits() {
 }
 
 #[test]
-fn a_gpu_that_is_not_there_is_told_and_nothing_is_reported_of_it() {
+fn a_missing_gpu_is_reported_and_has_no_results() {
     let place = Workspace::new();
     let told = place.ok("stress counted splat/near-plane splat/ties@gpu");
     let lines: Vec<&str> = told.stdout.lines().collect();
@@ -107,7 +108,7 @@ fn a_gpu_that_is_not_there_is_told_and_nothing_is_reported_of_it() {
 }
 
 #[test]
-fn what_is_asked_for_is_run_and_what_is_not_there_is_refused() {
+fn selected_cases_run_and_unknown_ones_are_refused() {
     let place = Workspace::new();
     let told = place.ok("stress --area sensor --area clock polarity absolute-stamps --markdown t.md");
     assert_eq!(told.stdout.lines().count(), 2, "{}", told.stdout);

@@ -1,4 +1,4 @@
-//! `gs2e study`, through the program. What it counts is held against planted truth in the library.
+//! `gs2e study`, through the program. The library's tests compare its counts with planted truth.
 
 use crate::support::workspace::{TINY, Workspace};
 use serde_json::Value;
@@ -26,7 +26,7 @@ fn thresholds_are_swept_over_a_built_scene() {
     }
     assert!(rows.windows(2).all(|pair| pair[0][2] > pair[1][2]), "the lower the more");
     assert!(fs::read(place.path("t.png")).unwrap().starts_with(b"\x89PNG"));
-    // The same numbers again, for programs; and nothing in the store was touched.
+    // The same numbers again as JSON; the store was not touched.
     let json: Value = serde_json::from_str(&place.ok(&format!("{sweep} --json")).stdout).unwrap();
     assert_eq!(json["rows"].as_array().unwrap().len(), 6);
     assert_eq!(json["rows"][0]["events"].as_f64(), Some(rows[0][2]));
@@ -34,7 +34,7 @@ fn thresholds_are_swept_over_a_built_scene() {
 }
 
 #[test]
-fn what_is_swept_is_seen_through_the_front_end() {
+fn sweeps_see_through_the_front_end() {
     let place = Workspace::with_tiny();
     let events = |front_end: &str| {
         let sensor = format!("preset: dvs346, front_end: {front_end},");
@@ -48,13 +48,13 @@ fn what_is_swept_is_seen_through_the_front_end() {
     assert!(plain > 100, "{plain}");
     assert_eq!(events("{ exposure: 1, luminance: rec601 }"), plain);
     assert_ne!(events("{ decode: srgb }"), plain);
-    // Nothing changes in a brightness that is held.
+    // A clamped brightness does not change.
     let dark = events("{ range: { min: 254, max: 255 } }");
     assert!(dark < plain / 10, "{dark}");
 }
 
 #[test]
-fn what_cannot_be_swept_is_told() {
+fn impossible_sweeps_are_refused() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     let refused = |args: &str, wanted: &str| {
@@ -77,7 +77,7 @@ fn what_cannot_be_swept_is_told() {
     assert!(told.stderr.contains("is v2e, wanted a voltmeter"), "{}", told.stderr);
 }
 
-/// One path, even and flow steps, two rule sets: what a study writes, and what must come out of it.
+/// One path, even and flow steps, two rule sets: the files of a study, and the required results.
 #[test]
 fn work_and_precision_of_a_built_scene() {
     let place = Workspace::new();
@@ -102,7 +102,7 @@ fn work_and_precision_of_a_built_scene() {
         let of = |between, rate, name| value([rules, between, "uniform", rate], name);
         let [linear, hermite] = ["linear", "hermite"].map(|between| of(between, "2400", "median_us"));
         println!("{rules}: median {linear} us of linear, {hermite} us of hermite");
-        // Where the picture is smooth in time, cubics are what they promise; jumps stop them.
+        // Where the picture is smooth in time, cubics reach their order; jumps prevent that.
         assert!(hermite < share * linear, "{rules}");
         for between in ["linear", "hermite"] {
             assert!(of(between, "2400", "median_us") < of(between, "600", "median_us"), "{rules} {between}");
@@ -129,7 +129,7 @@ fn work_and_precision_of_a_built_scene() {
     let in_32_bits = &pictures[0];
     assert_eq!(in_32_bits["what"], "luminance");
     assert!(in_32_bits["psnr_db"].as_f64() > Some(60.0), "{in_32_bits}");
-    // The same stream with the sensor's noise, in the folder that is the scene's own.
+    // The same stream with the sensor's noise, in the scene's own folder.
     let told = place.ok(&format!("{study} --noise --rules soft --steps uniform --no-pictures --json")).stdout;
     let json: Value = serde_json::from_str(&told).unwrap();
     assert_eq!(json["pictures"].as_array().map(Vec::len), Some(0));
@@ -137,7 +137,7 @@ fn work_and_precision_of_a_built_scene() {
     assert!(place.path("study/tiny/summary.md").is_file());
 }
 
-/// The first sections of the words, against the table for programs.
+/// Compares the first sections of the summary with the table.
 fn told_in_short(words: &str, head: &[&str], rows: &[Vec<&str>]) {
     let section = |head: &str| words.split("\n## ").find(|part| part.starts_with(head)).unwrap();
     let cheapest = section("The cheapest at the errors of `official linear`, 2400");
@@ -146,7 +146,7 @@ fn told_in_short(words: &str, head: &[&str], rows: &[Vec<&str>]) {
     let column = head.iter().position(|column| *column == "rms_th").unwrap();
     let rms = |row: &&Vec<&str>| row[column].parse::<f64>().unwrap();
     for (number, rules) in ["official", "blended"].into_iter().enumerate() {
-        // A row for each of four measures, and that of the setting itself.
+        // A row for each of four measures, and the row of the setting itself.
         let found = cheapest.matches(&format!("| `{rules} ")).count()
             + cheapest.matches(&format!("| `{rules}` does not reach it")).count();
         assert_eq!(found, 4 + usize::from(rules == "official"), "{cheapest}");
@@ -159,7 +159,7 @@ fn told_in_short(words: &str, head: &[&str], rows: &[Vec<&str>]) {
 }
 
 #[test]
-fn what_cannot_be_studied_is_told() {
+fn impossible_studies_are_refused() {
     let place = Workspace::with_tiny();
     let refused = |args: &str, wanted: &str| {
         let told = place.gs2e(&format!("study tiny.yaml {args}"));

@@ -1,4 +1,4 @@
-//! What several features' tests share.
+//! Code shared by the tests of several features.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 pub(crate) mod absent;

@@ -1,4 +1,5 @@
-//! Scenes whose removal was asked for: they are not made, not released, and found where they are.
+//! Scenes whose removal was requested: they are not made, not released, and found in existing
+//! trees.
 
 use crate::sources::datasets::Generator;
 use crate::support::given;
@@ -8,7 +9,7 @@ use std::fs;
 
 const LIST: &str = "# asked for by mail\nshown/face 2025-06-01 a face on a photo\n";
 
-/// Two scenes, one of which shall go later.
+/// Two scenes. One is taken down later.
 fn place() -> Workspace {
     let place = Workspace::new();
     let recipe = |id: &str| TINY.replace("scene: tiny", &format!("scene: {id}"));
@@ -27,7 +28,7 @@ fn scenes(place: &Workspace) -> Vec<String> {
     scenes
 }
 
-/// The faults of an audit, as programs get them.
+/// The faults of an audit, as JSON.
 fn faults(place: &Workspace, args: &str) -> (i32, Vec<Value>) {
     let ended = place.gs2e(&format!("audit --json {args}"));
     let lines = ended.stdout.lines().map(|line| serde_json::from_str::<Value>(line).expect("lines are JSON"));
@@ -35,10 +36,10 @@ fn faults(place: &Workspace, args: &str) -> (i32, Vec<Value>) {
 }
 
 #[test]
-fn what_is_listed_is_neither_planned_nor_built() {
+fn listed_scenes_are_neither_planned_nor_built() {
     let place = place();
     assert_eq!(scenes(&place), ["kept", "shown/face"]);
-    // Beside the recipe itself; in capitals, with more than the recipe's scenes.
+    // The list is next to the recipe; it is in capitals and names more than the recipe's scenes.
     place.write("recipes/lab/takedown.txt", "SHOWN/face 2025-06-01\nelsewhere 2025-06-01\n");
     assert_eq!(scenes(&place), ["kept"]);
     let told = place.ok("build recipes").stderr;
@@ -51,13 +52,13 @@ fn what_is_listed_is_neither_planned_nor_built() {
     place.write("recipes/takedown.txt", LIST);
     assert_eq!(scenes(&place), ["kept"]);
     assert!(place.build("recipes").is_empty());
-    // One recipe by itself has the list that lies beside it.
+    // A single recipe uses the list in its own folder.
     place.write("recipes/lab/takedown.txt", LIST);
     assert!(place.plan("recipes/lab/b.yaml").is_empty());
 }
 
 #[test]
-fn a_release_drops_what_is_listed_and_counts_it() {
+fn a_release_drops_and_counts_listed_scenes() {
     let place = place();
     place.ok("release --to out --copy recipes");
     place.write("list.txt", LIST);
@@ -83,7 +84,7 @@ fn a_release_drops_what_is_listed_and_counts_it() {
 }
 
 #[test]
-fn a_scene_is_known_by_what_its_upstream_calls_it() {
+fn a_scene_is_known_by_its_upstream_name() {
     let place = Workspace::new();
     let scene = given::ply(|_, value| value);
     Generator::new().mvimgnet(&place.path("data"), 0, 1, &scene);
@@ -107,7 +108,7 @@ fn a_scene_is_known_by_what_its_upstream_calls_it() {
 }
 
 #[test]
-fn nothing_is_released_where_everything_is_listed() {
+fn nothing_is_released_if_everything_is_listed() {
     let place = place();
     place.ok("release --to out recipes/lab/b.yaml");
     place.write("recipes/lab/takedown.txt", LIST);

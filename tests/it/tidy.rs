@@ -1,4 +1,5 @@
-//! The house's rules, read from its own sources. What rustc and clippy check is not checked again here.
+//! The house rules, checked on the project's own sources. Checks of rustc and clippy are not
+//! repeated.
 
 mod imports;
 mod references;
@@ -50,7 +51,7 @@ fn stages_hold_no_arithmetic() {
 }
 
 #[test]
-fn files_begin_with_what_they_are_about() {
+fn files_begin_with_their_subject() {
     none(&heads(&crate_sources()));
 }
 
@@ -58,14 +59,14 @@ fn files_begin_with_what_they_are_about() {
 fn files_hold_one_concept() {
     let sources = crate_sources();
     for long in lengths(&sources, LONG) {
-        // Past the capture of the test's output: it is meant to be seen although the test passes.
+        // Written directly, past the captured output, so that it is seen although the test passes.
         drop(std::io::stderr().write_all(format!("note: {long}\n").as_bytes()));
     }
     none(&lengths(&sources, TOO_LONG));
 }
 
 #[test]
-fn constants_stand_in_one_place() {
+fn constants_are_defined_in_one_place() {
     none(&constants(&crate_sources()));
 }
 
@@ -85,7 +86,7 @@ fn the_readme_starts_with_two_commands() {
     none(&quick_start(&[Source::new("README.md", &text)]));
 }
 
-/// A rule finds what it is there for, once, and lets the sound twin pass.
+/// Checks that a rule finds its fault exactly once, and accepts the sound twin.
 fn bites(rule: fn(&[Source]) -> Vec<Fault>, path: &str, bad: &str, good: &str) {
     assert_eq!(rule(&[Source::new(path, bad)]).len(), 1, "missed in {path}: {bad}");
     let faults = rule(&[Source::new(path, good)]);
@@ -160,7 +161,7 @@ fn the_rules_of_form_bite() {
     bites(quick_start, "README.md", &readme(&commands).repeat(2), &readme(&commands));
 }
 
-/// Every file says at its head what it is about, and no file is called `mod.rs`.
+/// Every file states its subject in its first line, and no file is called `mod.rs`.
 fn heads(sources: &[Source]) -> Vec<Fault> {
     let faults = |source: &Source| {
         let first = source.text.lines().next().unwrap_or_default();
@@ -176,13 +177,14 @@ fn heads(sources: &[Source]) -> Vec<Fault> {
     sources.iter().flat_map(faults).flatten().collect()
 }
 
-/// Lines of code, unit tests left out, above which a file is named, and above which it is refused.
+/// Lines of code, without unit tests, above which a file is named, and above which it is refused.
 const LONG: usize = 500;
 const TOO_LONG: usize = 600;
 
 /// Files with more lines than `limit`: they are likely to hold more than one concept.
 fn lengths(sources: &[Source], limit: usize) -> Vec<Fault> {
-    // Blank lines and comments within the code count, since they are read too; tests, at the end, do not.
+    // Blank lines and comments within the code count, since they are read too; the tests at the end
+    // do not.
     let last_code = |source: &Source| {
         let lines = source.lines().filter(|(_, line)| !line.trim().is_empty());
         lines.map(|(number, _)| number).last().unwrap_or(0)
@@ -191,7 +193,8 @@ fn lengths(sources: &[Source], limit: usize) -> Vec<Fault> {
     long.map(|(source, n)| Fault::new(source, n, format!("more than {limit} lines without tests"))).collect()
 }
 
-/// Numbers of seven or more significant digits that two files write. Within a file a table may repeat one.
+/// Numbers of seven or more significant digits that occur in two files. Within a file a table may
+/// repeat one.
 fn constants(sources: &[Source]) -> Vec<Fault> {
     let mut homes: BTreeMap<String, &str> = BTreeMap::new();
     let mut faults = Vec::new();
@@ -208,7 +211,8 @@ fn constants(sources: &[Source]) -> Vec<Fault> {
     faults
 }
 
-/// The numbers of a line that nobody would write twice by chance: their digits, without point, sign and exponent.
+/// The numbers of a line that are too long to occur twice by chance: their digits, without point,
+/// sign and exponent.
 fn long_numbers(line: &str) -> Vec<String> {
     let parts = line.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.'));
     let numbers = parts.filter(|part| part.starts_with(|c: char| c.is_ascii_digit()));
@@ -220,7 +224,7 @@ fn long_numbers(line: &str) -> Vec<String> {
     digits.filter(|text| text.len() >= 7).collect()
 }
 
-/// Absolute paths of the machine that something was written on.
+/// Absolute paths of the machine on which a text was written.
 fn machine_paths(sources: &[Source]) -> Vec<Fault> {
     // In halves, so that this file does not find itself.
     let homes = [["/ho", "me/"], ["/ro", "ot/"], ["/Us", "ers/"], ["/wo", "rk/"], ["C:", "\\"]]
@@ -238,17 +242,17 @@ fn machine_paths(sources: &[Source]) -> Vec<Fault> {
     faults
 }
 
-/// Whether `line` holds `home` other than as the tail of a longer path or address.
+/// Returns true if `line` holds `home`, except as the tail of a longer path or address.
 fn begins_path(line: &str, home: &str) -> bool {
     let is_tail = |before: Option<char>| before.is_some_and(|c| c.is_alphanumeric() || "._-~/}".contains(c));
     line.match_indices(home).any(|(at, _)| !is_tail(line[..at].chars().next_back()))
 }
 
-/// The two commands that a newcomer needs, each of which does all of its own set-up.
+/// The two commands that a newcomer needs. Each does all of its own set-up.
 const QUICK_START: [&str; 2] =
     ["cargo run --release -- release --to out recipes/demo.yaml", "cargo xtask test"];
 
-/// One section `Quick start`, with exactly the two commands.
+/// The README must have one section `Quick start`, with exactly these two commands.
 fn quick_start(readme: &[Source]) -> Vec<Fault> {
     let text = &readme[0].text;
     let sections: Vec<&str> = text.split("\n## ").filter(|part| part.starts_with("Quick start\n")).collect();
@@ -259,7 +263,7 @@ fn quick_start(readme: &[Source]) -> Vec<Fault> {
             format!("{} sections `## Quick start`, wanted one", sections.len()),
         )];
     };
-    // Between the fences of its code blocks: every second part.
+    // The text between the fences of its code blocks: every second part.
     let blocks = section.split("```").skip(1).step_by(2);
     let commands: Vec<&str> =
         blocks.flat_map(|block| block.lines().skip(1)).filter(|line| !line.is_empty()).collect();

@@ -1,4 +1,4 @@
-//! `sampling: { tolerance }`: frames where the sensor needs them.
+//! `sampling: { tolerance }`: frames only where the sensor needs them.
 
 use crate::support::workspace::Workspace;
 use glam::DVec3;
@@ -24,7 +24,7 @@ use serde_json::Value;
 use std::fs;
 use std::sync::Arc;
 
-/// A recipe with this sampling, 0.1 s of which a fifth is three times as fast.
+/// A recipe with this sampling, over 0.1 s with a fast passage in the middle.
 fn recipe(sampling: &str) -> String {
     format!(
         "version: 1\nscene: tiny\nseed: 7\n\
@@ -59,7 +59,7 @@ fn a_recipe_may_ask_for_an_error_in_place_of_a_rate() {
     }
     assert_eq!(part["statistics"]["linear_unit_s"], other["statistics"]["linear_unit_s"]);
 
-    // What was chosen, foreseen and found.
+    // The chosen, predicted and measured figures.
     let told = &part["sampling"]["tolerance"];
     let number = |name: &str| told[name].as_f64().unwrap_or_else(|| panic!("{name}: {told}"));
     assert!((number("tolerance") - 0.03).abs() < 1e-12);
@@ -71,7 +71,7 @@ fn a_recipe_may_ask_for_an_error_in_place_of_a_rate() {
     assert_eq!(part["render_rules"]["rules"], "soft");
     assert_eq!(other["sampling"], serde_json::json!({ "rate": "2400/1", "between": "linear" }));
 
-    // Nearly as many events as the many frames of the other make.
+    // There are nearly as many events as from the many frames of the other recipe.
     let [found, wanted] = [part, other].map(|part| part["statistics"]["events"].as_f64().unwrap());
     assert!((found / wanted - 1.0).abs() < 0.05, "{found} {wanted}");
 }
@@ -91,7 +91,7 @@ fn threads_and_another_store_change_nothing() {
 }
 
 #[test]
-fn what_cannot_be_reached_is_refused_with_what_can() {
+fn an_unreachable_tolerance_is_refused_with_a_reachable_one() {
     let place = Workspace::new();
     place.write("tolerant.yaml", recipe("{ tolerance: 0.0001 }"));
     let ended = place.gs2e("release --to tree tolerant.yaml");
@@ -102,7 +102,7 @@ fn what_cannot_be_reached_is_refused_with_what_can() {
     assert!(!place.path("tree").exists());
 }
 
-/// What the sensor's own noise hides is made, and told.
+/// A tolerance below the sensor's own noise is built, with a warning.
 #[test]
 fn a_tolerance_below_the_jitter_is_warned_of() {
     let place = Workspace::new();
@@ -115,7 +115,7 @@ fn a_tolerance_below_the_jitter_is_warned_of() {
 
 const SIZE: Size = Size { width: 80, height: 60 };
 
-/// A quarter of a turn about the still life within 0.2 s, faster in the middle.
+/// An arc of 0.4 rad about the still life within 0.2 s, faster in the middle.
 fn path() -> SampledPath {
     let seconds: Vec<f64> = (0..=480).map(|j| f64::from(j) / 2400.0).collect();
     let pose = |t: &f64| {
@@ -133,7 +133,7 @@ fn renderer(rules: RenderRules) -> Box<dyn Renderer> {
     Backend::Cpu.renderer(Arc::new(scene), style).unwrap()
 }
 
-/// `V` of all pixels and its slopes.
+/// Time, `V` of all pixels, and its slopes.
 type Levels = (f64, Vec<f64>, Vec<f64>);
 
 fn levels(frame: &DenseFrame, k2: f64) -> Levels {
@@ -144,8 +144,9 @@ fn levels(frame: &DenseFrame, k2: f64) -> Levels {
     (frame.t.0 as f64 * 1e-9, v, slope)
 }
 
-/// In the middle of two even neighbours: the mean; the polynomial of the third order through four; the mean and an eighth of
-/// the difference of the slopes. Elsewhere the polynomials of the same data in Newton's form.
+/// In the middle of two even neighbours: the mean; the polynomial of the third order through four;
+/// the mean and an eighth of the difference of the slopes. Elsewhere the polynomials of the same
+/// data in Newton's form.
 fn middle(between: BetweenFrames, four: [&Levels; 4], i: usize, t: f64) -> f64 {
     let [a, b, c, d] = four.map(|(t, v, _)| (*t, v[i]));
     let h = c.0 - b.0;
@@ -167,7 +168,8 @@ fn middle(between: BetweenFrames, four: [&Levels; 4], i: usize, t: f64) -> f64 {
         + (slopes[0] + slopes[1] - 2.0 * rise) * x * x * (x - 1.0)
 }
 
-/// The error on all intervals of the frames that were chosen, by a program of its own, is what the few that were held out say.
+/// The error on all intervals of the chosen frames, computed independently, agrees with the error
+/// on the few held-out ones.
 #[test]
 fn the_error_of_all_intervals_is_within_the_tolerance() {
     let (path, sensor) = (path(), VoltmeterModel::new(VoltmeterPreset::Dvs346.k()));
@@ -199,7 +201,7 @@ fn the_error_of_all_intervals_is_within_the_tolerance() {
         let mut seen = Vec::new();
         scout.show(&asked, true, &mut |frames| seen.push(levels(&frames[0], k2))).unwrap();
         let (mut sum, mut count) = (0.0, 0);
-        // Intervals with a neighbour on both sides.
+        // Only intervals with a neighbour on both sides.
         for j in (2..seen.len() - 4).step_by(2) {
             let four = [&seen[j - 2], &seen[j], &seen[j + 2], &seen[j + 4]];
             let (t, truth, _) = &seen[j + 1];
@@ -212,16 +214,17 @@ fn the_error_of_all_intervals_is_within_the_tolerance() {
         let found = (sum / f64::from(count)).sqrt();
         println!("{rules:?} {rms}: {found:.4} of all, {:.4} held out, {chosen:?}", chosen.achieved);
         assert!(found <= rms, "{found} of all intervals, asked for {rms}: {chosen:?}");
-        // Twelve intervals of a hundred: they tell the root of the mean square to a fifth or better.
+        // Twelve intervals of a hundred estimate the root of the mean square to a fifth or better.
         assert!((found / chosen.achieved - 1.0).abs() < 0.4, "{found}: {chosen:?}");
     }
 }
 
-/// Where the picture moves as the depth and the motion say: a wall that a camera passes at its own depth.
+/// The measured flow of a known motion: a camera that turns about its own centre in front of a
+/// scene.
 #[test]
 fn the_flow_of_a_known_motion_is_found() {
     let camera = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0 };
-    // Turning about its own centre at 0.5 rad/s, and three times as fast in the second half: no depth matters.
+    // It turns at 0.5 rad/s, and three times as fast in the second half. Depth does not matter.
     let seconds: Vec<f64> = (0..=200).map(|j| f64::from(j) / 1000.0).collect();
     let angle = |t: f64| if t < 0.1 { 0.5 * t } else { 0.05 + 1.5 * (t - 0.1) };
     let from = DVec3::new(0.0, -0.4, -3.0);
@@ -229,7 +232,8 @@ fn the_flow_of_a_known_motion_is_found() {
     let path = SampledPath::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
     let flow =
         PathFlow::measure_path(&path, (200, 200_000), camera, &mut *renderer(RenderRules::Soft)).unwrap();
-    // At the left and right edges the flow is f (1 + (40/75)^2), which 99 % of the pixels do not exceed but for a column.
+    // At the left and right edges the flow is f (1 + (40/75)^2), which 99 % of the pixels do not
+    // exceed, except for a column.
     for (from, to, rate) in [(10_000, 80_000, 0.5), (120_000, 190_000, 1.5)] {
         let px_s = 75.0 * (1.0 + (40.0_f64 / 75.0).powi(2)) * rate;
         let length = flow.length_about(f64::from(from + to) / 2.0, 1.0);

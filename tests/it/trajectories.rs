@@ -1,4 +1,4 @@
-//! Refined trajectories against closed forms, independent quadrature and SciPy.
+//! Refined trajectories, compared with closed forms, independent quadrature and SciPy.
 
 #![expect(clippy::unwrap_used, reason = "test code outside of test functions")]
 
@@ -65,7 +65,7 @@ fn still(rotation: DQuat, translation: DVec3) -> Se3 {
     Se3 { rotation, translation }
 }
 
-/// A camera at `centre` that looks at the origin, its image's down along world -z.
+/// A camera at `centre` that looks at the origin, with its image's down direction along world -z.
 fn look_at_origin(centre: DVec3) -> Se3 {
     let forward = -centre.normalize();
     let right = forward.cross(DVec3::Z).normalize();
@@ -73,15 +73,15 @@ fn look_at_origin(centre: DVec3) -> Se3 {
     Se3 { rotation: DQuat::from_mat3(&columns), translation: centre }
 }
 
-/// A standard normal draw by Box and Muller.
+/// A standard normal draw, by Box and Muller.
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let (u, v): (f64, f64) = (1.0 - rng.random::<f64>(), rng.random());
     (-2.0 * u.ln()).sqrt() * (2.0 * PI * v).cos()
 }
 
-/// The capture of table 2.11: a half circle of radius 2 around the origin at height 0.4, steps uneven with a
-/// coefficient of variation of 0.3, centres jittered by `units` and rotations by `degrees` (standard deviations an
-/// axis).
+/// The capture of table 2.11: a half circle of radius 2 around the origin at height 0.4, uneven
+/// steps with a coefficient of variation of 0.3, centres jittered by `units` and rotations by
+/// `degrees` (standard deviations per axis).
 fn orbit(views: usize, units: f64, degrees: f64, seed: u64) -> Views {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let steps: Vec<f64> = (1..views).map(|_| (1.0 + 0.3 * normal(&mut rng)).max(0.2)).collect();

@@ -31,7 +31,7 @@ trajectories:
   - { name: strict, refine: { gaps: refuse } }
 ";
 
-/// What [`MINE`] calls `base`, made by the library.
+/// The trajectory `base` of [`MINE`], made by the library.
 fn base(views: &[(String, Se3)]) -> MadeTrajectory {
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
@@ -49,12 +49,13 @@ fn views(capture: &Capture) -> Vec<(String, Se3)> {
     capture.views.iter().map(|view| (view.name.clone(), view.world_from_camera)).collect()
 }
 
-/// The poses that a file holds.
+/// The poses in a file.
 fn poses(bytes: &[u8]) -> Trajectory {
     Trajectory::read_poses(bytes).unwrap()
 }
 
-/// Eight views of the origin from an uneven arc, camera to world, the third far from its neighbours where `gap`.
+/// Eight views of the origin from an uneven arc, camera to world. If `gap`, there is a gap after
+/// the fourth.
 fn planted(gap: bool) -> Vec<(String, Se3)> {
     let view = |i: u32| {
         let at = 0.1 * f64::from(i) + 0.03 * f64::from(i % 3) + if gap && i > 3 { 3.0 } else { 0.0 };
@@ -68,7 +69,8 @@ fn planted(gap: bool) -> Vec<(String, Se3)> {
     (0..8).map(view).collect()
 }
 
-/// `cameras.txt` and `images.txt` of a COLMAP model (its `doc/format.rst`): world to camera, w first.
+/// `cameras.txt` and `images.txt` of a COLMAP model (its `doc/format.rst`): world to camera, w
+/// first.
 fn colmap_text(views: &[(String, Se3)]) -> [String; 2] {
     let mut images = String::new();
     for (i, (name, pose)) in views.iter().enumerate() {
@@ -135,8 +137,8 @@ fn every_form_of_a_capture_gives_its_path() {
         let found = poses(&fs::read(place.path("out.txt")).unwrap());
         assert_eq!(found.stamps_us, wanted.stamps_us);
         for (a, b) in found.world_from_camera.iter().zip(&wanted.world_from_camera) {
-            // rotations pass through a matrix or a conjugate, centres of up to 5 units through a rotation: some
-            // roundings of 1e-15, which the curve does not amplify by more than a hundred
+            // rotations pass through a matrix or a conjugate, and centres of up to 5 units through
+            // a rotation. The curve amplifies these roundings of 1e-15 by at most a hundred
             let apart = (a.translation - b.translation).length() + (a.rotation - b.rotation).length();
             assert!(apart < 1e-12, "{capture}: {apart:e}");
         }
@@ -144,7 +146,7 @@ fn every_form_of_a_capture_gives_its_path() {
 }
 
 #[test]
-fn a_photographed_capture_gives_what_the_library_makes() {
+fn a_photographed_capture_gives_the_path_of_the_library() {
     for (capture, kind) in [("sparse/0", "colmap"), ("transforms.json", "nerfstudio")] {
         let Some(path) = shared::path(&format!("data/captures/fox/{capture}")) else { return };
         let read =
@@ -160,7 +162,7 @@ fn a_photographed_capture_gives_what_the_library_makes() {
         assert_eq!(file("c.svg"), picture::trajectory_svg(&wanted.trajectory, &wanted.report).into_bytes());
         let stamps: Vec<String> = wanted.trajectory.stamps_us.iter().map(|t| format!("{t}\n")).collect();
         assert_eq!(file("d.txt"), stamps.concat().into_bytes());
-        // The lens is told, and every warning of the report.
+        // The lens is reported, and so is every warning of the report.
         let own = wanted.report.warnings.iter().map(String::as_str);
         for part in own.chain(["base: 25 poses over 24.0 ms, 1000 a second", "the photos are distorted"]) {
             assert!(ended.stderr.contains(part), "`{part}` is not in\n{}", ended.stderr);
@@ -168,7 +170,8 @@ fn a_photographed_capture_gives_what_the_library_makes() {
     }
 }
 
-/// The recipe's source is not there, its sensor is none, and yet the files are those of a build.
+/// The recipe's source and its sensor's preset do not exist. The files still equal those of a
+/// build.
 #[test]
 fn the_files_are_those_of_a_release() {
     let place = sound();
@@ -188,7 +191,7 @@ fn the_files_are_those_of_a_release() {
 const RIGHT: &str = "trajectory --capture transforms.json --recipe mine.yaml --name base --out new.txt";
 
 #[test]
-fn people_are_told_how_it_moves() {
+fn the_motion_is_reported_to_users() {
     let place = workspace();
     let told = place.ok(RIGHT).stderr;
     for part in [
@@ -223,8 +226,9 @@ fn programs_get_one_object() {
     assert_eq!(told["trajectory"], "base");
     assert_eq!(told["duration_s"], 0.024);
     assert_eq!(told["files"], json!({ "out": "new.txt", "svg": "picture.svg" }));
-    // The most that the middle moves, from the poses by another way: angle and distance of neighbours, which here have
-    // next to no motion along or about the optical axis that is left out.
+    // The largest motion of the middle, computed from the poses in another way: angle and distance
+    // of neighbours, which here have little motion along or about the optical axis, so that it is
+    // neglected.
     let steps: Vec<f64> = made
         .trajectory
         .world_from_camera
@@ -239,7 +243,8 @@ fn programs_get_one_object() {
         .collect();
     let largest = steps.iter().copied().fold(0.0, f64::max);
     let found = told["px_per_frame"]["max"].as_f64().unwrap();
-    // the sine and the turn about the axis differ from the rotation vector by its cube, 0.06^3 of 100 px
+    // the sine and the turn about the axis differ from the rotation vector by its cube, 0.06^3 of
+    // 100 px
     assert!((found / largest - 1.0).abs() < 2e-3, "{found} {largest}");
     let [median, p95] = ["median", "p95"].map(|q| told["px_per_frame"][q].as_f64().unwrap());
     assert!(0.0 < median && median <= p95 && p95 <= found);
@@ -255,9 +260,9 @@ fn poses_may_go_to_stdout() {
     assert!(tree(&place.path("")) == before, "nothing else is written");
 }
 
-/// Every mistake ends with its exit code, says what it is, and leaves all files as they were.
+/// Every mistake ends with its exit code and its message, and leaves all files unchanged.
 #[test]
-fn mistakes_are_told_and_leave_nothing() {
+fn mistakes_are_reported_and_leave_no_file() {
     let place = workspace();
     place.write("new.txt", "as it was");
     place.write("empty/a.txt", "");
@@ -305,7 +310,7 @@ fn mistakes_are_told_and_leave_nothing() {
     t(["--out new.txt", "--out new.txt --svg ./new.txt"], 2, &["two outputs are written to ./new.txt"]);
     t(["--out new.txt", "--out ./mine.yaml"], 2, &["./mine.yaml is read, and would be written over"]);
     t(["--out new.txt", "--out - --stamps -"], 2, &["two outputs are written to -"]);
-    // One of two files cannot be written: the other is not there either.
+    // One of two files cannot be written: the other is not written either.
     t(
         ["--out new.txt", "--out new.txt --report /dev/full"],
         2,
@@ -337,7 +342,7 @@ fn mistakes_are_objects_for_programs() {
 }
 
 #[test]
-fn a_finished_file_takes_the_place_of_another() {
+fn a_finished_file_replaces_another() {
     let place = workspace();
     place.write("new.txt", "as it was");
     std::os::unix::fs::symlink("new.txt", place.path("link.txt")).unwrap();
@@ -352,7 +357,7 @@ fn a_finished_file_takes_the_place_of_another() {
 }
 
 #[test]
-fn exposures_that_were_trained_are_told() {
+fn trained_exposures_are_reported() {
     let place = workspace();
     place.write("trained/exposure.json", "{ \"v0.jpg\": [[1, 0, 0, 0], [0, 0.9, 0, 0], [0, 0, 1, 0]] }");
     let told = place.ok(&RIGHT.replace("transforms.json", "trained")).stderr;

@@ -1,4 +1,5 @@
-//! What the files of a release say, judged by arithmetic written out here and by readers that are not ours.
+//! The contents of a release's files, checked by arithmetic written out here and by independent
+//! readers.
 
 use crate::release::small::{read, release};
 use crate::support::absent::absent;
@@ -20,7 +21,7 @@ fn json(name: &str) -> Value {
     serde_json::from_str(&text(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// The poses by their stamps: tx ty tz qx qy qz qw.
+/// The poses by stamp: tx ty tz qx qy qz qw.
 fn poses() -> BTreeMap<i64, [f64; 7]> {
     let pose = |line: &str| {
         let (stamp, rest) = line.split_once(' ').expect("eight fields");
@@ -30,7 +31,7 @@ fn poses() -> BTreeMap<i64, [f64; 7]> {
     text("poses.txt").lines().map(pose).collect()
 }
 
-/// Every file but the list itself, in the form that coreutils read, sorted by path.
+/// Every file except the list itself is listed, in the form that coreutils read, sorted by path.
 #[test]
 fn sums_are_those_of_every_file() {
     let mut files = read(release());
@@ -49,7 +50,8 @@ fn sums_are_those_of_every_file() {
 fn poses_are_unit_quaternions_at_the_recipes_stamps() {
     let stamps: Vec<i64> =
         text("timestamps_us.txt").lines().map(|line| line.parse().expect("integers")).collect();
-    // round(j * 1e6 / 2400), half up: three poses every 1,250 us, the second and third at 416.67 and 833.33.
+    // round(j * 1e6 / 2400), half up: three poses every 1,250 us, the second and third at 416.67
+    // and 833.33.
     let wanted: Vec<i64> = (0..8).flat_map(|k| [0, 417, 833].map(|us| 1250 * k + us)).collect();
     assert_eq!(stamps, wanted);
     let poses = poses();
@@ -60,7 +62,8 @@ fn poses_are_unit_quaternions_at_the_recipes_stamps() {
     }
 }
 
-/// `transforms.json` and `poses.txt` are one path in two conventions: camera axes y and z turned.
+/// `transforms.json` and `poses.txt` are one path in two conventions: camera axes y and z are
+/// reversed.
 #[test]
 fn transforms_agree_with_poses() {
     let (transforms, poses) = (json("transforms.json"), poses());
@@ -68,11 +71,12 @@ fn transforms_agree_with_poses() {
     assert_eq!(frames.len(), poses.len().div_ceil(4), "every fourth pose has a picture");
     for frame in frames {
         let [tx, ty, tz, x, y, z, w] = poses[&frame["t_us"].as_i64().expect("a stamp")];
-        // The third column of a rotation, written from its quaternion, is the optical axis; OpenGL's looks back.
+        // The third column of a rotation, computed from its quaternion, is the optical axis.
+        // OpenGL's points backwards.
         let axis = [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)];
         for (row, (centre, axis)) in [tx, ty, tz].into_iter().zip(axis).enumerate() {
             let entry = |column: usize| frame["transform_matrix"][row][column].as_f64().expect("a number");
-            // Both are written with 17 digits and one conversion apart.
+            // Both are written with 17 digits and differ by one conversion.
             assert!((entry(3) - centre).abs() < 1e-14 && (entry(2) + axis).abs() < 1e-14, "{frame}");
         }
         let picture = frame["file_path"].as_str();
@@ -80,7 +84,8 @@ fn transforms_agree_with_poses() {
     }
 }
 
-/// Readers of `transforms.json` open a picture for each frame; a thinned trajectory lists no frame without one.
+/// Readers of `transforms.json` open a picture for each frame, so a thinned trajectory lists only
+/// frames with a picture.
 #[test]
 fn thinned_pictures_thin_the_transforms_alone() {
     let place = Workspace::new();
@@ -114,9 +119,9 @@ fn findings_have_the_records_form() {
     }
 }
 
-/// h5py and NumPy on the events; said on stderr where they are absent.
+/// Reads the events with h5py and NumPy. If they are absent, a message goes to stderr.
 #[test]
-fn h5py_reads_what_was_written() {
+fn h5py_reads_the_written_events() {
     let python =
         |program: &str| Command::new("python3").args(["-c", program]).current_dir(release()).output();
     if !python("import h5py, numpy").is_ok_and(|output| output.status.success()) {
@@ -126,7 +131,7 @@ fn h5py_reads_what_was_written() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Reads a stream as its users do: the layout of DSEC, its millisecond index, its order.
+/// Reads a stream as users do: the layout of DSEC, its millisecond index, its order.
 const READ_BACK: &str = r#"
 import h5py, numpy as np
 f = h5py.File("small/one/base/events.h5")

@@ -1,9 +1,9 @@
-//! `why` after an edit of the recipe: the value that was edited, and the steps that run for it.
+//! `why` after an edit of the recipe: the edited value, and the steps that run because of it.
 
 use crate::support::workspace::{TINY, Workspace};
 use serde_json::{Value, json};
 
-/// The head that `why` tells of a scene after its recipe was changed; empty where it tells none.
+/// The head of `why` for a scene after an edit of its recipe; empty if there is no head.
 fn head(place: &Workspace, recipe: &str) -> Vec<String> {
     place.write("tiny.yaml", recipe);
     let told = place.ok("why tiny --recipes tiny.yaml").stdout;
@@ -41,7 +41,7 @@ fn an_edited_number_is_named_with_the_steps_that_it_touches() {
             "may run: base/events, base/sharp, base/checks",
         ],
     );
-    // A space in a formula is an edit, and no other formula.
+    // A space in a formula is an edit, but the formula is the same.
     t(
         "0.25*sin(t) + 1.1",
         "0.25*sin(t)+1.1",
@@ -67,7 +67,7 @@ fn several_edits_are_all_named() {
             "may run: base/events, base/sharp, base/checks",
         ]
     );
-    // Once it is built nothing is edited any more, and the way back is an edit.
+    // After a build there is no edit, and reverting is another edit.
     place.ok("build -q tiny.yaml");
     assert_eq!(head(&place, &edited), [""; 0]);
     let back = head(&place, TINY);

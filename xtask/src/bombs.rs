@@ -1,4 +1,4 @@
-//! Small files that ask for much memory, and what the program takes for them.
+//! Small files that ask for much memory, and the program's memory on them.
 
 use crate::command::{Outcome, cargo};
 

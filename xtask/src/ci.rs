@@ -1,4 +1,4 @@
-//! What CI runs, step by step, each with its seconds; the first failure stops it.
+//! The steps of CI, each with its seconds. The first failure stops them.
 
 use crate::command::{Outcome, cargo, program, root, say};
 use crate::{bombs, demo, faults, fuzz, suite};
@@ -10,7 +10,7 @@ type Step = (&'static str, fn() -> Outcome);
 const STEPS: [Step; 9] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
-        // Targets that plain `cargo test` leaves out are not among all.
+        // `--all-targets` does not include targets that plain `cargo test` leaves out.
         let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets"]).args(by_name).run()
     }),
@@ -25,7 +25,7 @@ const STEPS: [Step; 9] = [
     ("builds beside ninja", builds_beside_ninja),
 ];
 
-/// Holds the time of builds that have little or nothing to do against ninja's, where there is one.
+/// Compares builds that have little or nothing to do with ninja's, if ninja is there.
 fn builds_beside_ninja() -> Outcome {
     let has_ninja = program(OsStr::new("ninja"), &["--version"]).succeeds();
     if !has_ninja || !root().join("../shared").is_dir() {

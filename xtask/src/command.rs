@@ -1,4 +1,4 @@
-//! Commands run in the repository's root, and the lines that tell people about them.
+//! Commands run in the repository's root, and messages about them.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// Why a task stopped: a sentence for people.
+/// The reason why a task stopped: a sentence for users.
 pub(crate) type Outcome<T = ()> = Result<T, String>;
 
 /// The repository's root: the folder above this crate.
@@ -15,7 +15,7 @@ pub(crate) fn root() -> PathBuf {
     here.parent().expect("xtask lies in the repository").to_owned()
 }
 
-/// A line for people, on stderr.
+/// Prints a message to stderr.
 pub(crate) fn say(line: &str) {
     // A closed stderr is no reason to stop the work.
     let _ = writeln!(std::io::stderr(), "{line}");
@@ -24,7 +24,7 @@ pub(crate) fn say(line: &str) {
 /// A command that will run in the repository's root.
 pub(crate) struct Task(Command);
 
-/// The cargo that runs us, with these arguments.
+/// The cargo that runs this program, with these arguments.
 pub(crate) fn cargo<A: AsRef<OsStr>>(args: &[A]) -> Task {
     program(&std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()), args)
 }
@@ -37,7 +37,7 @@ pub(crate) fn program<A: AsRef<OsStr>>(name: &OsStr, args: &[A]) -> Task {
 }
 
 impl Task {
-    /// More arguments.
+    /// Adds arguments.
     pub(crate) fn args<A: AsRef<OsStr>>(mut self, args: impl IntoIterator<Item = A>) -> Self {
         self.0.args(args);
         self
@@ -49,13 +49,14 @@ impl Task {
         self
     }
 
-    /// Runs it, its output going where ours goes.
+    /// Runs the command, with its output going to ours.
     pub(crate) fn run(mut self) -> Outcome {
         let status = self.0.status().map_err(|e| self.not_started(&e))?;
         if status.success() { Ok(()) } else { Err(format!("`{self}` ended with {status}")) }
     }
 
-    /// Runs it and keeps its stdout and stderr; an exit code other than 0 is an error that shows both.
+    /// Runs the command and keeps its stdout and stderr. An exit code other than 0 is an error that
+    /// shows both.
     pub(crate) fn capture(mut self) -> Outcome<Output> {
         let output = self.0.stdin(Stdio::null()).output().map_err(|e| self.not_started(&e))?;
         if output.status.success() {
@@ -65,13 +66,13 @@ impl Task {
         Err(format!("`{self}` ended with {}\n{out}{err}", output.status))
     }
 
-    /// Whether it runs and ends with 0; prints nothing.
+    /// Returns true if the command runs and ends with 0. Prints nothing.
     pub(crate) fn succeeds(mut self) -> bool {
         let quiet = self.0.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         quiet.status().is_ok_and(|status| status.success())
     }
 
-    /// Runs it, handing over stdout line by line; returns whether it ended with 0.
+    /// Runs the command and passes stdout on line by line. Returns true if it ended with 0.
     pub(crate) fn each_line(mut self, mut line: impl FnMut(&str)) -> Outcome<bool> {
         use std::io::BufRead as _;
         let mut child = self.0.stdout(Stdio::piped()).spawn().map_err(|e| self.not_started(&e))?;

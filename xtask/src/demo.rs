@@ -1,13 +1,14 @@
-//! The demo release: the README's first command, and the manifest of it that is committed.
+//! The demo release: the README's first command, and its committed manifest.
 
 use crate::command::{Outcome, Task, cargo, root, say};
 use crate::folder::Folder;
 use std::path::{Path, PathBuf};
 
-/// The README's first command, as it stands there.
+/// The README's first command, verbatim.
 const README_COMMAND: &str = "cargo run --release -- release --to out recipes/demo.yaml";
 
-/// Runs the README's first command, but into a temporary folder, twice. The second run must find nothing to do.
+/// Runs the README's first command twice, into a temporary folder. The second run must find nothing
+/// to do.
 pub(crate) fn first_command_twice() -> Outcome {
     let readme = std::fs::read_to_string(root().join("README.md")).map_err(|e| format!("README.md: {e}"))?;
     if !readme.lines().any(|line| line == README_COMMAND) {
@@ -27,7 +28,7 @@ pub(crate) fn first_command_twice() -> Outcome {
 /// Makes the demo release and copies its `manifest.json` to `manifests/demo.json`.
 pub(crate) fn rewrite_manifest() -> Outcome {
     let folder = Folder::new("manifest")?;
-    // Whose bits are the same on every machine.
+    // The CPU back end gives the same bits on every machine.
     release(&folder).args(["--backend", "cpu"]).run()?;
     let (from, to) = (folder.path().join("out/manifest.json"), root().join("manifests/demo.json"));
     let fresh = std::fs::read(&from).map_err(|e| format!("{}: {e}", from.display()))?;
@@ -37,7 +38,8 @@ pub(crate) fn rewrite_manifest() -> Outcome {
     Ok(())
 }
 
-/// [`README_COMMAND`] with its `out`, and its store, in `folder`: as in a fresh clone, whatever was built here.
+/// [`README_COMMAND`] with its `out` and its store in `folder`, as in a fresh clone without earlier
+/// builds.
 fn release(folder: &Folder) -> Task {
     let (out, store) = (folder.path().join("out"), folder.path().join("store"));
     let args = README_COMMAND.split(' ').skip(1).map(PathBuf::from);

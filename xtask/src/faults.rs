@@ -2,7 +2,7 @@
 
 use crate::command::{Outcome, cargo};
 
-/// Runs them; `args` are theirs (`--long`, `--minutes N`, `--only NAME`, `--seed N`).
+/// Runs the tests; `args` are their own (`--long`, `--minutes N`, `--only NAME`, `--seed N`).
 pub(crate) fn run(args: &[String]) -> Outcome {
     cargo(&["test", "--quiet", "--release", "--test", "faults", "--"]).args(args).run()
 }

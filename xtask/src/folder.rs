@@ -1,9 +1,9 @@
-//! A folder for what a task leaves behind.
+//! A temporary folder for a task.
 
 use crate::command::{Outcome, say};
 use std::path::{Path, PathBuf};
 
-/// A folder of our own below the system's temporary one, removed when we are done with it.
+/// A folder below the system's temporary one, removed on drop.
 pub(crate) struct Folder(PathBuf);
 
 impl Folder {

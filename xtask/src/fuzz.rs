@@ -1,15 +1,17 @@
-//! The readers under mutated files, and the command line under mutated words and names. Not in release mode: arithmetic that overflows shall be told.
+//! The readers under mutated files, and the command line under mutated words and names. Not in
+//! release mode, so that overflowing arithmetic is detected.
 
 use crate::command::{Outcome, cargo};
 
-/// Runs the harness; `args` are its own (`--seconds N`, `--only READER`, `--seed N`, `--first N`, `--runs N`,
-/// `--jobs N`).
+/// Runs the harness; `args` are its own (`--seconds N`, `--only READER`, `--seed N`, `--first N`,
+/// `--runs N`, `--jobs N`).
 pub(crate) fn run(args: &[String]) -> Outcome {
     cargo(&["test", "--quiet", "--test", "fuzz", "--"]).args(args).run()
 }
 
-/// Every reader for 20 s over the committed corpus, two at a time: less than four minutes on CI's two cores. The seed is
-/// always the same: a change that did not break a reader is not held up by what another draw would have found.
+/// Runs every reader for 20 s over the committed corpus, two at a time: less than four minutes on
+/// CI's two cores. The seed is always the same, so that a change is not blamed for a fault that
+/// only another draw would have found.
 pub(crate) fn short() -> Outcome {
     run(&["--seconds", "20", "--jobs", "2"].map(str::to_owned))
 }

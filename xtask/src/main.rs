@@ -1,6 +1,8 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report | docs | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report | docs
+//! | manifest`.
 //!
-//! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
+//! It uses the standard library only, so that building it takes a second and never a second copy of
+//! the crate's dependencies.
 
 mod bombs;
 mod ci;

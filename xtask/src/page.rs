@@ -1,8 +1,9 @@
-//! How long a browser takes to open `report.html` of thousands of scenes.
+//! Time that a browser takes to open `report.html` of thousands of scenes.
 //!
-//! A release of some scenes is made, enough of them for the page to be as brief as that of thousands; then its rows and
-//! sections are repeated under other ids up to the number asked for. That stands for a page of so many scenes byte for
-//! byte but for its sums, and costs minutes less.
+//! A release of some scenes is made, enough of them for the page to be as brief as that of
+//! thousands. Then its rows and sections are repeated under other ids up to the requested number.
+//! The result equals a real page of this many scenes byte for byte except for its sums, and costs
+//! minutes less.
 
 use crate::command::{Outcome, cargo, program, say};
 use crate::folder::Folder;
@@ -11,7 +12,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Scenes that are made: with three trajectories each, more than a page tells in full of.
+/// Number of scenes in the release: with three trajectories each, more than a page shows in full.
 const MADE: usize = 201;
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
@@ -19,13 +20,13 @@ const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "c
 struct Options {
     scenes: usize,
     runs: usize,
-    /// A page that is there, in place of one that is made.
+    /// An existing page, in place of a new one.
     page: Option<PathBuf>,
-    /// Where the long page is kept.
+    /// The place where the long page is kept.
     keep: Option<PathBuf>,
 }
 
-/// Makes the page, and opens it.
+/// Makes the page and opens it.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let options = options(args)?;
     let folder = Folder::new("page")?;
@@ -90,7 +91,8 @@ fn made(folder: &Path) -> Outcome<PathBuf> {
     Ok(tree.join("report.html"))
 }
 
-/// Three trajectories as wide as a picture of the page: its bytes are those of larger scenes.
+/// A recipe with three trajectories as wide as a picture of the page. The page has the same bytes
+/// as one of larger scenes.
 fn recipe(number: usize) -> String {
     format!(
         "version: 1\nscene: set/{number:06}\nseed: 7\nsource: {{ procedural: {{ gaussians: 2000, views: 9, arc: 8 }} }}\n\
@@ -101,7 +103,7 @@ fn recipe(number: usize) -> String {
     )
 }
 
-/// Where the rows of scenes and their sections begin and end.
+/// Begin and end of a scene's row, and the end of all rows; [`SECTIONS`] has the same for sections.
 const ROWS: [&str; 3] = ["<tr class=\"has-", "</tr>\n", "</tbody>"];
 const SECTIONS: [&str; 3] = ["<details class=\"scene\"", "</details>\n", "</section>"];
 
@@ -126,13 +128,13 @@ fn multiplied(page: &str, [begin, end, after]: [&str; 3], scenes: usize) -> Outc
     Ok(out + &page[stop..])
 }
 
-/// The id of the scene that a row links to, or that a section is about.
+/// The id of the scene that a row links to or a section describes.
 fn id(part: &str) -> Option<&str> {
     let after = part.split("scene/").nth(1)?;
     after.split('"').next()
 }
 
-/// Opens it some times, each beside an empty page.
+/// Opens the page `runs` times, each time followed by an empty page.
 fn opened(page: &Path, folder: &Path, runs: usize) -> Outcome {
     let there = |name: &&&str| program(OsStr::new(**name), &["--version"]).succeeds();
     let Some(browser) = BROWSERS.iter().find(there) else {
@@ -145,7 +147,7 @@ fn opened(page: &Path, folder: &Path, runs: usize) -> Outcome {
     for run in 0..=runs {
         let took =
             [loaded(browser, folder, page)?, shot(browser, folder, page)?, shot(browser, folder, &empty)?];
-        // The first is to warm up.
+        // The first run is to warm up.
         if run > 0 {
             times.iter_mut().zip(took).for_each(|(times, took)| times.push(took));
         }
@@ -163,7 +165,7 @@ fn opened(page: &Path, folder: &Path, runs: usize) -> Outcome {
     Ok(())
 }
 
-/// Arguments that keep a browser from everything but the page.
+/// Arguments that keep a browser from loading anything but the page.
 fn quiet(folder: &Path) -> Vec<String> {
     let mut args: Vec<String> = [
         "--headless",
@@ -182,7 +184,8 @@ fn quiet(folder: &Path) -> Vec<String> {
     args
 }
 
-/// Seconds until the load event, by the browser's own clock: in a frame of a page that waits for it.
+/// Seconds until the load event by the browser's own clock, measured in a frame of a page that
+/// waits for it.
 fn loaded(browser: &str, folder: &Path, page: &Path) -> Outcome<f64> {
     let frame = folder.join("frame.html");
     let mut text = String::from("<!DOCTYPE html><title>frame</title><p id=\"took\"></p><script>\n");

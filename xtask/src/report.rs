@@ -1,6 +1,7 @@
-//! The page of error against run time: `gs2e study` over three scenes, and how run time grows, from real runs.
+//! The page of error against run time: `gs2e study` over three scenes, and the growth of run time,
+//! from real runs.
 //!
-//! What the page says of a run is what the run itself wrote; here it is only put in order.
+//! All figures of a run are its own output; this module only arranges them.
 
 mod scenes;
 mod tolerance;
@@ -12,11 +13,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The page, below `docs/` or, of a part of the runs, `target/report/`; its pictures in a folder of its name.
+/// The page, below `docs/` or, for a part of the runs, `target/report/`; its pictures are in a
+/// folder of its name.
 const PAGE: &str = "work-precision.md";
 const PICTURES: &str = "work-precision";
 
-/// The first of the sections that a page has no room for.
+/// The first of the sections that the page leaves out.
 const DETAILS: &str = "\n## Core-seconds at the error of";
 
 const INTRODUCTION: &str = "\
@@ -49,7 +51,7 @@ struct Options {
     scenes: Vec<String>,
 }
 
-/// A study of each scene.
+/// A study that is made of each scene.
 struct Setting {
     name: &'static str,
     title: &'static str,
@@ -98,12 +100,13 @@ const SETTINGS: [Setting; 5] = [
     },
 ];
 
-/// In place of what a setting and the defaults say, where it is only tried.
+/// Arguments of a quick trial, in place of those of the setting and the defaults.
 const QUICK: [&str; 6] = ["--seconds", "0.02", "--rates", "300,600,1200,2400", "--finest", "4800"];
-/// The rates of windows that would hold too few steps of the coarsest.
+/// The rates for windows that would hold too few steps of the coarsest rate.
 const SHORT: [&str; 2] = ["--rates", "300,600,1200,2400,4800"];
 
-/// Runs the studies and the builds, and writes the pages; or, where `tolerance` is the first word, the builds alone.
+/// Runs the studies and the builds, and writes the pages; with `tolerance` as the first word, only
+/// the builds.
 pub(crate) fn run(args: &[String]) -> Outcome {
     if let [first, rest @ ..] = args
         && first == "tolerance"
@@ -115,7 +118,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     tolerance::run(&options)
 }
 
-/// The scenes that are wanted and there, and the folder of a page about them.
+/// The selected scenes that are there, and the folder of a page about them.
 fn present(options: &Options) -> (Vec<&'static Scene>, PathBuf) {
     let (present, absent): (Vec<&Scene>, Vec<&Scene>) =
         SCENES.iter().filter(|scene| options.wants(scene)).partition(|scene| scene.is_there());
@@ -174,7 +177,7 @@ fn study(scene: &Scene, options: &Options, work: &Path, pictures: &Path) -> Outc
     std::fs::write(&recipe, scene.paths(options.quick)).map_err(|e| format!("{}: {e}", recipe.display()))?;
     gs2e(&["build", "--backend", "cpu"], work, &recipe, &[])?;
     let mut section = format!("\n## {}\n\n{}\n", scene.name, scene.words);
-    // Frames of the blended order take ten times as long, whatever their size.
+    // Frames of the blended order take ten times as long, at any size.
     let tried = |setting: &&Setting| !options.quick || setting.name != "blended" || scene.is_ours();
     for setting in SETTINGS.iter().filter(tried) {
         let start = Instant::now();
@@ -196,7 +199,7 @@ fn study(scene: &Scene, options: &Options, work: &Path, pictures: &Path) -> Outc
     Ok(section)
 }
 
-/// Runs it, and returns what it tells people.
+/// Runs the program, and returns its messages.
 fn gs2e(verb: &[&str], work: &Path, recipe: &Path, args: &[&str]) -> Outcome<String> {
     let built = ["run", "--release", "--quiet", "--bin", "gs2e", "--"];
     let task = cargo(&built).args(verb).args([Path::new("--store"), &work.join("store"), recipe]);
@@ -204,7 +207,7 @@ fn gs2e(verb: &[&str], work: &Path, recipe: &Path, args: &[&str]) -> Outcome<Str
     Ok(String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// What one study says, with its pictures copied.
+/// The text of one study, with its pictures copied.
 fn part(scene: &Scene, setting: &Setting, found: &Path, pictures: &Path) -> Outcome<String> {
     let summary = found.join("summary.md");
     let summary = std::fs::read_to_string(&summary).map_err(|e| format!("{}: {e}", summary.display()))?;

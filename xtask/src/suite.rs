@@ -1,4 +1,4 @@
-//! All tests through plain `cargo test`; the total after it, and last the tests that did not run.
+//! All tests through plain `cargo test`, then the total, and last the tests that did not run.
 
 use crate::command::{Outcome, cargo, program, root, say};
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     let test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
     let passed = test.each_line(|line| {
         total.add(line);
-        // A reader that went away (`| head`) is no failed test.
+        // A closed pipe (`| head`) is no failed test.
         let _ = writeln!(std::io::stdout(), "{line}");
     })?;
     let _ = writeln!(std::io::stdout(), "{}", total.summary(passed, begin.elapsed().as_secs_f64()));
@@ -31,12 +31,14 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     if passed { Ok(()) } else { Err("tests failed, see above".into()) }
 }
 
-/// Rewrites the generated parts of the documentation: the tests that compare them do, where they are asked to.
+/// Rewrites the generated parts of the documentation: the tests that compare them do this on
+/// request.
 pub(crate) fn rewrite_docs() -> Outcome {
     cargo(&["test", "--quiet", "--test", "it", "--", "docs::the_reference"]).env("WRITE_DOCS", "1").run()
 }
 
-/// The closing line: the tests of a list with lines `TEST (WHY)`, by the reason why they did not run in full.
+/// The closing line: the tests of a list with lines `TEST (WHY)`, grouped by the reason why they
+/// did not run in full.
 fn not_run(list: &str) -> String {
     let mut by_reason: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for line in list.lines() {
@@ -45,7 +47,7 @@ fn not_run(list: &str) -> String {
     }
     for tests in by_reason.values_mut() {
         tests.sort_unstable();
-        // A test that asks for several files says so for each.
+        // A test that asks for several files has a line for each.
         tests.dedup();
     }
     let count: usize = by_reason.values().map(Vec::len).sum();
@@ -72,7 +74,7 @@ fn name_what_is_absent() {
     }
 }
 
-/// Sums of the lines with which each test binary ends.
+/// Sums of the closing lines of all test binaries.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Total {
     binaries: u64,
@@ -83,7 +85,7 @@ struct Total {
 const COUNTED: [&str; 5] = [" passed", " failed", " ignored", " measured", " filtered out"];
 
 impl Total {
-    /// Adds a line such as `test result: ok. 3 passed; 0 failed; …`; any other adds nothing.
+    /// Adds a line such as `test result: ok. 3 passed; 0 failed; …`. Other lines add nothing.
     fn add(&mut self, line: &str) {
         let Some(rest) = line.strip_prefix("test result: ") else { return };
         let Some((_, figures)) = rest.split_once(". ") else { return };
@@ -96,8 +98,8 @@ impl Total {
         }
     }
 
-    /// The closing line: cargo's own form, under another head so that a script that sums cargo's lines counts no
-    /// test twice.
+    /// The closing line: cargo's own form, under another head, so that a script that sums cargo's
+    /// lines counts no test twice.
     fn summary(&self, passed: bool, seconds: f64) -> String {
         let verdict = if passed { "ok" } else { "FAILED" };
         let counts: Vec<String> =

@@ -1,7 +1,9 @@
-//! The audit of a release, beside what reads the same bytes: the disk, and `b3sum`.
+//! The audit of a release, compared with plain readers of the same bytes: the disk, and `b3sum`.
 //!
-//! The sums alone are the first of the audit's two passes: it reads and hashes every byte, by SHA-256 and BLAKE3 at once. The
-//! second opens events, poses and pictures, and composes again all that follows from other files. From the disk: every page of the tree is given back to the system before each run.
+//! The sums alone are the first of the audit's two passes: it reads and hashes every byte, by
+//! SHA-256 and BLAKE3 at once. The second opens events, poses and pictures, and composes again
+//! every file that follows from others. "From the disk" means that every page of the tree is given
+//! back to the system before each run.
 
 use super::amount;
 use crate::measure::{Amount, Run, Workload, timed};
@@ -14,7 +16,7 @@ use std::rc::Rc;
 
 /// A release of the demo, removed when the last workload is dropped.
 struct Given {
-    /// Held, not read: it removes the folder.
+    /// Keeps the folder alive: dropping it removes the folder.
     _folder: tempfile::TempDir,
     tree: PathBuf,
     files: Vec<PathBuf>,
@@ -92,7 +94,7 @@ fn b3sum(given: &Given) {
     assert!(ended.is_ok_and(|ended| ended.success()), "b3sum reads them");
 }
 
-/// Has the system forget the pages of these files, once they are on the disk.
+/// Writes these files to the disk and makes the system forget their pages.
 fn evict(files: &[PathBuf]) {
     for path in files {
         let file = File::open(path).expect("it is there");

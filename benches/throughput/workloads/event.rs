@@ -55,8 +55,8 @@ fn write_npz(path: &Path, events: &[Event]) {
     writer.finish().expect("it can be written");
 }
 
-/// Events at times and places without pattern (a multiplicative hash), one a microsecond, so all of them sorted:
-/// nothing that a compressor could take advantage of but the times.
+/// Events at times and places without a pattern (a multiplicative hash), one per microsecond and
+/// therefore sorted. A compressor can take advantage of nothing but the times.
 fn stream() -> Vec<Event> {
     let event = |i: u32| {
         let hash = i.wrapping_mul(2_654_435_769) >> 8;

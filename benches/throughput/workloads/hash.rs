@@ -1,4 +1,5 @@
-//! The digest of a file, beside `b3sum` on the same file: both read it from the page cache with all threads.
+//! The digest of a file, compared with `b3sum` on the same file: both read it from the page cache
+//! with all threads.
 
 use super::amount;
 use crate::measure::{Run, Workload, timed};
@@ -11,7 +12,7 @@ const BYTES: usize = 512_000_000;
 
 /// The file, removed when the last workload is dropped.
 struct Given {
-    /// Held, not read: it removes the folder.
+    /// Keeps the folder alive: dropping it removes the folder.
     _folder: tempfile::TempDir,
     path: PathBuf,
 }

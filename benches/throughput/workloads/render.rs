@@ -1,4 +1,4 @@
-//! Rendering one view, all passes: activation is done once, before.
+//! Rendering of one view, all passes. Activation is done once, before.
 
 use super::{amount, shared};
 use crate::measure::{Workload, timed};
@@ -44,12 +44,13 @@ pub(super) fn workloads() -> Vec<Workload> {
     all
 }
 
-/// Core-seconds of the CPU path of pierotofy/OpenSplat, by the same measure on the same kind of machine.
+/// Core-seconds of the CPU path of pierotofy/OpenSplat, by the same measure on the same kind of
+/// machine.
 const PEER: &str = "beside it: OpenSplat on one core takes 1.05 core-s a frame from outside and 3.79 from inside, \
                     of 542,000 Gaussians at 1280x720 in rgb";
 
-/// Where the time of a frame goes by every instruction set: the fastest of several, pass by pass. A core's
-/// time is the wall's times the number of threads, idle ones too: `RAYON_NUM_THREADS=1` gives that of one
+/// Time of a frame by instruction set and pass, the fastest of several. Core time is wall time
+/// multiplied by the number of threads, idle ones included: `RAYON_NUM_THREADS=1` gives that of one
 /// busy core.
 fn split(scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> String {
     const FRAMES: usize = 5;
@@ -89,7 +90,7 @@ fn split(scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> String {
     lines.join("\n    ")
 }
 
-/// The same on the GPU, one that is none in software, at two sizes; where its time goes is told on stderr.
+/// The views on a hardware GPU, at two sizes. The time of each stage goes to stderr.
 fn on_gpu(name: &str, scene: &Gaussians, view: CameraView, wants: [ChannelSet; 3]) -> Vec<Workload> {
     let device = match GpuDevice::open(&DeviceChoice::Hardware) {
         Ok(device) => device,
@@ -109,7 +110,7 @@ fn on_gpu(name: &str, scene: &Gaussians, view: CameraView, wants: [ChannelSet; 3
         .collect()
 }
 
-/// Frames one after another, each begun while the one before it is read.
+/// Renders frames one after another, each begun while the previous one is read.
 fn gpu_workload(
     name: &str,
     scene: &Gaussians,
@@ -154,7 +155,8 @@ fn still_life() -> (&'static str, Arc<Gaussians>, CameraView) {
     ("still-life", Arc::new(procedural::still_life(&life)), view)
 }
 
-/// A real capture from outside and from inside: its up is -y, its centre (0, -0.5, 0), its radius about 1.
+/// A real capture from outside and from inside: its up is -y, its centre (0, -0.5, 0), its radius
+/// about 1.
 fn playbot() -> Option<[(&'static str, Arc<Gaussians>, CameraView); 2]> {
     let scene = Arc::new(scene::read_file(&shared("playbot.spz")?).expect("the scene is sound"));
     let size = Size { width: 1280, height: 720 };
@@ -165,7 +167,7 @@ fn playbot() -> Option<[(&'static str, Arc<Gaussians>, CameraView); 2]> {
     ])
 }
 
-/// The view of a camera in motion, for the rates.
+/// The view of a moving camera, for the rates.
 fn moving(view: CameraView) -> CameraView {
     let velocity = CameraVelocity { linear: DVec3::new(0.5, 0.0, 0.2), angular: DVec3::new(0.0, 0.5, 0.0) };
     CameraView { velocity, ..view }
@@ -213,7 +215,8 @@ fn path(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) 
     Workload { part: "render", what, rival: false, run: Box::new(run) }
 }
 
-/// A camera with a horizontal field of view of 60 degrees, its image's down along world y.
+/// A camera with a horizontal field of view of 60 degrees, with its image's down direction along
+/// world y.
 fn look_at(centre: DVec3, target: DVec3, size: Size) -> CameraView {
     let forward = (target - centre).normalize();
     let right = DVec3::Y.cross(forward).normalize();

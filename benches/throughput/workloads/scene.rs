@@ -28,7 +28,7 @@ fn workload(name: &str, bytes: Vec<u8>, read: Reader) -> Workload {
     Workload { part: "scene", what, rival: false, run: Box::new(run) }
 }
 
-/// Writing as `.spz`, what is lost included.
+/// Writing as `.spz`, including the measurement of the loss.
 fn written(path: &Path) -> Workload {
     let file = std::fs::read(path).expect("the scene can be read");
     let scene = spz::read_spz(&file).expect("the scene is sound");

@@ -14,7 +14,8 @@ use std::sync::Arc;
 const SIZE: Size = Size { width: 640, height: 480 };
 const FRAMES: u16 = 50;
 
-/// Events a pixel and second that the brightness alone asks for, and the amplitude of ln(L + k2) that makes them.
+/// Events per pixel and second that the brightness alone asks for, and the amplitude of ln(L + k2)
+/// that makes them.
 const RATES: [f64; 3] = [0.3, 10.0, 1000.0];
 const AMPLITUDE: f64 = 0.8;
 
@@ -33,7 +34,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     all
 }
 
-/// On so many threads; 0 for as many as there are.
+/// A workload on `threads` threads; 0 for one per core.
 fn workload(
     name: &str,
     model: &VoltmeterModel,
@@ -77,13 +78,15 @@ impl EventSink for Counted {
     }
 }
 
-/// Frames in which ln(L + k2) of every pixel is a triangle wave about ln(80 + k2), each pixel at a phase of its own. The
-/// first frame lies below by a share of one event that differs between pixels, so that from the second one on they fire
-/// at times of their own from the start, and not together after 1 / rate.
+/// Frames in which ln(L + k2) of every pixel is a triangle wave about ln(80 + k2), each pixel at a
+/// phase of its own. The first frame is lower by a share of one event that differs between pixels,
+/// so that the pixels fire at different times from the second frame on, and not together after 1 /
+/// rate.
 #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
 fn frames(rate: f64, model: &VoltmeterModel) -> Vec<DenseFrame> {
     let [k1, k2, ..] = model.k;
-    // A triangle wave travels four amplitudes a period; an event takes a threshold of 1 of k1 ln(L + k2).
+    // A triangle wave travels four amplitudes per period; an event takes a threshold of 1 of k1
+    // ln(L + k2).
     let period = 4.0 * AMPLITUDE * k1 / rate;
     let hertz = Hertz("2400".parse().expect("it is a ratio"));
     let centre = libm::log(80.0 + k2);

@@ -21,7 +21,8 @@ use std::f64::consts::PI;
 const VIEWS: u32 = 30;
 /// Poses of the one long path.
 const POSES: u32 = 1_000_000;
-/// Views and poses together of paths of growing length, of which a sixth are views: the paper's factor is 5.
+/// Total number of views and poses in paths of growing length. A sixth are views: the paper's
+/// factor is 5.
 const SIZES: [u32; 3] = [100_000, 1_000_000, 10_000_000];
 
 pub(super) fn workloads() -> Vec<Workload> {
@@ -34,7 +35,8 @@ fn paper() -> SpeedChoice {
     SpeedChoice::Function(SpeedExpression::parse("0.25*sin(t) + 1.1").expect("it is the paper's"))
 }
 
-/// Law, inversion and pose, as a trajectory is made once its curve is fitted and measured; on one core.
+/// Speed law, inversion and poses on one core, as in a trajectory whose curve is fitted and
+/// measured.
 fn sampling() -> Workload {
     let knots: Vec<Se3> = (0..VIEWS).map(|i| orbit(i, VIEWS)).collect();
     let metric = MixedMetric { scale: 2.0 };

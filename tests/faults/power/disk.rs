@@ -1,5 +1,5 @@
-//! What a disk may hold after a power failure: everything up to the last sync, and of what came after it some names,
-//! some bytes, in any order.
+//! Possible contents of a disk after a power failure: everything up to the last sync, and some
+//! names and some bytes of later writes, in any order.
 
 use super::recorder::{Database, Op};
 use crate::random::Random;
@@ -7,10 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What becomes of that which was not synced.
+/// The fate of unsynced data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Loss {
-    /// Nothing of it is there, but for the database: what that claims must be there.
+    /// All of it is lost, except commits of the database: files that the database names must be
+    /// synced before.
     Dropped,
     /// All names are there, and files have lost bytes.
     Torn,
@@ -34,7 +35,7 @@ pub(super) struct Disk {
 }
 
 impl Disk {
-    /// After these operations and the power failure.
+    /// The disk after these operations and the power failure.
     pub(super) fn after(ops: &[Op], loss: Loss, random: &mut Random) -> Self {
         let synced = ops.iter().rposition(|op| matches!(op, Op::SyncAll)).map_or(0, |last| last + 1);
         let mut disk = Self::default();
@@ -54,7 +55,7 @@ impl Disk {
             disk.tear(random);
         }
         if loss == Loss::Reordered && !disk.databases.is_empty() {
-            // Its log is not synced at a commit: an older state may come back.
+            // The database's log is not synced at a commit: an older state may come back.
             disk.databases.truncate(1 + random.below(disk.databases.len()));
         }
         disk
@@ -67,7 +68,7 @@ impl Disk {
                 self.files.insert(path.clone(), Content { bytes: bytes.clone(), synced: false });
             }
             Op::Rename(from, to, bytes) => {
-                // What a step wrote by itself was not known before.
+                // A step wrote this file by itself, so its bytes were not recorded before.
                 let written = bytes.clone().map(|bytes| Content { bytes, synced: false });
                 if let Some(content) = self.files.remove(from).or(written) {
                     self.files.insert(to.clone(), content);
@@ -86,7 +87,8 @@ impl Disk {
         }
     }
 
-    /// Files that were not synced lose all, the end, or every byte but not their length; or they are lucky.
+    /// Takes bytes from unsynced files: all, the end, or the values of some or all with the length
+    /// kept. Some files stay whole.
     fn tear(&mut self, random: &mut Random) {
         for content in self.files.values_mut().filter(|content| !content.synced) {
             let bytes = &mut content.bytes;
@@ -103,7 +105,7 @@ impl Disk {
         }
     }
 
-    /// Writes it where the store was.
+    /// Writes the content to the store's folder.
     pub(super) fn write(&self, root: &Path) {
         fs::create_dir_all(root).unwrap();
         for folder in &self.folders {

@@ -1,4 +1,4 @@
-//! File operations that are carried out and written down.
+//! File operations that are carried out and recorded.
 
 use gs2e::store::Digest;
 use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
@@ -15,11 +15,11 @@ pub(super) type Database = Vec<(&'static str, Vec<u8>)>;
 #[derive(Debug, Clone)]
 pub(super) enum Op {
     Folder(PathBuf),
-    /// A file's bytes, under a new name or in place of what it had.
+    /// A file's bytes, under a new name or in place of its old content.
     Write(PathBuf, Vec<u8>),
     /// A second name, with the bytes: steps write their files by themselves.
     Link(PathBuf, Vec<u8>),
-    /// Another name, with the bytes where it is a file's.
+    /// A new name, with the bytes if it is a file's.
     Rename(PathBuf, PathBuf, Option<Vec<u8>>),
     Remove(PathBuf),
     Sync(PathBuf),
@@ -32,12 +32,12 @@ pub(super) enum Op {
 pub(super) struct Recorder {
     root: PathBuf,
     ops: Mutex<Vec<Op>>,
-    /// The stat fields that the engine saw last of each file.
+    /// The stat fields that the engine last saw of each file.
     stats: Mutex<BTreeMap<PathBuf, FileStat>>,
 }
 
 impl Recorder {
-    /// Records what happens below the store at `root`.
+    /// Records operations below the store at `root`.
     pub(super) fn new(root: PathBuf) -> Self {
         Self { root, ops: Mutex::default(), stats: Mutex::default() }
     }
@@ -142,5 +142,5 @@ impl Fs for Recorder {
     }
 }
 
-/// What the names of the database and of its log end with. Its index into the log is never trusted after a crash.
+/// Suffixes of the database and of its log. The log's index is never trusted after a crash.
 const SUFFIXES: [&str; 2] = ["", "-wal"];

@@ -1,5 +1,6 @@
-//! What is wrong with `croissant.json` or `index.parquet` is found, by the right name; each case is one that the reader of
-//! Croissant's authors lets pass, or finds only when records are loaded, but for the first two.
+//! Each fault of `croissant.json` or `index.parquet` is found under the right name. Except for the
+//! first two, the reference reader of Croissant accepts each case, or finds it only when records
+//! are loaded.
 
 use super::{INDEX, check_resealed, found};
 use crate::release::small::{copy, edit, release, reseal};
@@ -9,7 +10,7 @@ use std::path::Path;
 
 const NAME: &str = "croissant.json";
 
-/// The faults that a change of `croissant.json` is found by.
+/// Checks that a change of `croissant.json` is found as exactly these faults.
 fn t(change: impl FnOnce(&mut Value), wanted: &[&str]) {
     let wanted: Vec<String> = wanted.iter().map(|code| format!("{code} {NAME}")).collect();
     let wanted: Vec<&str> = wanted.iter().map(String::as_str).collect();
@@ -33,7 +34,7 @@ fn field<'v>(file: &'v mut Value, id: &str) -> &'v mut Value {
 }
 
 #[test]
-fn a_field_that_must_be_there_is_missed() {
+fn a_missing_required_field_is_found() {
     t(|v| remove(v, "conformsTo"), &["croissant-field"]);
     t(|v| remove(node(v, "index.parquet"), "sha256"), &["croissant-field"]);
     for name in [
@@ -69,7 +70,7 @@ fn a_field_of_no_vocabulary_is_found() {
 }
 
 #[test]
-fn other_terms_or_names_than_the_releases_are_found() {
+fn terms_and_names_of_another_release_are_found() {
     t(|v| v["license"] = "free as in beer".into(), &["croissant-licence"]);
     t(|v| v["license"] = "https://spdx.org/licenses/MIT.html".into(), &["croissant-licence"]);
     t(|v| v["version"] = "9.9.9".into(), &["claims-disagree"]);
@@ -77,7 +78,7 @@ fn other_terms_or_names_than_the_releases_are_found() {
 }
 
 #[test]
-fn a_file_that_is_another_or_absent_is_found() {
+fn a_wrong_or_absent_file_is_found() {
     t(|v| node(v, "index.parquet")["sha256"] = "0".repeat(64).into(), &["croissant-sum"]);
     t(|v| node(v, "index.parquet")["contentSize"] = "1 B".into(), &["croissant-sum"]);
     t(|v| node(v, "index.parquet")["contentUrl"] = "index.csv".into(), &["croissant-sum"]);
@@ -99,7 +100,7 @@ fn an_id_that_names_nothing_or_two_things_is_found() {
 }
 
 #[test]
-fn a_column_or_path_that_is_not_there_or_of_another_type_is_found() {
+fn a_missing_column_or_path_or_a_wrong_type_is_found() {
     let column =
         |v: &mut Value, name: &str| field(v, "index/events")["source"]["extract"]["column"] = name.into();
     t(|v| column(v, "spikes"), &["croissant-column"]);
@@ -113,12 +114,12 @@ fn a_column_or_path_that_is_not_there_or_of_another_type_is_found() {
 }
 
 #[test]
-fn a_release_without_it_is_none() {
+fn a_release_without_croissant_json_is_faulty() {
     check_resealed(|f| fs::remove_file(f.join(NAME)).unwrap(), &[&format!("missing {NAME}")]);
     check_resealed(|f| fs::write(f.join(NAME), "{").unwrap(), &[&format!("unreadable {NAME}")]);
 }
 
-/// Has `croissant.json` say what lies there as the index, so that only the rows are at fault.
+/// Updates the sum of the index in `croissant.json`, so that only the rows are at fault.
 fn admit(folder: &Path) {
     reseal(folder);
     let sums = fs::read_to_string(folder.join("SHA256SUMS")).unwrap();
@@ -131,10 +132,10 @@ fn admit(folder: &Path) {
 }
 
 #[test]
-fn an_index_that_says_otherwise_is_found() {
+fn an_index_that_contradicts_the_files_is_found() {
     const SCENE: &str = "small/one/scene.json";
     const COMPOSED: &str = "not-composed small/one/scene.json";
-    // It has the sum of an index that does not follow from the scenes.
+    // `croissant.json` has the sum of an index that does not follow from the scenes.
     const CATALOGUE: &str = "not-composed croissant.json";
     check_resealed(
         |f| edit(f, SCENE, |v| v["trajectories"][0]["statistics"]["rate_ev_px_s"] = 1.0.into()),

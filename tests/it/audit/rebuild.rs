@@ -1,4 +1,5 @@
-//! `gs2e audit --rebuild` makes scenes again from their recipes; `gs2e check --tree` judges the released files.
+//! `gs2e audit --rebuild` makes scenes again from their recipes; `gs2e check --tree` judges the
+//! released files.
 
 use super::{BASE, resum};
 use crate::release::small::{RECIPE, copy, gs2e, reseal, said};
@@ -7,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Two scenes, the second of another seed.
+/// Two scenes, the second with another seed.
 fn recipes() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let recipes = folder.path().join("recipes");
@@ -23,7 +24,7 @@ fn recipes() -> TempDir {
     folder
 }
 
-/// Exit code and the codes and files of the faults.
+/// Exit code, and code and file of each fault.
 fn rebuilt(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<String>) {
     let output = gs2e(folder, &[&["audit", "out", "--json"], arguments].concat());
     let text = String::from_utf8(output.stdout.clone()).unwrap();
@@ -36,14 +37,14 @@ fn rebuilt(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<String>) {
 }
 
 #[test]
-fn scenes_made_again_are_the_same_bytes_and_what_is_not_is_found() {
+fn rebuilt_scenes_have_the_same_bytes_and_changes_are_found() {
     let folder = recipes();
-    // The store of the release is not what they are made from.
+    // The scenes must not be rebuilt from the release's own store.
     fs::remove_dir_all(folder.path().join(".gs2e")).unwrap();
     assert_eq!(rebuilt(folder.path(), &["--rebuild", "2"]), (Some(0), vec![]));
     assert!(!folder.path().join(".gs2e").exists(), "what is made again leaves nothing behind");
 
-    // One that tampers and covers it up is found by making the scene again, and by nothing else.
+    // A change with rewritten sums is found only by making the scene again.
     let sharp = folder.path().join("out/small/two/base/sharp/000004.png");
     let other = fs::read(folder.path().join("out/small/two/base/sharp/000008.png")).unwrap();
     fs::write(&sharp, other).unwrap();
@@ -53,7 +54,7 @@ fn scenes_made_again_are_the_same_bytes_and_what_is_not_is_found() {
     let wanted = wanted.map(|path| format!("rebuilt-differs {path}")).to_vec();
     assert_eq!(rebuilt(folder.path(), &["--rebuild", "9"]), (Some(3), wanted));
 
-    // A recipe that says something else now says so.
+    // A changed recipe is found.
     let recipe = folder.path().join("recipes/one.yaml");
     fs::write(&recipe, RECIPE.replace("seed: 7", "seed: 9")).unwrap();
     let output = gs2e(folder.path(), &["audit", "out", "--rebuild", "2"]);
@@ -66,7 +67,7 @@ fn scenes_made_again_are_the_same_bytes_and_what_is_not_is_found() {
     assert!(said(&output).contains("no recipe makes the scene `small/one`"), "{}", said(&output));
 }
 
-/// The records of `check --tree` by check and what follows the trajectory in the subject.
+/// Exit code and records of `check --tree`.
 fn checked(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<Value>) {
     let output = gs2e(folder, &[&["check", "--json", "--tree", "."], arguments].concat());
     let text = String::from_utf8(output.stdout.clone()).unwrap();
@@ -74,7 +75,7 @@ fn checked(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<Value>) {
 }
 
 #[test]
-fn a_tree_is_checked_by_what_it_holds() {
+fn a_tree_is_checked_by_its_files() {
     let folder = copy();
     let (code, records) = checked(folder.path(), &[]);
     assert_eq!(code, Some(0));
@@ -88,7 +89,7 @@ fn a_tree_is_checked_by_what_it_holds() {
     {
         assert_eq!(verdict(check, part), "pass", "{check}");
     }
-    // What a release does not hold is said, and may be required.
+    // A check whose files are not in the release is reported as not run, and may be required.
     assert_eq!(verdict("event_frame", ""), "not-run");
     assert_eq!(checked(folder.path(), &["--require", "event_frame"]).0, Some(3));
     assert_eq!(checked(folder.path(), &["small/two"]).0, Some(2));

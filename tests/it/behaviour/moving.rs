@@ -1,6 +1,6 @@
 //! The row of the table in which an input is edited while its step reads it. The step is a training
-//! whose program edits the input, so the edit falls between the engine's hash and the end of the step
-//! each time.
+//! whose program edits the input, so each time the edit falls between the engine's hash and the end
+//! of the step.
 
 use super::Workspace;
 use crate::command::{COPY, trained_by, write_script};

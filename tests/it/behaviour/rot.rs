@@ -1,4 +1,5 @@
-//! The row of the table in which bytes change below the file system: no stat field tells of it.
+//! The row of the table in which bytes change below the file system: no stat field shows the
+//! change.
 
 use super::{NONE, Workspace, built, made, recipe, stands_as_if_clean, steps};
 use gs2e::plan::Plan;
@@ -31,7 +32,7 @@ fn rot(path: &Path) {
     fs::set_permissions(path, mode).unwrap();
 }
 
-/// The steps that a build would run, as somebody sees it who looks over these file operations.
+/// The steps that a build would run, as a read-only look over these file operations reports them.
 fn stale(place: &Workspace, fs: &Arc<Frozen>, verify: bool) -> Vec<String> {
     let opening = StoreOptions { verify, fs: fs.clone(), ..StoreAccess::Read.into() };
     let store = Store::open(&place.path(".gs2e"), opening, &mut |_| {}).unwrap();
@@ -48,7 +49,7 @@ fn stale(place: &Workspace, fs: &Arc<Frozen>, verify: bool) -> Vec<String> {
 fn an_output_rots() {
     let place = built();
     let store = place.path(".gs2e").display().to_string();
-    // Under the paths that the look below uses, and old enough to be trusted.
+    // The store has the same path as in the look below, and is old enough to be trusted.
     std::thread::sleep(Duration::from_millis(2100));
     place.ok(&format!("build --store {store}"));
     let path = steps(&place, "recipes")["b/base/trajectory"].outputs["poses.txt"].clone();
@@ -60,9 +61,9 @@ fn an_output_rots() {
     stands_as_if_clean(&place);
 }
 
-/// The verbs that read every byte say so: `plan --verify`, `build --verify` and `audit`.
+/// Verbs that read every byte find the change: `plan --verify`, `build --verify` and `audit`.
 #[test]
-fn rot_is_found_by_those_who_read() {
+fn rot_is_found_by_verbs_that_read_every_byte() {
     let place = Workspace::new();
     place.write("recipes/d.yaml", recipe("d").to_string());
     place.ok("release --copy --to out");

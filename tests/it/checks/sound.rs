@@ -1,10 +1,11 @@
-//! Twenty-four sound scenes of varied settings: no pass raises an alarm, and each has something to say somewhere.
+//! Twenty-four sound scenes with varied settings: no check raises an alarm, and each check passes
+//! somewhere.
 
 use super::checked;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// What is common to all, as `KEY` and its value where a scene does not say otherwise.
+/// Settings common to all scenes, as `KEY` and value. A scene may override them.
 const COMMON: [(&str, &str); 8] = [
     ("gaussians", "20000"),
     ("views", "16"),
@@ -16,7 +17,7 @@ const COMMON: [(&str, &str); 8] = [
     ("sensor", "sensor: { voltmeter: { preset: dvs346 } }"),
 ];
 
-/// Name of each scene, and what differs in it.
+/// Name and own settings of each scene.
 const SCENES: [(&str, &[(&str, &str)]); 24] = [
     ("plain", &[]),
     ("slow", &[("arc", "3")]),
@@ -54,7 +55,7 @@ const SCENES: [(&str, &[(&str, &str)]); 24] = [
     ("soft", &[("render", "{ rules: soft }")]),
     ("exact-rules", &[("render", "{ rules: exact, antialiased: true }")]),
     ("background", &[("render", "{ rules: official, background: [0.5, 0.4, 0.9] }")]),
-    // Much of the picture shows nothing at all: there the noise floor is seen.
+    // Much of the picture is empty: there the noise floor is seen.
     (
         "empty-sky",
         &[
@@ -93,11 +94,11 @@ fn no_sound_scene_raises_an_alarm() {
     let alarms: Vec<&Value> = records
         .iter()
         .filter(|record| !["pass", "not-run"].contains(&&*text(record, "verdict")))
-        // A wide angle sees Gaussians beside it that are deep for their distance.
+        // A wide angle sees Gaussians at its edge that are deep for their distance.
         .filter(|record| text(record, "subject") != "sound/empty-sky/base" || record["check"] != "affine")
         .collect();
     assert!(alarms.is_empty(), "{alarms:#?}");
-    // Nothing is sound by never being looked at.
+    // A check that never ran would raise no alarm either.
     let passed: BTreeSet<String> =
         records.iter().filter(|r| r["verdict"] == "pass").map(|r| text(r, "check")).collect();
     let told: BTreeSet<String> = records.iter().map(|r| text(r, "check")).collect();

@@ -1,4 +1,4 @@
-//! Programs that fail, that are others than they should be, or that bring what is no scene.
+//! Programs that fail, that have the wrong version, or whose output is no scene.
 
 use super::{COPY, edit, runs, trained_by, with_tiny, write_script};
 use crate::fidelity::photographed;
@@ -9,14 +9,14 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::io::Read as _;
 
-/// The log of the one step that ran a program.
+/// The log of the only step that ran a program.
 fn log(place: &Workspace) -> String {
     let logs: Vec<_> = fs::read_dir(place.path(".gs2e/logs")).unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(logs.len(), 1, "{logs:?}");
     fs::read_to_string(&logs[0]).unwrap()
 }
 
-/// Builds with leave, which must fail at the training; nothing is recorded of it.
+/// Builds with `--allow-commands`, which must fail at the training and record nothing.
 fn fails(place: &Workspace) -> Ended {
     let ended = place.gs2e("build -j 1 --allow-commands --json recipe.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
@@ -28,7 +28,7 @@ fn fails(place: &Workspace) -> Ended {
 }
 
 #[test]
-fn a_program_that_fails_is_told_with_the_last_that_it_said() {
+fn a_failed_program_is_reported_with_its_last_output() {
     let place = trained_by("seq 100; echo 'out of memory' >&2; exit 7");
     check(&place, "command-failed", &fails(&place));
     let log = log(&place);
@@ -59,7 +59,7 @@ fn a_program_of_another_version_does_not_train() {
 }
 
 #[test]
-fn a_program_that_is_not_there_is_told() {
+fn a_missing_program_is_reported() {
     let place = trained_by(COPY);
     edit(&place, "program: sh", "program: no-such-trainer");
     let ended = fails(&place);
@@ -71,7 +71,7 @@ fn a_program_that_is_not_there_is_told() {
 }
 
 #[test]
-fn what_is_no_scene_does_not_enter_the_store() {
+fn an_invalid_scene_does_not_enter_the_store() {
     let t = |script: &str, planted: Vec<u8>, wanted: &str| {
         let place = trained_by(script);
         place.write("planted.ply", planted);
@@ -86,7 +86,7 @@ fn what_is_no_scene_does_not_enter_the_store() {
     t(COPY, sound()[..500].to_vec(), "what it made is no scene: ");
     let all = ply(|column, value| if column == 0 { f32::NAN } else { value });
     t(COPY, all, "find a Gaussian to render: of 40 in the scene, 40 hold a NaN");
-    // One of forty: more than a sound training has.
+    // One of forty, which is more than a sound training has.
     let mut one = sound();
     let at = one.len() - 4;
     one[at..].copy_from_slice(&f32::INFINITY.to_le_bytes());
@@ -110,7 +110,7 @@ fn too_few_and_too_many_gaussians_are_refused() {
 }
 
 #[test]
-fn what_it_said_goes_with_what_it_made() {
+fn logs_are_deleted_with_their_products() {
     let place = trained_by(COPY);
     let logs = || fs::read_dir(place.path(".gs2e/logs")).unwrap().count();
     for (version, wanted) in [("1.2", 1), ("1.3", 2)] {
@@ -124,9 +124,10 @@ fn what_it_said_goes_with_what_it_made() {
     assert_eq!(logs(), 1, "that of the recipe stays");
 }
 
-/// The trainer and what it started hold a pipe; the test reads until nobody does.
+/// The trainer and its child processes hold a pipe open; the test reads until all of them have
+/// ended.
 #[test]
-fn an_interrupt_stops_the_program_and_all_that_it_started() {
+fn an_interrupt_stops_the_program_and_its_children() {
     let place = trained_by("exec 9> \"$beside/held\"; sleep 600 & echo begun; : > \"$beside/at work\"; wait");
     let pipe = place.path("held");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -151,14 +152,14 @@ fn an_interrupt_stops_the_program_and_all_that_it_started() {
 }
 
 #[test]
-fn a_scene_that_is_not_what_the_photos_show_does_not_enter_the_store() {
+fn a_scene_that_contradicts_its_photos_does_not_enter_the_store() {
     let place = photographed(|_, v| v);
     let command = "reconstruct:\n  command:\n    program: sh\n    arguments: [\"{train}\", \"{capture}\", \"{out}\", \
                    \"{planted}\"]\n    version: \"1.2\"\n    licence: MIT\n    min_psnr: 40\n    scene: scene.ply\n    \
                    files: { train: train.sh, planted: planted.ply }\n";
     edit(&place, "reconstruct: { given: { path: scene.ply } }\n", command);
     write_script(&place, COPY);
-    // Its world was moved by a few pixels.
+    // The planted scene is shifted by a few pixels.
     place.write("planted.ply", ply(|column, value| if column == 0 { value + 0.3 } else { value }));
     let ended = place.gs2e("build -j 1 --allow-commands recipe.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
@@ -173,7 +174,7 @@ fn a_scene_that_is_not_what_the_photos_show_does_not_enter_the_store() {
     assert!(place.plan("recipe.yaml").contains(&("given/reconstruct".to_owned(), "run".to_owned())));
     place.write("planted.ply", ply(|_, value| value));
     place.ok("build --allow-commands recipe.yaml");
-    // What is kept is judged by a check: another limit trains nothing again.
+    // A stored scene is judged by a check, so that another limit does not start a training.
     edit(&place, "min_psnr: 40", "min_psnr: 100");
     assert_eq!(place.stale("recipe.yaml"), [""; 0]);
 }

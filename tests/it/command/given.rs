@@ -1,4 +1,5 @@
-//! What a program is given: the photos in capture order, undistorted, and a COLMAP model with pinhole cameras.
+//! The input of a program: the photos in capture order, undistorted, and a COLMAP model with
+//! pinhole cameras.
 
 use super::{COPY, edit, points, runs, trained_by, views};
 use crate::support::given::transforms;
@@ -11,7 +12,7 @@ use gs2e::source::undistort::undistort_photo;
 use gs2e::source::{Capture, LensModel};
 use std::fs;
 
-/// A program that keeps what it was given beside itself.
+/// A program that keeps a copy of its input in its own folder.
 fn keeping() -> String {
     format!("cp -r \"$1\" \"$beside/seen\"; {COPY}")
 }
@@ -28,7 +29,7 @@ fn names(capture: &Capture) -> Vec<&str> {
 }
 
 #[test]
-fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
+fn the_program_sees_the_photos_in_capture_order_with_poses_and_points() {
     let place = trained_by(&keeping());
     let (capture, found) = seen(&place);
     let numbered = ["000000.png", "000001.png", "000002.png", "000003.png", "000004.png", "000005.png"];
@@ -37,7 +38,7 @@ fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
     for (view, taken) in capture.views.iter().zip(views()) {
         assert_eq!((view.camera, &view.lens), (taken.camera, &LensModel::Pinhole));
         let apart = view.world_from_camera.translation - taken.world_from_camera.translation;
-        // The way there and back costs a few roundings of numbers up to 4.
+        // The conversion there and back costs a few roundings of numbers up to 4.
         assert!(apart.length() < 1e-14, "{}: {apart}", taken.name);
         assert!(view.world_from_camera.rotation.angle_between(taken.world_from_camera.rotation) < 1e-7);
         let bytes = |path: &str, name: &str| fs::read(place.path(path).join(name)).unwrap();
@@ -46,7 +47,7 @@ fn it_sees_the_photos_in_capture_order_with_poses_and_points() {
 }
 
 #[test]
-fn what_is_held_out_it_does_not_see() {
+fn the_program_does_not_see_held_out_photos() {
     let place = trained_by(&keeping());
     edit(&place, "licence: MIT\n", "licence: MIT\n    hold_out: 3\n");
     let (capture, _) = seen(&place);
@@ -54,9 +55,9 @@ fn what_is_held_out_it_does_not_see() {
     assert_eq!(fs::read_dir(place.path("seen/images")).unwrap().count(), 4);
 }
 
-/// Whatever it does to its photos, the user's own stay as they are.
+/// The user's own photos stay unchanged even if the program writes into its copies.
 #[test]
-fn it_cannot_write_into_the_photos() {
+fn the_program_cannot_write_into_the_photos() {
     let script = format!("for photo in \"$1\"/images/*; do echo spoilt >> \"$photo\"; done; {COPY}");
     let place = trained_by(&script);
     let photo = place.path("capture/images/photo 9.png");
@@ -66,7 +67,7 @@ fn it_cannot_write_into_the_photos() {
 }
 
 #[test]
-fn views_without_a_photo_are_left_out_and_told() {
+fn views_without_a_photo_are_omitted_and_reported() {
     let place = trained_by(&keeping());
     fs::remove_file(place.path("capture/images/photo 10.png")).unwrap();
     let ended = place.ok("build --allow-commands recipe.yaml");
@@ -104,9 +105,10 @@ fn a_nerfstudio_capture_is_given_without_points() {
     assert!((ahead * 4.0 + view.translation).length() < 1e-12, "it looks at the origin");
 }
 
-/// The photos of a bent lens come straight, pixel by pixel what [`undistort_photo`] makes of them.
+/// The photos of a distorted lens arrive undistorted, pixel by pixel as [`undistort_photo`] makes
+/// them.
 #[test]
-fn bent_photos_are_given_straight() {
+fn distorted_photos_arrive_undistorted() {
     let place = trained_by(&keeping());
     fs::remove_dir_all(place.path("capture/sparse")).unwrap();
     place.write("capture/sparse/0/cameras.txt", "1 SIMPLE_RADIAL 64 48 60 32 24 -0.25\n");

@@ -1,11 +1,11 @@
-//! No program that a recipe names is run unless the user says so.
+//! No program of a recipe runs unless the user allows it.
 
 use super::{COPY, edit, runs, trained_by, with_tiny};
 use crate::messages::check;
 use std::fs;
 
 #[test]
-fn without_leave_it_is_shown_and_nothing_runs() {
+fn without_permission_the_command_is_shown_and_nothing_runs() {
     let place = trained_by(COPY);
     with_tiny(&place);
     let ended = place.gs2e("build --json recipe.yaml tiny.yaml");
@@ -19,7 +19,7 @@ fn without_leave_it_is_shown_and_nothing_runs() {
 }
 
 #[test]
-fn without_leave_the_other_scenes_go_on_where_they_shall() {
+fn without_permission_the_other_scenes_continue_on_request() {
     let place = trained_by(COPY);
     with_tiny(&place);
     let ended = place.gs2e("build -k -j 1 --json recipe.yaml tiny.yaml");
@@ -29,9 +29,9 @@ fn without_leave_the_other_scenes_go_on_where_they_shall() {
     assert_eq!(runs(&place), 0);
 }
 
-/// A recipe that would like to look like another one.
+/// A command line that tries to hide its contents on the terminal.
 #[test]
-fn what_is_shown_cannot_hide_what_it_is() {
+fn a_shown_command_cannot_hide_its_contents() {
     let place = trained_by(COPY);
     edit(&place, "\"{planted}\"]", "\"{planted}\", \"\\u001b[2J\", \"; rm -rf \\u202e~\"]");
     let ended = place.gs2e("build recipe.yaml");

@@ -1,11 +1,11 @@
-//! The recipes of `docs/trainers.md` are recipes.
+//! The recipes of `docs/trainers.md` are valid.
 
 use crate::support::workspace::Workspace;
 use gs2e::recipe::{self, ReconstructMethod};
 use std::fs;
 use std::path::Path;
 
-/// The blocks of YAML in the page.
+/// The YAML blocks of the page.
 fn blocks() -> Vec<String> {
     let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/trainers.md")).unwrap();
     let after = page.split("```yaml\n").skip(1);

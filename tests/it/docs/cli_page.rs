@@ -63,7 +63,7 @@ fn table(arguments: &[&Arg]) -> String {
     out
 }
 
-/// The option as it is typed.
+/// The option as typed.
 fn written(arg: &Arg) -> String {
     if arg.is_positional() {
         return value(arg);
@@ -90,7 +90,7 @@ fn default(arg: &Arg, stated: &str) -> String {
     }
 }
 
-/// Values that an option may have, with their meaning where it is stated.
+/// The values of an option, with their meaning if it is stated.
 fn choices(arg: &Arg) -> String {
     let takes_value = matches!(arg.get_action(), ArgAction::Set | ArgAction::Append);
     let values = arg.get_possible_values();
@@ -108,7 +108,7 @@ fn choices(arg: &Arg) -> String {
     values.iter().map(line).collect()
 }
 
-/// Text without what Markdown would read as markup.
+/// The text without characters that Markdown would read as markup.
 fn plain(text: &str) -> String {
     text.split('`')
         .enumerate()

@@ -21,7 +21,7 @@ pub(super) struct Member {
     /// Name in a recipe.
     pub(super) name: String,
     pub(super) doc: String,
-    /// Type; of a variant that of its content, empty where it has none.
+    /// Type of the field, or of the variant's content; empty for a variant without content.
     pub(super) ty: String,
 }
 
@@ -44,7 +44,7 @@ impl Crate {
         Self { files: sources_below("src").into_iter().map(file).collect() }
     }
 
-    /// The type that the whole recipe is read as.
+    /// The type of the whole recipe.
     pub(super) fn recipe(&self) -> &Declared {
         &self.files[&format!("{SCHEMA}.rs")].1["RecipeSchema"]
     }
@@ -78,7 +78,8 @@ impl Crate {
     }
 }
 
-/// Imported names, each with its module as a path: `src/sensor/noise` for `use crate::sensor::noise::Redraw;`.
+/// Imported names, each with its module as a path: `src/sensor/noise` for
+/// `use crate::sensor::noise::Redraw;`.
 fn imports(text: &str) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     for import in text.split("\nuse crate::").skip(1).filter_map(|rest| rest.split_once(';')) {
@@ -130,7 +131,7 @@ fn parse(text: &str, file: &str) -> BTreeMap<String, Declared> {
     types
 }
 
-/// Name of the type that a line begins, and whether it is an enum.
+/// The name of the type that a line begins, and true if it is an enum.
 fn head(line: &str) -> Option<(String, bool)> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let keyword = words.iter().position(|word| matches!(*word, "struct" | "enum"))?;
@@ -158,7 +159,7 @@ fn member(line: &str, doc: String, attributes: &str, outer: &str, is_enum: bool)
     Some(Member { name, doc, ty: ty.to_owned() })
 }
 
-/// `SlerpLerp` as `slerp-lerp`, as serde writes it.
+/// The name in kebab case, as serde writes it: `slerp-lerp` for `SlerpLerp`.
 fn kebab(name: &str) -> String {
     let dashed = name.chars().enumerate().flat_map(|(i, c)| {
         let dash = (i > 0 && c.is_ascii_uppercase()).then_some('-');

@@ -1,4 +1,4 @@
-//! Examples of the pages: recipes are read by the loader, commands are parsed by the command line.
+//! Examples of the pages: the loader reads the recipes, and the command line parses the commands.
 
 use super::markdown::{Page, commands};
 use super::{pages, probe};
@@ -37,13 +37,13 @@ fn read(text: &str) -> Result<(), String> {
         place.write("sources.yaml", text);
         return recipe::read_sources(&[place.path("")]).map(drop).map_err(|faults| faults.render_text());
     }
-    // A whole recipe is read as it stands, so that a fault shows its own line.
+    // A whole recipe is read verbatim, so that a fault shows its own line.
     let text = if has("version") && has("scene") { text.to_owned() } else { completed(value).to_string() };
     place.write("recipe.yaml", text);
     recipe::read_all(&[place.path("recipe.yaml")]).map(drop).map_err(|faults| faults.render_text())
 }
 
-/// A fragment over the smallest recipe that it can stand in.
+/// Completes a fragment with the smallest recipe that it can be part of.
 fn completed(fragment: Value) -> Value {
     let trains = fragment.get("reconstruct").is_some();
     let captured = fragment.get("source").is_some_and(Value::is_object);

@@ -1,4 +1,4 @@
-//! Markdown as far as the checks need it: lines of prose, blocks of code, headings and links.
+//! Markdown, as far as the checks need it: lines of prose, blocks of code, headings and links.
 
 /// A fenced block of code.
 #[derive(Debug, PartialEq)]
@@ -60,7 +60,7 @@ impl Page {
     }
 }
 
-/// A line with its code spans blanked; a link's text may be one, its target is not.
+/// A line with its code spans blanked. A link's text may be code; its target is not.
 fn without_code(line: &str) -> String {
     line.split('`').enumerate().map(|(i, part)| if i % 2 == 0 { part } else { " " }).collect()
 }

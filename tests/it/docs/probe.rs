@@ -1,10 +1,11 @@
-//! A recipe with one key in question: what the loader says of it.
+//! A recipe with one key under test, and the loader's answer to it.
 
 use crate::support::workspace::Workspace;
 use gs2e::recipe::{self, NamedAt, Recipe};
 use serde_json::{Map, Value};
 
-/// Smallest recipes in which a key can stand, by the beginning of the key's path. Their keys replace those of [`BASE`].
+/// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
+/// those of [`BASE`].
 const CONTEXTS: [(&str, &str); 22] = [
     ("", ""),
     ("source.colmap", CAPTURE),
@@ -62,7 +63,7 @@ pub(super) fn yaml(text: &str) -> Result<Value, String> {
     serde_saphyr::from_str(text).map_err(|e| e.to_string())
 }
 
-/// The smallest recipe in which the key at `path` can stand.
+/// The smallest recipe that can hold the key at `path`.
 pub(super) fn context(path: &str) -> Value {
     let fits = |(beginning, _): &&(&str, &str)| path.starts_with(beginning);
     let (_, text) =
@@ -80,7 +81,7 @@ pub(super) fn merge(recipe: &mut Value, over: Value) {
     recipe.extend(over);
 }
 
-/// The place at `path`, made where it is missing; `[]` is the last item of a list.
+/// The place at `path`, created if it is missing; `[]` is the last item of a list.
 fn place<'v>(mut value: &'v mut Value, path: &str) -> &'v mut Value {
     for part in path.split('.') {
         if !value.is_object() {
@@ -100,7 +101,7 @@ pub(super) fn with(mut recipe: Value, path: &str, value: Value) -> Value {
     recipe
 }
 
-/// Removes the key at `path`; `None` where it is not there.
+/// Removes the key at `path`; `None` if it is not there.
 pub(super) fn without(mut recipe: Value, path: &str) -> Option<Value> {
     let (parent, key) = path.rsplit_once('.').map_or(("", path), |(parent, key)| (parent, key));
     let parent = if parent.is_empty() { &mut recipe } else { place(&mut recipe, parent) };
@@ -108,7 +109,7 @@ pub(super) fn without(mut recipe: Value, path: &str) -> Option<Value> {
     Some(recipe)
 }
 
-/// The recipe without what depends on its file, or the loader's faults, one per line.
+/// The recipe without the parts that depend on its file, or the loader's faults, one per line.
 pub(super) fn load(recipe: &Value) -> Result<Recipe, String> {
     let place = Workspace::new();
     place.write("probe.yaml", recipe.to_string());
@@ -125,7 +126,7 @@ pub(super) fn load(recipe: &Value) -> Result<Recipe, String> {
     }
 }
 
-/// Paths below the temporary folder, from there on.
+/// Makes paths below the temporary folder relative to it.
 fn relative(found: &mut Recipe, base: &str) {
     let short = |path: &mut std::path::PathBuf| {
         if let Ok(rest) = path.strip_prefix(base) {
@@ -141,7 +142,7 @@ fn relative(found: &mut Recipe, base: &str) {
     }
 }
 
-/// Range that the loader wants the number at `path` to be in, in the words of its message.
+/// The range that the loader wants for the number at `path`, in the words of its message.
 pub(super) fn range(path: &str, absurd: Value) -> Option<String> {
     let message = load(&with(context(path), path, absurd)).err()?;
     message.lines().find_map(wanted)

@@ -1,6 +1,7 @@
 //! `docs/recipe.md`: every key of a recipe with type, unit, range, default and meaning.
 //!
-//! Names, types and words come from the declarations of the schema; ranges and the truth of the defaults from the loader.
+//! Names, types and words come from the declarations of the schema. Ranges, and the check of the
+//! defaults, come from the loader.
 
 use super::declared::{Crate, Declared, Member};
 use super::markdown::{slug, wrapped};
@@ -31,14 +32,14 @@ impl Words {
         Self { meaning: meaning.to_owned(), unit, range, default, required }
     }
 
-    /// The default where it is written as YAML: in backticks, and nothing else.
+    /// The default, if it is written as YAML: in backticks, and nothing else.
     pub(super) fn yaml_default(&self) -> Option<&str> {
         let inner = self.default.strip_prefix('`')?.strip_suffix('`')?;
         (!inner.contains('`')).then_some(inner)
     }
 }
 
-/// A comment before `tag`, and what the tag says, without the full stop at its end.
+/// Splits a comment at `tag`: the text before, and the tag's text without its final full stop.
 fn part<'d>(doc: &'d str, tag: &str) -> (&'d str, String) {
     match doc.rsplit_once(tag) {
         Some((before, after)) => (before.trim_end(), after.trim_end().trim_end_matches('.').to_owned()),
@@ -54,7 +55,7 @@ pub(super) struct Key<'c> {
     file: &'c str,
 }
 
-/// A mapping of the recipe, with every path that leads to one.
+/// A mapping of the recipe, with every path that leads to it.
 struct Section<'c> {
     paths: Vec<String>,
     declared: &'c Declared,
@@ -85,11 +86,11 @@ impl<'c> Reference<'c> {
         }
     }
 
-    /// Mappings right below one.
+    /// The mappings directly below one.
     fn below(&self, path: &str, declared: &'c Declared) -> Vec<(String, &'c Declared)> {
         let inner = |member: &Member| {
             let (name, list) = core(&member.ty);
-            // `sensors` holds what `sensor` does, and limits have a section of their own.
+            // `sensors` holds the same as `sensor`, and limits have a section of their own.
             if name == "Limits" || member.ty.contains("BTreeMap") {
                 return None;
             }
@@ -196,7 +197,7 @@ impl<'c> Reference<'c> {
         found.members.iter().map(choice).collect()
     }
 
-    /// The section `checks`, whose limits stand with the passes that read them.
+    /// The section `checks`, whose limits are declared with the checks that read them.
     fn checks(&self) -> String {
         let mut out = format!("\n## `checks`\n\n{}\n\n{HEAD}", wrapped(CHECKS));
         for (path, member, file) in self.limits() {
@@ -241,7 +242,8 @@ const CHECKS: &str = "Limits that replace the defaults of [the validation passes
 const WAIVERS: &str = "| `waive` | list of mapping |  |  | `[]` | Failures to accept: `{ check: NAME, because: reason }`, both \
                        required. |\n";
 
-/// Name of the type inside `Field`, `Box`, lists and mappings, and `[]` where it is that of a list's items.
+/// Name of the type inside `Field`, `Box`, lists and mappings, and `[]` if it is the type of a
+/// list's items.
 fn core(ty: &str) -> (&str, &'static str) {
     let list = if ty.contains("Vec<") { "[]" } else { "" };
     let inner = ty.rsplit('<').next().unwrap_or(ty).trim_start_matches('[');
@@ -267,7 +269,7 @@ fn heading(paths: &[String]) -> String {
     }
 }
 
-/// Paths of a mapping that several places share under one name.
+/// Paths that share a mapping under one name.
 fn used_in(paths: &[String]) -> Option<String> {
     let shared = paths.len() > 1 && paths.iter().all(|path| last(path) == last(&paths[0]));
     let parents =
@@ -275,7 +277,8 @@ fn used_in(paths: &[String]) -> Option<String> {
     shared.then(|| parents.collect::<Vec<_>>().join(", "))
 }
 
-/// Range of a number as the loader states it when it refuses an absurd one; empty where the key holds no number.
+/// Range of a number as the loader states it when it refuses an absurd one; empty if the key holds
+/// no number.
 fn number_range(path: &str, ty: &str) -> String {
     let (name, _) = core(ty);
     let absurd = match name {
@@ -293,7 +296,7 @@ fn number_range(path: &str, ty: &str) -> String {
     probe::range(path, absurd).unwrap_or_default()
 }
 
-/// A default with the constants of a source by their values.
+/// A default, with the constants of a source replaced by their values.
 fn constants(default: &str, source: &str) -> String {
     let values: BTreeMap<&str, &str> = source
         .lines()
@@ -308,7 +311,7 @@ fn constants(default: &str, source: &str) -> String {
 }
 
 impl Key<'_> {
-    /// Whether the key is reserved for a feature that does not exist.
+    /// Returns true if the key is reserved for a feature that does not exist.
     pub(super) fn is_later(&self) -> bool {
         self.member.ty.contains("UnsupportedField")
     }

@@ -1,5 +1,5 @@
-//! Clips made from formulas, and their counts by both laws as other programs measured them
-//! (docs/design/oracles.md, "clip counts").
+//! Clips made from formulas, and their event counts under both laws, as other programs measured
+//! them (docs/design/oracles.md, "clip counts").
 
 use super::{frames, run};
 use gs2e::frames::array::ArrayFrames;
@@ -15,7 +15,7 @@ struct Clip {
     grey: fn(f64, f64, f64) -> f64,
 }
 
-/// A soft edge that moves 0.5 px a frame.
+/// A soft edge that moves 0.5 px per frame.
 const EDGE: Clip = Clip {
     size: Size { width: 64, height: 48 },
     frames: 49,
@@ -25,7 +25,7 @@ const EDGE: Clip = Clip {
     },
 };
 
-/// Three cycles across that pass at 100 Hz.
+/// Three cycles across the width, which pass at 100 Hz.
 const GRATING: Clip = Clip {
     size: Size { width: 64, height: 48 },
     frames: 49,
@@ -40,7 +40,7 @@ const FLICKER: Clip = Clip {
 };
 
 impl Clip {
-    /// At 2400 frames a second, in whole greys and microseconds.
+    /// Frames at 2400 Hz, in whole greys and microseconds.
     fn frames(&self) -> ArrayFrames {
         let stamp = |i: i64| (i as f64 * 1e6 / 2400.0).round() as i64;
         let stamps: Vec<i64> = (0..self.frames).map(stamp).collect();
@@ -51,8 +51,8 @@ impl Clip {
     }
 }
 
-/// Means of 6 seeds of a sensor against a row of the table, whose own means are of at least 6. `deviation`
-/// is that of one seed's count: at most 6 in dvs346, 40 in gs2e-si.
+/// Compares the means of 6 seeds with a row of the table, whose own means are of at least 6.
+/// `deviation` is the deviation of one seed's count: at most 6 in dvs346, 40 in gs2e-si.
 fn check(clip: &Clip, sensor: &VoltmeterModel, wanted: [f64; 2], deviation: f64) {
     const SEEDS: u64 = 6;
     let frames = clip.frames();

@@ -1,4 +1,5 @@
-//! Brightness that is a cubic between frames: what it reproduces, how fast it converges, and what it waits for.
+//! Brightness that is a cubic between frames: the signals that it reproduces, its order of
+//! convergence, and its delay.
 
 use super::{by_pixel, frames, run};
 use gs2e::event::{Event, Polarity};
@@ -12,7 +13,8 @@ use gs2e::sensor::voltmeter::{BetweenFrames, DriftGain, VoltmeterModel};
 const SIZE: Size = Size { width: 8, height: 3 };
 const K2: f64 = 16.0;
 
-/// Frames of `L + K2 = e^V`, with rates, from `V` and its slope per second as functions of pixel and seconds.
+/// Frames of `L + K2 = e^V`, with rates, from `V` and its slope per second as functions of pixel
+/// and seconds.
 fn of_signal(stamps_us: &[i64], signal: impl Fn(usize, f64) -> [f64; 2]) -> ArrayFrames {
     let each = |value: fn([f64; 2]) -> f64| -> Vec<f32> {
         let all =
@@ -29,7 +31,8 @@ fn sensor(between: BetweenFrames, noise: f64) -> VoltmeterModel {
     VoltmeterModel { between, max_events_per_pixel_frame: 100_000, ..VoltmeterModel::new(k) }
 }
 
-/// Events that differ in number or polarity, and the largest difference in time of the others, ns.
+/// Number of events that differ in number or polarity, and the largest difference in time of the
+/// others, ns.
 fn difference(a: &[Event], b: &[Event]) -> (usize, i64) {
     let (mut differ, mut worst) = (0, 0);
     for (a, b) in by_pixel(SIZE, a).into_iter().zip(by_pixel(SIZE, b)) {
@@ -45,7 +48,7 @@ fn difference(a: &[Event], b: &[Event]) -> (usize, i64) {
 #[test]
 fn a_signal_cubic_in_the_logarithm_can_be_sampled_finer() {
     const END: i64 = 2000;
-    // Rises throughout, by 2.2 to 2.7 in 2 ms.
+    // The signal rises throughout, by 2.2 to 2.7 in 2 ms.
     let signal = |pixel: usize, t: f64| {
         let (s, a) = (t / (END as f64 * 1e-6), 0.02 * pixel as f64);
         let log = 2.9 + 1.1 * s + (0.6 + a) * s * s + 0.5 * s * s * s;
@@ -53,9 +56,10 @@ fn a_signal_cubic_in_the_logarithm_can_be_sampled_finer() {
     };
     let at = |between, noise, stamps: &[i64]| run(&sensor(between, noise), &of_signal(stamps, signal), 3).0;
     let cuts = [0, 100, 417, 833, 840, 1250, 1999, END];
-    // A frame rounds L + K2 by 6e-8 of itself, so V; V rises by at least 5e-7 a ns, so events move by 0.1 ns, which may
-    // be the border of two. With noise they move within their leaves, 8192 ns long and with noise of 0.02 thresholds, as
-    // far as 3e-6 thresholds (50 times 6e-8) do: by 1.2 ns, and by some ten times that where a path barely touches.
+    // A frame rounds L + K2 by 6e-8 of its value, and so V. V rises by at least 5e-7 per ns, so
+    // events move by 0.1 ns, which may cross a boundary. With noise they move within their leaves,
+    // 8192 ns long with noise of 0.02 thresholds, by the time for 3e-6 thresholds (50 times 6e-8):
+    // 1.2 ns, and some ten times that where a path barely touches.
     for (noise, tolerance) in [(0.0, 1), (2e-2, 100)] {
         let coarse = at(BetweenFrames::Hermite, noise, &[0, END]);
         assert!(coarse.len() > 2000, "{}", coarse.len());
@@ -68,7 +72,7 @@ fn a_signal_cubic_in_the_logarithm_can_be_sampled_finer() {
     assert!(worst > 1000, "lines reproduce no cubic: {worst}");
 }
 
-/// Median error of event times in ns, where event j is known to be where the drift is j.
+/// Median error of event times in ns. The true time of event j is where the drift is j.
 fn median_error(between: BetweenFrames, intervals: i64) -> f64 {
     const END: f64 = 0.02;
     let log = |s: f64| 4.0 + s + 0.12 * libm::sin(6.0 * s);
@@ -101,7 +105,8 @@ fn median_error(between: BetweenFrames, intervals: i64) -> f64 {
 
 #[test]
 fn events_converge_with_the_order_of_the_curve() {
-    // Lines: 2. Cubics with slopes from neighbours, which are good to order 2: 3. Cubics with true slopes: 4.
+    // Lines have order 2. Cubics with slopes from neighbours, which are of order 2, have 3. Cubics
+    // with true slopes have 4.
     for (between, intervals, order) in [
         (BetweenFrames::Linear, 20, 2.0),
         (BetweenFrames::Catmull, 20, 3.0),
@@ -136,7 +141,7 @@ fn jumpy() -> ArrayFrames {
 }
 
 #[test]
-fn what_happens_at_jumps_still_adds_up() {
+fn jumps_keep_the_drift_balance() {
     for (between, noise) in [
         (BetweenFrames::Catmull, 0.0),
         (BetweenFrames::Catmull, 2e-2),
@@ -173,7 +178,7 @@ fn a_slope_from_neighbours_waits_for_the_frame_after() {
 }
 
 #[test]
-fn what_a_cubic_cannot_go_by_is_refused() {
+fn unusable_input_for_a_cubic_is_refused() {
     let bare = frames(SIZE, &[0, 417], |_, _, _| 9.0);
     let refused = |sensor: &VoltmeterModel, mut clip: ArrayFrames| {
         let frame = clip.next().unwrap().unwrap();

@@ -1,5 +1,5 @@
-//! The golden sequences of `tests/golden/events`: statistics by other implementations of the exact law and
-//! of the published one.
+//! The golden sequences of `tests/golden/events`: statistics by other implementations of the exact
+//! law and of the published one.
 
 use super::{by_pixel, mean_and_deviation, run};
 use crate::support::golden;
@@ -19,7 +19,7 @@ const SEEDS: u64 = 24;
 /// The events of one seed.
 type Run = (Vec<Event>, SimulationAccount);
 
-/// A clip and what is known about it under one parameter set.
+/// A clip and its known figures under one parameter set.
 struct Golden {
     frames: ArrayFrames,
     greys: Vec<u8>,
@@ -80,7 +80,7 @@ impl Golden {
         (0..self.stamps.len() - 1).map(interval).sum()
     }
 
-    /// The drift identity of one run, for every pixel.
+    /// Checks the drift identity of one run, for every pixel.
     fn check_drift(&self, events: &[Event]) {
         for (pixel, events) in by_pixel(SIZE, events).into_iter().enumerate() {
             let on = events.iter().filter(|event| event.1 == Polarity::On).count() as f64;
@@ -95,7 +95,7 @@ impl Golden {
     }
 }
 
-/// Whether the means of two samples of 24 agree: within 4.5 standard errors, or within 0.1 %.
+/// Checks that the means of two samples of 24 agree within 4.5 standard errors or within 0.1 %.
 fn agree(name: &str, [mean, deviation]: [f64; 2], [wanted, wanted_deviation]: [f64; 2]) {
     let error = ((deviation.powi(2) + wanted_deviation.powi(2)) / SEEDS as f64).sqrt();
     let difference = mean - wanted;
@@ -106,7 +106,8 @@ fn agree(name: &str, [mean, deviation]: [f64; 2], [wanted, wanted_deviation]: [f
     );
 }
 
-/// Counts in the interval that ends at each frame; an event at a stamp belongs to the interval before it.
+/// Counts in the interval that ends at each frame. An event at a stamp belongs to the interval
+/// before it.
 fn per_frame(events: &[Event], stamps: &[i64]) -> Vec<f64> {
     let mut counts = vec![0.0; stamps.len() - 1];
     for event in events {
@@ -115,7 +116,7 @@ fn per_frame(events: &[Event], stamps: &[i64]) -> Vec<f64> {
     counts
 }
 
-/// Times in us between the events of a pixel, over all pixels.
+/// Times between consecutive events of a pixel in us, over all pixels.
 fn intervals(events: &[Event]) -> Vec<f64> {
     let pixels = by_pixel(SIZE, events);
     pixels.iter().flat_map(|events| events.windows(2).map(|w| (w[1].0 - w[0].0) as f64 * 1e-3)).collect()
@@ -134,7 +135,7 @@ fn check(clip: &str, preset: VoltmeterPreset, law: SamplerKind) {
     for (events, account) in &runs {
         assert!(events.is_sorted_by_key(Event::file_order));
         assert_eq!((events.len() as u64, account.drift_violations), (account.events, 0));
-        // The published law draws what a frame leaves over anew, so its events and its drift part.
+        // The published law draws the rest of a frame again, so its events and its drift disagree.
         if law == SamplerKind::Exact {
             golden.check_drift(events);
         }
@@ -142,7 +143,7 @@ fn check(clip: &str, preset: VoltmeterPreset, law: SamplerKind) {
     check_times(&golden, &runs);
 }
 
-/// When the events are: per frame, on average, and from each other.
+/// Checks the times of events: per frame, on average, and between neighbours.
 fn check_times(golden: &Golden, runs: &[Run]) {
     let counts: Vec<Vec<f64>> = runs.iter().map(|run| per_frame(&run.0, &golden.stamps)).collect();
     for frame in 0..golden.stamps.len() - 1 {
@@ -156,8 +157,8 @@ fn check_times(golden: &Golden, runs: &[Run]) {
     let mean = times.iter().sum::<f64>() / times.len() as f64;
     let wanted = golden.figure("mean_norm_time");
     println!("  mean time {mean:.5}, wanted {wanted:.5}");
-    // Most of an event's time is the clip's doing: its spread over the seeds is far below that of one
-    // event, 0.3.
+    // Most of an event's time is determined by the clip: its spread over the seeds is far below the
+    // spread of single events, 0.3.
     assert!((mean - wanted).abs() < 0.3 / (times.len() as f64).sqrt());
     let mut intervals: Vec<f64> = runs.iter().flat_map(|run| intervals(&run.0)).collect();
     intervals.sort_unstable_by(f64::total_cmp);

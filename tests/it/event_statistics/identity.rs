@@ -1,5 +1,5 @@
-//! One sequence of luminance makes one stream, however it is sampled, cut or scheduled (the oracles rate
-//! invariance, noiseless crossings, same bytes and time shift).
+//! One sequence of luminance makes one stream, independent of sampling, cropping and scheduling
+//! (the oracles rate invariance, noiseless crossings, same bytes and time shift).
 
 use super::{by_pixel, frames, run};
 use gs2e::event::{Event, Polarity};
@@ -15,13 +15,13 @@ use gs2e::sensor::{SensorChoice, SensorModel};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 
-/// Stamps of a clip that ends at `end_us`, at this frame rate as far as it goes.
+/// Stamps at this frame rate, and a last one at `end_us`.
 fn stamps(rate: f64, end_us: i64) -> Vec<i64> {
     let regular = (0..).map(|i| (f64::from(i) * 1e6 / rate).round() as i64);
     regular.take_while(|&t| t < end_us).chain([end_us]).collect()
 }
 
-/// Same events in every pixel, times within `tolerance_ns`.
+/// Checks that every pixel has the same events, with times within `tolerance_ns`.
 fn same_events(size: Size, a: &[Event], b: &[Event], tolerance_ns: i64) {
     for (pixel, (a, b)) in by_pixel(size, a).into_iter().zip(by_pixel(size, b)).enumerate() {
         assert_eq!(a.len(), b.len(), "events of pixel {pixel}");
@@ -32,13 +32,13 @@ fn same_events(size: Size, a: &[Event], b: &[Event], tolerance_ns: i64) {
     }
 }
 
-/// A sensor noisy enough that every pixel fires now and then, static or not.
+/// A sensor so noisy that every pixel fires now and then, static or not.
 fn noisy() -> VoltmeterModel {
     VoltmeterModel::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
 }
 
 #[test]
-fn static_pixels_do_not_know_the_frame_rate() {
+fn static_pixels_do_not_depend_on_the_frame_rate() {
     let grey = |x: u32, y: u32, _| f64::from(x * 10 + y);
     let at = |rate| run(&noisy(), &frames(SIZE, &stamps(rate, 300_000), grey), 5).0;
     let coarse = at(10.0);
@@ -50,16 +50,16 @@ fn static_pixels_do_not_know_the_frame_rate() {
 
 #[test]
 fn a_signal_that_stays_the_same_can_be_sampled_finer() {
-    // L + 16 runs from 16 to 256 in four octaves, so a frame at each octave holds it exactly.
+    // L + 16 runs from 16 to 256 in four octaves, so a frame at each octave represents it exactly.
     let octaves = |t: i64, end: i64| 16.0 * (4.0 * t as f64 / end as f64).exp2() - 16.0;
     let end = 80_000;
     let ramp = |stamps: &[i64]| run(&noisy(), &frames(SIZE, stamps, |_, _, t| octaves(t, end)), 6).0;
     let coarse = ramp(&[0, end]);
     assert!(coarse.len() > 3000, "{}", coarse.len());
     same_events(SIZE, &coarse, &ramp(&[0, 20_000, 40_000, 60_000, end]), 1);
-    // Elsewhere a frame rounds L to 24 bits, the drift by 3e-7 thresholds. The signal drifts by 1.7e-4 a
-    // us, so events move by 2 ns; where noise makes the path flat at the barrier, by some hundred times
-    // that.
+    // At other times a frame rounds L to 24 bits, and the drift by 3e-7 thresholds. The signal
+    // drifts by 1.7e-4 per us, so events move by 2 ns, and some hundred times as far where noise
+    // makes the path flat at the barrier.
     for rate in [240.0, 1429.0, 2400.0] {
         same_events(SIZE, &coarse, &ramp(&stamps(rate, end)), 500);
     }
@@ -103,8 +103,8 @@ fn without_noise_leaks_are_clocks() {
     }
 }
 
-/// The thresholds by which the pixels of a size fire, without noise, on a ramp of the logarithm from grey
-/// to grey.
+/// The thresholds of the pixels of a size, measured without noise on a ramp of the logarithm from
+/// grey to grey.
 fn thresholds(sensor: &VoltmeterModel, size: Size, greys: [f64; 2]) -> Vec<f64> {
     let end = 1_000_000;
     let [k1, k2, ..] = sensor.k;
@@ -115,7 +115,7 @@ fn thresholds(sensor: &VoltmeterModel, size: Size, greys: [f64; 2]) -> Vec<f64> 
         assert_eq!(events.len(), (rise / threshold) as usize);
         for (j, (t, polarity)) in (1..).zip(events) {
             assert_eq!(polarity == Polarity::On, greys[1] > greys[0]);
-            // Floored to ns each, the first one j times.
+            // Each time is floored to ns; the error of the first one counts j times.
             let wanted = threshold * f64::from(j) / rise * end as f64 * 1e3;
             assert!((t as f64 - wanted).abs() < 1.01 + f64::from(j), "{t} {wanted}");
         }
@@ -144,7 +144,7 @@ fn unequal_pixels_have_thresholds_of_their_own() {
     }
     let product: f64 = up.iter().zip(&down).map(|(up, down)| (up - 1.0) * (down - 0.7) / 0.01).sum();
     assert!(product.abs() < 4.5 * (up.len() as f64).sqrt(), "drawn apart");
-    // With a leak so weak that it moves nothing the drift is a curve, and the events are the same.
+    // With a leak too weak to move an event, the drift is a curve, and the events are the same.
     assert!(
         up.iter().zip(thresholds(&sensor(1e-18, 0.1), size, [0.0, 255.0])).all(|(a, b)| (a - b).abs() < 1e-7)
     );
@@ -154,7 +154,7 @@ fn unequal_pixels_have_thresholds_of_their_own() {
     assert!(events.len() > 1000 && account.drift_violations == 0, "{account:?}");
 }
 
-/// A noisy member of each kind of law, with labels.
+/// One noisy member of each kind of law, with labels.
 pub(super) fn models() -> [SensorChoice; 5] {
     let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0 };
     let noisy = VoltmeterModel { labels: true, ..noisy() };
@@ -185,7 +185,7 @@ pub(super) fn moving(size: Size) -> ArrayFrames {
 }
 
 #[test]
-fn threads_do_not_show() {
+fn threads_change_no_event() {
     let clip = moving(Size { width: 96, height: 90 });
     for model in models() {
         let in_pool = |threads| {
@@ -200,7 +200,7 @@ fn threads_do_not_show() {
     }
 }
 
-/// Events of the part of the clip that begins at `origin`, in the coordinates of the part.
+/// Events of a crop of the clip whose corner is at `origin`, in the crop's coordinates.
 fn of_crop(
     model: &SensorChoice,
     clip: &ArrayFrames,
@@ -245,7 +245,7 @@ fn crops_and_tiles_are_parts_of_the_whole() {
 }
 
 #[test]
-fn what_is_handed_over_early_is_the_beginning_of_the_whole() {
+fn events_handed_over_early_are_the_beginning_of_the_whole() {
     let mut clip = moving(SIZE);
     let whole = run(&noisy(), &clip, 4).0;
     let mut pixels = noisy().start(SIZE, [0, 0], Seed(4)).unwrap();
@@ -253,7 +253,7 @@ fn what_is_handed_over_early_is_the_beginning_of_the_whole() {
     while let Some(frame) = clip.next().unwrap() {
         pixels.advance(&frame, &mut events).unwrap();
         assert_eq!(events[..], whole[..events.len()]);
-        // A root cell and the microsecond that it ends in may be waiting.
+        // One root cell, and the microsecond in which it ends, may still wait.
         let certain = whole.partition_point(|event| event.t.0 < frame.t.0 - (1 << 20) - 1000);
         assert!(events.len() >= certain, "{} of {certain} events are out at {:?}", events.len(), frame.t);
     }
@@ -268,7 +268,7 @@ fn a_longer_clip_begins_as_the_shorter_one() {
     let grey = |x: u32, y: u32, t: i64| 100.0 + f64::from(x + y) + 90.0 * (t as f64 * 1e-3).sin();
     let long = run(&sensor, &frames(SIZE, &all, grey), 8).0;
     let short = run(&sensor, &frames(SIZE, &all[..20], grey), 8).0;
-    // Up to the leaf that holds the last stamp.
+    // The clips agree up to the leaf that holds the last stamp.
     let end = all[19] * 1000 - (1 << 13);
     let part = |events: &[Event]| events.iter().copied().filter(|e| e.t.0 < end).collect::<Vec<_>>();
     assert!(short.len() > 100);

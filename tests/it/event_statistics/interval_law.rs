@@ -1,5 +1,5 @@
-//! The law of the time between events of a pixel of constant brightness: that of `gs2e stress`, at its
-//! anchors.
+//! The law of the time between events of a pixel of constant brightness, as in `gs2e stress`, at
+//! its anchors.
 
 pub(super) use gs2e::study::stress::sensor::interval_law::BarrierExit;
 

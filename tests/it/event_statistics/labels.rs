@@ -1,4 +1,4 @@
-//! Labels against brightness that is known: none, or alone, or of a known share.
+//! Labels compared with known brightness: constant, without noise, or with a known share of noise.
 
 use super::identity::{models, moving};
 use super::{frames, run};
@@ -13,7 +13,7 @@ use gs2e::sensor::{SensorChoice, SensorModel};
 
 const SIZE: Size = Size { width: 40, height: 25 };
 
-/// Runs a sensor, every event of which must have this label; how many there are.
+/// Runs a sensor and returns its events, which must all have this label.
 fn all(sensor: &dyn SensorModel, clip: &ArrayFrames, label: EventLabel) -> Vec<Event> {
     let (events, _) = run(sensor, clip, 3);
     let other = events.iter().find(|event| event.label != label);
@@ -52,13 +52,13 @@ fn without_noise_all_is_signal() {
     }
 }
 
-/// Before a step of 42 thresholds the cubic swings back: between frames of one grey it falls by 4/27 of half the step,
-/// three thresholds, and returns. So does one that is told to rise by 21 thresholds an interval at its end. A straight
-/// line would call all of that noise.
+/// Before a step of 42 thresholds the cubic swings back: between frames of one grey it falls by
+/// 4/27 of half the step, three thresholds, and returns. A cubic with a given rise of 21 thresholds
+/// per interval at its end does the same. A straight line would label all of that as noise.
 #[test]
 fn brightness_between_frames_is_that_of_the_law() {
     let step = frames(SIZE, &[0, 1000, 2000, 3000], |_, _, t| if t < 1500 { 0.0 } else { 240.0 });
-    // Of 116 greys with the offset, in ms: 15 times the logarithm's slope is 21.
+    // 116 greys with the offset, in ms: 15 times the logarithm's slope is 21.
     let rate = |i| if i < SIZE.pixels() { 0.0 } else { 21.0 / 15.0 * 116.0 * 1e3 };
     let flat = frames(SIZE, &[0, 1000], |_, _, _| 100.0);
     let flat = flat.with_rates((0..2 * SIZE.pixels()).map(rate).collect()).unwrap();
@@ -67,7 +67,8 @@ fn brightness_between_frames_is_that_of_the_law() {
         let events = all(&sensor, &clip, EventLabel::Signal);
         let swing = events.iter().filter(|event| event.t.0 < 900_000);
         let (on, off): (Vec<&Event>, Vec<&Event>) = swing.partition(|event| event.polarity == Polarity::On);
-        // Down to -3.08 or -3.11; after nine tenths it is at -1.7, and has passed -2 again.
+        // The cubic falls to -3.08 or -3.11. After nine tenths it is at -1.7, and has passed -2
+        // again.
         assert_eq!((off.len(), on.len()), (3 * SIZE.pixels(), SIZE.pixels()), "{between:?}");
     }
 }
@@ -79,7 +80,7 @@ fn without_a_change_all_is_noise() {
     let noisy = VoltmeterModel { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]) };
     let (leak, refractory) = (
         LeakNoise { rate: 300.0, jitter: 0.2, cov: 0.2 },
-        // Several thresholds leak away in a dead time.
+        // Several thresholds leak away during a dead time.
         RefractoryPeriod { period_us: 12_000.0, reference: ReferenceRule::AtEvent },
     );
     let v2e = V2eModel { leak, shot: 300.0, hot_pixels, cutoff: 100.0, ..clean() };
@@ -103,20 +104,20 @@ fn without_a_change_all_is_noise() {
     }
 }
 
-/// `P(T <= t)` of the first passage of a Brownian motion with drift 1 and variance `v` through 1: the inverse Gaussian
-/// law.
+/// `P(T <= t)` for the first passage of a Brownian motion with drift 1 and variance `v` through 1:
+/// the inverse Gaussian law.
 fn passed_by(t: f64, v: f64) -> f64 {
     let normal = |x: f64| 0.5 * libm::erfc(-x / std::f64::consts::SQRT_2);
     let root = (v * t).sqrt();
     normal((t - 1.0) / root) + (2.0 / v).exp() * normal(-(t + 1.0) / root)
 }
 
-/// The left half does not move. In the right one the logarithm rises evenly, by 40 thresholds, and the voltage with
-/// noise of variance 0.15 a threshold's time: brightness has gone half of the way where half of that time has passed
-/// since the event before, so the share of noise is that of first passages in less. OFF events, one in exp(2/0.15) of
-/// all, are left out of account.
+/// The left half does not move. In the right half the logarithm rises evenly, by 40 thresholds, and
+/// the voltage has noise of variance 0.15 per threshold's time. Brightness has gone half of the way
+/// when half of that time has passed since the previous event, so the share of noise is the share
+/// of shorter first passages. OFF events, one in exp(2/0.15), are neglected.
 #[test]
-fn half_of_the_way_is_what_tells_them_apart() {
+fn half_of_the_way_separates_signal_from_noise() {
     let (end, variance) = (80_000, 0.15);
     let k6 = (variance * 40.0 / f64::from(end)).sqrt();
     let sensor = voltmeter([40.0 / 16f64.ln(), 16.0, 0.0, 0.0, 0.0, k6]);
@@ -127,7 +128,8 @@ fn half_of_the_way_is_what_tells_them_apart() {
     let (left, right): (Vec<Event>, Vec<Event>) =
         events.into_iter().partition(|event| u32::from(event.x) < SIZE.width / 2);
     assert!(left.len() > 1000 && left.iter().all(|event| event.label == EventLabel::Noise), "{}", left.len());
-    // The first 20 of each pixel: where a pixel's time ends, those that came early are too many.
+    // Only the first 20 of each pixel: near the end of a pixel's time, early events are too
+    // frequent.
     let mut seen = vec![0; SIZE.pixels()];
     let (mut count, mut noise) = (0, 0);
     for event in right {
@@ -147,10 +149,10 @@ fn half_of_the_way_is_what_tells_them_apart() {
     assert!(z.abs() < 4.5 && defect.abs() > 4.5);
 }
 
-/// Brightness that rises by 95 thresholds a second, and a leak of fewer or of more: each event has the same share of
-/// both. Events of falling brightness owe nothing to a leak against it.
+/// Brightness rises by 95 thresholds per second, with a leak of fewer or of more: each event has
+/// the same share of both. A leak against falling brightness contributes nothing to its events.
 #[test]
-fn a_leak_beside_brightness_is_weighed_against_it() {
+fn a_leak_is_weighed_against_brightness() {
     let ramp = |way: f64| {
         frames(SIZE, &[0, 30_000, 100_000], move |_, _, t| 100.0 * (way * (t as f64 * 1e-5)).exp())
     };
@@ -164,7 +166,7 @@ fn a_leak_beside_brightness_is_weighed_against_it() {
         let leaky = V2eModel { leak: LeakNoise { rate, jitter: 0.0, cov: 0.0 }, cutoff: 0.0, ..clean() };
         let events = all(&leaky, &up, label);
         let falling = all(&leaky, &down, EventLabel::Signal);
-        // In a tenth of a second.
+        // Counts in a tenth of a second.
         for (events, thresholds, polarity) in
             [(events, 9.5 + 0.1 * rate, Polarity::On), (falling, 9.5 - 0.1 * rate, Polarity::Off)]
         {

@@ -1,4 +1,5 @@
-//! The sensors of ESIM and v2e against closed forms: crossings, dead times, leak, shot noise and the low-pass filter.
+//! The sensors of ESIM and v2e, compared with closed forms: crossings, dead times, leak, shot noise
+//! and the low-pass filter.
 
 use super::{by_pixel, frames, ks, run};
 use gs2e::event::{Event, Polarity};
@@ -27,15 +28,16 @@ fn every(step_us: i64, end_us: i64) -> Vec<i64> {
     (0..=end_us / step_us).map(|i| i * step_us).collect()
 }
 
-/// Events of a pixel lie where a brightness that goes straight from `from` to `to` in `end_ns` passes whole thresholds.
+/// Checks that a pixel's events lie where a brightness that runs straight from `from` to `to` in
+/// `end_ns` crosses whole thresholds.
 fn check_crossings(events: &[(i64, Polarity)], [from, to]: [f64; 2], step: f64, end_ns: f64) {
     let change = to - from;
     assert_eq!(events.len(), (change.abs() / step) as usize, "{from} to {to} in steps of {step}");
     let wanted = if change > 0.0 { Polarity::On } else { Polarity::Off };
     for (j, &(t, polarity)) in events.iter().enumerate() {
         let at = end_ns * (j + 1) as f64 * step / change.abs();
-        // Luminance has 24 bits: the logarithm is off by 6e-8 at either end, of a change of at least 0.2. Times are
-        // floored to ns.
+        // Luminance has 24 bits: the logarithm is off by 6e-8 at either end, of a change of at
+        // least 0.2. Times are floored to ns.
         assert!((at - t as f64 - 0.5).abs() < 0.51 + 6e-7 * end_ns, "event {j} at {t}, wanted {at}");
         assert_eq!(polarity, wanted);
     }
@@ -68,7 +70,7 @@ fn without_noise_events_lie_where_the_logarithm_crosses() {
 }
 
 #[test]
-fn a_signal_that_is_straight_in_what_is_seen_can_be_cut_anywhere() {
+fn a_signal_straight_in_brightness_can_be_cut_anywhere() {
     // 255 (eps + L/255) runs over three octaves; so does L for v2e, above 20.
     let end = 90_000;
     let octaves = |t: i64| 30.0 * (3.0 * t as f64 / end as f64).exp2();
@@ -96,7 +98,8 @@ fn a_signal_that_is_straight_in_what_is_seen_can_be_cut_anywhere() {
     }
 }
 
-/// Times of the events on a brightness that rises by a threshold every 100 us, with a dead time of 250 us.
+/// Times of the events when brightness rises by a threshold every 100 us, with a dead time of 250
+/// us.
 fn dead_times(reference: ReferenceRule) -> Vec<i64> {
     let refractory = RefractoryPeriod { period_us: 250.0, reference };
     let esim = EsimModel {
@@ -110,7 +113,7 @@ fn dead_times(reference: ReferenceRule) -> Vec<i64> {
 }
 
 #[test]
-fn dead_times_end_with_the_reference_that_is_asked_for() {
+fn dead_times_end_with_the_selected_reference() {
     let t = |reference, interval: i64| {
         let times = dead_times(reference);
         assert_eq!(times.len(), (9_870_000 - 100_000) as usize / interval as usize + 1, "{reference:?}");
@@ -119,13 +122,14 @@ fn dead_times_end_with_the_reference_that_is_asked_for() {
             assert!((t - 100_000 - interval * j as i64).abs() < 3 + j as i64, "{reference:?} {j}: {t}");
         }
     };
-    // The next whole threshold after the dead time; a threshold after it; its end, for one is overdue.
+    // The next whole threshold after the dead time; one threshold after it; or its end, since an
+    // event is overdue.
     t(ReferenceRule::Passing, 300_000);
     t(ReferenceRule::AtEnd, 350_000);
     t(ReferenceRule::AtEvent, 250_000);
 }
 
-/// Least time between events of one pixel, ns.
+/// Shortest time between events of one pixel, ns.
 fn least_gap(size: Size, events: &[Event]) -> i64 {
     let pixels = by_pixel(size, events);
     pixels.iter().flat_map(|events| events.windows(2).map(|w| w[1].0 - w[0].0)).min().unwrap()
@@ -163,7 +167,7 @@ fn no_event_falls_into_a_dead_time() {
 
 #[test]
 fn a_leak_without_jitter_is_a_clock() {
-    // Its period is the nominal one whatever the pixel's threshold.
+    // The period is the nominal one at any threshold of the pixel.
     let leak = LeakNoise { rate: 7.3, ..LeakNoise::default() };
     let v2e = V2eModel { leak, ..V2eModel::from(V2ePreset::Clean) };
     for step in [2_000_000, 33_333, 417] {
@@ -190,7 +194,7 @@ fn leaks_spread_by_decades_and_jitter_from_frame_to_frame() {
         by_pixel(SIZE, &events).iter().map(|events| events[0].0 as f64 * 1e-9).collect::<Vec<f64>>()
     };
     let normal = |z: f64| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
-    // The first event is after one period, `1/(rate 10^(cov z))`.
+    // The first event comes after one period, `1/(rate 10^(cov z))`.
     let spread = first(LeakNoise { rate: 20.0, jitter: 0.0, cov: 0.1 }, 100_000);
     let decades = |scale: f64| {
         let mut z: Vec<f64> = spread.iter().map(|t| -(20.0 * t).log10() / scale).collect();
@@ -200,12 +204,13 @@ fn leaks_spread_by_decades_and_jitter_from_frame_to_frame() {
     let [found, defect] = [decades(0.1), decades(0.15)];
     println!("leak spread: KS {found:.2}, of a spread half as large again {defect:.2} (limit {KS_LIMIT})");
     assert!(found < KS_LIMIT && defect > KS_LIMIT);
-    // The level falls by `rate dt (1 - j z)` a frame: after n frames by a normal of mean n and deviation j sqrt(n).
+    // The level falls by `rate dt (1 - j z)` per frame: after n frames by a normal of mean n and
+    // deviation j sqrt(n).
     let jitter = first(LeakNoise { rate: 20.0, jitter: 0.3, cov: 0.0 }, 1000);
     let mean = jitter.iter().sum::<f64>() / jitter.len() as f64;
     let deviation = (jitter.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / jitter.len() as f64).sqrt();
-    // To first order a period of 50 frames has the deviation 0.3 sqrt(50) frames of 1 ms; a sample of 1000 knows it
-    // to 1/sqrt(2000) of it, 4.6 of which are 10 %.
+    // To first order a period of 50 frames has the deviation 0.3 sqrt(50) frames of 1 ms. A sample
+    // of 1000 estimates it within 1/sqrt(2000) of its value, 4.6 of which are 10 %.
     let wanted = 0.3e-3 * 50f64.sqrt();
     println!("leak jitter: mean {mean:.5} s, deviation {deviation:.6} s, wanted 0.05 and {wanted:.6}");
     assert!((mean - 0.05).abs() < Z_LIMIT * wanted / 1000f64.sqrt() + 1e-5);
@@ -238,8 +243,9 @@ fn shot_noise_is_poisson_and_rarer_in_the_light() {
 }
 
 #[test]
-fn shots_take_the_leak_its_time() {
-    // A leak event needs a whole period T without a shot: rate s/(e^(sT) - 1) beside the shots' own s.
+fn shots_reset_the_leak() {
+    // A leak event needs a whole period T without a shot: its rate is s/(e^(sT) - 1), in addition
+    // to the shots' own s.
     let leak = LeakNoise { rate: 20.0, ..LeakNoise::default() };
     let v2e = V2eModel { leak, shot: 30.0, ..ideal_v2e(0.2, 0.2) };
     let seconds = 4.0;
@@ -251,8 +257,9 @@ fn shots_take_the_leak_its_time() {
     let found = [count(Polarity::On) / scale, count(Polarity::Off) / scale];
     let wanted = [leaks + 0.5 * shots, 0.5 * shots];
     for (found, wanted) in found.into_iter().zip(wanted) {
-        // Leaks are more even than a Poisson process, whose deviation is taken. From the start to the first event no
-        // more than a period is missing or too much: a share of 0.05/4 of the leaks, less what shots reset.
+        // Leaks are more even than a Poisson process, whose deviation is used here. From the start
+        // to the first event at most one period is missing or extra: a share of 0.05/4 of the
+        // leaks, less the share that shots reset.
         let z = (found - wanted) / (wanted / scale).sqrt();
         println!("rate {found:.3}, wanted {wanted:.3}, z {z:.2}");
         assert!(z.abs() < Z_LIMIT);
@@ -264,7 +271,7 @@ fn shots_take_the_leak_its_time() {
 
 #[test]
 fn a_step_comes_through_the_filter_exponentially() {
-    // From 30 to 200 within a microsecond, then still.
+    // A step from 30 to 200 within a microsecond, then still.
     let answer = |stamps: &[i64], filter| {
         let v2e = V2eModel { cutoff: 40.0, filter, ..ideal_v2e(0.1, 0.1) };
         let clip = frames(SMALL, stamps, |_, _, t| if t == 0 { 30.0 } else { 200.0 });
@@ -282,7 +289,8 @@ fn a_step_comes_through_the_filter_exponentially() {
     let cut: Vec<i64> = [0, 1].into_iter().chain(every(500, 30_000).into_iter().skip(1)).collect();
     let parts = answer(&cut, FilterSteps::Exact);
     assert!(parts.len() == whole.len() && parts.iter().zip(&whole).all(|(a, b)| (a - b).abs() <= 1));
-    // Euler's steps of 0.5 ms are each 4 % too large to second order: `ln(1 - e)` for `-e`, e = 0.1.
+    // Euler's steps of 0.5 ms are each 4 % too large to second order: `ln(1 - e)` for `-e`, e =
+    // 0.1.
     let euler = answer(&cut, FilterSteps::Euler);
     let last = (*euler.last().unwrap().min(whole.last().unwrap())) as f64;
     assert!(euler.len().abs_diff(whole.len()) <= 1 && last > 1e6);
@@ -301,13 +309,13 @@ fn thresholds_are_a_pixel_s_own_or_a_frame_s() {
         let events = run(&sensor(mismatch), &clip(steps), 5).0;
         by_pixel(SIZE, &events).iter().map(Vec::len).collect::<Vec<usize>>()
     };
-    // A pixel's own threshold gives it the same number however often it is looked at.
+    // A pixel's own threshold gives the same number of events at any number of frames.
     assert_eq!(counts(RedrawRule::PerSensor, 1), counts(RedrawRule::PerSensor, 100));
     let spread = |counts: &[usize]| counts.iter().max().unwrap() - counts.iter().min().unwrap();
     let [own, redrawn] = [RedrawRule::PerSensor, RedrawRule::PerFrame].map(|m| counts(m, 100));
     println!("spread of counts: own {}, redrawn {}", spread(&own), spread(&redrawn));
     assert!(spread(&own) > 2 * spread(&redrawn), "many draws even out");
-    // The least of a hundred draws comes first: more events than with one.
+    // The lowest of a hundred draws is crossed first: more events than with one.
     assert!(redrawn.iter().sum::<usize>() > own.iter().sum::<usize>());
 }
 
@@ -332,7 +340,8 @@ fn extremes_neither_lose_nor_disorder_events() {
                 assert!(events.is_sorted_by_key(Event::file_order) && account.drift_violations == 0);
                 assert!(events.iter().all(|e| e.t.0 > 0 && e.t.0 <= 2000 * end));
                 let each = (range / c) as u64;
-                // There and back: the residual of the way there is one of the steps of the way back.
+                // There and back: the residual of the way there is one of the steps of the way
+                // back.
                 assert!(
                     account.on.abs_diff(2 * each) <= 1 && account.off.abs_diff(2 * each) <= 1,
                     "{account:?}"

@@ -1,4 +1,4 @@
-//! Static pixels make a renewal process whose rates, polarities and intervals are known
+//! Static pixels make a renewal process with known rates, polarities and intervals
 //! (docs/design/numerics-sensor.md, "Closed forms").
 
 use super::interval_law::BarrierExit;
@@ -10,21 +10,22 @@ use gs2e::sensor::statistics::RenewalProcess;
 use gs2e::sensor::voltmeter::{InitialVoltage, VoltmeterModel};
 
 const SIZE: Size = Size { width: 40, height: 25 };
-/// Intervals taken of each pixel.
+/// Number of intervals taken from each pixel.
 const TAKEN: usize = 8;
 /// Alpha 1e-6 for each of some thirty statistics: 3e-5 over the family.
 const KS_LIMIT: f64 = 2.69;
 const Z_LIMIT: f64 = 5.0;
 
-/// What 1000 pixels of one constant brightness did, watched for 32 mean intervals.
+/// Events of 1000 pixels of one constant brightness, observed for 32 mean intervals.
 struct Watched {
     process: RenewalProcess,
-    /// Mean intervals they were watched for.
+    /// Time of observation, us.
     duration: f64,
     pixels: Vec<Vec<(i64, Polarity)>>,
 }
 
-/// Time in us; the simulated noise is `distortion` times what it should be.
+/// Simulates a process whose times are in us. The simulated noise is `distortion` times the right
+/// one.
 fn watch(process: RenewalProcess, distortion: f64, seed: u64) -> Watched {
     let sigma = process.variance.sqrt() * distortion;
     let sensor = VoltmeterModel {
@@ -40,11 +41,12 @@ fn watch(process: RenewalProcess, distortion: f64, seed: u64) -> Watched {
 }
 
 impl Watched {
-    /// The first intervals of every pixel, in us, sorted, with those of one polarity only where asked.
+    /// The first intervals of every pixel in us, sorted; of one polarity alone if `only` names it.
     fn intervals(&self, only: Option<Polarity>) -> Vec<f64> {
         let mut intervals = Vec::new();
         for events in &self.pixels {
-            // 32 intervals are expected, with a deviation of at most sqrt(32 2/3): 8 are 5.2 of those away.
+            // 32 intervals are expected, with a deviation of at most sqrt(32 2/3): 8 is 5.2
+            // deviations below.
             assert!(events.len() >= TAKEN, "a pixel made only {} events", events.len());
             let mut before = 0;
             for &(t, polarity) in &events[..TAKEN] {
@@ -64,7 +66,7 @@ impl Watched {
         ks(&self.intervals(None), |t| BarrierExit { drift, variance, up, down }.by(t))
     }
 
-    /// ON share of the first events in standard errors.
+    /// Deviation of the ON share of the first events, in standard errors.
     fn polarity_score(&self) -> f64 {
         let taken = self.pixels.iter().flat_map(|events| &events[..TAKEN]);
         let (n, share) = ((TAKEN * self.pixels.len()) as f64, self.process.on_share());
@@ -73,20 +75,21 @@ impl Watched {
         (on - n * share) / deviation.max(1.0)
     }
 
-    /// Balance of the two polarities in standard errors: drift, noise and the voltages at the end, each
-    /// below 1.
+    /// Deviation of the balance of the two polarities, in standard errors: drift, noise and the
+    /// voltages at the end, each below 1.
     fn net_score(&self) -> f64 {
         let RenewalProcess { drift, variance, up, down } = self.process;
         let balance: f64 =
             self.pixels.iter().flatten().map(|e| if e.1 == Polarity::On { up } else { -down }).sum();
         let n = self.pixels.len() as f64;
-        // A renewal process from 0 ends with a voltage of its stationary law's mean.
+        // A renewal process from 0 ends with a mean voltage equal to that of its stationary law.
         let left_over = stationary_mean(self.process);
         let spread = variance * self.duration + up.max(down).powi(2);
         (balance - n * (drift * self.duration - left_over)) / (n * spread).sqrt()
     }
 
-    /// Events after five mean intervals in standard errors; thresholds must be equal.
+    /// Deviation of the number of events after five mean intervals, in standard errors. Thresholds
+    /// must be equal.
     fn rate_score(&self) -> f64 {
         let mean = self.process.mean_interval();
         let from = 5.0 * mean;
@@ -98,9 +101,9 @@ impl Watched {
     }
 }
 
-/// Mean voltage of a pixel long after its first frame, by integrating the Green's function of the exit
-/// problem: the mean time spent at each voltage, by Simpson's rule over the occupation density,
-/// docs/design/numerics-sensor.md, "Stationary voltage".
+/// Mean voltage of a pixel long after its first frame, by integrating the Green's function of the
+/// exit problem: the mean time spent at each voltage, by Simpson's rule over the occupation density
+/// (docs/design/numerics-sensor.md, "Stationary voltage").
 fn stationary_mean(process: RenewalProcess) -> f64 {
     let RenewalProcess { drift, variance, up, down } = process;
     let q = 2.0 * drift / variance;
@@ -129,14 +132,15 @@ fn stationary_mean(process: RenewalProcess) -> f64 {
     simpson(-down, -1e-12, &|v| v * density(v)) + simpson(0.0, up, &|v| v * density(v))
 }
 
-/// A process of drift over noise `nu = drift up/variance`, whose mean interval is about this many us.
+/// A process with drift over noise `nu = drift up/variance`, and a mean interval of about this
+/// number of us.
 fn process(nu: f64, mean_us: f64, [up, down]: [f64; 2]) -> RenewalProcess {
     let unit = RenewalProcess { drift: nu / up, variance: 1.0, up, down };
     let speed = unit.mean_interval() / mean_us;
     RenewalProcess { drift: nu / up * speed, variance: speed, up, down }
 }
 
-/// Whether all that is known of a static pixel holds.
+/// Checks every known property of a static pixel.
 fn check(nu: f64, mean_us: f64, thresholds: [f64; 2], seed: u64) {
     let watched = watch(process(nu, mean_us, thresholds), 1.0, seed);
     let interval = watched.interval_distance();
@@ -188,7 +192,7 @@ fn unequal_thresholds() {
     check(0.1, 2000.0, [1e3, 1e3], 11);
 }
 
-/// With equal thresholds an interval says nothing about the polarity of the event that ends it.
+/// With equal thresholds an interval is independent of the polarity of the event that ends it.
 #[test]
 fn intervals_and_polarities_are_independent() {
     let watched = watch(process(0.3, 2000.0, [1.0, 1.0]), 1.0, 12);
@@ -217,7 +221,7 @@ fn rates_hold_for_an_hour() {
     assert_eq!(account.drift_violations, 0);
 }
 
-/// Planted defects: noise that is 5 % too strong is noticed by what the tests above look at.
+/// Planted defects: the statistics of the tests above detect noise that is 5 % too strong.
 #[test]
 fn five_percent_of_noise_are_noticed() {
     let watched = watch(process(0.0, 4000.0, [1.0, 1.0]), 1.05, 13);
@@ -226,7 +230,7 @@ fn five_percent_of_noise_are_noticed() {
     assert!(interval > KS_LIMIT && rate.abs() > Z_LIMIT);
 }
 
-/// With `initial: stationary` nothing tells the first second of a static pixel from any other
+/// With `initial: stationary` the first second of a static pixel is like any other
 /// (docs/design/numerics-sensor.md, "Stationary voltage").
 #[test]
 fn stationary_pixels_fire_evenly_from_the_start() {
@@ -242,8 +246,8 @@ fn stationary_pixels_fire_evenly_from_the_start() {
         events.iter().for_each(|event| counts[(event.t.0 - 1) as usize / 2_000_000] += 1.0);
         counts
     };
-    // Each fifth is half a mean interval long: a pixel fires in it at most about once, so the count is
-    // binomial.
+    // Each fifth is half a mean interval long: a pixel fires in it at most about once, so the count
+    // is binomial.
     let expected = SIZE.pixels() as f64 * 2000.0 / process.mean_interval();
     let scores = |initial| counts(initial).map(|count| (count - expected) / expected.sqrt());
     let (even, in_step) = (scores(InitialVoltage::Stationary), scores(InitialVoltage::Zero));

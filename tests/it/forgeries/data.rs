@@ -1,4 +1,4 @@
-//! Forgeries of the data itself: events, pictures and arrays that stay what their formats prescribe.
+//! Forgeries of the data itself: events, pictures and arrays that stay valid in their formats.
 
 use super::super::audit::BASE;
 use gs2e::event::h5::{self, ChunkFilter, H5Options};
@@ -23,7 +23,8 @@ pub(super) fn events(folder: &Path, options: H5Options, change: impl FnOnce(&mut
     writer.finish(stamps.lines().next_back().unwrap().parse().unwrap()).unwrap();
 }
 
-/// Two events of one pixel that trade their polarities, so that every count stays, and the picture in the report too.
+/// Two events of one pixel exchange their polarities, so that every count stays the same, and the
+/// picture in the report too.
 pub(super) fn trade_polarities(events: &mut [Event]) {
     let pairs = (0..events.len()).flat_map(|i| (i + 1..events.len()).map(move |j| (i, j)));
     let place = |event: &Event| (event.x, event.y);
@@ -36,7 +37,7 @@ pub(super) fn trade_polarities(events: &mut [Event]) {
     events.sort_by_key(Event::file_order);
 }
 
-/// The first event that can be one microsecond later and still sorts before the next.
+/// Delays the first event that can be one microsecond later and still sorts before the next.
 pub(super) fn delay_one(events: &mut [Event]) {
     let us = |event: &Event| event.t.floor_micros();
     let later = events
@@ -52,7 +53,7 @@ pub(super) fn drop_one(events: &mut Vec<Event>) {
 
 pub(super) fn nothing(_: &mut Vec<Event>) {}
 
-/// Another way to store the same events.
+/// Options that store the same events in another way.
 pub(super) fn plain() -> H5Options {
     H5Options { filter: ChunkFilter::None, ..H5Options::default() }
 }

@@ -46,7 +46,7 @@ fn remove(path: &'static str, code: &'static str) -> Forgery {
     row(path, Audit(code), move |f| fs::remove_file(f.join(path)).unwrap())
 }
 
-/// Another value at a place of a JSON file.
+/// Puts another value at a place of a JSON file.
 fn set(path: &'static str, pointer: &'static str, value: Value, found: Found) -> Forgery {
     let put = move |f: &Path| {
         edit(f, path, |file| {
@@ -58,18 +58,18 @@ fn set(path: &'static str, pointer: &'static str, value: Value, found: Found) ->
     row(pointer, found, put)
 }
 
-/// Another value in a file that the manifest's own digests do not follow.
+/// Puts another value into a file without updating the manifest's digests.
 fn set_sealed(path: &'static str, pointer: &'static str, value: Value, code: &'static str) -> Forgery {
     Forgery { whole: false, ..set(path, pointer, value, Audit(code)) }
 }
 
-/// Names another version of the program wherever the release states one for programs.
+/// Names another version of the program in every machine-readable place of the release.
 pub(super) fn of_version(folder: &Path, version: &str) {
     edit(folder, "manifest.json", |v| v["tool"] = format!("gs2e {version}").into());
     edit(folder, SCENE, |v| v["gs2e_version"] = version.into());
 }
 
-/// A number of a JSON file, a little larger.
+/// Increases a number of a JSON file a little.
 fn nudge(path: &'static str, pointer: &'static str, found: Found) -> Forgery {
     row(pointer, found, move |f| {
         edit(f, path, |file| {
@@ -101,7 +101,7 @@ pub(super) fn all() -> Vec<Forgery> {
     .collect()
 }
 
-/// What people run and read.
+/// Code and texts for users.
 fn code_and_texts() -> Vec<Forgery> {
     let composed = "not-composed";
     vec![
@@ -225,7 +225,7 @@ fn steps() -> Vec<Forgery> {
     ]
 }
 
-/// What the manifest states of the release.
+/// The manifest's statements about the release.
 fn statements() -> Vec<Forgery> {
     let file = "manifest.json";
     vec![
@@ -311,7 +311,7 @@ fn described() -> Vec<Forgery> {
     ]
 }
 
-/// Poses, stamps, speeds and what is drawn of them.
+/// Poses, stamps, speeds and their drawings.
 fn motion() -> Vec<Forgery> {
     let speed = "small/one/base/speed.json";
     let composed = "not-composed";
@@ -428,7 +428,7 @@ fn raw() -> Vec<Forgery> {
     ]
 }
 
-/// What is no part of the bytes of files.
+/// Properties that are not in the bytes of files.
 fn outside() -> Vec<Forgery> {
     vec![
         row("an executable loader", Never("neither sums nor most archives carry modes"), |f| {

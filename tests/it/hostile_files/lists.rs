@@ -1,5 +1,5 @@
-//! Lists of scenes that are taken down: a line that can name no scene is refused, one that names none
-//! is reported.
+//! Lists of scenes that are taken down: a line that cannot name a scene is refused; one that names
+//! no known scene is reported.
 
 use super::run;
 use crate::support::workspace::{TINY, Workspace};
@@ -58,7 +58,7 @@ fn a_list_without_permission_is_an_error() {
     place.write("locked/list.txt", "t/tiny 2025-06-01\n");
     std::os::unix::fs::symlink("../locked/list.txt", place.path("recipes/takedown.txt")).unwrap();
     fs::set_permissions(place.path("locked"), fs::Permissions::from_mode(0o000)).unwrap();
-    // Nothing is locked for root.
+    // root may read a locked file.
     let is_locked = fs::read(place.path("locked/list.txt")).is_err();
     let ended = run(&place.path(""), "plan recipes/a.yaml");
     fs::set_permissions(place.path("locked"), fs::Permissions::from_mode(0o700)).unwrap();

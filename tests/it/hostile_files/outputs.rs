@@ -1,5 +1,5 @@
 //! Outputs that the user names: only regular files are replaced, they keep their mode, links are
-//! followed, and a file without a right to write stays.
+//! followed, and a read-only file stays.
 
 use super::{plant, run};
 use crate::support::given::sound;
@@ -7,7 +7,7 @@ use crate::support::workspace::Workspace;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, symlink};
 
-/// Each verb that writes one file, with `OUT` for its name, and what the name ends in.
+/// Each verb that writes one file, with `OUT` for the file's name, and the name's extension.
 const WRITERS: [(&str, &str); 5] = [
     ("convert scene.ply OUT --lossy", "spz"),
     ("convert e.csv OUT --size 8x8", "npz"),
@@ -80,7 +80,7 @@ fn a_file_that_is_replaced_keeps_its_mode_and_a_link_its_target() {
 }
 
 #[test]
-fn an_empty_text_of_events_is_an_error_and_a_mark_of_byte_order_is_none() {
+fn an_empty_event_text_is_an_error_and_a_byte_order_mark_is_not() {
     let place = Workspace::new();
     for (name, text) in [("e.csv", ""), ("e.txt", ""), ("e.csv", "\n\n"), ("e.txt", "\u{feff}")] {
         place.write(name, text);

@@ -1,5 +1,5 @@
-//! A release that a stranger gives: nothing outside its folder is read for it, and nothing in it that
-//! is no file.
+//! A release from an untrusted source: nothing outside its folder is read, and no special file in
+//! it.
 
 use super::{KINDS, plant, run};
 use crate::release::small::{copy, read, reseal};
@@ -10,7 +10,7 @@ use std::path::Path;
 
 const SCENE: &str = "small/one";
 
-/// Runs a verb on the tree, which is `tree` in a folder of its own.
+/// Runs a verb on a tree. `TREE` in the verb means the tree's path.
 fn checked(verb: &str, tree: &Path) -> (i32, String) {
     let folder = tree.parent().unwrap();
     let args = verb.replace("TREE", tree.to_str().unwrap());
@@ -58,7 +58,7 @@ fn no_reader_of_a_tree_takes_a_special_file() {
 }
 
 #[test]
-fn links_of_a_tree_are_refused_also_to_what_is_the_same() {
+fn links_of_a_tree_are_refused_even_to_equal_files() {
     let tree = copy();
     let outside = copy();
     for name in
@@ -105,7 +105,7 @@ fn a_name_that_leads_out_of_the_tree_is_refused() {
     }
 }
 
-/// Folders of tests lie next to each other.
+/// Path of a test's folder, relative to another's: they are siblings.
 fn relative(folder: &Path) -> String {
     folder.file_name().unwrap().to_str().unwrap().to_owned()
 }

@@ -1,4 +1,4 @@
-//! What is left of a trainer when the build that started it ends, however it ends: nothing.
+//! No process of a trainer is left when its build ends, for every way of ending.
 
 use crate::command::{COPY, trained_by, write_script};
 use crate::support::workspace::Workspace;
@@ -8,9 +8,9 @@ use std::io::Read as _;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Starts a build with a trainer that holds the pipe `held`, as does all that it starts, and that makes
-/// the file `at work` once it does what `script` says. The build heeds every signal, whatever the test
-/// was started to ignore.
+/// Starts a build with a trainer that holds the pipe `held`, together with its child processes, and
+/// creates the file `at work` when `script` does. The build's signals are set to their defaults,
+/// even if the test was started with some ignored.
 fn training(script: &str) -> (Workspace, Child) {
     let place = trained_by(&format!("exec 9> \"$beside/held\"; {script}"));
     assert!(Command::new("mkfifo").arg(place.path("held")).status().unwrap().success());
@@ -34,8 +34,8 @@ fn send(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).unwrap();
 }
 
-/// Runs `act` once the trainer is at work, and returns when nothing of the trainer is left; how the
-/// build ended.
+/// Runs `act` once the trainer is at work, and returns when no process of the trainer is left. The
+/// number is the build's exit code.
 fn until_nothing_is_left(script: &str, act: impl FnOnce(&Workspace, &mut Child)) -> (Workspace, Option<i32>) {
     let (place, mut child) = training(script);
     let code = std::thread::scope(|scope| {
@@ -45,7 +45,7 @@ fn until_nothing_is_left(script: &str, act: impl FnOnce(&Workspace, &mut Child))
         let mut said = String::new();
         child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
         let code = child.wait().unwrap().code();
-        // Every holder of the pipe has ended once this returns.
+        // This returns when every holder of the pipe has ended.
         reader.join().unwrap();
         code
     });
@@ -53,7 +53,7 @@ fn until_nothing_is_left(script: &str, act: impl FnOnce(&Workspace, &mut Child))
 }
 
 const GROUP: &str = "sleep 600 & : > \"$beside/at work\"; wait";
-/// The first leaves the group of the trainer, the second has a parent that is gone.
+/// The first process leaves the trainer's group; the parent of the second has ended.
 const ESCAPED: &str =
     "setsid sleep 600 & (setsid sh -c 'sleep 600 & sleep 600' &) ; : > \"$beside/at work\"; wait; sleep 600";
 
@@ -79,15 +79,15 @@ fn a_build_that_is_killed_leaves_no_trainer() {
 }
 
 #[test]
-fn what_left_the_group_of_a_trainer_ends_with_it() {
+fn processes_that_left_the_group_of_a_trainer_end_with_it() {
     let script = format!("setsid sleep 600 & : > \"$beside/at work\"; {COPY}");
     let (place, code) = until_nothing_is_left(&script, |_, _| {});
     assert_eq!(code, Some(0));
     assert_eq!(place.stale("recipe.yaml"), [""; 0]);
 }
 
-/// The trainer ignores the first request to end, so only the second interrupt ends it before its time
-/// is over.
+/// The trainer ignores the first request to end, so only the second interrupt ends it before its
+/// time is over.
 #[test]
 fn a_second_interrupt_ends_a_trainer_that_ignores_the_first() {
     let script = "trap ': > \"$beside/asked\"' TERM; : > \"$beside/at work\"; while :; do sleep 1; done";
@@ -99,7 +99,7 @@ fn a_second_interrupt_ends_a_trainer_that_ignores_the_first() {
     assert_eq!(code, Some(130));
 }
 
-/// The next build starts at once, and empties the folders of the one that was killed.
+/// The next build starts at once, and empties the folders of the killed one.
 #[test]
 fn the_next_build_takes_no_folder_from_under_a_trainer() {
     let script = "cd \"$2\"; : > \"$beside/at work\"; \
@@ -117,9 +117,9 @@ fn the_next_build_takes_no_folder_from_under_a_trainer() {
     assert!(!place.path("lost").exists(), "its folder was deleted while it ran");
 }
 
-/// Who kills processes by the name of the program leaves the supervisor, which then does its work.
+/// Killing processes by the program's name spares the supervisor, which then does its work.
 #[test]
-fn a_supervisor_is_not_called_as_the_program_is() {
+fn the_supervisor_has_another_name_than_the_program() {
     let (_, code) = until_nothing_is_left(GROUP, |_, child| {
         let children = Command::new("ps").args(["-A", "-o", "pid=,ppid=,comm="]).output().unwrap();
         let list = String::from_utf8_lossy(&children.stdout).into_owned();

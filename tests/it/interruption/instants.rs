@@ -1,5 +1,5 @@
-//! An interrupt, step by step: what was told as finished stays and is never made again, and the products are those of a
-//! build that nobody disturbed.
+//! An interrupt, step by step: a step that was reported as finished stays and is never made again,
+//! and the products are those of an undisturbed build.
 
 use crate::support::steps::{keys, products, recipe};
 use crate::support::workspace::Workspace;
@@ -27,7 +27,7 @@ fn start(place: &Workspace) -> Child {
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// The step that a line of `build --json` says was made.
+/// The step that a line of `build --json` reports as made.
 fn made(line: &str) -> Option<String> {
     let told: Value = serde_json::from_str(line).ok()?;
     (told["state"] == "made").then(|| told["step"].as_str().unwrap().to_owned())
@@ -38,7 +38,7 @@ fn files_in(place: &Workspace, folder: &str) -> usize {
 }
 
 #[test]
-fn an_interrupt_tells_how_many_steps_it_keeps() {
+fn an_interrupt_reports_the_number_of_kept_steps() {
     let place = place();
     let mut child = start(&place);
     let mut told = BufReader::new(child.stdout.take().unwrap());

@@ -1,4 +1,4 @@
-//! Which files are read, in which order, and with which defaults.
+//! The files that are read, their order, and their defaults.
 
 use gs2e::recipe::{Recipe, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
@@ -26,13 +26,13 @@ fn read(root: &Path, names: &[&str]) -> Vec<Recipe> {
     read_all(&paths).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
 }
 
-/// Scene ids and seeds, by which defaults show.
+/// Scene ids and seeds; the seeds show which defaults were read.
 fn seeds(recipes: &[Recipe]) -> Vec<(&str, u64)> {
     recipes.iter().map(|r| (r.scene.as_str(), r.seed)).collect()
 }
 
 #[test]
-fn the_nearest_defaults_within_the_folder_given_lie_under_a_recipe() {
+fn a_recipe_takes_the_nearest_defaults_within_the_given_folder() {
     let root = folder(&[
         ("defaults.yaml", "seed: 1\n"),
         ("x.yaml", &scene("x")),
@@ -45,7 +45,7 @@ fn the_nearest_defaults_within_the_folder_given_lie_under_a_recipe() {
     assert_eq!(seeds(&all), [("w", 1), ("x", 1), ("y", 0), ("z", 0)]);
     let every: Vec<u32> = all.iter().map(|r| r.every.sharp).collect();
     assert_eq!(every, [1, 1, 2, 2]);
-    // Above the folder given nothing is looked for, and beside a file its own folder alone.
+    // No defaults are read above the given folder; for a given file, only those in its own folder.
     assert_eq!(seeds(&read(root.path(), &["other"])), [("w", 0)]);
     assert_eq!(seeds(&read(root.path(), &["x.yaml", "other/w.yaml"])), [("w", 0), ("x", 1)]);
     assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].every.sharp, 1);
@@ -61,7 +61,7 @@ fn order_and_names_of_files_do_not_matter() {
 }
 
 #[test]
-fn other_files_are_passed_over() {
+fn other_files_are_ignored() {
     let root = folder(&[
         ("a.yaml", &scene("a")),
         ("defaults.yaml", "seed: 5\n"),
@@ -77,7 +77,7 @@ fn other_files_are_passed_over() {
 }
 
 #[test]
-fn what_is_not_there_is_said() {
+fn missing_files_are_reported() {
     let root = folder(&[("empty/notes.txt", ""), ("defaults.yaml", "seed: 1\n"), ("folder.yaml/x.txt", "")]);
     let t = |name: &str, wanted: &str| {
         let faults = read_all(&[root.path().join(name)]).unwrap_err();
@@ -102,11 +102,11 @@ fn a_file_too_large_is_not_read() {
 
 #[cfg(unix)]
 #[test]
-fn links_are_followed_and_loops_are_told() {
+fn links_are_followed_and_loops_are_refused() {
     let root = folder(&[("real/a.yaml", &scene("a"))]);
     std::os::unix::fs::symlink(root.path().join("real"), root.path().join("link")).unwrap();
     assert_eq!(seeds(&read(root.path(), &["link"])), [("a", 0)]);
-    // Once, although two ways lead to it.
+    // The recipe is read once, although two paths lead to it.
     assert_eq!(seeds(&read(root.path(), &[""])), [("a", 0)]);
     std::os::unix::fs::symlink(root.path(), root.path().join("real/up")).unwrap();
     let text = read_all(&[root.path().to_owned()]).unwrap_err().render_text();
@@ -114,7 +114,7 @@ fn links_are_followed_and_loops_are_told() {
 }
 
 #[test]
-fn what_lies_beside_the_recipes_is_read() {
+fn files_next_to_the_recipes_are_read() {
     let release = "name: Example\nversion: 1.2.0\nurl: https://example.org/data\ncreator: Example Lab\n\
                    date_published: 2025-05-21\ncite_as: Example (2025)\ndescription: Events.\n";
     let sources = "mvimgnet: { redistribute: allowed, because: a letter of 2025-01-01 }\n";
@@ -131,7 +131,7 @@ fn what_lies_beside_the_recipes_is_read() {
 }
 
 #[test]
-fn a_release_has_a_name_where_none_is_given() {
+fn a_release_has_default_metadata() {
     let root = folder(&[("a.yaml", &scene("a"))]);
     let info = read_release(&[root.path().to_owned()]).unwrap();
     assert_eq!((info.version.as_str(), info.date_published.as_str()), ("0.0.0", "1970-01-01"));
@@ -139,7 +139,7 @@ fn a_release_has_a_name_where_none_is_given() {
 }
 
 #[test]
-fn files_of_comments_say_nothing() {
+fn files_of_comments_have_no_effect() {
     let nothing = "# name: later\n";
     let names = ["defaults.yaml", "release.yaml", "sources.yaml"];
     let mut files: Vec<(&str, &str)> = names.iter().map(|name| (*name, nothing)).collect();

@@ -1,4 +1,4 @@
-//! One meaning, many spellings; and numbers that are exactly what is written.
+//! One meaning has many spellings, and numbers have exactly their written value.
 
 use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin};
@@ -32,7 +32,7 @@ fn refined(recipe: &gs2e::recipe::Recipe) -> &RefinePath {
 }
 
 #[test]
-fn the_bundled_recipes_mean_what_they_say() {
+fn the_bundled_recipes_have_their_stated_meaning() {
     let recipes = read("recipes").unwrap_or_else(|faults| panic!("{}", faults.render_text()));
     for recipe in &recipes {
         let name = recipe.scene.replace('/', "-");
@@ -80,7 +80,7 @@ fn spelling_changes_nothing() {
 }
 
 #[test]
-fn what_is_left_out_is_what_the_paper_does() {
+fn absent_keys_follow_the_paper() {
     let recipe = sound("");
     assert_eq!(recipe.seed, 0);
     assert_eq!(recipe.rate.0, Ratio::new(2400, 1).unwrap());
@@ -95,7 +95,7 @@ fn what_is_left_out_is_what_the_paper_does() {
 }
 
 #[test]
-fn ratios_are_exactly_what_is_written() {
+fn ratios_are_exactly_the_written_values() {
     let rate = |text: &str| sound(&format!("sampling: {{ rate: {text} }}")).rate.0;
     let t = |text: &str, n, d| assert_eq!(rate(text), Ratio::new(n, d).unwrap(), "{text}");
     t("2400", 2400, 1);
@@ -103,7 +103,7 @@ fn ratios_are_exactly_what_is_written() {
     t("30000/1001", 30_000, 1001);
     t("'30000/1001'", 30_000, 1001);
     t("59.94", 2997, 50);
-    // As floats both are 0.1.
+    // As floats both would be 0.1.
     t("0.1", 1, 10);
     t("0.10000000000000001", 10_000_000_000_000_001, 100_000_000_000_000_000);
 }
@@ -165,7 +165,7 @@ fn paths_start_at_the_file_that_names_them() {
     assert_eq!(recipes[0].source, whole(CaptureKind::Colmap, root.path().join("sub/../capture")));
     assert_eq!(recipes[1].source, whole(CaptureKind::Nerfstudio, "/abs/transforms.json".into()));
     assert_eq!(recipes[0].reconstruct, Some(ReconstructMethod::Given(root.path().join("scenes/a.ply"))));
-    // As written, so that a release says the same wherever it is made.
+    // The path is kept as written, so that a release is the same in every folder.
     assert_eq!(recipes[0].merged["source"]["colmap"]["path"], "../capture");
     assert_eq!(recipes[0].merged["reconstruct"]["given"]["path"], "scenes/a.ply");
     let named = recipes[0].named_at.reconstruct.as_ref().unwrap();
@@ -189,7 +189,7 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
     }
 }
 
-/// A sensor means that, and so does the canonical form of its recipe.
+/// Checks that a sensor's recipe has this meaning, and its canonical form too.
 fn check_sensor(yaml: &str, wanted: SensorChoice) {
     let found = sound(&format!("sensor: {yaml}"));
     assert_eq!(found.sensors, SensorSet::One(wanted), "{yaml}");

@@ -1,4 +1,4 @@
-//! Whatever bytes a recipe is made of, it is read or refused with a place; nothing panics.
+//! A recipe of any bytes is either read or refused with a place, and never causes a panic.
 
 use gs2e::recipe::{RecipeFaults, read_all};
 use proptest::prelude::{Just, Strategy, any, prop, prop_oneof};
@@ -76,14 +76,14 @@ fn slow() -> bool {
     std::env::var_os("RUN_SLOW_TESTS").is_some_and(|value| value == "1")
 }
 
-/// Replaces `len` bytes at `at` (both taken modulo what there is) by `with`.
+/// Replaces `len` bytes at `at` by `with`; both are taken modulo the available range.
 type Edit = (usize, usize, Vec<u8>);
 
 fn edits() -> impl Strategy<Value = Vec<Edit>> {
     let with = prop_oneof![
         any::<u8>().prop_map(|b| vec![b]),
         (0..NASTY.len()).prop_map(|i| NASTY[i].as_bytes().to_vec()),
-        // A piece of the recipe itself: keys come twice, values stand in the wrong place.
+        // A piece of the recipe itself: keys occur twice, values occur in the wrong place.
         (0..DEMO.len(), 1..60_usize)
             .prop_map(|(at, n)| DEMO.as_bytes()[at..(at + n).min(DEMO.len())].to_vec()),
         Just(Vec::new()),

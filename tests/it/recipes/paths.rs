@@ -1,4 +1,4 @@
-//! Paths and speeds: what each key means, and that the merged form means the same.
+//! Paths and speeds: the meaning of each key, also in the merged form.
 
 use super::{recipe, said};
 use glam::{DQuat, DVec3};
@@ -18,7 +18,8 @@ use gs2e::trajectory::sample::SummationRule;
 use gs2e::trajectory::travel::PoseCount;
 use gs2e::units::Ratio;
 
-/// A procedural recipe with these trajectories, a list in flow style; its merged form means the same.
+/// A procedural recipe with these trajectories, a list in flow style. Checks that its merged form
+/// means the same.
 fn with(trajectories: &str) -> Recipe {
     let yaml = format!(
         "version: 1\nscene: a\nseed: 7\nsource: {{ procedural: {{}} }}\ntrajectories: [{trajectories}]\n"
@@ -118,7 +119,7 @@ fn keyframes_are_read() {
 fn each_group_is_a_trajectory_and_all_share_the_draws() {
     let recipe = with("{ name: mini, novel: {} }, { name: round, orbit: {} }, { name: base, refine: {} }");
     assert_eq!(names(&recipe), ["mini-0", "mini-1", "mini-2", "round", "base"]);
-    // The first that is not novel, wherever it stands.
+    // The base is the first trajectory that is not novel, at any place in the list.
     let bases: Vec<_> = recipe.trajectories.iter().map(|t| t.base.as_deref()).collect();
     assert_eq!(bases, [Some("round"), Some("round"), Some("round"), None, None]);
     for (group, trajectory) in (0..3).zip(&recipe.trajectories) {
@@ -155,12 +156,12 @@ fn novel_paths_are_read() {
     );
     assert_eq!(novel.curve, GroupCurve::Fixed(CurveKind::Bezier { degree: 4 }));
     assert_eq!(novel.count, PoseCount::Duration(Ratio::new(1, 1).unwrap()));
-    // As many key poses as the base has poses, each drawn once.
+    // The number of key poses equals the base's number of poses; each is drawn once.
     with("{ name: base, refine: { frames: 15 } }, { name: mini, novel: {} }");
 }
 
 #[test]
-fn edits_are_told_by_the_name_as_it_is_written() {
+fn edits_are_reported_by_the_written_name() {
     let path = |groups: u32, x: f64| {
         with(&format!(
             "{{ name: base, keyframes: {{ poses: [{{ position: [{x}, 0, 0], rotation: [0, 0, 0, 1] }}] }} }}, \
@@ -173,7 +174,7 @@ fn edits_are_told_by_the_name_as_it_is_written() {
 }
 
 #[test]
-fn the_usual_speed_is_the_papers_for_refined_paths_alone() {
+fn only_refined_paths_have_the_speed_of_the_paper_by_default() {
     assert_eq!(one("refine: {}").speed, SpeedChoice::Function(law("0.25*sin(t) + 1.1")));
     assert_eq!(one("orbit: {}").speed, SpeedChoice::Function(law("1")));
 }

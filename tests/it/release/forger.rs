@@ -1,4 +1,5 @@
-//! A careful forger: rewrites every digest in a release after a change, so that what is found is what the files say.
+//! A careful forger: rewrites every digest in a release after a change, so that only the files'
+//! contents show it.
 
 use gs2e::release::{ManifestFile, ManifestScene, ReleaseManifest, SceneRecord};
 use gs2e::store::Digest;
@@ -25,7 +26,7 @@ pub(crate) fn write_json(path: &Path, value: &impl Serialize) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Changes a JSON file, and keeps the order of keys that its form has.
+/// Changes a JSON file, and keeps the order of keys of its format.
 pub(crate) fn edit(folder: &Path, path: &str, change: impl FnOnce(&mut Value)) {
     let place = folder.join(path);
     let mut value: Value = serde_json::from_slice(&std::fs::read(&place).unwrap()).unwrap();
@@ -47,7 +48,7 @@ fn write_as<T: DeserializeOwned + Serialize>(path: &Path, value: &Value) -> bool
     typed.inspect(|typed| write_json(path, typed)).is_some()
 }
 
-/// Writes `manifest.json` with its steps, the sum in `croissant.json`, `B3SUMS` and `SHA256SUMS` again.
+/// Rewrites `manifest.json` with its steps, the sum in `croissant.json`, `B3SUMS` and `SHA256SUMS`.
 pub(crate) fn reseal(folder: &Path) {
     let manifest = folder.join("manifest.json");
     let typed =
@@ -60,7 +61,7 @@ pub(crate) fn reseal(folder: &Path) {
     reseal_sums(folder);
 }
 
-/// Writes `B3SUMS` and `SHA256SUMS` again.
+/// Rewrites `B3SUMS` and `SHA256SUMS`.
 pub(crate) fn reseal_sums(folder: &Path) {
     let listed = read(folder).into_iter().filter(|(path, _)| path != "B3SUMS" && path != "SHA256SUMS");
     let line = |(path, bytes): (String, Vec<u8>)| format!("{}  {path}\n", blake3::hash(&bytes).to_hex());
@@ -68,7 +69,7 @@ pub(crate) fn reseal_sums(folder: &Path) {
     resum(folder);
 }
 
-/// Writes `SHA256SUMS` again.
+/// Rewrites `SHA256SUMS`.
 pub(crate) fn resum(folder: &Path) {
     let files = read(folder).into_iter().filter(|(path, _)| path != "SHA256SUMS");
     let text: String = files.map(|(path, bytes)| format!("{}  {path}\n", sha256(&bytes))).collect();
@@ -79,7 +80,7 @@ fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// The sum and size in `croissant.json` of an index that was changed.
+/// Updates sum and size in `croissant.json` of an index that was changed.
 fn reseal_index(folder: &Path, manifest: &ReleaseManifest) {
     let (Ok(index), Ok(text)) =
         (std::fs::read(folder.join("index.parquet")), std::fs::read(folder.join("croissant.json")))
@@ -113,7 +114,8 @@ fn listed(path: &str, bytes: &[u8]) -> ManifestFile {
     ManifestFile { path: path.to_owned(), size: bytes.len() as u64, blake3: Digest::of_bytes(bytes) }
 }
 
-/// Outputs with the digests of the released files, inputs with those of the outputs, and the keys that follow.
+/// Updates outputs to the digests of the released files, inputs to those of the outputs, and then
+/// the keys.
 fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
     let contents = |scene: &ManifestScene| -> Vec<Digest> {
         scene.steps.iter().map(|step| content_digest(&step.outputs)).collect()
@@ -125,7 +127,7 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
         let released = released(&folder, kind, files);
         let is_there = |output: &StoredOutput| released.iter().any(|other| other.name == output.name);
         let whole = files.keys().any(|path| path.starts_with(&format!("{folder}/sharp/")));
-        // Outputs that are no files of the release stay; of a scene that is withheld, those are most.
+        // Outputs that are not released stay. In a withheld scene, those are most.
         step.outputs.retain(|output| !whole || !is_released(kind, &output.name) || is_there(output));
         for output in released {
             match step.outputs.iter_mut().find(|other| other.name == output.name) {
@@ -145,7 +147,7 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
     }
 }
 
-/// Whether a file of a step is released.
+/// Returns true if a step's file is released.
 fn is_released(kind: &str, name: &str) -> bool {
     match kind {
         "trajectory" => true,
@@ -156,7 +158,7 @@ fn is_released(kind: &str, name: &str) -> bool {
     }
 }
 
-/// The outputs of a step that lie in the trajectory's folder.
+/// The outputs of a step that are in the trajectory's folder.
 fn released(folder: &str, kind: &str, files: &BTreeMap<String, Vec<u8>>) -> Vec<StoredOutput> {
     let below = |prefix: String| {
         files.iter().filter_map(move |(path, bytes)| Some((path.strip_prefix(&prefix)?.to_owned(), bytes)))

@@ -1,4 +1,4 @@
-//! A small release, made by the program itself, and a second hand that can reseal it.
+//! A small release, made by the program itself, and helpers that change and reseal it.
 
 pub(crate) use super::forger::{edit, read, reseal, resum};
 use std::path::{Path, PathBuf};
@@ -6,7 +6,8 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// Two trajectories of 24 poses over 2,000 Gaussians, at 64x48, with events and pictures of every kind.
+/// Two trajectories of 24 poses over 2,000 Gaussians, at 64x48, with events and pictures of every
+/// kind.
 pub(crate) const RECIPE: &str = "\
 version: 1
 scene: small/one
@@ -33,12 +34,12 @@ pub(crate) fn gs2e(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_gs2e")).args(arguments).current_dir(folder).output().unwrap()
 }
 
-/// What a run wrote for people, for messages of tests.
+/// A run's output as text, for messages of tests.
 pub(crate) fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The release of [`RECIPE`], made once: nobody changes it.
+/// The release of [`RECIPE`], made once and never changed.
 pub(crate) fn release() -> &'static Path {
     static RELEASE: OnceLock<TempDir> = OnceLock::new();
     let folder = RELEASE.get_or_init(|| {
@@ -52,7 +53,7 @@ pub(crate) fn release() -> &'static Path {
     PATH.get_or_init(|| folder.path().join("out"))
 }
 
-/// A copy of it to be damaged.
+/// A copy of the release, to be damaged.
 pub(crate) fn copy() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (path, bytes) in read(release()) {

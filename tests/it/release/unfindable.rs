@@ -1,9 +1,9 @@
-//! What an audit cannot know from a tree, as `docs/audit.md` lists it: values that no other file of the tree gives, and
-//! data that only a scene made again shows.
+//! Changes that an audit cannot find from a tree, as `docs/audit.md` lists them: values that no
+//! other file of the tree repeats, and data that only a rebuilt scene can confirm.
 
 use serde_json::Value;
 
-/// File name, and pointers below which values are taken as they stand; `*` is any key.
+/// File name, and pointers below which any value is accepted; `*` matches any key.
 pub(crate) const VALUES: [(&str, &[&str]); 3] = [
     (
         "scene.json",
@@ -50,10 +50,11 @@ pub(crate) const VALUES: [(&str, &[&str]); 3] = [
     ("manifest.json", &["/scenes/*/steps", "/scenes/*/left_out", "/tool"]),
 ];
 
-/// Data files that the audit reads for their form and their counts, and whose values no other file gives.
+/// Data files that the audit reads for their form and their counts; no other file repeats their
+/// values.
 pub(crate) const DATA: [&str; 5] = ["events.h5", "sharp/*.png", "blur/*.png", "depth/*.npy", "flow/*.npy"];
 
-/// Whether a file of this path is one of [`DATA`].
+/// Returns true if a file of this path is one of [`DATA`].
 pub(crate) fn is_data(path: &str) -> bool {
     let in_folder = |folder: &str, end: &str| path.ends_with(end) && path.rsplit('/').nth(1) == Some(folder);
     path.ends_with("/events.h5")
@@ -64,7 +65,7 @@ pub(crate) fn is_data(path: &str) -> bool {
         })
 }
 
-/// Whether two versions of a JSON file differ in nothing but values that no other file gives.
+/// Returns true if two versions of a JSON file differ only in values that no other file repeats.
 pub(crate) fn is_unfindable(path: &str, old: &[u8], new: &[u8]) -> bool {
     let name = path.rsplit('/').next().unwrap_or(path);
     let Some((_, pointers)) = VALUES.iter().find(|(file, _)| *file == name) else { return false };

@@ -1,4 +1,4 @@
-//! Folders of a person that happen to lie in the way, and the program's own that it left there.
+//! The user's folders with names like the program's own, and the program's leftovers.
 
 use super::{beside, named, out, place, released, text};
 use crate::support::workspace::{Workspace, same_tree};
@@ -7,7 +7,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 
-/// Names that earlier versions used for their own folders, and one like today's.
+/// Names that earlier versions used for their own folders, and two like today's.
 const LIKE_OURS: [&str; 4] = ["out.partial", "out.old", ".out.gs2e-notes", ".out.gs2e-abcdefgh01234567"];
 
 #[test]
@@ -27,7 +27,7 @@ fn folders_named_like_temporary_ones_stay() {
     place.ok("audit out");
 }
 
-/// The report's case: the recipes themselves lie in such a folder.
+/// The reported case: the recipes themselves are in a folder with this name.
 #[test]
 fn recipes_in_a_folder_named_like_a_temporary_one_stay() {
     let place = place();
@@ -60,7 +60,7 @@ fn a_file_named_like_the_lock_stays() {
     assert_eq!(text(&place.path(".out.gs2e-lock")), "the only copy");
 }
 
-/// A data set with a manifest and whole sums of its own, as many have.
+/// A data set with its own manifest and complete sums, as is common.
 fn data_set(place: &Workspace, manifest: &str) {
     place.write("out/thesis.txt", "precious");
     place.write("out/manifest.json", manifest);
@@ -73,7 +73,7 @@ fn data_set(place: &Workspace, manifest: &str) {
 }
 
 #[test]
-fn a_foreign_data_set_is_refused_and_with_leave_moved_aside_whole() {
+fn a_foreign_data_set_is_refused_and_with_replace_moved_aside_whole() {
     let real = text(&released().path("out/manifest.json"));
     for manifest in ["{}", "{\"format\":1}", &real] {
         let place = place();
@@ -91,7 +91,7 @@ fn a_foreign_data_set_is_refused_and_with_leave_moved_aside_whole() {
 }
 
 #[test]
-fn a_changed_release_is_refused_with_the_names_and_with_leave_its_changes_are_kept() {
+fn a_changed_release_is_refused_and_with_replace_its_changes_are_kept() {
     let place = released();
     let before = out(&place);
     place.write("out/tiny/notes.txt", "mine");
@@ -114,12 +114,12 @@ fn a_changed_release_is_refused_with_the_names_and_with_leave_its_changes_are_ke
     assert_eq!((&kept["README.md"][..], &kept["tiny/notes.txt"][..]), (&b"my own card"[..], &b"mine"[..]));
 }
 
-/// What is linked into a release is no part of it, and is not followed.
+/// A link in a release is not part of it, and is not followed.
 #[test]
 fn links_in_a_release_are_kept_and_not_followed() {
     let place = released();
     place.write("mine/thesis.txt", "the only copy");
-    // A folder of the release that moved elsewhere, with a link in its place.
+    // A folder of the release was moved elsewhere and replaced by a link.
     fs::rename(place.path("out/tiny/base"), place.path("mine/base")).unwrap();
     symlink("../../mine/base", place.path("out/tiny/base")).unwrap();
     symlink("../mine", place.path("out/shortcut")).unwrap();
@@ -133,7 +133,7 @@ fn links_in_a_release_are_kept_and_not_followed() {
 }
 
 #[test]
-fn a_release_brought_up_to_date_leaves_nothing_beside_it() {
+fn an_updated_release_leaves_no_other_folder() {
     let place = released();
     place.write("r.yaml", super::POSES.replace("seed: 7", "seed: 8"));
     place.ok("release --to out r.yaml");
@@ -147,7 +147,7 @@ fn a_release_brought_up_to_date_leaves_nothing_beside_it() {
 }
 
 #[test]
-fn a_failed_release_leaves_nothing_beside_it() {
+fn a_failed_release_leaves_no_other_folder() {
     let place = released();
     let before = out(&place);
     place.write("r.yaml", format!("{}checks: {{ pose_continuity: {{ max: 1e-9 }} }}\n", super::POSES));

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 const ROUNDS: u32 = 20;
 
-/// The release of one of two recipes, each with its own store.
+/// Starts the release of one of two recipes, each with its own store.
 fn start(place: &Workspace, which: &str) -> Child {
     let mut command = place.command(&format!("release --store {which}.store --to out {which}.yaml"));
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
@@ -46,7 +46,7 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
 }
 
 #[test]
-fn who_waits_for_a_folder_says_for_whom() {
+fn a_waiting_release_names_the_holder_of_its_folder() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
     let holder = gs2e::store::StoreLock::take_temporary(
@@ -69,7 +69,7 @@ fn who_waits_for_a_folder_says_for_whom() {
     assert_eq!(beside(&place), ["out"]);
 }
 
-/// Starts a release and reads its stderr up to the line that says that it waits, which comes last.
+/// Starts a release and reads its stderr up to the line about waiting, which comes last.
 fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, String) {
     let mut waiting = place.spawn("release --to out r.yaml");
     let mut stderr = BufReader::new(waiting.stderr.take().unwrap());
@@ -94,8 +94,8 @@ fn an_interrupt_while_waiting_ends_it() {
     assert_eq!(beside(&place), [".out.gs2e-lock"], "it is the other one's");
 }
 
-/// Stopped at instants that move through its whole run, a release leaves the old tree or the new one,
-/// and the next run clears up.
+/// A release is stopped at instants that cover its whole run. It leaves the old tree or the new
+/// one, and the next run removes the leftovers.
 #[test]
 fn a_release_that_is_stopped_anywhere_is_made_whole_by_the_next() {
     for signal in [Signal::KILL, Signal::INT] {
@@ -107,12 +107,12 @@ fn a_release_that_is_stopped_anywhere_is_made_whole_by_the_next() {
         for step in 0..12 {
             let mut child = place.spawn("release --to out r.yaml");
             std::thread::sleep(Duration::from_millis(7 * step));
-            // It may have ended by itself.
+            // The process may have ended by itself.
             let _ = kill_process(Pid::from_child(&child), signal);
             child.wait().unwrap();
             let stands = out(&place);
             assert!(stands == old || stands == new, "{signal:?} {step}: {:?}", stands.keys());
-            // The way back, with leftovers of the stopped run around.
+            // Back to the old tree, with leftovers of the stopped run in place.
             place.write("r.yaml", POSES);
             place.ok("release -q --to out r.yaml");
             assert!(out(&place) == old, "{signal:?} {step}");

@@ -1,11 +1,11 @@
-//! What cannot be released is refused before anything runs.
+//! A release that cannot be made is refused before any step runs.
 
 use super::{POSES, beside, named, place, released, text};
 use crate::support::workspace::Workspace;
 use std::fs;
 use std::os::unix::fs::symlink;
 
-/// Nothing was recorded: no step ran.
+/// Checks that no step ran: nothing was recorded.
 fn nothing_ran(place: &Workspace) {
     let records = walkdir::WalkDir::new(place.path(".gs2e/ac")).into_iter().flatten();
     assert_eq!(records.filter(|entry| entry.file_type().is_file()).count(), 0, "a step ran");
@@ -35,7 +35,7 @@ fn a_foreign_folder_is_refused_before_anything_runs() {
 }
 
 #[test]
-fn what_the_release_is_made_from_is_never_replaced() {
+fn inputs_of_a_release_are_never_replaced() {
     let place = Workspace::new();
     place.write("work/recipes/r.yaml", POSES);
     place.write("work/given/points.ply", "mine");
@@ -107,7 +107,8 @@ fn licences_without_a_text_are_refused_in_the_recipe() {
     assert!(!place.path(".gs2e").exists());
 }
 
-/// A formula that is accepted can be released: in `scene.json` it is text, however deep its syntax tree is.
+/// A formula that is accepted can be released: `scene.json` holds it as text, at any depth of its
+/// syntax tree.
 #[test]
 fn a_speed_of_many_terms_is_released_or_refused_at_once() {
     let place = place();
@@ -137,7 +138,7 @@ fn a_speed_of_many_terms_is_released_or_refused_at_once() {
     assert_eq!(beside(&place), ["out"]);
 }
 
-/// `--replace` of the folder that the recipes are in, as the only argument.
+/// `--replace` of the recipes' own folder, which is also the only argument.
 #[test]
 fn the_recipes_own_folder_is_never_replaced() {
     let place = released();
@@ -145,7 +146,7 @@ fn the_recipes_own_folder_is_never_replaced() {
     fs::rename(place.path("r.yaml"), place.path("r/r.yaml")).unwrap();
     refused(&place, "release --replace --to r r", "r holds a recipe");
     assert_eq!(text(&place.path("r/r.yaml")), POSES);
-    // Also through a link to a folder above it.
+    // The same through a link to a folder above it.
     symlink(".", place.path("here")).unwrap();
     refused(&place, "release --replace --to here/r r", "holds a recipe");
     assert!(place.path(&named(&place, "here")).is_symlink());

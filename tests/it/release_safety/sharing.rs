@@ -1,4 +1,4 @@
-//! Files of a release and files of the store: one is not the other unless the user asks for it.
+//! Files of a release and files of the store are separate, unless the user asks for links.
 
 use super::{out, place, released};
 use crate::support::workspace::Workspace;
@@ -34,14 +34,14 @@ fn a_line_appended_to_a_release_changes_nothing_else() {
 }
 
 #[test]
-fn files_are_those_of_the_store_where_that_is_asked_for() {
+fn files_are_links_to_the_store_on_request() {
     let place = place();
     place.ok("release --link hard --to out r.yaml");
     assert_eq!(names_of(&place, POSES_TXT), 2);
     assert_eq!(names_of(&place, "out/README.md"), 1, "it was made for the release");
-    // Links moved the stat fields of the blobs, and no step counts as changed by it.
+    // Links changed the stat fields of the blobs; no step counts as changed by that.
     assert!(place.build("r.yaml").is_empty());
-    // A release that shares nothing takes its place, though every byte is the same.
+    // A release without shared files replaces it, although every byte is the same.
     let before = out(&place);
     place.ok("release --to out r.yaml");
     assert_eq!((names_of(&place, POSES_TXT), out(&place)), (1, before));
@@ -51,7 +51,7 @@ fn files_are_those_of_the_store_where_that_is_asked_for() {
 }
 
 #[test]
-fn a_release_that_stands_is_not_written_again() {
+fn an_unchanged_release_is_not_written_again() {
     let place = released();
     let inode = |path: &str| fs::metadata(place.path(path)).unwrap().ino();
     let before = [inode("out"), inode(POSES_TXT)];
@@ -59,7 +59,7 @@ fn a_release_that_stands_is_not_written_again() {
     assert!(ended.stderr.contains("out is up to date: 1 scene(s), "), "{}", ended.stderr);
     assert!(ended.stdout.contains("\"written\":false"), "{}", ended.stdout);
     assert_eq!([inode("out"), inode(POSES_TXT)], before);
-    // A change of one file's content takes over the files that stay as they are.
+    // When one file's content changes, the unchanged files are taken over.
     place.write("release.yaml", "name: Another\n");
     let ended = place.ok("release --json --to out r.yaml");
     assert!(ended.stdout.contains("\"written\":true"), "{}", ended.stdout);

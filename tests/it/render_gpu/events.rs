@@ -1,7 +1,8 @@
-//! Events of frames by the GPU against events of frames by the CPU, with the same noise.
+//! Events of GPU frames compared with events of CPU frames, with the same noise.
 //!
-//! Luminance differs by some units of 6e-8 of 255, a threshold is some 10 grey levels: with the same noise a pixel crosses at
-//! the same time but for 1e-6 of the time between two events, and a crossing more or less takes a tie.
+//! Luminance differs by some units of 6e-8 of 255, and a threshold is some 10 grey levels. With the
+//! same noise a pixel therefore crosses at the same time, within 1e-6 of the time between two
+//! events. An additional or missing crossing needs a tie.
 
 use super::gpu;
 use crate::support::gaussians::OFFICIAL;
@@ -26,7 +27,7 @@ const FRAMES: usize = 60;
 /// Time between frames, us.
 const STEP_US: i64 = 417;
 
-/// Each pixel's events in order of time, ns.
+/// Events by pixel in order of time, ns.
 fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16), Vec<i64>> {
     let capture = procedural::still_capture(life);
     let [from, to] = [&capture.views[0], &capture.views[5]].map(|view| view.world_from_camera);

@@ -1,5 +1,5 @@
-//! Images of an independent renderer, through the verb: limits as in `render_golden`, cameras as their manifest has
-//! them.
+//! Images of an independent renderer, through the verb. The limits are those of `render_golden`,
+//! the cameras those of the manifest.
 
 use super::npy;
 use crate::support::workspace::Workspace;
@@ -37,7 +37,7 @@ fn the_verb_meets_goldens_of_a_captured_scene() {
     meets(&root, &[("playbot_lod3_v4.gsplat.aa", &["cpu"]), ("playbot_lod3_v21.official", &["cpu"])]);
 }
 
-/// Renders named cases by the given back ends.
+/// Renders named cases with the given back ends, and compares the images.
 fn meets(root: &Path, cases: &[(&str, &[&str])]) {
     let manifest: Vec<Value> =
         serde_json::from_slice(&fs::read(root.join("manifest.json")).unwrap()).unwrap();

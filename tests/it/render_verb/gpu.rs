@@ -1,4 +1,4 @@
-//! The GPU through the command line: where there is one, and where there is none.
+//! The GPU through the command line, with a GPU and without one.
 
 use super::{RIGHT, npy, workspace};
 use crate::support::gpu;
@@ -32,7 +32,7 @@ fn without_a_gpu_auto_renders_on_the_cpu_and_says_so_in_one_line() {
 }
 
 #[test]
-fn without_a_gpu_asking_for_one_fails_and_names_what_is_missing() {
+fn without_a_gpu_asking_for_one_fails_and_names_the_missing_part() {
     let place = workspace();
     for args in ["", "--gpu 0", "--gpu Voodoo"] {
         let ended = place.gs2e(&format!("{RIGHT} --backend gpu {args}"));
@@ -50,13 +50,13 @@ fn without_a_gpu_asking_for_one_fails_and_names_what_is_missing() {
 }
 
 #[test]
-fn a_gpu_that_has_no_part_is_refused() {
+fn an_unused_gpu_option_is_refused() {
     let ended = workspace().gs2e(&format!("{RIGHT} --backend cpu --gpu 0"));
     assert_eq!(ended.code, 2);
     assert!(ended.stderr.contains("--gpu chooses among GPUs, and none renders"), "{}", ended.stderr);
 }
 
-/// Steps by a GPU have its class in their keys, and their events are those of the CPU.
+/// Steps rendered by a GPU have its class in their keys, and their events agree with the CPU's.
 #[test]
 fn scenes_are_built_by_a_gpu() {
     let place = Workspace::with_tiny();
@@ -90,12 +90,13 @@ fn scenes_are_built_by_a_gpu() {
     assert!(apart[apart.len() / 2] < 1000, "median {} ns", apart[apart.len() / 2]);
 }
 
-/// Left to itself, a build renders a scene by what rendered it before, and opens a GPU only to render.
+/// By default a build renders a scene with the back end that rendered it before, and opens a GPU
+/// only to render.
 #[test]
 fn builds_stay_with_the_back_end_of_a_scene() {
     let Some(device) = gpu::device() else { return };
     let place = Workspace::with_tiny();
-    // One in software is taken where it is named.
+    // A software GPU is used only if it is named.
     let by_gpu = |args: &str| {
         let output = place.command_with_gpu(&format!("{args} --gpu 0 tiny.yaml")).output().unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
@@ -109,13 +110,14 @@ fn builds_stay_with_the_back_end_of_a_scene() {
         assert!(classes.clone().count() > 0 && classes.clone().all(|line| line.contains(wanted)), "{why}");
     };
     class(device.fingerprint());
-    // Nothing is to be rendered: that the GPU is gone does not matter, nor what was learned at a glance.
+    // If nothing is to be rendered, a missing GPU does not matter, nor does the memo.
     for args in ["build tiny.yaml", "build --recheck 0 tiny.yaml", "release --no-build --to tree tiny.yaml"] {
         let told = place.ok(args).stderr;
         assert!(!told.contains("on the CPU"), "{args}: {told}");
     }
     assert!(place.stale("tiny.yaml").is_empty());
-    // Something is: it goes to the CPU, with all else of the scene that is rendered, and stays there.
+    // If something is, it goes to the CPU together with everything else of the scene that is
+    // rendered, and stays there.
     let recipe = fs::read_to_string(place.path("tiny.yaml")).unwrap();
     place.write("tiny.yaml", recipe.replace("seed: ", "seed: 1"));
     let told = place.ok("build tiny.yaml").stderr;
@@ -137,7 +139,8 @@ fn the_gpu_makes_the_same_picture() {
         assert!(ended.stderr.contains(&format!("by {}", device.fingerprint())), "{}", ended.stderr);
         let (shape, values) = npy(&fs::read(place.path("new.npy")).unwrap());
         assert_eq!(shape, by_cpu.0);
-        // One layer, whose power the two round apart: some units of 6e-8 of a colour of 1.6.
+        // One layer, whose power the two back ends round differently: some units of 6e-8 of a
+        // colour of 1.6.
         assert!(values.iter().zip(&by_cpu.1).all(|(a, b)| (a - b).abs() < 1e-6), "{args}");
     }
     let ended = with_gpu(&place, "--backend gpu --gpu 99");

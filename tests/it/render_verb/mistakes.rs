@@ -1,11 +1,11 @@
-//! Every mistake ends with its exit code, says what it is, and leaves all files as they were.
+//! Every mistake ends with its exit code and its message, and leaves all files unchanged.
 
 use super::{RIGHT, camera, ply_bytes, transforms, workspace};
 use crate::support::gaussians::blob_scene;
 use crate::support::workspace::{Ended, Workspace, tree};
 use serde_json::{Value, json};
 
-/// The right workspace, with all that is wrong beside it.
+/// The correct workspace, with faulty files of every kind added.
 fn wrong() -> Workspace {
     let place = workspace();
     let whole = std::fs::read(place.path("one.ply")).unwrap();
@@ -39,7 +39,8 @@ fn wrong() -> Workspace {
     place
 }
 
-/// What [`RIGHT`] comes to with a change: its exit code, parts of what it says, and no file touched.
+/// Runs [`RIGHT`] with a change. Checks its exit code and parts of its message, and that no file is
+/// changed.
 fn check() -> impl Fn([&str; 2], i32, &[&str]) {
     let place = wrong();
     let before = tree(&place.path(""));
@@ -79,7 +80,7 @@ fn a_command_line_that_is_wrong_renders_nothing() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_told() {
+fn an_unwritable_output_is_reported() {
     let t = check();
     for channel in ["depth", "flow", "luminance-rate"] {
         let out = format!("new.png --channel {channel} --velocity 0,0,0,0,0,0");
@@ -94,7 +95,7 @@ fn a_place_that_cannot_be_written_is_told() {
 }
 
 #[test]
-fn scenes_and_views_that_are_absent_or_damaged_are_told() {
+fn absent_and_damaged_scenes_and_views_are_reported() {
     let t = check();
     t(["one.ply", "gone.ply"], 2, &["the scene gone.ply is not there"]);
     t(["one.ply", "cut.ply"], 1, &["failed to read the scene", "cut.ply", "at byte"]);
@@ -154,7 +155,7 @@ fn mistakes_are_objects_for_programs() {
     t(["new.npy", "new.npy --backend cpu --gpu 0"], "no-adapter");
 }
 
-/// What another back end made is no product of this one, and says so.
+/// A product of another back end is not used, and the plan says so.
 #[test]
 fn back_ends_share_no_key() {
     let place = Workspace::with_tiny();
@@ -165,7 +166,7 @@ fn back_ends_share_no_key() {
 }
 
 #[test]
-fn a_finished_file_takes_the_place_of_another() {
+fn a_finished_file_replaces_another() {
     let place = workspace();
     place.write("new.npy", "as it was");
     place.ok(RIGHT);

@@ -13,15 +13,16 @@ use serde_json::Value;
 use std::fs::{self, File};
 use std::ops::ControlFlow;
 
-/// Lines by pixel, so that events of one pixel can be held against each other.
+/// Lines sorted by pixel, so that events of one pixel can be compared.
 fn by_pixel(mut lines: Vec<[i64; 4]>) -> Vec<[i64; 4]> {
     lines.sort_by_key(|[t, x, y, _]| (*y, *x, *t));
     lines
 }
 
-/// Above its straight piece the curve is `((v + 0.055)/1.055)^2.4`, so that the logarithm of light is 2.4 times that of
-/// `v + 0.055`, and a constant: ESIM with that eps and the threshold over 2.4 sees the encoded clip as ESIM without an
-/// eps sees its light. No few thresholds up are as many down, so that no whole grey comes back to a level exactly.
+/// Above its straight piece the curve is `((v + 0.055)/1.055)^2.4`, so the logarithm of light is
+/// 2.4 times that of `v + 0.055`, plus a constant. ESIM with this eps and the threshold divided by
+/// 2.4 therefore sees the encoded clip as ESIM without an eps sees its light. Small multiples of
+/// the thresholds up and down do not coincide, so that no whole grey returns to a level exactly.
 #[test]
 fn the_logarithm_of_light_is_that_of_the_display_value() {
     let place = workspace();
@@ -38,17 +39,18 @@ fn the_logarithm_of_light_is_that_of_the_display_value() {
     assert!(light.len() > 5000);
     assert_eq!(light.len(), encoded.len());
     for (a, b) in light.iter().zip(&encoded) {
-        // Brightness of 24 bits moves a crossing by less than a microsecond, which is a step of what is written.
+        // Brightness of 24 bits moves a crossing by less than a microsecond, which is one step of
+        // the written times.
         assert!((a[0] - b[0]).abs() <= 1 && a[1..] == b[1..], "{a:?} {b:?}");
     }
-    // Other orders of magnitude of light are other zeros of its logarithm.
+    // Another order of magnitude of light is another zero of its logarithm.
     place.ok(&RIGHT.replace("dvs346", "light.yaml --exposure 4096"));
     assert_eq!(by_pixel(lines(&place, "e.txt")).len(), light.len());
     place.ok(&RIGHT.replace("dvs346", "light.yaml --decode none"));
     assert_ne!(by_pixel(lines(&place, "e.txt")).len(), light.len());
 }
 
-/// A folder of colours, the red of which is the clip; green and blue stand still.
+/// A folder of colour images. The clip is in red; green and blue are constant.
 fn colours(place: &Workspace) {
     fs::create_dir(place.path("rgb")).unwrap();
     for (i, red) in greys().chunks(SIZE.pixels()).enumerate() {
@@ -57,7 +59,7 @@ fn colours(place: &Workspace) {
     }
 }
 
-/// What the library makes of these greys.
+/// The library's events for these greys.
 fn of_greys(greys: Vec<u8>) -> Vec<Event> {
     let mut frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(greys), &STAMPS_US).unwrap();
     let mut events = Vec::new();
@@ -68,7 +70,7 @@ fn of_greys(greys: Vec<u8>) -> Vec<Event> {
 }
 
 #[test]
-fn weights_choose_what_is_seen_of_colours() {
+fn weights_choose_the_visible_colours() {
     let place = workspace();
     colours(&place);
     let run = |options: &str| {
@@ -84,13 +86,13 @@ fn weights_choose_what_is_seen_of_colours() {
     assert_eq!(red, as_lines(&of_greys(greys())));
     assert_eq!(told["sensor"]["voltmeter"]["front_end"]["luminance"]["weights"][0], 1.0);
     assert!(words.contains("brightness: 1 R + 0 G + 0 B, display-encoded\n"), "{words}");
-    // What stands still makes the same noise as a grey that does.
+    // A constant channel makes the same noise as a constant grey.
     assert_eq!(run("--luminance 0,0,1").0, as_lines(&of_greys(vec![50; greys().len()])));
     let held = greys().into_iter().map(|v| v.clamp(90, 140)).collect();
     assert_eq!(run("--luminance 1,0,0 --range 90,140").0, as_lines(&of_greys(held)));
     assert_ne!(run("--luminance rec709").0, plain);
     assert_ne!(run("--decode srgb").0, plain);
-    // Of greys there is nothing to weigh.
+    // Grey frames need no weights.
     place.ok(RIGHT);
     let grey = lines(&place, "e.txt");
     place.ok(&format!("{RIGHT} --luminance rec709"));
@@ -117,7 +119,7 @@ fn rates_of_greys_go_through_the_curve_and_those_of_colours_are_refused() {
 }
 
 #[test]
-fn options_that_are_none_are_refused() {
+fn invalid_options_are_refused() {
     let place = workspace();
     let t = |options: &str, wanted: &str| {
         let ended = place.gs2e(&format!("{RIGHT} {options}"));

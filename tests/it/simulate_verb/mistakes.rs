@@ -1,4 +1,4 @@
-//! Every mistake ends with its exit code, says what it is, and leaves all files as they were.
+//! Every mistake ends with its exit code and its message, and leaves all files unchanged.
 
 use super::{COUNT, RIGHT, SHAPE, STAMPS_US, as_lines, by_library, greys, lines, npy, workspace};
 use crate::support::workspace::{Workspace, tree};
@@ -107,15 +107,15 @@ fn mistakes_are_named_and_nothing_is_written() {
     t(["e.txt", "frames.npy"], 2, "frames.npy is read, and would be written over");
 }
 
-/// The first events of each pixel and frame, and the number of the others.
+/// The first events of each pixel and frame, and the number of omitted ones.
 #[test]
-fn what_exceeds_the_cap_is_left_out_where_that_is_allowed() {
+fn events_above_the_cap_are_omitted_if_allowed() {
     let place = workspace();
     let whole = by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7);
     place.write("s.yaml", "voltmeter: { max_events_per_pixel_frame: 2 }\n");
     let args = format!("{} --allow-cap --json", RIGHT.replace("dvs346", "s.yaml"));
     let told: Value = serde_json::from_str(&place.ok(&args).stdout).unwrap();
-    // An event at a stamp belongs to the frames before it.
+    // An event at a stamp belongs to the interval before it.
     let interval = |event: &Event| STAMPS_US.partition_point(|&stamp| 1000 * stamp < event.t.0);
     let mut seen = BTreeMap::new();
     let mut first = |event: &&Event| {

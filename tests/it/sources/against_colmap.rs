@@ -1,4 +1,4 @@
-//! What COLMAP's own program says of real models, against what is read here.
+//! COLMAP's own figures for real models, compared with the values that are read here.
 
 use super::shared;
 use crate::support::absent::absent;
@@ -6,13 +6,13 @@ use gs2e::source::colmap;
 use std::path::Path;
 use std::process::Command;
 
-/// The output of COLMAP with these arguments; `None`, and the test is named as not run, where COLMAP is
-/// absent.
+/// The output of COLMAP with these arguments. If COLMAP is absent, the test is reported as not run
+/// and this is `None`.
 fn run(arguments: &[&str]) -> Option<String> {
     match Command::new("colmap").args(arguments).output() {
         Ok(output) => {
             assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-            // Which of the two its log goes to depends on its version.
+            // The version of COLMAP decides which of the two its log goes to.
             Some(String::from_utf8([output.stdout, output.stderr].concat()).unwrap())
         }
         Err(error) => {
@@ -30,7 +30,7 @@ fn exported(dir: &Path) -> Vec<(String, [f64; 7])> {
         let words: Vec<&str> = line.split(' ').collect();
         (words[9].to_owned(), std::array::from_fn(|i| words[i + 1].parse().unwrap()))
     };
-    // Every second line has key points.
+    // Every second line holds key points.
     lines.iter().step_by(2).map(pose).collect()
 }
 
@@ -54,8 +54,8 @@ fn poses_are_those_of_colmaps_own_export() {
             let found = view.world_from_camera.inverse();
             let q = found.rotation;
             let sign = (q.w * w + q.x * x + q.y * y + q.z * z).signum();
-            // The text has 17 digits; there and back through the camera's centre costs a few roundings of
-            // numbers up to 10.
+            // The text has 17 digits. The conversion there and back through the camera's centre
+            // costs a few roundings of numbers up to 10.
             for (found, wanted) in [(q.w, w), (q.x, x), (q.y, y), (q.z, z)] {
                 assert!((sign * found - wanted).abs() < 1e-15, "{image}: {q} for {w} {x} {y} {z}");
             }
@@ -67,7 +67,7 @@ fn poses_are_those_of_colmaps_own_export() {
 }
 
 #[test]
-fn the_reprojection_error_is_what_colmap_analyses() {
+fn the_reprojection_error_equals_that_of_colmap() {
     for name in ["fox", "castle"] {
         let Some(dir) = shared(&format!("captures/{name}")) else { return };
         let model = dir.join("sparse/0");
@@ -75,7 +75,7 @@ fn the_reprojection_error_is_what_colmap_analyses() {
         let number = said.split("Mean reprojection error: ").nth(1).unwrap().split("px").next().unwrap();
         let wanted: f64 = number.parse().unwrap();
         let (found, _, _) = super::models::reprojection(&dir);
-        // It prints six digits behind the point.
+        // COLMAP prints six digits after the point.
         assert!((found - wanted).abs() < 1e-6, "{name}: {found} px, COLMAP has {wanted}");
     }
 }

@@ -1,24 +1,24 @@
-//! Dataset trees as `MVImgNet` and DL3DV-10K have them on disk, with the defects that they are known for. Poses and
-//! photos are nothing much; the layout is what counts. By no code of the crate.
+//! Dataset trees with the layouts of `MVImgNet` and DL3DV-10K, and with their known defects. Poses
+//! and photos are trivial; only the layout matters. No code of the crate is used.
 
 use super::planted::{Camera, Image, Planted};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What can be wrong with an instance of `MVImgNet`.
+/// Possible defects of an instance of `MVImgNet`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Defect {
-    /// No COLMAP model at all.
+    /// No COLMAP model.
     NoModel,
     /// `cameras.bin` is missing.
     NoCameras,
     /// `images.bin` ends early.
     Truncated,
-    /// A camera model of a number that COLMAP does not have.
+    /// A camera model with a number that COLMAP does not have.
     UnknownCamera,
     /// A fisheye camera.
     Fisheye,
-    /// Two images of one name.
+    /// Two images with one name.
     TwiceNamed,
     /// A pose that is not a number.
     NanPose,
@@ -28,15 +28,15 @@ pub(crate) enum Defect {
     FewViews,
     /// Photos of 128x96.
     Small,
-    /// One photo is not there.
+    /// One photo is missing.
     OnePhotoLess,
-    /// Photos without background beside the others.
+    /// Additional photos, some without background.
     Leftovers,
 }
 
-/// Views of a sound instance.
+/// Number of views in a sound instance.
 pub(crate) const VIEWS: u32 = 12;
-/// Their size.
+/// Size of the photos, px.
 const SIZE: [u32; 2] = [640, 360];
 
 /// A grey photo.
@@ -76,7 +76,7 @@ fn model(views: u32, [width, height]: [u32; 2]) -> Planted {
     }
 }
 
-/// Lays out trees; photos of one size are made once.
+/// Lays out trees. Photos of one size are made once.
 pub(crate) struct Generator {
     photo: Vec<u8>,
     small: Vec<u8>,
@@ -87,7 +87,8 @@ impl Generator {
         Self { photo: photo(SIZE), small: photo([128, 96]) }
     }
 
-    /// `count` sound instances from the `first`th on, ten to a class, each with a scene file of these bytes; their folders.
+    /// Writes `count` sound instances from the `first`th on, ten per class, each with a scene file
+    /// of these bytes. Returns their folders.
     pub(crate) fn mvimgnet(&self, root: &Path, first: u32, count: u32, scene: &[u8]) -> Vec<PathBuf> {
         let instance = |i: u32| {
             let dir = root.join(format!("{}/{:08x}", i / 10, i.wrapping_mul(2_654_435_761)));
@@ -98,7 +99,8 @@ impl Generator {
         (first..first + count).map(instance).collect()
     }
 
-    /// One instance, sound or not. Its photos are PNGs that are called JPEGs, which happens as well.
+    /// Writes one instance, sound or not. Its photos are PNGs with the extension of JPEGs, which
+    /// also occurs in practice.
     pub(crate) fn instance(&self, dir: &Path, defect: Option<Defect>) {
         let images = dir.join("images");
         fs::create_dir_all(&images).unwrap();
@@ -137,7 +139,8 @@ impl Generator {
         }
     }
 
-    /// A scene of DL3DV's bulk sets: poses of photos at 3840x2160, and photos at a quarter of it.
+    /// Writes a scene of DL3DV's bulk sets: poses of photos at 3840x2160, and photos at a quarter
+    /// of that.
     pub(crate) fn dl3dv_bulk(&self, dir: &Path) {
         let photos = dir.join("images_4");
         fs::create_dir_all(&photos).unwrap();
@@ -148,7 +151,8 @@ impl Generator {
         fs::write(dir.join("transforms.json"), transforms()).unwrap();
     }
 
-    /// A scene of DL3DV's samples: both forms of poses and two sizes of photos. The model's world is another one.
+    /// Writes a scene of DL3DV's samples: both forms of poses and two sizes of photos. The model's
+    /// world differs.
     pub(crate) fn dl3dv_sample(&self, dir: &Path) {
         let home = dir.join("colmap");
         self.dl3dv_bulk(&home);

@@ -1,4 +1,5 @@
-//! Half a pixel, which conventions lose: the same camera as COLMAP states it and as nerfstudio does, seen in pictures.
+//! Half a pixel that is easily lost between conventions: the same camera as COLMAP and as
+//! nerfstudio state it, compared in pictures.
 
 use super::planted::{Camera, Image, Planted};
 use crate::support::gaussians::{ColourBlob, OFFICIAL, blob_crowd, blob_scene, render};
@@ -7,11 +8,11 @@ use gs2e::scene::Gaussians;
 use gs2e::source::{Capture, colmap, nerfstudio};
 use serde_json::{Value, json};
 
-/// A camera that is off its centre, turned by 10 degrees about y, 4 units back.
+/// A camera with an off-centre principal point, turned by 10 degrees about y, 4 units back.
 const SIZE: [u32; 2] = [96, 64];
 const K: [f64; 4] = [80.0, 81.0, 45.3, 33.9];
 
-/// As COLMAP states it: world to camera.
+/// The camera in COLMAP's form: world to camera.
 fn of_colmap() -> Capture {
     let (sin, cos) = 5f64.to_radians().sin_cos();
     let camera = Camera { id: 1, model: (1, "PINHOLE"), size: SIZE.map(u64::from), parameters: K.to_vec() };
@@ -28,7 +29,8 @@ fn of_colmap() -> Capture {
     colmap::read_capture(dir.path()).unwrap().0
 }
 
-/// As nerfstudio exports it, by hand: camera to world, y up and z back, pixels counted from the corner of the first.
+/// The camera as nerfstudio exports it, written by hand: camera to world, y up and z back, pixels
+/// counted from the corner of the first.
 fn of_nerfstudio(change: impl Fn(&mut Value)) -> Capture {
     let (sin, cos) = 10f64.to_radians().sin_cos();
     let t = [0.1, -0.2, 4.0];
@@ -72,7 +74,7 @@ fn colmaps_camera_and_its_export_see_the_same_picture() {
     for export in &exports {
         assert!(apart(export) <= 1e-6, "{}", apart(export));
     }
-    // The same with half a pixel lost is another picture.
+    // The same camera with half a pixel lost gives another picture.
     let lost = of_nerfstudio(|document| document["cx"] = json!(K[2] - 0.5));
     assert!(apart(&lost) > 0.01, "{}", apart(&lost));
 }
@@ -94,7 +96,8 @@ fn a_point_is_seen_where_the_camera_equation_puts_it() {
     let (sin, cos) = 10f64.to_radians().sin_cos();
     let p = [cos * 0.2 + sin * 0.3 + 0.1, 0.1 - 0.2, -sin * 0.2 + cos * 0.3 + 4.0];
     let wanted = [K[0] * p[0] / p[2] + K[2], K[1] * p[1] / p[2] + K[3]];
-    // A spot of half a pixel's width, cut where alpha is below 1/255: its mean is its centre within a few hundredths.
+    // A spot of half a pixel's width, cut where alpha is below 1/255: its mean equals its centre
+    // within a few hundredths.
     for (found, wanted) in [x / sum, y / sum].into_iter().zip(wanted) {
         assert!((found - wanted).abs() < 0.05, "{found} for {wanted}");
     }

@@ -5,7 +5,8 @@ use crate::support::workspace::Workspace;
 use serde_json::{Value, json};
 use std::fs;
 
-/// The views of [`given::transforms`] as a trainer writes them: rows of the rotation in OpenCV axes.
+/// The views of [`given::transforms`] as a trainer writes them: rows of the rotation in OpenCV
+/// axes.
 fn cameras() -> String {
     let camera = |i: u32| {
         let (sin, cos) = (0.002 * f64::from(i)).sin_cos();
@@ -45,7 +46,7 @@ fn a_model_folder_is_its_poses_and_its_newest_gaussians() {
     assert_eq!(scene["recipe"]["source"], json!({ "model": { "path": "trained" } }));
     assert_eq!(scene["recipe"].get("reconstruct"), None);
 
-    // The same views and Gaussians as nerfstudio and a file: the same events.
+    // The same views and Gaussians through nerfstudio and a file give the same events.
     let other = given::sound();
     let recipe = given::GIVEN.to_owned() + "licence: { expression: CC0-1.0, holder: a test }\n";
     other.write("recipe.yaml", recipe);
@@ -58,11 +59,11 @@ fn a_model_folder_is_its_poses_and_its_newest_gaussians() {
 }
 
 #[test]
-fn gaussians_that_were_trained_further_are_built_anew() {
+fn gaussians_that_were_trained_further_are_built_again() {
     let place = place();
     place.ok("build recipe.yaml");
     assert_eq!(place.stale("recipe.yaml"), [""; 0]);
-    // A folder without its file is a training that is not done.
+    // A folder without its file belongs to an unfinished training.
     fs::create_dir(place.path("trained/point_cloud/iteration_60000")).unwrap();
     assert_eq!(place.stale("recipe.yaml"), [""; 0]);
     place.write(

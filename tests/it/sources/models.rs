@@ -7,8 +7,9 @@ use gs2e::camera::Camera;
 use gs2e::source::{Capture, CapturedView, LensModel, UnusedReason, colmap};
 use std::path::Path;
 
-/// Mean distance in pixels between the key points of a model and its points seen through the capture: over points (of
-/// each point's mean) and over observations; and the number of points.
+/// Mean distance in pixels between the key points of a model and its points projected through the
+/// capture: over points (each point's mean) and over observations. The third value is the number of
+/// points.
 pub(super) fn reprojection(dir: &Path) -> (f64, f64, usize) {
     let model = colmap::ColmapModel::find_model(dir).unwrap();
     let (capture, _) = colmap::read_capture(dir).unwrap();
@@ -37,14 +38,14 @@ fn colmaps_points_fall_on_its_key_points() {
         let (capture, warnings) = colmap::read_capture(&dir).unwrap();
         assert_eq!((capture.views.len(), warnings), (views, vec![]));
         let (px, over_observations, points) = reprojection(&dir);
-        // COLMAP's own figures are printed to two digits.
+        // COLMAP prints its own figures with two digits.
         assert_eq!(points, wanted_points);
         assert!(
             (px - wanted_px).abs() < 0.005,
             "{name}: {px} px over points, {over_observations} over observations"
         );
         assert!(capture.views.iter().all(|v| v.sha256.is_some()), "every photo is there");
-        // Both were taken through a real lens: the user must hear that trajectories leave it out.
+        // Both were taken through a real lens: the user must be warned that trajectories omit it.
         let told = capture.distortion().expect("a bent lens is told").to_string();
         assert!(told.contains("distorted by up to"), "{told}");
         let straight = CapturedView { lens: LensModel::Pinhole, ..capture.views[0].clone() };
@@ -53,7 +54,7 @@ fn colmaps_points_fall_on_its_key_points() {
 }
 
 #[test]
-fn the_text_form_says_what_the_binary_form_says() {
+fn the_text_form_agrees_with_the_binary_form() {
     let dir = tempfile::tempdir().unwrap();
     let (binary, text) = (dir.path().join("binary"), dir.path().join("text"));
     model().write_binary(&binary);
@@ -92,20 +93,21 @@ fn a_planted_model_is_read_as_planted() {
     let names: Vec<&str> = capture.views.iter().map(|v| v.name.as_str()).collect();
     assert_eq!(names, ["1.jpg", "9.jpg", "10.jpg", "left side/a b.jpg"]);
 
-    // "9.jpg" is turned by 90 degrees about y: x_cam = z + 1, y_cam = y + 2, z_cam = -x + 3. The world point whose
-    // camera coordinates are zero is (3, -2, -1), and the camera looks along the world's -x.
+    // "9.jpg" is turned by 90 degrees about y: x_cam = z + 1, y_cam = y + 2, z_cam = -x + 3. The
+    // world point with zero camera coordinates is (3, -2, -1), and the camera looks along the
+    // world's -x.
     let view = &capture.views[1];
     assert!((view.world_from_camera.translation - DVec3::new(3.0, -2.0, -1.0)).length() < 1e-15);
     assert!((view.world_from_camera.rotation * DVec3::Z - DVec3::NEG_X).length() < 1e-15);
     assert_eq!(view.lens, LensModel::SimpleRadial { k1: -0.01 });
     assert_eq!(view.camera, Camera { size: size(640, 360), fx: 500.5, fy: 500.5, cx: 320.0, cy: 180.0 });
     assert!(capture.views.iter().all(|v| v.world_from_camera.rotation.w >= 0.0));
-    // 500.5 against 500 is less than a pixel apart, but cy is 1 px apart and not more.
+    // 500.5 and 500 differ by less than a pixel; cy differs by 1 px, which is still allowed.
     assert_eq!(capture.camera().unwrap().1, None);
 }
 
 #[test]
-fn models_are_found_where_people_keep_them() {
+fn models_are_found_in_their_usual_folders() {
     let dir = tempfile::tempdir().unwrap();
     let find = |root: &Path| {
         colmap::read_capture(root).map(|(capture, _)| capture.views.len()).map_err(|e| e.to_string())
@@ -139,7 +141,7 @@ fn photos_are_hashed_and_listed_where_they_are() {
     let (capture, _) = colmap::read_capture(dir.path()).unwrap();
     let hashes: Vec<Option<&str>> =
         capture.views.iter().map(|v| v.sha256.as_deref().map(|h| &h[..8])).collect();
-    // SHA-256 of nothing, and FIPS 180-2's of "abc".
+    // SHA-256 of the empty input, and FIPS 180-2's of "abc".
     assert_eq!(hashes, [None, Some("e3b0c442"), None, Some("ba7816bf")]);
     let files = colmap::source_files(dir.path()).unwrap();
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
@@ -194,7 +196,8 @@ fn models_cut_short_are_refused_with_their_place() {
     }
 }
 
-/// Reads a model after a change of it, in both forms, and wants these words in both errors, and each form's place.
+/// Changes a model and reads it in both forms. Both errors must hold these words and the form's
+/// place.
 fn refused(change: impl Fn(&mut Planted), words: &str, binary_place: &str, text_place: &str) {
     let mut changed = model();
     change(&mut changed);
@@ -209,8 +212,9 @@ fn refused(change: impl Fn(&mut Planted), words: &str, binary_place: &str, text_
 }
 
 #[test]
-fn what_is_wrong_in_a_model_is_named_with_its_place() {
-    // Binary cameras begin at bytes 8 and 64, images at 8 and 135; the text files begin with two and one comments.
+fn faults_of_a_model_are_named_with_their_place() {
+    // Binary cameras begin at bytes 8 and 64, images at 8 and 135; the text files begin with two
+    // comments and one.
     let camera = |change: fn(&mut planted::Camera), words: &str| {
         let (binary, text) = ("cameras.bin: camera 2 of 2 at byte 64", "cameras.txt: line 4");
         refused(|m| change(&mut m.cameras[1]), words, binary, text);
@@ -252,7 +256,7 @@ fn what_is_wrong_in_a_model_is_named_with_its_place() {
 }
 
 #[test]
-fn a_rotation_nearly_one_is_taken_and_told() {
+fn a_nearly_orthonormal_rotation_is_accepted_with_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     let mut rounded = model();
     rounded.images[1].q = rounded.images[1].q.map(|v| v * 0.99999);

@@ -1,5 +1,5 @@
-//! A small COLMAP model with known content, written in both forms as COLMAP's documentation describes them, and by no
-//! code of the crate.
+//! A small COLMAP model with known content, written in both forms according to COLMAP's
+//! documentation, without code of the crate.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -15,7 +15,7 @@ pub(crate) struct Camera {
 #[derive(Clone)]
 pub(crate) struct Image {
     pub(crate) id: u32,
-    /// w, x, y, z, world to camera.
+    /// Quaternion w, x, y, z, world to camera.
     pub(crate) q: [f64; 4],
     pub(crate) t: [f64; 3],
     pub(crate) camera: u32,
@@ -28,12 +28,12 @@ pub(crate) struct Image {
 pub(crate) struct Planted {
     pub(crate) cameras: Vec<Camera>,
     pub(crate) images: Vec<Image>,
-    /// Id, place, error.
+    /// Id, position, error.
     pub(crate) points: Vec<(u64, [f64; 3], f64)>,
 }
 
-/// Two cameras, four images out of order, with gaps in the ids, a space and a folder in names, and one image without
-/// key points.
+/// Two cameras and four images out of order, with gaps in the ids, a space and a folder in names,
+/// and one image without key points.
 pub(crate) fn model() -> Planted {
     let image = |id, q, t, camera, name: &str, observations: &[(f64, f64, i64)]| Image {
         id,

@@ -1,4 +1,5 @@
-//! Points and their key points: planted ones off by known distances, and real models against COLMAP's word on them.
+//! Points and their key points: planted ones with known offsets, and real models compared with
+//! COLMAP's figures.
 
 use super::planted::{Camera, Image, Planted};
 use super::shared;
@@ -33,14 +34,15 @@ fn close(found: f64, wanted: f64, tolerance: f64) {
     assert!((found - wanted).abs() < tolerance, "{found}, {wanted}");
 }
 
-/// Point 7 at (0, 0, 5) is seen at u = 320 - 10 i, and its key points are off by (3, 4): 5 px. Point 9 at (1, 0.5, 10) is
-/// seen by the first image at (370, 200), and its key point is off by (0, -1).
+/// Point 7 at (0, 0, 5) is seen at u = 320 - 10 i, and its key points are off by (3, 4): 5 px.
+/// Point 9 at (1, 0.5, 10) is seen by the first image at (370, 200), and its key point is off by
+/// (0, -1).
 fn shifted() -> Planted {
     let first = vec![(323.0, 184.0, 7), (370.0, 199.0, 9), (1.0, 2.0, -1)];
     Planted {
         cameras: vec![pinhole()],
         images: images(vec![first, vec![(313.0, 184.0, 7)], vec![(303.0, 184.0, 7)]]),
-        // What COLMAP would say of them is not looked at, nor are points that nobody sees.
+        // COLMAP's own errors of these points are not used, nor are points without observations.
         points: vec![(7, [0.0, 0.0, 5.0], 0.1), (9, [1.0, 0.5, 10.0], 0.1), (11, [0.0, 0.0, 1.0], 0.1)],
     }
 }
@@ -56,8 +58,8 @@ fn points_are_as_far_off_as_they_were_shifted() {
 #[test]
 fn the_whole_lens_counts() {
     let mut planted = shifted();
-    // At (0.1, 0.05) r^2 is 0.0125: the lens moves point 9 outwards by a part of 0.1, to (375, 202); point 7 lies on the
-    // axis of the first image alone.
+    // At (0.1, 0.05) r^2 is 0.0125: the lens moves point 9 outwards by a share of 0.1, to (375,
+    // 202). Point 7 is on the axis of the first image only.
     let parameters = vec![500.0, 400.0, 320.0, 180.0, 8.0, 0.0, 0.0, 0.0];
     planted.cameras = vec![Camera { model: (4, "OPENCV"), parameters, ..pinhole() }];
     planted.images = images(vec![vec![(320.0, 180.0, 7), (375.0, 202.0, 9)]]);
@@ -74,7 +76,7 @@ fn points_behind_the_camera_are_counted_apart() {
 }
 
 #[test]
-fn a_model_without_points_is_not_measured_and_a_false_one_is_told() {
+fn a_model_without_points_is_not_measured_and_a_false_one_is_refused() {
     let mut unseen = shifted();
     unseen.images = images(vec![vec![(1.0, 2.0, -1)]]);
     assert_eq!(measured(&unseen), Ok(None));
@@ -88,7 +90,8 @@ fn a_model_without_points_is_not_measured_and_a_false_one_is_told() {
     assert_eq!(ColmapModel::find_model(dir.path()).unwrap().reprojection().unwrap(), None);
 }
 
-/// Against the figures that COLMAP prints of these models, and the errors that it wrote beside their points.
+/// Compares real models with the figures that COLMAP prints for them, and with the errors that it
+/// stored with their points.
 #[test]
 fn real_models_are_as_far_off_as_colmap_says() {
     let told = |dir: &Path| {
@@ -103,7 +106,7 @@ fn real_models_are_as_far_off_as_colmap_says() {
         if let Some(wanted) = over_observations {
             close(found.over_observations_px, wanted, 0.005);
         }
-        // COLMAP wrote the errors down after its last adjustment, of the same model in 64 bits.
+        // COLMAP stored the errors after its last adjustment, for the same model in 64 bits.
         close(found.over_points_px, told(&dir), 1e-3);
         assert_eq!(found.behind, 0);
     }

@@ -46,21 +46,21 @@ fn a_model_and_its_export_are_the_same_capture() {
     assert!(warnings.is_empty() && read.views.len() == original.views.len());
     for (a, b) in original.views.iter().zip(&read.views) {
         assert_eq!((&a.name, a.camera, a.lens.coefficients()), (&b.name, b.camera, b.lens.coefficients()));
-        // A quaternion's way through a matrix costs a few roundings of numbers up to 1.
+        // A quaternion's conversion through a matrix costs a few roundings of numbers up to 1.
         let turn = a.world_from_camera.rotation - b.world_from_camera.rotation;
         assert!(turn.length() < 2e-15, "{}: {turn}", a.name);
         assert_eq!(a.world_from_camera.translation, b.world_from_camera.translation);
     }
 }
 
-/// One frame, at rest, of a camera that is all stated at the top.
+/// One frame, at rest, of a camera that is fully stated at the top.
 fn one_frame() -> Value {
     json!({ "w": 800, "h": 600, "fl_x": 500.0, "fl_y": 501.0, "cx": 400.0, "cy": 300.0,
         "frames": [{ "file_path": "images/1.jpg",
             "transform_matrix": [[1, 0, 0, 1.5], [0, 1, 0, 2.5], [0, 0, 1, 3.5], [0, 0, 0, 1]] }] })
 }
 
-/// `one_frame` with this merged into it; null removes a key.
+/// `one_frame` with this change merged into it; null removes a key.
 fn one_frame_with(change: &Value) -> Value {
     let mut document = one_frame();
     for (key, value) in change.as_object().unwrap() {
@@ -70,7 +70,7 @@ fn one_frame_with(change: &Value) -> Value {
 }
 
 #[test]
-fn a_camera_is_what_the_conventions_say() {
+fn a_camera_follows_the_conventions() {
     let t = |change: Value, wanted: [f64; 4]| {
         let (capture, warnings) = read_transforms(&one_frame_with(&change)).unwrap();
         let c = capture.views[0].camera;
@@ -101,7 +101,7 @@ fn an_opengl_camera_at_rest_looks_along_minus_z() {
 }
 
 #[test]
-fn a_lens_is_read_as_far_as_there_is_one() {
+fn a_lens_is_read_if_there_is_one() {
     let lens =
         |change: Value| read_transforms(&one_frame_with(&change)).map(|(c, _)| c.views[0].lens.clone());
     assert_eq!(lens(json!({ "k1": 0, "p2": 0.0 })).unwrap(), LensModel::Pinhole);
@@ -110,7 +110,7 @@ fn a_lens_is_read_as_far_as_there_is_one() {
     assert_eq!(lens(json!({ "k1": 0.1, "k3": 0.3 })).unwrap(), full);
 }
 
-/// A PNG's head, which is all that its size needs.
+/// The head of a PNG, which is enough for its size.
 fn png_head(width: u32, height: u32) -> Vec<u8> {
     let mut head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
     head.extend([width.to_be_bytes(), height.to_be_bytes()].concat());
@@ -119,12 +119,12 @@ fn png_head(width: u32, height: u32) -> Vec<u8> {
 }
 
 #[test]
-fn a_camera_is_scaled_to_the_photo_it_stands_for() {
+fn a_camera_is_scaled_to_its_photo() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("images")).unwrap();
     let read = |document: &Value, width, height| {
         std::fs::write(dir.path().join("transforms.json"), document.to_string()).unwrap();
-        // A photo named jpg that is a PNG: what counts is the content.
+        // A photo named jpg that is a PNG: only the content counts.
         std::fs::write(dir.path().join("images/1.jpg"), png_head(width, height)).unwrap();
         nerfstudio::read_capture(dir.path()).map_err(|e| e.to_string())
     };
@@ -143,7 +143,7 @@ fn a_camera_is_scaled_to_the_photo_it_stands_for() {
 }
 
 #[test]
-fn what_is_wrong_in_a_transforms_file_is_named_with_its_place() {
+fn faults_of_a_transforms_file_are_named_with_their_place() {
     let t = |change: Value, words: &str| {
         let error = read_transforms(&one_frame_with(&change)).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains("transforms.json: ") && error.contains(words), "`{words}`: {error}");

@@ -1,8 +1,8 @@
-//! Photos without their lens, against OpenCV's `undistort`.
+//! Undistorted photos, compared with OpenCV's `undistort`.
 //!
-//! Both start from one decoded picture. OpenCV rounds places in the photo to 1/32 px and its weights to
-//! 1/32,768, so that a pixel at a sharp edge may be another grey. Where Python lacks OpenCV, the test is
-//! named as not run; with `REQUIRE_OPENCV=1` it is a failure.
+//! Both start from one decoded picture. OpenCV rounds positions in the photo to 1/32 px and its
+//! weights to 1/32,768, so that a pixel at a sharp edge may have another grey. If Python lacks
+//! OpenCV, the test is reported as not run; with `REQUIRE_OPENCV=1` that is a failure.
 
 use super::shared;
 use crate::support::absent::absent;
@@ -14,7 +14,8 @@ use std::io::{BufReader, BufWriter, Write as _};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Undistorts a picture: from, to, fx, fy, cx, cy with pixel centres at integers, and k1, k2, p1, p2.
+/// Undistorts a picture: from, to, fx, fy, cx, cy with pixel centres at integers, and k1, k2, p1,
+/// p2.
 const OPENCV: &str = "
 import sys, cv2, numpy
 fx, fy, cx, cy, *lens = map(float, sys.argv[3:])
@@ -27,7 +28,7 @@ fn python(arguments: &[&str]) -> Option<Output> {
     Command::new("python3").args(arguments).output().ok()
 }
 
-/// Whether Python has OpenCV, said on stderr where not.
+/// Returns true if Python has OpenCV. If not, a message goes to stderr.
 fn opencv_is_there() -> bool {
     if python(&["-c", "import cv2"]).is_some_and(|output| output.status.success()) {
         return true;
@@ -46,7 +47,7 @@ fn photo(capture: &Path, view: &CapturedView) -> Image<[u8; 3]> {
     ))
 }
 
-/// OpenCV's picture of a photo without its lens.
+/// OpenCV's undistorted picture of a photo.
 fn by_opencv(place: &Path, photo: &Image<[u8; 3]>, view: &CapturedView) -> Image<[u8; 3]> {
     let (taken, straight) = (place.join("taken.png"), place.join("straight.png"));
     png::write_image(photo, BufWriter::new(File::create(&taken).unwrap())).unwrap();
@@ -63,7 +64,7 @@ fn by_opencv(place: &Path, photo: &Image<[u8; 3]>, view: &CapturedView) -> Image
     png::read_rgb(BufReader::new(File::open(&straight).unwrap())).unwrap()
 }
 
-/// The share of pixels none of whose channels differ by more than one grey level.
+/// The share of pixels in which no channel differs by more than one grey level.
 fn share_within_one(a: &Image<[u8; 3]>, b: &Image<[u8; 3]>) -> f64 {
     assert_eq!(a.size(), b.size());
     let near = |(a, b): &(&[u8; 3], &[u8; 3])| a.iter().zip(*b).all(|(a, b)| a.abs_diff(*b) <= 1);

@@ -1,4 +1,4 @@
-//! Forms that look right, and are what programs use: each misses its row.
+//! Plausible formulas in common use: each misses its row.
 
 use glam::{DQuat, DVec3};
 use gs2e::event::Polarity;
@@ -27,7 +27,8 @@ fn the_published_polarity() {
     assert!(found.worst.error > 0.1, "at no drift it is ON");
 }
 
-/// As published: `mean + mean^2 y/(2 shape) - mean/(2 shape) sqrt(4 mean shape y + mean^2 y^2)`, of which the terms cancel.
+/// As published: `mean + mean^2 y/(2 shape) - mean/(2 shape) sqrt(4 mean shape y + mean^2 y^2)`,
+/// whose terms cancel.
 #[test]
 fn the_published_root_of_the_inverse_gaussian() {
     let published = |a: f64, g: f64, v: f64, z: f64, u: f64| {
@@ -40,7 +41,7 @@ fn the_published_root_of_the_inverse_gaussian() {
     misses(&sensor::root_case(published), "root as published");
 }
 
-/// Only the barrier nearer to the path's end counts.
+/// Only the barrier that is nearer to the path's end counts.
 #[test]
 fn the_nearer_barrier_alone() {
     let nearer = |[x, y]: [f64; 2], variance: f64, mut draws: CellDraws| {
@@ -88,14 +89,14 @@ fn the_textbook_determinant() {
     );
 }
 
-/// By the arc cosine, which loses half of the digits near no turn at all.
+/// By the arc cosine, which loses half of the digits near the identity.
 #[test]
 fn a_logarithm_by_the_arc_cosine() {
     let log = |q: DQuat| DVec3::new(q.x, q.y, q.z).normalize_or_zero() * (2.0 * q.w.min(1.0).acos());
     misses(&trajectory::turns_case(log), "log by acos");
 }
 
-/// Lengths by sixteen chords' worth of the midpoint rule.
+/// Lengths by the midpoint rule with sixteen points.
 #[test]
 fn a_length_by_a_fixed_rule() {
     let midpoint =
@@ -114,7 +115,7 @@ fn slerps() {
     misses(&trajectory::joints_case(&[slerps]), "slerps");
 }
 
-/// What is judged is the program's own: the same rows hold for what it uses.
+/// The naive forms are judged by rows of the program's own table.
 #[test]
 fn every_row_that_bites_is_one_of_the_table() {
     let stage =

@@ -1,15 +1,16 @@
-//! Tests that do not run because the machine lacks something: named, listed, and failures where the thing
-//! is required.
+//! Tests that do not run because the machine lacks something: named, listed, and failures where the
+//! thing is required.
 
 use std::io::Write as _;
 
-/// Says that the current test does not run in full, and why. `NOT_RUN_LIST` names a file that gets a line
-/// for it: `cargo xtask test` reads that list for its last line.
+/// Reports that the current test does not run in full, with the reason. `NOT_RUN_LIST` names a file
+/// that gets a line for it: `cargo xtask test` reads this list for its last line.
 pub(crate) fn not_run(why: &str) {
     let thread = std::thread::current();
     // libtest names the thread of a test after the test.
     let line = format!("{} ({why})\n", thread.name().unwrap_or("a test"));
-    // Past the capture of the test's output, since the test passes; at once, since others write too.
+    // Written directly, past the captured output, since the test passes; in one call, since other
+    // threads write too.
     drop(std::io::stderr().write_all(format!("not run: {line}").as_bytes()));
     if let Some(list) = std::env::var_os("NOT_RUN_LIST") {
         let mut list = std::fs::OpenOptions::new().create(true).append(true).open(list).unwrap();
@@ -17,7 +18,7 @@ pub(crate) fn not_run(why: &str) {
     }
 }
 
-/// The same for something that `require`, an environment variable, makes a failure when it is 1.
+/// Reports that something is absent. If the environment variable `require` is 1, that is a failure.
 pub(crate) fn absent(require: &str, why: &str) {
     assert!(std::env::var(require).as_deref() != Ok("1"), "{why}, and {require} is 1");
     not_run(why);

@@ -1,4 +1,4 @@
-//! Small scenes in plain terms, and views of them: those of `gs2e stress`.
+//! Small scenes in plain terms, and views of them, as in `gs2e stress`.
 
 pub(crate) use gs2e::study::stress::splat::blobs::{
     ALL, ColourBlob, OFFICIAL, ScatterDraws, blob_crowd, blob_scene, view_ahead,

@@ -1,4 +1,5 @@
-//! A captured scene in files, as a user has it: a recipe, a `.ply` and a `transforms.json`, sound or with one fault.
+//! A captured scene in files, as a user has it: a recipe, a `.ply` and a `transforms.json`, sound
+//! or with one fault.
 
 use super::workspace::Workspace;
 use std::io::Write as _;
@@ -21,7 +22,7 @@ sensor:
 outputs: [events, sharp]
 ";
 
-/// [`GIVEN`] as `recipe.yaml` with its scene and its poses, all in order.
+/// [`GIVEN`] as `recipe.yaml` with its scene and its poses, without faults.
 pub(crate) fn sound() -> Workspace {
     let place = Workspace::new();
     place.write("recipe.yaml", GIVEN);
@@ -30,7 +31,7 @@ pub(crate) fn sound() -> Workspace {
     place
 }
 
-/// A row of 40 Gaussians along x, its values passed through `change` with their places.
+/// A row of 40 Gaussians along x. `change` maps each value, given its column.
 pub(crate) fn ply(change: impl Fn(usize, f32) -> f32) -> Vec<u8> {
     const PROPERTIES: [&str; 14] = [
         "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
@@ -51,7 +52,8 @@ pub(crate) fn ply(change: impl Fn(usize, f32) -> f32) -> Vec<u8> {
     file
 }
 
-/// Six views of the origin from a short arc; `stretch` other than 1 makes their rotations none.
+/// Six views of the origin from a short arc. With a `stretch` other than 1 their matrices are no
+/// rotations.
 pub(crate) fn transforms(stretch: f64) -> String {
     let frame = |i: u32| {
         let (sin, cos) = (0.002 * f64::from(i)).sin_cos();

@@ -1,4 +1,4 @@
-//! Goldens of the repository: answers by other programs, in `tests/golden`.
+//! Goldens of the repository: results of other programs, in `tests/golden`.
 
 use std::path::{Path, PathBuf};
 

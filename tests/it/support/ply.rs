@@ -5,7 +5,7 @@ use gs2e::scene::{Gaussians, SceneScreening};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Reads a `.ply` whose properties are all little-endian floats, and nothing else.
+/// Reads a `.ply` whose properties are all little-endian floats.
 pub(crate) fn read(path: &Path) -> Gaussians {
     let bytes = std::fs::read(path).unwrap();
     let marker = b"end_header\n";

@@ -3,8 +3,8 @@
 use super::absent::absent;
 use std::path::{Path, PathBuf};
 
-/// A path below `../shared`; `None`, and the test is named as not run, where that folder is absent. With
-/// `REQUIRE_SHARED=1` its absence is a failure.
+/// A path below `../shared`. If that folder is absent, the test is reported as not run and this is
+/// `None`; with `REQUIRE_SHARED=1` that is a failure.
 pub(crate) fn path(relative: &str) -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     if !root.exists() {

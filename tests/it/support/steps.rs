@@ -1,4 +1,4 @@
-//! A plan as the program tells it, and the smallest recipe that is still a whole one.
+//! A plan as the program prints it, and the smallest complete recipe.
 
 use super::workspace::Workspace;
 use gs2e::store::Digest;
@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// 300 Gaussians, 6 views, 12 poses, 48x32 pixels; a value, so that tests can edit it.
+/// 300 Gaussians, 6 views, 12 poses, 48x32 pixels. It is a JSON value, so that tests can edit it.
 pub(crate) fn recipe(scene: &str) -> Value {
     serde_json::json!({
         "version": 1,
@@ -48,7 +48,7 @@ fn read(place: &Workspace, step: &Value) -> Step {
     }
 }
 
-/// The keys of a plan that is built.
+/// The keys of a plan after a build.
 pub(crate) fn keys(place: &Workspace, recipes: &str) -> BTreeMap<String, String> {
     let steps = steps(place, recipes).into_iter();
     steps.map(|(name, step)| (name, step.key.expect("what is built has a key"))).collect()
@@ -58,7 +58,8 @@ fn text(value: &Value) -> String {
     value.as_str().expect("a text").to_owned()
 }
 
-/// Digests of all products, read from the store: each step is up to date, and each file is what its name says.
+/// Digests of all products, read from the store. Every step must be up to date, and every file must
+/// match its name.
 pub(crate) fn products(place: &Workspace, recipes: &str) -> BTreeMap<(String, String), Digest> {
     let mut products = BTreeMap::new();
     for (name, step) in steps(place, recipes) {

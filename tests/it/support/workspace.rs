@@ -1,4 +1,4 @@
-//! What the tests through the binary share: a folder of their own, a tiny recipe, and whole trees as values.
+//! Code shared by the tests through the binary: a folder, a tiny recipe, and whole trees as values.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -30,7 +30,7 @@ pub(crate) struct Workspace {
     folder: tempfile::TempDir,
 }
 
-/// How a run of the program ended.
+/// Outcome of a run of the program.
 pub(crate) struct Ended {
     pub(crate) code: i32,
     pub(crate) stdout: String,
@@ -42,7 +42,7 @@ impl Workspace {
         Self { folder: tempfile::tempdir().expect("a temporary folder can be made") }
     }
 
-    /// One that holds [`TINY`] as `tiny.yaml`.
+    /// A workspace that holds [`TINY`] as `tiny.yaml`.
     pub(crate) fn with_tiny() -> Self {
         let place = Self::new();
         place.write("tiny.yaml", TINY);
@@ -59,7 +59,7 @@ impl Workspace {
         fs::write(path, content).expect("files can be written");
     }
 
-    /// Runs `gs2e` in the folder, `args` separated by spaces.
+    /// Runs `gs2e` in the folder, with `args` separated by spaces.
     pub(crate) fn gs2e(&self, args: &str) -> Ended {
         let output = self.command(args).output().expect("the program starts");
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it speaks UTF-8");
@@ -70,32 +70,32 @@ impl Workspace {
         }
     }
 
-    /// Starts it, to be stopped by the test, with its stderr at hand.
+    /// Starts the program with its stderr piped. The test must end it.
     pub(crate) fn spawn(&self, args: &str) -> Child {
         self.command(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts")
     }
 
-    /// The program with these arguments, to be started by the test. It finds no GPU, so that what it does is the same on
-    /// every machine.
+    /// The program with these arguments, to be started by the test. It finds no GPU, so that it
+    /// does the same on every machine.
     pub(crate) fn command(&self, args: &str) -> Command {
         hidden_gpus(self.command_with_gpu(args))
     }
 
-    /// The same with the machine's GPUs.
+    /// Like [`Self::command`], with the machine's GPUs.
     pub(crate) fn command_with_gpu(&self, args: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
         command.args(args.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
         command
     }
 
-    /// The same, which must succeed.
+    /// Runs `gs2e`, which must succeed.
     pub(crate) fn ok(&self, args: &str) -> Ended {
         let ended = self.gs2e(args);
         assert_eq!(ended.code, 0, "gs2e {args}\n{}{}", ended.stdout, ended.stderr);
         ended
     }
 
-    /// What a run would do now: (scene/step, `run`, `may-run` or `keep`), in the plan's order.
+    /// The actions of a run now: (scene/step, `run`, `may-run` or `keep`), in the plan's order.
     pub(crate) fn plan(&self, recipes: &str) -> Vec<(String, String)> {
         let ended = self.ok(&format!("plan --json {recipes}"));
         let steps: Vec<Value> = serde_json::from_str(&ended.stdout).expect("the plan is one JSON array");
@@ -106,13 +106,13 @@ impl Workspace {
             .collect()
     }
 
-    /// The steps that are not kept by a run now.
+    /// The steps that a run now would not keep.
     pub(crate) fn stale(&self, recipes: &str) -> Vec<String> {
         let steps = self.plan(recipes);
         steps.into_iter().filter(|(_, action)| action != "keep").map(|(step, _)| step).collect()
     }
 
-    /// Builds, and names the steps that were made by it.
+    /// Builds, and returns the names of the steps that it made.
     pub(crate) fn build(&self, recipes: &str) -> Vec<String> {
         let ended = self.ok(&format!("build --json {recipes}"));
         let mut made = Vec::new();
@@ -126,13 +126,14 @@ impl Workspace {
     }
 }
 
-/// The command, for which this machine has no GPU.
+/// The command, with the machine's GPUs hidden.
 pub(crate) fn hidden_gpus(mut command: Command) -> Command {
     command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
     command
 }
 
-/// Writes other bytes of the same length into a file and puts its mode back; its mtime is now, or as before.
+/// Writes other bytes of the same length into a file and restores its mode. The mtime is the
+/// current time, or the old one if `keep_mtime`.
 pub(crate) fn alter(path: &Path, keep_mtime: bool) {
     let before = fs::metadata(path).unwrap();
     let mut bytes = fs::read(path).unwrap();
@@ -162,7 +163,7 @@ pub(crate) fn tree(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Two trees must hold the same files with the same bytes.
+/// Checks that two trees hold the same files with the same bytes.
 pub(crate) fn same_tree(left: &Path, right: &Path) {
     let (left, right) = (tree(left), tree(right));
     let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();

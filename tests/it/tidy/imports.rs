@@ -1,4 +1,4 @@
-//! Who may know whom: the table of `src/lib.rs` and the `crate::` paths in the code.
+//! The order of modules: the table of `src/lib.rs` and the `crate::` paths in the code.
 
 use super::Fault;
 use super::source::Source;
@@ -43,20 +43,20 @@ const ORDER: &[&str] = &[
     "cli",
 ];
 
-/// What the order alone would allow and the house does not: (module, the one it must not know).
+/// Imports that the order alone would allow and the project does not: (module, forbidden module).
 const NEVER: &[(&str, &str)] = &[
-    // A sensor knows luminance and time, whatever made them.
+    // A sensor knows luminance and time, from any origin.
     ("sensor", "camera"),
     ("sensor", "scene"),
     ("sensor", "trajectory"),
     ("sensor", "render"),
     ("event", "render"),
     ("event", "scene"),
-    // The store keeps bytes and knows nothing of ours but the door for files.
+    // The store keeps bytes. Of the crate's modules it uses only the one for files.
     ("store", "*"),
 ];
 
-/// Faults of one file: names of modules that stand after its own, and of those that it must never know.
+/// Faults of one file: names of later modules in the order, and of forbidden ones.
 pub(super) fn imports_go_upward(sources: &[Source]) -> Vec<Fault> {
     sources
         .iter()
@@ -80,13 +80,14 @@ fn faults(source: &Source, own: &str) -> Vec<Fault> {
         .collect()
 }
 
-/// `*` stands for every module but the door for files, which belongs to no domain.
+/// Returns true if `whom` is `*`, which means every module except `files`, and `module` is one of
+/// these.
 fn is_any(whom: &str, module: &str) -> bool {
     whom == "*" && module != "files"
 }
 
-/// The crate's modules that the code names, with their lines: after `crate::`, in a group after it, and through
-/// `super`s that reach the root.
+/// The crate's modules that the code names, with their lines: after `crate::`, in a group after it,
+/// and through `super`s that reach the root.
 fn named_modules(source: &Source) -> Vec<(usize, String)> {
     let mut to_root = vec!["crate::".to_owned()];
     if !source.modules().is_empty() {
@@ -125,7 +126,7 @@ fn first_names(path: &str) -> Vec<String> {
 }
 
 #[test]
-fn names_are_found_however_they_are_imported() {
+fn names_are_found_in_every_form_of_import() {
     let names = |path: &str, code: &str| {
         let found = named_modules(&Source::new(path, code));
         found.into_iter().map(|(_, name)| name).collect::<Vec<_>>().join(" ")

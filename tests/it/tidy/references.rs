@@ -1,4 +1,4 @@
-//! Each file of the repository that a text names is there, and so is each heading that is cited.
+//! Every file of the repository that a text names exists, and so does every cited heading.
 
 use super::Fault;
 use super::source::{Source, root};
@@ -10,7 +10,8 @@ const FOLDERS: [&str; 6] = ["docs/", "src/", "tests/", "benches/", "xtask/", "ma
 /// Kinds of text that are read.
 const KINDS: [&str; 7] = [".rs", ".md", ".wgsl", ".py", ".toml", ".yaml", ".ci/run"];
 
-/// Texts whose names are of other places: recordings, inputs of tests, and the examples of these rules.
+/// Texts whose names refer to other places: recordings, inputs of tests, and the examples of these
+/// rules.
 const UNREAD: [&str; 5] =
     ["tests/snapshots/", "tests/fixtures/", "tests/fuzz/corpus/", "tests/it/tidy/", "tests/it/tidy.rs"];
 
@@ -27,7 +28,7 @@ const ELSEWHERE: [(&str, &str); 9] = [
     ("src/colmap/scene/reconstruction_io_binary.cc", "a file of colmap/colmap"),
 ];
 
-/// Faults of every text that is read: names of absent files, broken links, headings that are not there.
+/// Faults of every text that is read: names of absent files, broken links, absent headings.
 pub(super) fn references_hold(sources: &[Source]) -> Vec<Fault> {
     let is_read = |source: &&Source| {
         KINDS.iter().any(|kind| source.path.ends_with(kind))
@@ -38,7 +39,7 @@ pub(super) fn references_hold(sources: &[Source]) -> Vec<Fault> {
         .collect()
 }
 
-/// Paths from the root, and bare names of Markdown files, that lead nowhere.
+/// Paths from the root, and bare names of Markdown files, whose file does not exist.
 fn absent_files(source: &Source) -> Vec<Fault> {
     let folder = Path::new(&source.path).parent().unwrap_or(Path::new(""));
     let is_absent = |name: &str| {
@@ -61,8 +62,8 @@ fn absent_files(source: &Source) -> Vec<Fault> {
     faults
 }
 
-/// The path that a word may be: without an anchor, a line number and the end of a sentence. `None` for
-/// addresses and patterns.
+/// The path that a word may be, without an anchor, a line number and the end of a sentence. `None`
+/// for addresses and patterns.
 fn name_in(word: &str) -> Option<&str> {
     if word.contains("://") || word.contains(|c| "{}*…$=\\".contains(c)) {
         return None;
@@ -75,7 +76,7 @@ fn is_bare_page(name: &str) -> bool {
     !stem.is_empty() && stem.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c))
 }
 
-/// Links of a Markdown file to files and headings that are not there.
+/// Links of a Markdown file whose file or heading does not exist.
 fn broken_links(source: &Source) -> Vec<Fault> {
     if !source.path.ends_with(".md") {
         return Vec::new();
@@ -99,8 +100,8 @@ fn broken_links(source: &Source) -> Vec<Fault> {
     faults
 }
 
-/// Citations `docs/PAGE.md, "Heading"` of a heading, or of the first cell of a table's row, that the page
-/// lacks.
+/// Citations `docs/PAGE.md, "Heading"` of a heading, or of the first cell of a table's row, that
+/// the page does not have.
 fn absent_headings(source: &Source) -> Vec<Fault> {
     let mut faults = Vec::new();
     let text = without_margins(&source.text);
@@ -119,8 +120,8 @@ fn absent_headings(source: &Source) -> Vec<Fault> {
     faults
 }
 
-/// The text with each line's margin and comment mark removed, as one line: a citation may begin on one and
-/// end on the next.
+/// The text as one line, with each line's margin and comment mark removed: a citation may begin on
+/// one line and end on the next.
 fn without_margins(text: &str) -> String {
     let lines = text.lines().map(|line| {
         let line = line.trim();
@@ -140,7 +141,7 @@ fn slug(heading: &str) -> String {
     kept.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
 }
 
-/// The text of a page; empty where it is absent.
+/// The text of a page; empty if it is absent.
 fn read(page: &Path) -> String {
     std::fs::read_to_string(page).unwrap_or_default()
 }

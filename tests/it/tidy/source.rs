@@ -1,4 +1,5 @@
-//! Source files as the rules see them: comments, the insides of literals and unit tests blanked, lines kept.
+//! Source files as the rules see them: comments, the insides of literals and unit tests blanked,
+//! lines kept.
 
 use std::path::Path;
 
@@ -6,9 +7,9 @@ use std::path::Path;
 pub(super) struct Source {
     /// Path from the repository's root, `/`-separated.
     pub(super) path: String,
-    /// The file as it is.
+    /// The file's own text.
     pub(super) text: String,
-    /// For Rust: code alone, as long as `text` in lines. Else empty.
+    /// For Rust, the code alone, with the same lines as `text`; for other files empty.
     pub(super) code: String,
 }
 
@@ -19,8 +20,8 @@ impl Source {
         Self { path: path.to_owned(), text: text.to_owned(), code }
     }
 
-    /// The modules that this file is, from the crate's root: `["scene", "ply"]` for `src/scene/ply.rs`; empty for
-    /// `lib.rs` and `main.rs`.
+    /// The path of this module from the crate's root: `["scene", "ply"]` for `src/scene/ply.rs`;
+    /// empty for `lib.rs` and `main.rs`.
     pub(super) fn modules(&self) -> Vec<&str> {
         let path = self.path.trim_start_matches("src/").trim_end_matches(".rs");
         if matches!(path, "lib" | "main") { Vec::new() } else { path.split('/').collect() }
@@ -35,7 +36,8 @@ impl Source {
         names.map(|name| format!("{folder}/{name}.rs")).collect()
     }
 
-    /// Whether it is one of these files, or lies in the folder of one: `src/cli.rs` stands for `src/cli/*` too.
+    /// Returns true if the source is one of these files or in the folder of one: `src/cli.rs`
+    /// includes `src/cli/*`.
     pub(super) fn is_in(&self, files: &[&str]) -> bool {
         files.iter().any(|file| {
             let folder = file.trim_end_matches(".rs");
@@ -90,7 +92,8 @@ fn read(path: &Path) -> Option<Source> {
     String::from_utf8(bytes).ok().map(|text| Source::new(&name, &text))
 }
 
-/// The same text with comments and the insides of string and character literals as spaces.
+/// The text, with comments and the insides of string and character literals replaced by spaces.
+/// spaces.
 fn without_literals(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::with_capacity(text.len());
@@ -111,7 +114,7 @@ fn without_literals(text: &str) -> String {
     out
 }
 
-/// Where the comment or literal that begins at `i` ends, if one begins there.
+/// The end of the comment or literal that begins at `i`, if one begins there.
 fn opaque_end(chars: &[char], i: usize) -> Option<usize> {
     let starts = |prefix: &str| prefix.chars().eq(chars[i..].iter().copied().take(prefix.len()));
     let word_before = i > 0 && (chars[i - 1].is_alphanumeric() || chars[i - 1] == '_');
@@ -171,7 +174,9 @@ fn block_comment_end(chars: &[char], mut i: usize) -> usize {
 
 const TEST_MARK: &str = "#[cfg(test)]";
 
-/// The same code with each item behind `#[cfg(test)]` blanked; literals are blank already, so braces balance.
+/// The code with each item after `#[cfg(test)]` blanked. Literals are already blank, so braces
+/// balance.
+/// balance.
 fn without_tests(code: &str) -> String {
     let mut rest = code;
     let mut out = String::with_capacity(code.len());
@@ -185,7 +190,8 @@ fn without_tests(code: &str) -> String {
     out
 }
 
-/// Bytes up to the end of the item that `code` begins with: its closing brace, or a semicolon before any brace.
+/// Bytes up to the end of the item that `code` begins with: its closing brace, or a semicolon
+/// before any brace.
 fn item_length(code: &str) -> usize {
     let mut depth = 0;
     for (i, c) in code.char_indices() {
@@ -201,7 +207,7 @@ fn item_length(code: &str) -> usize {
 }
 
 #[test]
-fn code_is_what_is_left_of_comments_literals_and_tests() {
+fn code_excludes_comments_literals_and_tests() {
     let text = r##"//! println!("a")
 use x; /* unsafe /* nested */ unsafe */ let s = "pri\"nt!"; let r = r#"HashMap " "#; let c = '"'; let l: &'a str;
 #[cfg(test)]

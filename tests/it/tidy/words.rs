@@ -4,9 +4,9 @@ use super::Fault;
 use super::source::Source;
 
 struct Ban {
-    /// Any of these in the code is a fault.
+    /// Any of these words in the code is a fault.
     words: &'static [&'static str],
-    /// Files, and the folders beside them, where they are right.
+    /// Files, with the folders of the same name, in which the words are allowed.
     except: &'static [&'static str],
     because: &'static str,
 }
@@ -33,16 +33,16 @@ const BANS: &[Ban] = &[
         words: &["File::open", "fs::read(", "read_to_string", ".exists()", ".is_file()"],
         except: &[
             "src/files.rs",
-            // The store's own files, with its own rules for what is absent or damaged.
+            // The store's own files, with its own rules for absence and damage.
             "src/store.rs",
             // The type of an entry that the walk found, without following links.
             "src/release/audit/walk.rs",
             "src/release/removal.rs",
             "src/release/standing.rs",
-            // Folders, to have them on disk, and the release's own new files.
+            // Folders, which must be synced, and the release's own new files.
             "src/release/tree.rs",
             "src/release/work.rs",
-            // A program is looked for and not opened; its supervisor answers through a socket.
+            // A program is looked for and not opened. Its supervisor answers through a socket.
             "src/programs.rs",
         ],
         because: "`files` is the one door: it refuses what is no regular file, and only what is not there is absent",
@@ -138,7 +138,7 @@ const BANS: &[Ban] = &[
     },
 ];
 
-/// A stage wires and calls; what it computes lives in the domain.
+/// A stage connects and calls functions. Computations belong to the domain modules.
 const NOT_IN_STAGES: &[&str] = &["libm::", "glam::", ".sqrt(", "as f64", "as f32"];
 
 /// Faults of the table above.
@@ -161,8 +161,8 @@ fn finds(source: &Source, words: &[&str], because: &str) -> Vec<Fault> {
     hits.map(|(number, word)| Fault::new(source, number, format!("`{word}`: {because}"))).collect()
 }
 
-/// Whether `line` holds `word`, not as a part of a longer name: `unsafe` is not in `unsafe_code`, nor `print!` in
-/// `eprint!`.
+/// Returns true if `line` holds `word`, not as a part of a longer name: `unsafe` is not in
+/// `unsafe_code`, nor `print!` in `eprint!`.
 fn has_word(line: &str, word: &str) -> bool {
     let in_name = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
     let begins_name = in_name(word.chars().next());

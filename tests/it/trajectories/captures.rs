@@ -1,4 +1,4 @@
-//! Real captures, where `../shared` is there: hand-held photos and the key views of captured scenes.
+//! Real captures, if `../shared` is there: hand-held photos and the key views of captured scenes.
 
 use super::{LAW, Views, refined};
 use glam::{DMat3, DVec3};
@@ -64,7 +64,8 @@ fn real_captures_are_followed() {
                 report.max_step_deg, report.max_step_change, got.warnings
             );
             assert!(arc.min > 1.0 - 1e-9 && arc.max < 1.0 + 1e-9, "{arc:?}");
-            // Chords fall short of arcs where a hand-held path turns sharply; elsewhere they are close.
+            // Chords fall short of arcs where a hand-held path turns sharply; elsewhere they are
+            // close.
             assert!(chord.min > 0.85 && chord.max < 1.01 && chord.rms < 0.02, "{chord:?}");
             // The photos between these two did not register.
             let gap = |g: &CaptureGap| g.after == "images/0054.jpg" && g.before == "images/0068.jpg";

@@ -1,4 +1,5 @@
-//! What every curve must keep: rates are derivatives, ends are where they should be, joints are as smooth as stated.
+//! Properties of every curve: rates are derivatives, the ends are right, joints are as smooth as
+//! stated.
 
 use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, named, orbit, refined, still, try_refined};
@@ -44,20 +45,22 @@ fn fitted(curve: CurveKind, count: usize) -> (Box<dyn PoseCurve>, Vec<Se3>) {
     (curve.through(steps, &knots).unwrap(), knots)
 }
 
-/// A quarter turn and more about a tilted axis, the camera looking elsewhere.
+/// More than a quarter turn about a tilted axis, with the camera looking elsewhere.
 fn circle() -> CirclePath {
     let start = still(exp_vector(DVec3::new(0.3, 2.0, -0.4)), DVec3::new(3.0, 1.0, 2.0));
     CirclePath::new(DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.6, -0.3, 1.9), start)
 }
 
-/// The derivative of `f` at 0 by central differences over one and two steps, which cancel the third order.
+/// The derivative of `f` at 0 by central differences over one and two steps, which cancel the third
+/// order.
 fn derivative(f: impl Fn(f64) -> DVec3, step: f64) -> DVec3 {
     let central = |h: f64| (f(h) - f(-h)) / (2.0 * h);
     (central(step) * 4.0 - central(2.0 * step)) / 3.0
 }
 
 fn check_derivatives(curve: &dyn PoseCurve, name: &str) {
-    // The step's fourth power over 30 times a fifth derivative of up to 1e5, and roundings of 1e-15 over the step.
+    // The step's fourth power over 30 times a fifth derivative of up to 1e5, and roundings of 1e-15
+    // over the step.
     const STEP: f64 = 1e-3;
     const TOLERANCE: f64 = 1e-8;
     let close = |a: DVec3, b: DVec3, what: &str| {
@@ -89,7 +92,7 @@ fn rates_and_accelerations_are_derivatives() {
     check_derivatives(&circle(), "circle");
 }
 
-/// How far apart two poses are: of order 1 between neighbouring knots of the walk.
+/// Distance between two poses: of order 1 between neighbouring knots of the walk.
 fn apart(a: &Se3, b: &Se3) -> f64 {
     (a.translation - b.translation).length() + angle_between(a.rotation, b.rotation)
 }
@@ -110,12 +113,12 @@ fn curves_start_and_end_in_their_outer_knots() {
             let through = match curve {
                 CurveKind::Cubic | CurveKind::SlerpLerp => true,
                 CurveKind::Cumulative => count == 2,
-                // As many knots determine a degree lower by one.
+                // `count` knots determine a degree of at most `count` - 1.
                 CurveKind::Bezier { degree } => degree as usize >= count - 1,
             };
-            // Bezier's control points solve a system of a condition of up to 100.
+            // Bezier's control points solve a system with a condition number of up to 100.
             assert_eq!(farthest < 1e-12, through, "{curve:?}, {count}: {farthest:e}");
-            // A B-spline passes within a third of the step beside a knot.
+            // A B-spline passes each knot within a third of the neighbouring step.
             assert!(curve != CurveKind::Cumulative || farthest < 1.0, "{count}: {farthest}");
         }
     }
@@ -130,7 +133,7 @@ fn a_circle_keeps_its_distance_and_its_speed() {
         let (pose, twist) = (circle.pose(at(share)), circle.twist(at(share)));
         let (arm, first) = (pose.translation - centre, start.translation - centre);
         assert!((arm.length() - first.length()).abs() < 1e-14 && (arm - first).dot(axis).abs() < 1e-14);
-        // What the camera sees of the axis' point does not change.
+        // The view of a point on the axis does not change.
         let seen = |p: &Se3| p.inverse().rotation * (centre - p.translation);
         assert!((seen(&pose) - seen(&start)).length() < 1e-14);
         assert!((twist.angular.length() - axis.length()).abs() < 1e-14);
@@ -188,7 +191,7 @@ fn two_knots_make_a_line_and_a_slerp() {
                 let pose = fitted.pose(CurvePlace { segment: 0, x: 1.5 * share });
                 let line = knots[0].translation.lerp(knots[1].translation, share);
                 let turned = slerp(knots[0].rotation, knots[1].rotation, share);
-                // Of a half turn both ways are slerps.
+                // Both directions of a half turn are slerps.
                 let there = knots[1].rotation.conjugate() * knots[0].rotation;
                 let back = slerp(knots[0].rotation, knots[0].rotation * there, share);
                 let off = angle_between(pose.rotation, turned);
@@ -230,7 +233,7 @@ fn bezier_curves_find_planted_polynomials_of_their_degree() {
     };
     let few = [0.3, 1.2, 0.7, 0.2, 1.1, 0.5];
     (1..=6).for_each(|degree| t(&few, degree, 1e-13));
-    // At degree 20 the condition of 1e6 multiplies roundings of 1e-16.
+    // At degree 20 a condition number of 1e6 multiplies roundings of 1e-16.
     let many: Vec<f64> = (0..60u8).map(|k| 1.0 + 0.8 * f64::from(k).sin()).collect();
     [1, 3, 5, 12, MOST_DEGREE].into_iter().for_each(|degree| t(&many, degree, 1e-10));
 }
@@ -257,7 +260,7 @@ fn rotations_that_spread_too_far_for_a_bezier_curve_follow_the_spline() {
     t(&[0.0, 72.0, 144.0, 216.0, 288.0], false);
     t(&[0.0, 84.0, 168.0, 252.0, 336.0], false);
     t(&[0.0, 86.0, 172.0, 258.0, 344.0], true);
-    // Around a mean of 240 degrees the first two would lie 260 degrees apart.
+    // Around a mean of 240 degrees the first two would be 260 degrees apart.
     t(&[0.0, 100.0, 200.0, 300.0], true);
     let views = named(turns(&[0.0, 86.0, 172.0, 258.0, 344.0]));
     let params = RefinePath { window: 0, curve: CurveKind::Bezier { degree: 4 }, ..RefinePath::default() };
@@ -305,7 +308,8 @@ fn every_curve_is_followed_and_reports_its_fit() {
             CurveKind::Cubic | CurveKind::SlerpLerp => {
                 assert!(distance < 1e-12 && report.degree_used.is_none())
             }
-            // A sixth of the bend at a knot: below a third of the steps beside it, which are of coefficient 0.3.
+            // A sixth of the bend at a knot: below a third of the neighbouring steps, whose
+            // variation is 0.3.
             CurveKind::Cumulative => {
                 assert!(distance > 1e-3 && distance < 0.5 && report.degree_used.is_none())
             }
@@ -316,7 +320,8 @@ fn every_curve_is_followed_and_reports_its_fit() {
 
 #[test]
 fn a_line_between_the_ends_of_a_half_circle_misses_its_top() {
-    // Degree 1 leaves nothing to fit: the chord of the half circle, 2 units from its top, which are 1 of the metric.
+    // Degree 1 leaves nothing to fit: the chord of the half circle, 2 units from its top, which are
+    // 1 in the metric.
     let params = RefinePath { curve: CurveKind::Bezier { degree: 1 }, window: 0, ..RefinePath::default() };
     let got = refined(&orbit(31, 0.0, 0.0, 1), &params, "1");
     let poses = &got.trajectory.world_from_camera;

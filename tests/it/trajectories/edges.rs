@@ -102,7 +102,7 @@ fn few_poses_start_at_the_start_and_end_at_the_end() {
         let poses = ends(count);
         assert!(near(&poses[0], &first) && near(&poses[poses.len() - 1], &last));
     }
-    // Cut-off windows pull the ends in: the first pose is about the mean of the first three.
+    // Truncated windows pull the ends inwards: the first pose is about the mean of the first three.
     let pulled = refined(&views, &frames(60), LAW).trajectory.world_from_camera[0].translation;
     let mean = (views[0].1.translation + views[1].1.translation + views[2].1.translation) / 3.0;
     assert!((pulled - mean).length() < 1e-13);
@@ -212,7 +212,7 @@ fn the_literal_rotation_mean_is_the_middle_of_the_window() {
 }
 
 #[test]
-fn wild_speeds_are_told_with_their_largest_turn() {
+fn wild_speeds_are_reported_with_their_largest_turn() {
     let got = refined(&orbit(30, 0.0, 0.0, 1), &frames(200), "exp(9.3*t)");
     let [TrajectoryWarning::SpeedRange { ratio, degrees }] = got.warnings[..] else {
         panic!("{:?}", got.warnings)
@@ -230,7 +230,7 @@ fn wild_speeds_are_told_with_their_largest_turn() {
 
 #[test]
 fn steps_of_any_size_in_one_path_are_followed() {
-    // From 1e-5 to 1e6 of the median: nearer ones would merge.
+    // From 1e-5 to 1e6 of the median: nearer poses would merge.
     let xs = [0.0, 1e-5, 1.0, 2.0, 3.0, 4.0, 5.0, 1e6, 1e6 + 1.0];
     let got = refined(&named(xs.map(|x| still(DQuat::IDENTITY, DVec3::X * x))), &unsmoothed(1000), LAW);
     assert!(got.trajectory.world_from_camera.iter().all(Se3::is_finite));
@@ -239,7 +239,8 @@ fn steps_of_any_size_in_one_path_are_followed() {
     assert!(follow.min > 1.0 - 1e-6 && follow.max < 1.0 + 1e-6, "{follow:?}");
 }
 
-/// Whether every number of a report is finite: JSON has no other numbers, and writes NaN as null.
+/// Returns true if every number of a report is finite: JSON has no other numbers, and writes NaN as
+/// null.
 pub(super) fn is_finite(report: &gs2e::trajectory::report::SpeedReport) -> bool {
     let text = serde_json::to_string(report).unwrap();
     serde_json::from_str::<gs2e::trajectory::report::SpeedReport>(&text).is_ok_and(|read| &read == report)

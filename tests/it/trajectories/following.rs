@@ -1,4 +1,4 @@
-//! How well the speed follows its profile, measured without the program's own quadrature.
+//! Agreement of the speed with its profile, measured without the program's own quadrature.
 
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
@@ -15,7 +15,7 @@ fn mixed(a: &Se3, b: &Se3, scale: f64) -> f64 {
     angle_between(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
 }
 
-/// The curve through poses as they are, with its parameter the mixed length of the chords.
+/// The curve through unsmoothed poses, with the mixed length of the chords as its parameter.
 fn curve_through(views: &Views, scale: f64) -> CubicPair {
     let knots: Vec<Se3> = views.iter().map(|(_, pose)| *pose).collect();
     let steps = knots.windows(2).map(|w| mixed(&w[0], &w[1], scale)).collect();
@@ -31,7 +31,8 @@ struct Ruler {
 }
 
 impl Ruler {
-    /// Chords so short that they miss 1e-9 of their arcs: a share (angle)^2/24 of it.
+    /// Number of chords per segment, so that they miss only 1e-9 of their arcs: a share of
+    /// (angle)^2/24.
     const CHORDS: u32 = 2000;
 
     fn new(curve: CubicPair, scale: f64) -> Self {
@@ -50,10 +51,12 @@ impl Ruler {
         Self { curve, places, before, scale }
     }
 
-    /// The length of the curve before a pose that lies on it: up to the nearest mark, and the chord from there.
+    /// The length of the curve before a pose on it: up to the nearest mark, plus the chord from
+    /// there.
     fn length_before(&self, pose: &Se3) -> f64 {
         let away = |k: usize| mixed(&self.curve.pose(self.places[k]), pose, self.scale);
-        // The distance to the marks falls, then rises: no two parts of these curves come near each other.
+        // The distance to the marks falls, then rises, because no two parts of these curves are
+        // near each other.
         let coarse = (0..self.places.len()).step_by(50).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap();
         let (low, high) = (coarse.saturating_sub(50), (coarse + 50).min(self.places.len() - 1));
         let k = (low..=high).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap();
@@ -62,7 +65,7 @@ impl Ruler {
         self.before[k] + if ahead { away(k) } else { -away(k) }
     }
 
-    /// Achieved share of the path over the asked one, smallest and largest.
+    /// Smallest and largest ratio of the achieved share of the path to the requested one.
     fn follow(&self, poses: &[Se3], speeds: &[f64]) -> (f64, f64) {
         let asked: f64 = speeds.iter().sum();
         let total = self.before[self.before.len() - 1];
@@ -85,7 +88,7 @@ fn arcs_follow_the_law_to_a_millionth_of_each_step() {
         assert!(low > 1.0 - 1e-6 && high < 1.0 + 1e-6);
         let reported = dense.report.mixed_ratio.unwrap();
         assert!(reported.min > 1.0 - 1e-9 && reported.max < 1.0 + 1e-9, "{reported:?}");
-        // The literal path is measured by its report as this ruler measures it, and does not follow.
+        // The literal path's report agrees with this ruler, but the path does not follow the law.
         let literal = refined(&views, &RefinePath { literal: true, ..params }, LAW);
         let (low, high) = ruler.follow(&literal.trajectory.world_from_camera, &literal.report.u);
         let reported = literal.report.mixed_ratio.unwrap();
@@ -109,8 +112,9 @@ fn spread(units: f64, degrees: f64, params: &RefinePath) -> [[f64; 2]; 3] {
 
 #[test]
 fn chords_follow_as_the_table_says_or_better() {
-    // Rows of pipeline table 2.11, whose numbers are one draw a row, with the limits of its renormalised column to
-    // its own three decimals (ten draws here, hence 0.997 for 0.998). The literal column must be the worse one.
+    // Rows of pipeline table 2.11, which has one draw per row. The limits are those of its
+    // renormalised column, to its own three decimals (with ten draws here, hence 0.997 for 0.998).
+    // The literal column must be worse.
     let rows = [
         ("smoothed, no jitter", 0.0, 0.0, RotationMean::Mean, 2, [0.9995, 1.0005]),
         ("jitter 0.25 % and 0.5 deg", 0.005, 0.5, RotationMean::Mean, 2, [0.9995, 1.0005]),
@@ -158,7 +162,7 @@ fn a_turn_in_place_follows_by_angle() {
         refined(&views, &RefinePath { ends: EndRule::Pinned, ..RefinePath::default() }, "1 + t").report;
     let rates = &report.angular_rad_s;
     let last = rates.len() - 1;
-    // One axis at constant pace: the chord of a turn is the turn.
+    // One axis at a constant pace: the chord of a turn is the turn.
     let t = |j: usize| {
         1.0 + f64::from(u32::try_from(j).unwrap()) / f64::from(u32::try_from(rates.len()).unwrap())
     };

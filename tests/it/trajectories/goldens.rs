@@ -1,4 +1,5 @@
-//! SciPy's splines, quadrature and a whole refinement by another program: `tests/golden/trajectory`.
+//! SciPy's splines, quadrature and a whole refinement by another program:
+//! `tests/golden/trajectory`.
 
 use super::{LAW, named, refined};
 use glam::{DQuat, DVec3};
@@ -36,7 +37,8 @@ struct SplineCase {
     acceleration: Vec<[f64; 3]>,
 }
 
-/// Relative to 1 where the wanted value is smaller: values here are of order 1 to 100.
+/// Compares relative to the wanted value, or to 1 if that is smaller: values here are of order 1 to
+/// 100.
 fn close(got: DVec3, want: [f64; 3], tolerance: f64, what: &str) {
     let want = DVec3::from_array(want);
     let error = (got - want).length() / want.length().max(1.0);
@@ -76,7 +78,8 @@ fn curves_are_twice_differentiable_at_their_knots() {
             let jump = |a: DVec3, b: DVec3| (a - b).length() / a.length().max(1.0);
             let rate = jump(spline.rate(left), spline.rate(right));
             let acceleration = jump(spline.acceleration(left), spline.acceleration(right));
-            // The rates solve the joint conditions to 1e-12; accelerations divide by steps of 0.3 and more.
+            // The rates solve the joint conditions to 1e-12; accelerations divide by steps of 0.3
+            // and more.
             assert!(rate < 1e-12 && acceleration < 1e-9, "case {k}, knot {i}: {rate:e}, {acceleration:e}");
         }
     }
@@ -93,8 +96,8 @@ fn body_rates_are_differences_of_rotations() {
         let x = 0.37 * h;
         let turn = spline.rotation(at(x - step)).conjugate() * spline.rotation(at(x + step));
         let rate = gs2e::se3::rotation::log_vector(turn) / (2.0 * step);
-        // The central difference is off by a sixth of the squared step times a third derivative of order 100, and by
-        // roundings of 1e-16 over the step.
+        // The error of the central difference is a sixth of the squared step times a third
+        // derivative of order 100, plus roundings of 1e-16 over the step.
         assert!((rate - spline.rate(at(x))).length() < 1e-8 * rate.length().max(1.0), "{segment}");
     }
 }
@@ -185,7 +188,8 @@ fn lengths_are_those_of_quadrature_and_of_closed_forms() {
             let share = f64::from(k) / 100.0;
             let reached = arc.between(CurvePlace { segment: 0, x: 0.0 }, arc.invert(share * arc.total()));
             let residual = (reached - share * arc.total()).abs() / arc.total();
-            // The inverse's 1e-13 and the errors of two quadratures, which near a cusp are up to 1e-12 a panel.
+            // The inverse's 1e-13 and the errors of two quadratures, which are up to 1e-12 per
+            // panel near a cusp.
             let limit = if segment.kind == "cusp" { 1e-11 } else { 1e-12 };
             assert!(residual < limit, "{} {share}: {residual:e}", segment.kind);
         }

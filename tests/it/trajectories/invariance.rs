@@ -1,4 +1,4 @@
-//! What must not change a path: signs, order, offset and scale.
+//! Changes that must not change a path: signs, order, offset and scale.
 
 use super::{LAW, Views, named, orbit, refined, still, try_refined};
 use glam::DVec3;
@@ -24,7 +24,8 @@ fn the_sign_of_a_quaternion_changes_no_bit() {
 #[test]
 fn the_order_of_the_views_changes_no_bit() {
     let views = orbit(30, 0.005, 0.5, 5);
-    // 7 and 30 share no divisor, so that this visits every view; by bytes `10.jpg` would come before `2.jpg`.
+    // 7 and 30 share no divisor, so this visits every view. In byte order `10.jpg` would come
+    // before `2.jpg`.
     let shuffled: Views = (0..30).map(|i| views[i * 7 % 30].clone()).collect();
     assert_eq!(refined(&views, &RefinePath::default(), LAW), refined(&shuffled, &RefinePath::default(), LAW));
 }
@@ -34,18 +35,19 @@ fn a_walk_with_meaningless_names_is_ordered_by_nearness() {
     let views = orbit(30, 0.0, 0.0, 6);
     let renamed: Views =
         views.iter().enumerate().map(|(i, (_, p))| (format!("{}.jpg", (30 - i) * 7 % 30), *p)).collect();
-    // The first name must be an end of the walk for a greedy order to find it: view 30 - 30 = 0 is `0.jpg`.
+    // A greedy order needs an end of the walk as the first name: view 30 - 30 = 0 is `0.jpg`.
     assert_eq!(renamed[0].0, "0.jpg");
     let params = RefinePath { order: ViewOrder::Nearest, ..RefinePath::default() };
     let (a, b) = (refined(&views, &RefinePath::default(), LAW), refined(&renamed, &params, LAW));
     assert_eq!(a.trajectory, b.trajectory);
-    // By name the same views jump about, so far that windows have no mean.
+    // In the order of names the same views jump so far that windows have no mean.
     assert!(matches!(try_refined(&renamed, &RefinePath::default(), LAW), Err(TrajectoryError::Mean { .. })));
 }
 
 #[test]
 fn an_offset_of_a_million_keeps_a_billionth_of_the_path() {
-    // Centres rounded to 2^-20 and an offset of 2^20 or so, whose sums are exact: all that differs is the path.
+    // Centres rounded to 2^-20 and an offset of about 2^20, whose sums are exact: only the path may
+    // differ.
     let grid = |v: DVec3| (v * 1_048_576.0).round() / 1_048_576.0;
     let views = changed(&orbit(30, 0.005, 0.5, 7), |_, p| still(p.rotation, grid(p.translation)));
     let offset = DVec3::new(1_048_576.0, -2_097_152.0, 1_000_000.0);
@@ -53,7 +55,8 @@ fn an_offset_of_a_million_keeps_a_billionth_of_the_path() {
     let (a, b) = (refined(&views, &RefinePath::default(), LAW), refined(&far, &RefinePath::default(), LAW));
     assert!((a.report.length - b.report.length).abs() < 1e-12);
     for (p, q) in a.trajectory.world_from_camera.iter().zip(&b.trajectory.world_from_camera) {
-        // One rounding of a coordinate of 2e6 is 2.3e-10; the path is 5.7 long, in units of 2 scene units.
+        // One rounding of a coordinate of 2e6 is 2.3e-10; the path is 5.7 long, in units of 2 scene
+        // units.
         assert!((p.translation + offset - q.translation).length() < 5e-10);
         assert!(angle_between(p.rotation, q.rotation) < 1e-14);
     }
@@ -68,7 +71,7 @@ fn the_scale_of_the_capture_changes_no_share() {
     for (p, q) in a.trajectory.world_from_camera.iter().zip(&b.trajectory.world_from_camera) {
         assert_eq!((p.translation * 1024.0, p.rotation), (q.translation, q.rotation));
     }
-    // Without D the same capture at another scale moves otherwise.
+    // Without D the same capture at another scale moves differently.
     let raw = RefinePath { scale: TranslationScale::None, ..RefinePath::default() };
     let (a, b) = (refined(&views, &raw, LAW), refined(&large, &raw, LAW));
     assert_ne!(a.trajectory.world_from_camera[70].rotation, b.trajectory.world_from_camera[70].rotation);
@@ -78,11 +81,11 @@ fn the_scale_of_the_capture_changes_no_share() {
 fn the_scene_distance_is_that_of_the_point_looked_at() {
     let look = refined(&orbit(30, 0.0, 0.0, 9), &RefinePath::default(), LAW).report;
     assert!((look.scale_distance - (4.0f64 + 0.16).sqrt()).abs() < 1e-12);
-    // Parallel axes meet nowhere: the largest distance between two centres instead.
+    // Parallel axes do not meet: the largest distance between two centres is used instead.
     let views = named((0..5).map(|k| still(glam::DQuat::IDENTITY, DVec3::new(f64::from(k), 0.0, 0.0))));
     let distance = |views: &Views, params: &RefinePath| refined(views, params, LAW).report.scale_distance;
     assert!((distance(&views, &RefinePath::default()) - 4.0).abs() < 1e-12);
-    // Axes that meet behind the cameras: the same.
+    // Axes that meet behind the cameras: the largest distance too.
     let outward = changed(&orbit(30, 0.0, 0.0, 9), |_, p| {
         still(p.rotation * gs2e::se3::rotation::exp_vector(DVec3::Y * std::f64::consts::PI), p.translation)
     });

@@ -40,12 +40,13 @@ fn levels_are_reached_and_blended() {
     let speed = list(&[1.0, 0.5, 2.0], 0.1, SpeedMeaning::Speed);
     let made = travelled(&frames(301), timing(&speed)).unwrap();
     let speeds = &made.report.linear_unit_s;
-    // 300 steps of 1/2400 s over 4 units; the left sum of a law of mean 7/6 differs from its integral by under 1 %.
+    // 300 steps of 1/2400 s over 4 units. The left sum of a law of mean 7/6 differs from its
+    // integral by under 1 %.
     let unit = 4.0 * 2400.0 / made.report.u.iter().sum::<f64>();
     for (j, level) in [(40, 1.0), (150, 0.5), (250, 2.0)] {
         assert!((speeds[j] / unit - level).abs() < 1e-9, "{j}: {}", speeds[j] / unit);
     }
-    // At the boundaries the blend stands half way.
+    // At the boundaries the blend is at half its way.
     for (j, middle) in [(100, 0.75), (200, 1.25)] {
         assert!((speeds[j] / unit - middle).abs() < 1e-9, "{j}: {}", speeds[j] / unit);
     }
@@ -64,7 +65,7 @@ fn a_list_of_one_level_is_a_constant_speed() {
 }
 
 #[test]
-fn wild_and_unblended_lists_are_told() {
+fn wild_and_unblended_lists_are_reported() {
     let wild = list(&[1.0, 0.2, 5.0, 0.01, 3.0], 0.1, SpeedMeaning::Speed);
     let warnings = travelled(&frames(100), timing(&wild)).unwrap().warnings;
     assert!(
@@ -84,14 +85,14 @@ fn frame_rates_keep_the_speed_and_change_the_stamps() {
     let made = travelled(&frames(101), timing(&speed)).unwrap();
     let speeds = &made.report.linear_unit_s;
     assert!(speeds.iter().all(|v| (v / speeds[0] - 1.0).abs() < 1e-9), "{speeds:?}");
-    // 50 steps or so of 1/2400 s, then of a quarter of that, each stamp rounded by itself.
+    // About 50 steps of 1/2400 s, then of a quarter of that, with each stamp rounded by itself.
     let stamps = &made.trajectory.stamps_us;
     let step = |j: usize| stamps[j + 1] - stamps[j];
     assert!((416..=417).contains(&step(10)) && (104..=105).contains(&step(90)), "{stamps:?}");
     let exact: f64 = made.report.u.iter().map(|v| 1e6 / (2400.0 * v)).sum();
     let last = *stamps.last().unwrap();
     assert!((last as f64 - exact).abs() <= 0.5, "{last} {exact}");
-    // The path is covered in proportion to time: by a distance of 4 units.
+    // The path is covered in proportion to time: a distance of 4 units.
     let [first, .., end] = &made.trajectory.world_from_camera[..] else { panic!("there are 101 poses") };
     assert!(((end.translation - first.translation).length() - 4.0).abs() < 1e-12);
     assert_eq!((made.report.meaning, made.report.law), (SpeedMeaning::FrameRate, SummationRule::Sum));
@@ -126,7 +127,8 @@ fn the_integral_of_the_published_law_is_its_closed_form() {
 fn the_integral_of_a_list_is_exact() {
     let speed = list(&[1e-6, 1e6, 1.0, 3.0], 0.5, SpeedMeaning::Speed);
     let shares = PoseSchedule::new(&speed, 5, SummationRule::Integral).unwrap().shares;
-    // Segment ends lie in the middle of windows: a whole level less or more 13/96 of half a window of the jump.
+    // Segment ends are in the middle of windows: a whole level, plus or minus 13/96 of the jump
+    // over half a window.
     let mean = (1e-6 + 1e6 + 1.0 + 3.0) / 4.0;
     let up_to_first = (1e-6 + 0.5 * (1e6 - 1e-6) * (13.0 / 96.0)) / 4.0;
     assert!((shares[1] - up_to_first / mean).abs() < 1e-15, "{shares:?}");
@@ -145,7 +147,8 @@ fn shares_end_at_one_and_never_fall() {
     }
 }
 
-/// A picture that moves by `1 + x` px for each unit that the camera moves along x, and not otherwise.
+/// A picture that moves by `1 + x` px for each unit of camera motion along x, and for no other
+/// motion.
 struct Ramp {
     asked: usize,
 }
@@ -184,10 +187,11 @@ fn a_speed_in_pixels_is_kept() {
     for (j, pose) in made.trajectory.world_from_camera.iter().enumerate() {
         // x + x^2/2 = 12 j / 120
         let exact = (1.0 + 2.0 * 12.0 * j as f64 / 120.0).sqrt() - 1.0;
-        // The spline of a logarithm over 64 parts of a ramp of 1 to 5: h^4/384 of a fourth derivative up to 6 * 4^4.
+        // The spline of a logarithm over 64 parts of a ramp of 1 to 5: h^4/384 of a fourth
+        // derivative of up to 6 * 4^4.
         assert!((pose.translation.x - exact).abs() < 1e-6, "{j}: {} {exact}", pose.translation.x);
     }
-    // With a shape the flow follows it: step by step twice as fast at the end.
+    // With a shape the flow follows it: twice as fast at the end, step by step.
     let made = by_flow(params, &flow(240.0, "1 + t"), Some(&mut meter)).unwrap();
     let x = |j: usize| made.trajectory.world_from_camera[j].translation.x;
     let px = |j: usize| (x(j + 1) - x(j)) * (1.0 + f64::midpoint(x(j), x(j + 1)));
@@ -195,7 +199,7 @@ fn a_speed_in_pixels_is_kept() {
 }
 
 #[test]
-fn a_speed_in_pixels_that_cannot_be_had_is_refused() {
+fn an_impossible_speed_in_pixels_is_refused() {
     struct Blind;
     impl FlowMeter for Blind {
         fn median_px(&mut self, _: &Se3, _: &Twist) -> Result<Option<f64>, String> {
@@ -226,7 +230,8 @@ fn ten_million_poses_are_made() {
     assert_eq!((poses.len() as u64, made.trajectory.stamps_us.len() as u64), (count, count));
     assert_eq!(*made.trajectory.stamps_us.last().unwrap(), hertz("2400").stamp_us(count - 1));
     let follow = made.report.mixed_ratio.unwrap();
-    // Places near 1 are rounded at 1.1e-16 of the path, which is 1e-9 of a step, at both ends of it.
+    // Places near 1 are rounded at 1.1e-16 of the path, which is 1e-9 of a step, at both of its
+    // ends.
     assert!(follow.min > 1.0 - 1e-8 && follow.max < 1.0 + 1e-8, "{follow:?}");
     let few = refined(&orbit(30, 0.005, 0.5, 1), &RefinePath { window: 2, ..frames(2) }, LAW)
         .trajectory
@@ -250,7 +255,8 @@ proptest! {
         match travelled(&frames(count), PoseTiming { law, ..timing(&speed) }) {
             Ok(made) => {
                 let text = serde_json::to_string(&made.report).unwrap();
-                // JSON writes what is not finite as null, which no number of a report may be.
+                // JSON writes a number that is not finite as null, which must not occur in a
+                // report.
                 let read: SpeedReport = serde_json::from_str(&text).unwrap();
                 prop_assert_eq!(&read, &made.report);
                 prop_assert!(made.trajectory.world_from_camera.iter().all(Se3::is_finite));

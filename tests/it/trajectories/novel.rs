@@ -99,7 +99,7 @@ fn drawn_curves_are_reported_with_the_degree_that_was_used() {
 }
 
 #[test]
-fn a_curve_that_is_given_is_taken() {
+fn a_given_curve_is_used() {
     let base = dense();
     let curves =
         [CurveKind::Cubic, CurveKind::Cumulative, CurveKind::SlerpLerp, CurveKind::Bezier { degree: 3 }];
@@ -126,7 +126,7 @@ fn seeds_are_all_that_a_draw_depends_on() {
     let other_keys = made(&NovelGroup { keyframes_seed: Seed(99), ..NOVEL }, &base);
     assert_eq!(a.report.curve, other_keys.report.curve);
     assert_ne!(a.report.keyframes, other_keys.report.keyframes);
-    // Which group it is decides, not how many there are.
+    // The draw depends on the group's index, not on the number of groups.
     let more = made(&NovelGroup { groups: 9, ..NOVEL }, &base);
     assert_eq!(a.trajectory, more.trajectory);
 }
@@ -141,7 +141,7 @@ fn one_frame_is_the_first_key_pose() {
 }
 
 #[test]
-fn two_key_poses_make_a_line_and_a_slerp_whatever_the_curve() {
+fn two_key_poses_make_a_line_and_a_slerp_for_every_curve() {
     let base = dense();
     for degree in 1..=20 {
         let novel =
@@ -200,7 +200,7 @@ fn impossible_numbers_are_refused() {
 }
 
 #[test]
-fn a_pose_that_is_none_is_named() {
+fn an_invalid_pose_is_named() {
     let mut poses = dense().trajectory.world_from_camera;
     let key = try_made(&NOVEL, &poses, 1.0).unwrap().report.keyframes[2];
     poses[key].translation.z = f64::NAN;

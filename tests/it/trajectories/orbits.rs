@@ -35,11 +35,11 @@ fn whole() -> OrbitPath {
 fn an_orbit_is_a_circle_at_constant_speed() {
     let made = made(&CameraPath::Orbit(whole()), &Vec::new(), "1").unwrap();
     for (j, pose) in made.trajectory.world_from_camera.iter().enumerate() {
-        // A degree a pose about y, right-handed: z turns towards x. The arm is (3, 0, 4).
+        // One degree per pose about y, right-handed: z turns towards x. The arm is (3, 0, 4).
         let phi = (j as f64).to_radians();
         let arm = DVec3::new(3.0 * phi.cos() + 4.0 * phi.sin(), 0.0, 4.0 * phi.cos() - 3.0 * phi.sin());
         assert!((pose.translation - DVec3::new(1.0, 2.0, 3.0) - arm).length() < 1e-13, "{j}");
-        // The camera looks at the centre, with y up: its image's down is -y.
+        // The camera looks at the centre with y up: its image's down direction is -y.
         assert!((pose.rotation * DVec3::Z + arm / 5.0).length() < 1e-14, "{j}");
         assert!((pose.rotation * DVec3::Y + DVec3::Y).length() < 1e-14, "{j}");
     }
@@ -51,7 +51,7 @@ fn an_orbit_is_a_circle_at_constant_speed() {
     let short = 1.0 - 0.5_f64.to_radians().powi(2) / 6.0;
     assert!(report.linear_unit_s.iter().all(|v| (v / (5.0 * rate * short) - 1.0).abs() < 1e-8));
     assert!((report.scale_distance - 5.0).abs() < 1e-14);
-    // An angle, and an arc of the same angle at distance D: twice that.
+    // An angle, plus an arc of the same angle at distance D: twice the angle.
     assert!((report.length - PI).abs() < 1e-13 && (report.length_ratio.unwrap() - 1.0).abs() < 1e-12);
     assert_eq!((report.kind, report.curve, report.knot_jumps), (CourseKind::Orbit, None, None));
 }
@@ -70,7 +70,7 @@ fn orbits_follow_a_law_and_turn_as_often_as_asked() {
 }
 
 #[test]
-fn what_an_orbit_lacks_is_taken_from_the_capture() {
+fn missing_keys_of_an_orbit_come_from_the_capture() {
     // Around the origin at a height of 0.4, z up.
     let views = orbit(30, 0.0, 0.0, 1);
     let path = CameraPath::Orbit(OrbitPath { centre: None, from: None, up: None, arc: 180.0, count: FRAMES });
@@ -79,7 +79,7 @@ fn what_an_orbit_lacks_is_taken_from_the_capture() {
     let poses = &got.trajectory.world_from_camera;
     assert!((poses[0].translation - first.translation).length() < 1e-9, "{}", poses[0].translation);
     assert!((poses[0].rotation * DVec3::Z - first.rotation * DVec3::Z).length() < 1e-9);
-    // The mean of the views' up directions leans towards the side that was filmed.
+    // The mean of the views' up directions leans towards the filmed side.
     let tilt = (poses[90].translation - last.translation).length();
     assert!(tilt > 1e-3 && tilt < 1.0, "{tilt}");
     let upright = CameraPath::Orbit(OrbitPath {
@@ -163,7 +163,7 @@ fn poses_by_hand_are_passed() {
 }
 
 #[test]
-fn a_pose_by_hand_that_is_none_is_refused_by_its_number() {
+fn an_invalid_pose_by_hand_is_refused_by_its_number() {
     let t = |bad: Keyframe, words: &str| {
         let path = hand(vec![towards(DVec3::X), towards(DVec3::Y), bad], CurveKind::Cubic);
         let refused = made(&path, &Vec::new(), "1").unwrap_err().to_string();

@@ -1,4 +1,5 @@
-//! The pictures of trajectories: whole, finite, and the same every time. What they look like was judged by eye.
+//! The pictures of trajectories: complete, finite, and reproducible. Their appearance was judged by
+//! eye.
 
 use super::{LAW, named, orbit, refined, still};
 use glam::{DQuat, DVec3};

@@ -81,7 +81,7 @@ fn paths_that_are_written_need_no_capture() {
 }
 
 #[test]
-fn what_a_path_needs_is_asked_for() {
+fn missing_inputs_of_a_path_are_requested() {
     let place = place();
     place.write("broken.ply", "ply\nformat ascii 1.0\n");
     let before = tree(&place.path(""));

@@ -6,13 +6,14 @@ use std::path::PathBuf;
 /// A scene and how it is captured.
 pub(super) struct Scene {
     pub(super) name: &'static str,
-    /// What it is and whose.
+    /// Description and author of the scene.
     pub(super) words: &'static str,
-    /// The file of its Gaussians, and the file of its views; of a scene that the program makes, none.
+    /// The file of its Gaussians and the file of its views; `None` for a scene that the program
+    /// makes.
     files: Option<[&'static str; 2]>,
-    /// Of its pictures, px.
+    /// Size of its pictures, px.
     size: [u32; 2],
-    /// In how many bursts the whole path takes about the time that it does at the base's speed.
+    /// Number of bursts in which the whole path takes about as long as at the base's speed.
     bursts: u16,
 }
 
@@ -40,13 +41,13 @@ pub(super) const SCENES: [Scene; 3] = [
     },
 ];
 
-/// How fast the picture moves at the full size, px/s.
+/// Speed of the picture at the full size, px/s.
 const BASE: u32 = 300;
 const FAST: u32 = 1200;
-/// Multiples of the speed, and how long each lasts, s.
+/// Multiples of the speed, and duration of each, s.
 const BURSTS: [&str; 4] = ["0.1", "1.9", "0.4", "1.6"];
 const BURST_S: f64 = 0.02;
-/// By how much pictures are smaller where the page is only tried.
+/// Factor by which pictures are smaller in a quick trial.
 const SMALLER: u32 = 4;
 
 impl Scene {
@@ -54,12 +55,12 @@ impl Scene {
         self.files.is_none_or(|files| files.iter().all(|name| shared(name).is_file()))
     }
 
-    /// Whether the program makes it itself.
+    /// Returns true if the program makes the scene itself.
     pub(super) fn is_ours(&self) -> bool {
         self.files.is_none()
     }
 
-    /// The recipe of its trajectories `base`, `fast` and `bursty`, of which nothing is made.
+    /// The recipe of its trajectories `base`, `fast` and `bursty`, without outputs.
     pub(super) fn paths(&self, quick: bool) -> String {
         let smaller = if quick { SMALLER } else { 1 };
         let bursts: Vec<&str> = BURSTS.into_iter().cycle().take(self.bursts.into()).collect();
@@ -72,7 +73,7 @@ impl Scene {
         self.recipe(smaller, &trajectories, "sampling: { rate: 2400 }\noutputs: []")
     }
 
-    /// The recipe of the events of `base` or `fast`, sampled like this.
+    /// The recipe of the events of `base` or `fast`, with this sampling.
     pub(super) fn events(&self, quick: bool, trajectory: &str, sampling: &str) -> String {
         let smaller = if quick { SMALLER } else { 1 };
         let made = format!("sampling: {{ {sampling} }}\noutputs: [events]");

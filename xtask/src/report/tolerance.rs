@@ -1,4 +1,4 @@
-//! The page that holds a tolerance against a rate: builds of both, and what they say.
+//! The page that compares a tolerance with a rate: builds of both, and their results.
 
 use super::{Options, gs2e, present};
 use crate::command::{Outcome, say};
@@ -6,7 +6,7 @@ use crate::folder::Folder;
 use std::fmt::Write as _;
 use std::time::Instant;
 
-/// The page, below `docs/` or, of a part of the runs, `target/report/`.
+/// The page, below `docs/` or, for a part of the runs, `target/report/`.
 const PAGE: &str = "tolerance.md";
 
 const INTRODUCTION: &str = "\
@@ -54,7 +54,8 @@ pub(super) fn run(options: &Options) -> Outcome {
     Ok(())
 }
 
-/// The step that made events, its seconds, and what it says of them; `None` where it was up to date.
+/// A table row from the step that made events: its seconds and its message. `None` if the step was
+/// up to date.
 fn row(scene: &str, sampling: &str, told: &str) -> Option<String> {
     let of_line = |line: &str| {
         let (step, rest) = line.split_once("] ")?.1.split_once("/events ")?;
