@@ -1,4 +1,4 @@
-//! Validation passes. Each judges the values that it is given; it reads nothing itself, and repairs
+//! Validation passes. Each judges the values that it is given. It reads nothing itself, and repairs
 //! nothing.
 //!
 //! Each pass is one file that states what it measures, the source of the formula, its default
@@ -198,6 +198,7 @@ pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
 
 fn apply_waivers(finding: &mut Finding, waivers: &[CheckWaiver]) {
     let waiver = waivers.iter().find(|waiver| waiver.check == finding.check);
+    // A warning stops nothing, so there is nothing to accept.
     if let (Verdict::Fail, Some(waiver)) = (finding.verdict, waiver) {
         finding.verdict = Verdict::Waived;
         finding.because = format!("{}; accepted: {}", finding.because, waiver.because);

@@ -30,6 +30,7 @@ impl ValidationPass for DriftIdentity {
         };
         let mut findings = vec![balanced];
         findings.extend(subject.tally.map(|tally| {
+            // By polarity, so that an event of the wrong polarity shows although the total agrees.
             let missing = account.on.abs_diff(tally.on) + account.off.abs_diff(tally.off());
             let (made, found) = (account.events, tally.events);
             count_finding(

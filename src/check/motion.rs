@@ -85,10 +85,12 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     let mut ratios: Vec<f64> = windows.iter().map(|s| s.ratio()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
     let measured = ratios[(ratios.len() - 1) / 2];
+    // The median is at most as noisy as its noisiest window.
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
     let gate = LimitSide::gate(1.0 - CERTAIN * noise);
     let wanted =
         LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), LimitSide::warning(MEDIAN));
+    // The gate holds even where the recipe asks for less.
     let (verdict, limit) = match gate.at_least(measured) {
         Verdict::Pass => (wanted.at_least(measured), wanted.value),
         failed => (failed, gate.value),

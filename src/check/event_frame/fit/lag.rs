@@ -7,8 +7,9 @@
 //! correlation between counts and changes is itself late where edges are only one or two thresholds
 //! high, because their single event comes at the end.)
 
-/// Minimum drift on both sides of the instant, in thresholds, and the largest ratio of the two.
+/// Minimum drift on both sides of the instant, in thresholds.
 const LEAST_WAY: f64 = 1.0;
+/// Largest ratio of the two drifts.
 const MOST_UNEVEN: f64 = 3.0;
 
 /// Sums over the pixels with steady drift.
@@ -35,6 +36,7 @@ impl LagSums {
             return;
         }
         let rate = (ways[0] + ways[1]) / span;
+        // The mean residual of events without a delay.
         let left = left - (0.5 * threshold).copysign(rate);
         self.pixels += 1;
         self.rates += rate;
@@ -50,6 +52,7 @@ impl LagSums {
     pub fn pooled_lag(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
         let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
         for Self { pixels: n, rates, squares: s, left, left_squares: l, products: p } in spans {
+            // A single pixel has no deviation from its span's mean.
             if n > 1 {
                 let n = n as f64;
                 pixels += n;
@@ -62,6 +65,7 @@ impl LagSums {
             return None;
         }
         let lag = products / squares;
+        // Rounding may leave a sum of squares slightly below 0.
         let rest = (left_squares - lag * products).max(0.0) / (pixels - 2.0);
         Some([lag, (rest / squares).sqrt()])
     }
