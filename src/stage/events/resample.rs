@@ -59,6 +59,7 @@ impl EventsStage {
         }
         let tolerance = self.tolerance.map(|asked| asked.rms);
         let of = |sensor: &&SensorChoice| {
+            // Every second of these frames is a frame of the stream, so one rendering serves both.
             let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
                 .then(|| {

@@ -69,6 +69,7 @@ impl EventsStage {
             })
             .collect();
         let all = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
+        // Colours have no rate of change, which `hermite` needs.
         let rated = !front_ends.iter().any(|front_end| front_end.needs_colour());
         let known = all.into_iter().filter(|between| rated || *between != BetweenFrames::Hermite);
         let asked = known.filter(|between| tolerance.between.is_none_or(|asked| asked == *between));
@@ -91,7 +92,7 @@ impl EventsStage {
         Ok(SampledFrames { trajectory, velocities, chosen: Some(chosen), renderer: scout.into_renderer() })
     }
 
-    /// The same parameters with another interpolation of brightness.
+    /// Returns these parameters with another interpolation of brightness.
     pub(super) fn between(&self, between: BetweenFrames) -> Self {
         let with = |sensor: &SensorChoice| match sensor {
             SensorChoice::Voltmeter(sensor) => {
