@@ -41,6 +41,7 @@ impl<T> StoredMemo<T> {
             Err(e) if is_absent(&e) => Ok(false),
             Err(e) => Err(disk_error("reading", path)(e)),
         };
+        // The tag comes first, because it needs no look at a file.
         if self.tag != *tag {
             return Ok(false);
         }
@@ -104,6 +105,8 @@ impl Store {
     ) {
         let mut state = self.state();
         let known = |digest: &Digest| {
+            // The fields of the time when the digest was found. If they have changed since, the
+            // memo does not hold.
             let row = state.get(StateTable::Stat, self.blobs.path(digest).to_str()?)?;
             let entry: StatEntry = postcard::from_bytes(&row).ok()?;
             (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
