@@ -159,6 +159,7 @@ fn at_desk<T>(
         programs: &cx.programs,
     };
     let told = ask(desk).map_err(stage_failure)?;
+    // Everything that stays below `out` becomes part of the product.
     std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
     Ok(told)
 }

@@ -68,6 +68,8 @@ fn fit_slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 fn fit_line(points: &[(f64, f64)]) -> [f64; 2] {
     let mut sums = [0.0; 5];
     for (x, t) in points {
+        // Division by the time makes the errors relative, so that large sizes do not outweigh small
+        // ones.
         let (u, v) = (1.0 / t, x / t);
         for (sum, term) in sums.iter_mut().zip([u * u, u * v, v * v, u, v]) {
             *sum += term;

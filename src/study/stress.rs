@@ -96,10 +96,12 @@ impl StressPoint {
 
     /// The error relative to its limit.
     fn strain(&self) -> f64 {
+        // An exact value under a limit of 0 would be 0/0.
         if self.error == 0.0 && self.limit >= 0.0 {
             return 0.0;
         }
         let strain = self.error / self.limit;
+        // NaN is beyond every limit.
         if strain.is_nan() { f64::INFINITY } else { strain }
     }
 }
@@ -158,7 +160,7 @@ impl WorstPoint {
     }
 }
 
-/// The result of a case: points, or the reason why there are none.
+/// The result of a case, or the reason for not running it.
 pub type Outcome = Result<CaseResult, NotRun>;
 
 /// The reason for not running a case.
@@ -212,8 +214,8 @@ impl fmt::Debug for StressCase<'_> {
     }
 }
 
-/// All cases of an area, in the order of the table. Those of [`StressArea::Splat`] run with each of these
-/// renderers.
+/// All cases of an area, in the order of the table. The cases of [`StressArea::Splat`] run with
+/// each renderer of the bench.
 #[must_use]
 pub fn area_cases<'a>(area: StressArea, stage: &'a splat::SplatBench) -> Vec<StressCase<'a>> {
     match area {

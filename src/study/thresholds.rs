@@ -134,6 +134,7 @@ pub fn sweep_thresholds(
     let size = released.size();
     assert_eq!((size, released.len()), (smooth.size(), smooth.len()), "they are renderings of one path");
     let mut pairs = sweep.pairs(size)?;
+    // The lowest threshold decides what is stored; higher ones filter it again.
     let mut jumps = JumpMap::new(&sweep.sensor, sweep.thresholds.first().copied().unwrap_or(1.0));
     let mut stamps = Vec::new();
     while let (Some(a), Some(b)) = (released.next()?, smooth.next()?) {
@@ -236,6 +237,7 @@ impl JumpMap {
         let voltage = |l: &f32| self.k1 * libm::log(f64::from(l.max(0.0)) + self.k2);
         let pairs = a.luminance.pixels().iter().zip(b.luminance.pixels());
         let now: Vec<f64> = pairs.map(|(a, b)| voltage(a) - voltage(b)).collect();
+        // At the first frame, `last` is empty.
         for (pixel, (now, last)) in now.iter().zip(&self.last).enumerate() {
             let by = (now - last).abs();
             if by > self.least {
@@ -258,6 +260,7 @@ fn by_pixel(events: Vec<Event>, size: Size) -> Vec<Vec<Event>> {
     for event in events {
         pixels[usize::from(event.y) * size.width as usize + usize::from(event.x)].push(event);
     }
+    // Within a microsecond, a stream is ordered by pixel and polarity, not by time.
     pixels.iter_mut().for_each(|events: &mut Vec<Event>| events.sort_by_key(|event| event.t));
     pixels
 }

@@ -93,6 +93,8 @@ impl StreamErrors {
         for (a, b) in pixel_pairs(found, reference) {
             miscount += a.len().abs_diff(b.len());
             for (sum, within) in matched.iter_mut().zip(WITHIN_US) {
+                // Times are collected at the widest tolerance only, or they would count three
+                // times.
                 let widest = within == WITHIN_US[2];
                 *sum += match_events(a, b, within * 1000, |ns| {
                     if widest {
@@ -140,6 +142,7 @@ fn pixel_pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64
 #[expect(clippy::cast_possible_wrap, reason = "times have 37 bits")]
 fn match_events(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usize {
     let apart = |i: usize, j: usize| match (a.get(i), b.get(j)) {
+        // The upper bits of both are equal, so the difference is that of the times.
         (Some(a), Some(b)) => (*a as i64 - *b as i64).abs(),
         _ => i64::MAX,
     };

@@ -10,10 +10,12 @@ use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, Wors
 /// A frame interval of 2400 a second, us.
 const FRAME: i64 = 417;
 const PIXEL: Size = Size { width: 1, height: 1 };
-/// Tolerance of a time in a file, ns: half a nanosecond, because times are whole nanoseconds.
+/// Limit of the error of an event time, ns. Times are whole nanoseconds, rounded down; half a
+/// nanosecond is added before they are compared, so rounding explains half of the limit.
 const LIMIT_NS: f64 = 1.0;
 
-/// Variances of the noise over a frame: none, and almost none, which use different code.
+/// The cases, each without noise and with almost no noise: the two use different code. The last
+/// number is the variance of the noise over a frame.
 pub(super) fn burst_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |name, regime, run: fn(f64) -> CaseResult, variance| {
         StressCase::new(StressArea::Sensor, [name, regime, "ns"], move || run(variance))
@@ -48,6 +50,7 @@ fn hold_train(worst: &mut WorstPoint, found: &Train, wanted: &[(f64, Polarity)],
     let other = found.iter().zip(wanted).filter(|(found, wanted)| found.1 != wanted.1).count();
     worst.see(StressPoint::exact_count(other as u64, 0), || format!("{what}: polarity"));
     for (i, (found, wanted)) in found.iter().zip(wanted).enumerate() {
+        // The middle of the nanosecond, because times are rounded down.
         let point = StressPoint::absolute_error(found.0 as f64 + 0.5, wanted.0, LIMIT_NS);
         worst.see(point, || format!("{what}: event {i}"));
     }

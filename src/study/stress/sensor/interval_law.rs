@@ -33,6 +33,7 @@ impl BarrierExit {
             let d = up + f64::from(2 * k) * (up + down);
             let lead = drift * up / variance;
             let tilt = m * d.abs() / variance;
+            // Logarithms are added first: the factors alone overflow and underflow.
             let toward = libm::exp(lead - tilt + log_phi((m * t - d.abs()) / root));
             let away = libm::exp(lead + tilt + log_phi((-m * t - d.abs()) / root));
             d.signum() * (toward + away)
