@@ -170,6 +170,7 @@ pub fn judge_trajectory(
     trajectory: &TrajectorySubject<'_>,
     streams: &[TrajectorySubject<'_>],
 ) -> Vec<Finding> {
+    // Without a stream, each pass over streams still reports that it was not run.
     let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
     let run = |check: &&dyn ValidationPass| {
         let mut findings = check.of_trajectory(trajectory);

@@ -108,6 +108,7 @@ impl<I: StageInputs> StageInputs for Option<I> {
     }
 
     fn open(&self, files: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<Self::Opened, ArtifactError> {
+        // An absent input takes no files, because `targets` lists none for it.
         self.as_ref().map(|inputs| inputs.open(files)).transpose()
     }
 }

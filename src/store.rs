@@ -246,6 +246,7 @@ impl Store {
             return Ok(Some(brief));
         }
         let brief = self.full_record(key)?.map(|record| record.brief());
+        // The row spares the next look into `ac/`.
         brief.iter().for_each(|brief| self.state().put(StateTable::Record, &name, brief.row()));
         Ok(brief)
     }
@@ -404,7 +405,7 @@ impl Store {
         self.state().pending() >= ROWS
     }
 
-    /// Syncs what was published, then writes what is pending to the database.
+    /// Syncs the published files, then writes the pending rows to the database.
     ///
     /// # Errors
     /// The disk or the database fails, or an earlier operation failed whose result was not awaited.

@@ -66,6 +66,7 @@ fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Findin
         Err(because) => return PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec(),
     };
     let limit = LimitSide::limit_or(limits.reprojection, LimitSide::warning(REPROJECTION_PX));
+    // Points behind the camera have no place in the picture, so the means leave them out.
     let behind = match found.behind {
         0 => String::new(),
         count => format!("; {count} more see a point that is not in front of the camera"),

@@ -3,7 +3,7 @@
 //! During the simulation, the sensor compares each pixel's event balance with the drift of its
 //! frames: `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account has the
 //! number of pixels that violate it, and the largest difference relative to its bound. Sensors with
-//! noise that decouples events from frames make no such promise; the pass then reports that.
+//! noise that decouples events from frames make no promise; the pass then reports that.
 
 use super::drift::require_balance;
 use super::subject::{Judgement, LimitSide};

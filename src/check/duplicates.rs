@@ -37,6 +37,7 @@ impl ValidationPass for DuplicatesPass {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
         let mut findings = vec![judge_share(subject, tally.repeated + tally.contrary, tally.events)];
+        // A release has no account of the simulation.
         let made = subject.account.map(|account| account.same_us_same_pixel);
         findings.extend(made.map(|made| judge_excess(subject, tally.pairs, made)));
         findings

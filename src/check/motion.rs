@@ -37,7 +37,7 @@ const LEAST_MOVED: f64 = 3.0;
 const LEAST_EVENTS: u64 = 1000;
 /// Maximum image motion between frames, px. Beyond it, events do not move with the image.
 const MOST_PER_FRAME: f32 = 2.0;
-/// Number of standard deviations of the median by noise below 1 that count as a fault.
+/// Distance of the median below 1, in standard deviations of noise, from which on it is a fault.
 const CERTAIN: f64 = 4.5;
 
 /// The pass.

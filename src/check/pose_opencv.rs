@@ -66,6 +66,7 @@ fn judge_projection(geometry: &OpencvGeometry) -> Judgement {
     let (name, ProjectionAgreement { px, pose, points }) =
         if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
     let program = &geometry.program;
+    // A file without known poses has no distance, and would pass.
     if let Some((name, _)) = files.iter().find(|(_, seen)| seen.pose.is_none()) {
         return Judgement::not_run(format!("{name} has none of the poses that {program} was asked about"));
     }

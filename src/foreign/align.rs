@@ -37,6 +37,7 @@ const NEAR: f64 = 1e-9;
 /// Returns the distances of all pairs after the best similarity.
 #[must_use]
 pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
+    // If only the worlds differ, this rotation is equal for all poses.
     let turns: Vec<DQuat> =
         pairs.iter().map(|p| (p.stated.rotation * p.found.rotation.conjugate()).normalize()).collect();
     let Some(turn) = median_rotation(&turns) else { return Vec::new() };

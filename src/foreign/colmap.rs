@@ -133,6 +133,7 @@ fn make_model(
     colmap("matches_importer", &import_options(&list)).end_well()?;
     match colmap("mapper", &mapping_options(&images, &sparse)).end()? {
         Ok(ran) => {
+            // With `multiple_models` off, the only model is number 0.
             let read = || ColmapModel::find_model(&sparse.join("0"))?.images();
             read().map(Ok).map_err(|e| ran.failed(EndKind::Product(format!("its model: {e}"))))
         }
@@ -142,6 +143,7 @@ fn make_model(
 }
 
 fn name_of(pose: usize) -> String {
+    // Six digits, so that names sort like poses.
     format!("{pose:06}.png")
 }
 

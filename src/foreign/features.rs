@@ -92,6 +92,7 @@ impl NearestPair {
 
 /// Returns the pairs of key points that choose each other, in the order of the first.
 fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
+    // One pass over the products finds the nearest in both directions.
     let mut of_b = vec![NearestPair::default(); b.len()];
     let of_a = a.iter().enumerate().map(|(i, x)| {
         let mut nearest = NearestPair::default();

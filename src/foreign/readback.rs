@@ -95,6 +95,7 @@ pub fn read_back(
     let answer: ReadbackAnswer = python::ask_script("readback", &request, desk)?;
     let own: Vec<OwnColumns> =
         streams.iter().map(|file| OwnColumns::from_file(file, desk)).collect::<Result<_, _>>()?;
+    // The script answers in the order of the request.
     let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
     let mut differing = Vec::new();
     for (picture, found) in looks.iter().zip(&answer.pictures) {

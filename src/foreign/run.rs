@@ -40,6 +40,7 @@ impl<'a> ExternalRun<'a> {
         // chooses a program.
         let folder = PathBuf::from("/");
         let invocation = ProgramCall { program: program.into(), arguments, environment, folder };
+        // The log may already hold the output of earlier runs.
         let ran = FinishedRun { invocation, program, log: desk.log, from: programs::length(desk.log) };
         match programs::run_within(seconds, desk.programs, &ran.invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(Ok(ran)),

@@ -54,6 +54,8 @@ impl VersionQuery {
     #[must_use]
     pub fn version(self, programs: &ProgramFinder) -> ProgramVersion {
         let (text, folders) = match self {
+            // An absent program has a sentence as its version, so that installing it changes the
+            // key.
             Self::Colmap => (colmap(programs).unwrap_or_else(|absent| absent), Vec::new()),
             Self::Python => {
                 let folders = python(programs).map(|packages| packages.folders).unwrap_or_default();

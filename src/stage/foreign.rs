@@ -46,6 +46,7 @@ impl ExternalToolsStage {
         let (opencv, readback) = (checks.pose_opencv.is_some(), checks.readback.is_some());
         let python = (opencv || readback).then_some(VersionQuery::Python);
         let asked = colmap.map(|_| VersionQuery::Colmap).into_iter().chain(python);
+        // One version that is not known leaves the key unknown.
         let versions = asked.map(|program| version(program).ok_or(program)).collect::<Result<Vec<_>, _>>();
         let versions = versions.map(|versions| versions.join("; "));
         checks.asks_programs().then_some(Self { camera, colmap, opencv, readback, versions })

@@ -104,6 +104,7 @@ impl Stage for TrajectoryStage {
             let out = cx.out.join(name);
             let written = File::create(&out).map(BufWriter::new).and_then(|mut file| {
                 fill(&mut file)?;
+                // Dropping the writer would flush it too, but lose the error.
                 file.flush()
             });
             written.map_err(StageError::io_error(&out))

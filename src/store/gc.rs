@@ -60,6 +60,7 @@ impl Store {
     /// The disk or the database fails. Everything marked is intact even then.
     pub fn sweep(&self, marked: &BTreeSet<Key>, sweep: GcSweep) -> Result<SweepSummary, StoreError> {
         let is_old = |stat: &FileStat| stat.mtime_ns <= sweep.until_ns;
+        // Records come before blobs: the records that stay decide which blobs stay.
         let (gone, kept): (Vec<_>, Vec<_>) = self
             .stored("ac", ".json")?
             .into_iter()

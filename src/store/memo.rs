@@ -1,7 +1,7 @@
 //! Memos: facts that hold as long as certain files and blobs have not changed.
 //!
 //! A build of two thousand scenes would otherwise derive each time that a recipe still asks for the
-//! steps that are there. Such a fact is derived once, and stored with the stat fields of every file
+//! steps that are there. This fact is derived once, and stored with the stat fields of every file
 //! that it depends on. While they all agree, nothing is read, parsed or hashed. A memo is only
 //! written where equal fields mean equal bytes.
 

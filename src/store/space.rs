@@ -13,7 +13,7 @@ pub struct DiskSpace {
     pub free: u64,
     /// Mount point, if known.
     pub mount: PathBuf,
-    /// Type, such as `ext4`; empty if unknown.
+    /// Type, for example `ext4`; empty if unknown.
     pub kind: String,
 }
 

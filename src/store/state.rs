@@ -147,7 +147,7 @@ impl StateDb {
         }
     }
 
-    /// Sets aside what is there, and makes a new database from the records.
+    /// Sets the present database aside, and makes a new one from the records.
     fn rebuild(&mut self) -> Result<(), StoreError> {
         self.database = None;
         let existed = self.path.exists();

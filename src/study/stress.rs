@@ -75,8 +75,7 @@ impl StressPoint {
         Self { computed, answer, error: ((computed - answer) / answer).abs(), limit }
     }
 
-    /// An error in a unit of its own, such as units in the last place, standard errors or
-    /// nanoseconds.
+    /// An error in a unit of its own: units in the last place, standard errors, or nanoseconds.
     #[must_use]
     pub fn scaled_error(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / unit).abs(), limit }
@@ -153,7 +152,7 @@ impl WorstPoint {
     /// The worst point.
     ///
     /// # Panics
-    /// There was no point: such a case would pass for any program.
+    /// There was no point: a case without points would pass for any program.
     #[must_use]
     pub fn found(self) -> CaseResult {
         self.0.expect("a case has points")

@@ -11,7 +11,7 @@
 //! - otherwise **near a jump** if, since the pixel's previous event, the difference of the two
 //!   renderings changed between two neighbouring frames by more than [`JUMP`] of the threshold in
 //!   `k1 ln(L + k2)`;
-//! - otherwise **other**: late or early after such a jump, or under a difference that grew slowly.
+//! - otherwise **other**: late or early after a jump, or under a difference that grew slowly.
 
 use crate::event::picture::WindowCounts;
 use crate::event::{Event, EventSink};
@@ -96,6 +96,7 @@ impl SweepResult {
     pub fn recommended(&self) -> (Option<&ThresholdRow>, String) {
         let percent = |row: &ThresholdRow| 100.0 * row.explained();
         let enough = 100.0 * ENOUGH;
+        // A row without events has a share of 1, and recommends nothing.
         let Some(at) = self.rows.iter().position(|row| row.events > 0 && row.explained() >= ENOUGH) else {
             let best = self.rows.iter().filter(|row| row.events > 0).map(percent).fold(0.0, f64::max);
             let because = format!(

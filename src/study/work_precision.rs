@@ -3,8 +3,8 @@
 //! ```text
 //! path ─ fine frames ─┬─ reference: hermite, every frame
 //!   (per rule set)    └─ grid: uniform or flow steps
-//!                         └─ between: linear, catmull, hermite ─┬─ voltage: RMS at middles
-//!                                                               └─ events: matched, timed
+//!                         └─ linear, catmull, hermite ─┬─ voltage: RMS at middles
+//!                                                      └─ events: matched, timed
 //! ```
 //! Each rule set is rendered once at the finest rate. Every setting uses a part of these frames
 //! ([`grid`]) and is compared with the finest setting of the same rules. All sensors share one
@@ -285,6 +285,7 @@ impl OfRules {
     #[must_use]
     pub fn left_by_jumps(&self) -> Option<f64> {
         let (law, step) = self.law.zip(self.finest_s)?;
+        // The part `J h` of the squared error, which no interpolation removes.
         Some((law.jumps * step).sqrt())
     }
 }

@@ -148,6 +148,7 @@ impl<'a> DriftBalance<'a> {
 
     /// Evaluates the next anchor.
     pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
+        // There is one fit per anchor after the first, so the fits count the anchors.
         let number = self.fits.len() + 1;
         let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
         let stamps = &self.anchors.stamps_us;
@@ -241,6 +242,7 @@ impl FitSums {
         }
         // A pixel without half a threshold of drift is too far from its next event to show an edge.
         if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
+            // The size of `s`, negative if the events have the wrong sign.
             self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
         dv - s

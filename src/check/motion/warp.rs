@@ -101,6 +101,7 @@ impl<'a> WarpWindows<'a> {
 
     /// Counts an event. Events must come in order of time.
     pub(in crate::check) fn see(&mut self, event: Event, t_us: i64) {
+        // Several windows may have ended since the last event.
         while self.open.as_ref().is_some_and(|window| t_us > window.span_us[1]) {
             self.close();
         }
@@ -120,6 +121,7 @@ impl<'a> WarpWindows<'a> {
     fn close(&mut self) {
         let Some(window) = self.open.take() else { return };
         let (until, sharpness) = (window.span_us[1], window.sharpness(self.size));
+        // The fullest window makes the clearest picture.
         if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events > *events) {
             let counts = [window.in_place, window.moved].map(|[on, off]| add_counts(on, &off));
             self.shown = Some((sharpness.events, counts));

@@ -124,6 +124,7 @@ fn find_still(
     let first = anchors.images[0].pixels();
     for image in &anchors.images[1..] {
         for (i, now) in image.pixels().iter().enumerate() {
+            // Only the light must be constant; the leak is part of the noise floor.
             let way = law.drift(law.log_brightness(*now) - law.log_brightness(first[i]), 0.0, 0.0);
             still[i] &= way.abs() <= most;
         }

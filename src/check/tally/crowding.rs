@@ -13,7 +13,7 @@ const CELL: u32 = 4;
 pub struct CrowdingSums {
     /// Ordered pairs of events that share window and cell.
     pub pairs: f64,
-    /// Expected number of such pairs for uniformly distributed events: `N (N - 1) / cells`.
+    /// Expected number of these pairs for uniformly distributed events: `N (N - 1) / cells`.
     pub anywhere: f64,
     /// Variance of the pairs for uniformly distributed events: `2 N (N - 1) / cells`, that of
     /// `N^2 / 2` pairs that share a cell with probability `1 / cells` and count twice.
@@ -28,8 +28,8 @@ impl CrowdingSums {
         (self.pairs / self.anywhere).sqrt()
     }
 
-    /// Standard deviation of [`CrowdingSums::ratio`] for a stream without structure: half of that of
-    /// its square.
+    /// Standard deviation of [`CrowdingSums::ratio`] for a stream without structure: half of that
+    /// of its square.
     #[must_use]
     pub fn noise(&self) -> f64 {
         0.5 * self.variance.sqrt() / self.anywhere

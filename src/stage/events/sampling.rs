@@ -36,6 +36,7 @@ impl EventsStage {
         cx: &StageContext<'_>,
     ) -> Result<SampledFrames, StageError> {
         match self.tolerance {
+            // A single pose has no interval to choose frames in.
             Some(tolerance) if motion.trajectory.stamps_us.len() > 1 => {
                 self.choose(tolerance, &motion, camera, renderer, cx)
             }
@@ -98,6 +99,7 @@ impl EventsStage {
             SensorChoice::Voltmeter(sensor) => {
                 SensorChoice::Voltmeter(VoltmeterModel { between, ..sensor.clone() })
             }
+            // Only the voltmeter has this choice.
             other => other.clone(),
         };
         Self {

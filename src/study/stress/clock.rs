@@ -47,6 +47,7 @@ pub fn absolute_stamps(clock: impl Fn(i64, i64) -> Option<i64>) -> CaseResult {
     let mut worst = WorstPoint::default();
     for first_us in FIRST {
         let times: Vec<i64> = (0..2000).map(|i| i * 1_333 + i * i).collect();
+        // 128 bits, so that the expected sum cannot overflow itself.
         let wanted = |ns: i64| i128::from(first_us) + i128::from(ns.div_euclid(1000));
         let right = |ns: &&i64| clock(first_us, **ns).map(i128::from) == Some(wanted(**ns));
         let differing = times.len() - times.iter().filter(right).count();

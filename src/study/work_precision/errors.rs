@@ -61,6 +61,7 @@ impl EventSink for CompactEvents {
 /// Number of pixels with an event in a sorted stream.
 #[must_use]
 pub fn active_pixels(sorted: &[u64]) -> usize {
+    // The bit above the time is the polarity.
     sorted.chunk_by(|a, b| a >> (TIME_BITS + 1) == b >> (TIME_BITS + 1)).count()
 }
 
@@ -128,6 +129,7 @@ fn pixel_pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64
     let group = |event: &u64| event >> TIME_BITS;
     let (mut a, mut b) = (a, b);
     std::iter::from_fn(move || {
+        // Both streams are sorted, so the lower of both first groups comes next.
         let first = a.first().into_iter().chain(b.first()).map(group).min()?;
         let take = |events: &mut &'a [u64]| {
             let (own, rest) = events.split_at(events.iter().take_while(|e| group(e) == first).count());

@@ -55,6 +55,7 @@ impl FrameGrid {
                 low = middle
             }
         }
+        // `high` has always had few enough frames.
         Self { steps: StepRule::Flow, rate: uniform.rate, places: step_places(flows, high) }
     }
 }

@@ -116,6 +116,7 @@ impl SensorAtWork {
     }
 
     fn see(&mut self, frame: &DenseFrame, clock: &dyn Fn() -> TimeSpent) -> Result<(), SensorError> {
+        // Only the sensor is timed here; the cost of frames is measured by itself.
         let before = clock();
         self.pixels.advance(frame, &mut self.events)?;
         self.spent += clock() - before;

@@ -123,6 +123,7 @@ impl MethodComparison {
     /// Compares `rows` at the error of `base`; `None` if it has none.
     #[must_use]
     pub fn at_error(measure: ErrorMeasure, base: &SettingRow, rows: &[SettingRow]) -> Option<Self> {
+        // An error of 0 cannot be reached by interpolation in logarithms.
         let error = measure.of(base).filter(|error| *error > 0.0)?;
         let mut names: Vec<[String; 2]> = Vec::new();
         for row in rows.iter().map(|row| [row.rules.clone(), row.method()]) {

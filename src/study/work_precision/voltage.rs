@@ -73,6 +73,7 @@ impl IntervalVoltages {
     fn shift(&mut self, after: Option<Arc<FrameVoltage>>) {
         self.window.rotate_left(1);
         self.window[3] = after;
+        // An interval is complete once the frame after it, or the end, is known.
         let [before, Some(from), Some(to), after] = &self.window else { return };
         let Some(middle) = self.middles.pop_front() else { return };
         for (sum, between) in self.sums.iter_mut().zip(&self.between) {

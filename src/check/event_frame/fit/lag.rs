@@ -30,8 +30,9 @@ impl LagSums {
     pub(super) fn add(&mut self, left: f64, ways: [f64; 2], span: f64, thresholds: [f64; 2]) {
         let threshold = if ways[0] > 0.0 { thresholds[0] } else { thresholds[1] };
         let [small, large] = [ways[0].abs().min(ways[1].abs()), ways[0].abs().max(ways[1].abs())];
+        // NaN fails these comparisons, so it is never steady.
         let steady = ways[0] * ways[1] > 0.0 && small > LEAST_WAY * threshold && large < MOST_UNEVEN * small;
-        // Impossible residuals, such as that of a hot pixel, would outweigh the rest.
+        // An impossible residual, for example of a hot pixel, would outweigh the rest.
         if !steady || left.abs() > 8.0 * threshold {
             return;
         }

@@ -62,6 +62,7 @@ fn add_near(worst: &mut WorstPoint, found: &[Event], wanted: &[Event], what: &st
         }
     }
     worst.see_same(others, wanted.len(), || format!("{what}: other events"));
+    // One nanosecond is the rounding of times.
     worst.see(StressPoint::absolute_error(furthest as f64, 0.0, 1.0), || format!("{what}: times"));
 }
 

@@ -124,7 +124,8 @@ pub(super) fn steps_case() -> CaseResult {
     for KnownAnswer { given, wanted } in find_answers("step") {
         let [k1, k2, from, to] = [given[0], given[1], given[2], given[3]];
         let rise = wanted[0];
-        // Two and a half events, or as many as there are.
+        // A step of less than 2.5 is divided into two and a half events; a larger one has
+        // thresholds of 1.
         let threshold = (rise.abs() / 2.5).min(1.0);
         let sensor = VoltmeterModel {
             threshold_on: threshold,
@@ -132,7 +133,9 @@ pub(super) fn steps_case() -> CaseResult {
             ..burst_sensor([k1, k2], 0.0, 0.0)
         };
         let found = event_train(&sensor, &[0, END_US], &[from, to]);
+        // Without an event the size is NaN, which is beyond the limit.
         let last = found.last().map_or(f64::NAN, |event| event.0 as f64 + 0.5);
+        // The drift is linear in time, so the last event measures the whole step.
         let size = found.len() as f64 * threshold * (END_US as f64 * 1e3 / last);
         worst.see(StressPoint::absolute_error(size, rise.abs(), 1e-12), || {
             format!("{from:e} -> {to:e}, k1 = {k1}")

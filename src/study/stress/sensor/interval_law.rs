@@ -20,6 +20,7 @@ impl BarrierExit {
     /// Probability of an exit by `t`.
     #[must_use]
     pub fn by(self, t: f64) -> f64 {
+        // The lower barrier is the upper one of the mirrored motion.
         let mirrored = Self { drift: -self.drift, up: self.down, down: self.up, ..self };
         self.upward_by(t) + mirrored.upward_by(t)
     }

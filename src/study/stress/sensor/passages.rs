@@ -54,6 +54,7 @@ fn count_off(
 ) -> u64 {
     let is_off = |i: &u64| {
         let mut draws = path_draws(*i);
+        // The first draw is the end; the path takes the rest of the stream.
         let y = end(&mut draws);
         first([x, y], variance, draws) == Some(Polarity::Off)
     };
@@ -153,6 +154,7 @@ fn mean_interval(nu: f64, variance: f64) -> f64 {
 /// KS distance of intervals from the series, for each of these variances per cell of the clock.
 fn interval_case(nu: f64, variances: &[f64]) -> CaseResult {
     let mut worst = WorstPoint::default();
+    // A seed for each variance keeps the samples independent.
     for (seed, per_cell) in (1..).zip(variances) {
         let variance = per_cell / CELL_US;
         let process = BarrierExit { drift: nu * variance, variance, up: 1.0, down: 1.0 };

@@ -26,6 +26,7 @@ pub(super) fn stack_case(by: CaseRenderer<'_>) -> Outcome {
                 .map(|i| alpha * left(i))
                 .sum()
         };
+        // Even layers are red, odd ones green.
         let wanted = [sum(0), sum(1), 0.0];
         let (scene, view) = scenes::layer_stack(LAYERS.unsigned_abs() as usize, opacity);
         let (image, work) = by.picture(&Arc::new(scene), OFFICIAL, &view, ALL)?;

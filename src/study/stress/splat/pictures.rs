@@ -52,7 +52,9 @@ pub(super) fn user_setup(stage: &SplatBench) -> PictureSetup {
     };
     let places: Vec<DVec3> =
         (0..scene.len()).map(|i| scene.position(i)).filter(|place| place.is_finite()).collect();
+    // Medians, because a few Gaussians far away would move means.
     let median = DVec3::from([0, 1, 2].map(|k| middle(places.iter().map(|p| p[k]).collect())));
+    // A scene in one point has no radius, so it gets a small one.
     let radius = middle(places.iter().map(|p| (*p - median).length()).collect()).max(1e-9);
     let way = DVec3::new(0.6, -0.35, -1.0).normalize();
     let rotation = look_at(-way, DVec3::NEG_Y).expect("not along the picture's top");
@@ -193,7 +195,7 @@ fn is_smooth(wide: f64, narrow: f64, largest: f64) -> bool {
 }
 
 /// Central differences of luminance over 0.2 us and over half of that. In so short a time hardly
-/// two depths swap, and 64 bits keep nine digits of such differences.
+/// two depths swap, and 64 bits keep nine digits of the differences.
 struct CentralDifferences {
     wide: Vec<f64>,
     narrow: Vec<f64>,
