@@ -204,8 +204,8 @@ impl Artifact for TrajectoryProduct {
 pub struct EventStreams {
     /// The file of each stream of [`SimulationRecord::streams`].
     pub files: Vec<PathBuf>,
-    /// Some frames as seen through each of [`SimulationRecord::front_ends`]: `brightness.npy` and so
-    /// on, float32 `[K, H, W]`.
+    /// Some frames as seen through each of [`SimulationRecord::front_ends`], float32 `[K, H, W]`:
+    /// `brightness.npy` and so on.
     anchors: Vec<AnchorFrames>,
     /// Depth at [`SimulationRecord::depth_stamps_us`], units along the optical axis.
     pub depths: Vec<Image<f32>>,
