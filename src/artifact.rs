@@ -62,7 +62,7 @@ impl ArtifactFiles {
         self.files.values().map(|file| file.size).sum()
     }
 
-    /// Size of the file with this name; 0 if there is none.
+    /// Size of the file with this name, bytes; 0 if the artifact has no such file.
     #[must_use]
     pub fn size(&self, name: &str) -> u64 {
         self.files.get(name).map_or(0, |file| file.size)
@@ -117,6 +117,7 @@ pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> std::io::Resul
     let mut file = BufWriter::new(File::create(path)?);
     serde_json::to_writer_pretty(&mut file, value)?;
     file.write_all(b"\n")?;
+    // Dropping the writer would flush it too, but lose the error.
     file.flush()
 }
 
@@ -165,6 +166,8 @@ impl TrajectoryProduct {
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
         let stamps = &self.trajectory.stamps_us;
+        // A stamp is rounded to a microsecond, about 1e-3 of a step at 2400 Hz, and a velocity
+        // divides by the step.
         match self.report.rate.parse::<Ratio>() {
             Ok(rate) if self.report.meaning != SpeedMeaning::FrameRate => {
                 let [p, q] = [rate.numerator(), rate.denominator()].map(|n| n as f64);
@@ -178,6 +181,7 @@ impl TrajectoryProduct {
     #[must_use]
     pub fn velocities(&self) -> Vec<CameraVelocity> {
         let poses = &self.trajectory.world_from_camera;
+        // A twist has its linear rate in world axes, its angular rate in the camera's own.
         let own = |(pose, twist): (&Se3, Twist)| CameraVelocity {
             linear: pose.rotation.conjugate() * twist.linear,
             angular: twist.angular,
@@ -200,8 +204,8 @@ impl Artifact for TrajectoryProduct {
 pub struct EventStreams {
     /// The file of each stream of [`SimulationRecord::streams`].
     pub files: Vec<PathBuf>,
-    /// Some frames as seen through each of [`SimulationRecord::front_ends`]: `brightness.npy` and so on,
-    /// float32 `[K, H, W]`.
+    /// Some frames as seen through each of [`SimulationRecord::front_ends`], float32 `[K, H, W]`:
+    /// `brightness.npy` and so on.
     anchors: Vec<AnchorFrames>,
     /// Depth at [`SimulationRecord::depth_stamps_us`], units along the optical axis.
     pub depths: Vec<Image<f32>>,
@@ -301,6 +305,7 @@ impl EventStreams {
     /// Some frames as the sensor of a stream saw them.
     #[must_use]
     pub fn seen_by(&self, stream: &EventStream) -> &AnchorFrames {
+        // Sensors with equal front ends see the same frames, which are stored once.
         let front_end = stream.sensor.as_model().front_end();
         let at = self.simulation.front_ends().iter().position(|other| *other == front_end);
         &self.anchors[at.expect("it is one of the simulation's streams")]
@@ -312,6 +317,7 @@ impl Artifact for EventStreams {
 
     fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         let simulation: SimulationRecord = files.json("simulation.json")?;
+        // The record comes first: it says how many files there are, and how many images each holds.
         let stamps = &simulation.brightness_stamps_us;
         let spans = &simulation.brightness_spans;
         let read = |file| AnchorFrames::read_images(stamps.clone(), spans.clone(), file);
@@ -394,6 +400,8 @@ impl VerdictsRecord {
     #[must_use]
     pub fn findings_of_scene(mut self, scene: &str) -> Vec<Finding> {
         for finding in &mut self.findings {
+            // Findings are stored with the suffix only, because the scene's id is not part of the
+            // step.
             finding.subject.insert_str(0, scene);
         }
         self.findings
@@ -403,6 +411,7 @@ impl VerdictsRecord {
     #[must_use]
     pub fn findings_of(mut self, scene: &str, trajectory: &str) -> Vec<Finding> {
         for finding in &mut self.findings {
+            // The names of scene and trajectory are not part of the step either.
             finding.subject.insert_str(0, &format!("{scene}/{trajectory}"));
         }
         self.findings

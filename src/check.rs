@@ -1,4 +1,4 @@
-//! Validation passes. Each judges the values that it is given; it reads nothing itself, and repairs
+//! Validation passes. Each judges the values that it is given. It reads nothing itself, and repairs
 //! nothing.
 //!
 //! Each pass is one file that states what it measures, the source of the formula, its default
@@ -175,6 +175,7 @@ pub fn judge_trajectory(
     trajectory: &TrajectorySubject<'_>,
     streams: &[TrajectorySubject<'_>],
 ) -> Vec<Finding> {
+    // Without a stream, each pass over streams still reports that it was not run.
     let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
     let run = |check: &&dyn ValidationPass| {
         let mut findings = check.of_trajectory(trajectory);
@@ -203,6 +204,7 @@ pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
 
 fn apply_waivers(finding: &mut Finding, waivers: &[CheckWaiver]) {
     let waiver = waivers.iter().find(|waiver| waiver.check == finding.check);
+    // A warning stops nothing, so there is nothing to accept.
     if let (Verdict::Fail, Some(waiver)) = (finding.verdict, waiver) {
         finding.verdict = Verdict::Waived;
         finding.because = format!("{}; accepted: {}", finding.because, waiver.because);

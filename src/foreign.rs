@@ -26,7 +26,7 @@ pub use error::ForeignError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The answer of a program, or the reason why there is no answer.
+/// The answer of a program, or the reason why it has no answer.
 pub type Told<T> = Result<T, String>;
 
 /// The answers of the programs that were asked: `foreign.json`.
@@ -57,6 +57,7 @@ pub struct TrajectoryPicture {
 /// all indices if there are no more.
 #[must_use]
 pub fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
+    // The last case rounds to the nearest index, and hits both ends exactly.
     match wanted.min(count) {
         0 => Vec::new(),
         1 => vec![0],

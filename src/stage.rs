@@ -41,6 +41,7 @@ pub struct StepId(pub usize);
 pub struct StepTarget<A> {
     /// The step.
     pub step: StepId,
+    // A function type keeps the target `Send` and `Sync` for every artifact.
     kind: PhantomData<fn() -> A>,
 }
 
@@ -51,6 +52,7 @@ impl<A> StepTarget<A> {
     }
 }
 
+// A derived implementation would require `A: Clone`.
 impl<A> Clone for StepTarget<A> {
     fn clone(&self) -> Self {
         *self
@@ -106,6 +108,7 @@ impl<I: StageInputs> StageInputs for Option<I> {
     }
 
     fn open(&self, files: &mut dyn Iterator<Item = &ArtifactFiles>) -> Result<Self::Opened, ArtifactError> {
+        // An absent input takes no files, because `targets` lists none for it.
         self.as_ref().map(|inputs| inputs.open(files)).transpose()
     }
 }
@@ -187,13 +190,13 @@ pub trait Stage: serde::Serialize {
         Vec::new()
     }
 
-    /// Returns true if the stage runs programs that need no permission, because no recipe names them. Their
-    /// output is kept too.
+    /// Returns true if the stage runs programs that need no permission, because no recipe names
+    /// them. Their output is kept too.
     fn runs_known_programs(&self) -> bool {
         false
     }
 
-    /// A program whose version its class lacks: it was not asked, so the key is not known.
+    /// A program whose version the class lacks. The program was not asked, so the key is not known.
     fn unasked(&self) -> Option<&'static str> {
         None
     }
@@ -289,6 +292,7 @@ impl<'a> StageContext<'a> {
     /// Returns true if the work has been cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
+        // Only the flag matters: no other data is published with it.
         self.cancel.load(Ordering::Relaxed)
     }
 
@@ -478,6 +482,7 @@ where
     }
 
     fn run(&self, files: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        // The order of the files is that of `inputs`.
         let inputs = self.inputs.open(&mut files.iter())?;
         self.stage.run(inputs, cx)
     }

@@ -130,7 +130,7 @@ pub enum StoreAccess {
     WriteNow,
 }
 
-/// How a store is opened.
+/// Options for opening a store.
 #[derive(Debug, Clone)]
 pub struct StoreOptions {
     /// Purpose.
@@ -187,6 +187,7 @@ impl Store {
                 Some(lock::StoreLock::take_lock(root, &claim, access == StoreAccess::Write, waiting)?)
             }
         };
+        // After the lock: only its holder may write the format of a new store.
         disk.check_format(root, FORMAT, lock.is_some())?;
         if lock.is_some() {
             for folder in ["cas", "ac", "tmp", "trash"] {
@@ -215,17 +216,18 @@ impl Store {
         self.state().take_notices()
     }
 
-    /// The file of the store's lock, for a process that works in the store's folders: the lock is held until that process
-    /// has closed it, too. `None` where the store was opened to look only.
+    /// Returns the file of the store's lock, for a process that works in the store's folders. The
+    /// lock is held until that process has closed the file, too. Returns `None` if the store was
+    /// opened for reading.
     ///
     /// # Errors
-    /// When the system has no more file descriptors.
+    /// The system has no more file descriptors.
     pub fn share_lock(&self) -> Result<Option<File>, StoreError> {
         let shared = self.lock.as_ref().map(lock::StoreLock::share).transpose();
         shared.map_err(disk::disk_error("sharing", &self.root.join("lock")))
     }
 
-    /// How many digests were taken from stat fields, and how many from bytes.
+    /// Number of digests taken from stat fields, and number of digests taken from bytes.
     #[must_use]
     pub fn digests(&self) -> (usize, usize) {
         (self.counts.trusted.load(Ordering::Relaxed), self.counts.hashed.load(Ordering::Relaxed))
@@ -244,6 +246,7 @@ impl Store {
             return Ok(Some(brief));
         }
         let brief = self.full_record(key)?.map(|record| record.brief());
+        // The row spares the next look into `ac/`.
         brief.iter().for_each(|brief| self.state().put(StateTable::Record, &name, brief.row()));
         Ok(brief)
     }
@@ -295,6 +298,7 @@ impl Store {
         match self.look(&path) {
             Ok(entry) if entry.digest == output.digest => Ok(BlobState::Sound),
             Ok(_) => Ok(BlobState::Altered),
+            // A folder or a link in a blob's place is moved away like altered bytes.
             Err(source) if is_no_file(&source) => Ok(BlobState::Altered),
             Err(source) if disk::is_absent(&source) => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
@@ -324,6 +328,8 @@ impl Store {
     /// # Errors
     /// The file cannot be read.
     pub fn look(&self, path: &Path) -> std::io::Result<StatEntry> {
+        // The fields are read before the bytes. A change in between makes the entry stale, never
+        // wrong.
         let stat = self.disk.stat(path)?;
         // A path that is not UTF-8 is hashed each time: correct, but slower.
         let name = path.to_str().filter(|_| self.trusts(path));
@@ -399,7 +405,7 @@ impl Store {
         self.state().pending() >= ROWS
     }
 
-    /// Syncs what was published, then writes what is pending to the database.
+    /// Syncs the published files, then writes the pending rows to the database.
     ///
     /// # Errors
     /// The disk or the database fails, or an earlier operation failed whose result was not awaited.

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest share of the picture made up by Gaussians too deep for their distance. Default: `MOST`.
+    /// Largest share of the picture made up by Gaussians too deep for their distance. Default:
+    /// `MOST`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }

@@ -15,17 +15,18 @@ pub struct Limits {
     /// Fewest distinct event times per frame. Default: `UNIQUE_PER_FRAME`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub unique_per_frame: Option<f64>,
-    /// Largest coefficient of variation of event counts over the phase of the frame interval. Default: `PHASE_CV`.
+    /// Largest coefficient of variation of event counts over the phase of the frame interval.
+    /// Default: `PHASE_CV`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub phase_cv: Option<f64>,
 }
 
 const UNIQUE_PER_FRAME: f64 = 2.0;
 const PHASE_CV: f64 = 0.35;
-/// With 16 bins and this many events, the counts of a stream without phase vary by 0.1 of their
-/// mean.
+/// Minimum number of events. With 16 bins and this many events, the counts of a stream without
+/// phase vary by 0.1 of their mean.
 const LEAST_EVENTS: u64 = 1600;
-/// Events per frame below which two distinct times per frame cannot be expected.
+/// Minimum number of events per frame. With fewer, two distinct times per frame cannot be expected.
 const LEAST_PER_FRAME: f64 = 8.0;
 
 /// The pass.

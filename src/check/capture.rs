@@ -62,9 +62,11 @@ fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Findin
     const PARTS: [&str; 2] = ["reprojection", "reprojection-observations"];
     let found = match &subject.reprojection {
         Ok(found) => found,
+        // A statement that was not measured appears in the report all the same.
         Err(because) => return PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec(),
     };
     let limit = LimitSide::limit_or(limits.reprojection, LimitSide::warning(REPROJECTION_PX));
+    // Points behind the camera have no place in the picture, so the means leave them out.
     let behind = match found.behind {
         0 => String::new(),
         count => format!("; {count} more see a point that is not in front of the camera"),
@@ -85,12 +87,14 @@ fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Findin
     ]
 }
 
-/// Named quantities: the largest, and the names of those beyond a limit, in descending order.
+/// Returns the largest of named quantities and the names of those beyond a limit, in descending
+/// order; `None` for an empty list.
 fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, String)> {
     named.sort_by(|a, b| b.1.total_cmp(&a.1));
     let (first, measured) = named.first()?.clone();
     let beyond: Vec<String> =
         named.into_iter().take_while(|(_, v)| *v > limit).map(|(name, _)| name).collect();
+    // A finding within its limit names the largest all the same.
     let told = match beyond.len() {
         0 => first,
         count if count <= TOLD => beyond.join(", "),

@@ -49,6 +49,8 @@ impl DriftLaw {
     #[must_use]
     pub fn most_residual(&self) -> f64 {
         let [on, off] = self.thresholds;
+        // From zero, the remaining voltage is the whole difference. Otherwise the initial voltage
+        // may lie at the opposite threshold.
         if self.from_zero { on.max(off) } else { on + off }
     }
 
@@ -88,16 +90,18 @@ impl DriftLaw {
     /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`.
     #[must_use]
     pub fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
+        // The lower threshold is reached more often, so it bounds the events of both.
         let threshold = self.thresholds[0].min(self.thresholds[1]);
         let noise = self.noise(luminance, dt_us) / threshold;
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise
     }
 
     /// Standard deviation of the leak if the luminance is known only at the ends of `intervals`
-    /// intervals of `dt_us`. In each interval, its mean has a random error of an eighth of the grey
-    /// scale, typical for pictures with contrast.
+    /// intervals of `dt_us`. In each interval, the mean luminance has a random error of an eighth
+    /// of the grey scale, typical for pictures with contrast.
     #[must_use]
     pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
+        // 32 of 255 greys. Errors of intervals are independent, so their sum grows with the root.
         32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
     }
 }
@@ -112,15 +116,16 @@ fn of_esim(esim: &EsimModel) -> Result<DriftLaw, &'static str> {
     if threshold.spread > 0.0 || !esim.keeps_balance() {
         return Err("unequal or dead pixels, hot pixels or events left out part events and drift");
     }
+    // `ln(L/255 + eps)` and `ln(L + 255 eps)` differ by a constant, which no change shows.
     let k = [1.0, 255.0 * eps, 0.0, 0.0, 0.0, 0.0];
     Ok(DriftLaw { k, thresholds: [threshold.on, threshold.off], from_zero: true })
 }
 
-/// Returns true if a sensor's events must balance the change of each pixel's brightness, as its account
-/// states for every pixel.
+/// Requires that a sensor's events balance the change of each pixel's brightness. The sensor's
+/// account states this for every pixel.
 ///
 /// # Errors
-/// They need not; the text is the reason.
+/// The events of this sensor need not balance; the text is the reason.
 pub fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
     match sensor {
         SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => {

@@ -3,7 +3,7 @@
 //! During the simulation, the sensor compares each pixel's event balance with the drift of its
 //! frames: `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account has the
 //! number of pixels that violate it, and the largest difference relative to its bound. Sensors with
-//! noise that decouples events from frames make no such promise; the pass then reports that.
+//! noise that decouples events from frames make no promise; the pass then reports that.
 
 use super::drift::require_balance;
 use super::subject::{Judgement, LimitSide};
@@ -30,6 +30,7 @@ impl ValidationPass for DriftIdentity {
         };
         let mut findings = vec![balanced];
         findings.extend(subject.tally.map(|tally| {
+            // By polarity, so that an event of the wrong polarity shows although the total agrees.
             let missing = account.on.abs_diff(tally.on) + account.off.abs_diff(tally.off());
             let (made, found) = (account.events, tally.events);
             count_finding(

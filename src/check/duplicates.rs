@@ -1,8 +1,9 @@
 //! Events that occur twice in a stream. A gate.
 //!
-//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below 1e-4. The sensor
-//! counts its own pairs, and the stream must hold exactly as many, which also finds a chunk that was written twice into a
-//! stream with bursts. Three events of one microsecond are three pairs to both.
+//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below
+//! 1e-4. The sensor counts its own pairs, and the stream must hold exactly as many. This also finds
+//! a chunk that was written twice into a stream with bursts. Three events of one microsecond count
+//! as three pairs in both.
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
@@ -36,6 +37,7 @@ impl ValidationPass for DuplicatesPass {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
         let mut findings = vec![judge_share(subject, tally.repeated + tally.contrary, tally.events)];
+        // A release has no account of the simulation.
         let made = subject.account.map(|account| account.same_us_same_pixel);
         findings.extend(made.map(|made| judge_excess(subject, tally.pairs, made)));
         findings
@@ -59,7 +61,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, repeats: u64, events: u64) -> Fi
     subject.finding(NAME, "share", judged)
 }
 
-/// Hot pixels fire at random: the expected repeats follow from their rate.
+/// Expected share of repeats by hot pixels, which fire at random: their rate times a microsecond.
 fn by_chance(subject: &TrajectorySubject<'_>) -> f64 {
     subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().rate * 1e-6)
 }

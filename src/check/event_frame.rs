@@ -1,15 +1,18 @@
 //! Events against frames: the event counts of pixels must match the change between frames. This is
-//! the core pass.
+//! the core pass. A gate.
 //!
 //! For the span from the first frame to each anchor and for every pixel, `dv` is the drift by the
 //! sensor's law, and `s = A N_on - B N_off`. The statements are:
 //!
-//! | statement | formula | limit | catches |
-//! |---|---|---|---|
-//! | `gain` | `c = <s, dv> / <s, s>` over pixels with \|dv\| above a threshold; up and down apart | 1 +- (0.1 + allowance) | flipped polarity, wrong logarithm, lost halves |
-//! | `threshold-on`, `threshold-off` | where events happen, see [`fit::EventEdge`] | within 7 % of the stated | thresholds |
-//! | `residual` | share of these pixels with a possible residual | at least 0.99 | lost resets, dropped chunks, offsets |
-//! | `sign` | share of pixels with \|dv\| above two thresholds whose `s` agrees in sign | at least 0.995 | polarity |
+//! - `gain`: `c = <s, dv> / <s, s>` over the pixels with `|dv|` above a threshold, both directions
+//!   together and each by itself. The limit is `1 +- (0.1 + allowance)`. It finds flipped polarity,
+//!   a wrong logarithm, and lost halves.
+//! - `threshold-on`, `threshold-off`: the voltage at which events happen, see [`fit::EventEdge`].
+//!   The limit is 7 % from the stated threshold.
+//! - `residual`: the share of the pixels of `gain` with a possible residual, at least 0.99. It
+//!   finds lost resets, dropped chunks, and offsets.
+//! - `sign`: the share of pixels with `|dv|` above two thresholds whose `s` has the sign of `dv`,
+//!   at least 0.995. It finds wrong polarity.
 //!
 //! The definitions follow from two properties of residuals, which are not noise. First, spans start
 //! at the first frame, where the residual is 0. Between two later instants it may change by
@@ -17,9 +20,11 @@
 //! estimate the threshold: in a scene that only grows brighter, all residuals have one sign, and
 //! sound streams give 1.1 to 1.7. Its limits are therefore widened by the possible effect of
 //! residuals, [`fit::SlopeSums::allowance`]. The threshold is read from the edge of the residuals,
-//! which is sharp to 2 %. A residual is possible when `|dv - s| <= max(A, B)`, plus 2 %, six
-//! standard deviations of the noise and two of the leak. If voltages do not start at 0, the bound
-//! is `A + B`, and there is no edge. A gate.
+//! which is sharp to 2 %.
+//!
+//! A residual is possible if `|dv - s| <= max(A, B)`, plus 2 %, six standard deviations of the
+//! noise and two of the leak. If voltages do not start at 0, the bound is `A + B`, and there is no
+//! edge.
 
 pub mod fit;
 
@@ -33,10 +38,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest relative difference between the measured and the stated threshold. Default: `THRESHOLD`.
+    /// Largest relative difference between the measured and the stated threshold. Default:
+    /// `THRESHOLD`.
     #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f64>,
-    /// Largest difference of the gain from 1, in addition to what residuals can do. Default: `GAIN`.
+    /// Largest difference of the gain from 1, in addition to what residuals can do. Default:
+    /// `GAIN`.
     #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
     /// Smallest share of pixels whose residual is possible. Default: `RESIDUAL`.
@@ -54,8 +61,7 @@ const SIGN: f64 = 0.995;
 
 /// Minimum number of pixels for a statement.
 const LEAST_PIXELS: u64 = 100;
-/// Minimum number of pixels near a threshold. With fewer, an edge shows the scene and not the
-/// sensor.
+/// Minimum of [`fit::EventEdge::reachable`]. Below it, an edge shows the scene and not the sensor.
 const LEAST_REACHABLE: f64 = 0.98;
 
 /// The pass.
@@ -110,6 +116,7 @@ impl EventFramePass<'_> {
     fn gain(&self, part: &str, of: impl Fn(&AnchorFit) -> SlopeSums) -> Finding {
         let most = self.law.most_residual();
         let tolerance = self.limits().gain.unwrap_or(GAIN);
+        // Instants differ in what residuals allow, so they are compared by the excess.
         let excess = |s: &SlopeSums| (s.factor() - 1.0).abs() - s.allowance(most);
         let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= LEAST_PIXELS && s.squares > 0.0);
         let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
@@ -117,6 +124,7 @@ impl EventFramePass<'_> {
         };
         let factor = slope.factor();
         let width = tolerance + slope.allowance(most);
+        // The gain has a limit on each side of 1. The finding states the one on its own side.
         let limit = if factor < 1.0 { 1.0 - width } else { 1.0 + width };
         let verdict = LimitSide::gate(width).at_most((factor - 1.0).abs());
         let because = format!(
@@ -127,7 +135,7 @@ impl EventFramePass<'_> {
     }
 
     /// The largest threshold over the instants. A lower one may only mean that no pixel was about
-    /// to fire; none can be too large.
+    /// to fire, but no pixel can show a threshold that is too large.
     fn threshold(&self, part: &str, side: usize) -> Finding {
         if !self.law.from_zero {
             return self.subject.not_run(

@@ -1,11 +1,11 @@
-//! Event rates of pixels. A gate where the recipe sets a limit, otherwise a warning.
+//! Event rates of pixels. Gates where the recipe sets a limit, otherwise warnings.
 //!
-//! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
-//! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
-//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
-//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound. A stream
-//! without events, or with fewer than one per 1,000 pixels, gets a warning whatever the sensor: it may be
-//! right, but it cannot be used. A single frame gets one too, because no sensor makes events from it.
+//! `rate` is events per pixel and second, compared with the recipe's `min` and `max`. `flow` is
+//! events per pixel and px of median flow. The usual range is 0.02 to 1 at a contrast of 0.2, in
+//! proportion to the inverse contrast elsewhere; the events that noise can make widen it upwards.
+//! Outside, the luminance or the motion is wrong. A sensor with a contrast above 0.5 may see
+//! nothing at all in a picture with softer edges, so it has no lower bound. A stream without events
+//! gets a warning for every sensor: it may be right, but it is of no use.
 
 use super::subject::{Judgement, LimitSide, between_bounds};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
@@ -68,6 +68,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let measured = tally.events as f64 / (pixels * seconds);
     let (verdict, limit) = between_bounds(measured, least, most);
     let (verdict, because) = match (tally.events, verdict) {
+        // Also without a limit: the bounds of 0 and infinity would pass it.
         (0, Verdict::Pass) => (Verdict::Warn, empty(seconds)),
         (events, Verdict::Pass) if (events as f64) < FEW * pixels => {
             let because = format!(
@@ -83,6 +84,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
             (verdict, because)
         }
     };
+    // The defaults of 0 and infinity are no limits to show.
     let limit = (limits != Limits::default() && limit.is_finite()).then_some(limit);
     subject.finding(
         NAME,
@@ -118,6 +120,8 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let [on, off] = law.contrast();
     let contrast = 0.5 * (on + off);
     let sensitivity = CONTRAST / contrast;
+    // The luminance of each pixel is not known here, so the noisiest of some greys bounds the
+    // noise.
     let noise = GREYS.map(|grey| law.most_noise_events(grey, subject.seconds() * 1e6));
     let noise = noise.into_iter().fold(0.0, f64::max) / moved;
     let least = if contrast > INSENSITIVE { 0.0 } else { PER_FLOW[0] * sensitivity };

@@ -51,6 +51,7 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let limits = subject.limits.hot_pixels.unwrap_or_default();
     let pixels = tally.size.pixels() as f64;
     let stated = subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().share);
+    // The number of hot pixels is drawn, with this standard deviation or less.
     let most = SHARE + stated + 5.0 * (stated / pixels).sqrt();
     let limit = LimitSide::limit_or(limits.hot, LimitSide::warning(most));
     let busy = &tally.busy;

@@ -1,4 +1,5 @@
-//! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
+//! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted
+//! with a reason.
 
 use super::{
     NAMES, SCENE, affine, batching, capture, coverage, duplicates, event_frame, event_rate, hot_pixels,
@@ -82,6 +83,7 @@ impl Limits {
     #[must_use]
     pub fn of_trajectory(&self) -> Self {
         let mut waive = self.waive.clone();
+        // A limit of another stage must not enter the key of this one.
         waive.retain(|waiver| !SCENE.contains(&waiver.check.as_str()));
         Self { recon_psnr: None, capture: None, waive, ..self.clone() }
     }
@@ -120,6 +122,7 @@ impl<'de> Visitor<'de> for LimitsVisitor {
         let mut limits = Limits::default();
         let mut seen = Vec::new();
         while let Some(key) = map.next_key::<String>()? {
+            // A derived implementation refuses a repeated key; this one must do so itself.
             if seen.contains(&key) {
                 return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
             }
@@ -131,6 +134,7 @@ impl<'de> Visitor<'de> for LimitsVisitor {
 }
 
 fn refusal_message<E: Error>(key: &str) -> E {
+    // The name is known, so the message for unknown fields would mislead.
     if EXACT.contains(&key) {
         E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
     } else {
@@ -140,6 +144,7 @@ fn refusal_message<E: Error>(key: &str) -> E {
 
 fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let name = String::deserialize(deserializer)?;
+    // A misspelt name would accept nothing, and not say so.
     if NAMES.contains(&name.as_str()) {
         Ok(name)
     } else {
@@ -155,8 +160,7 @@ fn parse_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D:
     Ok(because)
 }
 
-/// The reason for not running a pass that asks other programs, where the recipe does not request
-/// it.
+/// The reason for not running a pass of another program that the recipe does not request.
 pub(super) fn not_asked(name: &str) -> String {
     format!("the recipe does not ask for it; `checks: {{ {name}: {{}} }}` does")
 }

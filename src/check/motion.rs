@@ -37,7 +37,7 @@ const LEAST_MOVED: f64 = 3.0;
 const LEAST_EVENTS: u64 = 1000;
 /// Maximum image motion between frames, px. Beyond it, events do not move with the image.
 const MOST_PER_FRAME: f32 = 2.0;
-/// Number of standard deviations of the median by noise below 1 that count as a fault.
+/// Distance of the median below 1, in standard deviations of noise, from which on it is a fault.
 const CERTAIN: f64 = 4.5;
 
 /// The pass.
@@ -85,10 +85,12 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     let mut ratios: Vec<f64> = windows.iter().map(|s| s.ratio()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
     let measured = ratios[(ratios.len() - 1) / 2];
+    // The median is at most as noisy as its noisiest window.
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
     let gate = LimitSide::gate(1.0 - CERTAIN * noise);
     let wanted =
         LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), LimitSide::warning(MEDIAN));
+    // The gate holds even where the recipe asks for less.
     let (verdict, limit) = match gate.at_least(measured) {
         Verdict::Pass => (wanted.at_least(measured), wanted.value),
         failed => (failed, gate.value),

@@ -18,7 +18,8 @@ use still::StillPixelCounts;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest factor between the events of still pixels and those of the sensor's noise. Default: `FACTOR`.
+    /// Largest factor between the events of still pixels and those of the sensor's noise. Default:
+    /// `FACTOR`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub factor: Option<f64>,
 }
@@ -63,7 +64,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Find
     let factor =
         LimitSide::limit_or(subject.limits.noise_floor.and_then(|l| l.factor), LimitSide::warning(FACTOR));
     let settled = !still.from_zero || still.intervals >= SETTLED;
-    // Counts vary by at most five times the root of their expectation, plus one event.
+    // Counts vary by at most five times the root of their expectation, which is one event or more.
     let slack = 5.0 * still.expected.max(1.0).sqrt();
     let events = still.events as f64;
     let [least, most] = [still.expected / factor.value - slack, still.expected * factor.value + slack];
@@ -75,6 +76,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Find
         still.expected,
         if settled { "" } else { " at most: voltages start at 0" }
     );
+    // The finding states the bound on the side of the count.
     let limit = if events < still.expected { least.max(0.0) } else { most };
     let judged = Judgement { verdict, measured: Some(events), limit: Some(limit), unit: "events", because };
     subject.finding(NAME, "rate", judged)

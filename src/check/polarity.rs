@@ -57,6 +57,7 @@ impl ValidationPass for OnShare {
 fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64) -> Finding {
     let limits = subject.limits.polarity.unwrap_or_default();
     let predicted = predicted_share(subject, tally);
+    // Without frames, half of the events are expected to be ON.
     let center = predicted.unwrap_or(0.5);
     let width = WIDTH + largest_shift(subject, tally);
     let least = LimitSide::limit_or(limits.min, LimitSide::warning((center - width).max(0.0)));

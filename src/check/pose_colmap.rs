@@ -1,14 +1,15 @@
 //! Poses against COLMAP, which reconstructs them from a sample of the sharp pictures. Gates;
 //! `registered` is a warning. The pass runs if the recipe requests it and COLMAP is installed.
 //!
-//! | statement | what | default limit |
+//! | statement | measured value | default limit |
 //! |---|---|---|
 //! | `registered` | share of the pictures that COLMAP registers | at least 0.9, warning |
 //! | `rotation` | median angle between stated and reconstructed rotation | 0.1 degrees |
-//! | `rotation-worst` | largest such angle | 0.5 degrees: half of the fault of one degree that it
-//! must find |
-//! | `translation` | largest distance between stated and reconstructed centre, divided by the
-//! length of the path | 0.01 |
+//! | `rotation-worst` | largest angle between these rotations | 0.5 degrees |
+//! | `translation` | largest distance between the centres, over the path's length | 0.01 |
+//!
+//! The pass must find a fault of one degree in one pose; the limit of `rotation-worst` is half of
+//! it.
 //!
 //! `foreign/align.rs` describes the alignment of the two worlds. The remaining difference on sound
 //! poses is COLMAP's own error: on renderings of 640x360, the median was 0.02 to 0.12 degrees and

@@ -54,6 +54,7 @@ impl ValidationPass for PoseContinuity {
 fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
     let ratio = |j: usize| {
         let among = median_of_neighbours(steps, j).max(floor);
+        // If nothing moves, the floor is 0 as well, and the ratio would be NaN.
         if steps[j] > 0.0 { steps[j] / among } else { 0.0 }
     };
     let ratios = (0..steps.len()).map(|j| (j, ratio(j)));
@@ -66,7 +67,7 @@ fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor
     subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: "1", because })
 }
 
-/// Steps divided by the asked speeds, in the mixed metric.
+/// Steps in the mixed metric, divided by their requested shares of the path.
 struct RelativeSteps {
     linear: Vec<f64>,
     angular: Vec<f64>,
@@ -77,6 +78,7 @@ impl RelativeSteps {
         let report = subject.speed;
         let (alpha, beta) = report.map_or((1.0, 1.0), |r| (r.alpha, r.beta / r.scale_distance));
         let shares: Vec<f64> = report.map_or_else(Vec::new, |r| r.asked_shares().collect());
+        // A share of 0 cannot divide a step.
         let asked = |j: usize| shares.get(j).copied().filter(|share| *share > 0.0).unwrap_or(1.0);
         let pairs = || (0..).zip(subject.trajectory.world_from_camera.windows(2));
         let linear = |w: &[crate::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
@@ -93,6 +95,7 @@ impl RelativeSteps {
 }
 
 fn median_of_neighbours(steps: &[f64], j: usize) -> f64 {
+    // The step itself is left out, because it would raise the median that it is compared with.
     let around = j.saturating_sub(REACH)..(j + REACH + 1).min(steps.len());
     middle_mean(around.filter(|i| *i != j).map(|i| steps[i]).collect())
 }

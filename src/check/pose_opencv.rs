@@ -1,18 +1,17 @@
 //! Poses and camera against OpenCV, which reads them as released. The pass runs if the recipe
 //! requests it and OpenCV is installed.
 //!
-//! | statement | what | default limit |
+//! | statement | measured value | default limit |
 //! |---|---|---|
-//! | `projection` | largest distance between the projections of a point by OpenCV and by the
-//! renderer's camera, with `poses.txt` and with `transforms.json` | 1e-3 px, gate: no limit can be
-//! set |
-//! | `relative-rotation` | median angle between the motion of neighbouring pictures found by OpenCV
-//! and the stated motion | 0.5 degrees, warning |
-//! | `relative-direction` | the same for the direction of translation | 10 degrees, warning |
+//! | `projection` | largest distance between two projections of a point | 1e-3 px, gate |
+//! | `relative-rotation` | median angle between motions of pictures | 0.5 degrees, warning |
+//! | `relative-direction` | median angle between directions of translation | 10 degrees, warning |
 //!
-//! `projection` tests the conventions of both files: axes, direction, order of numbers, centre of a
-//! pixel. The other two compare them with the content of pictures, but less precisely: two views
-//! determine a motion less well than twenty do (`pose_colmap`).
+//! `projection` compares OpenCV with the renderer's camera, with the poses of `poses.txt` and with
+//! those of `transforms.json`. It tests the conventions of both files: axes, direction, order of
+//! numbers, centre of a pixel. No limit can be set. The other two compare the motion that OpenCV
+//! finds in pictures with the stated motion. They are less precise: two views determine a motion
+//! less well than twenty do (`pose_colmap`).
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
@@ -67,6 +66,7 @@ fn judge_projection(geometry: &OpencvGeometry) -> Judgement {
     let (name, ProjectionAgreement { px, pose, points }) =
         if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
     let program = &geometry.program;
+    // A file without known poses has no distance, and would pass.
     if let Some((name, _)) = files.iter().find(|(_, seen)| seen.pose.is_none()) {
         return Judgement::not_run(format!("{name} has none of the poses that {program} was asked about"));
     }

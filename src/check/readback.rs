@@ -55,6 +55,7 @@ fn judge_events(read: &foreign::readback::ReadbackReport) -> Judgement {
     let total: u64 = read.streams.iter().map(|stream| stream.events).sum();
     let mut names: Vec<&str> =
         read.streams.iter().flat_map(|stream| &stream.differing).map(String::as_str).collect();
+    // Several streams may differ in columns of one name.
     names.sort_unstable();
     names.dedup();
     let program = &read.program;

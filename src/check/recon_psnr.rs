@@ -34,6 +34,7 @@ pub(super) const NAME: &str = "recon_psnr";
 /// The findings on a scene.
 pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     const PARTS: [&str; 3] = ["drop", "mean", "ssim"];
+    // A statement that was not measured appears in the report all the same.
     let not_run = |because: &str| PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec();
     let Some(fidelity) = subject.fidelity else { return not_run("there is no scene to render") };
     let (Some(psnr), Some(worst), Some(similarity)) = (fidelity.psnr(), fidelity.worst(), fidelity.ssim())

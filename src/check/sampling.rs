@@ -25,7 +25,8 @@ pub struct Limits {
     /// Largest change of the number of events at twice the frames, as a share. Default: `COUNT`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub count: Option<f64>,
-    /// Largest median shift of an event at twice the frames. Unit: us. Default: `SHIFT_US`; none with a tolerance.
+    /// Largest median shift of an event at twice the frames. Unit: us. Default: `SHIFT_US`; none
+    /// with a tolerance.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub shift_us: Option<f64>,
 }
@@ -104,6 +105,7 @@ fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> F
     let because =
         format!("of {} events at twice the frames the median moves by {measured:.2} us", tried.paired);
     let asked = subject.limits.sampling.and_then(|l| l.shift_us);
+    // A tolerance bounds an error of voltage, from which no error of time follows.
     if let (Some(tolerance), None) = (tried.tolerance, asked) {
         let because = format!("{because}; the recipe allows an error of {tolerance} thresholds");
         let (verdict, measured) = (Verdict::Pass, Some(measured));

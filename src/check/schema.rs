@@ -1,7 +1,7 @@
 //! Events lie on the sensor and are in order. An exact gate.
 //!
-//! Types, lengths, index tables and polarities other than 0 and 1 are rejected by the reader: such
-//! a file cannot be read.
+//! The reader rejects wrong types, lengths and index tables, and polarities other than 0 and 1: a
+//! file with one of these cannot be read.
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass};

@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest relative deviation of a step from its share of the path, as arc length. Default: `ARC`.
+    /// Largest relative deviation of a step from its share of the path, as arc length. Default:
+    /// `ARC`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub arc: Option<f64>,
     /// Largest relative deviation of a step from its share of the path, as chord. Default: `CHORD`.

@@ -48,7 +48,8 @@ fn judge_poses(subject: &TrajectorySubject<'_>) -> Finding {
     wrong_count(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
 }
 
-/// The expected stamps: those of the frame rate, or of the frame rates that the speed law requests.
+/// The expected stamps: those of the frame rate, or those of the frame rates that the speed law
+/// requests.
 fn expected_stamps(subject: &TrajectorySubject<'_>) -> Vec<i64> {
     match subject.speed {
         Some(report) if report.meaning == SpeedMeaning::FrameRate => {

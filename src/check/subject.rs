@@ -58,7 +58,7 @@ impl TrajectorySubject<'_> {
         }
     }
 
-    /// The law of the sensor's drift, or the reason why there is none.
+    /// The law of the sensor's drift, or the reason for its absence.
     pub(super) fn drift_law(&self) -> Result<DriftLaw, &'static str> {
         self.sensor.ok_or("there is no sensor").and_then(DriftLaw::for_sensor)
     }
@@ -136,7 +136,7 @@ impl LimitSide {
 
     /// The verdict on a value that must not exceed this.
     pub(super) fn at_most(self, measured: f64) -> Verdict {
-        // Written so that NaN is outside.
+        // NaN is outside.
         if measured <= self.value { Verdict::Pass } else { self.beyond }
     }
 

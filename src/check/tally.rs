@@ -102,7 +102,7 @@ pub struct StreamObserver<'a> {
     frames_per_us: f64,
     end_us: i64,
     previous: Option<Event>,
-    /// Events in front of the latest one at its pixel and in its microsecond.
+    /// Number of events directly before the latest one at its pixel and in its microsecond.
     together: u64,
     millisecond: (i64, u64),
     counts: PixelCounts,
@@ -142,6 +142,8 @@ impl<'a> StreamObserver<'a> {
             millisecond: (0, 0),
             counts: PixelCounts { on: vec![0; pixels], off: vec![0; pixels] },
             crowds: CrowdingCounter::new(size, end_us),
+            // Half of the smallest number, so that the difference to a first event does not
+            // overflow.
             last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
             dead_us,
             balance: seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors)),
@@ -160,8 +162,10 @@ impl<'a> StreamObserver<'a> {
     /// The counts after the last event.
     #[must_use]
     pub fn finish(mut self) -> StreamTally {
+        // Anchors after the last event have not been evaluated yet.
         self.settle_until(i64::MAX);
         let tally = &mut self.tally;
+        // The last millisecond is still open.
         tally.peak_per_ms = tally.peak_per_ms.max(self.millisecond.1);
         let totals: Vec<u32> =
             self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
@@ -178,6 +182,7 @@ impl<'a> StreamObserver<'a> {
 
     fn see(&mut self, event: Event) {
         let t_us = event.t.floor_micros();
+        // First, because the counts of an anchor must not contain this event.
         self.settle_until(t_us);
         self.count_neighbours(event);
         self.count_time(t_us);
@@ -186,6 +191,7 @@ impl<'a> StreamObserver<'a> {
         tally.on += u64::from(event.polarity == Polarity::On);
         let (x, y) = (usize::from(event.x), usize::from(event.y));
         let (width, height) = (self.size.width as usize, self.size.height as usize);
+        // Order, times and polarity count for every event; the rest needs a pixel.
         if x >= width || y >= height {
             tally.off_sensor += 1;
             return;
@@ -209,6 +215,7 @@ impl<'a> StreamObserver<'a> {
     /// Evaluates every anchor up to `t_us`. All events before it have been counted.
     fn settle_until(&mut self, t_us: i64) {
         let Some(balance) = &mut self.balance else { return };
+        // An event in the microsecond of an anchor counts to it.
         while balance.next_us().is_some_and(|stop| t_us > stop) {
             balance.settle(&self.counts);
         }
@@ -223,6 +230,7 @@ impl<'a> StreamObserver<'a> {
         let (before, after) = (previous.file_order(), event.file_order());
         let same_place = (before.0, before.1, before.2) == (after.0, after.1, after.2);
         self.together = if same_place { self.together + 1 } else { 0 };
+        // Each event of a group forms a pair with every event before it.
         tally.pairs += self.together;
         tally.disordered += u64::from(after < before);
         tally.repeated += u64::from(same_place && before.3 == after.3);

@@ -1,6 +1,7 @@
 //! Offset between the clocks of events and frames. A gate.
 //!
-//! The delay of the events follows from the pixels with steady drift at some instants, see [`LagSums`].
+//! The delay of the events follows from the pixels with steady drift at some instants, see
+//! [`LagSums`].
 //! It may be at most half of a frame step. The pass needs a sensor whose drift is determined by
 //! frames, and is not run if noise hides an eighth of a step.
 
@@ -65,6 +66,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     }
     let limit =
         LimitSide::limit_or(subject.limits.time_offset.and_then(|l| l.max_us), LimitSide::gate(STEPS * step));
+    // The limit is on the size; the finding keeps the sign.
     let verdict = limit.at_most(lag.abs());
     let because = format!(
         "events are {:.1} us {} than frames, by {pixels} pixels that are on their way (standard deviation {deviation:.1})",

@@ -37,6 +37,7 @@ const NEAR: f64 = 1e-9;
 /// Returns the distances of all pairs after the best similarity.
 #[must_use]
 pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
+    // If only the worlds differ, this rotation is equal for all poses.
     let turns: Vec<DQuat> =
         pairs.iter().map(|p| (p.stated.rotation * p.found.rotation.conjugate()).normalize()).collect();
     let Some(turn) = median_rotation(&turns) else { return Vec::new() };
@@ -47,6 +48,7 @@ pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
     let (product, square) = arms
         .clone()
         .fold((0.0, 0.0), |(p, s), (stated, found)| (p + stated.dot(found), s + found.dot(found)));
+    // Centres in one place have no scale.
     let scale = if square > 0.0 { product / square } else { 0.0 };
     turns
         .iter()
@@ -61,6 +63,7 @@ pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
 /// Returns the rotation with the minimum sum of angles to these; `None` for an empty list.
 fn median_rotation(rotations: &[DQuat]) -> Option<DQuat> {
     let sum = |from: DQuat| rotations.iter().map(|r| angle_between(from, *r)).sum::<f64>();
+    // The start is the best of the given rotations, and only better ones follow.
     let start = rotations.iter().min_by(|a, b| sum(**a).total_cmp(&sum(**b)))?;
     let mut best = *start;
     for _ in 0..ROUNDS {

@@ -107,6 +107,7 @@ fn make_model(
     }
     for picture in pictures {
         let link = images.join(name_of(picture.pose));
+        // A relative link would be resolved from its own folder.
         let file = std::path::absolute(&picture.file).map_err(ForeignError::io_error(&picture.file))?;
         std::os::unix::fs::symlink(file, &link).map_err(ForeignError::io_error(&link))?;
     }
@@ -120,6 +121,7 @@ fn make_model(
     colmap("feature_extractor", &extraction_options(&images, camera)).end_well()?;
     let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;
     let (matches, pairs) = features::match_pairs(&described);
+    // The matching itself does not stop, so a request to stop is noticed after it.
     if !(desk.goes_on)() {
         return Err(ForeignError::Stopped);
     }
@@ -131,6 +133,7 @@ fn make_model(
     colmap("matches_importer", &import_options(&list)).end_well()?;
     match colmap("mapper", &mapping_options(&images, &sparse)).end()? {
         Ok(ran) => {
+            // With `multiple_models` off, the only model is number 0.
             let read = || ColmapModel::find_model(&sparse.join("0"))?.images();
             read().map(Ok).map_err(|e| ran.failed(EndKind::Product(format!("its model: {e}"))))
         }
@@ -140,6 +143,7 @@ fn make_model(
 }
 
 fn name_of(pose: usize) -> String {
+    // Six digits, so that names sort like poses.
     format!("{pose:06}.png")
 }
 
@@ -191,6 +195,7 @@ impl ColmapPoses {
         };
         let (numbers, pairs): (Vec<usize>, Vec<CameraPair>) = poses.iter().filter_map(pair).unzip();
         let centre = |pair: &CameraPair| pair.stated.translation;
+        // Only registered pictures count, because only their errors are divided by the length.
         let path: f64 = pairs.windows(2).map(|w| centre(&w[1]).distance(centre(&w[0]))).sum();
         let registered = |(pose, apart): (usize, PoseDistance)| PoseAgreement {
             pose,

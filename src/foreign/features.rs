@@ -73,6 +73,7 @@ struct NearestPair {
 
 impl NearestPair {
     fn see(&mut self, at: usize, product: i32) {
+        // An equal product becomes the second, so that a tie chooses neither.
         if product > self.first {
             *self = Self { at, first: product, second: self.first };
         } else if product > self.second {
@@ -82,6 +83,7 @@ impl NearestPair {
 
     /// Returns the nearest, if it is near enough and clearly nearer than the second.
     fn chosen(self) -> Option<usize> {
+        // Rounding may make a descriptor longer than the scale, for which `acos` is NaN.
         let angle = |product: i32| libm::acos((f64::from(product) / SQUARE).min(1.0));
         let (first, second) = (angle(self.first), angle(self.second));
         (first <= MOST_ANGLE && first < MOST_RATIO * second).then_some(self.at)
@@ -90,6 +92,7 @@ impl NearestPair {
 
 /// Returns the pairs of key points that choose each other, in the order of the first.
 fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
+    // One pass over the products finds the nearest in both directions.
     let mut of_b = vec![NearestPair::default(); b.len()];
     let of_a = a.iter().enumerate().map(|(i, x)| {
         let mut nearest = NearestPair::default();
@@ -106,6 +109,7 @@ fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)>
 }
 
 fn dot_product(a: &[i16; LENGTH], b: &[i16; LENGTH]) -> i32 {
+    // The sum is at most 128 * 255^2, which 32 bits hold.
     a.iter().zip(b).map(|(a, b)| i32::from(*a) * i32::from(*b)).sum()
 }
 

@@ -154,9 +154,11 @@ impl OpencvRequest<'_> {
     fn views(&self) -> Vec<serde_json::Value> {
         let Trajectory { world_from_camera, stamps_us } = self.trajectory;
         let shown: Vec<usize> = self.pictures.iter().map(|picture| picture.pose).collect();
+        // Without pictures, the file contains every pose.
         let candidates = if shown.is_empty() { (0..stamps_us.len()).collect() } else { shown };
         let steps = world_from_camera.windows(2).map(|w| w[1].translation.distance(w[0].translation));
         let path: f64 = steps.sum();
+        // A camera at rest has no path to scale the depths by.
         let unit = if path > 0.0 { path } else { 1.0 };
         let view = |k: usize| {
             let pose = candidates[k];

@@ -79,6 +79,7 @@ pub fn read_back(
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
+    // Events are read back even if OpenCV is absent.
     let opencv = versions::having(&["cv2"], desk.programs);
     let looks = match &opencv {
         Ok(opencv) if !pictures.is_empty() => {
@@ -94,6 +95,7 @@ pub fn read_back(
     let answer: ReadbackAnswer = python::ask_script("readback", &request, desk)?;
     let own: Vec<OwnColumns> =
         streams.iter().map(|file| OwnColumns::from_file(file, desk)).collect::<Result<_, _>>()?;
+    // The script answers in the order of the request.
     let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
     let mut differing = Vec::new();
     for (picture, found) in looks.iter().zip(&answer.pictures) {
@@ -142,6 +144,7 @@ impl OwnColumns {
         if self.events != found.count {
             differing.push("count".to_owned());
         }
+        // A column that the other program lacks differs too.
         let other = |(name, digest): &(&&str, &String)| found.columns.get(**name) != Some(digest);
         differing.extend(self.columns.iter().filter(other).map(|(name, _)| (*name).to_owned()));
         let ReadColumns { entries, wrong_entries, .. } = *found;
@@ -152,6 +155,7 @@ impl OwnColumns {
 fn column_bytes(column: &str, events: &[Event]) -> Vec<u8> {
     let narrow = |value: fn(&Event) -> u16| events.iter().flat_map(|e| value(e).to_le_bytes()).collect();
     match column {
+        // Released stamps are whole microseconds.
         "t" => events.iter().flat_map(|e| e.t.floor_micros().to_le_bytes()).collect(),
         "x" => narrow(|e| e.x),
         "y" => narrow(|e| e.y),

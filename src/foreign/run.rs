@@ -17,7 +17,7 @@ pub(super) struct ExternalRun<'a> {
     pub(super) desk: TrainingWorkspace<'a>,
 }
 
-/// Neither a screen nor more than one thread is taken.
+/// Environment of every run: without a screen, and with one thread.
 const ENVIRONMENT: [(&str, &str); 3] =
     [("QT_QPA_PLATFORM", "offscreen"), ("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")];
 
@@ -31,19 +31,21 @@ pub(super) struct FinishedRun<'a> {
 }
 
 impl<'a> ExternalRun<'a> {
-    /// Runs the program to its end. The inner `Err` is a run with a non-zero exit code.
+    /// Runs the program to its end. The inner `Err` is a run that ended with exit code 1.
     pub(super) fn end(self) -> Result<Result<FinishedRun<'a>, FinishedRun<'a>>, ForeignError> {
         let Self { program, arguments, seconds, desk } = self;
         let environment = ENVIRONMENT.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let environment = BTreeMap::from(environment);
-        // The desk lies below the current folder, where version managers look for a file that chooses a
-        // program.
+        // The desk lies below the current folder, where version managers look for a file that
+        // chooses a program.
         let folder = PathBuf::from("/");
         let invocation = ProgramCall { program: program.into(), arguments, environment, folder };
+        // The log may already hold the output of earlier runs.
         let ran = FinishedRun { invocation, program, log: desk.log, from: programs::length(desk.log) };
         match programs::run_within(seconds, desk.programs, &ran.invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(Ok(ran)),
             Err(ProgramEnd::Stopped) => Err(ForeignError::Stopped),
+            // COLMAP also ends with code 1 if it finds no model, so the caller decides.
             Err(ProgramEnd::Failed(EndKind::Code(1))) => Ok(Err(ran)),
             Err(ProgramEnd::Failed(how)) => Err(ran.failed(how)),
         }

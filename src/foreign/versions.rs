@@ -1,16 +1,17 @@
-//! Versions of the programs that are asked about trajectories. To know a version is to run the program,
-//! so a step that may not run anything takes the version that was found before, or does without.
+//! Versions of the programs that are asked about trajectories. A program must be run to learn its
+//! version. A step that may not run anything takes the version that was found before, or has no
+//! version.
 
 use crate::programs::ProgramFinder;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// COLMAP's program.
+/// Name of COLMAP's program.
 pub(super) const COLMAP: &str = "colmap";
-/// Python's.
+/// Name of Python's program.
 pub(super) const PYTHON: &str = "python3";
-/// Python's option for a run that takes no module of the current folder, no variable of its own and no
-/// package of the user.
+/// Python's option for an isolated run: without modules of the current folder, without Python's
+/// environment variables, and without the user's packages.
 pub(super) const ISOLATED: &str = "-I";
 
 /// A program that is asked about trajectories.
@@ -22,19 +23,19 @@ pub enum VersionQuery {
     Python,
 }
 
-/// A version that a program said, and the files that it depends on.
+/// The version that a program stated, and the files that it depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ProgramVersion {
     /// The version of the program and of its packages, or a sentence that says what is absent. It
     /// enters keys.
     pub text: String,
-    /// The program and the folders of its packages: while none of them moves, the program says the same
-    /// again.
+    /// The program and the folders of its packages. While none of them changes, the program states
+    /// the same version.
     pub grounds: Vec<PathBuf>,
 }
 
 impl VersionQuery {
-    /// The name by which it is looked for.
+    /// Name under which the program is looked up.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -43,16 +44,18 @@ impl VersionQuery {
         }
     }
 
-    /// Its absolute path; `None` if there is none.
+    /// Absolute path of the program; `None` if it is absent.
     #[must_use]
     pub fn path(self, programs: &ProgramFinder) -> Option<PathBuf> {
         programs.find(Path::new(self.name())).ok()
     }
 
-    /// Asks it for its version.
+    /// Asks the program for its version.
     #[must_use]
     pub fn version(self, programs: &ProgramFinder) -> ProgramVersion {
         let (text, folders) = match self {
+            // An absent program has a sentence as its version, so that installing it changes the
+            // key.
             Self::Colmap => (colmap(programs).unwrap_or_else(|absent| absent), Vec::new()),
             Self::Python => {
                 let folders = python(programs).map(|packages| packages.folders).unwrap_or_default();
@@ -63,16 +66,16 @@ impl VersionQuery {
     }
 }
 
-/// The packages that a Python has, by their versions.
+/// Versions of the packages that a Python has.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 pub struct PackageVersions {
-    /// Arrays.
+    /// Version of numpy, for arrays.
     pub numpy: Option<String>,
-    /// OpenCV.
+    /// Version of OpenCV.
     pub cv2: Option<String>,
-    /// HDF5.
+    /// Version of h5py, for HDF5.
     pub h5py: Option<String>,
-    /// Where packages are installed.
+    /// Folders in which packages are installed.
     pub folders: Vec<PathBuf>,
 }
 
@@ -87,21 +90,22 @@ found = {name: version(name) for name in ('numpy', 'cv2', 'h5py')}
 print(json.dumps({**found, 'folders': [path for path in sys.path if os.path.isdir(path)]}))
 ";
 
-/// COLMAP's version as it says it, `COLMAP 3.8`.
+/// Returns COLMAP's version in its own words, `COLMAP 3.8`.
 ///
 /// # Errors
-/// A sentence for people if there is none.
+/// The program is absent, or does not state its version. The text is a sentence for people.
 pub fn colmap(programs: &ProgramFinder) -> Result<String, String> {
     let said = programs.ask(COLMAP, &["help"])?;
+    // The first line is `COLMAP 3.8 -- Structure-from-Motion and Multi-View Stereo`.
     let mut lines = said.lines().map(|line| line.split(" -- ").next().unwrap_or(line).trim());
     let name = lines.find(|line| line.starts_with("COLMAP "));
     name.map(str::to_owned).ok_or_else(|| format!("the program `{COLMAP}` does not say which COLMAP it is"))
 }
 
-/// The packages that Python has.
+/// Returns the versions of Python's packages.
 ///
 /// # Errors
-/// A sentence for people where there is no Python.
+/// Python is absent, or does not list its packages. The text is a sentence for people.
 pub fn python(programs: &ProgramFinder) -> Result<PackageVersions, String> {
     let said = programs.ask(PYTHON, &[ISOLATED, "-c", LISTS_PACKAGES])?;
     // Packages may print warnings while they are imported.
@@ -109,10 +113,10 @@ pub fn python(programs: &ProgramFinder) -> Result<PackageVersions, String> {
     list.ok_or_else(|| format!("the program `{PYTHON}` does not list its packages"))
 }
 
-/// The versions of these packages, each with its name.
+/// Returns the versions of these packages, each with its name.
 ///
 /// # Errors
-/// A sentence for people that names the first package that is absent.
+/// Python or a package is absent. The text is a sentence for people that names the first one.
 pub(super) fn having(wanted: &[&str], programs: &ProgramFinder) -> Result<String, String> {
     let packages = python(programs)?;
     let version = |name: &&str| {

@@ -120,6 +120,7 @@ fn measured_flows(streams: &EventStreams, motion: &TrajectoryProduct) -> Vec<Flo
     let (stamps, velocities) = (&motion.trajectory.stamps_us, motion.velocities());
     let at = |(t_us, depth): (&i64, &Image<f32>)| {
         let after = stamps.partition_point(|t| t < t_us).min(stamps.len() - 1);
+        // Chosen frames lie between poses, so stamps need not be equal.
         let near =
             if after > 0 && t_us - stamps[after - 1] < stamps[after] - t_us { after - 1 } else { after };
         let camera = streams.simulation.camera;

@@ -85,6 +85,8 @@ impl Stage for EventsStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         let sensors = self.sensors().count() as u64;
+        // Only a front end that changes the frame, or a build that omits nothing, holds frames of
+        // its own.
         let is_coloured =
             |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
         let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
@@ -220,12 +222,14 @@ impl EventsStage {
             let model = sensor.as_model();
             let pixels = model.start(size, [0, 0], self.seed).map_err(|e| failed(e.into()))?;
             let mut channel = SensorChannel::new(pixels, sink).behind(model.front_end());
+            // The first sensor behind each front end keeps the frames for the others.
             if let Some(at) = unwatched.iter().position(|(front_end, _)| *front_end == model.front_end()) {
                 channel = channel.watched(unwatched.swap_remove(at).1);
             }
             channels.push(channel);
         }
         let accounts = simulate_all(frames, &mut channels, &mut tap).map_err(failed)?;
+        // The channels borrow the sinks, which are finished next.
         drop(channels);
         let last = stamps_us.last().copied().unwrap_or(0);
         for sink in sinks {
@@ -275,6 +279,7 @@ fn continuous_path(motion: &TrajectoryProduct) -> Result<Option<SampledPath>, St
 /// Number of frames in which the median image motion is about a pixel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of frames, saturating")]
 fn span_frames(flow_px: Option<FlowQuantiles>) -> usize {
+    // Without motion, the quotient is infinite, and the choice of anchors clamps it.
     flow_px.map_or(1, |flow| (1.0 / flow.median).round() as usize)
 }
 

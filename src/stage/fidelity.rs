@@ -102,6 +102,7 @@ pub(super) fn measure_fidelity(
                     .map_err(StageError::work_failed("render"))?;
                 fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out(i) });
             }
+            // A photo that cannot be compared is a result, not a failure of the step.
             Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
         }
     }

@@ -1,5 +1,6 @@
-//! Stage `foreign`: asks other programs about a trajectory. It exists where a recipe asks for `pose_colmap`, `pose_opencv` or
-//! `readback`. Its class holds the versions of the programs, so a program that is installed later is asked.
+//! Stage `foreign`: asks other programs about a trajectory. The stage exists if a recipe requests
+//! `pose_colmap`, `pose_opencv` or `readback`. Its class contains the versions of the programs, so
+//! a program that is installed later is asked.
 
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct, write_json};
@@ -14,7 +15,7 @@ use crate::source::Capture;
 use serde::Serialize;
 use std::path::Path;
 
-/// Parameters: who is asked.
+/// Parameters: the programs to ask.
 #[derive(Debug, Clone, Serialize)]
 pub struct ExternalToolsStage {
     /// The camera, if it differs from the source's own.
@@ -33,8 +34,8 @@ pub struct ExternalToolsStage {
 }
 
 impl ExternalToolsStage {
-    /// Who is asked where a recipe has these checks; `None` where nobody is. `version` gives the version of a program that
-    /// is known.
+    /// The stage for these checks; `None` if they ask no program. `version` returns the version of
+    /// a program, if it is known.
     #[must_use]
     pub fn for_limits(
         checks: &Limits,
@@ -45,6 +46,7 @@ impl ExternalToolsStage {
         let (opencv, readback) = (checks.pose_opencv.is_some(), checks.readback.is_some());
         let python = (opencv || readback).then_some(VersionQuery::Python);
         let asked = colmap.map(|_| VersionQuery::Colmap).into_iter().chain(python);
+        // One version that is not known leaves the key unknown.
         let versions = asked.map(|program| version(program).ok_or(program)).collect::<Result<Vec<_>, _>>();
         let versions = versions.map(|versions| versions.join("; "));
         checks.asks_programs().then_some(Self { camera, colmap, opencv, readback, versions })
@@ -78,6 +80,7 @@ impl Stage for ExternalToolsStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         let events =
+            // Events are the last input, if there are any.
             files.last().map_or(0, |files| files.iter().map(|(name, _)| of_events(files, name)).sum());
         StepNeed::for_parts([BYTES, BYTES_A_STORED_BYTE * events])
     }
@@ -131,6 +134,7 @@ fn of_events(files: &ArtifactFiles, name: &str) -> u64 {
 
 /// Pictures by the indices in their names.
 fn numbered_pictures(pictures: PictureSet) -> Vec<TrajectoryPicture> {
+    // Other files of the product have no index in their names.
     let picture = |(name, file): (String, _)| {
         let pose = name.strip_suffix(".png")?.parse().ok()?;
         Some(TrajectoryPicture { pose, file })
@@ -145,6 +149,7 @@ fn at_desk<T>(
     ask: impl FnOnce(TrainingWorkspace<'_>) -> Result<Told<T>, ForeignError>,
 ) -> Result<Told<T>, StageError> {
     cx.go_on()?;
+    // Programs work in the root folder, so their paths are absolute.
     let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
     std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
     let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
@@ -155,6 +160,7 @@ fn at_desk<T>(
         programs: &cx.programs,
     };
     let told = ask(desk).map_err(stage_failure)?;
+    // Everything that stays below `out` becomes part of the product.
     std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
     Ok(told)
 }

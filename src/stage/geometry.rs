@@ -58,7 +58,8 @@ pub trait PixelQuantity: Debug + Send + Sync {
 #[derive(Debug)]
 pub struct DepthQuantity;
 
-/// Float32 `[H, W, 2]`, px/s at the time of the pose, of the static point at each pixel's depth; NaN where depth is.
+/// Float32 `[H, W, 2]`, px/s at the time of the pose, of the static point at each pixel's depth;
+/// NaN where the depth is NaN.
 #[derive(Debug)]
 pub struct FlowQuantity;
 

@@ -32,7 +32,7 @@ pub enum ReconstructStage {
     },
     /// A scene file, whose content enters the key by its digest.
     Given {
-        /// Its format, if only the file name tells it.
+        /// Its format, if only the file name states it.
         #[serde(skip_serializing_if = "Option::is_none")]
         form: Option<&'static str>,
         /// Its location.

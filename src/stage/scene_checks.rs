@@ -71,12 +71,14 @@ fn model_reprojection(model: Option<ColmapModel>) -> Result<Result<ReprojectionS
     Ok(found.ok_or_else(|| "the model has no points that its images see".to_owned()))
 }
 
-/// Photos excluded by name do not count; photos that were not selected count like the others.
+/// Counts the photos. Photos excluded by name do not count; photos that were not selected count
+/// like the others.
 fn count_photos(capture: &Capture, model: Option<&ColmapModel>) -> Result<CapturePhotos, String> {
     model.ok_or(NO_MODEL)?;
     let unused = |why| capture.unused.iter().filter(move |photo| photo.why == why);
     let hashes = capture.views.iter().map(|view| &view.sha256);
     let hashes = hashes.chain(unused(UnusedReason::NotPicked).map(|photo| &photo.sha256));
+    // A view without a photo has no hash.
     let registered = hashes.clone().flatten().count();
     Ok(CapturePhotos {
         there: registered + unused(UnusedReason::NotRegistered).count(),

@@ -59,6 +59,7 @@ impl ShotParameters {
         let style = self.render.resolve(gaussians.antialiased);
         let mut renderer =
             self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work_failed("render"))?;
+        // The policy comes first: under another one, the renderer ignores the promise.
         renderer.omit(self.omit);
         renderer.keep_to(&camera, &motion.trajectory.world_from_camera);
         Ok(ReadyShot { camera, renderer })

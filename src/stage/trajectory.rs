@@ -68,6 +68,7 @@ impl Stage for TrajectoryStage {
         /// The images for the flow are small, whatever the camera.
         const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
+            // The scene is the last input.
             (Some(seeing), [others @ .., scene]) => {
                 let need = StepNeed::for_parts([
                     super::small_stage_memory(others),
@@ -103,6 +104,7 @@ impl Stage for TrajectoryStage {
             let out = cx.out.join(name);
             let written = File::create(&out).map(BufWriter::new).and_then(|mut file| {
                 fill(&mut file)?;
+                // Dropping the writer would flush it too, but lose the error.
                 file.flush()
             });
             written.map_err(StageError::io_error(&out))

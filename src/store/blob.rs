@@ -45,6 +45,7 @@ impl BlobFolders {
     pub(super) fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.path(digest);
         let _alone = self.replacing.lock().expect("no holder panics");
+        // The bytes are read again: another step may have replaced the blob since it was examined.
         match self.found(&path) {
             Ok(found) if found == Some(*digest) => Ok(()),
             Ok(_) => self.disk.rename(&path, &self.fresh("trash")),
@@ -53,7 +54,8 @@ impl BlobFolders {
         }
     }
 
-    /// The digest of the file in a blob's place; `None` where it is no regular file, as no blob is.
+    /// The digest of the file in a blob's place; `None` if it is not a regular file, as every blob
+    /// is.
     fn found(&self, path: &Path) -> std::io::Result<Option<Digest>> {
         match self.disk.digest(path) {
             Err(e) if is_no_file(&e) => Ok(None),
@@ -68,13 +70,14 @@ impl BlobFolders {
     }
 
     fn hash(&self, name: String, path: PathBuf) -> Result<FinishedBlob, StoreError> {
+        // The mode comes before the hash, so that nothing opens the file for writing in between.
         self.disk.make_read_only(&path)?;
         let digest = self.disk.digest(&path).map_err(disk_error("reading", &path))?;
         let size = self.disk.stat(&path).map_err(disk_error("reading", &path))?.size;
         Ok(FinishedBlob { output: StoredOutput { name, digest, size }, path })
     }
 
-    /// Publishes a finished file; the first writer wins. Returns whether this file now lies there.
+    /// Publishes a finished file; the first writer wins. Returns true if this file became the blob.
     /// Its name in the workspace is removed at once: removing it later would change the blob's
     /// ctime, and the blob would be read again.
     pub(super) fn publish(&self, file: &FinishedBlob) -> Result<bool, StoreError> {
@@ -82,6 +85,7 @@ impl BlobFolders {
         if let Some(folder) = to.parent() {
             self.disk.create_dir(folder)?;
         }
+        // A link never replaces a file, so no lock is needed to be the first writer.
         if self.disk.link_new(&file.path, &to)? {
             return self.disk.remove(&file.path).map(|()| true);
         }

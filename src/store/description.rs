@@ -1,8 +1,8 @@
 //! The description of a step, from which both its key and its explanation are made.
 //!
 //! The parameters of a stage implement [`serde::Serialize`]; [`describe_value`] turns them into a
-//! [`DescribedValue`]. The key hashes the encoding of the value, and `gs2e why` prints its lines, so an
-//! explanation cannot disagree with a key.
+//! [`DescribedValue`]. The key hashes the encoding of the value, and `gs2e why` prints its lines,
+//! so an explanation cannot disagree with a key.
 //!
 //! The encoding is typed and length-prefixed: a tag byte, the length of the payload as a
 //! little-endian `u64`, and the payload. The fields of a record are sorted by name, so moving a
@@ -57,6 +57,7 @@ impl DescribedValue {
     /// Appends the encoding to `out`.
     pub fn encode(&self, out: &mut Vec<u8>) {
         match self {
+            // The tags are part of every key, so their numbers never change.
             Self::Bool(v) => write_tagged(out, 1, &[u8::from(*v)]),
             Self::Signed(v) => write_tagged(out, 2, &v.to_le_bytes()),
             Self::Unsigned(v) => write_tagged(out, 3, &v.to_le_bytes()),
@@ -81,8 +82,8 @@ impl DescribedValue {
         }
     }
 
-    /// The same value with the fields marked as implied that stand at one of these places and have
-    /// the given text. A record with only such fields is implied itself.
+    /// Marks as implied the fields that stand at one of these places and have the given text. A
+    /// record without other fields is implied itself.
     #[must_use]
     pub fn with_implied(self, added: &[(&str, &str)]) -> Self {
         if added.is_empty() { self } else { self.imply("", added) }
@@ -100,6 +101,7 @@ impl DescribedValue {
                 let fields: BTreeMap<String, Self> = fields.into_iter().map(imply).collect();
                 let all = fields.values().all(|value| matches!(value, Self::Implied(_)));
                 let record = Self::Record(fields);
+                // The description as a whole is never implied.
                 if all && !path.is_empty() { Self::Implied(Box::new(record)) } else { record }
             }
             leaf if added.contains(&(path, leaf.to_string().as_str())) => Self::Implied(Box::new(leaf)),
@@ -160,6 +162,7 @@ impl fmt::Display for DescribedValue {
             Self::Bool(v) => write!(f, "{v}"),
             Self::Signed(v) => write!(f, "{v}"),
             Self::Unsigned(v) => write!(f, "{v}"),
+            // Debug keeps the point, so that a real number differs from an integer.
             Self::Real(v) => write!(f, "{v:?}"),
             Self::Text(v) => f.write_str(v),
             Self::Bytes(v) => write!(f, "{} bytes {}", v.len(), Digest::of_bytes(v)),

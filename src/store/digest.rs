@@ -86,6 +86,7 @@ impl Key {
     pub fn of_description(description: &description::DescribedValue) -> Self {
         let mut bytes = Vec::new();
         description.encode(&mut bytes);
+        // The context keeps keys apart from digests of the same bytes.
         Self(Digest(blake3::derive_key("gs2e 2026 step key v1", &bytes)))
     }
 }

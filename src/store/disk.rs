@@ -17,7 +17,7 @@ pub(super) fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
 
-/// Maximum number of retries of an interrupted operation.
+/// Maximum number of attempts at an operation that is interrupted by signals.
 const PATIENCE: usize = 100;
 
 /// Retries an operation that a signal interrupted.
@@ -35,7 +35,8 @@ fn retry_interrupted<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Res
 #[derive(Debug, Clone)]
 pub(super) struct StoreDisk {
     fs: Arc<dyn Fs>,
-    /// True if each file is synced before the next is written, or a whole batch at once.
+    /// True if each file is synced before the next is written; false if a whole batch is synced at
+    /// once.
     sync_each: bool,
 }
 
@@ -83,7 +84,8 @@ impl StoreDisk {
         }
     }
 
-    /// Synced before anything else: a newer program decides by it what the store is.
+    /// Writes `VERSION`, synced before anything else: a newer program reads from it which format
+    /// the store has.
     fn write_version(&self, path: &Path, known: u32) -> Result<(), StoreError> {
         let careful = Self { sync_each: true, ..self.clone() };
         careful.write_atomically(path, &path.with_extension("new"), format!("{known}\n").as_bytes())
@@ -98,6 +100,8 @@ impl StoreDisk {
         bytes: &[u8],
     ) -> Result<(), StoreError> {
         let write = || -> io::Result<()> {
+            // The bytes are synced before the rename. Otherwise a power cut could leave an empty
+            // file under the final name.
             retry_interrupted(|| self.fs.write(temporary, bytes))?;
             self.sync_now(temporary)?;
             retry_interrupted(|| self.fs.rename(temporary, path))?;
@@ -115,6 +119,7 @@ impl StoreDisk {
     /// the name was taken.
     pub(super) fn link_new(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
         self.sync_now(from).map_err(disk_error("syncing", from))?;
+        // A link fails if the name is taken; a rename would replace the file.
         match retry_interrupted(|| self.fs.link(from, to)) {
             Ok(()) => self.sync_folder_of(to).map(|()| true).map_err(disk_error("syncing", to)),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
@@ -171,6 +176,7 @@ impl StoreDisk {
     pub(super) fn read_optional(&self, path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         match retry_interrupted(|| self.fs.read(path)) {
             Ok(bytes) => Ok(Some(bytes)),
+            // Every other error is one of the disk, and must not pass for a miss.
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(disk_error("reading", path)(e)),
         }

@@ -143,6 +143,7 @@ impl Fs for SystemFs {
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
+        // A link to a folder is removed itself, not the folder.
         if fs::symlink_metadata(path)?.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
     }
 
@@ -151,6 +152,7 @@ impl Fs for SystemFs {
     }
 
     fn sync_all(&self, root: &Path) -> io::Result<()> {
+        // One call for all files: a sync of each would cost milliseconds.
         Ok(rustix::fs::syncfs(File::open(root)?)?)
     }
 }

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 pub struct GcSweep {
     /// Files written after this time stay, ns since the epoch.
     pub until_ns: i64,
-    /// True if to report only.
+    /// True if the collection only reports.
     pub dry_run: bool,
 }
 
@@ -60,6 +60,7 @@ impl Store {
     /// The disk or the database fails. Everything marked is intact even then.
     pub fn sweep(&self, marked: &BTreeSet<Key>, sweep: GcSweep) -> Result<SweepSummary, StoreError> {
         let is_old = |stat: &FileStat| stat.mtime_ns <= sweep.until_ns;
+        // Records come before blobs: the records that stay decide which blobs stay.
         let (gone, kept): (Vec<_>, Vec<_>) = self
             .stored("ac", ".json")?
             .into_iter()
@@ -101,6 +102,7 @@ impl Store {
         let folder = self.root.join(folder);
         match self.disk.stat(&folder) {
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(Vec::new()),
+            // Listing the folder reports every other error.
             _ => self.disk.files_below(&folder),
         }
     }
@@ -158,6 +160,7 @@ impl Store {
             return Ok(());
         }
         {
+            // The guard ends before `flush`, which locks the state itself.
             let mut state = self.state();
             for record in records {
                 state.delete(StateTable::Record, &record.name.to_string());
@@ -176,6 +179,7 @@ impl Store {
     fn delete<'a>(&self, files: impl Iterator<Item = &'a SweepFile>) -> Result<(), StoreError> {
         let mut moved = Vec::new();
         for (number, file) in files.enumerate() {
+            // A killed collection leaves its files in `trash/`, where the next one removes them.
             let to = self.root.join("trash").join(format!("{OWN}{}.{number}", std::process::id()));
             self.disk.rename(&file.path, &to)?;
             moved.push(to);

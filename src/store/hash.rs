@@ -1,5 +1,5 @@
-//! BLAKE3 of a file. Files are read and never mapped: a source may be truncated while it is read,
-//! which ends a read with an error, but a program with a map with a signal.
+//! BLAKE3 of a file. Files are read and never mapped, because a source may be truncated meanwhile:
+//! a read then ends with an error, but an access to a map ends the program with a signal.
 //!
 //! BLAKE3 is a binary tree over chunks of 1 KiB, so a large file can be hashed as subtrees in
 //! parallel (section 2.1 of its paper). Each task reads its subtree piece by piece into a buffer
@@ -85,6 +85,7 @@ fn hash_subtree(file: &File, offset: u64, length: u64) -> io::Result<ChainingVal
 
 fn hash_task(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
     let mut hasher = Hasher::new();
+    // BLAKE3 hashes the number of each chunk with it.
     hasher.set_input_offset(offset);
     let mut piece = vec![0; PIECE];
     let end = offset + length;

@@ -53,6 +53,7 @@ impl StoreLock {
             .read(true)
             .write(true)
             .create(true)
+            // Until the lock is taken, the text is that of another holder.
             .truncate(false)
             .open(&path)
             .map_err(disk::disk_error("opening", &path))?;
@@ -63,12 +64,12 @@ impl StoreLock {
         Ok(Self { file, temporary: None })
     }
 
-    /// Takes the lock on `of` whose file, `path`, exists only while the lock is held or waited for. A link
-    /// or a file that this program did not write is never followed or changed.
+    /// Takes a lock on `of`. Its file, `path`, exists only while the lock is held or awaited. A
+    /// link or a file that this program did not write is never followed or changed.
     ///
     /// # Errors
-    /// [`StoreError::Locked`] with the holder of `of`, where `wait` is false; an I/O error of the kind
-    /// `Interrupted` when `cancel` is set during the wait; any other error of the file system.
+    /// [`StoreError::Locked`] with the holder of `of` if `wait` is false; an I/O error of the kind
+    /// `Interrupted` if `cancel` is set during the wait; any other error of the file system.
     pub fn take_temporary(
         path: &Path,
         of: &Path,
@@ -101,14 +102,16 @@ impl StoreLock {
 
 impl Drop for StoreLock {
     fn drop(&mut self) {
-        // The lock is still held here, so no other process can have taken a file of this name for its own.
+        // The lock is still held here, so no other process can have taken a file of this name for
+        // its own.
         if let Some(path) = self.temporary.take().filter(|path| is_at(&self.file, path)) {
+            // The next holder takes over a file that stays.
             let _ = std::fs::remove_file(path);
         }
     }
 }
 
-/// A lock that is asked for.
+/// A request for a lock.
 struct LockRequest<'a> {
     /// The file that is locked.
     path: &'a Path,
@@ -124,6 +127,7 @@ impl LockRequest<'_> {
         let mut tries = 0;
         let tries_a_reminder = self.claim.remind.as_millis().div_ceil(TRY.as_millis()).max(1);
         loop {
+            // A lock that blocks could neither remind nor be cancelled.
             match file.try_lock() {
                 Ok(()) => return Ok(()),
                 Err(TryLockError::WouldBlock) => {}
@@ -145,7 +149,8 @@ impl LockRequest<'_> {
     }
 }
 
-/// Opens or creates a lock's own file. Without O_NONBLOCK, a FIFO of that name would wait for a reader.
+/// Opens or creates a lock's own file. `O_NONBLOCK` keeps a FIFO of that name from blocking the
+/// call.
 fn open_own(path: &Path) -> io::Result<File> {
     let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let mode = Mode::from_raw_mode(0o644);
@@ -165,6 +170,7 @@ fn refuse_foreign(file: &mut File) -> io::Result<()> {
     const LONGEST: usize = 1 << 16;
     let mut text = Vec::new();
     file.rewind()?;
+    // A lock has a few short lines, so a long file belongs to another program.
     let is_short = file.metadata()?.is_file() && file.take(LONGEST as u64).read_to_end(&mut text)? < LONGEST;
     let is_own = text.starts_with(HOST.as_bytes()) || text.iter().all(|byte| *byte == 0);
     if is_short && is_own {
@@ -198,10 +204,10 @@ fn holder_text(file: &mut File, claim: &LockClaim) -> String {
     "another process".to_owned()
 }
 
-/// How the text of a lock begins.
+/// Beginning of the text of a lock.
 const HOST: &str = "host: ";
 
-/// What the lock's file says.
+/// Content of a lock's file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct LockHolder {
     host: String,

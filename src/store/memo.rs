@@ -1,7 +1,7 @@
 //! Memos: facts that hold as long as certain files and blobs have not changed.
 //!
 //! A build of two thousand scenes would otherwise derive each time that a recipe still asks for the
-//! steps that are there. Such a fact is derived once, and stored with the stat fields of every file
+//! steps that are there. This fact is derived once, and stored with the stat fields of every file
 //! that it depends on. While they all agree, nothing is read, parsed or hashed. A memo is only
 //! written where equal fields mean equal bytes.
 
@@ -41,6 +41,7 @@ impl<T> StoredMemo<T> {
             Err(e) if is_absent(&e) => Ok(false),
             Err(e) => Err(disk_error("reading", path)(e)),
         };
+        // The tag comes first, because it needs no look at a file.
         if self.tag != *tag {
             return Ok(false);
         }
@@ -104,6 +105,8 @@ impl Store {
     ) {
         let mut state = self.state();
         let known = |digest: &Digest| {
+            // The fields of the time when the digest was found. If they have changed since, the
+            // memo does not hold.
             let row = state.get(StateTable::Stat, self.blobs.path(digest).to_str()?)?;
             let entry: StatEntry = postcard::from_bytes(&row).ok()?;
             (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))

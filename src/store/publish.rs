@@ -38,12 +38,14 @@ impl Store {
         // While the files of both are in place.
         let unlike = before.map(|before| self.nondeterministic(workspace, before, record.clone(), true));
         let ours = files.iter().map(|file| self.blobs.publish(file)).collect::<Result<Vec<bool>, _>>()?;
+        // After the blobs, so that no record names bytes that are not there.
         record.write(&self.root, &self.disk)?;
         for (output, _) in record.outputs.iter().zip(ours).filter(|(_, is_ours)| *is_ours) {
             // Its name was new, so its stat fields are reliable at once. An existing blob keeps its
             // own state.
             self.settle(&output.digest)?;
         }
+        // Last, because the index must not name a record that is not there.
         self.state().put(StateTable::Record, &record.key.to_string(), record.brief().row());
         unlike.map_or(Ok(record.outputs), Err)
     }

@@ -23,6 +23,7 @@ pub struct StoredOutput {
 pub fn content_digest(outputs: &[StoredOutput]) -> Digest {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 output list v1");
     for output in outputs {
+        // The length keeps a name apart from the bytes after it.
         hasher.update(&(output.name.len() as u64).to_le_bytes());
         hasher.update(output.name.as_bytes());
         hasher.update(&output.size.to_le_bytes());
@@ -132,15 +133,17 @@ impl StepRecord {
         disk.write_atomically(&path, &temporary, &bytes)
     }
 
-    /// The record of a key. `None` if there is none, or if it is torn, altered or of another
-    /// format, which counts as a miss.
+    /// The record of a key; `None` if it is absent. A torn or altered record, and one of another
+    /// format, counts as absent.
     pub(super) fn read(root: &Path, disk: &StoreDisk, key: &Key) -> Result<Option<Self>, StoreError> {
         let Some(bytes) = disk.read_optional(&Self::record_path(root, key))? else { return Ok(None) };
+        // A sound record under the name of another key counts as absent.
         Ok(Self::parse(&bytes).filter(|record| record.key == *key))
     }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
         let record: Self = serde_json::from_slice(bytes).ok()?;
+        // The seal is over the parsed values: another spelling of them is sound.
         (record.format == FORMAT && record.seal == record.sealed()).then_some(record)
     }
 

@@ -13,7 +13,7 @@ pub struct DiskSpace {
     pub free: u64,
     /// Mount point, if known.
     pub mount: PathBuf,
-    /// Type, such as `ext4`; empty if unknown.
+    /// Type, for example `ext4`; empty if unknown.
     pub kind: String,
 }
 
@@ -35,12 +35,13 @@ impl DiskSpace {
         Ok(Self { free: found.f_bavail.saturating_mul(found.f_frsize), mount, kind })
     }
 
-    /// Returns true if the file system is remote or implemented by a program: a database in WAL mode needs
-    /// shared memory on one host.
+    /// Returns true if the file system is remote, or implemented by a program. A database in WAL
+    /// mode needs shared memory on one host.
     #[must_use]
     pub fn is_remote(&self) -> bool {
         const REMOTE: [&str; 10] =
             ["nfs", "cifs", "smb", "lustre", "fuse", "9p", "ceph", "beegfs", "gpfs", "afs"];
+        // Types have suffixes: `nfs4`, `fuse.sshfs`, `smb3`.
         REMOTE.iter().any(|kind| self.kind.starts_with(kind))
     }
 

@@ -31,6 +31,7 @@ impl StatSighting {
     #[must_use]
     pub fn seen_now(stat: FileStat) -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        // The largest number is `SETTLED`, which no clock may reach.
         Self { stat, observed_ns: i64::try_from(since.as_nanos()).unwrap_or(i64::MAX - 1) }
     }
 

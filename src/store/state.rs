@@ -54,6 +54,7 @@ type Seal = [u8; 16];
 
 fn row_seal(table: StateTable, name: &str, body: &[u8]) -> Seal {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 state row v1");
+    // Lengths keep the parts apart.
     for part in [table.name().as_bytes(), name.as_bytes()] {
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part);
@@ -107,6 +108,7 @@ impl StateDb {
         if let Some(folder) = elsewhere.filter(|_| write) {
             state.disk.create_dir(folder)?;
         }
+        // A reader does without an index, and reads the records one by one.
         if write && state.database.is_none() {
             state.rebuild()?;
         }
@@ -122,6 +124,7 @@ impl StateDb {
     fn give_up(&mut self, why: &str) {
         self.database = None;
         if self.damage.is_none() {
+            // A writer rebuilds the index, and has a notice of its own.
             if !self.write {
                 let line = format!("state.db could not be read ({why}); the records are read one by one");
                 self.notices.push(line);
@@ -144,7 +147,7 @@ impl StateDb {
         }
     }
 
-    /// Sets aside what is there, and makes a new database from the records.
+    /// Sets the present database aside, and makes a new one from the records.
     fn rebuild(&mut self) -> Result<(), StoreError> {
         self.database = None;
         let existed = self.path.exists();
@@ -172,12 +175,13 @@ impl StateDb {
         Ok(())
     }
 
-    /// Makes a database without rows under another name, whole before it gets its own: a process that is killed here
-    /// leaves none instead of one without tables.
+    /// Makes a database without rows under another name. It is complete before it gets its own
+    /// name: a process that is killed here leaves no database, instead of one without tables.
     fn make_new(&self) -> Result<PathBuf, StoreError> {
         let new = with_suffix(&self.path, ".new");
         for suffix in SUFFIXES {
             let left = with_suffix(&new, suffix);
+            // Left by a process that was killed here.
             if left.exists() {
                 self.disk.remove(&left)?;
             }
@@ -192,12 +196,14 @@ impl StateDb {
         Ok(new)
     }
 
-    /// Moves the database and its log into `trash/`, or, where it does not lie in the store, to a name beside its own.
+    /// Moves the database and its log into `trash/`. A database outside the store is renamed in its
+    /// own folder.
     fn set_aside(&self) -> Result<PathBuf, StoreError> {
         let home = self.path.parent().unwrap_or(Path::new(""));
         let folder = if home == self.root { home.join("trash") } else { home.to_owned() };
         let aside = |number: usize| folder.join(format!("state.db.{number}"));
         let number = (1..).find(|n| !aside(*n).exists()).unwrap_or(1);
+        // A log that stays behind would be taken for that of the new database.
         for suffix in SUFFIXES {
             let from = with_suffix(&self.path, suffix);
             if from.exists() {
@@ -209,6 +215,7 @@ impl StateDb {
 
     /// The body of a row.
     pub(super) fn get(&mut self, table: StateTable, name: &str) -> Option<Vec<u8>> {
+        // A row that waits is newer than that of the database.
         if let Some(pending) = self.pending.get(&(table, name.to_owned())) {
             return pending.clone();
         }
@@ -283,6 +290,7 @@ impl StateDb {
             self.rebuild()?;
             self.write().map_err(|source| StoreError::State { path: self.path.clone(), source })?;
         }
+        // Rows wait until they are committed: after an error, the next flush writes them.
         self.pending.clear();
         self.disk.committed(&self.path)
     }
@@ -309,7 +317,8 @@ impl StateDb {
     }
 }
 
-/// What SQLite adds to the name of a database for its files.
+/// Suffixes that SQLite adds to the name of a database for its files, and none for the database
+/// itself.
 const SUFFIXES: [&str; 3] = ["", "-wal", "-shm"];
 
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
@@ -319,6 +328,7 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 }
 
 fn connection(path: &Path, access: OpenFlags) -> rusqlite::Result<Connection> {
+    // The mutex of the store serialises all use of the connection.
     let database = Connection::open_with_flags(path, access | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
     database.busy_timeout(BUSY)?;
     // The file may be damaged: sizes are checked, and nothing stored in it is run.
@@ -326,6 +336,7 @@ fn connection(path: &Path, access: OpenFlags) -> rusqlite::Result<Connection> {
     database.pragma_update(None, "trusted_schema", false)?;
     if access.contains(OpenFlags::SQLITE_OPEN_READ_WRITE) {
         database.pragma_update(None, "journal_mode", "WAL")?;
+        // NORMAL may lose the last transactions in a power cut, which costs time only.
         database.pragma_update(None, "synchronous", "NORMAL")?;
     }
     Ok(database)

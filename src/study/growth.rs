@@ -60,6 +60,7 @@ fn fit_slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
         |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|point| of(point.0 - x, point.1 - y)).sum::<f64>();
     let (xx, xy) = (sum(&|dx, _| dx * dx), sum(&|dx, dy| dx * dy));
     let slope = xy / xx;
+    // Mean and slope are fitted, which leaves `count - 2` degrees of freedom.
     let residual = sum(&|dx, dy| (dy - slope * dx) * (dy - slope * dx));
     (xx > 0.0).then(|| (slope, (residual / (count - 2.0) / xx).sqrt()))
 }
@@ -68,6 +69,8 @@ fn fit_slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 fn fit_line(points: &[(f64, f64)]) -> [f64; 2] {
     let mut sums = [0.0; 5];
     for (x, t) in points {
+        // Division by the time makes the errors relative, so that large sizes do not outweigh small
+        // ones.
         let (u, v) = (1.0 / t, x / t);
         for (sum, term) in sums.iter_mut().zip([u * u, u * v, v * v, u, v]) {
             *sum += term;

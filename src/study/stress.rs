@@ -75,8 +75,7 @@ impl StressPoint {
         Self { computed, answer, error: ((computed - answer) / answer).abs(), limit }
     }
 
-    /// An error in a unit of its own, such as units in the last place, standard errors or
-    /// nanoseconds.
+    /// An error in a unit of its own: units in the last place, standard errors, or nanoseconds.
     #[must_use]
     pub fn scaled_error(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / unit).abs(), limit }
@@ -96,10 +95,12 @@ impl StressPoint {
 
     /// The error relative to its limit.
     fn strain(&self) -> f64 {
+        // An exact value under a limit of 0 would be 0/0.
         if self.error == 0.0 && self.limit >= 0.0 {
             return 0.0;
         }
         let strain = self.error / self.limit;
+        // NaN is beyond every limit.
         if strain.is_nan() { f64::INFINITY } else { strain }
     }
 }
@@ -151,14 +152,14 @@ impl WorstPoint {
     /// The worst point.
     ///
     /// # Panics
-    /// There was no point: such a case would pass for any program.
+    /// There was no point: a case without points would pass for any program.
     #[must_use]
     pub fn found(self) -> CaseResult {
         self.0.expect("a case has points")
     }
 }
 
-/// The result of a case: points, or the reason why there are none.
+/// The result of a case, or the reason for not running it.
 pub type Outcome = Result<CaseResult, NotRun>;
 
 /// The reason for not running a case.
@@ -212,8 +213,8 @@ impl fmt::Debug for StressCase<'_> {
     }
 }
 
-/// All cases of an area, in the order of the table. Those of [`StressArea::Splat`] run with each of these
-/// renderers.
+/// All cases of an area, in the order of the table. The cases of [`StressArea::Splat`] run with
+/// each renderer of the bench.
 #[must_use]
 pub fn area_cases<'a>(area: StressArea, stage: &'a splat::SplatBench) -> Vec<StressCase<'a>> {
     match area {

@@ -11,7 +11,7 @@
 //! - otherwise **near a jump** if, since the pixel's previous event, the difference of the two
 //!   renderings changed between two neighbouring frames by more than [`JUMP`] of the threshold in
 //!   `k1 ln(L + k2)`;
-//! - otherwise **other**: late or early after such a jump, or under a difference that grew slowly.
+//! - otherwise **other**: late or early after a jump, or under a difference that grew slowly.
 
 use crate::event::picture::WindowCounts;
 use crate::event::{Event, EventSink};
@@ -96,6 +96,7 @@ impl SweepResult {
     pub fn recommended(&self) -> (Option<&ThresholdRow>, String) {
         let percent = |row: &ThresholdRow| 100.0 * row.explained();
         let enough = 100.0 * ENOUGH;
+        // A row without events has a share of 1, and recommends nothing.
         let Some(at) = self.rows.iter().position(|row| row.events > 0 && row.explained() >= ENOUGH) else {
             let best = self.rows.iter().filter(|row| row.events > 0).map(percent).fold(0.0, f64::max);
             let because = format!(
@@ -134,6 +135,7 @@ pub fn sweep_thresholds(
     let size = released.size();
     assert_eq!((size, released.len()), (smooth.size(), smooth.len()), "they are renderings of one path");
     let mut pairs = sweep.pairs(size)?;
+    // The lowest threshold decides what is stored; higher ones filter it again.
     let mut jumps = JumpMap::new(&sweep.sensor, sweep.thresholds.first().copied().unwrap_or(1.0));
     let mut stamps = Vec::new();
     while let (Some(a), Some(b)) = (released.next()?, smooth.next()?) {
@@ -236,6 +238,7 @@ impl JumpMap {
         let voltage = |l: &f32| self.k1 * libm::log(f64::from(l.max(0.0)) + self.k2);
         let pairs = a.luminance.pixels().iter().zip(b.luminance.pixels());
         let now: Vec<f64> = pairs.map(|(a, b)| voltage(a) - voltage(b)).collect();
+        // At the first frame, `last` is empty.
         for (pixel, (now, last)) in now.iter().zip(&self.last).enumerate() {
             let by = (now - last).abs();
             if by > self.least {
@@ -258,6 +261,7 @@ fn by_pixel(events: Vec<Event>, size: Size) -> Vec<Vec<Event>> {
     for event in events {
         pixels[usize::from(event.y) * size.width as usize + usize::from(event.x)].push(event);
     }
+    // Within a microsecond, a stream is ordered by pixel and polarity, not by time.
     pixels.iter_mut().for_each(|events: &mut Vec<Event>| events.sort_by_key(|event| event.t));
     pixels
 }

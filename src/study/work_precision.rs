@@ -2,8 +2,9 @@
 //!
 //! ```text
 //! path ─ fine frames ─┬─ reference: hermite, every frame
-//!   (per rule set)    └─ grid: uniform or flow steps ─ between: linear, catmull, hermite ─┬─ voltage: RMS at middles
-//!                                                                                         └─ events: matched, timed
+//!   (per rule set)    └─ grid: uniform or flow steps
+//!                         └─ linear, catmull, hermite ─┬─ voltage: RMS at middles
+//!                                                      └─ events: matched, timed
 //! ```
 //! Each rule set is rendered once at the finest rate. Every setting uses a part of these frames
 //! ([`grid`]) and is compared with the finest setting of the same rules. All sensors share one
@@ -166,7 +167,7 @@ pub struct OfRules {
     pub costs: RuleCosts,
 }
 
-/// A way of rendering a picture, compared with the same in f64.
+/// A way of rendering a picture, compared with the picture in f64.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PicturePrecision {
     /// Name of the rule set.
@@ -198,6 +199,7 @@ pub fn image_differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Opt
         }
         count += a.pixels().len();
     }
+    // The peak is 1, on the scale 0..1.
     let psnr = (squares > 0.0).then(|| -10.0 * libm::log10(squares / count as f64));
     (psnr, 255.0 * worst)
 }
@@ -283,6 +285,7 @@ impl OfRules {
     #[must_use]
     pub fn left_by_jumps(&self) -> Option<f64> {
         let (law, step) = self.law.zip(self.finest_s)?;
+        // The part `J h` of the squared error, which no interpolation removes.
         Some((law.jumps * step).sqrt())
     }
 }
@@ -301,6 +304,7 @@ impl StudyResult {
     pub fn base(&self) -> Option<&SettingRow> {
         let rules = &self.rules.first()?.rules;
         let first = self.rows.iter().filter(|row| row.rules == *rules && row.steps == StepRule::Uniform);
+        // Tuples compare from the left: interpolation first, then the rate.
         first.max_by_key(|row| (row.between == BetweenFrames::Linear, row.rate == BASE_RATE, row.rate))
     }
 

@@ -10,11 +10,11 @@ use crate::check::tally::PixelCounts;
 use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
 
-/// Minimum number of pixels for an edge.
+/// Minimum number of pixels near the threshold. An edge of fewer is not measured.
 const LEAST_NEAR: usize = 1000;
 /// The edge is the value that this share of its pixels does not exceed. The rest may be noise.
 const EDGE: f64 = 0.995;
-/// Stands for an infinite threshold: all events have the wrong sign.
+/// Shown threshold of a pixel whose events all have the wrong sign, in place of infinity.
 const MOST_SHOWN: f64 = 1000.0;
 /// Largest uncertainty of a pixel's drift, in thresholds, for its use in an edge. With an edge that
 /// is sharp to 2 %, an error of the threshold of a tenth is still visible.
@@ -148,14 +148,17 @@ impl<'a> DriftBalance<'a> {
 
     /// Evaluates the next anchor.
     pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
+        // There is one fit per anchor after the first, so the fits count the anchors.
         let number = self.fits.len() + 1;
         let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
         let stamps = &self.anchors.stamps_us;
         let (step, total) =
             ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
         let leak_error = self.law.leak_error(step, number);
+        // The noise of the noisiest luminance bounds that of every pixel.
         let mut stock = FitSums::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
         let span = self.anchors.spans.iter().find(|[_, middle, _]| *middle == number);
+        // A lag needs the drift on both sides of an instant, which only the middle of a span has.
         let around =
             span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
         let at = stamps[number];
@@ -169,6 +172,8 @@ impl<'a> DriftBalance<'a> {
             let dv = self.law.drift(logs, total, self.exposure[i]);
             let left = stock.add(dv, [counts.on[i], counts.off[i]], blur);
             if let Some([(from, earlier), (to, later)]) = around {
+                // The ways select pixels and give their rate. The leak by luminance is too small
+                // for either.
                 let drift = |a: f32, b: f32, dt: i64| {
                     self.law.drift(self.law.log_brightness(b) - self.law.log_brightness(a), dt as f64, 0.0)
                 };
@@ -224,16 +229,20 @@ impl FitSums {
         let (side, threshold) = if dv > 0.0 { (0, a) } else { (1, b) };
         let steps = (dv.abs() / threshold).floor();
         self.expected += if self.from_zero { steps * threshold.copysign(dv) } else { dv };
+        // Below a threshold, a residual alone may explain the drift.
         if dv.abs() > threshold {
             self.slopes[side].add(s, dv);
             self.possible += u64::from((dv - s).abs() <= self.most_residual);
         }
+        // With two thresholds of drift, a residual hardly turns the sign of `s`.
         if dv.abs() > 2.0 * threshold {
             self.doubled[0] += 1;
             self.doubled[1] += u64::from(s * dv > 0.0);
             self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual);
         }
+        // A pixel without half a threshold of drift is too far from its next event to show an edge.
         if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
+            // The size of `s`, negative if the events have the wrong sign.
             self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
         dv - s
@@ -255,7 +264,7 @@ impl FitSums {
     }
 }
 
-/// In thresholds of its own polarity.
+/// The remaining drift in thresholds of its own polarity.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
 fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
     (if left > 0.0 { left / on } else { left / off }) as f32

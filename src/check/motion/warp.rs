@@ -32,7 +32,7 @@ pub struct WarpSharpness {
     pub pixels: u64,
     /// Variance over pixels of the counts in place, summed over ON and OFF.
     pub in_place: f64,
-    /// The same for the moved counts.
+    /// Variance over pixels of the moved counts, summed over ON and OFF.
     pub moved: f64,
 }
 
@@ -76,11 +76,13 @@ pub(in crate::check) struct WarpWindows<'a> {
     waiting: Vec<&'a FlowAt>,
     open: Option<WarpWindow<'a>>,
     done: Vec<WarpSharpness>,
-    /// Number of events of the fullest window so far, and its counts in place and moved.
+    /// Number of events of the fullest window until now, and its counts in place and moved.
     shown: Option<(u64, [Vec<u16>; 2])>,
 }
 
 impl<'a> WarpWindows<'a> {
+    /// Starts before the first event.
+    ///
     /// # Panics
     /// A flow has another size.
     pub(in crate::check) fn new(size: Size, end_us: i64, flows: &'a [FlowAt]) -> Self {
@@ -99,6 +101,7 @@ impl<'a> WarpWindows<'a> {
 
     /// Counts an event. Events must come in order of time.
     pub(in crate::check) fn see(&mut self, event: Event, t_us: i64) {
+        // Several windows may have ended since the last event.
         while self.open.as_ref().is_some_and(|window| t_us > window.span_us[1]) {
             self.close();
         }
@@ -118,6 +121,7 @@ impl<'a> WarpWindows<'a> {
     fn close(&mut self) {
         let Some(window) = self.open.take() else { return };
         let (until, sharpness) = (window.span_us[1], window.sharpness(self.size));
+        // The fullest window makes the clearest picture.
         if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events > *events) {
             let counts = [window.in_place, window.moved].map(|[on, off]| add_counts(on, &off));
             self.shown = Some((sharpness.events, counts));
@@ -131,6 +135,7 @@ impl<'a> WarpWindows<'a> {
     fn open_next(&mut self, after_us: i64) {
         while let Some(flow) = self.waiting.pop() {
             let window = WarpWindow::new(flow, self.size, self.end_us);
+            // Without motion, the moved image is the image in place.
             if window.span_us[0] > after_us && window.moved_px > 0.0 {
                 self.open = Some(window);
                 return;
@@ -144,6 +149,7 @@ impl<'a> WarpWindow<'a> {
     fn new(flow: &'a FlowAt, size: Size, end_us: i64) -> Self {
         let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
         let median = nearest_ranks(speeds, [50]).map_or(0.0, |[median]| f64::from(median));
+        // A median of 0 gives an infinite time, which the longest half cuts.
         let half_us = LONGEST_US.min(1e6 * HALF_PX / median) as i64;
         let span_us = [(flow.t_us - half_us).max(0), (flow.t_us + half_us).min(end_us)];
         let none = || [vec![0; size.pixels()], vec![0; size.pixels()]];
@@ -165,7 +171,8 @@ impl<'a> WarpWindow<'a> {
         let [u, v] = self.flow.px_s.pixels()[y * width + x];
         let earlier = (self.flow.t_us - t_us) as f32 * 1e-6;
         let (to_x, to_y) = ((x as f32 + u * earlier).round(), (y as f32 + v * earlier).round());
-        // Written so that NaN is outside.
+        // NaN is outside. An event that leaves the picture counts in neither image, so that both
+        // have the same total.
         if !(to_x >= 0.0 && to_y >= 0.0 && to_x < width as f32 && to_y < height as f32) {
             return;
         }

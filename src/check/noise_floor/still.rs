@@ -58,6 +58,8 @@ impl StillPixelWatch {
         let (mut expected, mut pixels) = (0.0, 0u64);
         for i in still.iter().enumerate().filter_map(|(i, still)| still.then_some(i)) {
             let sum: f64 = anchors.images.iter().map(|image| f64::from(image.pixels()[i].max(0.0))).sum();
+            // A pixel is still to a tenth of a threshold, so its mean luminance determines its
+            // noise.
             expected += noise_process(law, sum / anchors.images.len() as f64).rate() * end_us as f64;
             pixels += 1;
         }
@@ -73,6 +75,7 @@ impl StillPixelWatch {
             return;
         }
         self.found.events += 1;
+        // Events outside of the clip count to its outer bins.
         let share = (t_us as f64 / self.end_us as f64).clamp(0.0, 1.0);
         for bins in &mut self.bins {
             let at = ((share * bins.len() as f64) as usize).min(bins.len() - 1);
@@ -117,13 +120,16 @@ fn find_still(
             }
         }
     }
+    // Every image is compared with the first, so that slow changes add up.
     let first = anchors.images[0].pixels();
     for image in &anchors.images[1..] {
         for (i, now) in image.pixels().iter().enumerate() {
+            // Only the light must be constant; the leak is part of the noise floor.
             let way = law.drift(law.log_brightness(*now) - law.log_brightness(first[i]), 0.0, 0.0);
             still[i] &= way.abs() <= most;
         }
     }
+    // Motion of the fastest pixel between two known instants.
     let between = fastest * seconds / flows.len() as f64;
     erode_mask(&mut still, size, between.clamp(AROUND[0], AROUND[1]));
     still
@@ -146,6 +152,7 @@ fn erode_mask(still: &mut [bool], size: Size, reach: f64) {
             still[at(k)] = moving[to] == moving[from];
         }
     };
+    // A square neighbourhood is separable: rows first, then columns.
     (0..height).for_each(|y| line(&|x| y * width + x, width));
     (0..width).for_each(|x| line(&|y| y * width + x, height));
 }

@@ -34,6 +34,7 @@ impl ResampledIntervals {
         let (groups, mut others) = (first.chunk_by(|a, b| key(a) == key(b)), &second[..]);
         let mut shifts_ns = Vec::new();
         for group in groups {
+            // Groups and events are in the order of one key, so the search never goes back.
             let start = others.partition_point(|e| key(e) < key(&group[0]));
             let alike = others[start..].iter().take_while(|e| key(e) == key(&group[0]));
             shifts_ns.extend(group.iter().zip(alike).map(|(a, b)| a.t.0.abs_diff(b.t.0)));

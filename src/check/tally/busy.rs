@@ -26,7 +26,8 @@ impl BusyPixels {
         let mean = counts.iter().map(|n| f64::from(*n)).sum::<f64>() / n;
         let variance =
             counts.iter().map(|n| (f64::from(*n) - mean) * (f64::from(*n) - mean)).sum::<f64>() / n;
-        // The count that all but one in a thousand pixels do not exceed; at least one.
+        // The count that all but one in a thousand pixels do not exceed. It is at least one, so
+        // that single events of a sparse stream are not hot.
         let at = counts.len() - 1 - counts.len() / 1000;
         let (_, usual, _) = counts.select_nth_unstable(at);
         let usual = f64::from((*usual).max(1));

@@ -13,7 +13,7 @@ const CELL: u32 = 4;
 pub struct CrowdingSums {
     /// Ordered pairs of events that share window and cell.
     pub pairs: f64,
-    /// Expected number of such pairs for uniformly distributed events: `N (N - 1) / cells`.
+    /// Expected number of these pairs for uniformly distributed events: `N (N - 1) / cells`.
     pub anywhere: f64,
     /// Variance of the pairs for uniformly distributed events: `2 N (N - 1) / cells`, that of
     /// `N^2 / 2` pairs that share a cell with probability `1 / cells` and count twice.
@@ -28,8 +28,8 @@ impl CrowdingSums {
         (self.pairs / self.anywhere).sqrt()
     }
 
-    /// Standard deviation of [`CrowdingSums::ratio`] for a stream without structure: half of that of
-    /// its square.
+    /// Standard deviation of [`CrowdingSums::ratio`] for a stream without structure: half of that
+    /// of its square.
     #[must_use]
     pub fn noise(&self) -> f64 {
         0.5 * self.variance.sqrt() / self.anywhere
@@ -52,17 +52,20 @@ impl CrowdingCounter {
     pub(super) fn new(size: Size, end_us: i64) -> Self {
         let [columns, rows] = [size.width, size.height].map(|side| side.div_ceil(CELL) as usize);
         let (counts, sums) = (vec![0; columns * rows], CrowdingSums::default());
+        // A clip of one frame has no duration to divide by.
         Self { end_us: end_us.max(1), columns, window: 0, events: 0, pairs: 0, counts, sums }
     }
 
     pub(super) fn see(&mut self, [x, y]: [u16; 2], t_us: i64) {
         let [column, row] = [x, y].map(|v| (u32::from(v) / CELL) as usize);
+        // Events outside of the clip count to its first or last window.
         let window = (t_us * WINDOWS / self.end_us).clamp(0, WINDOWS - 1);
         if window != self.window {
             self.settle();
             self.window = window;
         }
         let count = &mut self.counts[row * self.columns + column];
+        // Ordered pairs: the new event and each earlier one of its cell, both ways.
         self.pairs += 2 * u64::from(*count);
         *count += 1;
         self.events += 1;

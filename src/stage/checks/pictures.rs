@@ -6,7 +6,7 @@ use crate::stage::{StageContext, StageError};
 use std::fs::File;
 use std::io::BufWriter;
 
-/// Residual in thresholds from which on it is impossible, and shown in another colour.
+/// Size of a residual, thresholds, above which it is impossible and shown in another colour.
 const IMPOSSIBLE: f32 = 1.1;
 /// Maximum width of a picture, px.
 const WIDEST: u32 = 320;
@@ -55,6 +55,7 @@ fn residual_picture(size: Size, residuals: &[f32]) -> Image<[u8; 3]> {
 fn count_picture(size: Size, counts: &[u16]) -> Image<[u8; 3]> {
     let mut sorted = counts.to_vec();
     let at = counts.len() - 1 - counts.len() / 1000;
+    // At least 1, because a window without events would divide by 0.
     let full = f32::from((*sorted.select_nth_unstable(at).1).max(1));
     let step = block_size(size);
     shrink_blocks(size, step, |block| {

@@ -59,6 +59,7 @@ impl EventsStage {
         }
         let tolerance = self.tolerance.map(|asked| asked.rms);
         let of = |sensor: &&SensorChoice| {
+            // Every second of these frames is a frame of the stream, so one rendering serves both.
             let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
                 .then(|| {
@@ -87,6 +88,7 @@ impl EventsStage {
             let seen = if front_end.is_plain() { frame } else { front_end.see(&frame, None) };
             let pixels = match &mut pixels {
                 Some(pixels) => pixels,
+                // With the seed of the stream, two runs differ by their frames only.
                 none => none.insert(model.start(seen.luminance.size(), [0, 0], self.seed)?),
             };
             pixels.advance(&seen, &mut events)?;
@@ -107,6 +109,7 @@ fn is_comparable(sensor: &SensorChoice) -> bool {
 fn doubled_stamps(stamps_us: &[i64]) -> Vec<i64> {
     let between = stamps_us.windows(2).flat_map(|w| [w[0], i64::midpoint(w[0], w[1])]);
     let mut all: Vec<i64> = between.chain(stamps_us.last().copied()).collect();
+    // Neighbours 1 us apart have no stamp between them.
     all.dedup();
     all
 }

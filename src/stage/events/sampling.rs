@@ -36,6 +36,7 @@ impl EventsStage {
         cx: &StageContext<'_>,
     ) -> Result<SampledFrames, StageError> {
         match self.tolerance {
+            // A single pose has no interval to choose frames in.
             Some(tolerance) if motion.trajectory.stamps_us.len() > 1 => {
                 self.choose(tolerance, &motion, camera, renderer, cx)
             }
@@ -69,6 +70,7 @@ impl EventsStage {
             })
             .collect();
         let all = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
+        // Colours have no rate of change, which `hermite` needs.
         let rated = !front_ends.iter().any(|front_end| front_end.needs_colour());
         let known = all.into_iter().filter(|between| rated || *between != BetweenFrames::Hermite);
         let asked = known.filter(|between| tolerance.between.is_none_or(|asked| asked == *between));
@@ -91,12 +93,13 @@ impl EventsStage {
         Ok(SampledFrames { trajectory, velocities, chosen: Some(chosen), renderer: scout.into_renderer() })
     }
 
-    /// The same parameters with another interpolation of brightness.
+    /// Returns these parameters with another interpolation of brightness.
     pub(super) fn between(&self, between: BetweenFrames) -> Self {
         let with = |sensor: &SensorChoice| match sensor {
             SensorChoice::Voltmeter(sensor) => {
                 SensorChoice::Voltmeter(VoltmeterModel { between, ..sensor.clone() })
             }
+            // Only the voltmeter has this choice.
             other => other.clone(),
         };
         Self {

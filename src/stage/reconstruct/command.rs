@@ -48,6 +48,7 @@ impl TrainingStage {
             if !is_there(path) {
                 return Err(StageError::Missing { path: path.clone() });
             }
+            // The prefix keeps a file of the command apart from a photo of the same name.
             files.push(SourceFile { name: format!("of the command: {name}"), path: path.clone() });
         }
         Ok(files)

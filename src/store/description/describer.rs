@@ -107,6 +107,7 @@ impl ser::Serializer for ValueDescriber {
         variant: &'static str,
         v: &T,
     ) -> Described {
+        // An absent content is described like a variant without content.
         let content = v.serialize(self)?.unwrap_or_else(DescribedValue::empty_record);
         Ok(Some(DescribedValue::Variant(variant.to_owned(), Box::new(content))))
     }
@@ -159,6 +160,7 @@ pub(super) struct SequenceDescriber {
 
 impl SequenceDescriber {
     fn push<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), DescribeError> {
+        // An absent element would shift the elements after it.
         let value = v.serialize(ValueDescriber)?;
         self.values.push(value.ok_or_else(|| DescribeError("an absent value in a list".into()))?);
         Ok(())

@@ -1,9 +1,11 @@
-//! A description as JSON that keeps the type of each value, so that a reader can encode it again and find the key.
+//! A description as JSON that keeps the type of each value, so that a reader can encode it again
+//! and compute the key.
 //!
-//! Truth values, unsigned integers, texts, lists and records are what JSON has for them, and a real number always has a
-//! point or an exponent. The other types are objects of one member: `#signed`, `#digest`, `#bytes`, and `#variant` with
-//! the name and the content. Implied fields are left out, as in the encoding. JSON readers limit how deeply values
-//! nest, so a value that nests deeper than [`DEEPEST`] is `#encoded`: its encoding in hexadecimal digits.
+//! Truth values, unsigned integers, texts, lists and records have their form in JSON, and a real
+//! number always has a point or an exponent. The other types are objects with one member:
+//! `#signed`, `#digest`, `#bytes`, and `#variant` with the name and the content. Implied fields are
+//! left out, as in the encoding. JSON readers limit how deeply values nest, so a value that nests
+//! deeper than [`DEEPEST`] is `#encoded`: its encoding in hexadecimal digits.
 
 use super::DescribedValue;
 use crate::store::Digest;
@@ -20,6 +22,7 @@ impl Serialize for DescribedValue {
         }
         match self {
             Self::Bool(v) => serializer.serialize_bool(*v),
+            // JSON has one type for all integers, and an untagged one is unsigned.
             Self::Signed(v) => tagged(serializer, SIGNED, v),
             Self::Unsigned(v) => serializer.serialize_u64(*v),
             Self::Real(v) => serializer.serialize_f64(*v),
@@ -37,14 +40,16 @@ impl Serialize for DescribedValue {
     }
 }
 
-/// Levels of JSON that a value may take. `serde_json` reads 128, and the file around a description has its own.
+/// Maximum number of levels of JSON in a value. `serde_json` reads 128, and the file around a
+/// description has its own.
 const DEEPEST: usize = 64;
 
-/// Levels of JSON that a value takes.
+/// Number of levels of JSON in a value.
 fn levels(value: &DescribedValue) -> usize {
     match value {
         DescribedValue::List(values) => 1 + values.iter().map(levels).max().unwrap_or(0),
         DescribedValue::Record(fields) => 1 + fields.values().map(levels).max().unwrap_or(0),
+        // An object with a list in it.
         DescribedValue::Variant(_, value) => 2 + levels(value),
         DescribedValue::Implied(value) => levels(value),
         DescribedValue::Bytes(_) => 2,

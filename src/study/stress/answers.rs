@@ -12,16 +12,17 @@ pub struct KnownAnswer {
     pub wanted: Vec<f64>,
 }
 
-/// The answers of this name.
+/// Returns the answers of this name.
 ///
 /// # Panics
-/// There are none: the table is part of the program.
+/// The table has no answer of this name. The table is part of the program.
 #[must_use]
 pub fn find_answers(name: &str) -> Vec<KnownAnswer> {
     let numbers = |text: &str| -> Vec<f64> {
         text.split_whitespace().map(|number| number.parse().expect("the table holds numbers")).collect()
     };
     let of_line = |line: &str| {
+        // The space ends the name, which may be the beginning of another one.
         let (given, wanted) = line.strip_prefix(name)?.strip_prefix(' ')?.split_once('=')?;
         Some(KnownAnswer { given: numbers(given), wanted: numbers(wanted) })
     };

@@ -47,6 +47,7 @@ pub fn absolute_stamps(clock: impl Fn(i64, i64) -> Option<i64>) -> CaseResult {
     let mut worst = WorstPoint::default();
     for first_us in FIRST {
         let times: Vec<i64> = (0..2000).map(|i| i * 1_333 + i * i).collect();
+        // 128 bits, so that the expected sum cannot overflow itself.
         let wanted = |ns: i64| i128::from(first_us) + i128::from(ns.div_euclid(1000));
         let right = |ns: &&i64| clock(first_us, **ns).map(i128::from) == Some(wanted(**ns));
         let differing = times.len() - times.iter().filter(right).count();
@@ -56,7 +57,7 @@ pub fn absolute_stamps(clock: impl Fn(i64, i64) -> Option<i64>) -> CaseResult {
 }
 
 const PIXEL: Size = Size { width: 1, height: 1 };
-/// Times of events are whole nanoseconds.
+/// Limit of the error of an event time, ns: times are whole nanoseconds, rounded down.
 const LIMIT_NS: f64 = 1.0;
 
 /// A sensor with this gain over `ln(L + 16)` and this leak per us, without noise or with almost
@@ -76,6 +77,7 @@ fn hold_even(worst: &mut WorstPoint, events: &[Event], [length_ns, every_ns]: [f
     worst.see(number, || format!("{what}: number"));
     let train: Train = by_pixel(PIXEL, events).swap_remove(0);
     for (i, (t, _)) in train.iter().enumerate() {
+        // The middle of the nanosecond, because times are rounded down.
         let point = StressPoint::absolute_error(*t as f64 + 0.5, (i + 1) as f64 * every_ns, LIMIT_NS);
         worst.see(point, || format!("{what}: event {i}"));
     }
@@ -97,7 +99,7 @@ fn doubling_frames() -> CaseResult {
     worst.found()
 }
 
-/// A leak of an event in 1.001 s.
+/// A leak of one event in 1.001 s.
 fn slow_leak() -> CaseResult {
     const HOUR: i64 = 3_600_000_000;
     const EVERY_US: f64 = 1_001_000.0;
@@ -111,11 +113,12 @@ fn slow_leak() -> CaseResult {
     worst.found()
 }
 
-/// A leak of two million events a us, between frames of which one is a us long.
+/// A leak of two million events per us, between two frames that are 1 us apart.
 fn fast_leak() -> CaseResult {
     const EVENTS: u64 = 2_000_000;
     let mut worst = WorstPoint::default();
     let clip = make_clip(PIXEL, &[0, 1], |_, _, _| 77.0);
+    // Half an event more, so that none falls on the end.
     for (name, sensor) in plain_sensors(1.0, EVENTS as f64 + 0.5) {
         let (events, account) = run_sensor(&sensor, &clip, 1);
         let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();

@@ -29,9 +29,9 @@ pub struct SplatBench {
 /// Precision of a back end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FloatPrecision {
-    /// 32.
+    /// 32 bits.
     Single,
-    /// 64.
+    /// 64 bits.
     Double,
 }
 
@@ -47,8 +47,8 @@ impl CaseRenderer<'_> {
         }
     }
 
-    /// The number of scenes that this renderer can do in seconds: a GPU takes a tenth of a second
-    /// to set up a scene. Shapes that come in groups of five still occur in every direction.
+    /// Selects scenes that this renderer can draw in seconds: a GPU takes a tenth of a second to
+    /// set up a scene. Shapes that come in groups of five still occur in every direction.
     fn some<T>(self, all: Vec<T>) -> impl Iterator<Item = T> {
         all.into_iter().step_by(if self.0.takes_gpu() { 3 } else { 1 })
     }

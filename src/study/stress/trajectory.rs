@@ -98,8 +98,8 @@ fn blend_case() -> CaseResult {
     worst.found()
 }
 
-/// A hand-held half circle about the origin, with centres on a grid of 2^-20, so that adding such
-/// an offset loses nothing.
+/// A hand-held half circle about the origin, with centres on a grid of 2^-20, so that adding an
+/// offset of 1e6 or 2^20 loses nothing.
 fn half_circle(offset: DVec3) -> Vec<(String, Se3)> {
     let pose = |i: i32| {
         let phi = PI * f64::from(i) / 29.0 + 0.02 * libm::sin(f64::from(7 * i));

@@ -36,6 +36,7 @@ pub(super) fn write_cheapest(out: &mut String, study: &StudyResult, base: &Setti
                 Some(place) => writeln!(out, "{}", taken_words(&offer.method, place, pick.base_core_s)),
                 None => writeln!(out, "`{}` does not reach it | | | |", of.rules),
             };
+            // Only the first row of a measure has its title.
             (title, error) = ("", String::new());
         }
     }

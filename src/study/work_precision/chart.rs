@@ -29,6 +29,7 @@ struct LogAxis {
 impl LogAxis {
     fn around_values(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
+        // A logarithmic axis has no place for 0, and no values leave `low` infinite.
         (low > 0.0 && low.is_finite()).then(|| Self { low: low / ROOM, high: high * ROOM })
     }
 
@@ -116,6 +117,7 @@ fn draw_axes(out: &mut SvgText, cost: LogAxis, error: LogAxis, machine: &str) {
 
 /// A tick label: one digit and zeros.
 fn plain_number(mark: f64) -> String {
+    // Rounding to six decimals hides the error of a product like 2 * 1e-3.
     if (1e-4..1e5).contains(&mark) { format!("{}", (mark * 1e6).round() / 1e6) } else { format!("{mark:e}") }
 }
 

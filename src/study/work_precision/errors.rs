@@ -61,6 +61,7 @@ impl EventSink for CompactEvents {
 /// Number of pixels with an event in a sorted stream.
 #[must_use]
 pub fn active_pixels(sorted: &[u64]) -> usize {
+    // The bit above the time is the polarity.
     sorted.chunk_by(|a, b| a >> (TIME_BITS + 1) == b >> (TIME_BITS + 1)).count()
 }
 
@@ -93,6 +94,8 @@ impl StreamErrors {
         for (a, b) in pixel_pairs(found, reference) {
             miscount += a.len().abs_diff(b.len());
             for (sum, within) in matched.iter_mut().zip(WITHIN_US) {
+                // Times are collected at the widest tolerance only, or they would count three
+                // times.
                 let widest = within == WITHIN_US[2];
                 *sum += match_events(a, b, within * 1000, |ns| {
                     if widest {
@@ -126,6 +129,7 @@ fn pixel_pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64
     let group = |event: &u64| event >> TIME_BITS;
     let (mut a, mut b) = (a, b);
     std::iter::from_fn(move || {
+        // Both streams are sorted, so the lower of both first groups comes next.
         let first = a.first().into_iter().chain(b.first()).map(group).min()?;
         let take = |events: &mut &'a [u64]| {
             let (own, rest) = events.split_at(events.iter().take_while(|e| group(e) == first).count());
@@ -140,6 +144,7 @@ fn pixel_pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64
 #[expect(clippy::cast_possible_wrap, reason = "times have 37 bits")]
 fn match_events(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usize {
     let apart = |i: usize, j: usize| match (a.get(i), b.get(j)) {
+        // The upper bits of both are equal, so the difference is that of the times.
         (Some(a), Some(b)) => (*a as i64 - *b as i64).abs(),
         _ => i64::MAX,
     };

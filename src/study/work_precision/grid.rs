@@ -43,8 +43,10 @@ impl FrameGrid {
     /// the image motion in each fine interval, px.
     #[must_use]
     pub fn flow_steps(flows: &[f64], uniform: &Self) -> Self {
+        // With this bound, one step spans the whole clip. It is above 0 for a still picture, too.
         let most = flows.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * flows.len() as f64;
         let (mut low, mut high) = (0.0, most);
+        // 60 halvings exhaust the 53 bits of the bound.
         for _ in 0..60 {
             let middle = f64::midpoint(low, high);
             if step_places(flows, middle).len() <= uniform.places.len() {
@@ -53,6 +55,7 @@ impl FrameGrid {
                 low = middle
             }
         }
+        // `high` has always had few enough frames.
         Self { steps: StepRule::Flow, rate: uniform.rate, places: step_places(flows, high) }
     }
 }
@@ -65,9 +68,11 @@ fn step_places(flows: &[f64], px: f64) -> Vec<usize> {
     while at < flows.len() {
         let mut highest = 0.0f64;
         let mut end = at;
+        // Two fine intervals at a time, so that each step has a middle frame.
         for pair in flows[at..].chunks(2) {
             highest = pair.iter().copied().fold(highest, f64::max);
             let length = end + pair.len() - at;
+            // A step has two intervals at least, however fast the picture moves.
             if end > at && highest * length as f64 > px {
                 break;
             }

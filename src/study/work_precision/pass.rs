@@ -83,6 +83,8 @@ pub fn feed_settings(
             let sum: f64 = frame.luminance.pixels().iter().map(|l| f64::from(*l)).sum();
             grey = sum / size.pixels() as f64;
         }
+        // The logarithms of a frame are computed once for all grids, and only for frames that one
+        // needs.
         let wanted = gridded.iter().any(|grid| grid.wants(frame.index));
         let seen = wanted.then(|| Arc::new(FrameVoltage::new(&frame, setup.sensor.k[1])));
         if let Some(seen) = seen {
@@ -114,6 +116,7 @@ impl SensorAtWork {
     }
 
     fn see(&mut self, frame: &DenseFrame, clock: &dyn Fn() -> TimeSpent) -> Result<(), SensorError> {
+        // Only the sensor is timed here; the cost of frames is measured by itself.
         let before = clock();
         self.pixels.advance(frame, &mut self.events)?;
         self.spent += clock() - before;
@@ -182,6 +185,7 @@ impl<'a> GridSettings<'a> {
         clock: &dyn Fn() -> TimeSpent,
         fed: &mut Vec<FedSetting>,
     ) -> Result<(), SensorError> {
+        // The error has no sign, so it is stated in the mean of both thresholds.
         let in_thresholds =
             setup.sensor.k[0] / f64::midpoint(setup.sensor.threshold_on, setup.sensor.threshold_off);
         let rms = self.voltages.finish();

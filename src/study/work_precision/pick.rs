@@ -123,6 +123,7 @@ impl MethodComparison {
     /// Compares `rows` at the error of `base`; `None` if it has none.
     #[must_use]
     pub fn at_error(measure: ErrorMeasure, base: &SettingRow, rows: &[SettingRow]) -> Option<Self> {
+        // An error of 0 cannot be reached by interpolation in logarithms.
         let error = measure.of(base).filter(|error| *error > 0.0)?;
         let mut names: Vec<[String; 2]> = Vec::new();
         for row in rows.iter().map(|row| [row.rules.clone(), row.method()]) {
@@ -137,6 +138,7 @@ impl MethodComparison {
                 of_method.filter_map(|row| Some(CostPoint::from_row(row, measure.of(row)?))).collect();
             offers.extend(best_offer(name, curve, error));
         }
+        // A method that does not reach the error comes last.
         let cost = |offer: &MethodOffer| offer.place.map_or(f64::INFINITY, |place| place.core_s);
         offers.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         Some(Self { measure, error, base_core_s: base.core_s(), offers })
@@ -174,13 +176,13 @@ fn best_offer([rules, method]: [String; 2], mut curve: Vec<CostPoint>, error: f6
 
 /// The point from which on a curve has at most this error, linear in logarithms between its points.
 /// A good point before worse ones is chance.
-/// good before worse ones is luck.
 fn reaching_place(curve: &[CostPoint], error: f64) -> Option<CostPlace> {
     let at = curve.iter().rposition(|point| point.error > error).map_or(0, |worse| worse + 1);
     if at == curve.len() {
         return None;
     }
     let to = curve[at];
+    // A curve that starts below the error has no point above it to interpolate from.
     let Some(from) = at.checked_sub(1).map(|before| curve[before]) else {
         return Some(CostPlace { core_s: to.core_s, frames: to.frames, at_most: true });
     };

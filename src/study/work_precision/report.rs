@@ -152,6 +152,7 @@ fn write_rules(out: &mut String, study: &StudyResult) {
          thresholds | us | frame, core ms | with rate | pairs a pixel |\n|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for of in &study.rules {
+        // The law is fitted in seconds, and the table is in milliseconds.
         let law = of.law.map_or_else(
             || " | | ".to_owned(),
             |law| {

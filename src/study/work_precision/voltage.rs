@@ -21,6 +21,7 @@ impl FrameVoltage {
         let level = |l: &f32| f64::from(l.max(0.0)) + k2;
         let v = luminance.par_iter().map(|l| libm::log(level(l))).collect();
         let rate = frame.rate.as_ref().map_or_else(Vec::new, |rate| {
+            // The derivative of `ln(L + k2)`.
             rate.pixels().iter().zip(luminance).map(|(rate, l)| f64::from(*rate) / level(l)).collect()
         });
         Self { seconds: frame.t.seconds(), v, rate }
@@ -63,6 +64,7 @@ impl IntervalVoltages {
 
     /// Root mean square over pixels and intervals, by method.
     pub(super) fn finish(mut self) -> Vec<f64> {
+        // The last interval has no frame after it.
         self.shift(None);
         let count = self.count.max(1) as f64;
         self.sums.iter().map(|sum| (sum / count).sqrt()).collect()
@@ -71,9 +73,12 @@ impl IntervalVoltages {
     fn shift(&mut self, after: Option<Arc<FrameVoltage>>) {
         self.window.rotate_left(1);
         self.window[3] = after;
+        // An interval is complete once the frame after it, or the end, is known.
         let [before, Some(from), Some(to), after] = &self.window else { return };
         let Some(middle) = self.middles.pop_front() else { return };
         for (sum, between) in self.sums.iter_mut().zip(&self.between) {
+            // The squares are summed in order, because the sum of a parallel reduction depends on
+            // the threads.
             let squares: Vec<f64> = (0..from.v.len())
                 .into_par_iter()
                 .map(|i| {

@@ -7,8 +7,9 @@
 //! correlation between counts and changes is itself late where edges are only one or two thresholds
 //! high, because their single event comes at the end.)
 
-/// Minimum drift on both sides of the instant, in thresholds, and the largest ratio of the two.
+/// Minimum drift on both sides of the instant, in thresholds.
 const LEAST_WAY: f64 = 1.0;
+/// Largest ratio of the two drifts.
 const MOST_UNEVEN: f64 = 3.0;
 
 /// Sums over the pixels with steady drift.
@@ -29,12 +30,14 @@ impl LagSums {
     pub(super) fn add(&mut self, left: f64, ways: [f64; 2], span: f64, thresholds: [f64; 2]) {
         let threshold = if ways[0] > 0.0 { thresholds[0] } else { thresholds[1] };
         let [small, large] = [ways[0].abs().min(ways[1].abs()), ways[0].abs().max(ways[1].abs())];
+        // NaN fails these comparisons, so it is never steady.
         let steady = ways[0] * ways[1] > 0.0 && small > LEAST_WAY * threshold && large < MOST_UNEVEN * small;
-        // Impossible residuals, such as that of a hot pixel, would outweigh the rest.
+        // An impossible residual, for example of a hot pixel, would outweigh the rest.
         if !steady || left.abs() > 8.0 * threshold {
             return;
         }
         let rate = (ways[0] + ways[1]) / span;
+        // The mean residual of events without a delay.
         let left = left - (0.5 * threshold).copysign(rate);
         self.pixels += 1;
         self.rates += rate;
@@ -50,6 +53,7 @@ impl LagSums {
     pub fn pooled_lag(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
         let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
         for Self { pixels: n, rates, squares: s, left, left_squares: l, products: p } in spans {
+            // A single pixel has no deviation from its span's mean.
             if n > 1 {
                 let n = n as f64;
                 pixels += n;
@@ -62,6 +66,7 @@ impl LagSums {
             return None;
         }
         let lag = products / squares;
+        // Rounding may leave a sum of squares slightly below 0.
         let rest = (left_squares - lag * products).max(0.0) / (pixels - 2.0);
         Some([lag, (rest / squares).sqrt()])
     }

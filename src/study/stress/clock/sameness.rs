@@ -62,6 +62,7 @@ fn add_near(worst: &mut WorstPoint, found: &[Event], wanted: &[Event], what: &st
         }
     }
     worst.see_same(others, wanted.len(), || format!("{what}: other events"));
+    // One nanosecond is the rounding of times.
     worst.see(StressPoint::absolute_error(furthest as f64, 0.0, 1.0), || format!("{what}: times"));
 }
 
@@ -135,6 +136,7 @@ fn threads_case() -> CaseResult {
 
 /// Events of the part of the clip that begins at a place, in the coordinates of the part.
 fn of_part(sensor: &VoltmeterModel, clip: &ArrayFrames, [left, top]: [u16; 2], size: Size) -> Vec<Event> {
+    // Draws belong to places on the sensor, so a part begins at its own place.
     let origin = [CORNER[0] + left, CORNER[1] + top];
     let mut pixels = sensor.start(size, origin, Seed(4)).expect("a sound sensor");
     let (mut clip, mut events) = (clip.clone(), Vec::new());

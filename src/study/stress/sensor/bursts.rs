@@ -10,10 +10,12 @@ use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, Wors
 /// A frame interval of 2400 a second, us.
 const FRAME: i64 = 417;
 const PIXEL: Size = Size { width: 1, height: 1 };
-/// Tolerance of a time in a file, ns: half a nanosecond, because times are whole nanoseconds.
+/// Limit of the error of an event time, ns. Times are whole nanoseconds, rounded down; half a
+/// nanosecond is added before they are compared, so rounding explains half of the limit.
 const LIMIT_NS: f64 = 1.0;
 
-/// Variances of the noise over a frame: none, and almost none, which use different code.
+/// The cases, each without noise and with almost no noise: the two use different code. The last
+/// number is the variance of the noise over a frame.
 pub(super) fn burst_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |name, regime, run: fn(f64) -> CaseResult, variance| {
         StressCase::new(StressArea::Sensor, [name, regime, "ns"], move || run(variance))
@@ -48,6 +50,7 @@ fn hold_train(worst: &mut WorstPoint, found: &Train, wanted: &[(f64, Polarity)],
     let other = found.iter().zip(wanted).filter(|(found, wanted)| found.1 != wanted.1).count();
     worst.see(StressPoint::exact_count(other as u64, 0), || format!("{what}: polarity"));
     for (i, (found, wanted)) in found.iter().zip(wanted).enumerate() {
+        // The middle of the nanosecond, because times are rounded down.
         let point = StressPoint::absolute_error(found.0 as f64 + 0.5, wanted.0, LIMIT_NS);
         worst.see(point, || format!("{what}: event {i}"));
     }
@@ -121,7 +124,8 @@ pub(super) fn steps_case() -> CaseResult {
     for KnownAnswer { given, wanted } in find_answers("step") {
         let [k1, k2, from, to] = [given[0], given[1], given[2], given[3]];
         let rise = wanted[0];
-        // Two and a half events, or as many as there are.
+        // A step of less than 2.5 is divided into two and a half events; a larger one has
+        // thresholds of 1.
         let threshold = (rise.abs() / 2.5).min(1.0);
         let sensor = VoltmeterModel {
             threshold_on: threshold,
@@ -129,7 +133,9 @@ pub(super) fn steps_case() -> CaseResult {
             ..burst_sensor([k1, k2], 0.0, 0.0)
         };
         let found = event_train(&sensor, &[0, END_US], &[from, to]);
+        // Without an event the size is NaN, which is beyond the limit.
         let last = found.last().map_or(f64::NAN, |event| event.0 as f64 + 0.5);
+        // The drift is linear in time, so the last event measures the whole step.
         let size = found.len() as f64 * threshold * (END_US as f64 * 1e3 / last);
         worst.see(StressPoint::absolute_error(size, rise.abs(), 1e-12), || {
             format!("{from:e} -> {to:e}, k1 = {k1}")

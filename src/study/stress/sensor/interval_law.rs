@@ -20,6 +20,7 @@ impl BarrierExit {
     /// Probability of an exit by `t`.
     #[must_use]
     pub fn by(self, t: f64) -> f64 {
+        // The lower barrier is the upper one of the mirrored motion.
         let mirrored = Self { drift: -self.drift, up: self.down, down: self.up, ..self };
         self.upward_by(t) + mirrored.upward_by(t)
     }
@@ -33,6 +34,7 @@ impl BarrierExit {
             let d = up + f64::from(2 * k) * (up + down);
             let lead = drift * up / variance;
             let tilt = m * d.abs() / variance;
+            // Logarithms are added first: the factors alone overflow and underflow.
             let toward = libm::exp(lead - tilt + log_phi((m * t - d.abs()) / root));
             let away = libm::exp(lead + tilt + log_phi((-m * t - d.abs()) / root));
             d.signum() * (toward + away)

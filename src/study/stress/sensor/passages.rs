@@ -10,7 +10,7 @@ use crate::study::stress::clips::{Train, by_pixel, ks, make_clip, run_sensor};
 use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 use std::ops::ControlFlow;
 
-/// Allowed number of standard errors of a count: 6e-5 for each of a dozen.
+/// Allowed number of standard errors of a count: a probability of 6e-5 for each of a dozen counts.
 const ERRORS: f64 = 4.0;
 /// Number of simulated paths.
 const PATHS: u64 = 40_000;
@@ -54,6 +54,7 @@ fn count_off(
 ) -> u64 {
     let is_off = |i: &u64| {
         let mut draws = path_draws(*i);
+        // The first draw is the end; the path takes the rest of the stream.
         let y = end(&mut draws);
         first([x, y], variance, draws) == Some(Polarity::Off)
     };
@@ -74,7 +75,7 @@ pub fn first_off(first: impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>) -
     worst.found()
 }
 
-/// The same for paths with given ends.
+/// Share of paths between given ends whose first event is OFF.
 #[must_use]
 pub fn bridge_off(first: impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>) -> CaseResult {
     let mut worst = WorstPoint::default();
@@ -153,6 +154,7 @@ fn mean_interval(nu: f64, variance: f64) -> f64 {
 /// KS distance of intervals from the series, for each of these variances per cell of the clock.
 fn interval_case(nu: f64, variances: &[f64]) -> CaseResult {
     let mut worst = WorstPoint::default();
+    // A seed for each variance keeps the samples independent.
     for (seed, per_cell) in (1..).zip(variances) {
         let variance = per_cell / CELL_US;
         let process = BarrierExit { drift: nu * variance, variance, up: 1.0, down: 1.0 };
@@ -160,6 +162,7 @@ fn interval_case(nu: f64, variances: &[f64]) -> CaseResult {
         let found = intervals_of(process, [mean_interval(nu, variance), spread], seed);
         let all = WATCHED.pixels() * TAKEN;
         let at = || format!("s^2 T = {per_cell:e}, {all} intervals");
+        // A missing interval would be a long one, and its absence would bias the distribution.
         worst.see(StressPoint::exact_count(found.len() as u64, all as u64), at);
         let distance = ks(found.iter().map(|(t, _)| *t).collect(), |t| process.by(t));
         worst.see(StressPoint::absolute_error(distance, 0.0, KS_LIMIT), at);

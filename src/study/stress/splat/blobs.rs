@@ -89,6 +89,7 @@ impl ScatterDraws {
     #[expect(clippy::should_implement_trait, reason = "draws never end")]
     pub fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(procedural::STEP);
+        // 24 bits, which 32-bit floats hold exactly.
         (procedural::finalise_bits(self.0) >> 40) as f32 / (1 << 24) as f32
     }
 

@@ -26,6 +26,7 @@ pub(super) fn stack_case(by: CaseRenderer<'_>) -> Outcome {
                 .map(|i| alpha * left(i))
                 .sum()
         };
+        // Even layers are red, odd ones green.
         let wanted = [sum(0), sum(1), 0.0];
         let (scene, view) = scenes::layer_stack(LAYERS.unsigned_abs() as usize, opacity);
         let (image, work) = by.picture(&Arc::new(scene), OFFICIAL, &view, ALL)?;
@@ -35,6 +36,7 @@ pub(super) fn stack_case(by: CaseRenderer<'_>) -> Outcome {
             worst.see(point, || format!("{opacity}: colour"));
         }
         worst.see(StressPoint::exact_count(work.blended, blended as u64), || format!("{opacity}: layers"));
+        // Without a stop, the pixel blends every layer.
         let stops = u64::from(blended < LAYERS.unsigned_abs() as usize);
         worst.see(StressPoint::exact_count(work.stopped, stops), || format!("{opacity}: stops"));
     }
@@ -59,8 +61,8 @@ fn miscounted(found: GaussianCounts, wanted: GaussianCounts) -> u64 {
     of(found).into_iter().zip(of(wanted)).map(|(a, b)| a.abs_diff(b)).sum()
 }
 
-/// Compared with the known outcome of twelve Gaussians, and in 32 bits with the reference on a
-/// crowd.
+/// Compares the counts with the known outcome of twelve Gaussians, and in 32 bits also with those
+/// of the reference on a crowd.
 pub(super) fn counted_case(by: CaseRenderer<'_>) -> Outcome {
     let mut worst = WorstPoint::default();
     let (scene, view, wanted) = scenes::counted_scene();

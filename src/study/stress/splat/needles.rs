@@ -84,6 +84,7 @@ pub(super) fn far_case(by: CaseRenderer<'_>) -> Outcome {
         let mut errors = Vec::new();
         for needle in by.some(oblique_needles(long_px)) {
             let wanted = needle.powers().into_iter().map(|[_, power]| libm::exp(-power));
+            // Pixels that the rules leave out have no value to compare.
             let pairs =
                 needle_shape(by, &needle, EXACT)?.into_iter().zip(wanted).filter(|(found, _)| *found > 0.0);
             errors.extend(pairs.map(|(found, wanted)| (found - wanted).abs()));

@@ -52,7 +52,9 @@ pub(super) fn user_setup(stage: &SplatBench) -> PictureSetup {
     };
     let places: Vec<DVec3> =
         (0..scene.len()).map(|i| scene.position(i)).filter(|place| place.is_finite()).collect();
+    // Medians, because a few Gaussians far away would move means.
     let median = DVec3::from([0, 1, 2].map(|k| middle(places.iter().map(|p| p[k]).collect())));
+    // A scene in one point has no radius, so it gets a small one.
     let radius = middle(places.iter().map(|p| (*p - median).length()).collect()).max(1e-9);
     let way = DVec3::new(0.6, -0.35, -1.0).normalize();
     let rotation = look_at(-way, DVec3::NEG_Y).expect("not along the picture's top");
@@ -64,7 +66,7 @@ pub(super) fn user_setup(stage: &SplatBench) -> PictureSetup {
 }
 
 impl PictureSetup {
-    /// The same scene under each of its rules.
+    /// The rendering of the scene under each of its rules.
     fn styles(&self) -> impl Iterator<Item = RenderStyle> {
         self.rules.iter().map(|rules| RenderStyle { rules: *rules, background: [0.1, 0.3, 0.2], ..OFFICIAL })
     }
@@ -80,8 +82,8 @@ fn image_colours(image: &RenderedImages) -> Vec<[f32; 3]> {
     image.rgb.iter().flat_map(|rgb| rgb.pixels()).copied().collect()
 }
 
-/// A layer at 1/255 that one of the two leaves out, or two layers whose depths swap: few pixels,
-/// and small differences.
+/// Compares the colours of a picture with those of the reference. They differ in few pixels, and by
+/// little: where one of the two leaves out a layer at 1/255, or where two layers swap.
 pub(super) fn value_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
     let mut worst = WorstPoint::default();
     for style in set.styles() {
@@ -132,6 +134,7 @@ fn one_by_one(set: &PictureSetup, style: RenderStyle) -> Vec<(f64, f64)> {
         let mut background = [0.0; 3];
         background[channel] = style.background[channel];
         for first in scene.sh.iter_mut().step_by(length) {
+            // Colours are clamped from below, so a dark constant term silences all terms.
             (0..3).filter(|c| *c != channel).for_each(|c| first[c] = DARK);
         }
         exact_luminance(&Arc::new(scene), RenderStyle { background, ..style }, &set.view)
@@ -141,13 +144,14 @@ fn one_by_one(set: &PictureSetup, style: RenderStyle) -> Vec<(f64, f64)> {
     whole.iter().enumerate().map(|(i, grey)| (grey[0], sum(i))).collect()
 }
 
-/// The 32-bit renderer against the reference.
+/// Compares the rates of a 32-bit renderer with those of the reference.
 pub(super) fn rate_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
     let mut worst = WorstPoint::default();
     for style in set.styles() {
         let want = ChannelSet { luminance_rate: true, ..ChannelSet::default() };
         let (found, _) = by.picture(&set.scene, style, &set.view, want)?;
         let wanted = exact_luminance(&set.scene, style, &set.view);
+        // Errors relative to the rate of a pixel would be unbounded where the rate passes 0.
         let largest = wanted.iter().fold(0.0, |m: f64, [_, rate]| m.max(rate.abs()));
         let found = found.luminance_rate.iter().flat_map(|plane| plane.pixels());
         let errors = found.zip(&wanted).map(|(a, [_, b])| (f64::from(*a) - b).abs() / largest);
@@ -157,7 +161,7 @@ pub(super) fn rate_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// The reference's rates against differences of its own values, relative to the largest rate.
+/// Compares the reference's rates with differences of its own values, relative to the largest rate.
 pub(super) fn rate_by_differences(set: &PictureSetup) -> CaseResult {
     let mut worst = WorstPoint::default();
     for style in set.styles() {
@@ -191,7 +195,7 @@ fn is_smooth(wide: f64, narrow: f64, largest: f64) -> bool {
 }
 
 /// Central differences of luminance over 0.2 us and over half of that. In so short a time hardly
-/// two depths swap, and 64 bits keep nine digits of such differences.
+/// two depths swap, and 64 bits keep nine digits of the differences.
 struct CentralDifferences {
     wide: Vec<f64>,
     narrow: Vec<f64>,

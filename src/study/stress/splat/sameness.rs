@@ -37,7 +37,8 @@ fn render_picture(
     by.picture(&Arc::new(scene), RenderStyle { rules, ..OFFICIAL }, view, ALL)
 }
 
-/// A shift that 64 bits represent exactly together with the camera's centre.
+/// Compares pictures of one scene under shifts that 64 bits represent exactly, together with the
+/// camera's centre.
 pub(super) fn offset_case(by: CaseRenderer<'_>) -> Outcome {
     let (scene, mut view) = scenes::askew_crowd(2000);
     view.camera = view.camera.resized(Size { width: 101, height: 59 });
@@ -75,7 +76,7 @@ fn blob_middle(by: CaseRenderer<'_>, shift: DVec3) -> Result<[f64; 2], NotRun> {
     Ok(moments.map(|moment| moment / sum))
 }
 
-/// Offsets that round what is added to them, by at most 1e-10.
+/// Compares the place of a blob under offsets that round the coordinates by at most 1e-10.
 pub(super) fn offset_px(by: CaseRenderer<'_>) -> Outcome {
     let here = blob_middle(by, DVec3::ZERO)?;
     let mut worst = WorstPoint::default();
@@ -88,7 +89,8 @@ pub(super) fn offset_px(by: CaseRenderer<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// The colours reveal the order of ties: neighbours in the file differ by up to 1.9 in a channel.
+/// Compares the order of ties on several numbers of threads, and with the reference. The colours
+/// reveal the order: neighbours in the file differ by up to 1.9 in a channel.
 pub(super) fn ties_case(by: CaseRenderer<'_>) -> Outcome {
     let (scene, view) = scenes::tied_crowd(1000);
     let mut worst = WorstPoint::default();
@@ -123,6 +125,7 @@ pub(super) fn unsound_case(by: CaseRenderer<'_>) -> Outcome {
     let mut worst = WorstPoint::default();
     for rules in ALL_RULES {
         let (clean, alone) = render_picture(by, scenes::without_gaussian(&scene, I), rules, &view)?;
+        // A Gaussian that is not seen would make every comparison pass.
         let [seen, _] = differing_values(&render_picture(by, scene.clone(), rules, &view)?.0, &clean);
         worst.see(StressPoint::exact_count(u64::from(seen > 0), 1), || {
             format!("{rules:?}: Gaussian {I} is seen")
@@ -145,6 +148,7 @@ pub(super) fn quaternion_case(by: CaseRenderer<'_>) -> Outcome {
     let unturned = [1.0, 0.0, 0.0, 0.0];
     let mut twin = scene.clone();
     for (power, rotation) in (-20..=20).cycle().zip(&mut twin.rotations) {
+        // A power of two scales without rounding.
         *rotation = rotation.map(|v| libm::scalbnf(v, power));
     }
     // A zero quaternion is the identity.

@@ -81,8 +81,9 @@ impl NeedleGaussian {
         })
     }
 
-    /// Each pixel's distance from the mean, px, and the power there by eigenvectors, in which
-    /// nothing cancels: of the stored scene with 0.3 px^2 of dilation.
+    /// Distance of each pixel from the mean, px, and the power at the pixel, for the stored scene
+    /// with a dilation of 0.3 px^2. The power is computed along eigenvectors, in which nothing
+    /// cancels.
     #[must_use]
     pub fn powers(&self) -> Vec<[f64; 2]> {
         let stored = self.scene();
@@ -91,6 +92,7 @@ impl NeedleGaussian {
         let variances = self.variances().map(|v| v + DILATION);
         let camera = self.view().camera;
         let power = |x: u32, y: u32| {
+            // Pixels are sampled at their centres.
             let [dx, dy] = [f64::from(x) + 0.5 - camera.cx, f64::from(y) + 0.5 - camera.cy];
             let [along, across] = [cos * dx + sin * dy, cos * dy - sin * dx];
             [libm::hypot(dx, dy), 0.5 * (along * along / variances[0] + across * across / variances[1])]
@@ -118,6 +120,7 @@ pub fn all_needles() -> Vec<NeedleGaussian> {
 #[must_use]
 pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, CameraView) {
     let layer = |i: usize| ColourBlob {
+        // Multiples of 1/64 are exact in 32 bits, so no two layers tie.
         position: [0.0, 0.0, 1.0 + i as f32 / 64.0],
         deviations: [1e4; 3],
         opacity,
@@ -138,10 +141,10 @@ pub fn tied_crowd(n: usize) -> (Gaussians, CameraView) {
     (blob_scene(&blobs), view_ahead(101, 59, 75.0))
 }
 
-/// A Gaussian of a crowd, made invalid, or valid in another way.
+/// A change that makes one Gaussian of a scene invalid.
 pub type Spoil = fn(&mut Gaussians, usize);
 
-/// Values that no part of the picture may depend on.
+/// Changes after which the picture must be that without the Gaussian.
 pub const UNSOUND: [(&str, Spoil); 9] = [
     ("NaN in a position", |s, i| s.positions[i][1] = f32::NAN),
     ("NaN in a depth", |s, i| s.positions[i][2] = f32::NAN),

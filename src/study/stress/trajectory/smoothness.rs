@@ -36,6 +36,7 @@ pub(super) fn smooth_curves() -> Vec<Box<dyn PoseCurve>> {
 /// The pose relative to the pose at another place.
 fn relative_pose(curve: &dyn PoseCurve, from: CurvePlace, x: f64) -> [DVec3; 2] {
     let (a, b) = (curve.pose(from), curve.pose(CurvePlace { x, ..from }));
+    // At the place itself, the derivative of this rotation vector is the body rate.
     [b.translation - a.translation, log_vector(a.rotation.conjugate() * b.rotation)]
 }
 
@@ -77,6 +78,7 @@ pub fn joints_case(curves: &[Box<dyn PoseCurve>]) -> CaseResult {
                 |k: f64| curve.twist(CurvePlace { segment: knot - 1, x: curve.steps()[knot - 1] - k * STEP });
             let after = |k: f64| curve.twist(CurvePlace { segment: knot, x: k * STEP });
             for (what, part) in [("linear", linear_rate as fn(Twist) -> DVec3), ("angular", angular_rate)] {
+                // Differences to one side, of second order: no point of the other segment enters.
                 let slope = |side: &dyn Fn(f64) -> Twist, sign: f64| {
                     let [here, near, far] = [0.0, 1.0, 2.0].map(|k| part(side(k)));
                     (near * 4.0 - far - here * 3.0) * (sign / (2.0 * STEP))
