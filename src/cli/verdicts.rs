@@ -89,8 +89,15 @@ pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
     let mut shown: Vec<&Finding> =
         findings.iter().filter(|f| !matches!(f.verdict, Verdict::Pass | Verdict::NotRun)).collect();
     shown.sort_by_key(rank);
-    for finding in shown.iter().take(if console.json { usize::MAX } else { MAX_SHOWN }) {
-        console.tell(&to_message(finding));
+    for (number, finding) in shown.iter().enumerate() {
+        let message = to_message(finding);
+        if console.json {
+            console.result(&message.to_json());
+        }
+        // A quiet build shows failures only.
+        if number < MAX_SHOWN && (!console.quiet || finding.verdict == Verdict::Fail) {
+            console.show(&message);
+        }
     }
     if shown.len() > MAX_SHOWN {
         console.say(&format!("and {} more findings", shown.len() - MAX_SHOWN));

@@ -8,7 +8,6 @@ use crate::check::Verdict;
 use crate::escape;
 use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
 use crate::recipe::{ReconstructMethod, ReleaseInfo, SceneSource};
-use crate::sensor::SensorChoice;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
