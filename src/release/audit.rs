@@ -18,6 +18,7 @@ mod steps;
 mod sums;
 mod takedown;
 mod terms;
+mod trusted;
 mod walk;
 
 use super::layout;
@@ -30,8 +31,8 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io;
-use std::ops::Bound;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use trusted::TrustedTree;
 
 /// Kind of a fault. Codes are stable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -339,36 +340,6 @@ pub fn read_tree(dir: &Path) -> io::Result<u64> {
         .into_values()
         .map(|hashes| Ok(hashes.ok_or_else(unreadable)?.size))
         .sum()
-}
-
-/// The part of a tree that is known to be what was released.
-#[derive(Debug)]
-struct TrustedTree<'a> {
-    dir: &'a Path,
-    /// Files with the bytes that the sums state, and their SHA-256.
-    intact: BTreeMap<&'a str, &'a str>,
-}
-
-impl TrustedTree<'_> {
-    fn has(&self, path: &str) -> bool {
-        self.intact.contains_key(path)
-    }
-
-    /// Path of a file on disk, if the file is intact.
-    fn intact_path(&self, path: &str) -> Option<PathBuf> {
-        self.has(path).then(|| self.path_of(path))
-    }
-
-    /// The intact files whose paths start with a prefix, sorted.
-    fn below<'t>(&'t self, prefix: &'t str) -> impl Iterator<Item = &'t str> {
-        let from = self.intact.range::<str, _>((Bound::Included(prefix), Bound::Unbounded));
-        from.map(|(path, _)| *path).take_while(move |path| path.starts_with(prefix))
-    }
-
-    /// Path of a file on disk, whether the file is intact or not.
-    fn path_of(&self, path: &str) -> PathBuf {
-        self.dir.join(path)
-    }
 }
 
 fn audit_scenes(

@@ -2,26 +2,24 @@
 //! hashed, never copied. Nothing here is a guess: unknown values are `null`.
 
 mod again;
+mod attributes;
 mod licence;
 mod trajectory;
 
 pub(super) use again::again;
+pub(super) use attributes::SceneAttributes;
+use attributes::scene_attributes;
 
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
-use super::provenance::Provenance;
 use crate::camera::Camera;
-use crate::licence::{ComposedTerms, Redistributability};
-use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneScale, SceneSource, UpstreamOrigin};
+use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, UpstreamOrigin};
 use crate::reconstruct::TrainerCommand;
 use crate::render::fidelity::PsnrFigures;
 use crate::seed::{Seed, StreamPurpose};
-use crate::source::kind::CaptureKind;
 use crate::source::{Capture, CapturedView, UnusedPhoto, natural};
-use crate::speed::SpeedMeaning;
 use crate::trajectory::path::CameraPath;
-use crate::trajectory::report::SpeedReport;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -308,26 +306,6 @@ pub struct DepthQuantiles {
     pub p95: f32,
 }
 
-/// The axes of appendix D of the paper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SceneAttributes {
-    /// `sharp`, `blurry`: the kinds of pictures in the tree.
-    pub data_type: Vec<String>,
-    /// `object`, `medium`, `large` or `unknown`.
-    pub scene_scale: String,
-    /// True: poses are exact.
-    pub gt_poses: bool,
-    /// `uniform` if the speed varies by at most 1 %.
-    pub speed_profile: String,
-    /// True if there is more than one trajectory.
-    pub multi_trajectory: bool,
-    /// Simulated device.
-    pub device: String,
-    /// The source.
-    pub data_source: String,
-}
-
 /// Composes the file.
 ///
 /// # Errors
@@ -471,43 +449,3 @@ fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
 fn sensor_seed(recipe: &Recipe, trajectory: &str) -> Seed {
     Seed::for_stream(recipe.seed, &recipe.scene, trajectory, StreamPurpose::Sensor)
 }
-
-fn scene_attributes<'r>(
-    recipe: &Recipe,
-    licence: &ComposedTerms,
-    mut reports: impl Iterator<Item = &'r SpeedReport>,
-    trajectories: &[TrajectoryPart],
-) -> SceneAttributes {
-    let shown = licence.passing != Redistributability::Withheld;
-    let has = |output| shown && recipe.outputs.contains(&output);
-    let data_type = [("sharp", has(OutputKind::Sharp)), ("blurry", has(OutputKind::Blur))];
-    // If the law varies the frame rate instead of the camera's speed, the speed is uniform by
-    // definition.
-    let is_uniform = |report: &SpeedReport| {
-        report.meaning == SpeedMeaning::FrameRate
-            || QuantityExtent::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
-    };
-    let captured = match &recipe.source {
-        SceneSource::Captured(captured, _) => Some(captured.kind),
-        SceneSource::Procedural(_) | SceneSource::None => None,
-    };
-    // Lengths of captures are arbitrary, so only the dataset indicates the size of objects.
-    let (scale, data_source) = match captured {
-        Some(CaptureKind::Mvimgnet) => ("object", "MVImgNet"),
-        Some(CaptureKind::Dl3dv) => ("large", "DL3DV-10K"),
-        _ => ("unknown", recipe.source.kind()),
-    };
-    let uniform = reports.all(is_uniform);
-    SceneAttributes {
-        data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
-        scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),
-        gt_poses: true,
-        speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
-        multi_trajectory: recipe.trajectories.len() > 1,
-        device: Provenance::device(trajectories),
-        data_source: data_source.into(),
-    }
-}
-
-/// Speeds are called uniform if their extremes differ by no more than this factor.
-const UNIFORM: f64 = 1.01;

@@ -19,6 +19,7 @@
 
 mod band;
 mod bridge;
+mod cell_list;
 mod cubic;
 mod curve;
 mod drift;

@@ -28,6 +28,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "walkers of a band are counted in few bits")]
 
 use super::bridge::WideBarriers;
+use super::cell_list::{CellCrowd, CellList};
 use super::curve::DriftCurve;
 use super::leaf::{ClockLeaf, LeafSpan};
 use super::thresholds::PixelThresholds;
@@ -36,7 +37,7 @@ use super::writer::BandWriter;
 use crate::elementary::{load_eight, mask_bits, set_lanes, store_eight};
 use crate::seed::DrawSpace;
 use crate::seed::eight::{self, SeedCells};
-use fearless_simd::{Simd, SimdBase as _, SimdMask as _, f64x8, mask64x8, u64x8};
+use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
 use std::ops::{ControlFlow, Range};
 
 /// Halvings of a root cell down to one nanosecond.
@@ -77,97 +78,6 @@ pub(super) struct Walkers {
     pub(super) leaf_count: u64,
     /// Number of cells split.
     pub(super) splits: u64,
-}
-
-/// Walkers that reach one cell. The arrays are longer than `len`, up to a multiple of 8, so that
-/// whole vectors can be loaded; the entries after `len` are padding.
-#[derive(Debug, Default)]
-struct CellList {
-    len: usize,
-    members: Vec<u64>,
-    /// Increment of the Brownian motion over the cell, before it is scaled by sigma.
-    increment: Vec<f64>,
-    /// Drift at the cell's start.
-    from: Vec<f64>,
-    /// Drift at the cell's end.
-    to: Vec<f64>,
-    /// Increment over the first half. Filled by the split.
-    half: Vec<f64>,
-    /// Drift in the cell's middle. Filled by the split.
-    middle: Vec<f64>,
-}
-
-impl CellList {
-    /// Makes room for eight more entries.
-    #[inline(always)]
-    fn reserve(&mut self) {
-        // `extend` stores a full vector of eight and then counts only the selected lanes.
-        if self.len + 8 > self.members.len() {
-            let longer = (2 * self.len + 64).next_multiple_of(8);
-            self.members.resize(longer, 0);
-            for values in
-                [&mut self.increment, &mut self.from, &mut self.to, &mut self.half, &mut self.middle]
-            {
-                values.resize(longer, 0.0);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn push(&mut self, member: u64, increment: f64, [from, to]: [f64; 2]) {
-        self.reserve();
-        let i = self.len;
-        (self.members[i], self.increment[i], self.from[i], self.to[i]) = (member, increment, from, to);
-        self.len = i + 1;
-    }
-
-    /// Adds the lanes whose bit is set in `which`.
-    #[inline(always)]
-    fn extend<S: Simd>(&mut self, which: u64, members: u64x8<S>, [increment, from, to]: [f64x8<S>; 3]) {
-        self.reserve();
-        let simd = members.simd;
-        let mask = mask64x8::from_bitmask(simd, which);
-        simd.compress_u64x8(members, mask).store_slice(&mut self.members[self.len..self.len + 8]);
-        store_eight(simd.compress_f64x8(increment, mask), &mut self.increment, self.len);
-        store_eight(simd.compress_f64x8(from, mask), &mut self.from, self.len);
-        store_eight(simd.compress_f64x8(to, mask), &mut self.to, self.len);
-        self.len += which.count_ones() as usize;
-    }
-
-    /// Fills the padding with valid members.
-    fn pad(&mut self) {
-        // Padding is used as an index when whole vectors are gathered. Its results are masked out
-        // later.
-        for i in self.len..self.len.next_multiple_of(8) {
-            self.members[i] = self.members[0];
-        }
-    }
-
-    fn whole(&self) -> CellCrowd<'_> {
-        let Self { len, members, increment, from, to, .. } = self;
-        CellCrowd { len: *len, members, increment, from, to }
-    }
-
-    /// The walkers in the first half of the cell. Call it after the split.
-    fn first_half(&self) -> CellCrowd<'_> {
-        CellCrowd { increment: &self.half, to: &self.middle, ..self.whole() }
-    }
-
-    /// The walkers in the second half of the cell. Call it after the split, which stores the second
-    /// half's increment in the place of the whole cell's.
-    fn second_half(&self) -> CellCrowd<'_> {
-        CellCrowd { from: &self.middle, ..self.whole() }
-    }
-}
-
-/// A borrowed list at the start of a cell.
-#[derive(Debug, Clone, Copy)]
-struct CellCrowd<'a> {
-    len: usize,
-    members: &'a [u64],
-    increment: &'a [f64],
-    from: &'a [f64],
-    to: &'a [f64],
 }
 
 /// A pixel at the start of a window that may touch a barrier.

@@ -1,0 +1,35 @@
+//! The files of a tree that have the bytes of its sums.
+
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use std::path::{Path, PathBuf};
+
+/// The part of a tree that is known to be what was released.
+#[derive(Debug)]
+pub(super) struct TrustedTree<'a> {
+    pub(super) dir: &'a Path,
+    /// Files with the bytes that the sums state, and their SHA-256.
+    pub(super) intact: BTreeMap<&'a str, &'a str>,
+}
+
+impl TrustedTree<'_> {
+    pub(super) fn has(&self, path: &str) -> bool {
+        self.intact.contains_key(path)
+    }
+
+    /// Path of a file on disk, if the file is intact.
+    pub(super) fn intact_path(&self, path: &str) -> Option<PathBuf> {
+        self.has(path).then(|| self.path_of(path))
+    }
+
+    /// The intact files whose paths start with a prefix, sorted.
+    pub(super) fn below<'t>(&'t self, prefix: &'t str) -> impl Iterator<Item = &'t str> {
+        let from = self.intact.range::<str, _>((Bound::Included(prefix), Bound::Unbounded));
+        from.map(|(path, _)| *path).take_while(move |path| path.starts_with(prefix))
+    }
+
+    /// Path of a file on disk, whether the file is intact or not.
+    pub(super) fn path_of(&self, path: &str) -> PathBuf {
+        self.dir.join(path)
+    }
+}
