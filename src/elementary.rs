@@ -25,7 +25,7 @@ const LOG: [f64; 7] = [
 /// `2^52`: its last bit has the value 1.
 const UNIT_ULP: u64 = 0x4330_0000_0000_0000;
 /// Upper half of the bits of `sqrt(1/2)`. Reduced arguments lie between it and twice its value.
-const LEAST: u64 = 0x3fe6_a09e << 32;
+const SQRT_HALF_BITS: u64 = 0x3fe6_a09e << 32;
 const ONE: u64 = 0x3ff0_0000 << 32;
 const MANTISSA: u64 = (1 << 52) - 1;
 
@@ -40,11 +40,11 @@ pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let x = subnormal.select(x * TWO_54, x);
     let shift = subnormal.select(all(TWO_52 + 1023.0 + 54.0), all(TWO_52 + 1023.0));
     // The sum carries into the exponent from the mantissa of `sqrt(2)` on, so `f` lies around 0.
-    let bits = x.to_bits() + (ONE - LEAST);
+    let bits = x.to_bits() + (ONE - SQRT_HALF_BITS);
     // The bits of `2^52 + exponent`. The difference is the exponent as a float, without a
     // conversion.
     let exponent = f64x8::from_bits((bits >> 52) | UNIT_ULP) - shift;
-    let f = f64x8::from_bits((bits & MANTISSA) + LEAST) - 1.0;
+    let f = f64x8::from_bits((bits & MANTISSA) + SQRT_HALF_BITS) - 1.0;
     let half_square = f * 0.5 * f;
     let s = f / (f + 2.0);
     let z = s * s;
@@ -94,14 +94,14 @@ const INVERSE_LN2: f64 = std::f64::consts::LOG2_E;
 /// Adding `1.5 * 2^52` rounds to an integer and leaves it in the low bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 /// Arguments are clamped to this, so that results are neither infinite nor subnormal.
-const LARGEST: f64 = 708.0;
+const MAX_EXPONENT: f64 = 708.0;
 
 /// Exponentials of numbers clamped to -708..708.
 #[inline(always)]
 pub(crate) fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
     let all = |v: f64| f64x8::splat(simd, v);
-    let x = x.max(-LARGEST).min(LARGEST);
+    let x = x.max(-MAX_EXPONENT).min(MAX_EXPONENT);
     let shifted = x * INVERSE_LN2 + ROUNDER;
     let k = shifted - ROUNDER;
     // The product with `LN2_HIGH` is exact, because the lower bits of that number are 0.
@@ -111,7 +111,7 @@ pub(crate) fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let [c1, c2, c3, c4, c5] = EXP;
     let c = r - z * (z * (z * (z * (z * c5 + c4) + c3) + c2) + c1);
     let y = (r * c / (all(2.0) - c) - low + high) + 1.0;
-    // The low bits of `shifted` are `k`, which is added to the exponent. `LARGEST` keeps the sum
+    // The low bits of `shifted` are `k`, which is added to the exponent. `MAX_EXPONENT` keeps the sum
     // within the exponents of normal numbers.
     f64x8::from_bits(y.to_bits() + (shifted.to_bits() << 52))
 }

@@ -72,11 +72,11 @@ pub struct Twist {
 #[must_use]
 pub fn look_at(forward: DVec3, up: DVec3) -> Option<DQuat> {
     /// Sine of the angle between both directions below which the top of the image is undefined.
-    const LEAST: f64 = 1e-9;
+    const MIN_NORM: f64 = 1e-9;
     let (forward, up) = (forward.try_normalize()?, up.try_normalize()?);
     let right = forward.cross(up);
     let sine = right.length();
-    (sine > LEAST).then(|| {
+    (sine > MIN_NORM).then(|| {
         let right = right / sine;
         // The columns are orthonormal up to rounding only.
         DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward)).normalize()

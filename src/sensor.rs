@@ -31,6 +31,9 @@ use crate::seed::Seed;
 use front_end::FrontEnd;
 use serde::{Deserialize, Serialize};
 
+/// White on the grey scale of luminance.
+pub(crate) const WHITE: f64 = 255.0;
+
 /// Parameters of a sensor.
 pub trait SensorModel {
     /// Version of the law that draws the events. Raise it when the same parameters give other

@@ -380,15 +380,15 @@ fn collect_views(path: &Path, mut found: Vec<FoundView>) -> Result<Capture, Sour
 }
 
 /// Largest accepted side of a photo, px.
-const MOST_PIXELS_A_SIDE: f64 = 100_000.0;
+const MAX_PIXELS_A_SIDE: f64 = 100_000.0;
 
 /// Checks the plausibility of a camera: sides from 1 to 100,000 pixels, focal lengths finite and
 /// positive, all other numbers finite.
 fn screen_camera(camera: &Camera, lens: &LensModel) -> Result<(), String> {
     for side in [camera.size.width, camera.size.height] {
-        if !(1.0..=MOST_PIXELS_A_SIDE).contains(&f64::from(side)) {
+        if !(1.0..=MAX_PIXELS_A_SIDE).contains(&f64::from(side)) {
             return Err(format!(
-                "the image size is {}, wanted sides of 1 to {MOST_PIXELS_A_SIDE}",
+                "the image size is {}, wanted sides of 1 to {MAX_PIXELS_A_SIDE}",
                 camera.size
             ));
         }

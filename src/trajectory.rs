@@ -35,7 +35,7 @@ pub mod walk;
 
 pub use course::CourseKind;
 pub use error::{TrajectoryError, TrajectoryWarning};
-pub use travel::{MOST_POSES, MadeTrajectory, PoseTiming};
+pub use travel::{MAX_POSES, MAX_RATE_HZ, MIN_RATE_HZ, MadeTrajectory, PoseTiming};
 
 use crate::se3::Se3;
 

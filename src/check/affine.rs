@@ -13,13 +13,13 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest share of the picture made up by Gaussians too deep for their distance. Default:
-    /// `MOST`.
+    /// `MAX_SHARE`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
 /// Default limit.
-const MOST: f64 = 0.01;
+const MAX_SHARE: f64 = 0.01;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +36,8 @@ impl ValidationPass for AffinePass {
         let Some(measured) = subject.doubtful_share else {
             return vec![subject.not_run(NAME, "", "no Gaussian was drawn that could be judged")];
         };
-        let limit = LimitSide::limit_or(subject.limits.affine.and_then(|l| l.max), LimitSide::warning(MOST));
+        let limit =
+            LimitSide::limit_or(subject.limits.affine.and_then(|l| l.max), LimitSide::warning(MAX_SHARE));
         let because = format!(
             "{:.2} % of the picture is made by Gaussians whose depth varies by more than a tenth of their distance",
             100.0 * measured

@@ -25,9 +25,9 @@ const UNIQUE_PER_FRAME: f64 = 2.0;
 const PHASE_CV: f64 = 0.35;
 /// Minimum number of events. With 16 bins and this many events, the counts of a stream without
 /// phase vary by 0.1 of their mean.
-const LEAST_EVENTS: u64 = 1600;
+const MIN_EVENTS: u64 = 1600;
 /// Minimum number of events per frame. With fewer, two distinct times per frame cannot be expected.
-const LEAST_PER_FRAME: f64 = 8.0;
+const MIN_PER_FRAME: f64 = 8.0;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,7 @@ impl ValidationPass for BatchingPass {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
         let frames = subject.trajectory.stamps_us.len().max(1) as f64;
-        if tally.events < LEAST_EVENTS || (tally.events as f64) < LEAST_PER_FRAME * frames {
+        if tally.events < MIN_EVENTS || (tally.events as f64) < MIN_PER_FRAME * frames {
             let because = format!("{} events in {frames} frames are too few to show a pattern", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         }

@@ -14,13 +14,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Smallest share of a picture that shows the scene. Default: `LEAST`.
+    /// Smallest share of a picture that shows the scene. Default: `MIN_SHARE`.
     #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
 }
 
 /// Default limit: a view below it shows next to nothing.
-const LEAST: f64 = 0.001;
+const MIN_SHARE: f64 = 0.001;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -72,7 +72,7 @@ impl ValidationPass for CoveragePass {
             return vec![subject.not_run(NAME, "", "there are no depth maps")];
         };
         let limit =
-            LimitSide::limit_or(subject.limits.coverage.and_then(|l| l.min), LimitSide::warning(LEAST));
+            LimitSide::limit_or(subject.limits.coverage.and_then(|l| l.min), LimitSide::warning(MIN_SHARE));
         let verdict = limit.at_least(least);
         let because = if empty > 0 {
             format!("{empty} of {views} sampled views show nothing of the scene, the first at {at_us} us")

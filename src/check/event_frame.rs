@@ -60,9 +60,9 @@ const RESIDUAL: f64 = 0.99;
 const SIGN: f64 = 0.995;
 
 /// Minimum number of pixels for a statement.
-const LEAST_PIXELS: u64 = 100;
+const MIN_PIXELS: u64 = 100;
 /// Minimum of [`fit::EventEdge::reachable`]. Below it, an edge shows the scene and not the sensor.
-const LEAST_REACHABLE: f64 = 0.98;
+const MIN_REACHABLE: f64 = 0.98;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -118,7 +118,7 @@ impl EventFramePass<'_> {
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         // Instants differ in what residuals allow, so they are compared by the excess.
         let excess = |s: &SlopeSums| (s.factor() - 1.0).abs() - s.allowance(most);
-        let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= LEAST_PIXELS && s.squares > 0.0);
+        let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= MIN_PIXELS && s.squares > 0.0);
         let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
             return self.too_few(part);
         };
@@ -147,7 +147,7 @@ impl EventFramePass<'_> {
         let stated = self.law.thresholds[side];
         let tolerance = self.limits().threshold.unwrap_or(THRESHOLD);
         let edges = self.tally.fits.iter().filter_map(|fit| fit.edges[side]);
-        let usable = edges.filter(|edge| edge.reachable >= LEAST_REACHABLE);
+        let usable = edges.filter(|edge| edge.reachable >= MIN_REACHABLE);
         let Some(edge) = usable.max_by(|a, b| a.shown.total_cmp(&b.shown)) else {
             return self.subject.not_run(
                 NAME,
@@ -181,7 +181,7 @@ impl EventFramePass<'_> {
     /// The smallest share over all instants with enough pixels.
     fn share(&self, part: &str, limit: f64, shares: impl Iterator<Item = (u64, u64)>, what: &str) -> Finding {
         let share = |(part, of): (u64, u64)| part as f64 / of as f64;
-        let enough = shares.filter(|(_, of)| *of >= LEAST_PIXELS);
+        let enough = shares.filter(|(_, of)| *of >= MIN_PIXELS);
         let Some(worst) = enough.min_by(|a, b| share(*a).total_cmp(&share(*b))) else {
             return self.too_few(part);
         };
@@ -191,7 +191,7 @@ impl EventFramePass<'_> {
     }
 
     fn too_few(&self, part: &str) -> Finding {
-        let because = format!("fewer than {LEAST_PIXELS} pixels changed by more than their threshold");
+        let because = format!("fewer than {MIN_PIXELS} pixels changed by more than their threshold");
         self.subject.not_run(NAME, part, because)
     }
 

@@ -26,7 +26,7 @@ pub struct Limits {
 /// Share of pixels that may be abnormal.
 const SHARE: f64 = 1e-4;
 /// Minimum number of changed pixels for a share.
-const LEAST_PIXELS: u64 = 1000;
+const MIN_PIXELS: u64 = 1000;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -79,9 +79,9 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         return subject.not_run(NAME, "dead", NOT_SEEN);
     }
     let share = |fit: &super::event_frame::fit::AnchorFit| fit.silent as f64 / fit.doubled[0] as f64;
-    let enough = tally.fits.iter().filter(|fit| fit.doubled[0] >= LEAST_PIXELS);
+    let enough = tally.fits.iter().filter(|fit| fit.doubled[0] >= MIN_PIXELS);
     let Some(fit) = enough.max_by(|a, b| share(a).total_cmp(&share(b))) else {
-        let because = format!("fewer than {LEAST_PIXELS} pixels changed by more than two thresholds");
+        let because = format!("fewer than {MIN_PIXELS} pixels changed by more than two thresholds");
         return subject.not_run(NAME, "dead", because);
     };
     let limit =

@@ -32,11 +32,11 @@ const MEDIAN: f64 = 1.2;
 /// Smallest share of windows with a ratio above 1.
 const WINDOWS: f64 = 0.95;
 /// Minimum image motion in a window, px. Below it, moving the events changes little.
-const LEAST_MOVED: f64 = 3.0;
+const MIN_MOVED: f64 = 3.0;
 /// Minimum number of events in a window.
-const LEAST_EVENTS: u64 = 1000;
+const MIN_EVENTS: u64 = 1000;
 /// Maximum image motion between frames, px. Beyond it, events do not move with the image.
-const MOST_PER_FRAME: f32 = 2.0;
+const MAX_PER_FRAME: f32 = 2.0;
 /// Distance of the median below 1, in standard deviations of noise, from which on it is a fault.
 const CERTAIN: f64 = 4.5;
 
@@ -55,7 +55,7 @@ impl ValidationPass for MotionCompensation {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        if let Some(flow) = subject.flow.filter(|flow| flow.median > MOST_PER_FRAME) {
+        if let Some(flow) = subject.flow.filter(|flow| flow.median > MAX_PER_FRAME) {
             let because = format!(
                 "the picture moves by {:.1} px between frames, where events fade in place and do not move",
                 flow.median
@@ -68,11 +68,11 @@ impl ValidationPass for MotionCompensation {
         if tally.sharpness.is_empty() {
             return vec![subject.not_run(NAME, "", "no depth of a picture that moves is at hand")];
         }
-        let telling = |s: &&WarpSharpness| s.moved_px >= LEAST_MOVED && s.events >= LEAST_EVENTS;
+        let telling = |s: &&WarpSharpness| s.moved_px >= MIN_MOVED && s.events >= MIN_EVENTS;
         let windows: Vec<&WarpSharpness> = tally.sharpness.iter().filter(telling).collect();
         if windows.is_empty() {
             let because = format!(
-                "in none of {} windows {LEAST_EVENTS} events move by {LEAST_MOVED} px",
+                "in none of {} windows {MIN_EVENTS} events move by {MIN_MOVED} px",
                 tally.sharpness.len()
             );
             return vec![subject.not_run(NAME, "", because)];

@@ -27,9 +27,9 @@ pub struct Limits {
 const FACTOR: f64 = 2.0;
 const RHYTHM: f64 = 5.0;
 /// Minimum number of still pixels.
-const LEAST_PIXELS: u64 = 1000;
+const MIN_PIXELS: u64 = 1000;
 /// Minimum number of events for a rhythm.
-const LEAST_EVENTS: u64 = 400;
+const MIN_EVENTS: u64 = 400;
 /// Number of mean intervals in a clip from which the start at 0 no longer matters.
 const SETTLED: f64 = 5.0;
 
@@ -48,10 +48,10 @@ impl ValidationPass for NoiseFloor {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= LEAST_PIXELS) else {
+        let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {
             let because = match subject.drift_law() {
                 Ok(_) if tally.still.is_none() => NOT_SEEN.to_owned(),
-                Ok(_) => format!("fewer than {LEAST_PIXELS} pixels see no change"),
+                Ok(_) => format!("fewer than {MIN_PIXELS} pixels see no change"),
                 Err(because) => because.to_owned(),
             };
             return vec![subject.not_run(NAME, "", because)];
@@ -83,7 +83,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Find
 }
 
 fn judge_rhythm(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {
-    if still.events < LEAST_EVENTS {
+    if still.events < MIN_EVENTS {
         let because = format!("{} events of still pixels have no rhythm to speak of", still.events);
         return subject.not_run(NAME, "rhythm", because);
     }

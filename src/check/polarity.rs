@@ -29,7 +29,7 @@ pub struct Limits {
 const WIDTH: f64 = 0.15;
 /// Minimum number of events: with 400, the standard deviation of a share is at most 0.025, a sixth
 /// of the width.
-const LEAST_EVENTS: u64 = 400;
+const MIN_EVENTS: u64 = 400;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +46,7 @@ impl ValidationPass for OnShare {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let Some(share) = tally.on_share().filter(|_| tally.events >= LEAST_EVENTS) else {
+        let Some(share) = tally.on_share().filter(|_| tally.events >= MIN_EVENTS) else {
             let because = format!("{} events are too few for a share", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         };

@@ -19,7 +19,7 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::foreign::colmap::{ColmapRegistration, LEAST_PICTURES, PoseAgreement};
+use crate::foreign::colmap::{ColmapRegistration, MIN_PICTURES, PoseAgreement};
 use crate::foreign::upper_median;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -65,7 +65,7 @@ impl ValidationPass for PoseColmap {
         match subject.foreign.and_then(|foreign| foreign.colmap.as_ref()) {
             None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
-            Some(Ok(registration)) if registration.poses.len() < LEAST_PICTURES as usize => {
+            Some(Ok(registration)) if registration.poses.len() < MIN_PICTURES as usize => {
                 let ColmapRegistration { program, given, poses, .. } = registration;
                 let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
                 vec![subject.not_run(NAME, "", because)]
@@ -115,10 +115,10 @@ fn registration_findings(subject: &TrajectorySubject<'_>, registration: &ColmapR
 
 fn parse_enough<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
     let frames = u32::deserialize(deserializer)?;
-    if frames >= LEAST_PICTURES {
+    if frames >= MIN_PICTURES {
         Ok(Some(frames))
     } else {
-        Err(D::Error::custom(format_args!("{LEAST_PICTURES} frames are the fewest, not {frames}")))
+        Err(D::Error::custom(format_args!("{MIN_PICTURES} frames are the fewest, not {frames}")))
     }
 }
 

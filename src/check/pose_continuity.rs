@@ -16,18 +16,18 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest ratio of a step to the median step of its neighbours. Default: `MOST`.
+    /// Largest ratio of a step to the median step of its neighbours. Default: `MAX_RATIO`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
-const MOST: f64 = 3.0;
+const MAX_RATIO: f64 = 3.0;
 /// Number of neighbours on each side.
 const REACH: usize = 3;
 /// Share of the median mixed step below which a step is not a jump.
 const FLOOR: f64 = 0.25;
 /// Minimum number of steps.
-const LEAST_STEPS: usize = 3;
+const MIN_STEPS: usize = 3;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +42,7 @@ impl ValidationPass for PoseContinuity {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let steps = RelativeSteps::of_subject(subject);
-        if steps.linear.len() < LEAST_STEPS {
+        if steps.linear.len() < MIN_STEPS {
             return vec![subject.not_run(NAME, "", "there are fewer than 4 poses")];
         }
         let floor = FLOOR * steps.median_mixed();
@@ -60,7 +60,7 @@ fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor
     let ratios = (0..steps.len()).map(|j| (j, ratio(j)));
     let (at, measured) = ratios.max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are steps");
     let limits = subject.limits.pose_continuity.unwrap_or_default();
-    let limit = LimitSide::limit_or(limits.max, LimitSide::gate(MOST));
+    let limit = LimitSide::limit_or(limits.max, LimitSide::gate(MAX_RATIO));
     let because = format!("the step from pose {at} to {} is {measured:.3} times those around it", at + 1);
     let verdict = limit.at_most(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));

@@ -35,7 +35,7 @@ const PX: f64 = 1e-3;
 const ROTATION_DEG: f64 = 0.5;
 const DIRECTION_DEG: f64 = 10.0;
 /// Minimum number of motions for a median.
-const LEAST_PAIRS: usize = 3;
+const MIN_PAIRS: usize = 3;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -81,7 +81,7 @@ fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) ->
     let OpencvGeometry { program, tried, pairs, .. } = geometry;
     let limits = subject.limits.pose_opencv.unwrap_or_default();
     let judge = |part, value: fn(&RelativeMotion) -> f64, limit: LimitSide| {
-        if pairs.len() < LEAST_PAIRS {
+        if pairs.len() < MIN_PAIRS {
             let because = format!(
                 "{program} finds a motion from {} of {tried} pictures to a later one: too few key points are shared \
                  by pictures that are 8 px apart or more",

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest 95 % quantile of the optical flow per frame. Unit: px. Default: `MOST`.
+    /// Largest 95 % quantile of the optical flow per frame. Unit: px. Default: `MAX_PX`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
     /// Largest change of the number of events at twice the frames, as a share. Default: `COUNT`.
@@ -32,12 +32,12 @@ pub struct Limits {
 }
 
 /// Default limit, px per frame.
-const MOST: f64 = 1.0;
+const MAX_PX: f64 = 1.0;
 /// Default limits of the change with twice the frames.
 const COUNT: f64 = 0.05;
 const SHIFT_US: f64 = 20.0;
 /// Minimum number of events.
-const LEAST_EVENTS: u64 = 400;
+const MIN_EVENTS: u64 = 400;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +55,7 @@ impl ValidationPass for SamplingPass {
             return vec![subject.not_run(NAME, "", "no depth is at hand, so there is no optical flow")];
         };
         let limit =
-            LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.max), LimitSide::warning(MOST));
+            LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.max), LimitSide::warning(MAX_PX));
         let measured = f64::from(flow.p95);
         let because = format!(
             "95 % of pixels move by at most {measured:.2} px between frames (half by {:.2}, the fastest by {:.2})",
@@ -76,7 +76,7 @@ impl ValidationPass for SamplingPass {
             let because = "twice the frames were not tried: a sensor whose noise goes by frames has none to compare, and a release none to try";
             return vec![subject.not_run(NAME, "twice", because)];
         };
-        if tried.events < LEAST_EVENTS {
+        if tried.events < MIN_EVENTS {
             let because = format!("{} events in {} intervals are too few", tried.events, tried.intervals);
             return vec![subject.not_run(NAME, "twice", because)];
         }

@@ -15,12 +15,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Smallest event structural ratio. Default: `LEAST`.
+    /// Smallest event structural ratio. Default: `MIN_RATIO`.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
 }
 
-const LEAST: f64 = 1.03;
+const MIN_RATIO: f64 = 1.03;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +40,7 @@ impl ValidationPass for StructurePass {
         let crowding = &tally.crowding;
         let (measured, noise) = (crowding.ratio(), crowding.noise());
         let limit =
-            LimitSide::limit_or(subject.limits.structure.and_then(|l| l.min), LimitSide::warning(LEAST));
+            LimitSide::limit_or(subject.limits.structure.and_then(|l| l.min), LimitSide::warning(MIN_RATIO));
         // Five standard deviations of a stream without structure must lie below the limit.
         if noise.is_nan() || 5.0 * noise >= limit.value - 1.0 {
             let because = format!("{} events are too few to tell structure from chance", tally.events);

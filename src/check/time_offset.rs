@@ -24,7 +24,7 @@ const STEPS: f64 = 0.5;
 /// Largest standard deviation of a reported offset, in the same unit.
 const UNSURE: f64 = 0.125;
 /// Minimum number of pixels with steady drift.
-const LEAST_PIXELS: u64 = 200;
+const MIN_PIXELS: u64 = 200;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -53,7 +53,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     }
     let pixels: u64 = tally.fits.iter().map(|fit| fit.lag.pixels).sum();
     let lag = LagSums::pooled_lag(tally.fits.iter().map(|fit| fit.lag));
-    let Some([lag, deviation]) = lag.filter(|_| pixels >= LEAST_PIXELS) else {
+    let Some([lag, deviation]) = lag.filter(|_| pixels >= MIN_PIXELS) else {
         return not_run(&format!(
             "{pixels} pixels are steadily on their way by two thresholds while the picture moves a little"
         ));

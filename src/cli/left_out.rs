@@ -6,7 +6,7 @@ use crate::release::left_out::OmissionRow;
 use std::collections::BTreeMap;
 
 /// Maximum number of tables printed. Few people read more.
-const MOST: usize = 8;
+const MAX_ROWS: usize = 8;
 
 /// The work left out of one trajectory by the steps that were made.
 #[derive(Debug, Default)]
@@ -17,7 +17,7 @@ pub(super) struct OmissionTable {
 
 /// Prints one table per trajectory. The keys are `scene/trajectory`.
 pub(super) fn show_left_out(tables: &BTreeMap<String, OmissionTable>, console: &Console) {
-    if tables.len() > MOST {
+    if tables.len() > MAX_ROWS {
         let trajectories = tables.len();
         console.say(&format!(
             "what was left out of {trajectories} trajectories: --json, or manifest.json of a release"

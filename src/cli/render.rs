@@ -29,7 +29,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Maximum number of pixels in a picture: 16,384 on both sides, the limit of recipes.
-const MOST_PIXELS: usize = 1 << 28;
+const MAX_PIXELS: usize = 1 << 28;
 
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
@@ -188,8 +188,8 @@ impl RenderArgs {
         // Refused before the scene is read: a wrong size in a camera file could ask for any amount
         // of memory.
         let size = chosen.0.camera.size;
-        if size.pixels() > MOST_PIXELS {
-            let because = format!("a picture of {size}, wanted at most {MOST_PIXELS} pixels");
+        if size.pixels() > MAX_PIXELS {
+            let because = format!("a picture of {size}, wanted at most {MAX_PIXELS} pixels");
             return Err(render_failed(RenderError::View(because)));
         }
         Ok(chosen)

@@ -22,7 +22,7 @@ use std::path::Path;
 /// Default number of registered pictures.
 pub const PICTURES: u32 = 20;
 /// Minimum number of pictures: an arrangement needs at least three cameras to mean anything.
-pub const LEAST_PICTURES: u32 = 3;
+pub const MIN_PICTURES: u32 = 3;
 
 /// COLMAP's answer on some pictures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,7 +51,7 @@ pub struct PoseAgreement {
 }
 
 /// Time limit of each step: one day.
-const MOST_SECONDS: u32 = 86_400;
+const MAX_SECONDS: u32 = 86_400;
 /// COLMAP's message when the mapper ends with exit code 1 and no model.
 const NO_MODEL: &str = "failed to create sparse model";
 
@@ -77,8 +77,8 @@ pub fn register_pictures(
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
-    if pictures.len() < LEAST_PICTURES as usize {
-        return Ok(Err(format!("there are {} pictures, {LEAST_PICTURES} are the fewest", pictures.len())));
+    if pictures.len() < MIN_PICTURES as usize {
+        return Ok(Err(format!("there are {} pictures, {MIN_PICTURES} are the fewest", pictures.len())));
     }
     let images = match make_model(pictures, camera, desk)? {
         Ok(images) => images,
@@ -116,7 +116,7 @@ fn make_model(
         let options =
             fixed.iter().chain(options).flat_map(|(key, value)| [OsString::from(key), value.clone()]);
         let arguments = std::iter::once(OsString::from(command)).chain(options).collect();
-        ExternalRun { program: COLMAP, arguments, seconds: MOST_SECONDS, desk }
+        ExternalRun { program: COLMAP, arguments, seconds: MAX_SECONDS, desk }
     };
     colmap("feature_extractor", &extraction_options(&images, camera)).end_well()?;
     let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;

@@ -15,8 +15,8 @@ const LENGTH: usize = 128;
 /// Square of the length to which descriptors are scaled before rounding.
 const SQUARE: f64 = 512.0 * 512.0;
 /// COLMAP's defaults, `SiftMatching.max_distance` and `SiftMatching.max_ratio`.
-const MOST_ANGLE: f64 = 0.7;
-const MOST_RATIO: f64 = 0.8;
+const MAX_ANGLE: f64 = 0.7;
+const MAX_RATIO: f64 = 0.8;
 
 /// The key points of a picture.
 pub(super) struct DescribedKeyPoints {
@@ -86,7 +86,7 @@ impl NearestPair {
         // Rounding may make a descriptor longer than the scale, for which `acos` is NaN.
         let angle = |product: i32| libm::acos((f64::from(product) / SQUARE).min(1.0));
         let (first, second) = (angle(self.first), angle(self.second));
-        (first <= MOST_ANGLE && first < MOST_RATIO * second).then_some(self.at)
+        (first <= MAX_ANGLE && first < MAX_RATIO * second).then_some(self.at)
     }
 }
 

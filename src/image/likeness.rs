@@ -10,7 +10,7 @@ use super::Image;
 use rayon::prelude::*;
 
 /// Highest reported PSNR, dB: an error of 1e-5 of the range, at which 32-bit pictures are equal.
-pub const MOST_DB: f64 = 100.0;
+pub const MAX_DB: f64 = 100.0;
 
 /// Pixels of the window on each side of its centre.
 const REACH: usize = 5;
@@ -36,11 +36,11 @@ pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
 }
 
 /// The peak signal-to-noise ratio of a mean square, dB: `10 log10(1 / mean square)`, at most
-/// [`MOST_DB`].
+/// [`MAX_DB`].
 #[must_use]
 pub fn psnr_db(mean_square: f64) -> f64 {
     // A mean square of 0 gives infinity, which the minimum ends.
-    (-10.0 * libm::log10(mean_square)).min(MOST_DB)
+    (-10.0 * libm::log10(mean_square)).min(MAX_DB)
 }
 
 /// The structural similarity of two pictures: the mean over pixels and channels, 1 for equal ones.
@@ -164,7 +164,7 @@ mod tests {
             // in dB.
             assert!((found - wanted).abs() < 1e-6, "{levels}: {found}, {wanted}");
         }
-        assert!((psnr_db(0.0) - MOST_DB).abs() < 1e-12);
+        assert!((psnr_db(0.0) - MAX_DB).abs() < 1e-12);
     }
 
     /// From numpy and scipy: `convolve2d` of each channel with the window, zeros outside the

@@ -120,7 +120,7 @@ impl LicenceTerm {
 
 /// Longest id, bytes. File systems accept names of 255 bytes, some encrypted ones of 143, and the
 /// file of the text adds `.txt`.
-const LONGEST: usize = 128;
+const MAX_LENGTH: usize = 128;
 
 /// Returns the reason why the id cannot name the terms of a release, if there is one.
 fn unfit_because(id: &str) -> Option<String> {
@@ -128,8 +128,8 @@ fn unfit_because(id: &str) -> Option<String> {
         Some("NOASSERTION states no terms".into())
     } else if id.starts_with("DocumentRef-") {
         Some(format!("{id} is defined in another document, and a release has the texts of all its terms"))
-    } else if id.len() > LONGEST {
-        Some(format!("an id has {} bytes, at most {LONGEST} can name the file of its text", id.len()))
+    } else if id.len() > MAX_LENGTH {
+        Some(format!("an id has {} bytes, at most {MAX_LENGTH} can name the file of its text", id.len()))
     } else {
         None
     }

@@ -32,9 +32,6 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::TrajectoryContext;
 
-/// Maximum number of frames of a trajectory.
-const MAX_FRAMES: u64 = 20_000_000;
-
 /// Resolves the content of a file and collects its faults.
 pub(super) struct Resolver<'a> {
     /// The faults found so far.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Maximum share of Gaussians with a NaN or an infinity. They are dropped; a diverged training has
 /// more.
-const MOST_NON_FINITE: f64 = 0.01;
+const MAX_NON_FINITE: f64 = 0.01;
 
 /// Accepted number of Gaussians of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -70,7 +70,7 @@ pub(super) fn read_trained(
     }
     let gaussians = scene::read_file(&file).map_err(TrainedError::Unreadable)?;
     let scene::SceneScreening { read, non_finite, .. } = gaussians.screening;
-    if non_finite as f64 > MOST_NON_FINITE * read as f64 {
+    if non_finite as f64 > MAX_NON_FINITE * read as f64 {
         return Err(TrainedError::NonFinite { read, non_finite });
     }
     let found = gaussians.len() as u64;

@@ -17,7 +17,7 @@ use crate::source::undistort::{covered_pixels, undistort_photo};
 use serde::{Deserialize, Serialize};
 
 /// Maximum number of compared views.
-const MOST_VIEWS: usize = 100;
+const MAX_VIEWS: usize = 100;
 /// Distance between held-out views.
 const HELD_OUT: usize = 8;
 
@@ -136,11 +136,11 @@ pub fn held_out(index: usize) -> bool {
 /// evenly spread: `round(i (count - 1) / 99)`.
 #[must_use]
 pub fn picked_indices(count: usize) -> Vec<usize> {
-    let steps = MOST_VIEWS - 1;
+    let steps = MAX_VIEWS - 1;
     match count {
-        0..=MOST_VIEWS => (0..count).collect(),
+        0..=MAX_VIEWS => (0..count).collect(),
         // Rounding to the nearest, in integers.
-        _ => (0..MOST_VIEWS).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect(),
+        _ => (0..MAX_VIEWS).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect(),
     }
 }
 

@@ -26,7 +26,7 @@ const STEPS_A_PLACE: usize = 100;
 const PLACES: [usize; 2] = [3, 8];
 /// Errors up to this many tolerances enter the fit of the law, but at least this many steps.
 const FAR: f64 = 10.0;
-const FEWEST: usize = 3;
+const MIN_POINTS: usize = 3;
 /// Share of the tolerance that the predicted error may use.
 const MARGIN: f64 = 0.8;
 /// Number of intervals on which the choice is checked, and the 95 % point of Student's t with one
@@ -200,7 +200,7 @@ impl ChoiceQuestion<'_> {
         }
         // The longest steps come first and have the largest errors, so the far ones are a prefix.
         let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
-        let law = ErrorLaw::fit_points(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
+        let law = ErrorLaw::fit_points(&points[near.min(points.len().saturating_sub(MIN_POINTS))..])?;
         let (finest_px, _) = *points.last()?;
         let step_px = law.step(MARGIN * self.tolerance.rms, [finest_px, points[0].0]);
         Some(BetweenCandidate {

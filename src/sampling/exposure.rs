@@ -40,7 +40,7 @@ pub const FRAMES: u32 = 15;
 
 /// Maximum sub-frames per dense frame; bounds the cost of an exposure. Residual motion above 1 px
 /// is reported as a warning.
-const MOST: u32 = 33;
+const MAX_SUBFRAMES: u32 = 33;
 
 /// Time difference to a pose below which the pose is used itself, s: stamps are whole microseconds.
 const SAME: f64 = 1e-9;
@@ -134,7 +134,7 @@ pub fn ghost_warning(exposures: &[ExposureRecord]) -> Option<String> {
     let (px, pose) = apart.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(format!(
         "{} of {} blurred frames are means of pictures more than 1 px apart; at pose {pose} some pixel moves by {px:.1} px \
-         between two of them, though {MOST} stand for a dense frame",
+         between two of them, though {MAX_SUBFRAMES} stand for a dense frame",
         apart.len(),
         exposures.len()
     ))
@@ -313,7 +313,7 @@ enum SubframeTime {
 
 /// The smallest odd number of sub-frames, within bounds, for an image motion in px per dense frame.
 fn subframe_count(moved_px: f64) -> u32 {
-    (1..=MOST).step_by(2).find(|n| moved_px <= f64::from(*n)).unwrap_or(MOST)
+    (1..=MAX_SUBFRAMES).step_by(2).find(|n| moved_px <= f64::from(*n)).unwrap_or(MAX_SUBFRAMES)
 }
 
 #[cfg(test)]
@@ -444,7 +444,7 @@ mod tests {
     #[test]
     fn motion_beyond_what_is_rendered_is_told() {
         let (ExposedFrame { exposure, .. }, ..) = exposed(5000.0, SEVEN);
-        assert_eq!(exposure.subframes, MOST);
+        assert_eq!(exposure.subframes, MAX_SUBFRAMES);
         let told = ghost_warning(&[exposure, ExposureRecord { step_px: Some(0.5), ..exposure }]).unwrap();
         assert!(
             told.starts_with("1 of 2 blurred frames")

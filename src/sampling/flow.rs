@@ -24,7 +24,7 @@ const PERCENT: usize = 99;
 /// The shortest step, us: 50,000 frames per second.
 pub(super) const SHORTEST_US: i64 = 20;
 /// Minimum number of steps of a path, however slowly the image moves.
-const FEWEST: i64 = 8;
+const MIN_STEPS: i64 = 8;
 
 /// The flow along a path.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,7 +155,7 @@ impl PathFlow {
     /// most `px`; but at least 20 us apart, and at least eight steps.
     #[must_use]
     pub fn steps(&self, px: f64) -> Vec<i64> {
-        let longest = (self.end_us / FEWEST).max(1);
+        let longest = (self.end_us / MIN_STEPS).max(1);
         let mut moments = vec![0];
         let mut at = 0;
         while at < self.end_us {

@@ -27,7 +27,7 @@ use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RedrawRule, RefractoryPeriod, ThresholdMismatch};
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use super::{SensorError, SensorModel, SensorPixels, check_extent};
+use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
@@ -75,9 +75,6 @@ pub enum IntensityScale {
     /// `L/255`.
     Linear,
 }
-
-/// White, on the grey scale.
-const WHITE: f64 = 255.0;
 
 impl Default for EsimModel {
     /// Thresholds of 0.2, the logarithm with an eps of 0.001, equal pixels, no refractory period, a

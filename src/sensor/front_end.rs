@@ -14,8 +14,7 @@
 //! and is 0 where L is clamped. The rate of one weighted sum of colours does not determine the rate
 //! of another sum, or of linear light; in those cases there is no rate.
 
-use super::SensorModel;
-use super::is_default;
+use super::{SensorModel, WHITE, is_default};
 use crate::frames::{DenseFrame, FrameError, FrameSequence};
 use crate::image::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
@@ -23,8 +22,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// White, in grey.
-const WHITE: f64 = 255.0;
 /// Number of pixels per task.
 const CHUNK: usize = 4096;
 /// Largest accepted difference between the sum of the weights and 1: the rounding of decimals with

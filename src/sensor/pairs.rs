@@ -10,7 +10,7 @@
 )]
 
 use super::noise::PixelSite;
-use super::window::{EventWindow, LONGEST, PackedEvent};
+use super::window::{EventWindow, MAX_WINDOW_NS, PackedEvent};
 use super::{SensorError, SensorPixels, SimulationAccount, input};
 use crate::event::{EventLabel, EventSink, Polarity};
 use crate::frames::DenseFrame;
@@ -268,12 +268,12 @@ impl<L: FrameLaw> PairPixels<L> {
         }
         // Only a division into several windows needs the order of time: it is made by binary
         // search.
-        if to - from > LONGEST {
+        if to - from > MAX_WINDOW_NS {
             noted.sort_unstable_by_key(|event| event.ns);
         }
         let (mut rest, mut start) = (&noted[..], from);
         while start < to {
-            let end = to.min(start + LONGEST);
+            let end = to.min(start + MAX_WINDOW_NS);
             // A single window has nothing to merge with, so sorting is left to the sink.
             let count = if end == to { rest.len() } else { rest.partition_point(|e| from + e.ns <= end) };
             let (now, later) = rest.split_at(count);

@@ -41,7 +41,7 @@ use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::screening::{ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, at_least_zero};
-use super::{SensorError, SensorModel, SensorPixels, check_extent};
+use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
@@ -105,8 +105,6 @@ pub struct LeakNoise {
 
 /// Largest grey that is mapped linearly.
 const LINEAR: f64 = 20.0;
-/// White, on the grey scale.
-const WHITE: f64 = 255.0;
 /// Relative reduction of shot noise at full intensity.
 const SHOT_FALL: f64 = 0.75;
 /// Nanoseconds in a second.

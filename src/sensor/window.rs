@@ -15,7 +15,7 @@ pub(super) struct PackedEvent(u64);
 
 /// Longest window, ns. Its events fit [`PackedEvent`], including the partial microseconds at both
 /// ends.
-pub(super) const LONGEST: i64 = 1000 << 20;
+pub(super) const MAX_WINDOW_NS: i64 = 1000 << 20;
 
 /// Two polarities, 1000 nanoseconds, two labels.
 const REST: u64 = 4000;
@@ -25,7 +25,7 @@ const POLARITY: u64 = 2000;
 const MICRO: u64 = REST << 32;
 
 // A window of the longest kind may begin and end inside microseconds, so it can touch one more.
-const _: () = assert!(u64::MAX / MICRO > LONGEST.cast_unsigned() / 1000 + 1);
+const _: () = assert!(u64::MAX / MICRO > MAX_WINDOW_NS.cast_unsigned() / 1000 + 1);
 
 impl PackedEvent {
     /// An event `ns` nanoseconds after the start of the window's first microsecond.
@@ -85,7 +85,7 @@ impl EventWindow {
         let Self { events, sorted, places, .. } = self;
         // Time has the highest bits of an event, so the largest event is the latest.
         let last = events.iter().max().map_or(0, |event| event.micros().cast_unsigned() as usize);
-        if last > MOST_MICROS {
+        if last > MAX_MICROS {
             return events.sort_unstable();
         }
         places.clear();
@@ -134,7 +134,7 @@ impl EventWindow {
 }
 
 /// Longer windows are sorted by comparison, without one counter per microsecond.
-const MOST_MICROS: usize = 4096;
+const MAX_MICROS: usize = 4096;
 
 /// Maximum number of events passed to a sink at once.
 const CHUNK: usize = 1 << 16;
@@ -197,7 +197,7 @@ mod tests {
     fn the_longest_window_holds_its_last_nanosecond() {
         // The window begins in the last nanosecond of a microsecond, so its end is farthest from
         // the start of that microsecond.
-        let last = LONGEST.cast_unsigned() + 999;
+        let last = MAX_WINDOW_NS.cast_unsigned() + 999;
         let event = PackedEvent::new(last, [65_535; 2], Polarity::On, EventLabel::Signal).event(0);
         assert_eq!(event.t, Timestamp(last.cast_signed()));
     }

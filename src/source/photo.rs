@@ -101,7 +101,7 @@ pub(super) fn list_photos(folder: &Path) -> Result<Vec<String>, SourceError> {
 pub(super) const SCALED: &str = "the camera is scaled to the photo";
 
 /// Maximum relative difference between the aspect ratios of photo and stated size.
-const MOST_ASPECT_ERROR: f64 = 0.005;
+const MAX_ASPECT_ERROR: f64 = 0.005;
 
 /// Scales a camera to its photo, because the stated size may be that of the full-size photo.
 ///
@@ -110,7 +110,7 @@ const MOST_ASPECT_ERROR: f64 = 0.005;
 pub(super) fn fit_camera(stated: &Camera, photo: Size) -> Result<Camera, String> {
     let kx = f64::from(photo.width) / f64::from(stated.size.width);
     let ky = f64::from(photo.height) / f64::from(stated.size.height);
-    if (kx / ky - 1.0).abs() > MOST_ASPECT_ERROR {
+    if (kx / ky - 1.0).abs() > MAX_ASPECT_ERROR {
         return Err(format!(
             "the photo is {photo}, the camera says {}: their shapes differ by more than 0.5 %",
             stated.size

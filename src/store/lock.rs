@@ -167,11 +167,12 @@ fn is_at(file: &File, path: &Path) -> bool {
 
 /// Refuses a file that no lock wrote. A power cut may leave one empty or of zeros.
 fn refuse_foreign(file: &mut File) -> io::Result<()> {
-    const LONGEST: usize = 1 << 16;
+    const MAX_LENGTH: usize = 1 << 16;
     let mut text = Vec::new();
     file.rewind()?;
     // A lock has a few short lines, so a long file belongs to another program.
-    let is_short = file.metadata()?.is_file() && file.take(LONGEST as u64).read_to_end(&mut text)? < LONGEST;
+    let is_short =
+        file.metadata()?.is_file() && file.take(MAX_LENGTH as u64).read_to_end(&mut text)? < MAX_LENGTH;
     let is_own = text.starts_with(HOST.as_bytes()) || text.iter().all(|byte| *byte == 0);
     if is_short && is_own {
         return Ok(());

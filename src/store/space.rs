@@ -19,7 +19,7 @@ pub struct DiskSpace {
 
 /// Free space below which a failed write is attributed to a full disk: not every library passes on
 /// the cause.
-const LEAST: u64 = 1 << 20;
+const MIN_FREE: u64 = 1 << 20;
 
 impl DiskSpace {
     /// The file system that holds `path`.
@@ -48,7 +48,7 @@ impl DiskSpace {
     /// Returns true if there is almost no free space.
     #[must_use]
     pub fn is_used_up(&self) -> bool {
-        self.free < LEAST
+        self.free < MIN_FREE
     }
 }
 

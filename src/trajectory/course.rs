@@ -1,6 +1,6 @@
 //! A course: the geometry of a path, before speed and time.
 
-use super::curve::{CurveKind, MOST_DEGREE, MeasuredCurve, PoseCurve};
+use super::curve::{CurveKind, MAX_DEGREE, MeasuredCurve, PoseCurve};
 use super::knots::{CaptureGap, KnotSequence, MergedViews};
 use super::metric::MixedMetric;
 use super::{TrajectoryError, TrajectoryWarning};
@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 
 /// Shortest step between knots, in mean steps. The splines hold its inverse square, which must stay
 /// finite.
-const LEAST_STEP: f64 = 1e-100;
+const MIN_STEP: f64 = 1e-100;
 /// Longest mean step in the metric. The curve's values between the knots must stay finite.
-const LONGEST: f64 = 1e150;
+const MAX_LENGTH: f64 = 1e150;
 
 /// The kind of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -118,7 +118,7 @@ impl PoseCourse {
 
 fn screen_degree(curve: CurveKind) -> Result<(), TrajectoryError> {
     match curve {
-        CurveKind::Bezier { degree } if !(1..=MOST_DEGREE).contains(&degree) => {
+        CurveKind::Bezier { degree } if !(1..=MAX_DEGREE).contains(&degree) => {
             Err(TrajectoryError::Parameter {
                 field: "bezier.degree",
                 found: degree.to_string(),
@@ -140,7 +140,7 @@ impl CourseGeometry {
         let unit = knots.length() / knots.steps.len() as f64;
         let smallest = knots.steps.iter().copied().fold(f64::INFINITY, f64::min);
         // Negated, so that a length that is not finite is refused too.
-        if !(unit < LONGEST && smallest > unit * LEAST_STEP) {
+        if !(unit < MAX_LENGTH && smallest > unit * MIN_STEP) {
             return Err(TrajectoryError::Uneven { smallest, length: knots.length() });
         }
         let steps = knots.steps.iter().map(|step| step / unit).collect();

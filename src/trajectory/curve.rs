@@ -10,7 +10,7 @@ mod cubic;
 mod cumulative;
 mod slerp_lerp;
 
-pub use bezier::{BezierCurve, MOST_DEGREE};
+pub use bezier::{BezierCurve, MAX_DEGREE};
 pub use circle::CirclePath;
 pub use cubic::CubicPair;
 pub use cumulative::CumulativeSpline;
@@ -72,7 +72,7 @@ pub enum CurveKind {
     SlerpLerp,
     /// One Bezier curve of this degree, by least squares, through both ends.
     Bezier {
-        /// Degree, 1 to [`MOST_DEGREE`].
+        /// Degree, 1 to [`MAX_DEGREE`].
         degree: u32,
     },
 }

@@ -1,6 +1,6 @@
 //! Errors and warnings of trajectories.
 
-use super::travel::MOST_POSES;
+use super::travel::MAX_POSES;
 use crate::se3::RotationError;
 use crate::se3::rotation::MeanError;
 use crate::se3::rotation_spline::SplineDiverged;
@@ -82,7 +82,7 @@ pub enum TrajectoryError {
         source: SplineDiverged,
     },
     /// The requested number of poses is too large.
-    #[error("{count} poses were asked for, at most {MOST_POSES} are made")]
+    #[error("{count} poses were asked for, at most {MAX_POSES} are made")]
     TooMany {
         /// The number, or a lower bound of it.
         count: u64,

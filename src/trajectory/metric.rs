@@ -16,11 +16,11 @@ pub const ALPHA: f64 = 1.0;
 pub const BETA: f64 = 1.0;
 /// Smallest eigenvalue of `mean(I - d d^T)` over the optical axes `d` for which a point nearest to
 /// the axes is computed. Below it they are nearly parallel.
-const LEAST_SPREAD: f64 = 1e-3;
+const MIN_SPREAD: f64 = 1e-3;
 
 /// Maximum number of centres among which the largest distance is searched, spread evenly over a
 /// longer capture. For all pairs of a long capture it would take hours.
-const MOST_COMPARED: usize = 4096;
+const MAX_COMPARED: usize = 4096;
 
 /// The mixed metric.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,7 +79,7 @@ fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
 
 /// The largest distance between two centres.
 fn largest_distance(rays: &[(DVec3, DVec3)]) -> Option<f64> {
-    let spread = rays.len().div_ceil(MOST_COMPARED).max(1);
+    let spread = rays.len().div_ceil(MAX_COMPARED).max(1);
     let some: Vec<DVec3> = rays.iter().step_by(spread).map(|(centre, _)| *centre).collect();
     let pairs = some.iter().enumerate().flat_map(|(i, a)| some[..i].iter().map(|b| (*a - *b).length()));
     pairs.reduce(f64::max)
@@ -98,7 +98,7 @@ pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     }
     // The mean, so that the limit on the spread does not depend on the number of views.
     let (a, b) = (a * (1.0 / n), b / n);
-    if !eigenvalues_exceed(&a, LEAST_SPREAD) {
+    if !eigenvalues_exceed(&a, MIN_SPREAD) {
         return None;
     }
     let point = a.inverse() * b;

@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 
 /// Share of the path below which a step is left out of ratios. The positions of its ends are sums
 /// near 1, rounded to 1e-4 of this share.
-const LEAST_SHARE: f64 = 1e-12;
+const MIN_SHARE: f64 = 1e-12;
 /// Share of the path below which a part of the motion is rounding, so that it has no ratios.
-const LEAST_PART: f64 = 1e-9;
+const MIN_PART: f64 = 1e-9;
 
 /// Achieved share of the path divided by the asked share, over all steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -237,9 +237,9 @@ impl ReportInputs<'_> {
     /// metric.
     fn follow(&self, lengths: &[f64], weight: f64) -> Option<FollowError> {
         let total = NeumaierSum::sum_of(lengths.iter().copied());
-        let moves = total * weight > LEAST_PART * self.course.length;
+        let moves = total * weight > MIN_PART * self.course.length;
         let asked = self.schedule.shares.windows(2).map(|w| w[1] - w[0]);
-        let ratios = lengths.iter().zip(asked).filter(|(_, asked)| *asked >= LEAST_SHARE);
+        let ratios = lengths.iter().zip(asked).filter(|(_, asked)| *asked >= MIN_SHARE);
         let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
         (moves && !ratios.is_empty()).then(|| FollowError::from_ratios(ratios))
     }

@@ -13,11 +13,12 @@ use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 
 /// Maximum number of poses: 2.3 hours at 2400 Hz.
-pub const MOST_POSES: u64 = 20_000_000;
-/// Range of frame rates, Hz. Stamps in microseconds must differ, and those of the longest path must
-/// fit 64 bits.
-const SLOWEST: f64 = 1e-3;
-const FASTEST: f64 = 1e6;
+pub const MAX_POSES: u64 = 20_000_000;
+/// Minimum frame rate, Hz. Stamps in microseconds must differ, and those of the longest path must fit
+/// 64 bits.
+pub const MIN_RATE_HZ: f64 = 1e-3;
+/// Maximum frame rate, Hz.
+pub const MAX_RATE_HZ: f64 = 1e6;
 /// Ratio of the largest to the smallest speed above which there is a warning.
 const MILD_RANGE: f64 = 100.0;
 
@@ -136,7 +137,7 @@ fn no_chords() -> TrajectoryError {
 }
 
 fn screen_rate(rate: Hertz) -> Result<(), TrajectoryError> {
-    if (SLOWEST..=FASTEST).contains(&rate.to_f64()) {
+    if (MIN_RATE_HZ..=MAX_RATE_HZ).contains(&rate.to_f64()) {
         return Ok(());
     }
     Err(TrajectoryError::Parameter {
@@ -164,7 +165,7 @@ fn within_limit(count: u64) -> Result<usize, TrajectoryError> {
             found: "0".to_owned(),
             wanted: "a whole number from 1",
         }),
-        Ok(count) if count as u64 <= MOST_POSES => Ok(count),
+        Ok(count) if count as u64 <= MAX_POSES => Ok(count),
         _ => Err(TrajectoryError::TooMany { count }),
     }
 }

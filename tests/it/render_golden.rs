@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const MEAN_LIMIT: f64 = 2e-5;
-const LARGEST_LIMIT: f64 = 5e-3;
+const MAX_LIMIT: f64 = 5e-3;
 const REFERENCE_MEAN_LIMIT: f64 = 1e-6;
 
 #[derive(Deserialize)]
@@ -145,7 +145,7 @@ pub(super) fn difference(found: &[f32], wanted: &[f32]) -> [f64; 3] {
 }
 
 pub(super) fn row(name: &str, what: &str, [mean, largest, share]: [f64; 3]) -> bool {
-    let within = mean <= MEAN_LIMIT && largest <= LARGEST_LIMIT && share <= 1e-3;
+    let within = mean <= MEAN_LIMIT && largest <= MAX_LIMIT && share <= 1e-3;
     let verdict = if within { "" } else { "  OVER" };
     println!("{name:28} {what:9} {mean:9.2e} {largest:9.2e} {share:9.2e}{verdict}");
     within
@@ -225,7 +225,7 @@ fn reference_meets(root: &Path, cases: &[Case]) {
             case.name, rgb[0], rgb[1], alpha[0], alpha[1]
         );
         assert!(rgb[0] <= REFERENCE_MEAN_LIMIT && alpha[0] <= REFERENCE_MEAN_LIMIT, "{}", case.name);
-        assert!(rgb[1] <= LARGEST_LIMIT && alpha[1] <= LARGEST_LIMIT, "{}", case.name);
+        assert!(rgb[1] <= MAX_LIMIT && alpha[1] <= MAX_LIMIT, "{}", case.name);
         let near = |a: u64, b: u64| a.abs_diff(b) <= 1 + b / 1_000_000;
         assert!(near(work.blended, case.stats.blended_pixels), "{}: {}", case.name, work.blended);
     }

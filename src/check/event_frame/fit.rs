@@ -11,14 +11,14 @@ use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
 
 /// Minimum number of pixels near the threshold. An edge of fewer is not measured.
-const LEAST_NEAR: usize = 1000;
+const MIN_NEAR: usize = 1000;
 /// The edge is the value that this share of its pixels does not exceed. The rest may be noise.
 const EDGE: f64 = 0.995;
 /// Shown threshold of a pixel whose events all have the wrong sign, in place of infinity.
-const MOST_SHOWN: f64 = 1000.0;
+const MAX_SHOWN: f64 = 1000.0;
 /// Largest uncertainty of a pixel's drift, in thresholds, for its use in an edge. With an edge that
 /// is sharp to 2 %, an error of the threshold of a tenth is still visible.
-const MOST_BLUR: f64 = 0.04;
+const MAX_BLUR: f64 = 0.04;
 
 /// The state of all pixels at one anchor, as statistics.
 ///
@@ -241,7 +241,7 @@ impl FitSums {
             self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual);
         }
         // A pixel without half a threshold of drift is too far from its next event to show an edge.
-        if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
+        if self.from_zero && dv.abs() > threshold / 2.0 && blur < MAX_BLUR * a.min(b) {
             // The size of `s`, negative if the events have the wrong sign.
             self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
@@ -276,14 +276,14 @@ fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
 /// the whole `steps` of its drift.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
 fn edge_ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
-    let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MOST_SHOWN) } else { MOST_SHOWN };
+    let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MAX_SHOWN) } else { MAX_SHOWN };
     [shown as f32, (dv / (threshold * (steps + 1.0))) as f32]
 }
 
 fn find_edge(near: Vec<[f32; 2]>) -> Option<EventEdge> {
     let pixels = near.len();
     let (shown, reachable): (Vec<f32>, Vec<f32>) = near.into_iter().map(|[s, r]| (s, r)).unzip();
-    (pixels >= LEAST_NEAR).then(|| EventEdge {
+    (pixels >= MIN_NEAR).then(|| EventEdge {
         pixels,
         shown: edge_quantile(shown),
         reachable: edge_quantile(reachable),

@@ -15,7 +15,7 @@ pub struct FlowAt {
 }
 
 /// The longest half of a window, us.
-const LONGEST_US: f64 = 15_000.0;
+const MAX_US: f64 = 15_000.0;
 /// Image motion in half a window, px: enough to blur an edge, and small enough for a constant flow.
 const HALF_PX: f64 = 4.0;
 
@@ -150,7 +150,7 @@ impl<'a> WarpWindow<'a> {
         let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
         let median = nearest_ranks(speeds, [50]).map_or(0.0, |[median]| f64::from(median));
         // A median of 0 gives an infinite time, which the longest half cuts.
-        let half_us = LONGEST_US.min(1e6 * HALF_PX / median) as i64;
+        let half_us = MAX_US.min(1e6 * HALF_PX / median) as i64;
         let span_us = [(flow.t_us - half_us).max(0), (flow.t_us + half_us).min(end_us)];
         let none = || [vec![0; size.pixels()], vec![0; size.pixels()]];
         let moved_px = median * 1e-6 * (span_us[1] - span_us[0]) as f64;

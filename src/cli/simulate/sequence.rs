@@ -15,9 +15,9 @@ use std::io;
 use std::path::Path;
 
 /// Upper bound of the brightest sample in frames on the scale 0..1, with room for highlights.
-const MOST_OF_ONE: f32 = 2.0;
+const MAX_OF_ONE: f32 = 2.0;
 /// Lower bound of the brightest sample in frames on the scale 0..255.
-const LEAST_OF_255: f32 = 16.0;
+const MIN_OF_255: f32 = 16.0;
 /// Frame rate above which the memory for held frames is reported, frames per second.
 const MANY_A_SECOND: f64 = 50_000.0;
 /// Length of time for which a sensor holds frames, ns: one root cell of the dyadic clock.
@@ -191,9 +191,9 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
 /// Decides the full scale of floats by the brightest sample of the first two frames.
 fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbError> {
     let brightest = npy::brightest_sample(path).map_err(|e| unreadable_array("frames", &e, path))?;
-    let (full_scale, name) = if brightest > LEAST_OF_255 {
+    let (full_scale, name) = if brightest > MIN_OF_255 {
         (FullScale::Grey255, 255)
-    } else if brightest <= MOST_OF_ONE {
+    } else if brightest <= MAX_OF_ONE {
         (FullScale::One, 1)
     } else {
         // Both scales are possible, and a wrong guess would scale the brightness by 255.

@@ -6,7 +6,7 @@ use crate::image::Size;
 use std::io::{BufRead, Read as _, Write};
 
 /// Maximum length of a header, bytes.
-const MOST_BYTES: u64 = 1 << 16;
+const MAX_BYTES: u64 = 1 << 16;
 
 /// Writes the header of a stream from a sensor of this size.
 pub(super) fn write_header(out: &mut impl Write, version: EvtVersion, size: Size) -> std::io::Result<()> {
@@ -31,9 +31,9 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size,
     while input.fill_buf()?.first() == Some(&b'%') {
         let mut line = Vec::new();
         // Limited, because a file of another kind may have no line break at all.
-        input.by_ref().take(MOST_BYTES).read_until(b'\n', &mut line)?;
+        input.by_ref().take(MAX_BYTES).read_until(b'\n', &mut line)?;
         bytes += line.len() as u64;
-        if line.last() != Some(&b'\n') || bytes > MOST_BYTES {
+        if line.last() != Some(&b'\n') || bytes > MAX_BYTES {
             return Err(EventFileError::Container(format!("byte {bytes}: the header does not end")));
         }
         let line = String::from_utf8_lossy(&line);

@@ -17,7 +17,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Maximum number of bytes in one block of an object header, and maximum number of blocks.
-const MOST: u64 = 1 << 20;
+const MAX_SIZE: u64 = 1 << 20;
 
 /// The attributes of a file's root.
 #[derive(Debug, Default)]
@@ -38,7 +38,7 @@ impl RootAttributes {
         let context =
             FormatContext { sizeof_addr: superblock.sizeof_offsets, sizeof_size: superblock.sizeof_lengths };
         let at = superblock.root_symbol_table_entry.obj_header_addr;
-        let head = read_block(&mut file, at, MOST)?;
+        let head = read_block(&mut file, at, MAX_SIZE)?;
         let (mut header, _) = ObjectHeader::decode_v1(&head).map_err(|e| damaged_file(&e.to_string()))?;
         let mut found = Vec::new();
         let mut blocks = 0;
@@ -100,7 +100,7 @@ fn read_continued(
     let (Some(at), Some(len)) = (number(0..8), number(8..16)) else {
         return Err(damaged_file("a continuation of its header is cut short"));
     };
-    let body = read_block(file, at, len.min(MOST))?;
+    let body = read_block(file, at, len.min(MAX_SIZE))?;
     // A continuation has no head, so decoding gets one: version 1, no limit on messages, one
     // reference.
     let mut header = vec![1, 0, 0xff, 0xff, 1, 0, 0, 0];

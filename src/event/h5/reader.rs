@@ -13,10 +13,10 @@ use std::panic::AssertUnwindSafe;
 use std::path::Path;
 
 /// Maximum number of elements per byte of the file: zlib's ratio is below 1,032.
-const MOST_PER_BYTE: u64 = 1_040;
+const MAX_PER_BYTE: u64 = 1_040;
 
 /// Maximum number of elements read at once, and in a chunk: the library allocates a whole chunk.
-const MOST_AT_ONCE: usize = 1 << 20;
+const MAX_AT_ONCE: usize = 1 << 20;
 
 /// Reads one stream.
 ///
@@ -47,7 +47,7 @@ impl std::fmt::Debug for Reader {
 }
 
 /// Number of entries of an index up to the last time that 32 bits can hold, plus one.
-const MOST_ENTRIES: usize = u32::MAX as usize / 1000 + 2;
+const MAX_ENTRIES: usize = u32::MAX as usize / 1000 + 2;
 
 impl Reader {
     /// Opens a file and reads the properties of the stream.
@@ -67,7 +67,7 @@ impl Reader {
         outside::refuse_links(&file, &[X, Y, P, T, LABEL, MS_TO_IDX, T_OFFSET])?;
         let (t, count) = open_column::<u32>(&file, T)?;
         // The number of elements is a claim of the file, and memory is taken by it.
-        if count as u64 > bytes.saturating_mul(MOST_PER_BYTE) {
+        if count as u64 > bytes.saturating_mul(MAX_PER_BYTE) {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
             return Err(EventFileError::Dataset { dataset: T, because });
         }
@@ -134,9 +134,9 @@ impl Reader {
     /// Length of `ms_to_idx`.
     fn entries(&self) -> Result<usize, EventFileError> {
         let entries = self.ms_to_idx.total_elements();
-        if entries > MOST_ENTRIES {
+        if entries > MAX_ENTRIES {
             let because =
-                format!("{entries} entries, at most {MOST_ENTRIES} for times of 32 bits were wanted");
+                format!("{entries} entries, at most {MAX_ENTRIES} for times of 32 bits were wanted");
             return Err(EventFileError::Dataset { dataset: MS_TO_IDX, because });
         }
         Ok(entries)
@@ -257,8 +257,8 @@ fn open_column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Datase
     }
     let chunk = dataset.chunk_dims().unwrap_or_default().iter().fold(1, |n: usize, &d| n.saturating_mul(d));
     match *dataset.shape() {
-        _ if chunk > MOST_AT_ONCE => {
-            Err(refusal(format!("its chunks have {chunk} elements, wanted at most {MOST_AT_ONCE}")))
+        _ if chunk > MAX_AT_ONCE => {
+            Err(refusal(format!("its chunks have {chunk} elements, wanted at most {MAX_AT_ONCE}")))
         }
         [len] => Ok((dataset, len)),
         ref shape => Err(refusal(format!("its shape is {shape:?}, wanted one dimension"))),
@@ -307,7 +307,7 @@ fn guard_panics<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T
 fn step_of(dataset: &H5Dataset) -> usize {
     match dataset.chunk_dims().as_deref() {
         Some(&[chunk]) if (1..CHUNK).contains(&chunk) => CHUNK / chunk * chunk,
-        Some(&[chunk]) => chunk.clamp(1, MOST_AT_ONCE),
+        Some(&[chunk]) => chunk.clamp(1, MAX_AT_ONCE),
         _ => CHUNK,
     }
 }

@@ -7,9 +7,9 @@ use crate::units::format_amount;
 use std::ops::Range;
 
 /// Maximum number of bars. For longer streams, neighbours are merged.
-const MOST_BARS: usize = 1024;
+const MAX_BARS: usize = 1024;
 /// Minimum width of the plot.
-const LEAST_WIDTH: usize = 640;
+const MIN_WIDTH: usize = 640;
 /// Height of the ON half and of the OFF half.
 const HALF: usize = 120;
 /// Margins of the plot: space for the labels above and below.
@@ -65,8 +65,8 @@ impl RateBars {
     #[must_use]
     pub fn image(&self) -> Image<[u8; 3]> {
         // Few bars are drawn wider, so that the labels have room.
-        let wide = LEAST_WIDTH.div_ceil(self.bars.len().max(1)).max(1);
-        let width = (wide * self.bars.len()).max(LEAST_WIDTH);
+        let wide = MIN_WIDTH.div_ceil(self.bars.len().max(1)).max(1);
+        let width = (wide * self.bars.len()).max(MIN_WIDTH);
         let height = 2 * (HALF + MARGIN) + 1;
         let side = |n: usize| u32::try_from(n).expect("bars are few");
         let mut image = Image::filled(Size { width: side(width), height: side(height) }, WHITE);
@@ -109,7 +109,7 @@ impl RateBars {
     fn reach(&mut self, after_us: i64) -> usize {
         let number = loop {
             let number = usize::try_from(after_us / self.bar_us).unwrap_or(usize::MAX);
-            if number < MOST_BARS {
+            if number < MAX_BARS {
                 break number;
             }
             // Pairs are added from the first bar on, so the start of the plot stays where it is.
@@ -185,7 +185,7 @@ mod tests {
             let near =
                 |found: f64, wanted: i64| (found * seconds - wanted as f64).abs() < 1e-6 * count as f64;
             assert!(near(sums[0], count - off) && near(sums[1], off), "{count}: {sums:?}");
-            assert!(rate.bars.len() <= MOST_BARS && rate.bar_us() * 1024 >= 3 * (count - 1));
+            assert!(rate.bars.len() <= MAX_BARS && rate.bar_us() * 1024 >= 3 * (count - 1));
         }
     }
 

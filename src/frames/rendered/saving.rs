@@ -11,7 +11,7 @@ use serde::Serialize;
 const FRAMES_A_SAMPLE: usize = 500;
 
 /// Minimum number of sampled frames. Fewer say nothing about a path.
-const LEAST: usize = 3;
+const MIN_FRAMES: usize = 3;
 
 /// Estimate of the time saved by omissions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -35,7 +35,7 @@ impl RenderedFrames {
     pub fn saving(&mut self, clock: fn() -> f64) -> Result<Option<TimeSaved>, FrameError> {
         let frames = self.len();
         let sampled = frames / FRAMES_A_SAMPLE;
-        if sampled < LEAST {
+        if sampled < MIN_FRAMES {
             return Ok(None);
         }
         // The middles of equal parts of the path.

@@ -1,16 +1,17 @@
 //! Products of each trajectory and their spacing.
 
+use super::Resolver;
 use super::number::WholeRange;
-use super::{MAX_FRAMES, Resolver};
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::text::TextSpan;
 use crate::recipe::{OutputKind, PictureSpacing, schema};
 use crate::sampling::exposure::{FRAMES, ShutterSettings, SubframeRule};
+use crate::trajectory::MAX_POSES;
 use std::collections::BTreeSet;
 
 /// Maximum number of exposed frames: four seconds at 2,400 frames per second.
-const MOST_EXPOSED: u64 = 9_999;
+const MAX_EXPOSED: u64 = 9_999;
 
 impl Resolver<'_> {
     pub(super) fn outputs(
@@ -35,7 +36,7 @@ impl Resolver<'_> {
     pub(super) fn spacing(&self, raw: &schema::RecipeSchema) -> Option<PictureSpacing> {
         let absent = schema::EverySection::default();
         let every = |field: &Field<schema::EverySection>| {
-            self.small(&self.section(field, &absent)?.every, 1, WholeRange::new(1, MAX_FRAMES))
+            self.small(&self.section(field, &absent)?.every, 1, WholeRange::new(1, MAX_POSES))
         };
         let (sharp, depth, flow) = (every(&raw.sharp), every(&raw.depth), every(&raw.flow));
         Some(PictureSpacing { sharp: sharp?, depth: depth?, flow: flow? })
@@ -44,7 +45,7 @@ impl Resolver<'_> {
     pub(super) fn shutter(&self, field: &Field<schema::BlurSection>) -> Option<ShutterSettings> {
         let absent = schema::BlurSection::default();
         let raw = self.section(field, &absent)?;
-        let frames = self.small(&raw.frames, FRAMES, WholeRange::new(1, MOST_EXPOSED));
+        let frames = self.small(&raw.frames, FRAMES, WholeRange::new(1, MAX_EXPOSED));
         if let (Some(frames), Some(place)) = (frames, raw.frames.place())
             && frames % 2 == 0
         {

@@ -9,10 +9,8 @@ use crate::sampling::ErrorTolerance;
 use crate::sensor::voltmeter::{BetweenFrames, SamplerKind};
 use crate::sensor::{SensorChoice, SensorSet};
 use crate::trajectory::sample::SummationRule;
+use crate::trajectory::{MAX_RATE_HZ, MIN_RATE_HZ};
 use crate::units::Hertz;
-
-/// Maximum frames per second. Timestamps are whole microseconds and must increase.
-const MAX_RATE: f64 = 1e6;
 
 /// Accepted errors, in thresholds. Beyond one threshold, whole events appear and vanish.
 const TOLERANCE: RealRange = RealRange::above(0.0, 1.0);
@@ -21,7 +19,7 @@ impl Resolver<'_> {
     pub(super) fn rate(&self, field: &Field<schema::SamplingSection>) -> Option<Hertz> {
         let absent = schema::SamplingSection::default();
         let raw = self.section(field, &absent)?;
-        self.ratio(&raw.rate, 2400, RealRange::above(0.0, MAX_RATE)).map(Hertz)
+        self.ratio(&raw.rate, 2400, RealRange::new(MIN_RATE_HZ, MAX_RATE_HZ)).map(Hertz)
     }
 
     /// Resolves the summation of speed laws: the paper's sum, or the integral. The integral defines

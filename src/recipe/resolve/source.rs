@@ -12,7 +12,7 @@ use crate::source::{self, DiskCapture, PoseFile, ViewSelection, mvimgnet};
 use std::path::PathBuf;
 
 /// Maximum number of views that a recipe may ask for.
-const MOST_VIEWS: u32 = 1_000_000;
+const MAX_VIEWS: u32 = 1_000_000;
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::SourceSection>) -> Option<SceneSource> {
@@ -47,7 +47,7 @@ impl Resolver<'_> {
         let path = self.path(&raw.path, place);
         let views = match &raw.views {
             Field::Absent => Some(None),
-            given => self.small(given, 1, WholeRange::new(1, u64::from(MOST_VIEWS))).map(Some),
+            given => self.small(given, 1, WholeRange::new(1, u64::from(MAX_VIEWS))).map(Some),
         };
         let (exclude, poses) = (self.exclude(kind, raw), self.pose_file(kind, raw));
         let (id, url) = (self.said(&raw.upstream_id), self.formed(&raw.upstream_url, forms::URL));

@@ -94,7 +94,7 @@ pub(super) fn scene(
 /// Returns the values of `scene.json` that its recipe and the other files contradict.
 fn described(scene: &PublishedScene) -> Vec<AuditFault> {
     // Maximum number of listed differences: many values follow from one wrong value of a recipe.
-    const MOST: usize = 8;
+    const MAX_LISTED: usize = 8;
     let [found, wanted] = [&scene.file, &scene::again(scene)]
         .map(|file| serde_json::to_value(file).expect("a description is plain data"));
     let mut differences = Vec::new();
@@ -104,7 +104,7 @@ fn described(scene: &PublishedScene) -> Vec<AuditFault> {
         let message = format!("its {place} is {found}, the recipe and the other files give {wanted}");
         AuditFault::of_file(FaultCode::NotComposed, &path, message)
     };
-    differences.into_iter().take(MOST).map(fault).collect()
+    differences.into_iter().take(MAX_LISTED).map(fault).collect()
 }
 
 /// Collects the places where two values differ, with both values.
@@ -278,8 +278,8 @@ fn first_difference(path: &Path, wanted: &[u8]) -> String {
 
 /// The beginning of a text.
 fn brief(text: &str) -> String {
-    const MOST: usize = 100;
-    match text.char_indices().nth(MOST) {
+    const MAX_CHARACTERS: usize = 100;
+    match text.char_indices().nth(MAX_CHARACTERS) {
         Some((at, _)) => format!("{}…", &text[..at]),
         None => text.to_owned(),
     }

@@ -13,9 +13,9 @@ use crate::release::left_out::OmissionRow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Maximum number of faults that are listed at the top of the page.
-const MOST_FAULTS: usize = 200;
+const MAX_FAULTS: usize = 200;
 /// Maximum number of reasons that are listed of a check that was not run.
-const MOST_REASONS: usize = 6;
+const MAX_REASONS: usize = 6;
 
 /// Writes the head of the page: the publisher, the terms, and the amounts.
 pub(super) fn write_head(html: &mut HtmlFragment, page: &ReportPage<'_>) {
@@ -206,14 +206,14 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         return;
     }
     let words = match faults.len() {
-        n if n > MOST_FAULTS => format!("Outside limits: the first {MOST_FAULTS} of {n} statements"),
+        n if n > MAX_FAULTS => format!("Outside limits: the first {MAX_FAULTS} of {n} statements"),
         n => format!("Outside limits: {}", counted_noun(n, "statement", "statements")),
     };
     html.within("table", &[("class", "faults")], |html| {
         html.leaf("caption", &[], &words);
         write_heads(html, &[("scene", ""), ("of", ""), ("check", ""), ("verdict", ""), ("because", "")]);
         html.within("tbody", &[], |html| {
-            for (id, finding) in faults.into_iter().take(MOST_FAULTS) {
+            for (id, finding) in faults.into_iter().take(MAX_FAULTS) {
                 html.within("tr", &[], |html| {
                     html.within("td", &[], |html| section_link(html, id, id));
                     html.leaf("td", &[], findings::subject_statement(&finding.subject, id));
@@ -283,7 +283,7 @@ fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<NotRu
             .collect();
         // Equal counts keep the order of their texts, so that equal findings make equal pages.
         own.sort_by_key(|reason| std::cmp::Reverse(reason.statements));
-        let rest = own.split_off(own.len().min(MOST_REASONS));
+        let rest = own.split_off(own.len().min(MAX_REASONS));
         all.extend(own);
         if let Some(first) = rest.first().map(|reason| reason.first) {
             let statements = rest.iter().map(|reason| reason.statements).sum();
@@ -459,7 +459,7 @@ mod tests {
         findings.push(finding("batching", "s/t", Verdict::NotRun));
         findings.push(finding("batching", "s/t", Verdict::Pass));
         let reasons = not_run_reasons(findings.iter());
-        assert_eq!(reasons.len(), 1 + MOST_REASONS + 1);
+        assert_eq!(reasons.len(), 1 + MAX_REASONS + 1);
         assert_eq!((reasons[0].check, reasons[0].statements), ("batching", 1));
         let second = &reasons[1];
         assert_eq!((second.statements, second.because.as_str(), second.first), (2, "reason 7", "s7/t"));

@@ -128,7 +128,7 @@ pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u3
 /// Number of pixels for each event that a picture should have.
 const DENSITY: u64 = 6;
 /// Length in milliseconds at which a window stops growing.
-const LONGEST_MS: usize = 40;
+const MAX_WINDOW_MS: usize = 40;
 
 /// The milliseconds around `middle` that hold about `wanted` events; `None` in an empty index.
 fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
@@ -136,7 +136,7 @@ fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>
     let last = index.len().checked_sub(2)?;
     let mut range = middle.min(last)..middle.min(last) + 1;
     let held = |range: &Range<usize>| index[range.end].saturating_sub(index[range.start]);
-    while held(&range) < wanted && range.len() < LONGEST_MS && range != (0..last + 1) {
+    while held(&range) < wanted && range.len() < MAX_WINDOW_MS && range != (0..last + 1) {
         range = range.start.saturating_sub(1)..(range.end + 1).min(last + 1);
     }
     Some(range)

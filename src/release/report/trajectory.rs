@@ -94,7 +94,7 @@ fn write_pictures(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportT
         show(seen::sharp_picture(track, places, depth.picture));
         show(seen::blurred_picture(track, places, depth.picture));
     }
-    let most = if depth.every { MOST_STREAMS } else { 1 };
+    let most = if depth.every { MAX_STREAMS } else { 1 };
     for (name, file) in seen::stream_outputs(track, places).into_iter().take(most) {
         let shown = seen::events_picture(track, &file, depth.picture);
         let named = |shown: ShownPicture| match name {
@@ -106,7 +106,7 @@ fn write_pictures(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportT
 }
 
 /// Maximum number of streams that are shown of a trajectory.
-const MOST_STREAMS: usize = 4;
+const MAX_STREAMS: usize = 4;
 
 /// Writes the path as seen from above and from the side.
 fn write_path(html: &mut HtmlFragment, page: &ReportPage<'_>, published: &PublishedTrajectory) {
@@ -164,7 +164,7 @@ fn write_curves(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTra
     let ReportTrajectory { part, published, .. } = track;
     let points = page.depth.points;
     // A withheld scene has no event files here.
-    for (name, file) in seen::stream_outputs(track, page.places).into_iter().take(MOST_STREAMS) {
+    for (name, file) in seen::stream_outputs(track, page.places).into_iter().take(MAX_STREAMS) {
         let Some(rate) = seen::stream_rate(&file, part.duration_us, points) else { continue };
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count times 1000")]

@@ -45,7 +45,7 @@ pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedG
 }
 
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
-const LEAST_NORM: f64 = 1e-12;
+const MIN_NORM: f64 = 1e-12;
 
 /// Applies the activations to the Gaussians with these indices.
 pub(super) fn activate_all(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Vec<GaussianBlock> {
@@ -115,10 +115,10 @@ fn is_finite(scene: &Gaussians, i: usize) -> bool {
 }
 
 /// The rotation of a stored quaternion `w, x, y, z` of any length. A zero quaternion gives the
-/// identity, and one far below [`LEAST_NORM`] nearly does.
+/// identity, and one far below [`MIN_NORM`] nearly does.
 fn stored_rotation(stored: [f32; 4]) -> DMat3 {
     let [w, x, y, z] = stored.map(f64::from);
-    let norm = (w * w + x * x + y * y + z * z).sqrt().max(LEAST_NORM);
+    let norm = (w * w + x * x + y * y + z * z).sqrt().max(MIN_NORM);
     DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm))
 }
 

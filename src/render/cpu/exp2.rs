@@ -12,7 +12,7 @@ const ROUNDER: f32 = 12_582_912.0;
 
 /// Larger arguments are replaced by this one. Their layers are far below the smallest opacity that
 /// is blended.
-const LARGEST: f32 = 125.0;
+const MAX_EXPONENT: f32 = 125.0;
 
 /// `2^-q` for `q >= 0`. The relative error is at most 2e-7 (tested) up to `q = 125`; beyond, the
 /// result is `2^-125`. `q = 0` gives exactly 1.
@@ -20,13 +20,13 @@ const LARGEST: f32 = 125.0;
 pub(super) fn exp2_neg<S: Simd>(simd: S, q: f32x16<S>) -> f32x16<S> {
     let all = |v: f32| f32x16::splat(simd, v);
     let [c1, c2, c3, c4, c5] = POWER;
-    let q = q.min(LARGEST);
+    let q = q.min(MAX_EXPONENT);
     let shifted = all(ROUNDER) - q;
     // The fraction is negated: the signs of the odd terms turn, and no rounding changes.
     let g = q + (shifted - ROUNDER);
     let p = all(1.0) - g * (all(c1) - g * (all(c2) - g * (all(c3) - g * (all(c4) - g * c5))));
     // The integer in the low bits of `shifted` is `-round(q)`. Added to the exponent, it multiplies
-    // by a power of two; [`LARGEST`] keeps the result a normal number.
+    // by a power of two; [`MAX_EXPONENT`] keeps the result a normal number.
     f32x16::from_bits(p.to_bits() + (shifted.to_bits() << 23))
 }
 

@@ -62,9 +62,9 @@ const GRACE_PX: f64 = 0.1;
 const ROUNDING: f64 = 1e-14;
 /// Largest focal length or principal point, px, with which anything is left out. Beyond, extents
 /// could overflow.
-const LARGEST_PX: f64 = 1e6;
+const MAX_PX: f64 = 1e6;
 /// Largest standard deviation, scene units, with which a Gaussian is left out.
-const LARGEST_DEVIATION: f64 = 1e9;
+const MAX_DEVIATION: f64 = 1e9;
 
 /// The indices of all Gaussians.
 pub(super) fn all_indices(scene: &Gaussians) -> Vec<u32> {
@@ -79,7 +79,7 @@ pub(super) fn seen_indices(
     poses: &[Se3],
 ) -> Vec<u32> {
     let px = [camera.fx, camera.fy, camera.cx, camera.cy];
-    if poses.is_empty() || !px.iter().all(|v| v.abs() <= LARGEST_PX) {
+    if poses.is_empty() || !px.iter().all(|v| v.abs() <= MAX_PX) {
         return all_indices(scene);
     }
     let hull = PathHull::new(scene.origin, rules, camera, poses);
@@ -179,7 +179,7 @@ impl PathHull {
         // `f32::max` ignores NaN, so each scale is tested by itself below.
         let log_deviation = scene.log_scales[i].iter().fold(f32::NEG_INFINITY, |most, &v| most.max(v));
         let deviation = libm::exp(f64::from(log_deviation));
-        if !(deviation <= LARGEST_DEVIATION && scene.log_scales[i].iter().all(|v| v.is_finite())) {
+        if !(deviation <= MAX_DEVIATION && scene.log_scales[i].iter().all(|v| v.is_finite())) {
             return false;
         }
         let wide = deviation * extent_sigmas(extent::opacity_reach(self.rules, opacity));

@@ -2,7 +2,7 @@
 
 use super::device::{GpuDevice, GpuError};
 use super::passes::BindingLayouts;
-use super::scene::{MOST_GROUPS, ScenePart};
+use super::scene::{MAX_GROUPS, ScenePart};
 use super::shader::{BLOCK, DIGIT_BITS, DISPATCHES, GROUP, TOTALS};
 use super::{TileRegion, frame};
 use wgpu::{
@@ -37,13 +37,13 @@ impl BufferCapacity {
 
 /// Maximum number of splats of this many rows that the device can bind and dispatches can reach.
 pub(super) fn most_splats(limit: u64, splat_rows: u32) -> u32 {
-    let bound = (limit / (16 * u64::from(splat_rows))).min(u64::from(MOST_GROUPS * GROUP));
+    let bound = (limit / (16 * u64::from(splat_rows))).min(u64::from(MAX_GROUPS * GROUP));
     u32::try_from(bound).unwrap_or(u32::MAX)
 }
 
 /// Maximum number of pairs that the device can bind and dispatches can reach.
 pub(super) fn most_pairs(limit: u64) -> u32 {
-    let bound = (limit / 8).min(u64::from(MOST_GROUPS) * u64::from(BLOCK));
+    let bound = (limit / 8).min(u64::from(MAX_GROUPS) * u64::from(BLOCK));
     u32::try_from(bound).unwrap_or(u32::MAX)
 }
 

@@ -198,7 +198,7 @@ fn outline(i: u32, point: array<vec2f, 3>, found: ptr<function, Found>) {
         let kept = select(still(COMPENSATION_FLOOR), share, share.x > COMPENSATION_FLOOR);
         opacity = times(opacity, root(kept));
     }
-    if opacity.x < LEAST_ALPHA {
+    if opacity.x < MIN_ALPHA {
         return;
     }
     let w1 = times(root(over(shape.c, shape.det)), still(TO_BINARY));

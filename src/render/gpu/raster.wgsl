@@ -88,7 +88,7 @@ fn blend(row: u32, pixel: ptr<function, Pixel>) {
     }
     let free = second.y * exp2(-q);
     var alpha = min(free, MAX_ALPHA);
-    if alpha < LEAST_ALPHA {
+    if alpha < MIN_ALPHA {
         return;
     }
     var slope = 1.0;

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
 /// Maximum number of workgroups of a dispatch along one axis that every device supports.
-pub(super) const MOST_GROUPS: u32 = 65_535;
+pub(super) const MAX_GROUPS: u32 = 65_535;
 
 /// Gaussians that one dispatch projects.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub(super) fn upload_scene(scene: &Gaussians, device: &GpuDevice) -> Result<Vec<
         (0..scene.len()).into_par_iter().map(|i| activate::activate_one(scene, i)).collect();
     // Each array must fit one binding, so the largest row decides.
     let each = (HARMONIC * scene.sh_len() as u64).max(AXES).max(MEAN);
-    let most = (device.limit / each).min(u64::from(MOST_GROUPS * GROUP)).max(1) as usize;
+    let most = (device.limit / each).min(u64::from(MAX_GROUPS * GROUP)).max(1) as usize;
     (0..scene.len())
         .step_by(most)
         .map(|first| ScenePart::new(scene, &activated, first..scene.len().min(first + most), device))

@@ -174,7 +174,7 @@ fn shader_prelude(variant: &ShaderVariant) -> String {
     }
     // `T <= STOP`, the stop of `gsplat`, is `T < STOP.next_up()`.
     let stop = if rules == RenderRules::Gsplat { STOP.next_up() } else { STOP };
-    for (name, value) in FLOATS.iter().chain(&[("LEAST_ALPHA", least_alpha(rules)), ("STOP", stop)]) {
+    for (name, value) in FLOATS.iter().chain(&[("MIN_ALPHA", least_alpha(rules)), ("STOP", stop)]) {
         write_constant(&mut text, name, "f32", float_literal(f64::from(*value)));
     }
     let doubles = [("TO_BINARY", (LOG2_E / 2.0).sqrt()), ("LN_2", std::f64::consts::LN_2)];

@@ -19,7 +19,7 @@ struct Outline {
 // 2^-21 or 3 ulp, and its exp2 of 3 + 2q ulp: for q < 8 less than 5e-6 together; q itself adds some
 // ulp.
 fn reach_of(opacity: f32) -> f32 {
-    return max(log2(opacity / LEAST_ALPHA), 0.0) * (1.0 + 1e-5) + 2e-5;
+    return max(log2(opacity / MIN_ALPHA), 0.0) * (1.0 + 1e-5) + 2e-5;
 }
 
 // Bound on the error that rounding adds to an edge of an extent, px, at `distance` px from the

@@ -4,7 +4,7 @@ use crate::sensor::screening::ScreenError;
 use serde::{Deserialize, Serialize};
 
 /// Longest period, microseconds: a thousand seconds.
-const LONGEST_US: f64 = 1e9;
+const MAX_US: f64 = 1e9;
 
 /// The length of the dead time, and the reference after it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -44,7 +44,7 @@ impl RefractoryPeriod {
     /// # Errors
     /// The period is outside its range.
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
-        if !(0.0..=LONGEST_US).contains(&self.period_us) {
+        if !(0.0..=MAX_US).contains(&self.period_us) {
             let (name, wanted) = ("refractory.period_us", "a number from 0 to 1e9");
             return Err(ScreenError::Parameter { name, found: self.period_us, wanted });
         }

@@ -20,7 +20,7 @@ use crate::event::EventSink;
 use crate::frames::DenseFrame;
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed, SeedCell};
-use crate::sensor::window::{EventWindow, LONGEST};
+use crate::sensor::window::{EventWindow, MAX_WINDOW_NS};
 use crate::sensor::{SensorError, SensorPixels, SimulationAccount, input};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
@@ -33,7 +33,7 @@ pub(super) const VERSION: u32 = 3;
 /// bands share the fixed cost of a descent between more pixels.
 const BANDS_A_THREAD: usize = 4;
 /// Minimum number of pixels in a band.
-const LEAST_BAND: usize = 4096;
+const MIN_BAND: usize = 4096;
 
 /// State of the exact sampler.
 #[derive(Debug)]
@@ -113,7 +113,7 @@ impl ExactSampler {
         seats.resize(padded, 0);
         let bands = BANDS_A_THREAD * rayon::current_num_threads();
         // A multiple of 8, so that no vector of pixels reaches into the next band.
-        let band = n.div_ceil(bands).max(LEAST_BAND).next_multiple_of(8);
+        let band = n.div_ceil(bands).max(MIN_BAND).next_multiple_of(8);
         Self {
             law,
             level: Level::new(),
@@ -140,7 +140,7 @@ impl ExactSampler {
             let next = self.frames.iter().map(|frame| frame.t).find(|&t| t > self.crossed);
             // Packed events have no room for a longer window, so a long interval is crossed in
             // parts.
-            next.unwrap_or(until).min(self.crossed + LONGEST)
+            next.unwrap_or(until).min(self.crossed + MAX_WINDOW_NS)
         } else {
             self.crossed + ROOT
         }

@@ -18,7 +18,7 @@ pub(super) struct ValueInterval {
 /// Number of units in the last place by which `libm`'s results are widened.
 const LIBM_ULPS: u32 = 4;
 /// Largest argument of sine, cosine and tangent. Beyond it, an extremum cannot be located to 1e-6.
-const LARGEST_ANGLE: f64 = 1e9;
+const MAX_ANGLE: f64 = 1e9;
 /// Margin around extrema, relative to 1 + the argument. It covers the rounding of a multiple of pi.
 const ANGLE_MARGIN: f64 = 1e-14;
 
@@ -119,7 +119,7 @@ impl ValueInterval {
     /// Returns true if `phase + k * period` may lie inside for some integer `k`.
     fn holds(self, phase: f64, period: f64) -> bool {
         let largest = self.low.abs().max(self.high.abs());
-        if largest > LARGEST_ANGLE {
+        if largest > MAX_ANGLE {
             return true;
         }
         let margin = ANGLE_MARGIN * (1.0 + largest);

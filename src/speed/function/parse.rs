@@ -3,7 +3,7 @@
 use super::{BinaryOperator, ExpressionError, SyntaxNode, UnaryFunction};
 
 /// Maximum length of a text, bytes.
-const LONGEST: usize = 1000;
+const MAX_LENGTH: usize = 1000;
 /// Deepest nesting of parentheses, signs and powers: bounds the stack of the parser.
 const DEEPEST: usize = 100;
 /// Largest height of the tree: bounds the stack of every walk over it. A sum of `n` terms has the
@@ -12,8 +12,8 @@ const TALLEST: usize = 250;
 
 /// Parses `text` into a tree.
 pub(super) fn parse_expression(text: &str) -> Result<SyntaxNode, ExpressionError> {
-    if text.len() > LONGEST {
-        return Err(ExpressionError::TooLong { bytes: text.len(), limit: LONGEST });
+    if text.len() > MAX_LENGTH {
+        return Err(ExpressionError::TooLong { bytes: text.len(), limit: MAX_LENGTH });
     }
     let mut parser = ExpressionParser { text, at: 0, depth: 0 };
     let (node, _) = parser.sum()?;

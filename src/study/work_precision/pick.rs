@@ -152,7 +152,7 @@ impl MethodComparison {
 }
 
 /// Replaces an error of zero, which has no logarithm.
-const LEAST: f64 = 1e-9;
+const MIN_ERROR: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy)]
 struct CostPoint {
@@ -163,7 +163,7 @@ struct CostPoint {
 
 impl CostPoint {
     fn from_row(row: &SettingRow, error: f64) -> Self {
-        Self { core_s: row.core_s(), frames: row.frames as f64, error: error.max(LEAST) }
+        Self { core_s: row.core_s(), frames: row.frames as f64, error: error.max(MIN_ERROR) }
     }
 }
 

@@ -20,7 +20,7 @@ use pinned::PinnedBulge;
 use std::f64::consts::PI;
 
 /// Maximum degree. The condition of its basis, 1e6, leaves ten digits.
-pub const MOST_DEGREE: u32 = 20;
+pub const MAX_DEGREE: u32 = 20;
 /// Largest angle from the mean for which rotations are fitted. Beyond a half turn, their vectors
 /// would jump.
 const WIDEST: f64 = 170.0 / 180.0 * PI;
@@ -60,7 +60,7 @@ impl BezierCurve {
     /// There are fewer than two knots, or their number is not one more than that of steps.
     pub fn fit_knots(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, SplineDiverged> {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
-        let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MOST_DEGREE);
+        let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MAX_DEGREE);
         let degree = degree.clamp(1, determined);
         let before = running_sums(steps.iter().copied());
         let x: Vec<f64> = before.iter().map(|s| s / before[steps.len()]).collect();

@@ -7,7 +7,7 @@ use glam::DVec3;
 use gs2e::se3::rotation::{angle_between, exp_vector, log_vector, slerp};
 use gs2e::se3::spline::CurvePlace;
 use gs2e::se3::{Se3, Twist};
-use gs2e::trajectory::curve::{CirclePath, CurveKind, MOST_DEGREE, PoseCurve};
+use gs2e::trajectory::curve::{CirclePath, CurveKind, MAX_DEGREE, PoseCurve};
 use gs2e::trajectory::refine::{EndRule, RefinePath};
 use gs2e::trajectory::travel::PoseCount;
 use gs2e::trajectory::{TrajectoryError, TrajectoryWarning};
@@ -235,7 +235,7 @@ fn bezier_curves_find_planted_polynomials_of_their_degree() {
     (1..=6).for_each(|degree| t(&few, degree, 1e-13));
     // At degree 20 a condition number of 1e6 multiplies roundings of 1e-16.
     let many: Vec<f64> = (0..60u8).map(|k| 1.0 + 0.8 * f64::from(k).sin()).collect();
-    [1, 3, 5, 12, MOST_DEGREE].into_iter().for_each(|degree| t(&many, degree, 1e-10));
+    [1, 3, 5, 12, MAX_DEGREE].into_iter().for_each(|degree| t(&many, degree, 1e-10));
 }
 
 #[test]
@@ -275,11 +275,11 @@ fn degrees_out_of_range_are_refused() {
         let params = RefinePath { curve: CurveKind::Bezier { degree }, ..RefinePath::default() };
         try_refined(&orbit(30, 0.0, 0.0, 1), &params, LAW)
     };
-    assert_eq!(t(MOST_DEGREE).unwrap().report.degree_used, Some(MOST_DEGREE));
-    for degree in [0, MOST_DEGREE + 1, u32::MAX] {
+    assert_eq!(t(MAX_DEGREE).unwrap().report.degree_used, Some(MAX_DEGREE));
+    for degree in [0, MAX_DEGREE + 1, u32::MAX] {
         let refused = t(degree).unwrap_err();
         assert!(matches!(refused, TrajectoryError::Parameter { field: "bezier.degree", .. }), "{refused}");
-        assert!(refused.to_string().contains(&format!("1 to {MOST_DEGREE}")));
+        assert!(refused.to_string().contains(&format!("1 to {MAX_DEGREE}")));
     }
 }
 

@@ -8,7 +8,7 @@ use gs2e::trajectory::refine::{
     EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder, refine_views,
 };
 use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{MOST_POSES, NamedPose, PoseTiming, Trajectory, TrajectoryError, TrajectoryWarning};
+use gs2e::trajectory::{MAX_POSES, NamedPose, PoseTiming, Trajectory, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
@@ -113,7 +113,7 @@ fn counts_outside_their_range_are_refused() {
     let views = orbit(9, 0.0, 0.0, 1);
     let t = |count: PoseCount| try_refined(&views, &RefinePath { count, ..RefinePath::default() }, LAW);
     assert!(matches!(t(PoseCount::Frames(0)), Err(TrajectoryError::Parameter { field: "frames", .. })));
-    assert_eq!(t(PoseCount::Frames(MOST_POSES + 1)), Err(TrajectoryError::TooMany { count: 20_000_001 }));
+    assert_eq!(t(PoseCount::Frames(MAX_POSES + 1)), Err(TrajectoryError::TooMany { count: 20_000_001 }));
     assert_eq!(
         t(PoseCount::Factor("5000000".parse().unwrap())),
         Err(TrajectoryError::TooMany { count: 45_000_000 })

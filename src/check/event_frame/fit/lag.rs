@@ -8,9 +8,9 @@
 //! high, because their single event comes at the end.)
 
 /// Minimum drift on both sides of the instant, in thresholds.
-const LEAST_WAY: f64 = 1.0;
+const MIN_WAY: f64 = 1.0;
 /// Largest ratio of the two drifts.
-const MOST_UNEVEN: f64 = 3.0;
+const MAX_UNEVEN: f64 = 3.0;
 
 /// Sums over the pixels with steady drift.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -31,7 +31,7 @@ impl LagSums {
         let threshold = if ways[0] > 0.0 { thresholds[0] } else { thresholds[1] };
         let [small, large] = [ways[0].abs().min(ways[1].abs()), ways[0].abs().max(ways[1].abs())];
         // NaN fails these comparisons, so it is never steady.
-        let steady = ways[0] * ways[1] > 0.0 && small > LEAST_WAY * threshold && large < MOST_UNEVEN * small;
+        let steady = ways[0] * ways[1] > 0.0 && small > MIN_WAY * threshold && large < MAX_UNEVEN * small;
         // An impossible residual, for example of a hot pixel, would outweigh the rest.
         if !steady || left.abs() > 8.0 * threshold {
             return;

@@ -3,9 +3,10 @@
 use super::PathContext;
 use crate::recipe::field::{Field, NumberLiteral};
 use crate::recipe::problem::FieldProblem;
+use crate::recipe::resolve::Resolver;
 use crate::recipe::resolve::number::{RealRange, WholeRange};
-use crate::recipe::resolve::{MAX_FRAMES, Resolver};
 use crate::recipe::text::TextSpan;
+use crate::trajectory::MAX_POSES;
 use crate::trajectory::travel::PoseCount;
 use crate::units::{Hertz, Ratio};
 
@@ -68,7 +69,7 @@ impl Resolver<'_> {
             return self.refuse(problem.help("one of them says how many poses there are").at(place));
         }
         if frames {
-            return self.whole(raw.frames, 1, WholeRange::new(1, MAX_FRAMES)).map(PoseCount::Frames);
+            return self.whole(raw.frames, 1, WholeRange::new(1, MAX_POSES)).map(PoseCount::Frames);
         }
         if duration {
             return self.duration(raw.duration, rate);
@@ -84,9 +85,9 @@ impl Resolver<'_> {
         let seconds: Ratio = self.ratio(field, 1, RealRange::above(0.0, DAY))?;
         let rate = rate?.to_f64();
         let frames = 1.0 + (seconds.to_f64() * rate).ceil();
-        if frames > MAX_FRAMES as f64 {
+        if frames > MAX_POSES as f64 {
             let problem =
-                FieldProblem::of_field(format!("makes {frames} frames, wanted at most {MAX_FRAMES}"));
+                FieldProblem::of_field(format!("makes {frames} frames, wanted at most {MAX_POSES}"));
             return self.refuse(problem.help(format!("there are {rate} frames a second")).at(field.place()?));
         }
         Some(PoseCount::Duration(seconds))

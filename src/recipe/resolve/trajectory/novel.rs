@@ -16,8 +16,8 @@ use crate::trajectory::path::CameraPath;
 use crate::trajectory::travel::PoseCount;
 
 /// Number of groups of a novel trajectory; each is a trajectory of its own.
-const GROUPS: WholeRange = WholeRange::new(1, MOST_GROUPS);
-const MOST_GROUPS: u64 = 1000;
+const GROUPS: WholeRange = WholeRange::new(1, MAX_GROUPS);
+const MAX_GROUPS: u64 = 1000;
 const USUAL_GROUPS: u32 = 3;
 /// Number of key poses of a group. A path has two ends, so at least two.
 const KEYFRAMES: WholeRange = WholeRange::new(2, 1_000_000);
@@ -72,7 +72,7 @@ pub(super) fn group_folders(name: &str, raw: &schema::TrajectorySection) -> Vec<
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
     let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
     // A number out of range must not make a list of that length.
-    let groups = usize::try_from(groups.min(MOST_GROUPS)).expect("groups are few");
+    let groups = usize::try_from(groups.min(MAX_GROUPS)).expect("groups are few");
     (0..).take(groups).map(|group| group_folder(name, group)).collect()
 }
 
