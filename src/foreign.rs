@@ -65,13 +65,6 @@ pub fn spread_evenly(count: usize, wanted: usize) -> Vec<usize> {
     }
 }
 
-/// Returns the median, the upper of two middle values; 0 for an empty list.
-#[must_use]
-pub fn upper_median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -20,7 +20,7 @@
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use crate::foreign::colmap::{ColmapRegistration, MIN_PICTURES, PoseAgreement};
-use crate::foreign::upper_median;
+use crate::stats::upper_median;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -92,7 +92,7 @@ fn registration_findings(subject: &TrajectorySubject<'_>, registration: &ColmapR
     let least = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));
     let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
     let registered = Judgement::from_value(least.at_least(share), share, least, "1", because);
-    let middle = upper_median(poses.iter().map(|p| p.rotation_deg).collect());
+    let middle = upper_median(poses.iter().map(|p| p.rotation_deg).collect()).unwrap_or(0.0);
     let because = format!("half of {} rotations are within {middle:.4} degrees of {program}'s", poses.len());
     let (turned, moved) = (of(|p| p.rotation_deg), of(|p| p.translation));
     let rotation = at_most(

@@ -10,6 +10,7 @@
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use crate::se3::rotation::angle_between;
+use crate::stats::mean_median;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -90,18 +91,12 @@ impl RelativeSteps {
     }
 
     fn median_mixed(&self) -> f64 {
-        middle_mean(self.linear.iter().zip(&self.angular).map(|(l, a)| l + a).collect())
+        mean_median(self.linear.iter().zip(&self.angular).map(|(l, a)| l + a).collect()).unwrap_or(0.0)
     }
 }
 
 fn median_of_neighbours(steps: &[f64], j: usize) -> f64 {
     // The step itself is left out, because it would raise the median that it is compared with.
     let around = j.saturating_sub(REACH)..(j + REACH + 1).min(steps.len());
-    middle_mean(around.filter(|i| *i != j).map(|i| steps[i]).collect())
-}
-
-/// The median, with the mean of the two middle values for an even number.
-fn middle_mean(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
+    mean_median(around.filter(|i| *i != j).map(|i| steps[i]).collect()).unwrap_or(0.0)
 }

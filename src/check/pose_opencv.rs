@@ -16,7 +16,7 @@
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use crate::foreign::opencv::{OpencvGeometry, ProjectionAgreement, RelativeMotion};
-use crate::foreign::upper_median;
+use crate::stats::upper_median;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -89,7 +89,7 @@ fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) ->
             );
             return subject.not_run(NAME, part, because);
         }
-        let measured = upper_median(pairs.iter().map(value).collect());
+        let measured = upper_median(pairs.iter().map(value).collect()).unwrap_or(0.0);
         let because = format!(
             "half of {} motions between pictures that {program} finds are within {measured:.3} degrees of the poses",
             pairs.len()

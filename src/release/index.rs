@@ -7,6 +7,7 @@ pub(super) mod table;
 
 use super::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use crate::check::{Finding, Verdict};
+use crate::stats::mean_median;
 use crate::trajectory::report::SpeedReport;
 use crate::units::Hertz;
 use serde_json::Value as Json;
@@ -26,21 +27,11 @@ pub(super) struct IndexSources {
 impl IndexSources {
     pub(super) fn from_files(report: &SpeedReport, findings: &[Finding]) -> Self {
         Self {
-            speed_median_unit_s: middle_mean(&report.linear_unit_s),
+            speed_median_unit_s: mean_median(report.linear_unit_s.clone()),
             checks: findings.len(),
             checks_passed: findings.iter().filter(|f| f.verdict == Verdict::Pass).count(),
         }
     }
-}
-
-/// The middle value, or the mean of the two middle values.
-fn middle_mean(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    // Equal positions for an odd number of values.
-    let upper = sorted.len() / 2;
-    let lower = sorted.len().checked_sub(1)? / 2;
-    Some(f64::midpoint(sorted[lower], sorted[upper]))
 }
 
 /// A trajectory as seen by one sensor.
@@ -265,15 +256,6 @@ pub(super) fn compose_index(rows: Vec<IndexRow<'_>>) -> Vec<u8> {
 mod tests {
     use super::*;
     use std::collections::BTreeSet;
-
-    #[test]
-    fn a_median_is_in_the_middle() {
-        let t = |values: &[f64], wanted| assert_eq!(middle_mean(values), wanted, "{values:?}");
-        t(&[], None);
-        t(&[3.0], Some(3.0));
-        t(&[9.0, 1.0, 2.0], Some(2.0));
-        t(&[8.0, 1.0, 2.0, 4.0], Some(3.0));
-    }
 
     #[test]
     fn columns_have_names_of_their_own() {

@@ -1,7 +1,7 @@
 //! The knots of a path: smoothed poses are measured, coinciding ones merged, and gaps between them
 //! found.
 
-use super::metric::{MixedMetric, middle_mean};
+use super::metric::MixedMetric;
 use super::refine::GapRule;
 use super::smooth::{mean_centre, mean_rotation};
 use super::{NamedPose, TrajectoryError, TrajectoryWarning};
@@ -9,6 +9,7 @@ use crate::se3::Se3;
 use crate::se3::rotation::same_hemisphere;
 use crate::se3::rotation_spline::turn_between;
 use crate::se3::sum::NeumaierSum;
+use crate::stats::mean_median;
 use serde::{Deserialize, Serialize};
 
 /// Neighbours closer than this share of the median step become one knot, because equal knots make
@@ -69,7 +70,9 @@ impl<'a> KnotSequence<'a> {
         let still = rounding_distance(views, metric);
         // Steps that are only rounding stay out of the median, which a camera at rest would
         // otherwise bring down to rounding.
-        let limit = still.max(COINCIDE * middle_mean(apart.iter().copied().filter(|d| *d > still).collect()));
+        let limit = still.max(
+            COINCIDE * mean_median(apart.iter().copied().filter(|d| *d > still).collect()).unwrap_or(0.0),
+        );
         let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new(), views: views.len() };
         let mut start = 0;
         for end in 1..=views.len() {
@@ -127,7 +130,7 @@ impl<'a> KnotSequence<'a> {
 pub(super) fn find_gaps(views: &[NamedPose<'_>], metric: MixedMetric) -> Vec<CaptureGap> {
     let apart = knot_distances(views, metric);
     let still = rounding_distance(views, metric);
-    let median = middle_mean(apart.iter().copied().filter(|d| *d > still).collect());
+    let median = mean_median(apart.iter().copied().filter(|d| *d > still).collect()).unwrap_or(0.0);
     let gap = |(i, step): (usize, &f64)| CaptureGap {
         after: views[i].name.to_owned(),
         before: views[i + 1].name.to_owned(),

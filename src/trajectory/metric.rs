@@ -8,6 +8,7 @@ use super::{NamedPose, TrajectoryError, refine::TranslationScale};
 use crate::se3::Se3;
 use crate::se3::rotation::angle_between;
 use crate::se3::sum::NeumaierSum;
+use crate::stats::mean_median;
 use glam::{DMat3, DVec3};
 
 /// Weight of rotation, per radian.
@@ -72,7 +73,7 @@ fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
     let poses = views.iter().map(|v| v.world_from_camera);
     let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
     let focused =
-        common_focus(&rays).map(|p| middle_mean(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
+        common_focus(&rays).and_then(|p| mean_median(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
     // A scale of 0 cannot divide. It happens if most centres lie in the focus, or if all are equal.
     focused.filter(|d| *d > 0.0).or_else(|| largest_distance(&rays).filter(|d| *d > 0.0)).unwrap_or(1.0)
 }
@@ -111,17 +112,6 @@ pub(super) fn common_focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
 fn eigenvalues_exceed(a: &DMat3, limit: f64) -> bool {
     let m = *a - DMat3::from_diagonal(DVec3::splat(limit));
     m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y - m.y_axis.x * m.x_axis.y > 0.0 && m.determinant() > 0.0
-}
-
-/// The median: the mean of the middle two for an even number of values, and 0 for none.
-pub(super) fn middle_mean(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => 0.0,
-        _ if n % 2 == 1 => values[n / 2],
-        _ => f64::midpoint(values[n / 2 - 1], values[n / 2]),
-    }
 }
 
 /// Compensated running sums `0, a, a+b, ...`: one more value than there are terms.

@@ -14,10 +14,11 @@
 //! the shorter of its two steps, so a gap, one long step, makes none.
 
 use super::knots::{CaptureGap, knot_distances, rounding_distance};
-use super::metric::{MixedMetric, middle_mean};
+use super::metric::MixedMetric;
 use super::order::by_name;
 use super::refine::{TranslationScale, screen_views};
 use super::{NamedPose, TrajectoryError};
+use crate::stats::mean_median;
 
 /// Steps and detours, divided by the median step.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +48,7 @@ impl CaptureEvenness {
         let (_, views, _) = screen_views(by_name(views)?)?;
         let metric = MixedMetric::new(TranslationScale::Scene, &views)?;
         let (steps, still) = (knot_distances(&views, metric), rounding_distance(&views, metric));
-        let median = middle_mean(steps.iter().copied().filter(|step| *step > still).collect());
+        let median = mean_median(steps.iter().copied().filter(|step| *step > still).collect()).unwrap_or(0.0);
         let step = |(pair, step): (&[NamedPose<'_>], &f64)| CaptureGap {
             after: pair[0].name.to_owned(),
             before: pair[1].name.to_owned(),

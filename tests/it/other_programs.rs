@@ -112,7 +112,7 @@ impl Filmed {
 }
 
 fn median(registration: &ColmapRegistration) -> f64 {
-    gs2e::foreign::upper_median(registration.poses.iter().map(|p| p.rotation_deg).collect())
+    gs2e::stats::upper_median(registration.poses.iter().map(|p| p.rotation_deg).collect()).unwrap()
 }
 
 fn worst(registration: &ColmapRegistration) -> (usize, f64) {
@@ -208,7 +208,7 @@ fn opencv_agrees_with_the_renderer_and_finds_wrong_files() {
     }
     assert!(sound.pairs.len() >= 8);
     let half = |value: fn(&opencv::RelativeMotion) -> f64| {
-        gs2e::foreign::upper_median(sound.pairs.iter().map(value).collect())
+        gs2e::stats::upper_median(sound.pairs.iter().map(value).collect()).unwrap()
     };
     assert!(half(|m| m.rotation_deg) < 0.5 && half(|m| m.direction_deg) < 10.0, "{:?}", sound.pairs);
 
@@ -243,7 +243,7 @@ fn motions_that_pictures_do_not_show_are_found_by_opencv() {
     let planted = filmed.with(|j, p| if j % 2 == 1 { Se3 { rotation: p.rotation * turn, ..p } } else { p });
     let released = ReleasedPoses::from_trajectory(&filmed.camera, &planted, &filmed.pictures);
     let seen = filmed.seen("a", &released, &filmed.pictures);
-    let half = gs2e::foreign::upper_median(seen.pairs.iter().map(|m| m.rotation_deg).collect());
+    let half = gs2e::stats::upper_median(seen.pairs.iter().map(|m| m.rotation_deg).collect()).unwrap();
     assert!(seen.pairs.len() >= 3 && half > 1.0, "{:?}", seen.pairs);
 }
 

@@ -1,17 +1,12 @@
 //! Conversion of positions between the file's numbers and 32 bits relative to an origin.
 
+use crate::stats::lower_median;
 use glam::DVec3;
 
 /// An origin for positions of 64 bits: the median of each axis, rounded to the nearest 32-bit
 /// number, so that subtracting it is exact. Zero without positions.
 pub(super) fn median_origin(mut axes: [Vec<f64>; 3]) -> DVec3 {
     DVec3::from_array(axes.each_mut().map(|axis| lower_median(axis).map_or(0.0, round_to_f32)))
-}
-
-/// The lower median.
-fn lower_median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len().checked_sub(1)? / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]

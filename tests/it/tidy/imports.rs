@@ -11,6 +11,7 @@ const ORDER: &[&str] = &[
     "files",
     "programs",
     "budget",
+    "stats",
     "elementary",
     "seed",
     "image",
@@ -30,7 +31,6 @@ const ORDER: &[&str] = &[
     "foreign",
     "check",
     "licence",
-    "plot",
     // engine
     "store",
     "artifact",
