@@ -335,7 +335,7 @@ fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
     // The cut of the other rules would keep the jumps that a blended order is meant to remove. The
     // CPU's pass therefore has the constants of `soft` built in.
     if style.order == LayerOrder::Blended && style.rules != RenderRules::Soft {
-        let because = format!("a blended order is of the rules soft, found {:?}", style.rules);
+        let because = format!("a blended order needs the rules soft, found {:?}", style.rules);
         return Err(RenderError::Style(because.to_lowercase()));
     }
     Ok(())
@@ -351,7 +351,7 @@ fn check_view(view: &CameraView) -> Result<(), RenderError> {
     }
     let focal_is_good = |f: f64| f.is_finite() && f > 0.0;
     if !(focal_is_good(camera.fx) && focal_is_good(camera.fy)) {
-        return fail(format!("focal lengths {}, {} px, wanted finite positive ones", camera.fx, camera.fy));
+        return fail(format!("focal lengths {}, {} px, wanted finite positive values", camera.fx, camera.fy));
     }
     if !(camera.cx.is_finite() && camera.cy.is_finite()) {
         return fail(format!("principal point ({}, {}) is not finite", camera.cx, camera.cy));

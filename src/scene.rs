@@ -147,7 +147,7 @@ pub enum SceneError {
         hint: &'static str,
     },
     /// There is no memory for what the file holds.
-    #[error("take memory for the scene: {0}")]
+    #[error("allocate memory for the scene: {0}")]
     Memory(#[from] TryReserveError),
     /// No Gaussian is left.
     #[error("find a Gaussian to render: of {read} in the scene, {non_finite} hold a NaN or an infinity")]
@@ -175,13 +175,13 @@ pub enum WriteError {
         count: usize,
     },
     /// The format's numbers overflow.
-    #[error("write the scene: {count} Gaussians have a position or a scale beyond the form's numbers")]
+    #[error("write the scene: {count} Gaussians have a position or a scale out of the format's range")]
     Overflow {
         /// Number of Gaussians.
         count: usize,
     },
     /// The written bytes are not a valid scene.
-    #[error("read what was written: {0}")]
+    #[error("read the written scene back: {0}")]
     Unreadable(Box<SceneError>),
     /// The reason given by the system.
     #[error("write the scene: {0}")]
@@ -240,7 +240,7 @@ fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
         Err(SceneError::Unsupported {
             format: "scene",
             offset: 0,
-            what: "a file beside others (the `meta.json` of a SOG?)".into(),
+            what: "a JSON file (the `meta.json` of a SOG?)".into(),
             hint: "zip the folder's files into one .sog",
         })
     } else {
@@ -249,7 +249,7 @@ fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
             format: "scene",
             offset: 0,
             found: format!("the bytes {head:02x?}"),
-            wanted: "`ply`, `NGSP`, gzip or zip (a .splat file is told by its extension)".into(),
+            wanted: "`ply`, `NGSP`, gzip or zip (a .splat file is recognised by its extension)".into(),
         })
     }
 }

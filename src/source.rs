@@ -75,8 +75,8 @@ impl UnusedReason {
     pub fn words(self) -> &'static str {
         match self {
             Self::NotRegistered => "has no pose in the source",
-            Self::Excluded => "is left out by its name",
-            Self::NotPicked => "is not one of the views that were picked",
+            Self::Excluded => "is excluded by its name",
+            Self::NotPicked => "was not picked",
         }
     }
 }
@@ -191,7 +191,7 @@ fn cameras_differ(a: &Camera, b: &Camera) -> bool {
 pub enum SourceWarning {
     /// Lens distortion that renderings do not have.
     #[error(
-        "the photos are distorted by up to {most_px:.1} px, which renderings leave out: the scene must have been \
+        "the photos are distorted by up to {most_px:.1} px, but renderings have no distortion: the scene must have been \
          trained on undistorted photos"
     )]
     DistortionIgnored {
@@ -200,7 +200,7 @@ pub enum SourceWarning {
     },
     /// Views have different cameras.
     #[error(
-        "{count} views have another camera than `{taken}`, whose camera is taken; the first is `{other}`"
+        "{count} views have a different camera than `{taken}`, whose camera is used; the first is `{other}`"
     )]
     CamerasDiffer {
         /// The view whose camera is used.
@@ -211,7 +211,7 @@ pub enum SourceWarning {
         count: usize,
     },
     /// The binary and the text form of a model have different numbers of records.
-    #[error("{binary} holds {found} records, {text} {other}: the binary form is read")]
+    #[error("{binary} holds {found} records, {text} holds {other}: the binary file is used")]
     CountsDiffer {
         /// Binary file.
         binary: PathBuf,
@@ -223,13 +223,13 @@ pub enum SourceWarning {
         other: u64,
     },
     /// The model was trained with colour transforms.
-    #[error("the exposure of {count} images was trained; it is not applied")]
+    #[error("exposure was trained for {count} images; it is not applied")]
     Exposure {
         /// Number of images whose transform changes colours.
         count: usize,
     },
     /// A rotation matrix deviates from a rotation by more than 1e-6.
-    #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is taken")]
+    #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is used")]
     Projected {
         /// The view.
         image: String,
@@ -249,7 +249,7 @@ pub enum SourceWarning {
         first: String,
     },
     /// The source has fewer views than the recipe asks for.
-    #[error("the source has {found} views, {wanted} are wanted: all of them are used")]
+    #[error("found {found} views in the source, wanted {wanted}: all are used")]
     FewViews {
         /// Number of views of the source.
         found: usize,
@@ -257,7 +257,7 @@ pub enum SourceWarning {
         wanted: u32,
     },
     /// The size of a photo differs from the size of its camera.
-    #[error("`{image}` is {photo}, its camera says {stated}: {action}")]
+    #[error("`{image}` is {photo}, but its camera states {stated}: {action}")]
     PhotoSize {
         /// The view.
         image: String,
@@ -374,7 +374,7 @@ fn collect_views(path: &Path, mut found: Vec<FoundView>) -> Result<Capture, Sour
         return Err(SourceError::Content { path: path.to_owned(), place: second.place.clone(), because });
     }
     if found.is_empty() {
-        return Err(SourceError::Absent { dir: path.to_owned(), because: "it holds no view".to_owned() });
+        return Err(SourceError::Absent { dir: path.to_owned(), because: "it contains no view".to_owned() });
     }
     Ok(found.into_iter().map(|f| f.view).collect::<Vec<CapturedView>>().into())
 }

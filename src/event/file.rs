@@ -116,13 +116,13 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints) -> Result<OpenEv
     let header = match (header, hints.size) {
         // A size in the file is never overridden: the readers check the events against it.
         (Some(header), Some(said)) if header.size != said => {
-            let because = format!("a sensor of {}, and --size says {said}", header.size);
+            let because = format!("a sensor of {}, but --size is {said}", header.size);
             return Err(EventFileError::Container(because));
         }
         (Some(header), _) => header,
         (None, Some(size)) => StreamHeader { size, law: None, labelled },
         (None, None) => {
-            let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
+            let because = "the file does not state the sensor's size: give --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
         }
     };
@@ -194,7 +194,7 @@ pub fn create(
 }
 
 fn too_far(us: i64) -> EventFileError {
-    EventFileError::Container(format!("{us} us and what follows are beyond 64 bits of nanoseconds"))
+    EventFileError::Container(format!("times from {us} us on do not fit in 64 bits of nanoseconds"))
 }
 
 /// The event shifted in time; `None` if 64 bits cannot hold its time.

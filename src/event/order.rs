@@ -65,10 +65,10 @@ impl StreamOrder {
             let (t0, y0, x0, p0) = self.last.expect("only an event with a predecessor can precede it");
             format!(
                 "(t us, y, x, polarity) = ({t}, {y}, {x}, {p:?}) follows ({t0}, {y0}, {x0}, {p0:?}); a stream is \
-                 sorted by them"
+                 sorted in this order"
             )
         } else {
-            format!("pixel ({x}, {y}) lies outside the sensor of {}", self.size)
+            format!("pixel ({x}, {y}) is outside the sensor of {}", self.size)
         };
         EventFileError::Order { index: self.count, because }
     }

@@ -54,7 +54,7 @@ impl<'a> SortedEvents<'a> {
         let room = MAX_SIMULTANEOUS - self.waiting.len();
         if count > room {
             let because = format!(
-                "more than {MAX_SIMULTANEOUS} events at t = {us} us, the most that are sorted in memory; \
+                "more than {MAX_SIMULTANEOUS} events at t = {us} us, the most that can be sorted in memory; \
                  are the times in the right unit?"
             );
             return Err(EventFileError::Order { index: self.given + MAX_SIMULTANEOUS as u64, because });
@@ -85,7 +85,7 @@ impl<'a> SortedEvents<'a> {
         for (event, index) in self.chunk.iter().zip(self.given + self.waiting.len() as u64..) {
             let us = micros(event);
             if let Some(last) = last.filter(|last| us < *last) {
-                let because = format!("t = {us} us follows {last} us");
+                let because = format!("t = {us} us, earlier than the previous {last} us");
                 return Err(EventFileError::Order { index, because });
             }
             last = Some(us);

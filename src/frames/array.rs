@@ -60,7 +60,7 @@ impl ArraySamples {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArrayError {
     /// The number of samples does not match the shape.
-    #[error("{found} samples are not {frames} frames of {size}, which are {}", *frames as u128 * size.pixels() as u128)]
+    #[error("{found} samples do not match {frames} frames of {size}, which need {}", *frames as u128 * size.pixels() as u128)]
     Samples {
         /// Number of samples in the array.
         found: usize,

@@ -86,7 +86,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
     let refusal = |line, because| FolderError::Line { path: path.to_owned(), line, because };
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
         if images.len() == MAX_FRAMES {
-            return Err(refusal(number, format!("more than {MAX_FRAMES} frames, the most of a sequence")));
+            return Err(refusal(number, format!("more than {MAX_FRAMES} frames, the limit for a sequence")));
         }
         let (image, stamp) = parse_line(line).map_err(|because| refusal(number, because))?;
         let image =
@@ -101,7 +101,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
     // The stamps are checked here as well as in the frames, because the lines are known only here.
     relative_stamps(&stamps_us).map_err(|error| match error {
         StampError::Order { index, found, before } => {
-            let because = format!("{found} us is not later than the stamp before, {before} us");
+            let because = format!("{found} us is not later than the previous stamp, {before} us");
             refusal(numbers[index], because)
         }
         error @ StampError::Span { index, .. } => refusal(numbers[index], error.to_string()),
@@ -113,7 +113,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
 fn parse_line(line: &str) -> Result<(&str, i64), String> {
     let wanted = "wanted `path timestamp`, the timestamp in microseconds";
     let (path, stamp) = line.trim().rsplit_once(char::is_whitespace).ok_or(format!("one word, {wanted}"))?;
-    let stamp = stamp.parse().map_err(|_| format!("the timestamp is {stamp}, wanted an integer of us"))?;
+    let stamp = stamp.parse().map_err(|_| format!("the timestamp is {stamp}, wanted an integer in microseconds"))?;
     Ok((path.trim_end(), stamp))
 }
 
@@ -135,7 +135,7 @@ fn of_names(folder: &Path) -> Result<FolderListing, FolderError> {
     }
     names.sort_by(|a, b| natural::compare_names(a, b));
     if names.is_empty() {
-        let because = format!("it holds neither an {INFO} nor a .png or .jpg");
+        let because = format!("it contains neither {INFO} nor a .png or .jpg file");
         return Err(FolderError::Content { path: folder.to_owned(), because });
     }
     Ok(FolderListing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
@@ -178,7 +178,7 @@ impl FolderFrames {
             return Err(refusal(Path::new("."), "no image".to_owned()));
         };
         if images.len() != stamps_us.len() {
-            let because = format!("{} images, and there are {} stamps", images.len(), stamps_us.len());
+            let because = format!("{} images, but {} stamps", images.len(), stamps_us.len());
             return Err(refusal(first.parent().unwrap_or(first), because));
         }
         let stamps = relative_stamps(stamps_us)?;
@@ -189,7 +189,7 @@ impl FolderFrames {
         for path in rest {
             let found = image_size(path)?;
             if found != wanted {
-                return Err(refusal(path, format!("{found}, wanted {wanted} as the first")));
+                return Err(refusal(path, format!("{found}, wanted {wanted} like the first image")));
             }
         }
         Ok(Self { size: wanted, images, stamps, next: 0, coloured: false, colour: None })

@@ -59,11 +59,11 @@ impl OpenArray {
         let len = file.metadata().map_err(unreadable)?.len();
         let mut data = BufReader::with_capacity(1 << 20, file);
         let head =
-            npy::checked_header(&mut data).map_err(|e| refusal(format!("no .npy that is read here: {e}")))?;
+            npy::checked_header(&mut data).map_err(|e| refusal(format!("not a supported .npy file: {e}")))?;
         let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
         let kind = header.dtype().descr().trim_matches('\'').to_owned();
         if header.order() != Order::C {
-            return Err(refusal("its order is Fortran's, wanted C's (numpy.ascontiguousarray)".to_owned()));
+            return Err(refusal("it is in Fortran order, wanted C order (numpy.ascontiguousarray)".to_owned()));
         }
         // A type is a byte order, a letter and the width in bytes. Types of another form are
         // refused by the readers.
@@ -74,7 +74,7 @@ impl OpenArray {
         // read.
         if wanted != Some(len) {
             let wanted = wanted.map_or("more".to_owned(), |wanted| wanted.to_string());
-            return Err(refusal(format!("{len} bytes, wanted {wanted} by its header")));
+            return Err(refusal(format!("{len} bytes, wanted {wanted} according to its header")));
         }
         Ok(Self { path: path.to_owned(), data, kind, shape: header.shape().to_vec() })
     }
@@ -246,7 +246,7 @@ impl NpyFrames {
     /// The numbers of stamps and frames differ, or the stamps do not strictly increase.
     pub fn new(stack: FrameStack, full_scale: FullScale, stamps_us: &[i64]) -> Result<Self, NpyError> {
         if stamps_us.len() != stack.frames {
-            let because = format!("{} frames, and there are {} stamps", stack.frames, stamps_us.len());
+            let because = format!("{} frames, but {} stamps", stack.frames, stamps_us.len());
             return Err(NpyError::Content { path: stack.array.path, because });
         }
         let scale = if stack.kind == SampleKind::Floats { full_scale.grey() } else { 1.0 };

@@ -100,7 +100,7 @@ impl RenderedFrames {
         match image.pixels().iter().position(|v| !v.is_finite()) {
             None => Ok(image),
             Some(i) => {
-                let because = format!("{what} of pixel {i} is {}, wanted a finite one", image.pixels()[i]);
+                let because = format!("{what} of pixel {i} is {}, wanted a finite value", image.pixels()[i]);
                 Err(FrameError::Invalid { index, because })
             }
         }
@@ -114,7 +114,7 @@ impl RenderedFrames {
             None => Ok(()),
             Some(i) => {
                 let because =
-                    format!("the colour of pixel {i} is {:?}, wanted a finite one", rgb.pixels()[i]);
+                    format!("the colour of pixel {i} is {:?}, wanted finite values", rgb.pixels()[i]);
                 Err(FrameError::Invalid { index, because })
             }
         }

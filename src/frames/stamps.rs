@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StampError {
     /// Stamps do not increase.
-    #[error("stamp {index} is {found} us, not later than the one before, {before} us")]
+    #[error("stamp {index} is {found} us, not later than the previous one, {before} us")]
     Order {
         /// Index of the stamp.
         index: usize,

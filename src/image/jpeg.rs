@@ -48,7 +48,7 @@ fn lacks(channels: &'static str) -> JpegError {
 pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, JpegError> {
     let (size, _, greys) = decode_as(bytes, ColorSpace::Luma, wanted)?;
     if greys.len() != size.pixels() {
-        return Err(lacks("it has no luma of its own"));
+        return Err(lacks("it has no luma channel"));
     }
     Ok(Image::from_vec(size, greys.into_iter().map(f32::from).collect()))
 }
@@ -66,7 +66,7 @@ pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<GreyImage, Jpe
         return Ok(GreyImage { luminance, colours: None });
     }
     if samples.len() != 3 * size.pixels() {
-        return Err(lacks("it has no red, green and blue"));
+        return Err(lacks("it has no red, green and blue channels"));
     }
     let colours = samples.as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(f32::from)).collect();
     Ok(GreyImage { luminance, colours: Some(Image::from_vec(size, colours)) })
@@ -83,7 +83,7 @@ pub fn read_rgb(bytes: &[u8], wanted: Option<Size>) -> Result<Image<[u8; 3]>, Jp
     let pixels = match samples.len().checked_div(size.pixels()) {
         Some(3) => samples.as_chunks().0.to_vec(),
         Some(1) => samples.into_iter().map(|grey| [grey; 3]).collect(),
-        _ => return Err(lacks("it has neither grey nor red, green and blue")),
+        _ => return Err(lacks("it has neither a grey channel nor red, green and blue channels")),
     };
     Ok(Image::from_vec(size, pixels))
 }
@@ -135,7 +135,7 @@ fn check_claim(size: Size, file: usize, wanted: Option<Size>) -> Result<(), Jpeg
         return refuse(wanted.to_string());
     }
     if size.pixels() > MAX_PIXELS.min(file.saturating_mul(MAX_PIXELS_PER_BYTE)) {
-        return refuse(format!("no more than {file} bytes of JPEG can hold"));
+        return refuse(format!("no more pixels than {file} bytes of JPEG can hold"));
     }
     Ok(())
 }

@@ -101,7 +101,7 @@ pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>>
     let values = file.into_vec::<f32>()?;
     match input.read(&mut [0])? {
         0 => Ok(values),
-        _ => Err(invalid("bytes behind the array".to_owned())),
+        _ => Err(invalid("found bytes after the array, wanted none".to_owned())),
     }
 }
 
@@ -127,10 +127,10 @@ pub fn checked_header(data: &mut impl Read) -> io::Result<Vec<u8>> {
     data.read_exact(&mut head[10..])?;
     let brackets = head[10..].iter().filter(|byte| b"([{".contains(byte)).count();
     if brackets > 2 {
-        return refusal(format!("{brackets} brackets in its head, wanted those of a dictionary and a shape"));
+        return refusal(format!("{brackets} opening brackets in its header, wanted 2 (a dictionary and a shape)"));
     }
     if !is_countable(&String::from_utf8_lossy(&head[10..])) {
-        return refusal("more elements in its head than can be counted".to_owned());
+        return refusal("its header states more elements than 64 bits can count".to_owned());
     }
     Ok(head)
 }

@@ -251,7 +251,7 @@ fn check_claim(size: Size, bytes_a_pixel: usize, file: u64, wanted: Option<Size>
     }
     let claimed = size.pixels() * bytes_a_pixel;
     if claimed as u64 > file.saturating_mul(MAX_DEFLATE_RATIO) {
-        return refuse(format!("no more than {file} bytes of PNG can hold"));
+        return refuse(format!("no more pixels than {file} bytes of PNG can hold"));
     }
     Ok(claimed)
 }

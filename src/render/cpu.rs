@@ -79,7 +79,7 @@ impl CpuRenderer {
     pub fn new(scene: Arc<Gaussians>, style: RenderStyle) -> Result<Self, RenderError> {
         // The places in the keys of the sort have 32 bits.
         if u32::try_from(scene.len()).is_err() {
-            let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
+            let because = format!("{} Gaussians, wanted at most {}", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
         }
         super::check_style(&style)?;

@@ -72,8 +72,8 @@ pub struct PsnrFigures {
 /// The error for a scene that does not match its photos.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "its mean PSNR over {views} of the views is {mean:.2} dB, wanted at least {least}; a trainer that moves, turns or \
-     scales the world must be told not to"
+    "its mean PSNR over {views} views is {mean:.2} dB, wanted at least {least}; configure the trainer not to move, rotate or \
+     scale the world"
 )]
 pub struct LowFidelity {
     /// Mean PSNR, dB.

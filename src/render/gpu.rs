@@ -107,7 +107,7 @@ impl GpuRenderer {
     pub fn new(device: GpuDevice, scene: &Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
         super::check_style(&style)?;
         if !supports_order(style.order) {
-            let because = "this gs2e blends orders on the CPU alone: --backend cpu or reference";
+            let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }
         let parts = scene::upload_scene(scene, &device)?;

@@ -175,11 +175,11 @@ fn dropped_fields(scene: &Gaussians, back: &Gaussians) -> Vec<FormatLoss> {
     let loss = |field, what: String| FormatLoss { field, what, largest: None };
     let mut losses = Vec::new();
     if back.sh_degree < scene.sh_degree {
-        let what = format!("dropped above degree {}, which was {}", back.sh_degree, scene.sh_degree);
+        let what = format!("dropped above degree {}; the input has degree {}", back.sh_degree, scene.sh_degree);
         losses.push(loss("harmonics", what));
     }
     if scene.antialiased == Some(true) && back.antialiased != Some(true) {
-        losses.push(loss("antialiased", "dropped: a reader has to be told".into()));
+        losses.push(loss("antialiased", "dropped: the reader must be set to antialiased".into()));
     }
     losses
 }

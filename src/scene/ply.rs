@@ -163,7 +163,7 @@ fn degree_of(rest_len: usize, at: &ByteCursor) -> Result<u8, SceneError> {
         9 => Ok(1),
         24 => Ok(2),
         45 => Ok(3),
-        72 => Err(at.unsupported("spherical harmonics of degree 4", "convert the scene to degree 3")),
+        72 => Err(at.unsupported("degree 4 of the spherical harmonics", "convert the scene to degree 3")),
         n => Err(at.malformed(format!("{n} properties `f_rest_*`"), "0, 9, 24 or 45")),
     }
 }

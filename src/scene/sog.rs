@@ -171,7 +171,7 @@ impl SogImages {
         let [a, b, c, tag] = self.quats.rgba(i);
         let Some(largest) = tag.checked_sub(252).map(usize::from) else {
             let at = ByteCursor::new(ROTATIONS, &[]).at(4 * i + 3);
-            let found = format!("{tag} as the largest component of Gaussian {i}");
+            let found = format!("the tag {tag} for the largest component of Gaussian {i}");
             return Err(at.malformed(found, "252 to 255"));
         };
         let mut components = [0.0; 4];
@@ -211,7 +211,7 @@ impl HarmonicsPalette {
         let wanted = PALETTE_WIDTH * functions;
         if centroids.width != wanted {
             let found = format!("an image {} pixels wide", centroids.width);
-            return Err(centroids.at(0).malformed(found, format!("{wanted}, for {} bands", meta.bands)));
+            return Err(centroids.at(0).malformed(found, format!("{wanted} pixels for {} bands", meta.bands)));
         }
         // Writers round the stated count up. Entries outside the image cannot be referred to.
         let count = meta.count.min(PALETTE_WIDTH * centroids.height);
@@ -233,7 +233,7 @@ impl HarmonicsPalette {
             return Ok(label);
         }
         let found = format!("the label {label} of Gaussian {i}");
-        Err(self.labels.at(i).malformed(found, format!("one of {} in the palette", self.count)))
+        Err(self.labels.at(i).malformed(found, format!("a label below {}, the size of the palette", self.count)))
     }
 
     /// The harmonics of Gaussian `i` above degree 0.

@@ -67,7 +67,7 @@ impl SpzHeader {
         let [flags] = cursor.array("flags")?;
         // An unknown flag may change the meaning of the planes.
         if flags & !3 != 0 {
-            return Err(at.unsupported(format!("the flags {flags:#04x}"), "flags 1 and 2 are known"));
+            return Err(at.unsupported(format!("the flags byte {flags:#04x}"), "only flags 1 and 2 are known"));
         }
         let (antialiased, has_extensions) = (flags & 1 != 0, flags & 2 != 0);
         Ok(Self { version, count, sh_degree, fractional_bits, antialiased, has_extensions })
@@ -91,7 +91,7 @@ fn read_layout(cursor: &mut ByteCursor) -> Result<(u8, u8), SceneError> {
     let at = cursor.clone();
     let [sh_degree] = cursor.array("degree of the harmonics")?;
     if sh_degree == 4 {
-        return Err(at.unsupported("spherical harmonics of degree 4", "convert the scene to degree 3"));
+        return Err(at.unsupported("degree 4 of the spherical harmonics", "convert the scene to degree 3"));
     }
     if sh_degree > sh::MAX_DEGREE {
         return Err(at.malformed(format!("degree {sh_degree}"), "a degree of 0 to 3"));

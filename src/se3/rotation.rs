@@ -88,13 +88,13 @@ pub fn same_hemisphere(q: DQuat, of: DQuat) -> DQuat {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MeanError {
     /// They spread over more than a quarter turn around their mean, which need not be unique then.
-    #[error("the rotations spread {degrees:.1} degrees around their mean, at most 90 have one")]
+    #[error("the rotations spread {degrees:.1} degrees around their mean, wanted at most 90")]
     TooWide {
         /// Largest angle to the mean.
         degrees: f64,
     },
     /// The iteration does not converge.
-    #[error("the mean rotation did not settle in {ROUNDS} rounds: it still moves by {step:.3e} rad")]
+    #[error("the mean rotation did not converge in {ROUNDS} rounds: its last step is {step:.3e} rad")]
     Unsettled {
         /// Length of the last step, rad.
         step: f64,

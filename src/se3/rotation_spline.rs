@@ -44,7 +44,7 @@ pub fn turn_between(a: DQuat, b: DQuat) -> (DVec3, bool) {
 
 /// The iteration for the spline's rates does not converge.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("the rates of the rotation spline did not settle: they still change by {change:.3e} of their size")]
+#[error("the rates of the rotation spline did not converge: the last relative change is {change:.3e}")]
 pub struct SplineDiverged {
     /// Largest relative change of a rate in the last round.
     pub change: f64,

@@ -26,13 +26,13 @@ pub enum RotationError {
     #[error("a rotation holds a number that is not finite")]
     NotFinite,
     /// The columns are not orthonormal, or the quaternion is not of length 1.
-    #[error("a rotation is not orthonormal: it deviates by {deviation:.3e}, at most {REFUSED:e} is allowed")]
+    #[error("a rotation is not orthonormal: it deviates by {deviation:.3e}, wanted at most {REFUSED:e}")]
     NotOrthonormal {
         /// `max |R^T R - I|`, or `| |q|^2 - 1 |`.
         deviation: f64,
     },
     /// The determinant is negative.
-    #[error("a rotation mirrors: its determinant is {determinant:.6}, 1 was wanted")]
+    #[error("a rotation contains a reflection: its determinant is {determinant:.6}, wanted 1")]
     Mirrors {
         /// Determinant of the matrix.
         determinant: f64,

@@ -157,7 +157,7 @@ impl DiskCapture {
         // Exclusion precedes picking, so that the picked views are even among the remaining views.
         unused.extend(excluded.into_iter().map(|view| UnusedPhoto::from_view(view, UnusedReason::Excluded)));
         if views.is_empty() {
-            let because = "no view is left of it: the names of all are left out".to_owned();
+            let because = "no view is left: all are excluded by their names".to_owned();
             return Err(SourceError::Absent { dir: self.path.clone(), because });
         }
         let mut capture = Capture { views: Vec::new(), unused };

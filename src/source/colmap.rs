@@ -334,7 +334,7 @@ pub(super) fn read_model(
         let Some(taken) = cameras.get(&image.camera_id) else {
             let name = &image.name;
             return Err(fault(format!(
-                "`{name}` was taken with camera {}, which is not there",
+                "`{name}` uses camera {}, which the model does not have",
                 image.camera_id
             )));
         };
@@ -371,7 +371,7 @@ fn image_warnings(
         photo,
         stated: taken.camera.size,
         action: match sizing {
-            PhotoSizing::AsStated => "the camera is taken as the model states it",
+            PhotoSizing::AsStated => "the camera is used as stated",
             PhotoSizing::ToPhoto => SCALED,
         },
     });

@@ -57,12 +57,12 @@ impl Dl3dvFiles {
             (wanted, ..) => {
                 let what = match wanted {
                     Some(PoseFile::Colmap) => {
-                        "no COLMAP model is in it: wanted sparse/0, up to three folders down"
+                        "it contains no COLMAP model: wanted sparse/0, up to three folders down"
                     }
                     Some(PoseFile::Transforms) => {
-                        "no transforms.json is in it, nor in colmap or nerfstudio below"
+                        "no transforms.json here or in the subfolders colmap and nerfstudio"
                     }
-                    None => "no poses are in it: wanted a COLMAP model or a transforms.json",
+                    None => "it contains no poses: wanted a COLMAP model or a transforms.json",
                 };
                 return Err(SourceError::Absent { dir: scene.to_owned(), because: what.to_owned() });
             }

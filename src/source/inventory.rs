@@ -65,7 +65,7 @@ pub enum RejectionReason {
         wanted: u32,
     },
     /// The folder's name does not follow the dataset's naming.
-    #[error("the folder's name is none of the dataset's: wanted {0}")]
+    #[error("the folder's name does not follow the dataset's naming: wanted {0}")]
     Name(&'static str),
     /// The dataset contains the scene twice.
     #[error("the scene is also in {}", .0.display())]

@@ -32,7 +32,7 @@ impl CaptureKind {
     pub fn kind_of(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
         if !super::is_folder(path)? {
-            return Self::of_file(path).ok_or_else(|| absent(format!("a file of another name, {WANTED}")));
+            return Self::of_file(path).ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
         // Folders of MVImgNet and DL3DV are read by their general layout, unless their kind is
@@ -46,10 +46,10 @@ impl CaptureKind {
         match found[..] {
             [kind] => Ok(kind),
             [] if colmap::ColmapModel::model_below(path)?.is_some() => Ok(Self::Colmap),
-            [] => Err(absent(format!("nothing of a capture is in it, {WANTED}"))),
+            [] => Err(absent(format!("found no capture, {WANTED}"))),
             _ => {
                 let names: Vec<&str> = found.iter().map(|kind| kind.words()).collect();
-                Err(absent(format!("it holds {}: name the one that is meant", names.join(" and "))))
+                Err(absent(format!("it contains {}: name the one to use", names.join(" and "))))
             }
         }
     }

@@ -95,7 +95,7 @@ pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
     let newest = kept.into_iter().filter(|(_, dir)| is_there(&dir.join(SCENE))).max();
     newest.map(|(_, dir)| dir.join(SCENE)).ok_or_else(|| SourceError::Absent {
         dir: scenes,
-        because: format!("no Gaussians are in it, wanted {ITERATION}N/{SCENE}"),
+        because: format!("it contains no Gaussians, wanted {ITERATION}N/{SCENE}"),
     })
 }
 

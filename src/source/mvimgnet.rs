@@ -35,7 +35,7 @@ pub(super) fn instance_model(instance: &Path) -> Result<ColmapModel, SourceError
             (false, true) => "the instance's COLMAP model has no cameras",
             (true, false) => "the instance's COLMAP model has no images",
             (true, true) => {
-                "the files of the instance's COLMAP model are of two forms, wanted all .bin or all .txt"
+                "the files of the instance's COLMAP model have mixed formats, wanted all .bin or all .txt"
             }
         };
         SourceError::Absent { dir, because: because.to_owned() }

@@ -193,7 +193,7 @@ impl FrameValues<'_> {
             _ => {
                 return Err(self
                     .top
-                    .missing("w", "the image size in `w` and `h`, as there is no photo to take it from"));
+                    .missing("w", "the image size in `w` and `h`, because no photo gives it"));
             }
         };
         let centre = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
@@ -214,7 +214,7 @@ impl FrameValues<'_> {
     }
 
     fn wanted(&self, key: &str) -> Result<f64, SourceError> {
-        self.number(key)?.ok_or_else(|| self.top.missing(key, "a number, as `fl_x` is there"))
+        self.number(key)?.ok_or_else(|| self.top.missing(key, "a number, because `fl_x` is present"))
     }
 
     fn side(&self, key: &str) -> Result<Option<u32>, SourceError> {
@@ -247,7 +247,7 @@ impl FrameValues<'_> {
         if k4 != 0.0 {
             return Err(self
                 .top
-                .field_fault("k4", format!("{k4}, wanted 0: its models have no eighth-order term")));
+                .field_fault("k4", format!("{k4}, wanted 0: the supported camera models have no eighth-order term")));
         }
         Ok(match [k1, k2, p1, p2, k3] {
             [0.0, 0.0, 0.0, 0.0, 0.0] => LensModel::Pinhole,

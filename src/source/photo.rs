@@ -112,7 +112,7 @@ pub(super) fn fit_camera(stated: &Camera, photo: Size) -> Result<Camera, String>
     let ky = f64::from(photo.height) / f64::from(stated.size.height);
     if (kx / ky - 1.0).abs() > MAX_ASPECT_ERROR {
         return Err(format!(
-            "the photo is {photo}, the camera says {}: their shapes differ by more than 0.5 %",
+            "the photo is {photo}, but the camera states {}: their aspect ratios differ by more than 0.5 %",
             stated.size
         ));
     }

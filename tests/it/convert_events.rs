@@ -174,24 +174,24 @@ fn faults_are_named_and_no_file_is_written() {
         let left: Vec<_> = fs::read_dir(place.path("")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert!(left.iter().all(|name| !name.to_string_lossy().contains("out")), "{left:?}");
     };
-    t("a.raw", &raw(header, &[0, 0x80, 0]), "", 1, "byte 33: 1 bytes of a word of 2: the file is cut off");
+    t("a.raw", &raw(header, &[0, 0x80, 0]), "", 1, "byte 33: 1 bytes of a 2-byte word: the file is truncated");
     t("a.raw", &raw(header, &words16(&[0x8000, 0x6000, 0x1000])), "", 1, "byte 35: a word of kind 0x1");
     t(
         "a.raw",
         &raw(header, &words16(&[0x8000, 0x0009, 0x2001])),
         "",
         1,
-        "pixel (1, 9) lies outside the sensor of 8x8",
+        "pixel (1, 9) is outside the sensor of 8x8",
     );
     // 600,000 turns of 4.8 hours
     let turns: Vec<u32> = [0x8fff_ffff, 0x8000_0000].repeat(600_000).into_iter().chain([0]).collect();
     let evt2 = raw("% evt 2.0\n% geometry 8x8\n% end\n", &words32(&turns));
     t("a.raw", &evt2, "", 1, "byte 4800031: t = 10307921510400000 us, wanted less than");
-    t("a.raw", b"% evt 2.1\n% geometry 8x8\n% end\n", "", 1, "events as `2.1`, wanted EVT 2.0 or EVT 3.0");
-    t("a.raw", b"% evt 3.0\n% end\n", "", 1, "the header names no size of the sensor");
-    t("a.raw", b"% evt 3.0", "", 1, "the header does not end");
-    t("a.txt", b"1 2 3 1\n", "", 1, "the file does not say the sensor's size: --size WIDTHxHEIGHT");
-    t("a.txt", b"1 2 3 1\n0 2 3 1\n", "--size 9x9", 1, "event 1: t = 0 us follows 1 us");
+    t("a.raw", b"% evt 2.1\n% geometry 8x8\n% end\n", "", 1, "the format `2.1`, wanted EVT 2.0 or EVT 3.0");
+    t("a.raw", b"% evt 3.0\n% end\n", "", 1, "the header lacks the size of the sensor");
+    t("a.raw", b"% evt 3.0", "", 1, "the header has no end");
+    t("a.txt", b"1 2 3 1\n", "", 1, "the file does not state the sensor's size: give --size WIDTHxHEIGHT");
+    t("a.txt", b"1 2 3 1\n0 2 3 1\n", "--size 9x9", 1, "event 1: t = 0 us, earlier than the previous 1 us");
     t("a.txt", b"1 2 3 1\n1 9 3 1\n", "--size 9x9", 1, "line 2: x = 9, wanted 0 to 8");
     t("a.txt", b"1 2 3 2\n", "--size 9x9", 1, "line 1: p = 2, wanted 0 or 1, or -1 or 1");
     t(
@@ -201,8 +201,8 @@ fn faults_are_named_and_no_file_is_written() {
         1,
         "line 1: t = 0.5 has a fraction: --time-unit s, ms, us or ns",
     );
-    t("a.txt", b"1 2 3\n", "--size 9x9", 1, "line 1: 3 columns, and p is in column 4");
-    t("a.txt", b"12 9\n1 2 3 1\n", "--size 9x9", 1, "line 1: a sensor of 12x9, and --size says 9x9");
+    t("a.txt", b"1 2 3\n", "--size 9x9", 1, "line 1: 3 columns, but p is expected in column 4");
+    t("a.txt", b"12 9\n1 2 3 1\n", "--size 9x9", 1, "line 1: a sensor of 12x9, but --size is 9x9");
     t("a.txt", b"1500 2 3 1\n", "--size 9x9 --time-unit ns", 2, "times: 1 are cut to the microsecond");
     t("a.csv", b"t,x,z,p\n1,2,3,1\n", "--size 9x9", 1, "line 1: no column is named y, found t, x, z, p");
     t("a.h5", b"no HDF5", "", 1, "a.h5: failed to read events");

@@ -231,9 +231,9 @@ fn views_that_are_not_used_are_listed_with_the_reason() {
     // Four of twelve views: 0, 11/3, 22/3 and 11, rounded.
     assert_eq!(used, ["001.jpg", "005.jpg", "008.jpg", "012.jpg"]);
     let why = |name: &str| images.iter().find(|i| i["name"] == name).unwrap()["why_not"].as_str().unwrap();
-    assert_eq!(why("001_bg_removed.png"), "is left out by its name");
+    assert_eq!(why("001_bg_removed.png"), "is excluded by its name");
     assert_eq!(why("013.jpg"), "has no pose in the source");
-    assert_eq!(why("002.jpg"), "is not one of the views that were picked");
+    assert_eq!(why("002.jpg"), "was not picked");
     assert!(images.iter().all(|i| i["sha256"].as_str().unwrap().len() == 64));
     assert_eq!(scene["source"]["upstream_id"], "7/0000000b");
     assert_eq!(scene["source"]["upstream_url"], "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet");

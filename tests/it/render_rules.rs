@@ -185,7 +185,7 @@ fn views_and_styles_without_an_image_are_errors() {
     };
     t(|v| v.camera.size.width = 0, "image size 0x8, wanted 1 to 65535 px along each edge");
     t(|v| v.camera.size.height = 70_000, "image size 8x70000, wanted 1 to 65535 px along each edge");
-    t(|v| v.camera.fx = -1.0, "focal lengths -1, 10 px, wanted finite positive ones");
+    t(|v| v.camera.fx = -1.0, "focal lengths -1, 10 px, wanted finite positive values");
     t(|v| v.camera.cy = f64::NAN, "principal point (4, NaN) is not finite");
     t(|v| v.world_from_camera.translation.x = f64::INFINITY, "pose ");
     t(|v| v.world_from_camera.rotation.w = f64::NAN, "pose ");

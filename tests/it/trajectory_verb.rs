@@ -361,5 +361,5 @@ fn trained_exposures_are_reported() {
     let place = workspace();
     place.write("trained/exposure.json", "{ \"v0.jpg\": [[1, 0, 0, 0], [0, 0.9, 0, 0], [0, 0, 1, 0]] }");
     let told = place.ok(&RIGHT.replace("transforms.json", "trained")).stderr;
-    assert!(told.contains("warning: the exposure of 1 images was trained; it is not applied"), "{told}");
+    assert!(told.contains("warning: exposure was trained for 1 images; it is not applied"), "{told}");
 }

@@ -37,14 +37,14 @@ pub(super) fn write_info(size: Size) -> String {
 
 /// The first stream of events. The error says what is missing.
 pub(super) fn read_info(text: &str) -> Result<StreamInfo, String> {
-    let document = Document::parse(text).map_err(|e| format!("its description is no XML: {e}"))?;
+    let document = Document::parse(text).map_err(|e| format!("its description is not valid XML: {e}"))?;
     let streams =
         document.descendants().filter(|node| node_attribute(*node, "typeIdentifier") == Some("EVTS"));
     let stream = streams.min_by_key(|node| node_number(*node)).ok_or("it has no stream of events")?;
-    let id = node_number(stream).ok_or("its stream of events has no number")?;
+    let id = node_number(stream).ok_or("the node of its event stream has no numeric name")?;
     let info = stream.children().find(|node| node.attribute("name") == Some("info"));
     let side = |key: &str| node_attribute(info?, key)?.trim().parse::<u32>().ok();
-    let size = side("sizeX").zip(side("sizeY")).ok_or("it does not say the sensor's size: sizeX, sizeY")?;
+    let size = side("sizeX").zip(side("sizeY")).ok_or("it does not state the sensor's size (sizeX, sizeY)")?;
     Ok(StreamInfo { id, size: Size { width: size.0, height: size.1 } })
 }
 

@@ -44,7 +44,7 @@ impl Reader {
             return Err(wrong_packet(0, "it does not begin with `#!AER-DAT4.0`"));
         }
         let at = VERSION.len() as u64;
-        let cut = || wrong_packet(at, "the header is cut off");
+        let cut = || wrong_packet(at, "the header is truncated");
         let mut length = [0; 4];
         file.read_exact(&mut length).map_err(|_| cut())?;
         let length = u64::from(u32::from_le_bytes(length));
@@ -56,7 +56,7 @@ impl Reader {
         }
         let bytes = read_exactly(&mut file, length)?.ok_or_else(cut)?;
         let table =
-            BufferTable::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no header lies here"))?;
+            BufferTable::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no valid header"))?;
         let number = table.i32(0).unwrap_or(0);
         let compression = PacketCompression::from_number(number)
             .ok_or_else(|| wrong_packet(at, &format!("compression number {number}, wanted 0 to 4")))?;
@@ -86,11 +86,11 @@ impl Reader {
         if head.is_empty() {
             return Ok(None);
         }
-        let cut = || wrong_packet(self.offset, "the packet is cut off");
+        let cut = || wrong_packet(self.offset, "the packet is truncated");
         let word = |k: usize| Some(i32::from_le_bytes(head.get(4 * k..4 * k + 4)?.try_into().ok()?));
         let (stream, length) = word(0).zip(word(1)).ok_or_else(cut)?;
         let length = u64::try_from(length)
-            .map_err(|_| wrong_packet(self.offset, &format!("a packet of {length} bytes")))?;
+            .map_err(|_| wrong_packet(self.offset, &format!("a packet of {length} bytes, wanted 0 or more")))?;
         let bytes = read_exactly(&mut self.file, length)?.ok_or_else(cut)?;
         self.offset += 8 + length;
         Ok(Some((stream, bytes)))
@@ -122,7 +122,7 @@ impl Reader {
         }?;
         if bytes.len() > limit {
             let because = format!(
-                "it inflates to more than {limit} bytes, the most for a packet of {} bytes",
+                "it decompresses to more than {limit} bytes, the limit for a packet of {} bytes",
                 packet.len()
             );
             return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, because));
@@ -139,7 +139,7 @@ impl Reader {
         let side = |v: i16, end: u32| u16::try_from(v).ok().filter(|v| u32::from(*v) < end);
         let size = self.stream.size;
         let (Some(column), Some(row)) = (side(x, size.width), side(y, size.height)) else {
-            return Err(format!("pixel ({x}, {y}) lies outside the sensor of {size}"));
+            return Err(format!("pixel ({x}, {y}) is outside the sensor of {size}"));
         };
         let polarity = match bytes[12] {
             0 => Polarity::Off,

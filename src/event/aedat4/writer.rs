@@ -31,7 +31,7 @@ impl Writer {
     /// The sensor has more than 32,768 columns or rows, or the file cannot be created.
     pub fn create(path: &Path, size: Size) -> Result<Self, EventFileError> {
         if size.width > EDGE || size.height > EDGE {
-            let because = format!("a sensor of {size}, and AEDAT 4 has at most {EDGE} columns and rows");
+            let because = format!("a sensor of {size}, but AEDAT 4 allows at most {EDGE} columns and rows");
             return Err(EventFileError::Container(because));
         }
         let mut file = BufWriter::new(File::create(path)?);

@@ -34,7 +34,7 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size,
         input.by_ref().take(MAX_BYTES).read_until(b'\n', &mut line)?;
         bytes += line.len() as u64;
         if line.last() != Some(&b'\n') || bytes > MAX_BYTES {
-            return Err(EventFileError::Container(format!("byte {bytes}: the header does not end")));
+            return Err(EventFileError::Container(format!("byte {bytes}: the header has no end")));
         }
         let line = String::from_utf8_lossy(&line);
         let (key, value) = line[1..].trim().split_once(' ').unwrap_or((line[1..].trim(), ""));
@@ -51,9 +51,9 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size,
             _ => {}
         }
     }
-    let missing = |what: &str| EventFileError::Container(format!("byte {bytes}: the header names no {what}"));
+    let missing = |what: &str| EventFileError::Container(format!("byte {bytes}: the header lacks the {what}"));
     let version = version.ok_or_else(|| missing("format: `% evt 2.0` or `% evt 3.0`"))?;
-    let size = size.ok_or_else(|| missing("size of the sensor: `% geometry WIDTHxHEIGHT`"))?;
+    let size = size.ok_or_else(|| missing("sensor size: `% geometry WIDTHxHEIGHT`"))?;
     if size.width > EDGE || size.height > EDGE || size.pixels() == 0 {
         let because = format!("a sensor of {size}, wanted 1 to {EDGE} px along each edge");
         return Err(EventFileError::Container(because));
@@ -65,7 +65,7 @@ fn parse_version(name: &str) -> Result<EvtVersion, EventFileError> {
     match name.trim() {
         "2.0" | "EVT2" => Ok(EvtVersion::Evt2),
         "3.0" | "EVT3" => Ok(EvtVersion::Evt3),
-        other => Err(EventFileError::Container(format!("events as `{other}`, wanted EVT 2.0 or EVT 3.0"))),
+        other => Err(EventFileError::Container(format!("the format `{other}`, wanted EVT 2.0 or EVT 3.0"))),
     }
 }
 

@@ -50,7 +50,7 @@ impl DecodedWords<'_> {
     /// Adds an event if it is on the sensor and in the range of times.
     pub(super) fn push(&mut self, t_us: i64, [x, y]: [u16; 2], polarity: Polarity) -> Result<(), String> {
         if u32::from(x) >= self.size.width || u32::from(y) >= self.size.height {
-            return Err(format!("pixel ({x}, {y}) lies outside the sensor of {}", self.size));
+            return Err(format!("pixel ({x}, {y}) is outside the sensor of {}", self.size));
         }
         if t_us >= END_US {
             return Err(format!("t = {t_us} us, wanted less than {END_US}"));
@@ -139,7 +139,7 @@ fn decode_words<D: WordDecoder>(
     }
     if rest > 0 {
         let because =
-            format!("byte {}: {rest} bytes of a word of {}: the file is cut off", at(count), D::BYTES);
+            format!("byte {}: {rest} bytes of a {}-byte word: the file is truncated", at(count), D::BYTES);
         return Err(EventFileError::Container(because));
     }
     Ok(())

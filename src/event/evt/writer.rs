@@ -31,7 +31,7 @@ impl Writer {
     /// The sensor has more than 2,048 columns or rows, or the file cannot be created.
     pub fn create(path: &Path, version: EvtVersion, size: Size) -> Result<Self, EventFileError> {
         if size.width > EDGE || size.height > EDGE {
-            let because = format!("a sensor of {size}, and EVT has at most {EDGE} columns and rows");
+            let because = format!("a sensor of {size}, but EVT allows at most {EDGE} columns and rows");
             return Err(EventFileError::Container(because));
         }
         // EVT 3.0 counts overflows without a limit, so only internal times bound it.
@@ -82,7 +82,7 @@ impl EventSink for Writer {
 fn too_silent(event: &Event, index: u64) -> EventFileError {
     let t_us = event.t.floor_micros();
     let because = format!(
-        "t = {t_us} us: the time without events up to it takes more than {} words of EVT 3.0, wanted at most that; count \
+        "t = {t_us} us: the gap without events before it needs more than {} words of EVT 3.0, the limit; count \
          the times from the first event, or write another format",
         evt3::MAX_SILENT_WORDS
     );

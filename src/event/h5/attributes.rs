@@ -32,7 +32,7 @@ impl RootAttributes {
         let (len, wanted) = (file.metadata()?.len(), superblock.end_of_file_address);
         if len < wanted {
             return Err(EventFileError::Container(format!(
-                "the file is cut short: {len} bytes, wanted {wanted}"
+                "the file is truncated: {len} bytes, wanted {wanted}"
             )));
         }
         let context =
@@ -58,7 +58,7 @@ impl RootAttributes {
             blocks += 1;
             // A continuation that points to itself would never end.
             if blocks > 64 {
-                return Err(damaged_file("its header goes on and on"));
+                return Err(damaged_file("its header has too many continuation blocks"));
             }
         }
         Ok(Self(found))
@@ -98,7 +98,7 @@ fn read_continued(
         Some(u64::from_le_bytes(<[u8; 8]>::try_from(message.get::<std::ops::Range<usize>>(range)?).ok()?))
     };
     let (Some(at), Some(len)) = (number(0..8), number(8..16)) else {
-        return Err(damaged_file("a continuation of its header is cut short"));
+        return Err(damaged_file("a continuation block of its header is truncated"));
     };
     let body = read_block(file, at, len.min(MAX_SIZE))?;
     // A continuation has no head, so decoding gets one: version 1, no limit on messages, one

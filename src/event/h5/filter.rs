@@ -49,7 +49,7 @@ impl fmt::Display for ChunkFilter {
 
 /// The reason why a text is not a [`ChunkFilter`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is none of gzip[:0-9], zstd[:1-19], lz4, none")]
+#[error("found `{0}`, wanted gzip[:0-9], zstd[:1-19], lz4 or none")]
 pub struct FilterError(String);
 
 impl FromStr for ChunkFilter {

@@ -84,7 +84,7 @@ impl LinkSearch {
             return Ok(false);
         }
         if size > MAX_HEAP || size > self.left {
-            return Err(refusal("heaps that overlap, or one that is too large to be searched"));
+            return Err(refusal("heaps that overlap, or one that is too large to search"));
         }
         self.left -= size;
         let bytes = self.bytes(at, size)?;
@@ -133,7 +133,7 @@ pub(super) fn refuse_external(dataset: &H5Dataset, name: &'static str) -> Result
     if dataset.external_files()?.is_empty() && dataset.virtual_mappings()?.is_empty() {
         return Ok(());
     }
-    let because = "its values are in other files, wanted them in the file itself".to_owned();
+    let because = "its values are in other files, wanted values in the file itself".to_owned();
     Err(EventFileError::Dataset { dataset: name, because })
 }
 

@@ -155,7 +155,7 @@ impl Reader {
             for (number, t) in (start as u64..).zip(times) {
                 if t < last {
                     // An unsorted stream has no index, so its times are the fault to name.
-                    return Err(wrong_value(T, number, t, format!("at least {last}, the time before it")));
+                    return Err(wrong_value(T, number, t, format!("at least {last}, the previous time")));
                 }
                 last = t;
                 stored.expect(number, index.settle(t))?;
@@ -230,7 +230,7 @@ impl StoredIndex<'_> {
     fn next(&mut self) -> Result<u64, EventFileError> {
         if self.at == self.len {
             let because =
-                format!("{} entries, wanted more: it reaches one past the last millisecond", self.len);
+                format!("{} entries, wanted more: it must reach one past the last millisecond", self.len);
             return Err(EventFileError::Dataset { dataset: MS_TO_IDX, because });
         }
         let within = self.at % CHUNK;
@@ -298,7 +298,7 @@ fn read_elements<T: H5Type>(
 fn guard_panics<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
     std::panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
         Err(EventFileError::Container(
-            "the HDF5 structure is damaged beyond what its library can name".to_owned(),
+            "the HDF5 structure is damaged: the HDF5 library cannot report how".to_owned(),
         ))
     })
 }
@@ -318,7 +318,7 @@ fn read_offset(file: &H5File) -> Result<i64, EventFileError> {
     outside::refuse_external(&dataset, T_OFFSET)?;
     match *dataset.read_raw::<i64>().map_err(|e| refusal(e.to_string()))? {
         [us] if OFFSETS_US.contains(&us) => Ok(us),
-        ref found => Err(refusal(format!("{found:?}, wanted one time that fits 64 bits of nanoseconds"))),
+        ref found => Err(refusal(format!("{found:?}, wanted one time that fits in 64 bits of nanoseconds"))),
     }
 }
 

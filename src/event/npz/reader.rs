@@ -97,7 +97,7 @@ fn stored_size(
     }
     let mut column = ArrayColumn::open(path, archive, name, kind)?;
     if column.count != 2 {
-        let because = format!("{} elements, wanted columns and rows", column.count);
+        let because = format!("{} elements, wanted 2: columns and rows", column.count);
         return Err(EventFileError::Dataset { dataset: name, because });
     }
     let sides = column.read::<4>(0, 2)?;
@@ -163,7 +163,7 @@ impl ArrayColumn {
         let refusal = |because: String| EventFileError::Dataset { dataset: name, because };
         let entry = archive.by_name(&format!("{name}.npy")).map_err(|e| refusal(e.to_string()))?;
         let start =
-            entry.data_start().ok_or_else(|| refusal("its place in the archive is unknown".to_owned()))?;
+            entry.data_start().ok_or_else(|| refusal("its offset in the archive is unknown".to_owned()))?;
         let (method, crc32, len) = (entry.compression(), entry.crc32(), entry.compressed_size());
         let mut file = files::open(path)?;
         file.seek(SeekFrom::Start(start))?;
@@ -172,7 +172,7 @@ impl ArrayColumn {
         let data: Box<dyn Read> = match method {
             CompressionMethod::Stored => Box::new(stored),
             CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored)),
-            other => return Err(refusal(format!("compressed by {other}, wanted deflate"))),
+            other => return Err(refusal(format!("compressed with {other}, wanted deflate"))),
         };
         // Around the decoder: the archive has the checksum of the plain bytes.
         let mut data = CrcReader::new(data);
@@ -183,7 +183,7 @@ impl ArrayColumn {
         match shape {
             &[count] if found == format!("'{kind}'") => Ok(Self { name, count, crc32, data }),
             _ => Err(refusal(format!(
-                "an array of {found} and shape {shape:?}, wanted '{kind}' and one dimension"
+                "an array of type {found} and shape {shape:?}, wanted type '{kind}' and one dimension"
             ))),
         }
     }

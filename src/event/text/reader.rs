@@ -77,7 +77,7 @@ impl Reader {
             return Err(EventFileError::Container(because.to_owned()));
         }
         let Some(size) = head.size.filter(|size| size.pixels() > 0) else {
-            let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
+            let because = "the file does not state the sensor's size: give --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
         };
         let header = StreamHeader { size, law: None, labelled: false };
@@ -102,7 +102,7 @@ impl Reader {
         let field = |k: usize| {
             let found = fields.get(self.places[k]);
             found.ok_or_else(|| {
-                format!("{} columns, and {} is in column {}", fields.len(), NAMES[k], self.places[k] + 1)
+                format!("{} columns, but {} is expected in column {}", fields.len(), NAMES[k], self.places[k] + 1)
             })
         };
         let t = parse_time(field(0)?, self.unit)?;
@@ -196,7 +196,7 @@ impl TextHead {
         let Some((Ok(width), Ok(height))) = found.map(|(w, h)| (w.parse(), h.parse())) else { return Ok(()) };
         let found = Size { width, height };
         match self.size {
-            Some(said) if said != found => Err(format!("a sensor of {found}, and --size says {said}")),
+            Some(said) if said != found => Err(format!("a sensor of {found}, but --size is {said}")),
             _ => {
                 self.size = Some(found);
                 Ok(())
@@ -233,7 +233,7 @@ fn parse_time(text: &str, unit: Option<TextTimeUnit>) -> Result<Timestamp, Strin
     let unit = match unit {
         Some(unit) => unit,
         None if !text.contains('.') => TextTimeUnit::Microsecond,
-        None => return Err(format!("t = {text} has a fraction: --time-unit s, ms, us or ns says what of")),
+        None => return Err(format!("t = {text} has a fraction: give its unit with --time-unit s, ms, us or ns")),
     };
     let negative = whole.starts_with('-');
     let digits = whole.trim_start_matches(['-', '+']);

@@ -32,7 +32,7 @@ impl FromStr for DeviceChoice {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
     /// There is no GPU.
-    #[error("no GPU is there: {0}")]
+    #[error("no GPU is available: {0}")]
     None(String),
     /// No GPU matches the choice.
     #[error("no GPU is {wanted}; there is {found}")]
@@ -51,7 +51,7 @@ pub enum GpuError {
         because: String,
     },
     /// The GPU is out of memory.
-    #[error("{adapter} has no room for {wanted} bytes of {what}: {because}")]
+    #[error("{adapter} has no memory for {wanted} bytes of {what}: {because}")]
     Memory {
         /// Name of the GPU.
         adapter: String,
@@ -63,7 +63,7 @@ pub enum GpuError {
         because: String,
     },
     /// One tile needs more memory than the GPU can bind at once.
-    #[error("{adapter} binds at most {limit} bytes at once, and one tile's {what} take more")]
+    #[error("{adapter} binds at most {limit} bytes at once, but the {what} of one tile take more")]
     Tile {
         /// Name of the GPU.
         adapter: String,
@@ -107,7 +107,7 @@ impl GpuDevice {
     /// There is no GPU, none matches, or it lacks what WebGPU guarantees.
     pub fn open(choice: &DeviceChoice) -> Result<Self, GpuError> {
         if *choice == DeviceChoice::Hardware && !may_have_hardware() {
-            return Err(GpuError::None("this system shows no device of one".to_owned()));
+            return Err(GpuError::None("this system has no device node of a GPU".to_owned()));
         }
         let mut adapters = list_adapters()?;
         let found = adapters.iter().map(|a| adapter_name(&a.get_info())).collect::<Vec<_>>().join(", ");
@@ -119,7 +119,7 @@ impl GpuDevice {
         };
         let Some(at) = (0..adapters.len()).find(|&i| fits(&adapters[i], i)) else {
             let wanted = match choice {
-                DeviceChoice::Any | DeviceChoice::Hardware => "of hardware".to_owned(),
+                DeviceChoice::Any | DeviceChoice::Hardware => "a hardware device".to_owned(),
                 DeviceChoice::Index(i) => format!("number {i}"),
                 DeviceChoice::Name(part) => format!("called `{part}`"),
             };
@@ -216,7 +216,7 @@ impl GpuDevice {
         self.check()?;
         let full = |because| GpuError::Memory { adapter: self.name.clone(), what, wanted, because };
         if let Some(room) = self.room.filter(|room| wanted > *room) {
-            return Err(full(format!("there is room for {room}")));
+            return Err(full(format!("{room} bytes are free")));
         }
         // Only a lack of memory is caught here. Other errors arrive through the device's callback.
         let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);

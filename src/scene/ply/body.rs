@@ -40,7 +40,7 @@ impl VertexColumn {
             };
             if p.name == property {
                 let wrong =
-                    || at.malformed(format!("property `{property}` as {:?}", p.kind), "float or double");
+                    || at.malformed(format!("property `{property}` of type {:?}", p.kind), "float or double");
                 return number.ok_or_else(wrong).map(|number| Some(Self { offset, number }));
             }
             // A list has no fixed size. Elements with a list are refused before columns are used.
@@ -134,7 +134,7 @@ fn read_length(
     let mut wide = [0; 4];
     let found = cursor.take(number.size(), "a list's length")?;
     if matches!(number, NumberType::F32 | NumberType::F64) {
-        return Err(at.malformed("a list whose length is no integer", "a length of an integer type"));
+        return Err(at.malformed("a list length of type float or double", "an integer type"));
     }
     wide[..found.len()].copy_from_slice(found);
     if encoding == BodyEncoding::BigEndian {

@@ -110,7 +110,7 @@ impl PlyHeader {
     pub(super) fn read(cursor: &mut ByteCursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         if cursor.line("a header line")? != "ply" {
-            return Err(at.malformed("another first line", "`ply`"));
+            return Err(at.malformed("a different first line", "`ply`"));
         }
         let encoding = read_encoding(cursor)?;
         let mut header = Self { encoding, elements: Vec::new(), notes: PlyNotes::default() };
@@ -121,7 +121,7 @@ impl PlyHeader {
                 return Ok(header);
             }
             if cursor.offset() > MAX_LEN {
-                return Err(at.malformed("a header that goes on", format!("its end by byte {MAX_LEN}")));
+                return Err(at.malformed("a longer header", format!("its end by byte {MAX_LEN}")));
             }
             header.take_line(&line, &at)?;
         }
@@ -154,7 +154,7 @@ impl PlyHeader {
     }
 
     fn add_element(&mut self, name: &str, count: &str, at: &ByteCursor) -> Result<(), SceneError> {
-        let count = count.parse().map_err(|_| at.malformed(format!("`{count}`"), "a count of rows"))?;
+        let count = count.parse().map_err(|_| at.malformed(format!("`{count}`"), "a number of rows"))?;
         if self.elements.iter().any(|e| e.name == name) {
             return Err(at.malformed(format!("a second element `{name}`"), "each element once"));
         }
@@ -164,7 +164,7 @@ impl PlyHeader {
 
     fn add_property(&mut self, name: &str, kind: PropertyKind, at: &ByteCursor) -> Result<(), SceneError> {
         let Some(element) = self.elements.last_mut() else {
-            return Err(at.malformed(format!("property `{name}` of no element"), "an element first"));
+            return Err(at.malformed(format!("property `{name}` before any element"), "an element first"));
         };
         if element.has(name) {
             return Err(at.malformed(format!("a second property `{name}`"), "each property once"));

@@ -153,7 +153,7 @@ fn check_rows(element: &PlyElement, wanted: usize, at: &ByteCursor) -> Result<()
         return Ok(());
     }
     let found = format!("{} rows of `{}`", element.count, element.name);
-    Err(at.malformed(found, format!("{wanted}, as the vertices ask for")))
+    Err(at.malformed(found, format!("{wanted}, to match the vertices")))
 }
 
 /// Offset of `property` in a row, bytes.
@@ -166,12 +166,12 @@ fn property_offset(
     let Some(i) = element.properties.iter().position(|p| p.name == property) else {
         let name = &element.name;
         return Err(
-            at.malformed(format!("no property `{property}` of `{name}`"), "that of a compressed file")
+            at.malformed(format!("no property `{property}` of `{name}`"), "the property of a compressed file")
         );
     };
     let kind = element.properties[i].kind;
     if kind != PropertyKind::One(number) {
-        return Err(at.malformed(format!("property `{property}` as {kind:?}"), format!("{number:?}")));
+        return Err(at.malformed(format!("property `{property}` of type {kind:?}"), format!("{number:?}")));
     }
     let before = element.properties[..i].iter();
     Ok(before.map(|p| if let PropertyKind::One(number) = p.kind { number.size() } else { 0 }).sum())

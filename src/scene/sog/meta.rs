@@ -127,13 +127,13 @@ impl SogMeta {
             Some(version) if *version == 2 => {}
             None => {
                 let hint = "convert it with a current splat-transform, which reads version 1 and writes 2";
-                return Err(start.unsupported("SOG of version 1", hint));
+                return Err(start.unsupported("SOG version 1", hint));
             }
             Some(version) => return Err(start.malformed(format!("version {version}"), "version 2")),
         }
         let meta: Self = serde_json::from_slice(json).map_err(|e| meta_error(json, &e))?;
         if meta.model == Some(TrainingModel::Surfels) {
-            return Err(start.unsupported("the model `2dgs`", "only Gaussians of three axes are drawn"));
+            return Err(start.unsupported("the model `2dgs`", "only Gaussians with three axes are rendered"));
         }
         let MeansMeta { mins, maxs, .. } = &meta.means;
         if let Some(k) = (0..3).find(|&k| mins[k] > maxs[k]) {

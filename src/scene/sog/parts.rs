@@ -57,7 +57,7 @@ impl SogParts for ArchiveParts<'_> {
             Ok(file) => file,
             Err(ZipError::FileNotFound) => {
                 let at = ByteCursor::new(ARCHIVE, self.bytes);
-                return Err(at.malformed("an archive without it", format!("`{name}`, the {part}")));
+                return Err(at.malformed("an archive without the file", format!("`{name}`, the {part}")));
             }
             Err(e) => return Err(broken_archive(self.bytes, &e)),
         };

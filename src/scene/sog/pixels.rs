@@ -58,7 +58,7 @@ impl DecodedPixels {
         let broken = |e: DecodingError| at.malformed(format!("a broken image ({e})"), "a WebP image");
         let mut decoder = WebPDecoder::new(io::Cursor::new(file)).map_err(broken)?;
         if decoder.is_animated() || decoder.is_lossy() {
-            return Err(at.unsupported("an image that is lossy or moves", "write it as lossless WebP"));
+            return Err(at.unsupported("a lossy or animated image", "write it as lossless WebP"));
         }
         let (width, height) = decoder.dimensions();
         let (width, height) = (width as usize, height as usize);

@@ -84,8 +84,8 @@ impl AxisFlip {
                 Ok(Self([!bit(0), bit(1), !bit(2)]))
             }
             9..=16 => {
-                let what = format!("coordinate system {number}, which exchanges axes,");
-                Err(at.unsupported(what, "store it right, up, back"))
+                let what = format!("coordinate system {number}, which swaps axes,");
+                Err(at.unsupported(what, "store the scene as right, up, back"))
             }
             _ => Err(at.malformed(format!("coordinate system {number}"), "a number from 1 to 16")),
         }

@@ -68,7 +68,7 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let table = cursor.u32("offset of the table")? as usize;
     cursor.take(12, "reserved bytes")?;
     let Some(extensions_len) = table.checked_sub(cursor.offset()) else {
-        return Err(at.malformed(format!("a table at byte {table}"), "a table after the header"));
+        return Err(at.malformed(format!("a table at byte {table}"), "an offset after the header"));
     };
     // Extensions lie between the header and the table.
     let extensions = cursor.take(extensions_len, "extensions")?;
@@ -150,14 +150,14 @@ fn decompress_stream<'a, T>(
     if rest.is_empty() {
         return Ok(plane);
     }
-    Err(at.malformed(format!("more than {len} bytes of {name}"), "as many as the table says"))
+    Err(at.malformed(format!("more than {len} bytes of {name}"), "the length in the table"))
 }
 
 fn bound_count(header: &SpzHeader, file_len: usize, at: &ByteCursor) -> Result<(), SceneError> {
     let [positions, ..] = header.plane_lens();
     if positions > file_len.saturating_mul(MAX_RATIO) {
         let found = format!("{} Gaussians in {file_len} bytes", header.count);
-        return Err(at.malformed(found, format!("positions of at most {MAX_RATIO} times the file's length")));
+        return Err(at.malformed(found, format!("positions that take at most {MAX_RATIO} times the file's length")));
     }
     Ok(())
 }

@@ -163,7 +163,7 @@ impl<'a> BinaryCursor<'a> {
     fn take(&mut self, len: usize) -> Result<&'a [u8], SourceError> {
         let left = self.data.len() - self.at;
         if len > left {
-            return Err(self.fault(self.at, format!("the file ends: {left} bytes left, wanted {len}")));
+            return Err(self.fault(self.at, format!("the file ends early: {left} bytes left, wanted {len}")));
         }
         let taken = &self.data[self.at..self.at + len];
         self.at += len;
@@ -202,7 +202,7 @@ impl<'a> BinaryCursor<'a> {
     fn name(&mut self) -> Result<String, SourceError> {
         let start = self.at;
         let Some(len) = self.data[start..].iter().position(|&b| b == 0) else {
-            return Err(self.fault(start, "the file ends within a name".to_owned()));
+            return Err(self.fault(start, "the file ends inside a name".to_owned()));
         };
         let name = self.take(len + 1)?;
         match std::str::from_utf8(&name[..len]) {

@@ -35,7 +35,7 @@ const MODELS: [CameraModel; 11] = [
 ];
 
 const HINT: &str =
-    "undistort the photos with `colmap image_undistorter`, which writes a PINHOLE model, and use that";
+    "undistort the photos with `colmap image_undistorter`, which writes a PINHOLE model, and use that model";
 
 impl CameraModel {
     /// Returns the model with this number in binary files.

@@ -166,7 +166,7 @@ fn a_scene_that_contradicts_its_photos_does_not_enter_the_store() {
     // Of six views the first is held out.
     for told in [
         "given/reconstruct: failed to hold the trained scene against its photos",
-        "its mean PSNR over 1 of the views is ",
+        "its mean PSNR over 1 views is ",
         "dB, wanted at least 40; a trainer that moves",
     ] {
         assert!(ended.stderr.contains(told), "{}", ended.stderr);

@@ -24,7 +24,7 @@ fn without_a_gpu_auto_renders_on_the_cpu_and_says_so_in_one_line() {
     for args in ["", "--backend auto", "--gpu 0"] {
         let told = place.ok(&format!("{RIGHT} {args}")).stderr;
         let fallen: Vec<&str> = told.lines().filter(|line| line.starts_with("on the CPU, since ")).collect();
-        assert!(fallen.len() == 1 && fallen[0].contains("no GPU is there: "), "{args}: {told}");
+        assert!(fallen.len() == 1 && fallen[0].contains("no GPU is available: "), "{args}: {told}");
         assert!(told.contains("by cpu/"), "{told}");
         assert!(fs::read(place.path("new.npy")).unwrap() == by_cpu, "{args}");
     }
@@ -38,7 +38,7 @@ fn without_a_gpu_asking_for_one_fails_and_names_the_missing_part() {
         let ended = place.gs2e(&format!("{RIGHT} --backend gpu {args}"));
         assert_eq!(ended.code, 2, "{args}");
         assert!(
-            ended.stderr.contains("no GPU is there: vulkan drivers/libraries could not be loaded"),
+            ended.stderr.contains("no GPU is available: vulkan drivers/libraries could not be loaded"),
             "{}",
             ended.stderr
         );
@@ -121,7 +121,7 @@ fn builds_stay_with_the_back_end_of_a_scene() {
     let recipe = fs::read_to_string(place.path("tiny.yaml")).unwrap();
     place.write("tiny.yaml", recipe.replace("seed: ", "seed: 1"));
     let told = place.ok("build tiny.yaml").stderr;
-    assert_eq!(told.matches("on the CPU, since no GPU is there: ").count(), 1, "{told}");
+    assert_eq!(told.matches("on the CPU, since no GPU is available: ").count(), 1, "{told}");
     class("cpu/");
     assert!(!by_gpu("build").contains("events"));
     class("cpu/");

@@ -76,7 +76,7 @@ fn a_command_line_that_is_wrong_renders_nothing() {
     more("--velocity 1,2,3,4,5,inf", &["`inf` is no finite number"]);
     more("--channel flow", &["flow is of a camera that moves", "help: --velocity vx,vy,vz,wx,wy,wz"]);
     more("--channel luminance-rate", &["luminance-rate is of a camera that moves", "help: --velocity"]);
-    t(["render", "render --backend gpu"], 2, &["error: no GPU is there: ", "help: --backend cpu"]);
+    t(["render", "render --backend gpu"], 2, &["error: no GPU is available: ", "help: --backend cpu"]);
 }
 
 #[test]

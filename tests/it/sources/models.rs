@@ -244,7 +244,7 @@ fn faults_of_a_model_are_named_with_their_place() {
     image(|i| i.q = [1.0, 1.0, 0.0, 0.0], "`9.jpg`: a rotation is not orthonormal");
     image(|i| i.q = [0.0; 4], "`9.jpg`: a rotation is not orthonormal");
     image(|i| i.t[0] = f64::NEG_INFINITY, "`9.jpg`: the translation is [-inf, 2, 3]");
-    image(|i| i.camera = 8, "`9.jpg` was taken with camera 8, which is not there");
+    image(|i| i.camera = 8, "`9.jpg` uses camera 8, which the model does not have");
     image(|i| i.name = "10.jpg".to_owned(), "the image name `10.jpg` is already used by");
     refused(
         |m| m.images[1].name.clear(),
@@ -252,7 +252,7 @@ fn faults_of_a_model_are_named_with_their_place() {
         "image 2 of 4 at byte 199",
         "images.txt: line 4",
     );
-    refused(|m| m.images.clear(), "it holds no view", "images.bin", "images.txt");
+    refused(|m| m.images.clear(), "it contains no view", "images.bin", "images.txt");
 }
 
 #[test]

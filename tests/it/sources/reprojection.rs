@@ -83,7 +83,7 @@ fn a_model_without_points_is_not_measured_and_a_false_one_is_refused() {
     let mut without = shifted();
     without.points.remove(0);
     let told = measured(&without).unwrap_err();
-    assert!(told.contains("images.bin") && told.ends_with("point 7 is not there"), "{told}");
+    assert!(told.contains("images.bin") && told.ends_with("point 7 is not in the model"), "{told}");
     let dir = tempfile::tempdir().unwrap();
     shifted().write_text(dir.path());
     std::fs::remove_file(dir.path().join("points3D.txt")).unwrap();

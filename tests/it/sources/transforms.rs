@@ -155,7 +155,7 @@ fn faults_of_a_transforms_file_are_named_with_their_place() {
     };
     t(json!({ "frames": null }), "`frames`: it is missing");
     t(json!({ "frames": 3 }), "`frames`: 3, wanted a list");
-    t(json!({ "frames": [] }), "it holds no view");
+    t(json!({ "frames": [] }), "it contains no view");
     t(framed("file_path", Value::Null), "`frames[0].file_path`: it is missing");
     t(framed("transform_matrix", Value::Null), "`frames[0].transform_matrix`: it is missing");
     t(framed("transform_matrix", json!([[1, 2]])), "`frames[0].transform_matrix`: [[1,2]], wanted 4 rows");
@@ -171,7 +171,7 @@ fn faults_of_a_transforms_file_are_named_with_their_place() {
     let projective = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]]);
     t(framed("transform_matrix", projective), "`frames[0].transform_matrix`: its last row");
     t(json!({ "fl_x": null }), "`fl_x`: it is missing, wanted a focal length");
-    t(json!({ "fl_y": null }), "`fl_y`: it is missing, wanted a number, as `fl_x` is there");
+    t(json!({ "fl_y": null }), "`fl_y`: it is missing, wanted a number, because `fl_x` is present");
     t(json!({ "cx": null }), "`cx`: it is missing");
     t(json!({ "w": null, "h": null }), "`w`: it is missing, wanted the image size in `w` and `h`");
     t(json!({ "h": null }), "wanted the image size in `w` and `h`");
