@@ -14,6 +14,7 @@ mod load;
 mod merge;
 mod names;
 mod nearest;
+mod preset;
 mod problem;
 mod reader;
 mod resolve;

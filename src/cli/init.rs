@@ -67,9 +67,19 @@ pub(super) struct InitArgs {
     /// Leave out photos whose names match; may be repeated [default: *_bg_removed.png for mvimgnet]
     #[arg(long, value_name = "GLOB", value_parser = parse_glob)]
     exclude: Vec<String>,
-    /// Speed of the cameras; medium is the paper's [default: medium]
+    /// Speed of the cameras: 200, 400 or 800 px/s; with --preset paper 10, 5 or 2.5 poses per view
+    /// [default: medium]
     #[arg(long, value_enum)]
     pace: Option<TempoArg>,
+    /// Settings of the paper, with its frame rate, instead of a speed in pixels and as many frames as
+    /// the sensor needs
+    #[arg(long, value_enum)]
+    preset: Option<PresetArg>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PresetArg {
+    Paper,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -150,10 +160,14 @@ impl InitArgs {
         }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
         // Existing defaults are never rewritten, so the pace would have no effect.
-        if let (Some(_), Some(_)) = (reconstructs, self.pace) {
-            let what =
-                format!("--pace is written into {}, which is there", draft::defaults_in(&self.to).display());
-            return Err(VerbError::usage("usage", what).help("change `factor` there, or leave --pace out"));
+        if reconstructs.is_some() && (self.pace.is_some() || self.preset.is_some()) {
+            let what = format!(
+                "--pace and --preset are written into {}, which exists",
+                draft::defaults_in(&self.to).display()
+            );
+            return Err(
+                VerbError::usage("usage", what).help("change the speed there, or leave the option out")
+            );
         }
         let entries = inventory::take_inventory(self.format.into(), &self.dir, &self.rules())
             .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
@@ -171,7 +185,11 @@ impl InitArgs {
         write::make_folder(&self.to)?;
         if reconstructs.is_none() {
             let pace = self.pace.unwrap_or(TempoArg::Medium).into();
-            write::write_file(&draft::defaults_in(&self.to), &draft::defaults_text(pace))?;
+            let text = match self.preset {
+                Some(PresetArg::Paper) => draft::paper_defaults_text(pace),
+                None => draft::defaults_text(pace),
+            };
+            write::write_file(&draft::defaults_in(&self.to), &text)?;
         }
         let pattern = self.scene.as_deref();
         // A model folder contains Gaussians, and a reconstruction makes them.

@@ -3,7 +3,7 @@
 
 use super::find::DEFAULTS;
 use super::load::RecipeParts;
-use super::{RecipeFaults, names};
+use super::{RecipeFaults, names, preset};
 use crate::escape::{is_hidden, quoted};
 use crate::files::is_there;
 use crate::source::DiskCapture;
@@ -29,14 +29,23 @@ pub struct RecipeDraft<'a> {
 pub enum CameraPace {
     /// Half of the usual speed.
     Mild,
-    /// The speed of the paper's appendix C: five poses per view.
+    /// The usual speed.
     Medium,
     /// Double the usual speed.
     Strong,
 }
 
 impl CameraPace {
-    /// Number of poses per view.
+    /// Median optical flow, pixels per second.
+    fn px_s(self) -> u32 {
+        match self {
+            Self::Mild => 200,
+            Self::Medium => 400,
+            Self::Strong => 800,
+        }
+    }
+
+    /// Number of poses per view. Five are those of the paper's appendix C.
     fn factor(self) -> &'static str {
         match self {
             Self::Mild => "10",
@@ -85,27 +94,37 @@ impl RecipeDraft<'_> {
     }
 }
 
-/// Returns the values that all drafts of a folder share: the paper's trajectories (3.5.1, 3.5.2,
-/// appendices A and C) and sensor.
+/// Returns the values that all drafts of a folder share: a speed of the picture, and as many frames as
+/// the sensor needs for it.
 #[must_use]
 pub fn defaults_text(pace: CameraPace) -> String {
+    let px_s = pace.px_s();
     format!(
         "\
-# What all recipes in this folder and below share. A recipe's own values win.
+# Values that all recipes in this folder and below share. A recipe's own values win.
 seed: 20250521
 trajectories:
   - name: base
-    refine: {{ window: 2, factor: {}, curve: cubic }}
-    speed: {{ function: \"0.25*sin(t) + 1.1\" }}
+    refine: {{ window: 2, curve: cubic }}
+    speed: {{ flow: {{ px_s: {px_s} }} }}      # median optical flow, pixels per second
   - name: mini
-    novel: {{ groups: 3, keyframes: 5, frames: 150, curve: any }}
-sampling: {{ rate: 2400, between: linear }}
-render: {{ rules: official, antialiased: auto, background: [0, 0, 0] }}
+    novel: {{ groups: 3, keyframes: 5, curve: any }}
+    speed: {{ flow: {{ px_s: {px_s} }} }}
+sampling: {{ tolerance: 0.1 }}             # interpolation error between frames, in contrast thresholds
 sensor:
   voltmeter: {{ preset: dvs346, threshold: {{ on: 1.0, off: 1.0 }} }}
 outputs: [events, sharp]
-",
-        pace.factor()
+sharp: {{ every: 8 }}                      # one picture for each 8 poses: 300 per second
+"
+    )
+}
+
+/// Returns the same with the settings of the paper (3.5.1, 3.5.2, appendices A and C).
+#[must_use]
+pub fn paper_defaults_text(pace: CameraPace) -> String {
+    let settings = preset::PAPER.replacen("factor: 5", &format!("factor: {}", pace.factor()), 1);
+    format!(
+        "# Values that all recipes in this folder and below share. A recipe's own values win.\nseed: 20250521\n{settings}"
     )
 }
 

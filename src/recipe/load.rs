@@ -9,7 +9,7 @@ use super::reader::{Problems, TreeReader};
 use super::resolve::{ResolvedRecipe, Resolver};
 use super::text::{SourceText, TextSpan, Texts};
 use super::tree::{self, MAX_BYTES, MappingEntry, NodeKind, TreeNode};
-use super::{NamedAt, Recipe, RecipePosition, canonical, schema};
+use super::{NamedAt, Recipe, RecipePosition, canonical, preset, schema};
 use crate::files;
 use crate::store::fs::FileStat;
 use crate::store::stat_cache::StatSighting;
@@ -70,6 +70,7 @@ impl DefaultsLibrary {
         })?;
         let seen = vec![(path.clone(), own.seen)];
         let mut parts = RecipeParts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
+        let has_preset = preset::names_paper(&parts.tree);
         if let Some(path) = defaults {
             // Each recipe has the faults of its defaults; repeated faults are dropped when they are
             // listed.
@@ -77,11 +78,14 @@ impl DefaultsLibrary {
             parts.seen.push((path.clone(), under.seen));
             parts.texts.push(under.text);
             parts.folders.push(parent_folder(path));
-            if let Some(under) = under.tree {
+            if let Some(mut under) = under.tree {
+                if has_preset {
+                    preset::remove_keys(&mut under);
+                }
                 parts.tree = merge_nodes(parts.tree, &under);
             }
         }
-        Ok(parts)
+        Ok(if preset::names_paper(&parts.tree) { parts.standing_in(&[], preset::PAPER) } else { parts })
     }
 }
 

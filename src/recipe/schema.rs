@@ -45,6 +45,9 @@ pub(super) struct RecipeSchema {
     /// Scene id, which is also the scene's folder in the release: parts of letters, digits, `.`,
     /// `_` and `-`, separated by `/`. Range: at most 200 bytes. Required.
     pub scene: Field<String>,
+    /// Named group of settings, which the other keys of the recipe override. The settings of
+    /// `defaults.yaml` for the same keys do not apply. Default: none.
+    pub preset: Field<PresetKey>,
     /// Seed of every random draw of the scene. Default: `0`.
     pub seed: Field<u64>,
     /// Source of the camera poses, the camera and the photos. Required.
@@ -92,6 +95,14 @@ pub(super) struct RecipeSchema {
 }
 
 /// Kind of the source, with its parameters.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum PresetKey {
+    /// The trajectories, frame rate, renderer and sensor of the paper (GS2E, arXiv 2505.15287). The
+    /// picture moves by several pixels per frame, so events between frames are inexact.
+    Paper,
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SourceSection {

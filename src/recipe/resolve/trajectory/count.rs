@@ -82,7 +82,7 @@ impl Resolver<'_> {
 
     fn duration(&self, field: &Field<NumberLiteral>, rate: Option<Hertz>) -> Option<PoseCount> {
         const DAY: f64 = 86_400.0;
-        let seconds: Ratio = self.ratio(field, 1, RealRange::above(0.0, DAY))?;
+        let seconds: Ratio = self.ratio(&in_seconds(field), 1, RealRange::above(0.0, DAY))?;
         let rate = rate?.to_f64();
         let frames = 1.0 + (seconds.to_f64() * rate).ceil();
         if frames > MAX_POSES as f64 {
@@ -102,6 +102,24 @@ impl Resolver<'_> {
             return self.refuse(problem.help("remove it").at(field.place()?));
         }
         Some(literal)
+    }
+}
+
+/// Returns a time without its unit: `2 s` is `2`, and a time in milliseconds is a fraction of seconds.
+fn in_seconds(field: &Field<NumberLiteral>) -> Field<NumberLiteral> {
+    let plain = |NumberLiteral(text): &NumberLiteral| {
+        let text = text.trim();
+        match (text.strip_suffix("ms"), text.strip_suffix('s')) {
+            (Some(number), _) => number.trim().parse().map(|ms: u64| format!("{ms}/1000")).ok(),
+            (_, Some(number)) => Some(number.trim_end().to_owned()),
+            _ => None,
+        }
+    };
+    match field {
+        Field::Given(literal, place) => {
+            Field::Given(plain(literal).map_or_else(|| literal.clone(), NumberLiteral), *place)
+        }
+        other => other.clone(),
     }
 }
 
