@@ -129,10 +129,10 @@ pub enum ReleaseError {
     #[error("{} checks failed", .0.len())]
     Checks(Vec<Finding>),
     /// Splits have something in common.
-    #[error("splits are not apart: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    #[error("splits overlap: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Leaks(Vec<SplitLeak>),
     /// There is no scene.
-    #[error("no scene is left to be released")]
+    #[error("there is no scene to release")]
     Nothing,
     /// The target is not a folder that a release may replace.
     #[error("{} {because}", path.display())]
@@ -154,13 +154,13 @@ pub enum ReleaseError {
         source: std::io::Error,
     },
     /// The content of a stored file does not match its name.
-    #[error("{path}: stored bytes do not match their digest; run the same command again to make them anew")]
+    #[error("{path}: stored bytes do not match their digest; run the same command again to rebuild them")]
     Altered {
         /// Its path in the tree.
         path: String,
     },
     /// The written tree does not pass the audit: a defect of this program.
-    #[error("the written tree does not pass its audit: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    #[error("the written tree fails its audit: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Audit(Vec<audit::AuditFault>),
     /// The store failed.
     #[error(transparent)]

@@ -143,14 +143,14 @@ impl FaultCode {
                 "correct `licence:` or the source in the recipe, and release again"
             }
             Self::RebuiltDiffers => {
-                "release it again; where every key is the same, the program or the machine is not deterministic: report it"
+                "release it again; if all keys are the same, the program or the machine is not deterministic: report it"
             }
             Self::Takedown => {
-                "release again with the list beside the recipes, and withdraw what was passed on"
+                "release again with the list next to the recipes, and withdraw published copies"
             }
-            Self::CheckFailedUnwaived => "mend the scene, or waive the check with a reason in its recipe",
+            Self::CheckFailedUnwaived => "fix the scene, or waive the check with a reason in its recipe",
             _ => {
-                "copy the release again from where it is whole, or write it anew: gs2e release --to DIR --replace"
+                "copy the release again from an intact copy, or write it again: gs2e release --to DIR --replace"
             }
         }
     }
@@ -231,12 +231,12 @@ impl AuditReport {
     #[must_use]
     pub fn proved(&self) -> Vec<String> {
         if !self.faults.is_empty() {
-            return vec!["The tree is not whole and consistent.".into()];
+            return vec!["The tree is damaged or inconsistent.".into()];
         }
-        let mut proved = vec!["The tree is whole and consistent.".to_owned()];
+        let mut proved = vec!["The tree is intact and consistent.".to_owned()];
         proved.extend(self.written_by.as_ref().map(|tool| {
             format!(
-                "It was written by {tool}, and this is {}: whether its files are what that program composed was not compared.",
+                "It was written by {tool}, and this is {}: the files that program composed were not compared.",
                 super::TOOL
             )
         }));
@@ -246,18 +246,18 @@ impl AuditReport {
     /// Returns the statements that no audit of a tree alone can prove, one sentence each.
     #[must_use]
     pub fn unproved(&self) -> Vec<String> {
-        let signed = "It is not signed: who published it is not known, and";
+        let signed = "It is not signed: the publisher is unknown, and";
         match (self.made_again, self.scenes) {
             (0, _) => vec![format!(
-                "{signed} a forger who rewrites every file consistently is found only by `gs2e audit --rebuild` from the \
-                 recipes; altered events and poses, in part, by `gs2e check --tree`."
+                "{signed} a consistent forgery is found only by `gs2e audit --rebuild` from the \
+                 recipes; `gs2e check --tree` finds some altered events and poses."
             )],
             (made, all) if made < all => vec![format!(
-                "{signed} of the {} scenes that were not made again a consistent forgery is found only by `gs2e audit \
+                "{signed} a consistent forgery of the {} scenes that were not rebuilt is found only by `gs2e audit \
                  --rebuild {all}`.",
                 all - made
             )],
-            _ => vec![format!("{signed} the recipes that it was compared with are taken as they stand.")],
+            _ => vec![format!("{signed} the recipes used for the comparison were not verified.")],
         }
     }
 }
@@ -266,16 +266,16 @@ const COVERS: [&str; 13] = [
     "every byte against SHA256SUMS, B3SUMS and manifest.json",
     "nothing missing, nothing unlisted",
     "paths",
-    "scene.json against manifest.json and the recipe in it",
+    "scene.json against manifest.json and its own recipe",
     "index.parquet against scene.json, speed.json and checks.json",
-    "croissant.json: its fields, and what it says of files, columns and terms",
-    "licence expressions, their texts and evidence, what sources demand; REUSE.toml and DATASHEET.md against them",
-    "splits: each scene where the rule puts it, no group, photo or Gaussians in two of them",
-    "files that the format does not have",
-    "loader, card, datasheet, report, index, catalogue entry, terms, and what follows from poses: composed again, byte for byte",
-    "keys of steps from their ingredients, inputs from outputs, and files against outputs",
+    "croissant.json: its fields, and its statements about files, columns and terms",
+    "licence expressions, their texts and evidence, the demands of sources; REUSE.toml and DATASHEET.md against them",
+    "splits: each scene is where the rule puts it, and no two splits share a group, a photo or Gaussians",
+    "files outside the release format",
+    "loader, card, datasheet, report, index, catalogue entry, terms, and files that follow from poses: composed again, byte for byte",
+    "keys of steps against their ingredients, inputs against outputs, and files against outputs",
     "failed checks",
-    "events, poses, stamps, transforms and pictures open and agree",
+    "events, poses, time stamps, transforms and pictures: readable, and in agreement",
 ];
 
 /// Audits the release in `dir`.
@@ -315,7 +315,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
             let owners = FileOwners::new(manifest);
             faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
         } else if !tree.has(super::manifest::NAME) {
-            let message = "a release has one, and it is not there, or not whole";
+            let message = "every release has this file; it is missing or damaged";
             faults.push(AuditFault::of_file(FaultCode::Missing, super::manifest::NAME, message));
         }
     }
@@ -357,7 +357,7 @@ fn audit_scenes(
             faults.push(AuditFault::of_scene(
                 FaultCode::SceneIncomplete,
                 &listed.id,
-                "it has no scene.json that is whole",
+                "its scene.json is missing or damaged",
             ));
         } else if let Some(scene) = claims::parse_claims::<SceneRecord>(tree, &path, &mut faults) {
             faults.extend(claims::audit_scene(manifest, listed, &scene));

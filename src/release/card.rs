@@ -78,14 +78,14 @@ fn card_head(facts: &ReleaseFacts<'_>) -> String {
 fn gate_prompt(facts: &ReleaseFacts<'_>) -> String {
     let mut text = String::from(
         "extra_gated_heading: \"Terms of the upstream datasets\"\n\
-         extra_gated_prompt: \"Access needs your acceptance of the upstream terms in LICENSES.\"\n\
+         extra_gated_prompt: \"To get access, accept the upstream terms in LICENSES.\"\n\
          extra_gated_fields:\n  Name: text\n  Affiliation: text\n  \
          \"I have read and accept the terms in LICENSES\": checkbox\n",
     );
     let asked = [
-        (LicenceObligation::NonCommercial, "I make no commercial use of it"),
-        (LicenceObligation::NoRedistribution, "I pass nothing of it on to others"),
-        (LicenceObligation::DeletionOnRequest, "I delete what concerns a person when I am asked to"),
+        (LicenceObligation::NonCommercial, "I do not use it commercially"),
+        (LicenceObligation::NoRedistribution, "I do not redistribute any part of it"),
+        (LicenceObligation::DeletionOnRequest, "I delete data about a person on request"),
     ];
     let obligations = facts.obligations();
     for (_, promise) in asked.iter().filter(|(obligation, _)| obligations.contains(obligation)) {
@@ -165,8 +165,8 @@ the grey scale 0..255.
 
 /// Meaning of labels, for streams that have them.
 const LABELS: &str = "\
-`events/label`, where a stream has it, is 1 for signal and 0 for noise. Noise events are those of hot pixels and of shot \
-noise, and those before which the brightness moved by less than half a threshold in the event's direction since the \
+`events/label`, where a stream has it, is 1 for signal and 0 for noise. An event is noise if it comes from a hot pixel or from shot \
+noise, or if the brightness moved by less than half a threshold in the event's direction since the \
 previous event of the pixel.
 ";
 
@@ -195,7 +195,7 @@ fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
         let head = "| scene | sensor | brightness |\n|---|---|---|\n";
         let _ = write!(
             text,
-            "These sensors use another brightness, on the same scale:\n\n{head}{}",
+            "These sensors use a different brightness on the same scale:\n\n{head}{}",
             others.concat()
         );
     }
@@ -218,12 +218,12 @@ fn making_section(facts: &ReleaseFacts<'_>) -> String {
         let _ = writeln!(text, "- `{kind}`: {what}");
     }
     text.push_str(
-        "\nPaths are measured by rotation and translation, and sampled at the prescribed speed. Seeds and all parameters \
+        "\nThe length of a path combines rotation and translation; poses are sampled at the prescribed speed. Seeds and all parameters \
          are in `scene.json`.\n",
     );
     text.push_str(&sensors_made(scenes));
     text.push_str(
-        "\n| scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
+        "\n| scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | contrast ON, OFF |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in built_trajectories(scenes).flat_map(|(scene, part)| stream_rows(scene, part)) {
@@ -243,7 +243,7 @@ fn sensors_made(scenes: &[PublishedScene]) -> String {
             let quantity =
                 screened.map_or_else(|_| "brightness".to_owned(), |found| found.quantity.to_owned());
             items.insert(format!(
-                "- `{}`: compares `{quantity}`, {between} in time between frames\n",
+                "- `{}`: compares `{quantity}`; {between} interpolation between frames\n",
                 sensor.name()
             ));
         }
@@ -251,7 +251,7 @@ fn sensors_made(scenes: &[PublishedScene]) -> String {
     match items.is_empty() {
         true => String::new(),
         false => format!(
-            "\nEach frame was rendered and given to the sensor:\n\n{}",
+            "\nEach frame was rendered and passed to the sensor:\n\n{}",
             Vec::from_iter(items).concat()
         ),
     }
@@ -307,7 +307,7 @@ fn checks_section(scenes: &[PublishedScene]) -> String {
     let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
     let _ = writeln!(
         text,
-        "{} passed, {} warned, {} were waived, {} were not run. What is not a pass:\n",
+        "{} passed, {} warned, {} waived, {} not run. Findings that are not a pass:\n",
         count(Verdict::Pass),
         count(Verdict::Warn),
         count(Verdict::Waived),
@@ -319,7 +319,7 @@ fn checks_section(scenes: &[PublishedScene]) -> String {
         let _ = writeln!(text, "- {} `{}` {subject}: {because}", finding.verdict.name(), finding.check);
     }
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
-        text.push_str("- nothing\n");
+        text.push_str("- none\n");
     }
     if scenes.iter().any(|scene| scene.findings.is_some()) {
         text.push_str(PHOTOGRAPHED);
@@ -329,8 +329,8 @@ fn checks_section(scenes: &[PublishedScene]) -> String {
 
 /// Place of the findings on photos.
 const PHOTOGRAPHED: &str = "
-`<scene>/checks.json` has those on the capture of a scene that photos were taken of, and on what the scene renders where \
-they were taken.
+`<scene>/checks.json` has the findings on the capture of a scene from photos, and on its renderings at the poses where \
+the photos were taken.
 ";
 
 /// Limits of the data.
@@ -387,7 +387,7 @@ fn citation_section(facts: &ReleaseFacts<'_>) -> String {
     }
     text.push_str("The pipeline follows GS2E (arXiv 2505.15287)");
     for (name, publication) in facts.provenance().models() {
-        let _ = write!(text, "; a sensor follows {name} ({publication})");
+        let _ = write!(text, "; a sensor model follows {name} ({publication})");
     }
     text.push_str(".\n");
     text

@@ -94,10 +94,10 @@ const FILE_SETS: [(&str, &str, &str, &str); 12] = [
     ("flow-files", NPY, "**/flow/*.npy", "optical flow, float32 [H, W, 2], px/s; NaN: undefined"),
     ("pose-files", "text/plain", "**/poses.txt", "t_us tx ty tz qx qy qz qw, camera to world"),
     ("transform-files", JSON, "**/transforms.json", "poses and camera in nerfstudio's form"),
-    ("speed-files", JSON, "**/speed.json", "asked and achieved speed of the camera"),
-    ("check-files", JSON, "**/checks.json", "verdicts of the validation passes"),
-    ("check-picture-files", "image/png", "**/checks/*.png", "pictures of what validation passes saw"),
-    (SCENE_FILES, JSON, "**/scene.json", "what a scene is, and how it was made"),
+    ("speed-files", JSON, "**/speed.json", "requested and achieved speed of the camera"),
+    ("check-files", JSON, "**/checks.json", "verdicts of the checks"),
+    ("check-picture-files", "image/png", "**/checks/*.png", "pictures made by some checks"),
+    (SCENE_FILES, JSON, "**/scene.json", "source, camera, recipe, licence, seeds and statistics of a scene"),
 ];
 
 const HDF5: &str = "application/x-hdf5";
@@ -151,8 +151,8 @@ pub(super) fn licence_address(expression: &str) -> String {
     }
 }
 
-const IMPACT: &str = "None is known beyond that of its sources and of methods trained on it. Licences of the sources \
-    bind who receives it: see licence and gated in index.parquet.";
+const IMPACT: &str = "No impact is known beyond that of the sources and of methods trained on the data. Licences of the sources \
+    bind receivers: see licence and gated in index.parquet.";
 
 /// The texts of [`RESPONSIBLE`], in the same order.
 fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
@@ -173,7 +173,7 @@ fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
 /// Statement on persons in the scenes, which are all procedural or not.
 pub(super) fn personal_words(made_up: bool) -> &'static str {
     if made_up {
-        "None: its scenes are procedural."
+        "No persons: the scenes are procedural."
     } else {
         "Not examined: renderings of captured scenes may show the content of their photos, including faces and text."
     }
@@ -200,7 +200,7 @@ fn distribution_entries(of: &DescribedRelease<'_>) -> Vec<Value> {
     let mut nodes = vec![
         json!({
             "@type": "cr:FileObject", "@id": index::NAME, "name": index::NAME, "contentUrl": index::NAME,
-            "description": "a row a trajectory", "contentSize": content_size(of.index.len() as u64),
+            "description": "one row per trajectory", "contentSize": content_size(of.index.len() as u64),
             "encodingFormat": "application/x-parquet", "sha256": checksum::sha256_hex(of.index),
         }),
         json!({

@@ -26,7 +26,7 @@ pub(super) fn compose_datasheet(facts: &ReleaseFacts<'_>) -> String {
     let mut text = format!("# Datasheet of {} {}\n\n", plain_text(&info.name), plain_text(&info.version));
     text.push_str(
         "The questions are those of Gebru et al., Datasheets for Datasets (2021). Answers are computed from the release, \
-         or the publisher's own words, which are marked as such.\n",
+         or are the publisher's own words, which are marked as such.\n",
     );
     let answers = AnswerContext { facts, info };
     for (title, asked) in [

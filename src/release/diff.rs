@@ -171,7 +171,7 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
 }
 
 fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
-    const WANTED: &str = "the folder of a release";
+    const WANTED: &str = "a release folder";
     let no_release = |path: &Path, found: &str| DiffError {
         path: path.to_owned(),
         found: found.to_owned(),
@@ -193,14 +193,14 @@ fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
 }
 
 fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
-    read_json(dir, &format!("{}/scene.json", scene.id), "what the release says of a scene")
+    read_json(dir, &format!("{}/scene.json", scene.id), "the description of a scene")
 }
 
 /// Reads a file of a release. Nothing outside its folder is opened.
 fn read_json<T: DeserializeOwned>(dir: &Path, name: &str, wanted: &'static str) -> Result<T, DiffError> {
     let failed = |found: String| DiffError { path: dir.join(name), found, wanted };
     let bytes = files::read_below(dir, Path::new(name), files::MAX_DOCUMENT)
-        .map_err(|e| failed(format!("no way to read it ({e})")))?;
+        .map_err(|e| failed(format!("an unreadable file ({e})")))?;
     serde_json::from_slice(&bytes).map_err(|e| failed(format!("other JSON ({e})")))
 }
 

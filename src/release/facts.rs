@@ -181,7 +181,7 @@ impl ReleaseFacts<'_> {
             return String::new();
         }
         let mut text = String::from(
-            "| made from or with | terms | asked for | read where | what is said there | verified |\n\
+            "| dataset or program | terms | obligations | source of the terms | statement there | verified |\n\
              |---|---|---|---|---|---|\n",
         );
         for asset in assets {
@@ -209,7 +209,7 @@ impl ReleaseFacts<'_> {
                 scene.licence.parts.iter().filter_map(|part| Some((part.asset?, part.grant.as_ref()?)));
             grants.map(move |(asset, grant)| {
                 format!(
-                    "{}: of {} `{}` was granted by {} on {}, which can be read at <{}>",
+                    "{}: for {}, `{}` was granted by {} on {}; evidence: <{}>",
                     scene.recipe.scene,
                     asset.name,
                     grant.expression,

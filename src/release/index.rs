@@ -101,7 +101,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     ),
     index_column("scene", ColumnKind::Text, "scene id", |r| r.scene.id.as_str().into()),
     index_column("trajectory", ColumnKind::Text, "name of the trajectory", |r| r.part.name.as_str().into()),
-    index_column("sensor", ColumnKind::Text, "name of the sensor, where several saw the trajectory", |r| {
+    index_column("sensor", ColumnKind::Text, "name of the sensor, if the trajectory has several", |r| {
         r.name().into()
     }),
     index_column("path", ColumnKind::Text, "folder of the trajectory in the release", |r| r.path().into()),
@@ -132,10 +132,10 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
         "number of poses; sharp/ has a picture of each, or of every n-th",
         |r| (r.part.poses as u64).into(),
     ),
-    index_column("duration_us", ColumnKind::Whole, "stamp of the last pose, us", |r| {
+    index_column("duration_us", ColumnKind::Whole, "time stamp of the last pose, us", |r| {
         r.part.duration_us.into()
     }),
-    index_column("rate", ColumnKind::Number, "poses a second, Hz", |r| {
+    index_column("rate", ColumnKind::Number, "poses per second, Hz", |r| {
         r.part.rate.parse().ok().map(|ratio| Hertz(ratio).to_f64()).into()
     }),
     index_column("speed_profile", ColumnKind::Text, "uniform or non-uniform", |r| {
@@ -162,7 +162,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     index_column(
         "max_step_px",
         ColumnKind::Number,
-        "largest optical flow from pose to pose, px, over sampled poses",
+        "largest optical flow between consecutive poses, px, over sampled poses",
         |r| r.part.statistics.max_step_px.map(f64::from).into(),
     ),
     index_column("blur", ColumnKind::Flag, "whether there are blurred pictures", |r| {
@@ -186,13 +186,13 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     index_column(
         "c_on",
         ColumnKind::Number,
-        "contrast of brighter events, natural logarithm of brightness",
+        "contrast threshold of brighter events, in natural logarithm of brightness",
         |r| r.sensor_number(&["/c_on"]).into(),
     ),
     index_column(
         "c_off",
         ColumnKind::Number,
-        "contrast of darker events, natural logarithm of brightness",
+        "contrast threshold of darker events, in natural logarithm of brightness",
         |r| r.sensor_number(&["/c_off"]).into(),
     ),
     index_column("events", ColumnKind::Whole, "number of events", |r| r.statistics().events.into()),
@@ -207,7 +207,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
         r.statistics().peak_ev_per_ms.into()
     }),
     // Text: a seed can exceed a signed number of 64 bits.
-    index_column("seed", ColumnKind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
+    index_column("seed", ColumnKind::Text, "the recipe's seed, a 64-bit number in decimal", |r| {
         r.scene.seed.to_string().into()
     }),
     index_column("gaussians", ColumnKind::Whole, "number of Gaussians of the scene", |r| {
@@ -216,7 +216,7 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
     index_column("checks", ColumnKind::Whole, "number of records in checks.json", |r| {
         (r.told.checks as u64).into()
     }),
-    index_column("checks_passed", ColumnKind::Whole, "number of them that passed", |r| {
+    index_column("checks_passed", ColumnKind::Whole, "number of those records that passed", |r| {
         (r.told.checks_passed as u64).into()
     }),
     index_column("recipe_sha256", ColumnKind::Text, "SHA-256 of the recipe as compact JSON", |r| {

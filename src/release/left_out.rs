@@ -89,7 +89,7 @@ fn of_work(step: &str, work: &RenderWork, sh_degree: Option<u8>) -> Vec<Omission
         ),
         omission_row(
             step,
-            "pairs with tiles that are finished before",
+            "splat-tile pairs hidden behind opaque tiles",
             (work.hidden, Some(work.tile_pairs), "pairs"),
             IDENTICAL,
         ),
@@ -107,9 +107,11 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
         let of = |what: &str| stream.name.as_ref().map_or(what.to_owned(), |name| format!("{what}, {name}"));
         if let SensorChoice::Voltmeter(sensor) = &stream.sensor {
             let cells = quiet_row(simulation, stream, sensor);
-            let proof =
-                format!("error: an event of probability below e^-{} a cell", VoltmeterModel::MISSED_LN);
-            let what = of("cells of the sensor's clock far from any threshold");
+            let proof = format!(
+                "error: misses an event with probability below e^-{} per cell",
+                VoltmeterModel::MISSED_LN
+            );
+            let what = of("time cells of pixels far from any threshold");
             rows.extend(
                 cells.and_then(|[quiet, all]| omission_row(step, &what, (quiet, Some(all), "cells"), &proof)),
             );
@@ -120,7 +122,7 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
             step,
             &what,
             (capped, Some(kept + capped), "events"),
-            "error: they are missing",
+            "error: these events are missing",
         ));
     }
     rows
@@ -132,7 +134,7 @@ fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow>
     let seen = !simulation.omit.is_needless() || simulation.front_ends().iter().any(|f| f.needs_colour());
     let proof = match class {
         class if Backend::is_cpu(class) => IDENTICAL,
-        class if Backend::is_gpu(class) => "error: the GPU's rounding",
+        class if Backend::is_gpu(class) => "error: GPU rounding",
         _ => return None,
     };
     // Gaussian-frames divided by Gaussians. Without Gaussians there is no row.

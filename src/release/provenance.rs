@@ -64,10 +64,10 @@ impl Provenance {
     /// How the data came to be.
     pub(super) fn collection(&self) -> String {
         let making = if self.has_events() {
-            "Events are simulated: a 3D Gaussian splat is rendered along a dense camera path, and the model of an event \
+            "Events are simulated: a scene of 3D Gaussians is rendered along a dense camera path, and the model of an event \
              sensor processes the luminance of the renderings."
         } else if self.rendered {
-            "Pictures are rendered: a 3D Gaussian splat is seen along a camera path."
+            "Pictures are rendered from a scene of 3D Gaussians along a camera path."
         } else {
             "Camera paths are computed; nothing is rendered."
         };
@@ -82,19 +82,19 @@ impl Provenance {
         let mut text = vec!["Scenes are static; only the camera moves."];
         if self.rendered {
             text.push(
-                "The artefacts of splats (floaters, popping where the depth order changes, the smallest opacity of 1/255) \
-                 are in the renderings.",
+                "Splatting artefacts (floaters, popping where the depth order changes, the smallest opacity of 1/255) \
+                 are visible in the renderings.",
             );
         }
         if self.has_events() {
             text.push(
-                "They are in the brightness that the sensor sees, and so in the events. Effects of a sensor, such as a \
+                "They also affect the brightness that the sensor sees, and thus the events. Sensor effects, such as a \
                  bandwidth limit, a refractory period or a mismatch between pixels, are simulated only where the recipe \
-                 sets them. Between two frames the brightness is interpolated: `sampling` in `checks.json` has the motion of \
+                 sets them. Between two frames the brightness is interpolated; `sampling` in `checks.json` reports the motion of \
                  the picture from frame to frame.",
             );
         }
-        text.push("Poses are exact for what was computed.");
+        text.push("The poses are exactly those used in the computation.");
         if self.captured {
             text.push(
                 "The poses of a capture are as good as its reconstruction. The unit of length of a capture is arbitrary, and \
@@ -114,7 +114,7 @@ impl Provenance {
     pub(super) fn uses(&self) -> &'static str {
         if self.has_events() {
             "Training and evaluation of methods that use events: reconstruction of scenes and of intensity, pose estimation, \
-             deblurring, frame interpolation. It does not replace recordings of a sensor for methods that will run on those."
+             deblurring, frame interpolation. The data do not replace real recordings for methods that will run on those."
         } else {
             "Training and evaluation of methods that use views with exact poses."
         }
@@ -122,9 +122,9 @@ impl Provenance {
 
     /// Known biases.
     pub(super) fn biases(&self) -> String {
-        let mut text = "Scenes do not move, and one moving camera sees them along smooth paths.".to_owned();
+        let mut text = "Scenes are static, and one camera moves through them along smooth paths.".to_owned();
         if self.captured && self.rendered {
-            text.push_str(" The light is that of the captures.");
+            text.push_str(" The lighting is that of the captures.");
         }
         if self.has_events() {
             text.push_str(

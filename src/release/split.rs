@@ -69,7 +69,7 @@ pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
     for (scene, part) in scenes.iter().filter_map(|scene| Some((scene, scene.split.as_ref()?))) {
         let group = [("the group", part.group.as_str())];
         let gaussians = scene_digest(scene).map(|sha256| ("the Gaussians", sha256));
-        let photos = split_photos(scene).map(|sha256| ("the photo of SHA-256", sha256));
+        let photos = split_photos(scene).map(|sha256| ("the photo with SHA-256", sha256));
         for thing in group.into_iter().chain(gaussians).chain(photos) {
             holders.entry(thing).or_default().entry(&part.name).or_insert(&scene.id);
         }

@@ -166,7 +166,7 @@ impl StandingTree {
             }
             seen += 1;
         }
-        Ok((seen < self.sound.len()).then(|| "a file that is gone now".to_owned()))
+        Ok((seen < self.sound.len()).then(|| "a file was removed".to_owned()))
     }
 
     /// Removes its sound files at `folder`, where the tree may have been moved to, if they are

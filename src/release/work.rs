@@ -124,7 +124,7 @@ impl WorkFolder {
                 let aside = self.kept_name(letter);
                 move_to_free(&path, &aside)?;
                 notes.push(format!(
-                    "kept what this release did not write there: {}; remove it when you do not need it",
+                    "kept files that this release did not write: {}; remove them if you do not need them",
                     aside.display()
                 ));
             }
@@ -208,22 +208,22 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
     let foreign = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
     // A link of this name is not followed.
     if !fs::symlink_metadata(folder)?.is_dir() {
-        return Err(foreign("it is not a folder of gs2e"));
+        return Err(foreign("it is not a work folder of gs2e"));
     }
     let about = match files::read_with(&folder.join(ABOUT), LinkRule::Refuse, MAX_DOCUMENT) {
-        Ok(bytes) => String::from_utf8(bytes).map_err(|_| foreign("its `about` is not of gs2e"))?,
+        Ok(bytes) => String::from_utf8(bytes).map_err(|_| foreign("gs2e did not write its `about`"))?,
         // A process that was killed before it wrote the file left an empty folder.
         Err(e) if e.kind() == io::ErrorKind::NotFound => {
             remove_if_empty(folder)?;
             return if is_there(folder) {
-                Err(foreign("it is not a folder of gs2e"))
+                Err(foreign("it is not a work folder of gs2e"))
             } else {
                 Ok(Vec::new())
             };
         }
         Err(e) => return Err(e),
     };
-    let files = parse_listing(&about).ok_or_else(|| foreign("its `about` is not of gs2e"))?;
+    let files = parse_listing(&about).ok_or_else(|| foreign("gs2e did not write its `about`"))?;
     // As placed, since dropping it would clear the folder again, without end.
     let work = WorkFolder { folder: folder.to_owned(), target: target.to_owned(), placed: true };
     let Some(placing) = SwapNote::read(&folder.join(PLACING))? else {

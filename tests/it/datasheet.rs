@@ -63,7 +63,7 @@ fn unknown_answers_are_stated_as_unknown() {
         assert_eq!(answer(&sheet, question), "Not stated by the publisher.", "{question}");
     }
     let sensitive = answer(&sheet, "Does it hold sensitive data on persons?");
-    assert_eq!(sensitive, "None: its scenes are made up by the program.");
+    assert_eq!(sensitive, "No persons: the scenes are procedural.");
     assert!(text(release(), "README.md").contains("No contact is stated"));
 }
 
@@ -99,7 +99,7 @@ fn terms_of_an_upstream_are_stated_and_requested() {
         "extra_gated_heading: ",
         "extra_gated_prompt: ",
         "extra_gated_fields:\n  Name: text\n",
-        "  \"I make no commercial use of it\": checkbox\n",
+        "  \"I do not use it commercially\": checkbox\n",
         "configs: [{ config_name: index, data_files: index.parquet }]\n",
         "license_name: \"CC-BY-4.0 AND CC-BY-NC-4.0 AND LicenseRef-MVImgNet-ToU\"\n",
     ] {

@@ -80,7 +80,7 @@ fn whats(rows: &[OmissionRow]) -> Vec<&str> {
 const BY_RENDERER: [&str; 3] = [
     "Gaussians that no pose sees",
     "harmonics that are zero in the whole scene",
-    "pairs with tiles that are finished before",
+    "splat-tile pairs hidden behind opaque tiles",
 ];
 
 /// Compares the counts of two builds.

@@ -110,7 +110,7 @@ fn photos_that_two_splits_would_share_stop_a_release() {
     let ended = place.gs2e("release --to out recipes");
     assert_eq!(ended.code, 3, "{}", ended.stderr);
     let said = |part: &str| assert!(ended.stderr.contains(part), "{part}: {}", ended.stderr);
-    said("the photo of SHA-256");
+    said("the photo with SHA-256");
     said("mvimgnet/0/00000000 (");
     said("mvimgnet/0/9e3779b1 (");
     assert!(!place.path("out").exists());
@@ -165,7 +165,7 @@ fn an_audit_deals_the_scenes_again() {
     // The fault is reported for the scene in the alphabetically first split, which is `test`.
     assert_eq!(codes(), [moved[0].as_str()]);
     let faults = audit_release(&out).unwrap().faults;
-    assert!(faults.iter().any(|fault| fault.message.starts_with("the photo of SHA-256")), "{faults:#?}");
+    assert!(faults.iter().any(|fault| fault.message.starts_with("the photo with SHA-256")), "{faults:#?}");
 }
 
 #[test]

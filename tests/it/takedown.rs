@@ -77,7 +77,7 @@ fn a_release_drops_and_counts_listed_scenes() {
     assert_eq!(manifest["taken_down"], 1);
     let files = tree(&place.path("out"));
     let card = String::from_utf8_lossy(&files["README.md"]);
-    assert!(card.contains("Left out, as their removal was asked for: 1 scene(s)."), "{card}");
+    assert!(card.contains("1 scene(s) were removed on request."), "{card}");
     for (path, bytes) in &files {
         assert!(!bytes.windows(5).any(|part| part == b"shown"), "{path} names what was taken down");
     }
@@ -114,7 +114,7 @@ fn nothing_is_released_if_everything_is_listed() {
     place.write("recipes/lab/takedown.txt", LIST);
     let ended = place.gs2e("release --to out recipes/lab/b.yaml");
     assert_eq!(ended.code, 2, "{}", ended.stderr);
-    assert!(ended.stderr.contains("no scene is left to be released"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("there is no scene to release"), "{}", ended.stderr);
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub(super) fn read(
     let asked = names(recipe.trajectories.iter().map(|asked| asked.name.as_str()).collect());
     let found = names(file.trajectories.iter().map(|part| part.name.as_str()).collect());
     if asked != found {
-        let message = format!("its trajectories are {found}, the recipe in it has {asked}");
+        let message = format!("its trajectories are {found}, its own recipe has {asked}");
         faults.push(
             AuditFault::of_file(FaultCode::ClaimsDisagree, &path(layout::SCENE), message).in_scene(&file.id),
         );
@@ -181,7 +181,7 @@ fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<AuditFault> {
     let findings = || scene.trajectories.iter().flat_map(|trajectory| &trajectory.findings);
     let mut faults = Vec::new();
     let mut fault = |what: &str| {
-        let message = format!("its {what} of {} are not those of checks.json", listed.id);
+        let message = format!("its {what} of {} do not match the files of the scene", listed.id);
         faults.push(AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message));
     };
     if listed.checks != manifest::verdicts(findings()) {
@@ -206,7 +206,7 @@ pub(super) fn top(
     scenes: &[PublishedScene],
 ) -> Vec<AuditFault> {
     let Some(info) = manifest.info() else {
-        let message = "it lacks the publisher's words, which this version writes";
+        let message = "it lacks the field `publisher`, which this version writes";
         return vec![AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message)];
     };
     let licence = crate::release::terms_of(scenes);
@@ -248,7 +248,7 @@ fn compare(tree: &TrustedTree<'_>, path: &str, wanted: &[u8]) -> Option<AuditFau
         return None;
     }
     let place = first_difference(&tree.path_of(path), wanted);
-    let message = format!("it is not what this program composes from the other files: {place}");
+    let message = format!("it differs from what this program composes from the other files: {place}");
     Some(AuditFault::of_file(FaultCode::NotComposed, path, message))
 }
 
@@ -259,7 +259,7 @@ fn first_difference(path: &Path, wanted: &[u8]) -> String {
     };
     let (Ok(found_text), Ok(wanted_text)) = (std::str::from_utf8(&found), std::str::from_utf8(wanted)) else {
         let at = found.iter().zip(wanted).position(|(a, b)| a != b).unwrap_or(found.len().min(wanted.len()));
-        return format!("byte {at} differs, of {} found and {} wanted", found.len(), wanted.len());
+        return format!("byte {at} differs; found {} bytes, wanted {}", found.len(), wanted.len());
     };
     let (mut found, mut wanted) = (found_text.split('\n'), wanted_text.split('\n'));
     for line in 1.. {
@@ -269,7 +269,7 @@ fn first_difference(path: &Path, wanted: &[u8]) -> String {
             (a, b) => {
                 let [a, b] =
                     [a, b].map(|line| line.map_or("nothing".to_owned(), |line| brief(&format!("{line:?}"))));
-                return format!("line {line} is {a}, wanted {b}");
+                return format!("line {line}: found {a}, wanted {b}");
             }
         }
     }

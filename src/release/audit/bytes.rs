@@ -47,11 +47,7 @@ pub(super) fn compare_bytes(bytes: &Bytes, stated: &StatedBytes<'_>, faults: &mu
     let sums = stated.sums;
     faults.extend(compare_lists(stated));
     for path in sums.keys().filter(|path| !bytes.contains_key(*path)) {
-        faults.push(AuditFault::of_file(
-            FaultCode::Missing,
-            path,
-            "SHA256SUMS lists it, and it is not there",
-        ));
+        faults.push(AuditFault::of_file(FaultCode::Missing, path, "SHA256SUMS lists it, but it is missing"));
     }
     // `SHA256SUMS` cannot contain its own sum.
     for (path, hashes) in bytes.iter().filter(|(path, _)| *path != checksum::NAME) {
@@ -141,11 +137,11 @@ fn compare_file(
         (true, _, None) => None,
         (true, _, Some(_)) => {
             let otherwise = sources_say(saying(false), "says otherwise", "say otherwise");
-            disagree(format!("its bytes are what SHA256SUMS states, {otherwise}"))
+            disagree(format!("its bytes match SHA256SUMS, {otherwise}"))
         }
         (false, Some(_), _) => {
             let states = sources_say(saying(true), "states", "state");
-            disagree(format!("its bytes are what {states}, SHA256SUMS says otherwise"))
+            disagree(format!("{states} its bytes, SHA256SUMS says otherwise"))
         }
         (false, None, _) => {
             let message = format!("its SHA-256 is {}, SHA256SUMS says {sum}", found.sha256);

@@ -24,7 +24,9 @@ pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
 fn read<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str, faults: &mut Vec<AuditFault>) -> Option<T> {
     let on_disk = tree.intact_path(path)?;
     let parsed = match files::read_with(&on_disk, LinkRule::Refuse, files::MAX_DOCUMENT) {
-        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| format!("it is not of its form: {e}")),
+        Ok(bytes) => {
+            serde_json::from_slice(&bytes).map_err(|e| format!("it does not have the expected form: {e}"))
+        }
         Err(e) => Err(e.to_string()),
     };
     parsed.map_err(|message| faults.push(AuditFault::of_file(FaultCode::Unreadable, path, message))).ok()
@@ -49,7 +51,7 @@ pub(super) fn audit_scene(
     let compact = serde_json::to_vec(&scene.recipe).expect("a JSON value is writable");
     claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256_hex(&compact));
     if scene.conventions != SceneConventions::for_brightness(&scene.recipe) {
-        let message = "its conventions are not those of this release format and of its recipe".into();
+        let message = "its conventions differ from those of the release format and its recipe".into();
         claims.fault(FaultCode::ClaimsDisagree, message);
     }
     let tool = format!("gs2e {}", scene.gs2e_version);

@@ -15,7 +15,7 @@ use crate::release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-const ABSENT: &str = "the scene needs it, and it is not there, or not whole";
+const ABSENT: &str = "the scene needs this file; it is missing or damaged";
 
 /// A trajectory folder under audit.
 #[derive(Debug, Clone, Copy)]

@@ -46,7 +46,7 @@ pub(super) fn audit_croissant(subject: &CroissantSubject<'_>) -> Vec<AuditFault>
     if !subject.tree.has(NAME) {
         return vec![croissant_fault(
             FaultCode::Missing,
-            "a release has one, and it is not there, or not whole",
+            "every release has this file; it is missing or damaged",
         )];
     }
     let mut faults = Vec::new();
@@ -95,7 +95,9 @@ fn field_faults(file: &Value) -> Vec<AuditFault> {
     let keys = file.as_object().into_iter().flat_map(|fields| fields.keys());
     let unknown = keys.filter(|key| key.starts_with("rai:") && !RESPONSIBLE.contains(&key.as_str()));
     faults.extend(
-        unknown.map(|key| croissant_fault(FaultCode::CroissantUnknown, format!("it has a field {key}"))),
+        unknown.map(|key| {
+            croissant_fault(FaultCode::CroissantUnknown, format!("it has the unknown field {key}"))
+        }),
     );
     faults
 }
@@ -141,7 +143,7 @@ fn object_faults(node: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault
     let Some(sha256) = subject.tree.intact.get(path) else {
         return vec![croissant_fault(
             FaultCode::CroissantSum,
-            format!("{name} is `{path}`, which is not there, or not whole"),
+            format!("{name} is `{path}`, which is missing or damaged"),
         )];
     };
     let mut faults = Vec::new();
@@ -163,7 +165,7 @@ fn set_faults(node: &Value, file: &Value, subject: &CroissantSubject<'_>) -> Vec
     let mut faults = Vec::new();
     let container = node_id(&node["containedIn"]);
     if !node_list(&file["distribution"]).iter().any(|other| node_id(other) == container) {
-        let message = format!("{} is contained in {container:?}, which is nothing here", node_id(node));
+        let message = format!("{} is contained in {container:?}, which is not defined", node_id(node));
         faults.push(croissant_fault(FaultCode::CroissantReference, message));
     }
     for pattern in node_list(&node["includes"]).iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
@@ -171,7 +173,7 @@ fn set_faults(node: &Value, file: &Value, subject: &CroissantSubject<'_>) -> Vec
         if !subject.manifest.paths().any(|path| glob_matches(pattern, path)) {
             faults.push(croissant_fault(
                 FaultCode::CroissantFiles,
-                format!("no file is of `{pattern}` of {}", node_id(node)),
+                format!("no file matches `{pattern}` of {}", node_id(node)),
             ));
         }
     }

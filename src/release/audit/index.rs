@@ -13,7 +13,7 @@ pub(super) fn read_index(tree: &TrustedTree<'_>, faults: &mut Vec<AuditFault>) -
         faults.push(AuditFault::of_file(
             FaultCode::Missing,
             NAME,
-            "a release has one, and it is not there, or not whole",
+            "every release has this file; it is missing or damaged",
         ));
         return None;
     }
@@ -32,7 +32,7 @@ pub(super) fn compare_index(
     let names = || table.columns.iter().map(|(name, kind)| (name.as_str(), *kind));
     if !names().eq(COLUMNS.iter().map(|column| (column.name, Some(column.kind)))) {
         let found: Vec<&str> = names().map(|(name, _)| name).collect();
-        return disagrees(format!("its columns are not those of this release format: {}", found.join(", ")));
+        return disagrees(format!("its columns differ from this release format: {}", found.join(", ")));
     }
     let Some(told) = scenes.iter().map(|scene| index_sources(tree, scene)).collect::<Option<Vec<_>>>() else {
         return Vec::new();

@@ -34,7 +34,7 @@ pub(super) fn audit(
     let others = [checksum::NAME, checksum::B3_NAME];
     let lacking = layout::top().filter(|path| !others.contains(path) && !tree.has(path));
     faults.extend(lacking.map(|path| {
-        AuditFault::of_file(FaultCode::Missing, path, "a release has one, and it is not there, or not whole")
+        AuditFault::of_file(FaultCode::Missing, path, "every release has this file; it is missing or damaged")
     }));
     faults
 }

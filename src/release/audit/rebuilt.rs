@@ -37,23 +37,23 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<A
     let (listed, there) = (sizes(stated), sizes(made));
     let mut faults = Vec::new();
     for path in listed.keys().filter(|path| !there.contains_key(*path)) {
-        faults.push(fault(path, "made again, the scene has no such file"));
+        faults.push(fault(path, "the rebuilt scene does not have this file"));
     }
     for path in there.keys().filter(|path| !listed.contains_key(*path)) {
-        faults.push(fault(path, "made again, the scene has this file too"));
+        faults.push(fault(path, "only the rebuilt scene has this file"));
     }
     for path in listed.keys().filter(|path| there.contains_key(*path)) {
         // The bytes themselves are hashed, since digests in a manifest are only claims.
         let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
-            [Ok(_), Ok(_)] => faults.push(fault(path, "made again, it has other bytes")),
+            [Ok(_), Ok(_)] => faults.push(fault(path, "its bytes differ after a rebuild")),
             _ => faults.push(fault(path, "it cannot be read")),
         }
     }
     faults.extend(steps(stated, made));
     if (&stated.left_out, &stated.omitted) != (&made.left_out, &made.omitted) {
-        let message = "made again, the scene leaves out other work";
+        let message = "the rebuilt scene skips other work";
         faults.push(AuditFault::of_file(FaultCode::RebuiltDiffers, manifest::NAME, message).in_scene(scene));
     }
     Ok(faults)
@@ -74,7 +74,7 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
     if words(&stated) != words(&made) {
         faults.push(fault(
             manifest::NAME,
-            "release.yaml now has other words of the publisher, or other splits",
+            "release.yaml has changed: its statements or splits differ from the release",
         ));
     }
     let ids = |of: &ReleaseManifest| of.scenes.iter().map(|scene| scene.id.clone()).collect::<Vec<_>>();
@@ -84,9 +84,9 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
         let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
-            [Ok(_), Ok(_)] => faults.push(fault(path, "made again, it has other bytes")),
-            [Err(_), Ok(_)] => faults.push(fault(path, "made again, the release has this file too")),
-            _ => faults.push(fault(path, "made again, the release has no such file")),
+            [Ok(_), Ok(_)] => faults.push(fault(path, "its bytes differ after a rebuild")),
+            [Err(_), Ok(_)] => faults.push(fault(path, "only the rebuilt release has this file")),
+            _ => faults.push(fault(path, "the rebuilt release does not have this file")),
         }
     }
     Ok(faults)
@@ -105,7 +105,7 @@ fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<AuditFault> {
     };
     let because = key_cause(stated, made);
     let fault = |name: &String| {
-        let message = format!("made again, step {name} has another key or other outputs{because}");
+        let message = format!("the rebuilt step {name} has another key or other outputs{because}");
         AuditFault::of_file(FaultCode::RebuiltDiffers, manifest::NAME, message).in_scene(&stated.id)
     };
     names.into_iter().filter(differs).map(fault).collect()
@@ -130,9 +130,9 @@ fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
     };
     let again = made.steps.iter().find(|other| other.step == step.step);
     match (again, &step.made_of) {
-        (None, _) => format!("; the recipe has no step {} now", step.step),
+        (None, _) => format!("; the recipe no longer has step {}", step.step),
         (Some(again), Some(then)) => match &again.made_of {
-            Some(now) => format!("; its step {} is made of {}", step.step, differing_line(then, now)),
+            Some(now) => format!("; its step {} differs in {}", step.step, differing_line(then, now)),
             None => String::new(),
         },
         (Some(_), None) => format!("; its step {} has another key", step.step),
@@ -142,18 +142,18 @@ fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
 fn differing_line(then: &KeyIngredients, now: &KeyIngredients) -> String {
     let mut parts = Vec::new();
     if then.revision != now.revision {
-        parts.push(format!("revision {} of its stage, then {}", now.revision, then.revision));
+        parts.push(format!("the revision of its stage ({}, previously {})", now.revision, then.revision));
     }
     if then.class != now.class {
         let name = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".into());
-        parts.push(format!("class {}, then {}", name(&now.class), name(&then.class)));
+        parts.push(format!("the numerical class ({}, previously {})", name(&now.class), name(&then.class)));
     }
     if then.params != now.params {
-        parts.push("other parameters".into());
+        parts.push("its parameters".into());
     }
     for (role, digest) in &now.inputs {
         if then.inputs.get(role) != Some(digest) {
-            parts.push(format!("another {role}"));
+            parts.push(format!("the input {role}"));
         }
     }
     if parts.is_empty() { "something else".into() } else { parts.join(", ") }

@@ -11,7 +11,7 @@ use crate::release::split;
 pub(super) fn audit_splits(manifest: &ReleaseManifest, scenes: &[SceneRecord]) -> Vec<AuditFault> {
     let rule = manifest.splits.as_ref();
     if let Some(because) = rule.and_then(|rule| rule.fault()) {
-        let message = format!("its splits are none: {because}");
+        let message = format!("its splits are not valid: {because}");
         return vec![AuditFault::of_file(FaultCode::SplitLeak, manifest::NAME, message)];
     }
     let mut faults = Vec::new();
@@ -19,12 +19,11 @@ pub(super) fn audit_splits(manifest: &ReleaseManifest, scenes: &[SceneRecord]) -
         let wanted = rule.map(|rule| split::split_part(scene, rule));
         if scene.split != wanted {
             let told = |part: &Option<SplitPart>| match part {
-                Some(part) => format!("in `{}`, of the group `{}`", part.name, part.group),
+                Some(part) => format!("in `{}`, group `{}`", part.name, part.group),
                 None => "in no split".to_owned(),
             };
             let (found, wanted) = (told(&scene.split), told(&wanted));
-            let message =
-                format!("it is said to be {found}; the rule of {} puts it {wanted}", manifest::NAME);
+            let message = format!("it is listed {found}; the rule of {} puts it {wanted}", manifest::NAME);
             faults.push(AuditFault::of_scene(FaultCode::SplitLeak, &scene.id, message));
         }
     }

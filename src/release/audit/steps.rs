@@ -68,9 +68,12 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
             let path = format!("{}/{}/{name}", scene.id, part.name);
             match files.get(path.as_str()) {
                 Some(file) if file.blake3 == output.digest && file.size == output.size => {}
-                Some(_) => faults.push(step_disagrees(&path, "its step made other bytes, by manifest.json")),
-                None => faults
-                    .push(step_disagrees(&path, "its step made it, by manifest.json, and it is not listed")),
+                Some(_) => {
+                    faults.push(step_disagrees(&path, "manifest.json lists other bytes than its step made"))
+                }
+                None => {
+                    faults.push(step_disagrees(&path, "its step made it, but manifest.json does not list it"))
+                }
             }
             known.insert(path);
         }
@@ -81,7 +84,7 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
         let own =
             files.keys().filter(|path| path.starts_with(&folder) && !composed.iter().any(|c| c == *path));
         let unmade = own.filter(|path| !known.contains(**path));
-        faults.extend(unmade.map(|path| step_disagrees(path, "no step made it, by manifest.json")));
+        faults.extend(unmade.map(|path| step_disagrees(path, "no step in manifest.json made it")));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
 }

@@ -15,13 +15,13 @@ pub(super) type Sums = BTreeMap<String, String>;
 
 /// Reads `SHA256SUMS`. Returns `None` if there is no text that files can be compared with.
 pub(super) fn read_sums(dir: &Path, faults: &mut Vec<AuditFault>) -> Option<Sums> {
-    read_named(dir, checksum::NAME, "there is no such file, so this is no release", faults)
+    read_named(dir, checksum::NAME, "the file is missing, so this is not a release", faults)
 }
 
 /// Reads `B3SUMS`, if its bytes are those that `SHA256SUMS` states. If they are not, it is reported
 /// as an altered file like any other.
 pub(super) fn read_b3(tree: &TrustedTree<'_>, sums: &Sums, faults: &mut Vec<AuditFault>) -> Option<Sums> {
-    const ABSENT: &str = "a release has one, and SHA256SUMS lists none";
+    const ABSENT: &str = "every release has this file; SHA256SUMS does not list it";
     if tree.has(checksum::B3_NAME) {
         return read_named(tree.dir, checksum::B3_NAME, ABSENT, faults);
     }
@@ -35,7 +35,7 @@ fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<AuditFault>
     let mut fault = |code, message: String| faults.push(AuditFault::of_file(code, name, message));
     match files::read_with(&dir.join(name), LinkRule::Refuse, files::MAX_DOCUMENT).map(String::from_utf8) {
         Ok(Ok(text)) => return Some(parse_sums(name, &text, faults)),
-        Ok(Err(e)) => fault(FaultCode::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
+        Ok(Err(e)) => fault(FaultCode::Altered, format!("it is not UTF-8 text: {}", e.utf8_error())),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => fault(FaultCode::Missing, absent.into()),
         Err(e) => fault(FaultCode::Unreadable, e.to_string()),
     }
@@ -48,12 +48,14 @@ fn parse_sums(name: &str, text: &str, faults: &mut Vec<AuditFault>) -> Sums {
     let mut previous: Option<&str> = None;
     for (number, line) in (1..).zip(text.split_inclusive('\n')) {
         let Some((sum, path)) = split_line(line) else {
-            altered(format!("line {number} is {line:?}, wanted 64 lower-case digits, two blanks and a path"));
+            altered(format!(
+                "line {number}: found {line:?}, wanted 64 lower-case hexadecimal digits, two spaces and a path"
+            ));
             continue;
         };
         // A strict order also excludes two lines for one path.
         if previous.is_some_and(|previous| previous >= path) {
-            altered(format!("line {number}: {path:?} does not sort behind the path before it"));
+            altered(format!("line {number}: {path:?} is out of order or repeated"));
         }
         previous = Some(path);
         sums.insert(path.to_owned(), sum.to_owned());

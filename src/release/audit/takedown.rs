@@ -21,6 +21,6 @@ pub(super) fn takedown_fault(
     let since = [own, ledger::find_origin(own, url), &listed.source]
         .into_iter()
         .find_map(|kind| list.since(&listed.id, kind, upstream_id));
-    let message = format!("it is on the takedown list since {}", since?);
+    let message = format!("it has been on the takedown list since {}", since?);
     Some(AuditFault::of_scene(FaultCode::Takedown, &listed.id, message))
 }

@@ -29,7 +29,7 @@ pub(super) fn scene_terms(
     // Before the kind of the source is known, since photos are refused for every kind.
     let mut faults = photo_faults(scene, tree);
     let Some(kind) = SourceKind::by_name(&scene.source.kind) else {
-        let message = format!("its source is `{}`, which is none that is known", scene.source.kind);
+        let message = format!("its source `{}` is not known", scene.source.kind);
         faults.push(fault(FaultCode::LicenceInvalid, message));
         return faults;
     };
@@ -58,10 +58,11 @@ fn demanded_terms(
     let stated = scene.recipe.get("licence").and_then(|licence| licence.get("upstream"));
     let Some(grant) = grant else {
         let ids = asset.ids.iter().filter(|id| !expression.demands(id));
-        let lacking = ids
-            .map(|id| fault(format!("its source {} demands {id}, its terms are `{expression}`", asset.name)));
-        let unproven =
-            stated.map(|terms| fault(format!("its recipe says {terms} of {}, without evidence", asset.name)));
+        let lacking = ids.map(|id| {
+            fault(format!("its source {} requires {id}, its terms are `{expression}`", asset.name))
+        });
+        let unproven = stated
+            .map(|terms| fault(format!("its recipe states {terms} for {}, without evidence", asset.name)));
         return lacking.chain(unproven).collect();
     };
     if let Some(lacks) = grant.lacks() {
@@ -74,14 +75,14 @@ fn demanded_terms(
         serde_json::json!({ "granted_by": grant.granted_by, "url": grant.url, "date": grant.date });
     let evidence = scene.recipe.get("licence").and_then(|licence| licence.get("evidence"));
     if evidence != Some(&as_stated) || stated.and_then(Value::as_str) != Some(&grant.expression) {
-        return vec![fault(format!("the evidence for `{}` is none of its recipe", grant.expression))];
+        return vec![fault(format!("the evidence for `{}` is not in its recipe", grant.expression))];
     }
     match LicenceExpression::parse(&grant.expression) {
         Err(e) => vec![AuditFault::of_scene(FaultCode::LicenceInvalid, &scene.id, e.to_string())],
         Ok(granted) => {
             // An id in one alternative of an `OR` does not bind, so only demanded ids count.
             let ids = granted.ids().into_iter().filter(|id| granted.demands(id) && !expression.demands(id));
-            ids.map(|id| fault(format!("what it was granted demands {id}, its terms are `{expression}`")))
+            ids.map(|id| fault(format!("the granted terms require {id}, its terms are `{expression}`")))
                 .collect()
         }
     }
@@ -104,7 +105,7 @@ fn part_terms(
             faults.push(AuditFault::of_scene(
                 FaultCode::LicenceMissing,
                 &scene.id,
-                "its terms are not told part by part",
+                "its terms are not stated part by part",
             ));
         }
         Ok(terms) => {
@@ -128,7 +129,7 @@ fn part_terms(
         };
         if !known || !evidence.eq(part.evidence.iter().map(String::as_str)) {
             let message =
-                format!("what it says of the part of {} is not what is known of its source", part.asset);
+                format!("its statements on {} differ from the known terms of that source", part.asset);
             faults.push(AuditFault::of_file(FaultCode::ClaimsDisagree, &path, message));
         }
     }
@@ -149,7 +150,7 @@ fn of_tool(scene: &SceneRecord, tool: &LicensedTool) -> Option<AuditFault> {
         }
     };
     let id = ledger::find_tool(&tool.name)?.ids.iter().find(|id| !stated.demands(id))?;
-    let message = format!("{} is under {id}, and is said to be under `{stated}`", tool.name);
+    let message = format!("{} is under {id}, but scene.json states `{stated}`", tool.name);
     Some(AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message))
 }
 
@@ -157,7 +158,7 @@ fn of_tool(scene: &SceneRecord, tool: &LicensedTool) -> Option<AuditFault> {
 fn photo_faults(scene: &SceneRecord, tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let photos: BTreeSet<&str> = scene.images.iter().filter_map(|image| image.sha256.as_deref()).collect();
     let found = tree.intact.iter().filter(|(_, sha256)| photos.contains(*sha256));
-    let message = "it is a photo of the source, by its SHA-256";
+    let message = "its SHA-256 is that of a photo of the source";
     found
         .map(|(path, _)| AuditFault::of_file(FaultCode::LicenceForbidden, path, message).in_scene(&scene.id))
         .collect()
@@ -173,7 +174,7 @@ fn restricted_faults(
 ) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
-        let message = format!("its source {} must be gated, and it is not", asset.name);
+        let message = format!("its source {} must be gated, but the scene is not", asset.name);
         faults.push(AuditFault::of_scene(FaultCode::LicenceForbidden, &scene.id, message));
     }
     let reason = scene.licence.redistribution.as_deref().unwrap_or_default();
@@ -187,7 +188,7 @@ fn restricted_faults(
     let derived = tree.below(&folder).filter(|path| !is_metadata(path)).filter(is_own);
     faults.extend(derived.map(|path| {
         let message =
-            format!("it is derived from {}, and nothing says why this release may pass that on", asset.name);
+            format!("it is derived from {}, and no reason to redistribute it is stated", asset.name);
         AuditFault::of_file(FaultCode::LicenceForbidden, path, message).in_scene(&scene.id)
     }));
     faults
@@ -209,21 +210,24 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
         faults.push(AuditFault::of_file(
             FaultCode::LicenceTextMissing,
             &path(id),
-            "the licence is in use and has no text that is whole",
+            "the licence is in use, but its text is missing or damaged",
         ));
     }
     for id in shipped.difference(&used) {
         faults.push(AuditFault::of_file(
             FaultCode::LicenceUnused,
             &path(id),
-            "nothing here is under this licence",
+            "no file is under this licence",
         ));
     }
     // A conjunction of nothing panics.
     if !expressions.is_empty() {
         let whole = LicenceExpression::conjunction_of(expressions).to_string();
         if manifest.licence != whole {
-            let message = format!("its licence is `{}`, the scenes' together is `{whole}`", manifest.licence);
+            let message = format!(
+                "its licence is `{}`, the licences of the scenes together are `{whole}`",
+                manifest.licence
+            );
             faults.push(AuditFault::of_file(
                 FaultCode::ClaimsDisagree,
                 crate::release::manifest::NAME,
@@ -246,7 +250,7 @@ pub(super) fn reuse_faults(
             AuditFault::of_file(
                 FaultCode::Missing,
                 path,
-                "a release has one, and it is not there, or not whole",
+                "every release has this file; it is missing or damaged",
             )
         };
         if !tree.has(path) {
@@ -263,8 +267,11 @@ pub(super) fn reuse_faults(
     let wanted = reuse::compose_reuse(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
     // Without all scenes the wanted text is not known, and only the file's presence is checked.
     let known = scenes.len() == manifest.scenes.len();
-    let reuse =
-        holds(reuse::NAME, &|text| !known || text == wanted, "it does not say of files what the scenes say");
+    let reuse = holds(
+        reuse::NAME,
+        &|text| !known || text == wanted,
+        "its statements on files differ from those of the scenes",
+    );
     let sheet =
         holds(datasheet::NAME, &|text| text.contains(&whole), "it states other terms than the manifest");
     reuse.into_iter().chain(sheet).collect()

@@ -27,7 +27,7 @@ pub(super) fn walk_tree(dir: &Path) -> io::Result<TreeListing> {
         };
         let kind = entry.file_type();
         match below.to_str() {
-            None => odd("its name is no UTF-8 text"),
+            None => odd("its name is not UTF-8 text"),
             Some(_) if kind.is_symlink() => odd("it is a link; releases hold files and folders only"),
             Some(_) if kind.is_dir() => {
                 // The sums list files only and would not notice an empty folder.
@@ -38,7 +38,7 @@ pub(super) fn walk_tree(dir: &Path) -> io::Result<TreeListing> {
             Some(path) if kind.is_file() => {
                 listing.files.insert(path.to_owned());
             }
-            Some(_) => odd("it is neither file nor folder"),
+            Some(_) => odd("it is neither a file nor a folder"),
         }
     }
     Ok(listing)

@@ -10,7 +10,7 @@ const SCENE: [(&str, ColumnKind, &str, &str); 12] = [
     ("id", ColumnKind::Text, "$.id", "scene id, and its folder"),
     ("source", ColumnKind::Text, "$.source.kind", "kind of source that the poses come from"),
     ("licence", ColumnKind::Text, "$.licence.expression", "SPDX expression"),
-    ("attribution", ColumnKind::Text, "$.licence.attribution", "who is to be named"),
+    ("attribution", ColumnKind::Text, "$.licence.attribution", "names for attribution"),
     ("gated", ColumnKind::Flag, "$.licence.gated", "whether receivers must accept the upstream terms first"),
     ("width", ColumnKind::Whole, "$.camera.width", "width of the camera, px"),
     ("height", ColumnKind::Whole, "$.camera.height", "height of the camera, px"),
@@ -57,7 +57,7 @@ pub(super) fn index_records(splits: Option<&SplitPlan>) -> Value {
     if let (Some(field), Some(_)) = (split, splits) {
         field["references"] = json!({ "field": { "@id": format!("{SPLITS}/name") } });
     }
-    record_set("index", "a row a trajectory, and a row a sensor where several saw it", "id", &fields)
+    record_set("index", "one row per trajectory, or one row per sensor if it has several", "id", &fields)
 }
 
 /// Id of the record set of splits.
@@ -70,7 +70,8 @@ pub(super) fn split_records(splits: &SplitPlan) -> Value {
         "@type": "cr:Field", "@id": name, "name": "name", "description": "name of the split",
         "dataType": "sc:Text",
     });
-    let mut records = record_set(SPLITS, "the splits; scenes are dealt by what they show", "name", &[field]);
+    let mut records =
+        record_set(SPLITS, "the splits; scenes are assigned by capture or object", "name", &[field]);
     records["dataType"] = "cr:Split".into();
     records["data"] = splits.shares.keys().map(|split| json!({ name.as_str(): split })).collect();
     records
@@ -81,5 +82,5 @@ pub(super) fn scene_records(files: &str) -> Value {
     let from = |path: &str| json!({ "fileSet": { "@id": files }, "extract": { "jsonPath": path } });
     let fields =
         SCENE.iter().map(|(name, kind, path, what)| record_field("scenes", name, *kind, what, from(path)));
-    record_set("scenes", "a record a scene, from its scene.json", "id", &fields.collect::<Vec<_>>())
+    record_set("scenes", "one record per scene, from its scene.json", "id", &fields.collect::<Vec<_>>())
 }

@@ -112,10 +112,10 @@ impl AnswerContext<'_> {
             provenance.models().map(|(name, publication)| format!("{name} ({publication})")).collect();
         let sensors = match models.as_slice() {
             [] => String::new(),
-            models => format!(" and of the event sensor models {}", models.join(" and ")),
+            models => format!(" and the event sensor models {}", models.join(" and ")),
         };
         format!(
-            "An implementation of a renderer of Gaussian splats{sensors}, in one program. Every trajectory was checked; the verdicts are in \
+            "One program, which implements a renderer of Gaussian splats{sensors}. Every trajectory was checked; the verdicts are in \
              `checks.json`."
         )
     }
@@ -139,7 +139,7 @@ impl AnswerContext<'_> {
         if withheld > 0 {
             let _ = write!(
                 text,
-                " Of {withheld} scenes the release has only recipe, poses and reports, because the terms of their upstream \
+                " For {withheld} scenes the release has only recipe, poses and reports, because the terms of their upstream \
                  do not allow everyone to redistribute derived data."
             );
         }
@@ -172,7 +172,7 @@ impl AnswerContext<'_> {
         let FileCounts { withheld, .. } = self.facts.counts();
         let withheld = match withheld {
             0 => String::new(),
-            count => format!("All files that show {count} scenes are withheld. "),
+            count => format!("The pictures and events of {count} scenes are withheld. "),
         };
         let text = format!("{photos}{withheld}{}", self.taken_down());
         if text.is_empty() {
@@ -224,7 +224,7 @@ impl AnswerContext<'_> {
         };
         format!(
             "{} of {} checks passed ({}). The card lists those that did not; `checks.json` of each trajectory has all.{noise} \
-             No copies are known.",
+             No duplicates are known.",
             self.facts.passed(),
             self.facts.verdicts().values().sum::<usize>(),
             counted_list(&self.facts.verdicts())
@@ -267,10 +267,10 @@ impl AnswerContext<'_> {
             ("Over what time was it collected?", self.accessed()),
             ("Were there ethical reviews?", UNSTATED.to_owned()),
             ("Was it collected from persons directly, or through others?", self.upstreams()),
-            ("Were persons notified?", self.of_captures("No person is concerned.", UNKNOWN)),
-            ("Did they consent?", self.of_captures("No person is concerned.", UNKNOWN)),
+            ("Were persons notified?", self.of_captures("No persons are involved.", UNKNOWN)),
+            ("Did they consent?", self.of_captures("No persons are involved.", UNKNOWN)),
             ("Can they revoke consent?", self.removal()),
-            ("Was the impact on persons analysed?", self.of_captures("No person is concerned.", UNSTATED)),
+            ("Was the impact on persons analysed?", self.of_captures("No persons are involved.", UNSTATED)),
             ("Any other comments?", "None.".to_owned()),
         ]
     }
@@ -303,7 +303,7 @@ impl AnswerContext<'_> {
         if names.is_empty() {
             self.of_captures(
                 "Not from persons.",
-                "By the owners of the captures: see `licence` in each `scene.json`.",
+                "Through the owners of the captures: see `licence` in each `scene.json`.",
             )
         } else {
             format!("Captures are from {}.", names.join("; "))
@@ -349,7 +349,7 @@ impl AnswerContext<'_> {
             (
                 "Are there tasks it should not be used for?",
                 if self.facts.provenance().has_events() {
-                    "As a replacement for recordings of a sensor, for methods that will run on those."
+                    "As a replacement for recordings of a real sensor, for methods that will run on such recordings."
                         .to_owned()
                 } else {
                     UNSTATED.to_owned()
@@ -361,7 +361,7 @@ impl AnswerContext<'_> {
 
     pub(super) fn distribution(&self) -> Vec<DatasheetEntry> {
         let gated = if self.facts.licence.gated {
-            " Receivers must accept the terms of the upstreams first; the card has the form."
+            " Receivers must first accept the upstream terms; the card has the form."
         } else {
             ""
         };
@@ -392,8 +392,8 @@ impl AnswerContext<'_> {
         let unverified: Vec<&str> =
             self.facts.assets().iter().filter(|asset| !asset.verified).map(|asset| asset.name).collect();
         let mut text = match asked.as_slice() {
-            [] => "None is known.".to_owned(),
-            _ => format!("Together the terms ask for: {}.", asked.join(", ")),
+            [] => "No restrictions are known.".to_owned(),
+            _ => format!("Together the terms require: {}.", asked.join(", ")),
         };
         if !unverified.is_empty() {
             let _ = write!(text, " The terms of {} could not be verified in full.", unverified.join(", "));
@@ -409,7 +409,7 @@ impl AnswerContext<'_> {
             (
                 "Will it be updated?",
                 format!(
-                    "{} This is version {}; `gs2e diff` tells two versions apart.",
+                    "{} This is version {}; `gs2e diff` compares two versions.",
                     stated_or_silent(self.info.maintenance.as_ref()),
                     plain_text(&self.info.version)
                 ),
@@ -418,7 +418,7 @@ impl AnswerContext<'_> {
             ("Will older versions be supported?", UNSTATED.to_owned()),
             (
                 "Can others extend or contribute?",
-                "Each `scene.json` has its recipe in full, from which the same program makes the same bytes."
+                "Each `scene.json` contains the full recipe, from which the same program makes the same bytes."
                     .to_owned(),
             ),
             ("Any other comments?", "None.".to_owned()),
@@ -426,4 +426,4 @@ impl AnswerContext<'_> {
     }
 }
 
-const SAMPLE: &str = "The scenes of its recipes; the publisher does not state how they were chosen.";
+const SAMPLE: &str = "The scenes of the recipes; the publisher does not state how they were chosen.";

@@ -193,7 +193,7 @@ pub(in crate::release) fn read_table(path: &Path) -> Result<IndexTable, ParquetE
     // The library panics on some damaged files instead of returning an error. No state outlives the
     // call.
     let read = AssertUnwindSafe(|| decode_table(files::open_with(path, LinkRule::Refuse)?));
-    let damaged = |_| Err(ParquetError::General("it is damaged, in a way that stops its reader".into()));
+    let damaged = |_| Err(ParquetError::General("it is damaged and cannot be decoded".into()));
     catch_unwind(read).unwrap_or_else(damaged)
 }
 
@@ -230,13 +230,13 @@ fn text_bytes(cell: &CellValue) -> usize {
 }
 
 fn over(error: OverBudget) -> ParquetError {
-    ParquetError::General(format!("its cells would take {error}"))
+    ParquetError::General(format!("its cells would need {error}"))
 }
 
 /// Compares the rows and pages that a file claims to have with its bytes, and takes their memory
 /// from the budget.
 fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut ByteBudget) -> Result<(), ParquetError> {
-    let negative = |_| ParquetError::General("it says that it has less than nothing".to_owned());
+    let negative = |_| ParquetError::General("it states a negative size".to_owned());
     for group in metadata.row_groups() {
         let rows = usize::try_from(group.num_rows()).map_err(negative)?;
         // The memory of the rows as they are read below.

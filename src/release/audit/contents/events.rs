@@ -57,7 +57,7 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     let size = folder.camera.size;
     let mut counted = StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0 };
     if reader.header().is_none_or(|header| header.size != size) {
-        counted.faults = Some(format!("its sensor is not the {size} of scene.json"));
+        counted.faults = Some(format!("its sensor does not have the size {size} of scene.json"));
     }
     // The size is a claim of a tree that may be forged.
     size.check_sensor().map_err(|e| EventFileError::Container(format!("a sensor of {e}")))?;
@@ -101,7 +101,7 @@ fn misplaced_event(folder: &TrajectoryFolder<'_>, previous: Option<&Event>, even
     } else if t_us > end_us {
         Some(format!("is at {t_us} us, after the last stamp {end_us} us"))
     } else if previous.is_some_and(|before| before.file_order() > event.file_order()) {
-        Some("does not sort behind the one before it".into())
+        Some("is out of order".into())
     } else {
         None
     }

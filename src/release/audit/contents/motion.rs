@@ -61,7 +61,8 @@ fn poses_agree(
         |name: &str, message: String| faults.push(folder.fault(FaultCode::ClaimsDisagree, name, message));
     let found = &trajectory.stamps_us;
     if let Some(stamps) = stamps.filter(|stamps| stamps != found) {
-        let message = format!("its {} stamps are not those of the {} poses", stamps.len(), found.len());
+        let message =
+            format!("its {} time stamps differ from those of the {} poses", stamps.len(), found.len());
         disagree("timestamps_us.txt", message);
     }
     let part = folder.part;
@@ -87,13 +88,13 @@ fn pace_fault(
     let (rate, found) = (&folder.part.rate, &trajectory.stamps_us);
     let disagree = |message: String| Some(folder.fault(FaultCode::ClaimsDisagree, "poses.txt", message));
     let Ok(hertz) = rate.parse().map(Hertz) else {
-        return disagree(format!("scene.json gives the rate as `{rate}`"));
+        return disagree(format!("scene.json states the rate `{rate}`, which is not a number"));
     };
     if let Some(report) = report.filter(|report| report.meaning == SpeedMeaning::FrameRate) {
         // Under a law of frame rates the stamps follow from the speeds, and no rate alone gives
         // them.
         let same = stamps_us(hertz, report.meaning, &report.u) == *found;
-        let message = || format!("its stamps are not those of the frame rates that {SPEED} asks for");
+        let message = || format!("its time stamps differ from the frame rates in {SPEED}");
         return if same { None } else { disagree(message()) };
     }
     let (j, t) = (0..).zip(found).find(|(j, t)| hertz.stamp_us(*j) != **t)?;
@@ -153,11 +154,7 @@ fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i6
     let frames = stated.and_then(|frames| u32::try_from(frames).ok()).filter(|frames| *frames > 0);
     let wanted = frames.map_or(Vec::new(), |frames| exposure::exposure_centres(stamps.len(), frames));
     if found != wanted.iter().copied().map(Some).collect::<Vec<_>>() {
-        return Some(format!(
-            "it names {} blurred pictures, scene.json has room for {}",
-            found.len(),
-            wanted.len()
-        ));
+        return Some(format!("it lists {} blurred pictures, scene.json gives {}", found.len(), wanted.len()));
     }
     let seconds: Vec<f64> = stamps.iter().map(|t_us| *t_us as f64 * 1e-6).collect();
     blurred.zip(wanted).find_map(|(frame, pose)| {
@@ -169,7 +166,7 @@ fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i6
         let timed = near("exposure_start_us", open[0]) && near("exposure_end_us", open[1]);
         (!timed || frame["t_us"].as_i64() != Some(stamps[pose])).then(|| {
             format!(
-                "the exposure of blur/{pose:06}.png is not that of {} frames around its pose",
+                "the exposure of blur/{pose:06}.png does not span {} frames around its pose",
                 frames.unwrap_or(0)
             )
         })
@@ -203,6 +200,6 @@ fn speeds_agree(
     report: &SpeedReport,
 ) -> Option<AuditFault> {
     let (told, found) = (report.poses, trajectory.stamps_us.len());
-    let message = || format!("it is about {told} poses, there are {found}");
+    let message = || format!("it covers {told} poses, poses.txt has {found}");
     (told != found).then(|| folder.fault(FaultCode::ClaimsDisagree, SPEED, message()))
 }

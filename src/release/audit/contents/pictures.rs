@@ -65,7 +65,7 @@ fn picture_fault(folder: &TrajectoryFolder<'_>, kind: &str, name: &str) -> Optio
         Ok(_) => Some(folder.fault(
             FaultCode::NotComposed,
             name,
-            "it holds more than its picture, or in another form: this program writes the same picture in other bytes",
+            "it holds more than its picture, or another encoding: this program writes different bytes for the same picture",
         )),
         Err(message) => Some(folder.fault(FaultCode::Unreadable, name, message)),
     }
@@ -88,7 +88,7 @@ fn check_numbers(kind: &str, size: Size, mut bytes: &[u8]) -> Result<Vec<u8>, St
     let values = npy::read_values(&shape, &mut bytes).map_err(|e| e.to_string())?;
     let sound = |v: &f32| v.is_nan() || v.is_finite() && (kind == "flow" || *v > 0.0);
     if let Some(v) = values.iter().find(|v| !sound(v)) {
-        return Err(format!("it holds {v}, which is no {kind}"));
+        return Err(format!("it holds {v}, which is not a valid {kind}"));
     }
     let mut again = Vec::new();
     npy::write_values(&shape, &values, &mut again).expect("a Vec takes any bytes");

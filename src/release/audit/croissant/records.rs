@@ -15,12 +15,13 @@ pub(super) fn audit_records(file: &Value, subject: &CroissantSubject<'_>) -> Vec
         if fields.is_empty() {
             faults.push(croissant_fault(
                 FaultCode::CroissantField,
-                format!("the records {} have no field", node_id(set)),
+                format!("the record set {} has no fields", node_id(set)),
             ));
         }
         for key in node_list(&set["key"]).iter().map(node_id) {
             if !fields.iter().any(|field| node_id(field) == key) {
-                let message = format!("the key of {} is {key:?}, which is none of its fields", node_id(set));
+                let message =
+                    format!("the key of {} is {key:?}, which is not one of its fields", node_id(set));
                 faults.push(croissant_fault(FaultCode::CroissantReference, message));
             }
         }
@@ -39,7 +40,10 @@ pub(super) fn audit_records(file: &Value, subject: &CroissantSubject<'_>) -> Vec
 fn audit_written(field: &Value, set: &Value) -> Option<AuditFault> {
     let lacking = node_list(&set["data"]).iter().find(|record| !record[node_id(field)].is_string());
     lacking.map(|record| {
-        croissant_fault(FaultCode::CroissantColumn, format!("{} is in no form in {record}", node_id(field)))
+        croissant_fault(
+            FaultCode::CroissantColumn,
+            format!("{} is missing or not a text in {record}", node_id(field)),
+        )
     })
 }
 
@@ -48,7 +52,7 @@ fn audit_reference(field: &Value, file: &Value) -> Option<AuditFault> {
     let wanted = field["references"]["field"]["@id"].as_str()?;
     let mut fields = node_list(&file["recordSet"]).iter().flat_map(|set| node_list(&set["field"]));
     let found = fields.any(|field| node_id(field) == wanted);
-    let message = || format!("{} refers to {wanted:?}, which is nothing here", node_id(field));
+    let message = || format!("{} refers to {wanted:?}, which is not defined", node_id(field));
     (!found).then(|| croissant_fault(FaultCode::CroissantReference, message()))
 }
 
@@ -74,7 +78,7 @@ fn audit_field(
     // A field has one of the two. With both, the joined id would match no node.
     let origin = [&source["fileObject"], &source["fileSet"]].map(node_id).concat();
     if origin.is_empty() || !node_list(&file["distribution"]).iter().any(|node| node_id(node) == origin) {
-        let message = format!("{} is taken from {origin:?}, which is nothing here", node_id(field));
+        let message = format!("{} is taken from {origin:?}, which is not defined", node_id(field));
         return Some(croissant_fault(FaultCode::CroissantReference, message));
     }
     let stated = field["dataType"].as_str().unwrap_or_default();
@@ -82,7 +86,7 @@ fn audit_field(
     let problem = match (extract["column"].as_str(), extract["jsonPath"].as_str()) {
         (Some(column), None) if origin == index::NAME => of_column(column, stated, subject),
         (None, Some(path)) => scenes.iter().find_map(|scene| of_path(path, stated, scene)),
-        _ => Some("is taken from nowhere that is known".to_owned()),
+        _ => Some("has no known source".to_owned()),
     };
     problem
         .map(|problem| croissant_fault(FaultCode::CroissantColumn, format!("{} {problem}", node_id(field))))
@@ -95,7 +99,7 @@ fn of_column(column: &str, stated: &str, subject: &CroissantSubject<'_>) -> Opti
         Some(found) => found,
         None => return Some(format!("is the column {column:?}, which is not in {}", index::NAME)),
     };
-    let found = kind.map_or("none that is known", data_type);
+    let found = kind.map_or("of unknown type", data_type);
     (found != stated).then(|| format!("is {stated}, the column {column} is {found}"))
 }
 
@@ -104,7 +108,9 @@ fn of_path(path: &str, stated: &str, scene: &Value) -> Option<String> {
     // The paths that this program writes have plain names only, so a JSON pointer can follow them.
     let pointer = path.strip_prefix('$').unwrap_or(path).replace('.', "/");
     let found = match scene.pointer(&pointer) {
-        None => return Some(format!("is at {path}, which is not in the scene.json of {}", scene["id"])),
+        None => {
+            return Some(format!("is taken from {path}, which is not in the scene.json of {}", scene["id"]));
+        }
         Some(found) => found,
     };
     let fits = match stated {
@@ -114,5 +120,5 @@ fn of_path(path: &str, stated: &str, scene: &Value) -> Option<String> {
         "sc:Boolean" => found.is_boolean(),
         _ => false,
     };
-    (!fits).then(|| format!("is {stated}, and {found} in the scene.json of {}", scene["id"]))
+    (!fits).then(|| format!("is {stated}, but {found} in the scene.json of {}", scene["id"]))
 }
