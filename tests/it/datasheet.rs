@@ -78,8 +78,8 @@ fn numbers_are_those_of_the_tree() {
         entries.filter(|entry| entry.path().parent().is_some_and(|folder| folder.ends_with(kind))).count()
     };
     let wanted = format!(
-        "1 scenes (1 procedural) with 2 trajectories of 60 poses together; in the release are 2 event streams with \
-         {events} events, and {} sharp frames, {} blurred frames, {} depth images, {} flow images.",
+        "1 scenes (1 procedural) with 2 trajectories: 60 poses, {events} events in 2 streams, {} sharp frames, {} blurred \
+         frames, {} depth images, {} flow images.",
         pictures("sharp"),
         pictures("blur"),
         pictures("depth"),

@@ -46,8 +46,10 @@ fn each_instance_gets_a_short_recipe_that_builds() {
     assert_eq!(steps.iter().filter(|(step, _)| step.ends_with("/mini-2/events")).count(), 12);
     // One scene through to the release: shorter, smaller, and with its owner's permission.
     let defaults = String::from_utf8(files["defaults.yaml"].clone()).unwrap();
-    assert!(defaults.contains("refine: { window: 2, factor: 5, curve: cubic }"), "{defaults}");
-    let defaults = defaults.replace("frames: 150", "frames: 4") + "camera: { width: 32, height: 18 }\n";
+    for line in ["speed: { flow: { px_s: 400 } }", "sampling: { tolerance: 0.1 }", "sharp: { every: 8 }"] {
+        assert!(defaults.contains(line), "{line}: {defaults}");
+    }
+    let defaults = defaults.replace("px_s: 400", "px_s: 4000") + "camera: { width: 32, height: 18 }\n";
     place.write("recipes/defaults.yaml", defaults);
     let steps = place.build("recipes/0_00000000.yaml");
     assert!(steps.contains(&"mvimgnet/0/00000000/mini-2/events".to_owned()), "{steps:?}");
@@ -189,7 +191,7 @@ fn options_are_written_where_they_belong() {
     assert_eq!((count(&result, "written"), count(&result, "without_scene")), (10, 10));
     let files = files(&place.path("recipes"));
     let defaults = String::from_utf8(files["defaults.yaml"].clone()).unwrap();
-    assert!(defaults.contains("factor: 5/2"), "{defaults}");
+    assert!(defaults.contains("px_s: 800"), "{defaults}");
     let (name, recipe) = files.iter().find(|(name, _)| name.starts_with("1_")).unwrap();
     let name = name.strip_suffix(".yaml").unwrap().replace('_', "/");
     let wanted = format!(
@@ -199,7 +201,7 @@ fn options_are_written_where_they_belong() {
     assert_eq!(String::from_utf8(recipe.clone()).unwrap(), wanted);
     let refused = place.gs2e("init mvimgnet data --to recipes --pace mild");
     assert_eq!(refused.code, 2, "{}", refused.stderr);
-    assert!(refused.stderr.contains("defaults.yaml, which is there"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("defaults.yaml, which exists"), "{}", refused.stderr);
     // If the defaults define the reconstruction, the recipes do not.
     place.write("others/defaults.yaml", "reconstruct: { given: { path: one.ply } }\n");
     init(&place, "mvimgnet data --to others --limit 1");

@@ -319,3 +319,56 @@ fn all_ways_of_refining_are_read() {
     assert!(other.window != usual.window && other.order != usual.order && other.rotation != usual.rotation);
     assert!(other.ends != usual.ends && other.gaps != usual.gaps && other.literal != usual.literal);
 }
+
+#[test]
+fn the_papers_preset_is_what_the_paper_does() {
+    let long = "version: 1\nscene: a\nsource: { procedural: {} }\ntrajectories: [{ name: base, refine: { window: 2, factor: 5 }, \
+                speed: { function: \"0.25*sin(t) + 1.1\" } }]\nsampling: { rate: 2400, between: linear }\nrender: { rules: official }\n\
+                sensor: { voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } } }\noutputs: [events, sharp]\n";
+    let short = "version: 1\nscene: a\nsource: { procedural: {} }\ntrajectories: [{ name: base, refine: {} }]\npreset: paper\n";
+    assert_eq!(said(recipe(short).unwrap()), said(recipe(long).unwrap()));
+    let other = short.replace("paper", "papers");
+    assert!(recipe(&other).unwrap_err().render_text().contains("preset"), "another name is refused");
+    // The recipe's own keys override the preset.
+    let own = recipe(&format!("{short}sampling: {{ rate: 1200 }}\n")).unwrap();
+    assert_eq!(own.rate.0, Ratio::new(1200, 1).unwrap());
+    // Without trajectories the preset brings the paper's two.
+    let bare = recipe("version: 1\nscene: a\nsource: { procedural: {} }\npreset: paper\n").unwrap();
+    assert_eq!(bare.trajectories.len(), 1 + 3);
+}
+
+#[test]
+fn a_preset_stands_above_the_defaults_of_the_folder() {
+    let place = crate::support::workspace::Workspace::new();
+    place.write("r/defaults.yaml", "seed: 5\nsampling: { tolerance: 0.1 }\noutputs: [depth]\n");
+    place.write("r/a.yaml", "version: 1\nscene: a\nsource: { procedural: {} }\npreset: paper\n");
+    place.write(
+        "r/b.yaml",
+        "version: 1\nscene: b\nsource: { procedural: {} }\ntrajectories: [{ name: base, refine: {} }]\n",
+    );
+    let recipes = gs2e::recipe::read_all(&[place.path("r")]).unwrap();
+    let merged = |i: usize| &recipes[i].merged;
+    assert_eq!(merged(0)["sampling"]["tolerance"], serde_json::Value::Null);
+    assert_eq!(
+        (&merged(0)["outputs"], &merged(0)["seed"]),
+        (&serde_json::json!(["events", "sharp"]), &5.into())
+    );
+    assert_eq!(merged(1)["sampling"]["tolerance"], serde_json::json!(0.1));
+}
+
+#[test]
+fn durations_may_name_their_unit() {
+    let t = |text: &str| {
+        let yaml = format!(
+            "version: 1\nscene: a\nsource: {{ procedural: {{}} }}\ntrajectories: [{{ name: base, refine: {{ duration: {text} }} }}]\n"
+        );
+        recipe(&yaml).map(|recipe| refined(&recipe).count)
+    };
+    let wanted = PoseCount::Duration(Ratio::new(2, 1).unwrap());
+    for text in ["2", "2 s", "2s", "2000 ms", "2000ms"] {
+        assert_eq!(t(text).unwrap(), wanted, "{text}");
+    }
+    for text in ["2 m", "s", "2 s s", "-1 s", "0 s"] {
+        assert!(t(text).is_err(), "{text}");
+    }
+}
