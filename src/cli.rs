@@ -20,6 +20,7 @@ mod input;
 mod left_out;
 mod machine;
 mod message;
+mod open;
 mod output;
 mod plan;
 mod problem;
@@ -41,7 +42,7 @@ use crate::programs::{ProgramFinder, SUPERVISE};
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, GpuDevice, GpuError};
-use crate::{escape, files};
+use crate::{escape, files, recipe};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
@@ -52,7 +53,7 @@ use problem::VerbError;
 use renderers::{AutoRenderers, RendererChoice, RendererKind};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -75,6 +76,8 @@ enum VerbCommand {
     Plan(plan::PlanArgs),
     /// Show the parts of a step's key, and the changes since the step was last made
     Why(why::WhyArgs),
+    /// Print the paths of what was built
+    Open(open::OpenArgs),
     /// Show the verdicts of the validation passes
     Check(check::CheckArgs),
     /// Build the stale steps, check the results, and write the release
@@ -137,6 +140,9 @@ struct CommonArgs {
     /// Print failures only
     #[arg(short, long, global = true)]
     quiet: bool,
+    /// Print more: the work that each trajectory skipped
+    #[arg(short, long, global = true)]
+    verbose: bool,
     /// The whole command as typed, shown to other processes that wait for this one.
     #[arg(skip)]
     command: String,
@@ -236,21 +242,90 @@ fn no_adapter(error: &GpuError) -> VerbError {
 /// The recipes or folders that a verb works on.
 #[derive(Debug, Args)]
 struct RecipeTargets {
-    /// Recipes, or folders of recipes
-    #[arg(value_name = "RECIPE or DIR", default_value = Self::DEFAULT)]
+    /// Recipes, folders of recipes, or ids of scenes in `recipes`
+    #[arg(value_name = "RECIPE, DIR or SCENE", default_value = Self::DEFAULT)]
     recipes: Vec<PathBuf>,
 }
 
 impl RecipeTargets {
+    /// Replaces scene ids by the recipes of those scenes in the default folder. A word is a path if a
+    /// file or folder of that name exists, or if it ends like a recipe.
+    fn resolve(&mut self) -> Result<(), VerbError> {
+        let default = Path::new(Self::DEFAULT);
+        // Without the default folder, the reader reports the missing path.
+        if self.recipes.iter().all(|path| is_recipe_path(path)) || !files::is_there(default) {
+            return Ok(());
+        }
+        let known = recipe::read_all(&[default.to_owned()])?;
+        for path in self.recipes.iter_mut().filter(|path| !is_recipe_path(path)) {
+            let named = known.iter().find(|recipe| path.as_os_str() == recipe.scene.as_str());
+            let recipe = named.ok_or_else(|| {
+                let word = escape::path(path);
+                let what = format!("{word} is not a recipe, a folder, or a scene of {}", Self::DEFAULT);
+                VerbError::usage("no-scene", what).help("gs2e plan lists the scenes")
+            })?;
+            path.clone_from(&recipe.file.path);
+        }
+        Ok(())
+    }
+
     /// Default folder of recipes.
     const DEFAULT: &'static str = "recipes";
 }
 
-/// The command line as clap knows it: every verb and option with its help. `docs/cli.md` is
-/// generated from it.
+/// Returns true if a word names a recipe or a folder by its path, and not a scene by its id.
+fn is_recipe_path(path: &Path) -> bool {
+    files::is_there(path) || path.extension().is_some_and(|end| end == "yaml")
+}
+
+/// Returns the command line as clap knows it: every verb and option with its help, from which
+/// `docs/cli.md` is written.
 #[must_use]
 pub fn command_line() -> clap::Command {
-    Cli::command()
+    hide_irrelevant(Cli::command())
+}
+
+/// The common options that have an effect in some verbs only. All verbs accept them, so that scripts
+/// can pass one set of options; the help of a verb lists its own.
+const RELEVANT: [(&str, &[&str]); 9] = [
+    ("store", &["build", "plan", "why", "check", "release", "open", "gc", "study", "info"]),
+    ("jobs", &["build", "plan", "release", "audit", "render", "simulate", "stress", "study", "trajectory"]),
+    ("keep_going", &["build", "release"]),
+    ("backend", RENDERING),
+    ("gpu", RENDERING),
+    ("no_omit", &["build", "plan", "why", "check", "release", "open", "gc", "render", "study"]),
+    ("allow_commands", &["build", "release"]),
+    ("no_wait", &["build", "release", "gc"]),
+    ("verbose", &["build", "release"]),
+];
+
+/// Verbs that render, or that compute the keys of what is rendered.
+const RENDERING: &[&str] = &[
+    "build",
+    "plan",
+    "why",
+    "check",
+    "release",
+    "open",
+    "gc",
+    "render",
+    "study",
+    "stress",
+    "audit",
+    "trajectory",
+];
+
+fn hide_irrelevant(command: clap::Command) -> clap::Command {
+    let common: Vec<clap::Arg> = command.get_arguments().filter(|arg| arg.is_global_set()).cloned().collect();
+    command.mut_subcommands(|verb| {
+        let name = verb.get_name().to_owned();
+        let is_irrelevant = |arg: &&clap::Arg| {
+            let known = RELEVANT.iter().find(|(id, _)| arg.get_id() == *id);
+            known.is_some_and(|(_, verbs)| !verbs.contains(&name.as_str()))
+        };
+        // A common option that the verb has itself is not passed down to it, so it stays hidden.
+        verb.args(common.iter().filter(is_irrelevant).cloned().map(|arg| arg.hide(true)))
+    })
 }
 
 /// Runs the program with these arguments on the streams of the process. The first argument is the
@@ -304,7 +379,7 @@ pub fn run_on(
 }
 
 fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
-    let mut known = with_negative_numbers(Cli::command());
+    let mut known = with_negative_numbers(command_line());
     let mut matches = known.try_get_matches_from_mut(arguments)?;
     let mut cli = Cli::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut known))?;
     cli.common.command = typed_command(arguments);
@@ -332,7 +407,7 @@ fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
     // The parser repeats words unchanged, and a hidden character in them could act on the terminal.
     // So the words are parsed again in their visible form.
     let shown = arguments.iter().map(|word| OsString::from(visible(word)));
-    let again = with_negative_numbers(Cli::command()).try_get_matches_from(shown).err();
+    let again = with_negative_numbers(command_line()).try_get_matches_from(shown).err();
     // An escaped word may fail for another reason than the original; the original error counts
     // then.
     let error = again.filter(|again| again.kind() == error.kind()).unwrap_or(error);
@@ -374,6 +449,7 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Plan(verb) => verb.run(common, console),
         VerbCommand::Why(verb) => verb.run(common, console),
         VerbCommand::Check(verb) => verb.run(common, console),
+        VerbCommand::Open(verb) => verb.run(common, console),
         VerbCommand::Release(verb) => verb.run(common, console),
         VerbCommand::Audit(verb) => verb.run(common, console),
         VerbCommand::Diff(verb) => verb.run(console),

@@ -72,8 +72,9 @@ fn parse_share(text: &str) -> Result<f64, String> {
 }
 
 impl BuildArgs {
-    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+    pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
+        self.targets.resolve()?;
         let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
         if !is_there(&common.store) {
@@ -106,6 +107,11 @@ impl BuildArgs {
         summary.kept += settled;
         let faults = show_findings(&findings, console);
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
+        if exit_kind(&summary) == ExitKind::Done && summary.made > 0 {
+            console.say(
+                "`gs2e open` prints the paths of the files; `gs2e release --to DIR` writes them as a dataset",
+            );
+        }
         Ok(match exit_kind(&summary) {
             ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
             exit => exit,
@@ -259,7 +265,9 @@ impl BuildRequest<'_> {
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
         // The bars must be gone before the first line, or they would overwrite it.
         let EndSummary { failed, left_out } = progress.close();
-        left_out::show_left_out(&left_out, console);
+        if common.verbose {
+            left_out::show_left_out(&left_out, console);
+        }
         if common.keep_going && !failed.is_empty() {
             failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
         }

@@ -4,7 +4,7 @@ use super::build::store_options;
 use super::console::{Console, path};
 use super::problem::{ExitKind, VerbError};
 use super::verdicts::{count_line, findings_of_step};
-use super::{CommonArgs, RecipeTargets};
+use super::{CommonArgs, RecipeTargets, is_recipe_path};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
 use crate::plan::assess::assess_plan;
@@ -12,13 +12,13 @@ use crate::recipe;
 use crate::release::recheck::{RecheckError, recheck_tree};
 use crate::stage::{checks, scene_checks};
 use crate::store::{Store, StoreAccess};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
 pub(super) struct CheckArgs {
-    /// Scene ids [default: all]
-    #[arg(value_name = "SCENE")]
+    /// Scene ids, recipes, or folders of recipes [default: all]
+    #[arg(value_name = "SCENE, RECIPE or DIR")]
     scenes: Vec<String>,
     /// Recipes, or folders of recipes
     #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT)]
@@ -35,7 +35,10 @@ pub(super) struct CheckArgs {
 }
 
 impl CheckArgs {
-    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+    pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        if self.tree.is_none() {
+            self.take_paths();
+        }
         let findings = match &self.tree {
             Some(tree) if !tree.is_dir() => {
                 let what = format!("{} is no folder", path(tree));
@@ -50,6 +53,19 @@ impl CheckArgs {
             console.insist(&format!("error: {line}"));
         }
         Ok(if failed.is_empty() { ExitKind::Done } else { ExitKind::Fault })
+    }
+
+    /// Moves the words that are paths to the recipes.
+    fn take_paths(&mut self) {
+        let words = std::mem::take(&mut self.scenes).into_iter();
+        let (paths, scenes): (Vec<String>, Vec<String>) =
+            words.partition(|word| is_recipe_path(Path::new(word)));
+        self.scenes = scenes;
+        if !paths.is_empty() {
+            // Named recipes take the place of the default folder.
+            self.recipes.retain(|path| path != Path::new(RecipeTargets::DEFAULT));
+            self.recipes.extend(paths.into_iter().map(PathBuf::from));
+        }
     }
 
     /// Each check that failed, each required check that was not run, and each required check

@@ -46,7 +46,8 @@ pub(super) struct StepFile<'a> {
 }
 
 impl PlanArgs {
-    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+    pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        self.targets.resolve()?;
         let opening = StoreOptions { verify: self.verify, ..store_options(common, StoreAccess::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let chosen = common.renderers()?;

@@ -58,7 +58,8 @@ enum LinkArg {
 }
 
 impl ReleaseArgs {
-    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+    pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        self.targets.resolve()?;
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
         let mut beside = ReleaseContext::read(&self.targets.recipes)?;
