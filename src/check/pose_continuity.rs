@@ -9,7 +9,7 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::se3::rotation::angle_between;
+use crate::se3::rotation::relative_angle;
 use crate::stats::mean_median;
 use serde::{Deserialize, Serialize};
 
@@ -83,7 +83,7 @@ impl RelativeSteps {
         let asked = |j: usize| shares.get(j).copied().filter(|share| *share > 0.0).unwrap_or(1.0);
         let pairs = || (0..).zip(subject.trajectory.world_from_camera.windows(2));
         let linear = |w: &[crate::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
-        let angular = |w: &[crate::se3::Se3]| alpha * angle_between(w[0].rotation, w[1].rotation);
+        let angular = |w: &[crate::se3::Se3]| alpha * relative_angle(w[0].rotation, w[1].rotation);
         Self {
             linear: pairs().map(|(j, w)| linear(w) / asked(j)).collect(),
             angular: pairs().map(|(j, w)| angular(w) / asked(j)).collect(),

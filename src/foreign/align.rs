@@ -8,7 +8,7 @@
 //! and keeps its full error.
 
 use crate::se3::Se3;
-use crate::se3::rotation::{angle_between, exp_vector, log_vector};
+use crate::se3::rotation::{relative_angle, exp_vector, log_vector};
 use glam::{DQuat, DVec3};
 
 /// One camera in both worlds, camera to world.
@@ -54,7 +54,7 @@ pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
         .iter()
         .zip(arms)
         .map(|(own, (stated, found))| PoseDistance {
-            rotation: angle_between(*own, turn),
+            rotation: relative_angle(*own, turn),
             translation: (stated - scale * found).length(),
         })
         .collect()
@@ -62,7 +62,7 @@ pub fn pose_distances(pairs: &[CameraPair]) -> Vec<PoseDistance> {
 
 /// Returns the rotation with the minimum sum of angles to these; `None` for an empty list.
 fn median_rotation(rotations: &[DQuat]) -> Option<DQuat> {
-    let sum = |from: DQuat| rotations.iter().map(|r| angle_between(from, *r)).sum::<f64>();
+    let sum = |from: DQuat| rotations.iter().map(|r| relative_angle(from, *r)).sum::<f64>();
     // The start is the best of the given rotations, and only better ones follow.
     let start = rotations.iter().min_by(|a, b| sum(**a).total_cmp(&sum(**b)))?;
     let mut best = *start;

@@ -56,7 +56,7 @@ pub fn log_vector(q: DQuat) -> DVec3 {
 
 /// The angle between two rotations, 0 to pi.
 #[must_use]
-pub fn angle_between(a: DQuat, b: DQuat) -> f64 {
+pub fn relative_angle(a: DQuat, b: DQuat) -> f64 {
     let q = a.conjugate() * b;
     2.0 * atan2(DVec3::new(q.x, q.y, q.z).length(), q.w.abs())
 }
@@ -138,7 +138,7 @@ pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, M
 }
 
 fn within_quarter_turn(rotations: &[DQuat], mean: DQuat) -> Result<DQuat, MeanError> {
-    let widest = rotations.iter().map(|r| angle_between(mean, *r)).fold(0.0, f64::max);
+    let widest = rotations.iter().map(|r| relative_angle(mean, *r)).fold(0.0, f64::max);
     if widest > std::f64::consts::FRAC_PI_2 {
         return Err(MeanError::TooWide { degrees: widest * 180.0 / std::f64::consts::PI });
     }
@@ -193,8 +193,8 @@ mod tests {
         for t in [0.0, 1e-12, 1e-6, 0.7, 3.0, PI - 1e-9] {
             let b = a * exp_vector(AXES[2] * t);
             for (p, q) in [(a, b), (-a, b), (a, -b)] {
-                assert!((angle_between(p, q) - t).abs() < 5e-16, "{t}");
-                assert!((angle_between(slerp(p, q, 0.25), a) - t / 4.0).abs() < 1e-15);
+                assert!((relative_angle(p, q) - t).abs() < 5e-16, "{t}");
+                assert!((relative_angle(slerp(p, q, 0.25), a) - t / 4.0).abs() < 1e-15);
             }
         }
     }
@@ -205,10 +205,10 @@ mod tests {
         let turns: Vec<DQuat> =
             [-0.9, 0.1, 0.2, 1.0, 0.35].iter().map(|t| base * exp_vector(AXES[1] * *t)).collect();
         let mean = karcher_mean(&turns, turns[2]).unwrap();
-        assert!(angle_between(mean, base * exp_vector(AXES[1] * 0.15)) < 1e-15);
+        assert!(relative_angle(mean, base * exp_vector(AXES[1] * 0.15)) < 1e-15);
         let flipped: Vec<DQuat> =
             turns.iter().enumerate().map(|(i, q)| if i % 2 == 0 { -*q } else { *q }).collect();
-        assert!(angle_between(karcher_mean(&flipped, flipped[2]).unwrap(), mean) < 1e-15);
+        assert!(relative_angle(karcher_mean(&flipped, flipped[2]).unwrap(), mean) < 1e-15);
     }
 
     #[test]

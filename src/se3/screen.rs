@@ -88,7 +88,7 @@ fn nearest_rotation(matrix: DMat3) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::{angle_between, exp_vector};
+    use crate::se3::rotation::{relative_angle, exp_vector};
     use glam::DVec3;
 
     fn tilted() -> DMat3 {
@@ -107,7 +107,7 @@ mod tests {
                 let screened = rotation_from_matrix(&DMat3::from_quat(q)).unwrap();
                 // Some roundings of the matrix entries, 1.1e-16 each; an angle is twice the step of
                 // a quaternion.
-                assert!(angle_between(q, screened.rotation) < 2e-15, "{axis} {degrees}");
+                assert!(relative_angle(q, screened.rotation) < 2e-15, "{axis} {degrees}");
                 assert!(!screened.projected && screened.rotation.w >= 0.0);
             }
         }
@@ -120,7 +120,7 @@ mod tests {
         let screened = rotation_from_matrix(&(tilted() * s)).unwrap();
         let exact = rotation_from_matrix(&tilted()).unwrap();
         assert!(screened.projected && !exact.projected);
-        assert!(angle_between(screened.rotation, exact.rotation) < 1e-15);
+        assert!(relative_angle(screened.rotation, exact.rotation) < 1e-15);
     }
 
     #[test]

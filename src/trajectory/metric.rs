@@ -6,7 +6,7 @@
 
 use super::{NamedPose, TrajectoryError, refine::TranslationScale};
 use crate::se3::Se3;
-use crate::se3::rotation::angle_between;
+use crate::se3::rotation::relative_angle;
 use crate::se3::sum::NeumaierSum;
 use crate::stats::mean_median;
 use glam::{DMat3, DVec3};
@@ -57,7 +57,7 @@ impl MixedMetric {
     /// The distance between two poses.
     #[must_use]
     pub fn distance(self, a: &Se3, b: &Se3) -> f64 {
-        self.mix(angle_between(a.rotation, b.rotation), (b.translation - a.translation).length())
+        self.mix(relative_angle(a.rotation, b.rotation), (b.translation - a.translation).length())
     }
 
     /// `alpha * angular + beta / D * linear`, for angles and lengths or for their rates.

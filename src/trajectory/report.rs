@@ -7,7 +7,7 @@ use super::knots::{CaptureGap, MergedViews};
 use super::metric::{ALPHA, BETA, MixedMetric};
 use super::sample::{PoseSchedule, SummationRule, step_seconds};
 use super::travel::{PoseTiming, TravelPlan};
-use crate::se3::rotation::angle_between;
+use crate::se3::rotation::relative_angle;
 use crate::se3::spline::CurvePlace;
 use crate::se3::sum::NeumaierSum;
 use crate::se3::{Se3, Twist};
@@ -317,7 +317,7 @@ impl StepLengths {
     fn between_poses(poses: &[Se3], metric: MixedMetric) -> Self {
         let pairs = || poses.windows(2);
         let linear: Vec<f64> = pairs().map(|w| (w[1].translation - w[0].translation).length()).collect();
-        let angular: Vec<f64> = pairs().map(|w| angle_between(w[0].rotation, w[1].rotation)).collect();
+        let angular: Vec<f64> = pairs().map(|w| relative_angle(w[0].rotation, w[1].rotation)).collect();
         let mixed = angular.iter().zip(&linear).map(|(a, l)| metric.mix(*a, *l)).collect();
         Self { linear, angular, mixed }
     }

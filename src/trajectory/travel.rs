@@ -7,7 +7,7 @@ use super::report::{FlowReport, ReportInputs, SpeedReport};
 use super::sample::{PoseSchedule, SummationRule, places_by_chord};
 use super::{Trajectory, TrajectoryError, TrajectoryWarning};
 use crate::se3::Se3;
-use crate::se3::rotation::angle_between;
+use crate::se3::rotation::relative_angle;
 use crate::speed::SpeedChoice;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
@@ -259,7 +259,7 @@ fn speed_warnings(speed: &SpeedChoice, schedule: &PoseSchedule, poses: &[Se3]) -
     let slowest = schedule.speeds.iter().copied().fold(f64::INFINITY, f64::min);
     let ratio = schedule.speeds.iter().copied().fold(0.0, f64::max) / slowest;
     let degrees = || {
-        poses.windows(2).map(|w| angle_between(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees()
+        poses.windows(2).map(|w| relative_angle(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees()
     };
     let rough = speed.as_law().roughness().map(|because| TrajectoryWarning::Rough { because });
     let wide = (ratio > MILD_RANGE).then(|| TrajectoryWarning::SpeedRange { ratio, degrees: degrees() });

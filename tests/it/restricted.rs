@@ -66,7 +66,7 @@ fn without_permission_no_picture_is_released() {
     place.ok("audit tree");
     let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
     assert!(
-        card.contains("extra_gated_prompt") && card.contains("recipe, poses and reports alone"),
+        card.contains("extra_gated_prompt") && card.contains("only recipe, poses and reports"),
         "{card}"
     );
 }

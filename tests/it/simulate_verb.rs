@@ -297,11 +297,11 @@ fn labels_are_written_on_request() {
     // To a format without labels, and to one with labels.
     let refused = place.gs2e("convert e.h5 e.txt");
     assert_eq!(refused.code, 2);
-    assert!(refused.stderr.contains("labels: dropped, which events are signal"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("labels (signal or noise) are dropped"), "{}", refused.stderr);
     let told = place.ok("convert --lossy e.h5 e.txt");
-    assert!(format!("{}{}", told.stdout, told.stderr).contains("labels: dropped"));
+    assert!(format!("{}{}", told.stdout, told.stderr).contains("labels (signal or noise) are dropped"));
     let told = place.ok("convert --lossy e.h5 e.npz");
-    assert!(!format!("{}{}", told.stdout, told.stderr).contains("labels: dropped"));
+    assert!(!format!("{}{}", told.stdout, told.stderr).contains("labels (signal or noise) are dropped"));
     place.ok("convert e.npz back.h5 --size 24x16");
     assert_eq!(labels(&read_h5(&place.path("back.h5")).1), labels(&wanted));
     let refused = place.gs2e(&RIGHT.replace("e.txt", "l.txt --labels"));

@@ -4,7 +4,7 @@
 use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, named, orbit, refined, still, try_refined};
 use glam::DVec3;
-use gs2e::se3::rotation::{angle_between, exp_vector, log_vector, slerp};
+use gs2e::se3::rotation::{relative_angle, exp_vector, log_vector, slerp};
 use gs2e::se3::spline::CurvePlace;
 use gs2e::se3::{Se3, Twist};
 use gs2e::trajectory::curve::{CirclePath, CurveKind, MAX_DEGREE, PoseCurve};
@@ -94,7 +94,7 @@ fn rates_and_accelerations_are_derivatives() {
 
 /// Distance between two poses: of order 1 between neighbouring knots of the walk.
 fn apart(a: &Se3, b: &Se3) -> f64 {
-    (a.translation - b.translation).length() + angle_between(a.rotation, b.rotation)
+    (a.translation - b.translation).length() + relative_angle(a.rotation, b.rotation)
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_circle_keeps_its_distance_and_its_speed() {
         let seen = |p: &Se3| p.inverse().rotation * (centre - p.translation);
         assert!((seen(&pose) - seen(&start)).length() < 1e-14);
         assert!((twist.angular.length() - axis.length()).abs() < 1e-14);
-        assert!((angle_between(start.rotation, pose.rotation) - axis.length() * share).abs() < 1e-14);
+        assert!((relative_angle(start.rotation, pose.rotation) - axis.length() * share).abs() < 1e-14);
     }
 }
 
@@ -194,9 +194,9 @@ fn two_knots_make_a_line_and_a_slerp() {
                 // Both directions of a half turn are slerps.
                 let there = knots[1].rotation.conjugate() * knots[0].rotation;
                 let back = slerp(knots[0].rotation, knots[0].rotation * there, share);
-                let off = angle_between(pose.rotation, turned);
-                let is_half = angle_between(knots[0].rotation, knots[1].rotation) > PI - 1e-6;
-                let off = if is_half { off.min(angle_between(pose.rotation, back)) } else { off };
+                let off = relative_angle(pose.rotation, turned);
+                let is_half = relative_angle(knots[0].rotation, knots[1].rotation) > PI - 1e-6;
+                let off = if is_half { off.min(relative_angle(pose.rotation, back)) } else { off };
                 assert!(
                     (pose.translation - line).length() < 1e-14 && off < 1e-14,
                     "{curve:?}, {share}: {off:e}"
@@ -228,7 +228,7 @@ fn bezier_curves_find_planted_polynomials_of_their_degree() {
             let off = (pose.translation - cubic(s / whole)).length();
             assert!((off < tolerance) == (degree >= 3), "{degree}, {segment}: {off:e}");
             // Turns about one axis at a constant rate are a line of rotation vectors.
-            assert!(angle_between(pose.rotation, turned(s)) < tolerance, "{degree}, {segment}");
+            assert!(relative_angle(pose.rotation, turned(s)) < tolerance, "{degree}, {segment}");
         }
     };
     let few = [0.3, 1.2, 0.7, 0.2, 1.1, 0.5];

@@ -3,7 +3,7 @@
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing, try_refined};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{angle_between, exp_vector, slerp};
+use gs2e::se3::rotation::{relative_angle, exp_vector, slerp};
 use gs2e::trajectory::refine::{
     EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder, refine_views,
 };
@@ -52,7 +52,7 @@ fn one_pose_or_equal_poses_stand_still() {
         let poses = &got.trajectory.world_from_camera;
         assert!(poses.iter().all(|p| p == &poses[0]) && poses.len() == 40);
         assert!(
-            angle_between(poses[0].rotation, pose.rotation) < 1e-15
+            relative_angle(poses[0].rotation, pose.rotation) < 1e-15
                 && poses[0].translation == pose.translation
         );
         assert_eq!(got.warnings, [TrajectoryWarning::Still { views: views.len() }]);
@@ -69,7 +69,7 @@ fn two_views_make_a_line_and_a_slerp() {
     for (j, pose) in got.trajectory.world_from_camera.iter().enumerate() {
         let share = f64::from(u32::try_from(j).unwrap()) / 10.0;
         assert!((pose.translation - ends[0].translation.lerp(ends[1].translation, share)).length() < 1e-13);
-        assert!(angle_between(pose.rotation, slerp(ends[0].rotation, ends[1].rotation, share)) < 1e-13);
+        assert!(relative_angle(pose.rotation, slerp(ends[0].rotation, ends[1].rotation, share)) < 1e-13);
     }
 }
 
@@ -94,7 +94,7 @@ fn few_poses_start_at_the_start_and_end_at_the_end() {
         got.trajectory.world_from_camera
     };
     let near = |a: &Se3, b: &Se3| {
-        (a.translation - b.translation).length() < 1e-13 && angle_between(a.rotation, b.rotation) < 1e-13
+        (a.translation - b.translation).length() < 1e-13 && relative_angle(a.rotation, b.rotation) < 1e-13
     };
     let one = ends(1);
     assert!(one.len() == 1 && near(&one[0], &first), "{one:?} {first:?}");
@@ -186,9 +186,9 @@ fn a_half_turn_takes_the_axis_with_a_positive_leading_component() {
             );
             let leading = if axis.x + axis.y > 0.0 && axis.x >= 0.0 { axis } else { -axis };
             let halfway = got.trajectory.world_from_camera[1].rotation;
-            assert!(angle_between(halfway, exp_vector(leading * (PI / 2.0))) < 1e-6, "{axis} {short}");
+            assert!(relative_angle(halfway, exp_vector(leading * (PI / 2.0))) < 1e-6, "{axis} {short}");
             let end = got.trajectory.world_from_camera[2].rotation;
-            assert!(angle_between(end, poses[1].rotation) < 1e-13, "{axis} {short}");
+            assert!(relative_angle(end, poses[1].rotation) < 1e-13, "{axis} {short}");
         }
     }
 }
@@ -207,8 +207,8 @@ fn the_literal_rotation_mean_is_the_middle_of_the_window() {
     let params = RefinePath { rotation: RotationMean::SlerpMidpoint, ..frames(2) };
     let ends = refined(&views, &params, LAW).trajectory.world_from_camera;
     // w = 2: R_1 at the left end, and its mirror image at the right.
-    assert!(angle_between(ends[0].rotation, views[1].1.rotation) < 1e-15);
-    assert!(angle_between(ends[1].rotation, views[7].1.rotation) < 1e-15);
+    assert!(relative_angle(ends[0].rotation, views[1].1.rotation) < 1e-15);
+    assert!(relative_angle(ends[1].rotation, views[7].1.rotation) < 1e-15);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{angle_between, exp_vector};
+use gs2e::se3::rotation::{relative_angle, exp_vector};
 use gs2e::se3::spline::CurvePlace;
 use gs2e::trajectory::curve::{CubicPair, PoseCurve};
 use gs2e::trajectory::refine::{EndRule, RefinePath, RotationMean, refine_views};
@@ -12,7 +12,7 @@ use gs2e::trajectory::travel::PoseCount;
 use gs2e::trajectory::{NamedPose, PoseTiming};
 
 fn mixed(a: &Se3, b: &Se3, scale: f64) -> f64 {
-    angle_between(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
+    relative_angle(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
 }
 
 /// The curve through unsmoothed poses, with the mixed length of the chords as its parameter.

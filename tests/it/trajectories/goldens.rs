@@ -5,7 +5,7 @@ use super::{LAW, named, refined};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::arc_length::ArcLength;
-use gs2e::se3::rotation::angle_between;
+use gs2e::se3::rotation::relative_angle;
 use gs2e::se3::rotation_spline::RotationSpline;
 use gs2e::se3::spline::{CubicSegment, CubicSpline, CurvePlace};
 use gs2e::trajectory::curve::{CurveKind, PoseCurve};
@@ -58,7 +58,7 @@ fn both_splines_are_those_of_scipy() {
             let cubic = centres.segment(at.segment);
             close(cubic.value(at.x), case.value[i], 1e-9, &what("value"));
             close(cubic.slope(at.x), case.slope[i], 1e-9, &what("slope"));
-            let off = angle_between(rotations.rotation(at), DQuat::from_array(case.rotation_xyzw[i]));
+            let off = relative_angle(rotations.rotation(at), DQuat::from_array(case.rotation_xyzw[i]));
             assert!(off <= 1e-9, "{}: {off:e}", what("rotation"));
             close(rotations.rate(at), case.rate[i], 1e-9, &what("rate"));
             // SciPy's closed forms cancel below 0.1 rad: README.md of the goldens.
@@ -74,7 +74,7 @@ fn curves_are_twice_differentiable_at_their_knots() {
         let spline = RotationSpline::new(&case.steps, &quaternions).unwrap();
         for (i, h) in case.steps[..case.steps.len() - 1].iter().enumerate() {
             let (left, right) = (CurvePlace { segment: i, x: *h }, CurvePlace { segment: i + 1, x: 0.0 });
-            assert!(angle_between(spline.rotation(left), spline.rotation(right)) < 1e-14);
+            assert!(relative_angle(spline.rotation(left), spline.rotation(right)) < 1e-14);
             let jump = |a: DVec3, b: DVec3| (a - b).length() / a.length().max(1.0);
             let rate = jump(spline.rate(left), spline.rate(right));
             let acceleration = jump(spline.acceleration(left), spline.acceleration(right));
@@ -149,7 +149,7 @@ fn curves_are_those_of_scipy() {
             let what = |name: &str| format!("case {k}, {} {:?}, {at:?}, {name}", case.curve, case.degree);
             let (pose, twist, bend) = (curve.pose(at), curve.twist(at), curve.acceleration(at));
             close(pose.translation, case.centre[i], 1e-9, &what("centre"));
-            let off = angle_between(pose.rotation, DQuat::from_array(case.rotation_xyzw[i]));
+            let off = relative_angle(pose.rotation, DQuat::from_array(case.rotation_xyzw[i]));
             assert!(off <= 1e-9, "{}: {off:e}", what("rotation"));
             close(twist.linear, case.linear[i], 1e-9, &what("linear"));
             close(twist.angular, case.angular[i], 1e-9, &what("angular"));
@@ -231,7 +231,7 @@ fn a_refined_orbit_is_that_of_another_program() {
             got.trajectory.world_from_camera.iter().zip(poses.iter().copied().map(pose)).enumerate()
         {
             let (centre, turn) =
-                ((a.translation - b.translation).length(), angle_between(a.rotation, b.rotation));
+                ((a.translation - b.translation).length(), relative_angle(a.rotation, b.rotation));
             assert!(
                 centre < 1e-9 * want.length && turn < 1e-9,
                 "literal {literal}, {j}: {centre:e}, {turn:e}"

@@ -3,7 +3,7 @@
 use super::{LAW, Views, named, orbit, refined, still, try_refined};
 use glam::DVec3;
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::angle_between;
+use gs2e::se3::rotation::relative_angle;
 use gs2e::trajectory::TrajectoryError;
 use gs2e::trajectory::refine::{RefinePath, TranslationScale, ViewOrder};
 
@@ -58,7 +58,7 @@ fn an_offset_of_a_million_keeps_a_billionth_of_the_path() {
         // One rounding of a coordinate of 2e6 is 2.3e-10; the path is 5.7 long, in units of 2 scene
         // units.
         assert!((p.translation + offset - q.translation).length() < 5e-10);
-        assert!(angle_between(p.rotation, q.rotation) < 1e-14);
+        assert!(relative_angle(p.rotation, q.rotation) < 1e-14);
     }
 }
 

@@ -4,7 +4,7 @@ use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, law, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{angle_between, exp_vector};
+use gs2e::se3::rotation::{relative_angle, exp_vector};
 use gs2e::seed::Seed;
 use gs2e::trajectory::curve::CurveKind;
 use gs2e::trajectory::novel::{BaseTrajectory, GroupCurve, NovelGroup};
@@ -40,7 +40,7 @@ fn dense() -> MadeTrajectory {
 }
 
 fn near(a: &Se3, b: &Se3) -> bool {
-    (a.translation - b.translation).length() < 1e-13 && angle_between(a.rotation, b.rotation) < 1e-13
+    (a.translation - b.translation).length() < 1e-13 && relative_angle(a.rotation, b.rotation) < 1e-13
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn two_key_poses_make_a_line_and_a_slerp_for_every_curve() {
         let line = poses[0].translation.lerp(poses[149].translation, share);
         assert!((poses[49].translation - line).length() < 1e-12);
         let turned = gs2e::se3::rotation::slerp(poses[0].rotation, poses[149].rotation, share);
-        assert!(angle_between(poses[49].rotation, turned) < 1e-12);
+        assert!(relative_angle(poses[49].rotation, turned) < 1e-12);
     }
 }
 

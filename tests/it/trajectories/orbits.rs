@@ -2,7 +2,7 @@
 
 use super::{Views, law, named, orbit, timing};
 use glam::{DQuat, DVec3};
-use gs2e::se3::rotation::{angle_between, exp_vector};
+use gs2e::se3::rotation::{relative_angle, exp_vector};
 use gs2e::se3::{Se3, look_at};
 use gs2e::trajectory::curve::CurveKind;
 use gs2e::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
@@ -92,7 +92,7 @@ fn missing_keys_of_an_orbit_come_from_the_capture() {
     let end = made(&upright, &views, "1").unwrap().trajectory.world_from_camera[90];
     assert!(
         (end.translation - last.translation).length() < 1e-9
-            && angle_between(end.rotation, last.rotation) < 1e-9
+            && relative_angle(end.rotation, last.rotation) < 1e-9
     );
 }
 
@@ -149,13 +149,13 @@ fn poses_by_hand_are_passed() {
         // Half a step of a path of about 6 units in 90 steps.
         assert!(
             (nearest.translation - position).length() < 0.05
-                && angle_between(nearest.rotation, rotation) < 0.05
+                && relative_angle(nearest.rotation, rotation) < 0.05
         );
     }
     assert!((dense[0].translation - positions[0]).length() < 1e-14);
     assert!(
         (dense[90].translation - positions[3]).length() < 1e-14
-            && angle_between(dense[90].rotation, look) < 1e-14
+            && relative_angle(dense[90].rotation, look) < 1e-14
     );
     let jumps = got.report.knot_jumps.unwrap();
     assert!(jumps.c0 < 1e-12 && jumps.c1 < 1e-10 && jumps.c2 < 1e-8, "{jumps:?}");
@@ -188,5 +188,5 @@ fn a_turn_between_two_poses_is_the_shorter_one() {
     let path = hand(vec![turned(DVec3::ZERO), turned(DVec3::Z * 3.5)], CurveKind::Cubic);
     let poses = made(&path, &Vec::new(), "1").unwrap().trajectory.world_from_camera;
     let middle = Se3 { rotation: exp_vector(DVec3::Z * ((3.5 - 2.0 * PI) / 2.0)), translation: DVec3::ZERO };
-    assert!(angle_between(poses[45].rotation, middle.rotation) < 1e-13);
+    assert!(relative_angle(poses[45].rotation, middle.rotation) < 1e-13);
 }
