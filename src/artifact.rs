@@ -74,7 +74,10 @@ impl ArtifactFiles {
     /// The artifact has no such file.
     pub fn path(&self, name: &str) -> Result<&Path, ArtifactError> {
         let found = self.files.get(name).map(|file| file.path.as_path());
-        found.ok_or_else(|| ArtifactError { name: name.to_owned(), because: "it is not there".into() })
+        found.ok_or_else(|| ArtifactError {
+            name: name.to_owned(),
+            because: "the artifact has no such file".into(),
+        })
     }
 
     /// All names and paths, sorted by name.

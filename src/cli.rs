@@ -185,7 +185,7 @@ impl CommonArgs {
     fn clamp_jobs(&mut self, console: &Console) {
         let cores = u16::try_from(machine::available_cores()).unwrap_or(u16::MAX);
         if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
-            console.say(&format!("-j {jobs} is more than this machine has: {cores} cores are used"));
+            console.say(&format!("-j {jobs} exceeds the cores of this machine: using {cores} cores"));
             self.jobs = Some(cores);
         }
     }
@@ -202,10 +202,11 @@ impl CommonArgs {
             BackendArg::Gpu => {
                 self.device(&gpu::DeviceChoice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e))
             }
-            _ if self.gpu.is_some() => {
-                Err(VerbError::usage("no-adapter", "--gpu chooses among GPUs, and none renders".to_owned())
-                    .help("--backend gpu with it"))
-            }
+            _ if self.gpu.is_some() => Err(VerbError::usage(
+                "no-adapter",
+                "--gpu selects a GPU, but the backend is not a GPU".to_owned(),
+            )
+            .help("add --backend gpu")),
             BackendArg::Auto | BackendArg::Cpu => Ok(Backend::Cpu),
             BackendArg::Reference => Ok(Backend::Reference),
         }
@@ -236,7 +237,7 @@ enum BackendArg {
 
 /// The error for a requested GPU that is absent or cannot be used.
 fn no_adapter(error: &GpuError) -> VerbError {
-    VerbError::usage("no-adapter", error.to_string()).help("--backend cpu, or leave it out")
+    VerbError::usage("no-adapter", error.to_string()).help("use --backend cpu, or leave the option out")
 }
 
 /// The recipes or folders that a verb works on.
@@ -412,7 +413,7 @@ fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
     // then.
     let error = again.filter(|again| again.kind() == error.kind()).unwrap_or(error);
     let what = match error.kind() {
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "no verb is named".to_owned(),
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "no verb is given".to_owned(),
         _ => {
             let text = error.render().to_string();
             let first = text.split("\n\n").next().unwrap_or_default().trim_end();
@@ -440,7 +441,10 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
     // Before any path is used, so that all paths of the command line are relative to this folder.
     if let Some(directory) = &cli.common.directory {
         std::env::set_current_dir(directory).map_err(|e| {
-            VerbError::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
+            VerbError::usage(
+                "input-missing",
+                format!("failed to change to folder {}: {e}", directory.display()),
+            )
         })?;
     }
     let common = &cli.common;
@@ -479,7 +483,9 @@ fn on_interrupt() -> Result<Arc<AtomicBool>, VerbError> {
         // and then end the program.
         signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())
             .and_then(|_| signal_hook::flag::register(signal, flag.clone()))
-            .map_err(|e| VerbError::failed("signals", format!("interrupts cannot be handled: {e}")))?;
+            .map_err(|e| {
+                VerbError::failed("signals", format!("failed to install the handler of interrupts: {e}"))
+            })?;
     }
     Ok(flag)
 }

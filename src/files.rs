@@ -96,13 +96,13 @@ pub fn open_below(root: &Path, below: &Path) -> io::Result<File> {
         }
         // `NOFOLLOW` below would refuse a link as well, but with a message that does not name it.
         if type_at(folder.as_fd(), Path::new(name))? == FileType::Symlink {
-            return Err(invalid("a folder on its way is a link"));
+            return Err(invalid("a folder in its path is a link"));
         }
         // Relative to the open folder: a parent that is swapped in between cannot lead out of
         // `root`.
         folder = rustix::fs::openat(&folder, name, flags | OFlags::NOFOLLOW, Mode::empty())?;
     }
-    Err(invalid("a path that leads out of its folder"))
+    Err(invalid("the path leads out of its folder"))
 }
 
 /// Reads a whole regular file of at most `limit` bytes, following links.
@@ -207,9 +207,7 @@ fn follow_stat(path: &Path) -> io::Result<fs::Metadata> {
             invalid("a link to a file that does not exist")
         }
         // By number: the library has no stable kind for this error.
-        _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
-            invalid("links that lead in a circle")
-        }
+        _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => invalid("the links form a cycle"),
         _ => error,
     })
 }
@@ -321,7 +319,7 @@ mod tests {
         assert_eq!(refused("link-to-fifo"), "a FIFO, not a regular file");
         assert_eq!(refused("zero"), "a device, not a regular file");
         assert_eq!(refused("dangling"), "a link to a file that does not exist");
-        assert_eq!(refused("loop"), "links that lead in a circle");
+        assert_eq!(refused("loop"), "the links form a cycle");
     }
 
     #[test]
@@ -344,9 +342,9 @@ mod tests {
         assert_eq!(read("sub/inside").unwrap(), b"in");
         assert_eq!(read("./sub/inside").unwrap(), b"in");
         for out in ["../file", "sub/../../file", "sub/..", "", at("file").to_str().unwrap()] {
-            assert_eq!(read(out).unwrap_err(), "a path that leads out of its folder", "{out}");
+            assert_eq!(read(out).unwrap_err(), "the path leads out of its folder", "{out}");
         }
-        assert_eq!(read("up/file").unwrap_err(), "a folder on its way is a link");
+        assert_eq!(read("up/file").unwrap_err(), "a folder in its path is a link");
         assert_eq!(read("link").unwrap_err(), "a link, not a regular file");
         assert_eq!(read("sub").unwrap_err(), "a folder, not a regular file");
         let absent = read_below(&root, Path::new("sub/none"), 7).unwrap_err();

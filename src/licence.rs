@@ -173,7 +173,7 @@ pub fn is_metadata(path: &str) -> bool {
 
 /// The reason why a text is not a licence.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is no SPDX licence expression: {because}")]
+#[error("`{text}` is not an SPDX licence expression: {because}")]
 pub struct LicenceError {
     /// The text.
     pub text: String,
@@ -216,7 +216,7 @@ pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
             let who =
                 if name.eq_ignore_ascii_case(kind) { kind.to_owned() } else { format!("{kind} ({name})") };
             warnings.push(format!(
-                "{who} forbids passing on what is made from it: such scenes are released as recipe, poses and reports, \
+                "{who} forbids redistribution of derived data: such scenes are released as recipe, poses and reports, \
                  unless sources.yaml says {kind}: {{ redistribute: allowed, because: … }}"
             ));
             Redistributability::Withheld

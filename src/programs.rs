@@ -157,7 +157,7 @@ fn find_in(folders: &[PathBuf], program: &Path) -> io::Result<PathBuf> {
             && rustix::fs::access(file, Access::EXEC_OK).is_ok()
     };
     folders.iter().map(|folder| folder.join(program)).find(is_program).ok_or_else(|| {
-        io::Error::new(io::ErrorKind::NotFound, "no absolute folder of PATH has a program of this name")
+        io::Error::new(io::ErrorKind::NotFound, "no absolute folder in PATH has a program with this name")
     })
 }
 

@@ -99,7 +99,7 @@ impl fmt::Display for SamplingChoice {
         let between = between.name();
         write!(
             f,
-            "{frames} frames ({between}) and {pilot_frames} to choose them, error {achieved:.4} of {tolerance}"
+            "{frames} frames ({between}), chosen with {pilot_frames} pilot frames; error {achieved:.4}, tolerance {tolerance}"
         )
     }
 }

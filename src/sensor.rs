@@ -68,7 +68,7 @@ fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
     }
     let [x, y] = origin;
     Err(SensorError::Setup(format!(
-        "frames of {size} at ({x}, {y}) reach beyond the 65536 columns and rows of events"
+        "frames of {size} at ({x}, {y}) exceed the 65536 columns and rows that events can address"
     )))
 }
 

@@ -235,7 +235,7 @@ pub enum StageError {
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
     /// The step would run programs without permission.
-    #[error("run a program that the recipe names: it is not allowed to")]
+    #[error("run a program that the recipe names: not allowed")]
     Refused {
         /// The commands, one per line.
         programs: Vec<String>,

@@ -63,7 +63,7 @@ pub enum StoreError {
         source: std::io::Error,
     },
     /// The database reported an error.
-    #[error("the state database {}: {source}", path.display())]
+    #[error("using the state database {}: {source}", path.display())]
     State {
         /// The file.
         path: PathBuf,

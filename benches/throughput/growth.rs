@@ -241,7 +241,11 @@ impl Axis {
     pub(crate) fn table(&self) -> String {
         let mut lines = vec![
             format!("**{}** {}:\n", self.name, self.what),
-            format!("| {} | core-s | median | {} | events | blended a pixel |", self.name, PARTS.join(" | ")),
+            format!(
+                "| {} | core-s | median | {} | events | blended per pixel |",
+                self.name,
+                PARTS.join(" | ")
+            ),
             format!("|{}", "---|".repeat(PARTS.len() + 5)),
         ];
         for point in &self.points {

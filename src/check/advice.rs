@@ -5,45 +5,41 @@
 pub fn advice(check: &str) -> &'static str {
     match check {
         "schema" | "refractory" | "drift_identity" | "stamps" => {
-            "rebuild the trajectory: `gs2e build --verify`; if the finding stays, it is a defect of gs2e: report it"
+            "rebuild the trajectory: `gs2e build --verify`; if the finding remains, it is a bug in gs2e: report it"
         }
         "duplicates" => "raise the sensor's thresholds or its dead time",
         "coverage" => {
-            "look at the views of the path in report.html; move its centre, its distance or its arc towards the scene"
+            "check the views along the path in report.html; change its centre, distance or arc so that it faces the scene"
         }
         "event_rate" => {
-            "compare the thresholds with the contrast of the frames (`gs2e study thresholds`), and look at the views of the path"
+            "compare the thresholds with the contrast of the frames (`gs2e study thresholds`), and check the views along the path in report.html"
         }
         "polarity" => {
-            "look for a change of brightness along the path, or for thresholds that differ by mistake"
+            "check for a brightness change along the path, and for ON and OFF thresholds that differ by mistake"
         }
-        "batching" => "ask for more frames: `sampling: { tolerance: 0.1 }`, or a higher `sampling.rate`",
-        "hot_pixels" => "lower the share of hot pixels of the sensor, or its noise",
+        "batching" => "use more frames: `sampling: { tolerance: 0.1 }`, or a higher `sampling.rate`",
+        "hot_pixels" => "lower the sensor's share of hot pixels, or its noise",
         "structure" => "the events look like noise: lower the sensor's noise, or its thresholds",
         "event_frame" => {
-            "ask for more frames: `sampling: { tolerance: 0.1 }`; then compare sharp/ with the events in report.html"
+            "use more frames: `sampling: { tolerance: 0.1 }`; then compare sharp/ with the events in report.html"
         }
-        "motion" => {
-            "slow the path down or ask for more frames, so that events follow the motion of the picture"
-        }
-        "time_offset" => "compare the stamps of the frames with those of the events",
-        "noise_floor" => "set the noise of the sensor that the camera has: docs/sensors.md",
+        "motion" => "slow the path down or use more frames, so that events follow the image motion",
+        "time_offset" => "compare the time stamps of the frames with those of the events",
+        "noise_floor" => "set the sensor's noise parameters to those of your camera: docs/sensors.md",
         "sampling" => {
-            "let the path decide the number of frames: `sampling: { tolerance: 0.1 }`, or a slower `speed: { flow: { px_s: 400 } }`"
+            "let gs2e choose the number of frames: `sampling: { tolerance: 0.1 }`, or slow the path down: `speed: { flow: { px_s: 400 } }`"
         }
         "affine" => {
-            "keep the path away from large Gaussians near the camera: a larger distance, or another arc"
+            "keep the path away from large Gaussians near the camera: use a larger distance, or another arc"
         }
-        "readback" => "look at the named reader's report; the files may be damaged",
+        "readback" => "check the report of the named program; the files may be damaged",
         "pose_continuity" => "smooth the path: a larger `refine.window`, or fewer keyframes",
         "pose_colmap" | "pose_opencv" => {
             "compare the poses and the camera of the source with those of the photos"
         }
-        "speed" => {
-            "look at speed.json; a longer `refine.window` or fewer poses make the path easier to follow"
-        }
-        "recon_psnr" => "train the scene longer, or leave out photos that it cannot explain",
-        "capture" => "look at the photos and poses that are named; `gs2e init --exclude` leaves photos out",
+        "speed" => "check speed.json; a longer `refine.window` or fewer poses make the path easier to follow",
+        "recon_psnr" => "train the scene longer, or exclude photos that it cannot reproduce",
+        "capture" => "check the named photos and poses; `gs2e init --exclude` leaves photos out",
         _ => "",
     }
 }

@@ -34,12 +34,12 @@ impl ValidationPass for AffinePass {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(measured) = subject.doubtful_share else {
-            return vec![subject.not_run(NAME, "", "no Gaussian was drawn that could be judged")];
+            return vec![subject.not_run(NAME, "", "no visible Gaussian could be measured")];
         };
         let limit =
             LimitSide::limit_or(subject.limits.affine.and_then(|l| l.max), LimitSide::warning(MAX_SHARE));
         let because = format!(
-            "{:.2} % of the picture is made by Gaussians whose depth varies by more than a tenth of their distance",
+            "{:.2} % of the picture comes from Gaussians too deep for their distance (depth deviation above a tenth of it)",
             100.0 * measured
         );
         let judged = Judgement {

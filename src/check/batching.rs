@@ -46,7 +46,7 @@ impl ValidationPass for BatchingPass {
         };
         let frames = subject.trajectory.stamps_us.len().max(1) as f64;
         if tally.events < MIN_EVENTS || (tally.events as f64) < MIN_PER_FRAME * frames {
-            let because = format!("{} events in {frames} frames are too few to show a pattern", tally.events);
+            let because = format!("{} events in {frames} frames are too few to test", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         }
         vec![judge_times(subject, tally, frames), judge_phase(subject, tally)]
@@ -57,8 +57,10 @@ fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64
     let limits = subject.limits.batching.unwrap_or_default();
     let limit = LimitSide::limit_or(limits.unique_per_frame, LimitSide::gate(UNIQUE_PER_FRAME));
     let measured = tally.distinct_us as f64 / frames;
-    let because =
-        format!("{} events have {} distinct times in {frames} frames", tally.events, tally.distinct_us);
+    let because = format!(
+        "{} events have {} distinct times in {frames} frames; about one per frame means that frames set the times",
+        tally.events, tally.distinct_us
+    );
     let verdict = limit.at_least(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
     subject.finding(NAME, "times", Judgement { verdict, measured, limit, unit: "1/frame", because })
@@ -71,7 +73,9 @@ fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding 
     let mean = tally.events as f64 / bins;
     let variance = tally.phases.iter().map(|n| (*n as f64 - mean) * (*n as f64 - mean)).sum::<f64>() / bins;
     let measured = variance.sqrt() / mean;
-    let because = format!("event counts vary by {measured:.3} of their mean over the frame interval");
+    let because = format!(
+        "event counts vary by {measured:.3} of their mean within the frame interval; a large value means that events cluster at frame times"
+    );
     let verdict = limit.at_most(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
     subject.finding(NAME, "phase", Judgement { verdict, measured, limit, unit: "1", because })

@@ -69,11 +69,10 @@ fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Findin
     // Points behind the camera have no place in the picture, so the means leave them out.
     let behind = match found.behind {
         0 => String::new(),
-        count => format!("; {count} more see a point that is not in front of the camera"),
+        count => format!("; {count} more observations are of points behind the camera"),
     };
     let judge = |part, measured, over: String| {
-        let because =
-            format!("points fall {measured:.2} px from their key points, in the mean over {over}{behind}");
+        let because = format!("the mean reprojection error is {measured:.2} px over {over}{behind}");
         subject.finding(
             NAME,
             part,
@@ -112,7 +111,7 @@ fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     let limit = LimitSide::limit_or(limits.gap, LimitSide::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
     let Some((measured, told)) = largest_beyond(steps.collect(), limit.value) else {
-        return subject.not_run(NAME, PART, "there is one view");
+        return subject.not_run(NAME, PART, "there is only one view");
     };
     let because =
         format!("the longest step between neighbouring views is {measured:.2} median steps: {told}");
@@ -130,9 +129,8 @@ fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     let Some((measured, told)) = largest_beyond(detours.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there are fewer than 3 views");
     };
-    let because = format!(
-        "the view farthest off the way between its neighbours is so by {measured:.2} median steps: {told}"
-    );
+    let because =
+        format!("the largest detour of a view from its neighbours is {measured:.2} median steps: {told}");
     subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
@@ -140,7 +138,7 @@ fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     const PART: &str = "registered";
     let photos = match &subject.photos {
         Ok(photos) if photos.there > 0 => photos,
-        Ok(_) => return subject.not_run(NAME, PART, "no photo is there"),
+        Ok(_) => return subject.not_run(NAME, PART, "there are no photos"),
         Err(because) => return subject.not_run(NAME, PART, because),
     };
     let limit = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));

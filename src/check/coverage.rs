@@ -75,10 +75,12 @@ impl ValidationPass for CoveragePass {
             LimitSide::limit_or(subject.limits.coverage.and_then(|l| l.min), LimitSide::warning(MIN_SHARE));
         let verdict = limit.at_least(least);
         let because = if empty > 0 {
-            format!("{empty} of {views} sampled views show nothing of the scene, the first at {at_us} us")
+            format!(
+                "{empty} of {views} sampled views show no part of the scene; the first is at time {at_us} us"
+            )
         } else {
             format!(
-                "the emptiest of {views} sampled views shows the scene in {:.2} % of its pixels",
+                "in the emptiest of {views} sampled views, the scene covers {:.2} % of the pixels",
                 100.0 * least
             )
         };

@@ -26,21 +26,23 @@ impl DriftLaw {
             SensorChoice::Voltmeter(voltmeter) => voltmeter,
             SensorChoice::Esim(esim) => return of_esim(esim),
             SensorChoice::V2e(_) => {
-                return Err("the brightness of v2e is no `ln(L + k2)`, and its filter goes by every frame");
+                return Err("not applicable to v2e: the check needs an unfiltered log-brightness sensor");
             }
         };
         let from_zero = *initial == InitialVoltage::Zero;
         if !sensor.hot_pixels().is_absent() {
-            return Err("hot pixels make events that no drift asked for");
+            return Err("not applicable with hot pixels: they fire without a brightness change");
         }
         if *law == SamplerKind::Official {
-            return Err("under `law: official` the drift depends on every frame between two anchors");
+            return Err(
+                "not applicable to `law: official`: its drift depends on every frame, and only some frames are kept",
+            );
         }
         match gain {
             DriftGain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off], from_zero }),
-            DriftGain::Midpoint => {
-                Err("under `gain: midpoint` the drift depends on every frame between two anchors")
-            }
+            DriftGain::Midpoint => Err(
+                "not applicable to `gain: midpoint`: its drift depends on every frame, and only some frames are kept",
+            ),
         }
     }
 
@@ -111,10 +113,12 @@ impl DriftLaw {
 fn of_esim(esim: &EsimModel) -> Result<DriftLaw, &'static str> {
     let EsimModel { threshold, intensity, eps, .. } = esim;
     if *intensity == IntensityScale::Linear {
-        return Err("with `intensity: linear` there is no logarithm to hold events against");
+        return Err("not applicable to `intensity: linear`: the check needs a log-brightness sensor");
     }
     if threshold.spread > 0.0 || !esim.keeps_balance() {
-        return Err("unequal or dead pixels, hot pixels or events left out part events and drift");
+        return Err(
+            "not applicable with a threshold spread, dead time, hot pixels or an allowed cap: events need not match the brightness change",
+        );
     }
     // `ln(L/255 + eps)` and `ln(L + 255 eps)` differ by a constant, which no change shows.
     let k = [1.0, 255.0 * eps, 0.0, 0.0, 0.0, 0.0];
@@ -128,15 +132,15 @@ fn of_esim(esim: &EsimModel) -> Result<DriftLaw, &'static str> {
 /// The events of this sensor need not balance; the text is the reason.
 pub fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
     match sensor {
-        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => {
-            Err("the law official draws what a frame leaves over anew, so events and drift part")
-        }
-        SensorChoice::Esim(sensor) if !sensor.keeps_balance() => Err(
-            "dead time, thresholds drawn per frame, hot pixels or an allowed cap part events and brightness",
+        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => Err(
+            "not applicable to `law: official`: it redraws the remaining voltage at each frame, so events need not match the drift",
         ),
-        SensorChoice::V2e(sensor) if !sensor.keeps_balance() => {
-            Err("leak, shot noise, dead time, hot pixels or an allowed cap part events and brightness")
-        }
+        SensorChoice::Esim(sensor) if !sensor.keeps_balance() => Err(
+            "not applicable with dead time, thresholds drawn per frame, hot pixels or an allowed cap: events need not match the brightness change",
+        ),
+        SensorChoice::V2e(sensor) if !sensor.keeps_balance() => Err(
+            "not applicable with leak, shot noise, dead time, hot pixels or an allowed cap: events need not match the brightness change",
+        ),
         _ => Ok(()),
     }
 }

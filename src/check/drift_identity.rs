@@ -22,7 +22,7 @@ impl ValidationPass for DriftIdentity {
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(account) = subject.account else {
-            return vec![subject.not_run(NAME, "", "there is no account of a simulation")];
+            return vec![subject.not_run(NAME, "", "the event counts of the simulation are not available")];
         };
         let balanced = match subject.sensor.map_or(Ok(()), require_balance) {
             Ok(()) => judge_violations(subject, account.drift_violations, account.drift_worst),
@@ -37,7 +37,7 @@ impl ValidationPass for DriftIdentity {
                 subject,
                 "events",
                 missing,
-                format!("the simulation made {made} events, the stream has {found}"),
+                format!("the simulation made {made} events; the stream has {found}"),
             )
         }));
         findings
@@ -45,7 +45,9 @@ impl ValidationPass for DriftIdentity {
 }
 
 fn judge_violations(subject: &TrajectorySubject<'_>, pixels: u64, worst: f64) -> Finding {
-    let because = format!("{pixels} pixels differ from their drift, by {worst:.3} of the bound at most");
+    let because = format!(
+        "{pixels} pixels have events that contradict their brightness change; the worst reaches {worst:.3} of the allowed difference"
+    );
     count_finding(subject, "pixels", pixels, because)
 }
 

@@ -50,7 +50,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, repeats: u64, events: u64) -> Fi
         LimitSide::gate(SHARE + by_chance(subject)),
     );
     let share = repeats as f64 / events.max(1) as f64;
-    let because = format!("{repeats} of {events} events have the time and pixel of the one in front of them");
+    let because = format!("{repeats} of {events} events repeat the time and pixel of the previous event");
     let judged = Judgement {
         verdict: limit.at_most(share),
         measured: Some(share),
@@ -67,7 +67,9 @@ fn by_chance(subject: &TrajectorySubject<'_>) -> f64 {
 }
 
 fn judge_excess(subject: &TrajectorySubject<'_>, pairs: u64, made: u64) -> Finding {
-    let because = format!("the stream has {pairs} such pairs, the simulation made {made}");
+    let because = format!(
+        "the stream has {pairs} pairs of events with equal time and pixel; the simulation made {made}"
+    );
     let difference = pairs.abs_diff(made) as f64;
     let judged = Judgement {
         verdict: LimitSide::gate(0.0).at_most(difference),

@@ -85,7 +85,8 @@ impl ValidationPass for EventFrame {
         };
         if tally.fits.is_empty() {
             let single = subject.trajectory.stamps_us.len() < 2;
-            let because = if single { "a single frame changes nothing" } else { super::subject::NOT_SEEN };
+            let because =
+                if single { "there is only one frame, so nothing changes" } else { super::subject::NOT_SEEN };
             return vec![subject.not_run(NAME, "", because)];
         }
         let pass = EventFramePass { subject, tally, law };
@@ -128,7 +129,7 @@ impl EventFramePass<'_> {
         let limit = if factor < 1.0 { 1.0 - width } else { 1.0 + width };
         let verdict = LimitSide::gate(width).at_most((factor - 1.0).abs());
         let because = format!(
-            "the counts of {} pixels times {factor:.3} are their drift; residuals allow 1 within {width:.3}",
+            "at {} pixels, the brightness change of the frames is {factor:.3} times that of the events; 1 +- {width:.3} is allowed",
             slope.pixels
         );
         self.finding(part, verdict, factor, limit, because)
@@ -141,7 +142,7 @@ impl EventFramePass<'_> {
             return self.subject.not_run(
                 NAME,
                 part,
-                "voltages start anywhere, so residuals show no threshold",
+                "the threshold cannot be measured, because pixel voltages do not start at 0",
             );
         }
         let stated = self.law.thresholds[side];
@@ -152,13 +153,13 @@ impl EventFramePass<'_> {
             return self.subject.not_run(
                 NAME,
                 part,
-                "too few pixels whose drift is known to a few percent were about to fire",
+                "too few pixels with a well-known brightness change were close to firing",
             );
         };
         let verdict = LimitSide::gate(tolerance).at_most((edge.shown - 1.0).abs());
         let limit = if edge.shown < 1.0 { 1.0 - tolerance } else { 1.0 + tolerance };
         let because = format!(
-            "{} pixels show a threshold of {:.3}, the recipe states {stated}",
+            "the events of {} pixels imply a threshold of {:.3}; the recipe states {stated}",
             edge.pixels,
             edge.shown * stated
         );
@@ -169,13 +170,13 @@ impl EventFramePass<'_> {
         let limit = self.limits().residual.unwrap_or(RESIDUAL);
         let shares =
             self.tally.fits.iter().map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
-        self.share("residual", limit, shares, "have a residual between the thresholds")
+        self.share("residual", limit, shares, "have events that match it to within the thresholds")
     }
 
     fn sign(&self) -> Finding {
         let limit = self.limits().sign.unwrap_or(SIGN);
         let shares = self.tally.fits.iter().map(|fit| (fit.doubled[1], fit.doubled[0]));
-        self.share("sign", limit, shares, "have events of the sign that the frames have")
+        self.share("sign", limit, shares, "have events of the same sign")
     }
 
     /// The smallest share over all instants with enough pixels.
@@ -185,7 +186,7 @@ impl EventFramePass<'_> {
         let Some(worst) = enough.min_by(|a, b| share(*a).total_cmp(&share(*b))) else {
             return self.too_few(part);
         };
-        let because = format!("{} of {} pixels that the frames changed {what}", worst.0, worst.1);
+        let because = format!("{} of {} pixels with a brightness change {what}", worst.0, worst.1);
         let measured = share(worst);
         self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
     }

@@ -56,7 +56,7 @@ impl ValidationPass for EventRate {
 fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let seconds = subject.seconds();
     if seconds <= 0.0 {
-        let because = "one frame: a sensor makes no events without a second one".to_owned();
+        let because = "there is only one frame; a sensor needs at least two to make events".to_owned();
         let judged =
             Judgement { verdict: Verdict::Warn, measured: None, limit: None, unit: "ev/(px s)", because };
         return subject.finding(NAME, "rate", judged);
@@ -72,14 +72,14 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         (0, Verdict::Pass) => (Verdict::Warn, empty(seconds)),
         (events, Verdict::Pass) if (events as f64) < FEW * pixels => {
             let because = format!(
-                "only {events} events of {pixels} pixels in {seconds:.4} s: fewer than one per 1,000 pixels"
+                "only {events} events from {pixels} pixels in {seconds:.4} s: fewer than one per 1,000 pixels"
             );
             (Verdict::Warn, because)
         }
         (events, verdict) => {
             let peak = tally.peak_per_ms as f64 * 1e-3;
             let because = format!(
-                "{events} events of {pixels} pixels in {seconds:.4} s, at the peak {peak:.3} million per second"
+                "{events} events from {pixels} pixels in {seconds:.4} s; the peak rate is {peak:.3} million events per second"
             );
             (verdict, because)
         }
@@ -105,7 +105,7 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         return subject.not_run(
             NAME,
             "flow",
-            "there is no optical flow, or no contrast, to hold the rate against",
+            "there is no optical flow or no contrast threshold to compare the rate with",
         );
     };
     let steps = subject.trajectory.stamps_us.len().saturating_sub(1);
@@ -114,7 +114,7 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         return subject.not_run(
             NAME,
             "flow",
-            format!("the picture moves by {moved:.2} px in all, less than 1"),
+            format!("the picture moves by {moved:.2} px in total, which is less than 1 px"),
         );
     }
     let [on, off] = law.contrast();
@@ -129,7 +129,7 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let measured = tally.events as f64 / tally.size.pixels() as f64 / moved;
     let (verdict, limit) = between_bounds(measured, LimitSide::warning(least), LimitSide::warning(most));
     let because = format!(
-        "{measured:.4} events per pixel for each of {moved:.1} px of median flow; {least:.3} to {most:.3} are usual"
+        "{measured:.4} events per pixel and px of image motion ({moved:.1} px in total, the median over pixels); {least:.3} to {most:.3} is usual"
     );
     let (measured, limit) = (Some(measured), Some(limit));
     debug_assert_ne!(verdict, Verdict::Fail, "this statement only warns");

@@ -62,7 +62,7 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         busy.bound,
         busy.most,
         busy.mean,
-        if stated > 0.0 { format!(", and the recipe makes {stated} of them hot") } else { String::new() }
+        if stated > 0.0 { format!("; the recipe makes a share of {stated} hot") } else { String::new() }
     );
     subject.finding(
         NAME,
@@ -87,7 +87,7 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let limit =
         LimitSide::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), LimitSide::warning(SHARE));
     let because = format!(
-        "{} of {} pixels that changed by more than two thresholds have no event",
+        "{} of {} pixels that changed by more than two thresholds have no events",
         fit.silent, fit.doubled[0]
     );
     let measured = share(fit);

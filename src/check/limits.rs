@@ -148,21 +148,21 @@ fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Er
     if NAMES.contains(&name.as_str()) {
         Ok(name)
     } else {
-        Err(D::Error::custom(format_args!("no check is named `{name}`; there are {}", NAMES.join(", "))))
+        Err(D::Error::custom(format_args!("no check is named `{name}`; the checks are {}", NAMES.join(", "))))
     }
 }
 
 fn parse_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let because = String::deserialize(deserializer)?;
     if because.trim().is_empty() {
-        return Err(D::Error::custom("a fault is only accepted with a reason, and this one is empty"));
+        return Err(D::Error::custom("a check is waived only with a reason, and this one is empty"));
     }
     Ok(because)
 }
 
 /// The reason for not running a pass of another program that the recipe does not request.
 pub(super) fn not_asked(name: &str) -> String {
-    format!("the recipe does not ask for it; `checks: {{ {name}: {{}} }}` does")
+    format!("the recipe does not request it; `checks: {{ {name}: {{}} }}` does")
 }
 
 /// A limit: a finite number above zero.

@@ -57,16 +57,20 @@ impl ValidationPass for MotionCompensation {
         };
         if let Some(flow) = subject.flow.filter(|flow| flow.median > MAX_PER_FRAME) {
             let because = format!(
-                "the picture moves by {:.1} px between frames, where events fade in place and do not move",
+                "the picture moves by {:.1} px between frames, too far for interpolated events to follow the motion",
                 flow.median
             );
             return vec![subject.not_run(NAME, "", because)];
         }
         if subject.sensor.is_some_and(|sensor| !sensor.hot_pixels().is_absent()) {
-            return vec![subject.not_run(NAME, "", "the hot pixels of the recipe outweigh what moves")];
+            return vec![subject.not_run(
+                NAME,
+                "",
+                "not applicable with hot pixels: their events do not move",
+            )];
         }
         if tally.sharpness.is_empty() {
-            return vec![subject.not_run(NAME, "", "no depth of a picture that moves is at hand")];
+            return vec![subject.not_run(NAME, "", "there is no depth map of a moving view")];
         }
         let telling = |s: &&WarpSharpness| s.moved_px >= MIN_MOVED && s.events >= MIN_EVENTS;
         let windows: Vec<&WarpSharpness> = tally.sharpness.iter().filter(telling).collect();
@@ -96,7 +100,7 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
         failed => (failed, gate.value),
     };
     let because = format!(
-        "moved along the flow, the events of {} windows have {measured:.3} times the contrast in the median, {:.3} to {:.3}",
+        "motion compensation changes the contrast of events by {measured:.3}x (median of {} windows, {:.3}x to {:.3}x); sound events gain contrast",
         windows.len(),
         ratios[0],
         ratios[ratios.len() - 1]
@@ -109,7 +113,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> F
     let sharper = windows.iter().filter(|s| s.ratio() > 1.0).count();
     let measured = sharper as f64 / windows.len() as f64;
     let limit = LimitSide::warning(WINDOWS);
-    let because = format!("{sharper} of {} windows are sharper than their events in place", windows.len());
+    let because = format!("{sharper} of {} windows gain contrast by motion compensation", windows.len());
     subject.finding(
         NAME,
         "windows",

@@ -51,7 +51,7 @@ impl ValidationPass for NoiseFloor {
         let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {
             let because = match subject.drift_law() {
                 Ok(_) if tally.still.is_none() => NOT_SEEN.to_owned(),
-                Ok(_) => format!("fewer than {MIN_PIXELS} pixels see no change"),
+                Ok(_) => format!("fewer than {MIN_PIXELS} pixels are static"),
                 Err(because) => because.to_owned(),
             };
             return vec![subject.not_run(NAME, "", because)];
@@ -71,10 +71,10 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Find
     let verdict =
         if events > most || (settled && events < least) { factor.beyond } else { super::Verdict::Pass };
     let because = format!(
-        "{} still pixels have {events} events, the noise of their brightness makes {:.1}{}",
+        "{} static pixels have {events} events; the sensor's noise at their brightness predicts {:.1}{}",
         still.pixels,
         still.expected,
-        if settled { "" } else { " at most: voltages start at 0" }
+        if settled { "" } else { " at most, because voltages start at 0" }
     );
     // The finding states the bound on the side of the count.
     let limit = if events < still.expected { least.max(0.0) } else { most };
@@ -84,12 +84,12 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Find
 
 fn judge_rhythm(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {
     if still.events < MIN_EVENTS {
-        let because = format!("{} events of still pixels have no rhythm to speak of", still.events);
+        let because = format!("{} events at static pixels are too few to test for a rhythm", still.events);
         return subject.not_run(NAME, "rhythm", because);
     }
     let limit = LimitSide::warning(RHYTHM);
     let because = format!(
-        "the common rate of {} still pixels repeats itself by {:.2} standard deviations at most",
+        "the autocorrelation of the event rate of {} static pixels reaches {:.2} standard deviations; a high value means that they fire in step",
         still.pixels, still.rhythm
     );
     let judged = Judgement::from_value(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);

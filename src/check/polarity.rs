@@ -47,7 +47,7 @@ impl ValidationPass for OnShare {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
         let Some(share) = tally.on_share().filter(|_| tally.events >= MIN_EVENTS) else {
-            let because = format!("{} events are too few for a share", tally.events);
+            let because = format!("{} events are too few to measure the share of ON events", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         };
         vec![judge_share(subject, tally, share)]
@@ -64,7 +64,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64)
     let most = LimitSide::limit_or(limits.max, LimitSide::warning((center + width).min(1.0)));
     let (verdict, limit) = between_bounds(share, least, most);
     let because = match predicted {
-        Some(p) => format!("{share:.4} of {} events are ON, the frames predict {p:.4}", tally.events),
+        Some(p) => format!("{share:.4} of {} events are ON; the frames predict {p:.4}", tally.events),
         None => format!("{share:.4} of {} events are ON", tally.events),
     };
     subject.finding(

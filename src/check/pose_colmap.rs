@@ -67,7 +67,7 @@ impl ValidationPass for PoseColmap {
             Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
             Some(Ok(registration)) if registration.poses.len() < MIN_PICTURES as usize => {
                 let ColmapRegistration { program, given, poses, .. } = registration;
-                let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
+                let because = format!("{program} registers {} of {given} pictures", poses.len());
                 vec![subject.not_run(NAME, "", because)]
             }
             Some(Ok(registration)) => registration_findings(subject, registration),
@@ -90,10 +90,13 @@ fn registration_findings(subject: &TrajectorySubject<'_>, registration: &ColmapR
     };
     let share = poses.len() as f64 / *given as f64;
     let least = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));
-    let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
+    let because = format!("{program} registers {} of {given} pictures", poses.len());
     let registered = Judgement::from_value(least.at_least(share), share, least, "1", because);
     let middle = upper_median(poses.iter().map(|p| p.rotation_deg).collect()).unwrap_or(0.0);
-    let because = format!("half of {} rotations are within {middle:.4} degrees of {program}'s", poses.len());
+    let because = format!(
+        "the median difference between {} stated rotations and those of {program} is {middle:.4} degrees",
+        poses.len()
+    );
     let (turned, moved) = (of(|p| p.rotation_deg), of(|p| p.translation));
     let rotation = at_most(
         "rotation",
@@ -102,12 +105,16 @@ fn registration_findings(subject: &TrajectorySubject<'_>, registration: &ColmapR
         "deg",
         because,
     );
-    let because =
-        format!("pose {} is turned by {:.4} degrees from {program}'s", turned.pose, turned.rotation_deg);
+    let because = format!(
+        "pose {} differs by {:.4} degrees from the rotation of {program}, the largest difference",
+        turned.pose, turned.rotation_deg
+    );
     let bound = LimitSide::limit_or(limits.worst_deg, LimitSide::gate(WORST_DEG));
     let worst = at_most("rotation-worst", turned.rotation_deg, bound, "deg", because);
-    let because =
-        format!("pose {} is {:.5} of the path's length from {program}'s", moved.pose, moved.translation);
+    let because = format!(
+        "pose {} differs by {:.5} of the path's length from the centre of {program}, the largest difference",
+        moved.pose, moved.translation
+    );
     let bound = LimitSide::limit_or(limits.translation, LimitSide::gate(TRANSLATION));
     let translation = at_most("translation", moved.translation, bound, "1", because);
     vec![subject.finding(NAME, "registered", registered), rotation, worst, translation]
@@ -138,7 +145,7 @@ mod tests {
         registration(&mut world).poses[7].rotation_deg = 1.0;
         assert_eq!(world.faults(), ["pose_colmap#rotation-worst"]);
         let finding = world.finding("pose_colmap#rotation-worst");
-        assert!(finding.because.starts_with("pose 49 is turned by 1.0000 degrees"), "{}", finding.because);
+        assert!(finding.because.starts_with("pose 49 differs by 1.0000 degrees"), "{}", finding.because);
     }
 
     #[test]
@@ -161,7 +168,7 @@ mod tests {
         registration(&mut world).poses.truncate(2);
         let finding = world.finding("pose_colmap");
         assert_eq!(finding.verdict, Verdict::NotRun);
-        assert_eq!(finding.because, "COLMAP 3.8 finds a place for 2 of 20 pictures");
+        assert_eq!(finding.because, "COLMAP 3.8 registers 2 of 20 pictures");
     }
 
     #[test]
@@ -170,7 +177,7 @@ mod tests {
         world.foreign.colmap = Some(Err("there is no program `colmap`".into()));
         assert_eq!(world.finding("pose_colmap").because, "there is no program `colmap`");
         world.foreign.colmap = None;
-        let wanted = "the recipe does not ask for it; `checks: { pose_colmap: {} }` does";
+        let wanted = "the recipe does not request it; `checks: { pose_colmap: {} }` does";
         assert_eq!(world.finding("pose_colmap").because, wanted);
     }
 }

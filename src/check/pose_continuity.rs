@@ -62,7 +62,10 @@ fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor
     let (at, measured) = ratios.max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are steps");
     let limits = subject.limits.pose_continuity.unwrap_or_default();
     let limit = LimitSide::limit_or(limits.max, LimitSide::gate(MAX_RATIO));
-    let because = format!("the step from pose {at} to {} is {measured:.3} times those around it", at + 1);
+    let because = format!(
+        "the most uneven step, from pose {at} to {}, is {measured:.3} times the median of the steps around it",
+        at + 1
+    );
     let verdict = limit.at_most(measured);
     let (measured, limit) = (Some(measured), Some(limit.value));
     subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: "1", because })

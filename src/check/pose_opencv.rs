@@ -68,12 +68,15 @@ fn judge_projection(geometry: &OpencvGeometry) -> Judgement {
     let program = &geometry.program;
     // A file without known poses has no distance, and would pass.
     if let Some((name, _)) = files.iter().find(|(_, seen)| seen.pose.is_none()) {
-        return Judgement::not_run(format!("{name} has none of the poses that {program} was asked about"));
+        return Judgement::not_run(format!(
+            "{name} contains none of the sampled poses, so {program} cannot be compared"
+        ));
     }
     let limit = LimitSide::gate(PX);
     let pose = pose.unwrap_or_default();
-    let because =
-        format!("{program} sees {points} points within {px:.2e} px of us by {name}, worst in pose {pose}");
+    let because = format!(
+        "{program} projects {points} points to within {px:.2e} px of gs2e with {name}, worst in pose {pose}"
+    );
     Judgement::from_value(limit.at_most(px), px, limit, "px", because)
 }
 
@@ -83,15 +86,15 @@ fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) ->
     let judge = |part, value: fn(&RelativeMotion) -> f64, limit: LimitSide| {
         if pairs.len() < MIN_PAIRS {
             let because = format!(
-                "{program} finds a motion from {} of {tried} pictures to a later one: too few key points are shared \
-                 by pictures that are 8 px apart or more",
+                "{program} finds the motion for only {} of {tried} picture pairs: too few key points are shared \
+                 by pictures that are 8 px or more apart",
                 pairs.len()
             );
             return subject.not_run(NAME, part, because);
         }
         let measured = upper_median(pairs.iter().map(value).collect()).unwrap_or(0.0);
         let because = format!(
-            "half of {} motions between pictures that {program} finds are within {measured:.3} degrees of the poses",
+            "over {} picture pairs, the motion found by {program} differs from that of the poses by {measured:.3} degrees in the median",
             pairs.len()
         );
         subject.finding(
@@ -125,7 +128,7 @@ mod tests {
             plant(geometry(&mut world));
             assert_eq!(world.faults(), ["pose_opencv#projection"]);
             let because = world.finding("pose_opencv#projection").because;
-            assert!(because.contains(&format!("of us by {file}, worst in pose 3")), "{because}");
+            assert!(because.contains(&format!("of gs2e with {file}, worst in pose 3")), "{because}");
         };
         t(|g| g.poses_txt.px = 1.1e-3, "poses.txt");
         t(|g| g.transforms_json.px = 0.5, "transforms.json");

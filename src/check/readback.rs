@@ -60,9 +60,9 @@ fn judge_events(read: &foreign::readback::ReadbackReport) -> Judgement {
     names.dedup();
     let program = &read.program;
     let because = if names.is_empty() {
-        format!("{program} read {total} events in {} file(s) to the bit", read.streams.len())
+        format!("{program} reads {total} events in {} file(s) bit-exactly", read.streams.len())
     } else {
-        format!("{program} read other values of {}", names.join(", "))
+        format!("{program} reads different values of {}", names.join(", "))
     };
     judge_differences(differing, because)
 }
@@ -73,7 +73,7 @@ fn judge_index(read: &foreign::readback::ReadbackReport) -> Judgement {
     }
     let sum = |value: fn(&foreign::readback::StreamRead) -> u64| read.streams.iter().map(value).sum::<u64>();
     let (entries, wrong) = (sum(|s| s.entries), sum(|s| s.wrong_entries));
-    let because = format!("{wrong} of {entries} entries of ms_to_idx are others by {}", read.program);
+    let because = format!("{wrong} of {entries} entries of ms_to_idx differ when read by {}", read.program);
     judge_differences(usize::try_from(wrong).unwrap_or(usize::MAX), because)
 }
 
@@ -85,7 +85,7 @@ fn judge_pictures(read: &foreign::readback::ReadbackReport) -> Judgement {
             let first =
                 differing.first().map_or_else(String::new, |pose| format!(", the first of pose {pose}"));
             let because = format!(
-                "{} of {} pictures have other pixels by {}{first}",
+                "{} of {} pictures have different pixels when read by {}{first}",
                 differing.len(),
                 pictures.count,
                 read.program
@@ -113,7 +113,7 @@ mod tests {
         t(
             |r| r.streams[0].differing = vec!["p".into(), "t".into()],
             "readback#events",
-            "other values of p, t",
+            "different values of p, t",
         );
         t(|r| r.streams[0].wrong_entries = 1, "readback#index", "1 of 64 entries");
         t(

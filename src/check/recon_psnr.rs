@@ -56,7 +56,7 @@ pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
 fn judge_drop(subject: &SceneSubject<'_>, psnr: &PsnrFigures, worst: &str, limits: &Limits) -> Finding {
     let limit = LimitSide::limit_or(limits.drop, LimitSide::gate(DROP_DB));
     let measured = psnr.mean - psnr.min;
-    let because = format!("`{worst}` has {:.2} dB, {measured:.2} less than views have in the mean", psnr.min);
+    let because = format!("`{worst}` has {:.2} dB, {measured:.2} dB below the mean of all views", psnr.min);
     subject.finding(
         NAME,
         "drop",
@@ -72,17 +72,17 @@ fn judge_mean(
 ) -> Finding {
     let limit = LimitSide::limit_or(limits.mean, LimitSide::warning(MEAN_DB));
     let held_out = psnr.held_out.map_or_else(String::new, |held_out| {
-        format!("; every eighth, which trainers by convention hold out, {held_out:.2}")
+        format!("; every eighth view, which trainers usually hold out, {held_out:.2} dB")
     });
     let not_compared = match fidelity.not_compared.as_slice() {
         [] => String::new(),
         [first, ..] => {
             let count = fidelity.not_compared.len();
-            format!("; {count} could not be compared, as `{}`: {}", first.name, first.because)
+            format!("; {count} could not be compared, for example `{}`: {}", first.name, first.because)
         }
     };
     let because =
-        format!("{} views have {:.2} dB in the mean{held_out}{not_compared}", psnr.views, psnr.mean);
+        format!("{} views have a mean PSNR of {:.2} dB{held_out}{not_compared}", psnr.views, psnr.mean);
     subject.finding(
         NAME,
         "mean",
@@ -92,7 +92,7 @@ fn judge_mean(
 
 fn judge_ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &Limits) -> Finding {
     let verdict = limits.ssim.map_or(Verdict::Pass, |least| LimitSide::gate(least).at_least(measured));
-    let because = format!("{views} views have a SSIM of {measured:.4} in the mean");
+    let because = format!("{views} views have a mean SSIM of {measured:.4}");
     let judged = Judgement { verdict, measured: Some(measured), limit: limits.ssim, unit: "1", because };
     subject.finding(NAME, "ssim", judged)
 }
@@ -130,7 +130,7 @@ mod tests {
     fn one_bad_view_is_a_fault() {
         let finding = found("drop", "{}", &[30.0, 30.0, 20.0, 32.0]);
         assert_eq!((finding.verdict, finding.measured, finding.limit), (Verdict::Fail, Some(8.0), Some(3.0)));
-        assert!(finding.because.starts_with("`2.jpg` has 20.00 dB, 8.00 less"), "{}", finding.because);
+        assert!(finding.because.starts_with("`2.jpg` has 20.00 dB, 8.00 dB below"), "{}", finding.because);
         assert_eq!(found("drop", "{}", &[30.0, 30.0, 26.5, 31.5]).verdict, Verdict::Pass);
         let waived = r#"{"waive": [{"check": "recon_psnr", "because": "known"}]}"#;
         assert_eq!(found("drop", waived, &[30.0, 20.0]).verdict, Verdict::Waived);
@@ -142,7 +142,11 @@ mod tests {
         let poor = [24.0, 25.5];
         let finding = found("mean", "{}", &poor);
         assert_eq!((finding.verdict, finding.measured), (Verdict::Warn, Some(24.75)));
-        assert!(finding.because.contains("hold out, 24.00; 1 could not be compared"), "{}", finding.because);
+        assert!(
+            finding.because.contains("hold out, 24.00 dB; 1 could not be compared"),
+            "{}",
+            finding.because
+        );
         assert_eq!(found("mean", r#"{"recon_psnr": {"mean": 25}}"#, &poor).verdict, Verdict::Fail);
         let ssim = found("ssim", "{}", &poor);
         assert_eq!((ssim.verdict, ssim.limit), (Verdict::Pass, None));

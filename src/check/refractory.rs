@@ -32,7 +32,7 @@ impl ValidationPass for DeadTime {
             )];
         }
         let because = format!(
-            "{} of {} events come within {period_us} us of another one of their pixel",
+            "{} of {} events come within the dead time of {period_us} us after another event of their pixel",
             tally.too_soon, tally.events
         );
         let (limit, measured) = (LimitSide::gate(0.0), tally.too_soon as f64);

@@ -52,13 +52,17 @@ impl ValidationPass for SamplingPass {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(flow) = subject.flow else {
-            return vec![subject.not_run(NAME, "", "no depth is at hand, so there is no optical flow")];
+            return vec![subject.not_run(
+                NAME,
+                "",
+                "there are no depth maps, so the optical flow is unknown",
+            )];
         };
         let limit =
             LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.max), LimitSide::warning(MAX_PX));
         let measured = f64::from(flow.p95);
         let because = format!(
-            "95 % of pixels move by at most {measured:.2} px between frames (half by {:.2}, the fastest by {:.2})",
+            "95 % of pixels move by at most {measured:.2} px between frames (median {:.2}, maximum {:.2})",
             flow.median, flow.max
         );
         let judged = Judgement {
@@ -73,11 +77,12 @@ impl ValidationPass for SamplingPass {
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tried) = subject.resampled else {
-            let because = "twice the frames were not tried: a sensor whose noise goes by frames has none to compare, and a release none to try";
+            let because = "twice the frames were not tried: this sensor's noise depends on the frame rate, or the check reads a release";
             return vec![subject.not_run(NAME, "twice", because)];
         };
         if tried.events < MIN_EVENTS {
-            let because = format!("{} events in {} intervals are too few", tried.events, tried.intervals);
+            let because =
+                format!("{} events in {} intervals are too few to compare", tried.events, tried.intervals);
             return vec![subject.not_run(NAME, "twice", because)];
         }
         vec![judge_count(subject, tried), judge_shift(subject, tried)]
@@ -88,7 +93,7 @@ fn judge_count(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> F
     let limit = LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.count), LimitSide::warning(COUNT));
     let measured = (tried.at_twice as f64 / tried.events as f64 - 1.0).abs();
     let because = format!(
-        "a fourth of the rows has {1} events in {0} intervals, and {2} at twice the frames",
+        "in {0} intervals, a quarter of the pixel rows has {1} events, and {2} with twice the frames",
         tried.intervals, tried.events, tried.at_twice
     );
     subject.finding(
@@ -100,14 +105,15 @@ fn judge_count(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> F
 
 fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Finding {
     let Some(measured) = tried.shift_us else {
-        return subject.not_run(NAME, "shift", "no event is in both");
+        return subject.not_run(NAME, "shift", "no event occurs in both streams");
     };
     let because =
-        format!("of {} events at twice the frames the median moves by {measured:.2} us", tried.paired);
+        format!("with twice the frames, {} events move by {measured:.2} us in the median", tried.paired);
     let asked = subject.limits.sampling.and_then(|l| l.shift_us);
     // A tolerance bounds an error of voltage, from which no error of time follows.
     if let (Some(tolerance), None) = (tried.tolerance, asked) {
-        let because = format!("{because}; the recipe allows an error of {tolerance} thresholds");
+        let because =
+            format!("{because}; not judged, because the recipe sets a tolerance of {tolerance} thresholds");
         let (verdict, measured) = (Verdict::Pass, Some(measured));
         return subject.finding(
             NAME,

@@ -23,7 +23,7 @@ impl ValidationPass for SchemaPass {
         };
         let (events, size) = (tally.events, tally.size);
         let place = format!("{} of {events} events lie outside the {size} sensor", tally.off_sensor);
-        let order = format!("{} of {events} events sort before the one in front of them", tally.disordered);
+        let order = format!("{} of {events} events are out of order", tally.disordered);
         let wrong = |part, count: u64, because| {
             let (measured, limit) = (Some(count as f64), Some(0.0));
             let verdict = LimitSide::gate(0.0).at_most(count as f64);

@@ -39,7 +39,7 @@ impl ValidationPass for SpeedPass {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(report) = subject.speed else {
-            return vec![subject.not_run(NAME, "", "the trajectory has no report")];
+            return vec![subject.not_run(NAME, "", "the trajectory has no speed report")];
         };
         vec![judge_arc(subject, report), judge_chord(subject, report)]
     }
@@ -50,11 +50,11 @@ fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
         return subject.not_run(
             NAME,
             "arc",
-            "`literal` takes the paper's chords, which need not follow the law",
+            "not applicable with `literal`: the paper's chords need not follow the speed law",
         );
     }
     let Some(follow) = report.mixed_ratio else {
-        return subject.not_run(NAME, "arc", "the camera stands still");
+        return subject.not_run(NAME, "arc", "the camera does not move");
     };
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.arc), LimitSide::gate(ARC));
     judge_follow(subject, "arc", follow, limit, "")
@@ -62,11 +62,11 @@ fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
 
 fn judge_chord(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
     let Some(follow) = report.mixed_chord_ratio else {
-        return subject.not_run(NAME, "chord", "the camera stands still");
+        return subject.not_run(NAME, "chord", "the camera does not move");
     };
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::warning(CHORD));
     let told = |name: &str, follow: Option<FollowError>| {
-        follow.map_or_else(String::new, |f| format!("; {name} {:.3} to {:.3}", f.min, f.max))
+        follow.map_or_else(String::new, |f| format!("; {name} speed {:.3} to {:.3}", f.min, f.max))
     };
     let parts = told("linear", report.linear_ratio) + &told("angular", report.angular_ratio);
     judge_follow(subject, "chord", follow, limit, &parts)
@@ -81,7 +81,7 @@ fn judge_follow(
 ) -> Finding {
     let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
     let because = format!(
-        "steps measured as {part} are {:.7} to {:.7} of their share of the path{more}",
+        "steps measured by {part} length are {:.7} to {:.7} times what the speed law requires{more}",
         follow.min, follow.max
     );
     let judged = Judgement {

@@ -25,7 +25,7 @@ impl ValidationPass for StampsPass {
         let Some(tally) = subject.tally else { return Vec::new() };
         let events = tally.events;
         let span = format!("0 to {} us", subject.trajectory.stamps_us.last().unwrap_or(&0));
-        let because = format!("{} of {events} events lie outside {span}", tally.off_time);
+        let because = format!("{} of {events} events have times outside {span}", tally.off_time);
         vec![wrong_count(subject, "events", tally.off_time, because)]
     }
 }
@@ -38,11 +38,11 @@ fn judge_poses(subject: &TrajectorySubject<'_>) -> Finding {
     let unsorted = stamps.windows(2).filter(|w| w[1] <= w[0]).count();
     let unpaired = poses.abs_diff(stamps.len());
     let law = match subject.speed.map(|report| report.meaning) {
-        Some(SpeedMeaning::FrameRate) => "those of the frame rates asked for",
+        Some(SpeedMeaning::FrameRate) => "those of the requested frame rates",
         _ => "round(j / rate)",
     };
     let because = format!(
-        "of {} stamps for {poses} poses, {off_rate} are not {law} and {unsorted} do not grow",
+        "of {} time stamps for {poses} poses, {off_rate} differ from {law} and {unsorted} do not increase",
         stamps.len()
     );
     wrong_count(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)

@@ -47,7 +47,7 @@ impl ValidationPass for StructurePass {
             return vec![subject.not_run(NAME, "", because)];
         }
         let because = format!(
-            "events of a window share cells of the sensor so often that their structure is {measured:.3} of that of as many anywhere"
+            "events cluster {measured:.3} times as strongly as randomly placed ones; 1 means pure noise"
         );
         vec![subject.finding(
             NAME,

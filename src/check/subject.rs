@@ -13,7 +13,7 @@ use crate::units::Hertz;
 
 /// The reason why a release tree does not allow a comparison with frames.
 pub(super) const NOT_SEEN: &str =
-    "what the sensor saw is not at hand: a build keeps some frames, a release does not";
+    "the frames that the sensor saw are not available: a build keeps some of them, a release keeps no frames";
 
 /// One trajectory and its products. Values that were not requested or not kept are `None`; the
 /// passes that need them say so.

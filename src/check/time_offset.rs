@@ -55,13 +55,13 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     let lag = LagSums::pooled_lag(tally.fits.iter().map(|fit| fit.lag));
     let Some([lag, deviation]) = lag.filter(|_| pixels >= MIN_PIXELS) else {
         return not_run(&format!(
-            "{pixels} pixels are steadily on their way by two thresholds while the picture moves a little"
+            "{pixels} pixels change steadily by two thresholds, too few to measure an offset"
         ));
     };
     let step = 1e6 / subject.rate.to_f64();
     if deviation > UNSURE * step {
         return not_run(&format!(
-            "the offset is known to {deviation:.0} us only, by the {pixels} pixels that are on their way"
+            "the offset can be measured only to {deviation:.0} us, from {pixels} pixels with a steady change"
         ));
     }
     let limit =
@@ -69,7 +69,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     // The limit is on the size; the finding keeps the sign.
     let verdict = limit.at_most(lag.abs());
     let because = format!(
-        "events are {:.1} us {} than frames, by {pixels} pixels that are on their way (standard deviation {deviation:.1})",
+        "events are {:.1} us {} than the frames, measured at {pixels} pixels with a steady change (standard deviation {deviation:.1} us)",
         lag.abs(),
         if lag < 0.0 { "earlier" } else { "later" }
     );

@@ -28,14 +28,14 @@ impl AuditArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let dir = self.dir.display();
         if !self.dir.is_dir() {
-            return Err(VerbError::usage("input-missing", format!("{dir} is no folder")));
+            return Err(VerbError::usage("input-missing", format!("{dir} is not a folder")));
         }
         let takedown =
             self.takedown.as_ref().map(|file| TakedownList::read(std::slice::from_ref(file))).transpose()?;
         let mut report = audit::audit_against(&self.dir, takedown.as_ref())
             .map_err(|e| VerbError::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
         if let Some(again) = self.again.run(&self.dir, common, console)? {
-            console.say(&format!("made again: {}", again.scenes.join(", ")));
+            console.say(&format!("rebuilt: {}", again.scenes.join(", ")));
             report.faults.extend(again.faults);
             report.made_again = again.scenes.len();
         }

@@ -324,7 +324,7 @@ fn last_line(summary: &RunSummary, seconds: f64) -> String {
     if *interrupted {
         let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
         return format!(
-            "interrupted: {finished} of {all} steps are finished and kept; run the same command to go on"
+            "interrupted: {finished} of {all} steps are finished and kept; run the same command to continue"
         );
     }
     let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
@@ -341,7 +341,7 @@ pub(super) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
         console.result(&UserMessage::new(MessageLevel::Error, "interrupted", line.as_str()).to_json());
     }
     if summary.rechecked > 0 {
-        console.say(&format!("{} steps made again, each with the bytes on record", summary.rechecked));
+        console.say(&format!("{} steps rerun, each with the recorded bytes", summary.rechecked));
     }
     console.say(&line);
 }

@@ -41,7 +41,7 @@ impl CheckArgs {
         }
         let findings = match &self.tree {
             Some(tree) if !tree.is_dir() => {
-                let what = format!("{} is no folder", path(tree));
+                let what = format!("{} is not a folder", path(tree));
                 return Err(VerbError::usage("input-missing", what));
             }
             Some(tree) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
@@ -79,7 +79,7 @@ impl CheckArgs {
             _ => None,
         });
         let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name));
-        found.chain(absent.map(|name| format!("{name} was not run on anything"))).collect()
+        found.chain(absent.map(|name| format!("{name} was not run at all"))).collect()
     }
 
     fn of_built(&self, common: &CommonArgs, console: &Console) -> Result<Vec<Finding>, VerbError> {
@@ -100,7 +100,7 @@ impl CheckArgs {
 fn of_tree(error: &RecheckError) -> VerbError {
     match error {
         RecheckError::NoScene(_) => VerbError::usage("no-scene", error.to_string()),
-        _ => VerbError::failed("unreadable", error.to_string()).help("gs2e audit DIR"),
+        _ => VerbError::failed("unreadable", error.to_string()).help("run gs2e audit DIR"),
     }
 }
 

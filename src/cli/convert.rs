@@ -76,12 +76,12 @@ impl ConvertArgs {
                 lossy: self.lossy,
             })),
             [Some(_), None] => refuse_usage(format!(
-                "{} holds events, and {} names no file of events",
+                "{} is an event file, but {} is not",
                 name(&self.input),
                 name(&self.output)
             )),
             [None, Some(_)] => refuse_usage(format!(
-                "{} holds events, and {} names no file of events",
+                "{} is an event file, but {} is not",
                 name(&self.output),
                 name(&self.input)
             )),
@@ -93,10 +93,7 @@ impl ConvertArgs {
         match SceneFormat::for_path(&self.output) {
             _ if self.output.is_dir() => refuse_usage(format!("{} is a folder", self.output.display())),
             Some(form) => Ok(form),
-            None => refuse_usage(format!(
-                "{}: its name ends with no format that is written",
-                self.output.display()
-            )),
+            None => refuse_usage(format!("{}: not a format that gs2e writes", self.output.display())),
         }
     }
 
@@ -128,9 +125,9 @@ impl ConvertArgs {
     }
 
     fn refused(&self, losses: &[FormatLoss]) -> VerbError {
-        let what = format!("{} would lose something", self.output.display());
+        let what = format!("{} cannot store all of the input", self.output.display());
         let message =
-            UserMessage::new(MessageLevel::Error, "lossy", what).help("--lossy writes it all the same");
+            UserMessage::new(MessageLevel::Error, "lossy", what).help("pass --lossy to write it anyway");
         let told = losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
         VerbError::from_message(ExitKind::Usage, told)
     }
@@ -140,7 +137,7 @@ impl ConvertArgs {
         let output = self.output.display();
         console.say(&format!("{output}: {written} Gaussians, {}", format_amount(bytes as u64, "B")));
         if screening.non_finite > 0 {
-            console.say(&format!("dropped {}: a NaN or an infinity in them", screening.non_finite));
+            console.say(&format!("dropped {} with a NaN or an infinity", screening.non_finite));
         }
         losses.iter().for_each(|loss| console.say(&format!("{}: {}", loss.field, loss.what)));
         if console.json {
@@ -153,6 +150,7 @@ impl ConvertArgs {
 }
 
 fn refuse_usage<T>(what: String) -> Result<T, VerbError> {
-    let scenes = "scenes read: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG; written: .ply, .spz, .splat";
+    let scenes =
+        "scenes read: .ply, compressed .ply, .splat, .spz, .sog or a SOG folder; written: .ply, .spz, .splat";
     Err(VerbError::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
 }

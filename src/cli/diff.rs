@@ -13,7 +13,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Reads manifest.json and scene.json of both releases and no other file; `gs2e audit` verifies a \
-    release. Differences are no failure: the exit code is 0 with and without."
+    release. Differences are not a failure: the exit code is 0 in both cases."
 )]
 pub(super) struct DiffArgs {
     /// Folder of the older release
@@ -28,7 +28,7 @@ impl DiffArgs {
     pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
         let told = diff_releases(&self.old, &self.new).map_err(|error| {
             VerbError::usage("not-a-release", error.to_string())
-                .help("name two folders that `gs2e release --to DIR` wrote")
+                .help("pass two folders that `gs2e release --to DIR` wrote")
         })?;
         if console.json {
             console.result(&serde_json::to_value(&told).expect("a difference is plain data"));
@@ -86,12 +86,12 @@ fn file_lines(changes: &[FileChange]) -> Vec<String> {
     let mut lines: Vec<String> = named
         .map(|FileChange { path, old, new }| match (old, new) {
             // Only changed files are listed, so equal sizes mean other content.
-            (Some(a), Some(b)) if a == b => format!("{path}: other content, {a} bytes as before"),
+            (Some(a), Some(b)) if a == b => format!("{path}: different content, same size: {a} bytes"),
             _ => format!("{path}: {} -> {}", size(*old), size(*new)),
         })
         .collect();
     if changes.len() > FILES_NAMED {
-        lines.push(format!("and {} more; --json names them", changes.len() - FILES_NAMED));
+        lines.push(format!("and {} more; --json lists them", changes.len() - FILES_NAMED));
     }
     lines
 }
@@ -105,7 +105,7 @@ fn reason_words(reason: &DiffReason, scene: &SceneChange) -> String {
     let brief = |digest: &Option<Digest>| digest.map_or("absent".to_owned(), |digest| digest.short());
     match reason {
         DiffReason::StepAdded => "new".to_owned(),
-        DiffReason::StepRemoved => "no longer there".to_owned(),
+        DiffReason::StepRemoved => "removed".to_owned(),
         DiffReason::Revision { old, new } => format!("revision {old} -> {new}"),
         DiffReason::Class { old, new } => {
             let text = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".to_owned());
@@ -114,15 +114,13 @@ fn reason_words(reason: &DiffReason, scene: &SceneChange) -> String {
         // The recipe has no edit, so another version of this program read the same text
         // differently.
         DiffReason::ParamsChanged if scene.recipe.is_empty() => {
-            "parameters: this program reads an equal recipe otherwise".to_owned()
+            "parameters: another version of gs2e read the same recipe differently".to_owned()
         }
         DiffReason::ParamsChanged => "parameters".to_owned(),
         DiffReason::InputChanged { name, old, new } => {
             format!("input `{name}` changed: {} -> {}", brief(old), brief(new))
         }
-        DiffReason::Nondeterministic => {
-            "other bytes from an equal key: the step is not deterministic".to_owned()
-        }
-        DiffReason::Untold => "another key; the releases do not say why".to_owned(),
+        DiffReason::Nondeterministic => "same key, different bytes: the step is not deterministic".to_owned(),
+        DiffReason::Untold => "different key; the releases do not state the reason".to_owned(),
     }
 }

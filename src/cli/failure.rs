@@ -27,22 +27,24 @@ pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessa
     let new = |code, what: String| UserMessage::new(MessageLevel::Error, code, what).step(scene, step);
     match error {
         StepError::Plan(error) => unplanned_message(error),
-        StepError::Moved(_) => {
-            new("input-moved", format!("{scene}/{step}: {error}")).help("run again when it is at rest")
-        }
+        StepError::Moved(_) => new("input-moved", format!("{scene}/{step}: {error}"))
+            .help("run again when the file no longer changes"),
         StepError::Stage(StageError::Refused { programs }) => commands::refused_step(scene, step, programs),
         StepError::Stage(StageError::Program(error)) => command_failed(scene, step, error),
         StepError::Stage(error) => stage_failed("step-failed", scene, step, error)
-            .help("mend it and run the same command: what is finished is kept"),
+            .help("fix it and run the same command: finished steps are kept"),
         StepError::Full { wrote, space, cause } => {
             new("disk-full", disk_full(at, *wrote, space.as_ref())).because(cause).help(FULL)
         }
         StepError::Store(StoreError::Nondeterministic(sides)) => {
-            let what = format!("{scene}/{step}: other bytes than before from the same inputs");
-            let kept =
-                if sides.replaced { "the first were lost, these are kept" } else { "the first are kept" };
+            let what = format!("{scene}/{step}: the same inputs produced different bytes");
+            let kept = if sides.replaced {
+                "the first output was lost, the new one is kept"
+            } else {
+                "the first output is kept"
+            };
             mismatch_message(new("nondeterministic", what), sides)
-                .help(format!("{kept}; gs2e why {scene}/{step} shows what they were made from"))
+                .help(format!("{kept}; gs2e why {scene}/{step} shows the inputs"))
         }
         StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
     }
@@ -55,10 +57,10 @@ fn command_failed(scene: &str, step: &str, error: &ProgramFailure) -> UserMessag
     let message = UserMessage::new(MessageLevel::Error, "command-failed", what).step(scene, step).path(log);
     let message = message.detail(format!("command: {command}"));
     let message = match last.as_slice() {
-        [] => message.detail("it said nothing"),
-        last => last.iter().fold(message.detail("it said last:"), |m, line| m.detail(format!("  {line}"))),
+        [] => message.detail("it printed nothing"),
+        last => last.iter().fold(message.detail("its last output:"), |m, line| m.detail(format!("  {line}"))),
     };
-    message.help("all that it said is in the file named first; what is finished is kept")
+    message.help("the file above has its full output; finished steps are kept")
 }
 
 fn disk_full(at: StepPlace<'_>, wrote: u64, space: Option<&DiskSpace>) -> String {
@@ -106,7 +108,7 @@ pub(super) fn retry_commands(failed: &[(String, String, UserMessage)], options: 
         }
         last = Some(scene);
         lines.push(format!("  {}", message.what()));
-        lines.push(format!("  look closer: gs2e why {scene}/{step}{options}"));
+        lines.push(format!("  for details: gs2e why {scene}/{step}{options}"));
     }
     lines
 }
@@ -144,10 +146,10 @@ mod tests {
             OutputMismatch { before, now, replaced: false, first: Some("events.h5 at byte 7".into()) };
         let at = StepPlace { scene: "a", step: "base/events", finished: 0, all: 1 };
         let wanted = format!(
-            "error: a/base/events: other bytes than before from the same inputs\n key: {key}\n before: {none} \
+            "error: a/base/events: the same inputs produced different bytes\n key: {key}\n before: {none} \
              (gs2e 0.1.0, 3.1 s, 8 threads)\n now: {none} (gs2e 0.2.0, 2.0 s, 1 thread)\n first difference: \
-             events.h5 at byte 7\nhelp: the first are kept; gs2e why a/base/events shows what they were made \
-             from"
+             events.h5 at byte 7\nhelp: the first output is kept; gs2e why a/base/events shows the \
+             inputs"
         );
         let error = StepError::Store(StoreError::Nondeterministic(Box::new(sides)));
         assert_eq!(failure_message(at, &error).to_lines().join("\n"), wanted);
@@ -160,8 +162,8 @@ mod tests {
             let (scene, step) = name.split_once('/').unwrap();
             (scene.to_owned(), step.to_owned(), message(&format!("{name}: failed to please")))
         });
-        let wanted = "failed:\n a\n  a/y: failed to please\n  look closer: gs2e why a/y -q\n b\n  b/x: failed \
-                      to please\n  look closer: gs2e why b/x -q\n  b/w: failed to please\n  look closer: gs2e \
+        let wanted = "failed:\n a\n  a/y: failed to please\n  for details: gs2e why a/y -q\n b\n  b/x: failed \
+                      to please\n  for details: gs2e why b/x -q\n  b/w: failed to please\n  for details: gs2e \
                       why b/w -q";
         assert_eq!(retry_commands(&failed, " -q").join("\n"), wanted);
     }

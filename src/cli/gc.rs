@@ -17,8 +17,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Kept are the results that these recipes need now, the last results of their stale steps, and what a release was \
-    made from, as long as its folder exists. Scenes of a takedown.txt are not kept. Name every recipe whose results must stay."
+    after_help = "Keeps the results that these recipes need now, the last results of their stale steps, and the results that a release was \
+    made from, as long as its folder exists. Scenes listed in takedown.txt are not kept. Name every recipe whose results must stay."
 )]
 pub(super) struct GcArgs {
     #[command(flatten)]
@@ -64,8 +64,7 @@ impl GcArgs {
                 continue;
             }
             let gone = root.release.display();
-            console
-                .say(&format!("the release {gone} is gone: what it was made from is no longer kept for it"));
+            console.say(&format!("the release {gone} no longer exists: its results are no longer kept"));
             if !self.dry_run {
                 store.remove_root(&root)?;
             }
@@ -80,7 +79,7 @@ impl GcArgs {
         let (size, kept, left) = (mb(bytes), mb(kept_bytes), mb(trash_bytes));
         console.say(&format!("{done} {blobs} blobs, {size:.1} MB, and {records} records"));
         if trash > 0 {
-            console.say(&format!("{done} {trash} files of trash, {left:.1} MB"));
+            console.say(&format!("{done} {trash} trash files, {left:.1} MB"));
         }
         console.say(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
         if console.json {
@@ -113,10 +112,10 @@ fn parse_age(text: &str) -> Result<Duration, String> {
         "h" => 3600,
         "d" => 86_400,
         "" if number == "0" => 1,
-        _ => return Err("wanted a whole number with s, m, h or d after it, as 12h".to_owned()),
+        _ => return Err("wanted a whole number followed by s, m, h or d, such as 12h".to_owned()),
     };
     let number: u64 = number.parse().map_err(|e| format!("{number:?}: {e}"))?;
-    number.checked_mul(seconds).map(Duration::from_secs).ok_or_else(|| "that is too long".to_owned())
+    number.checked_mul(seconds).map(Duration::from_secs).ok_or_else(|| "the duration is too long".to_owned())
 }
 
 #[cfg(test)]

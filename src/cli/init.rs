@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 /// Arguments of `init`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Recipes are written to the folder of --to, with one defaults.yaml for what they share. Running it again adds \
+    after_help = "Writes the recipes to the folder of --to, with one defaults.yaml for shared values. Running it again adds \
     new scenes and changes no existing recipe. Scenes that cannot be used are listed in rejected.tsv in that folder, each with \
     its reason."
 )]
@@ -173,9 +173,9 @@ impl InitArgs {
             .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
         if entries.is_empty() {
             let what =
-                format!("no scene of {} is in {}", CaptureKind::from(self.format).name(), self.dir.display());
+                format!("found no {} scene in {}", CaptureKind::from(self.format).name(), self.dir.display());
             return Err(
-                VerbError::usage("input-missing", what).help("gs2e init --help says how each is laid out")
+                VerbError::usage("input-missing", what).help("gs2e init --help describes each layout")
             );
         }
         let mut outcome = InitOutcome::default();
@@ -244,7 +244,7 @@ impl InitArgs {
         let files = names::assign(&self.to, &scenes);
         let candidate = |((scene, _, path, mut told), file): (_, FileName)| {
             let FileName { path: recipe, because } = file;
-            let named = because.map(|why| format!("its recipe is {}, since {why}", recipe.display()));
+            let named = because.map(|why| format!("its recipe is {}, because {why}", recipe.display()));
             Vec::extend(&mut told, named);
             SceneCandidate { scene, recipe, path, told }
         };
@@ -317,9 +317,9 @@ impl InitOutcome {
         }
         let to = init.to.display();
         let (written, kept) = (self.written.len(), self.kept);
-        console.say(&format!("{written} recipes were written to {to}, {kept} were there"));
+        console.say(&format!("{written} recipes were written to {to}, {kept} already existed"));
         if self.left > 0 {
-            console.say(&format!("{} more scenes would do; --limit leaves them out", self.left));
+            console.say(&format!("{} more scenes are usable; --limit leaves them out", self.left));
         }
         if let Some(first) = self.rejected.first() {
             let (count, list) = (self.rejected.len(), write::rejected_in(&init.to));
@@ -331,9 +331,9 @@ impl InitOutcome {
         }
         if let Some(first) = self.without_scene.first() {
             let count = self.without_scene.len();
-            let what = format!("{count} of the recipes written name a scene file that is not there");
+            let what = format!("{count} of the new recipes name a scene file that does not exist");
             let message = UserMessage::new(MessageLevel::Warning, "scene-missing", what).path(first);
-            let help = "train them first, say where they are with --scene, or write `reconstruct` into defaults.yaml";
+            let help = "train the scenes first, pass their place with --scene, or write `reconstruct` into defaults.yaml";
             console.for_people().tell(&message.help(help));
         }
         if console.json {

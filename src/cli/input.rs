@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// The error for an absent file: nothing ran.
 pub(super) fn missing_file(what: &str, path: &Path) -> VerbError {
-    VerbError::usage("input-missing", format!("the {what} {} is not there", path.display()))
+    VerbError::usage("input-missing", format!("{what}: {} does not exist", path.display()))
 }
 
 /// The error for a file that exists and cannot be read.
@@ -25,7 +25,7 @@ pub(super) fn no_source(what: &str, error: &SourceError, path: &Path) -> VerbErr
             missing_file(what, path)
         }
         SourceError::Absent { dir, because } => {
-            let told = format!("the {what} is not known by its files");
+            let told = format!("cannot determine the layout of the {what}");
             let message = UserMessage::new(MessageLevel::Error, "input-missing", told);
             VerbError::from_message(ExitKind::Usage, message.path(dir).because(because))
         }

@@ -20,7 +20,7 @@ pub(super) fn show_left_out(tables: &BTreeMap<String, OmissionTable>, console: &
     if tables.len() > MAX_ROWS {
         let trajectories = tables.len();
         console.say(&format!(
-            "what was left out of {trajectories} trajectories: --json, or manifest.json of a release"
+            "work skipped for {trajectories} trajectories: see --json, or manifest.json of a release"
         ));
         return;
     }
@@ -32,7 +32,7 @@ pub(super) fn show_left_out(tables: &BTreeMap<String, OmissionTable>, console: &
 impl OmissionTable {
     fn to_lines(&self, name: &str) -> Vec<String> {
         if self.rows.is_empty() {
-            return vec![format!("left out of {name}: nothing")];
+            return vec![format!("work skipped for {name}: none")];
         }
         let amounts: Vec<String> = self.rows.iter().map(share_words).collect();
         let width = |texts: &mut dyn Iterator<Item = &str>| texts.map(str::len).max().unwrap_or(0);
@@ -42,7 +42,7 @@ impl OmissionTable {
         let line = |(row, amount): (&OmissionRow, &String)| {
             format!("  {:step$}  {:what$}  {amount:much$}  {}", row.step, row.what, row.proof)
         };
-        let head = format!("left out of {name}: what, how much, proof");
+        let head = format!("work skipped for {name} (output is byte-identical unless noted)");
         let lines = self.rows.iter().zip(&amounts).map(line);
         std::iter::once(head).chain(lines).chain(self.saving.as_ref().map(saved_words)).collect()
     }
@@ -62,7 +62,7 @@ fn share_words(row: &OmissionRow) -> String {
 fn saved_words(saving: &TimeSaved) -> String {
     let TimeSaved { seconds, sampled, frames } = saving;
     format!(
-        "  without it, rendering the events' frames would take about {seconds:.1} s longer \
+        "  without skipping it, rendering the events' frames would take about {seconds:.1} s longer \
          (an estimate from {sampled} of {frames} frames)"
     )
 }
@@ -84,13 +84,13 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "left out of lab/base: what, how much, proof",
+                "work skipped for lab/base (output is byte-identical unless noted)",
                 "  events  hidden    12.5 %, 25 of 200 pairs  identical bytes",
                 "  events  unknown  7 pairs                   identical bytes",
-                "  without it, rendering the events' frames would take about 12.3 s longer (an estimate from 3 of \
+                "  without skipping it, rendering the events' frames would take about 12.3 s longer (an estimate from 3 of \
                  1500 frames)",
             ]
         );
-        assert_eq!(OmissionTable::default().to_lines("lab/base"), ["left out of lab/base: nothing"]);
+        assert_eq!(OmissionTable::default().to_lines("lab/base"), ["work skipped for lab/base: none"]);
     }
 }

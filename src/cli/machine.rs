@@ -79,7 +79,7 @@ pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
     ];
     let found = UNITS.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, *size)));
     let (number, unit) = found.unwrap_or((text, 1));
-    let wanted = || format!("found `{text}`, wanted a number of bytes as 8GB or 500MB");
+    let wanted = || format!("found `{text}`, wanted a number of bytes such as 8GB or 500MB");
     let number: u64 = number.trim().parse().map_err(|_| wanted())?;
     number.checked_mul(unit).filter(|bytes| *bytes > 0).ok_or_else(wanted)
 }

@@ -50,14 +50,14 @@ pub(super) fn screen_outputs<'a>(
             continue;
         }
         if inputs.contains(&link_target(path)) {
-            return refuse(format!("{shown} is read, and would be written over"));
+            return refuse(format!("{shown} is an input and would be overwritten"));
         }
         if path.is_dir() || path.file_name().is_none() {
             return refuse(format!("{shown} is a folder, wanted a file"));
         }
         let place = link_target(path);
         if !parent_folder(&place).is_dir() {
-            return refuse(format!("{shown} lies in a folder that is not there"));
+            return refuse(format!("{shown} is in a folder that does not exist"));
         }
         if let Err(because) = files::replaceable(&place) {
             return refuse(format!("{shown} cannot be replaced: {because}"));

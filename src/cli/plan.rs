@@ -172,14 +172,14 @@ fn estimate_run(
         return Ok(());
     }
     let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
-    console.print(&format!("{steps} steps would run, or may: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
+    console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
     console.print(&format!(
         "{:.1} MB of outputs; {:.0} MB of memory for the largest step",
         bytes * 1e-6,
         memory * 1e-6
     ));
     if unknown > 0 {
-        console.print(&format!("{unknown} of them not counted: no step of their kind ran before"));
+        console.print(&format!("{unknown} of them are not counted: no step of their kind has run before"));
     }
     Ok(())
 }
@@ -189,8 +189,10 @@ pub(super) fn reason_words(reason: &StepReason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {
         StepReason::UpToDate => "up to date".to_owned(),
-        StepReason::InputMayChange { step } => format!("behind {step}"),
-        StepReason::NotAsked { program } => format!("the version of {program} is not known: a build asks it"),
+        StepReason::InputMayChange { step } => format!("waits for {step}"),
+        StepReason::NotAsked { program } => {
+            format!("the version of {program} is unknown: a build determines it")
+        }
         StepReason::NoRecord => "never made".to_owned(),
         StepReason::InputChanged { name, old, new } => {
             let brief = |digest: &str| was(&digest.chars().take(12).collect::<String>());

@@ -168,7 +168,7 @@ impl From<StoreError> for VerbError {
 }
 
 /// The remedy for a full disk.
-pub(super) const FULL: &str = "gs2e gc --dry-run shows what can go";
+pub(super) const FULL: &str = "gs2e gc --dry-run shows what can be deleted";
 
 impl From<PlanError> for VerbError {
     /// The plan is compared with the store before anything runs, so the exit code says that nothing
@@ -187,14 +187,14 @@ pub(super) fn unplanned_message(error: &PlanError) -> UserMessage {
         PlanError::Missing { scene, step, path, named_at } => UserMessage::new(
             MessageLevel::Error,
             "input-missing",
-            format!("{scene}: the source of {step} is not there"),
+            format!("{scene}: the source of {step} does not exist"),
         )
         .step(scene, step)
         .path(path)
         .named_at(named_at.clone())
         .help("a path is relative to the recipe's folder"),
         PlanError::Source { scene, step, cause } => {
-            stage_failed("input-unreadable", scene, step, cause).help("mend it and run the same command")
+            stage_failed("input-unreadable", scene, step, cause).help("fix it and run the same command")
         }
         PlanError::Store(error) => UserMessage::new(MessageLevel::Error, "store", format!("failed {error}")),
     }

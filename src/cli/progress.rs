@@ -244,7 +244,7 @@ impl<'a> Progress<'a> {
         // The step runs again on the CPU, so it has not ended and is no failure yet.
         if let Some(because) = failure.of_gpu().filter(|_| self.falls_back) {
             let scene = self.place(step).0;
-            let what = format!("{scene} is rendered on the CPU, since {because}");
+            let what = format!("{scene} is rendered on the CPU, because {because}");
             return self.tell(shown, &UserMessage::new(MessageLevel::Warning, "on-cpu", what).scene(scene));
         }
         let ended = StepEnd { step, state: "failed", key: None, outputs: &[], seconds: None, left_out: None };
@@ -287,7 +287,9 @@ impl RunObserver for Progress<'_> {
             RunEvent::TooLarge { step, memory, budget } => {
                 let [need, all] = [memory, budget].map(|bytes| format_amount(bytes, "B"));
                 let (scene, name) = self.place(step);
-                let what = format!("{scene}/{name} needs about {need} of {all}: it runs alone");
+                let what = format!(
+                    "{scene}/{name} needs about {need} of memory, budget {all}: no other step runs with it"
+                );
                 self.tell(shown, &UserMessage::new(MessageLevel::Warning, "memory", what).step(scene, name));
             }
             RunEvent::Made { step, key, outputs, seconds, cores, warnings, remark, saving } => {

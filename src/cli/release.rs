@@ -90,7 +90,7 @@ impl ReleaseArgs {
         let findings = findings_of_run(&plan, &summary, &store)?;
         let faults = show_findings(&findings, console);
         if self.care.strict && faults > 0 {
-            let message = format!("{faults} findings are no pass and --strict is set; nothing was released");
+            let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
             return Err(VerbError::fault("check-warned", message));
         }
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
@@ -226,7 +226,7 @@ fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), VerbError> {
         None => Ok(()),
         Some(first) => {
             let message = format!("{} steps are not up to date, the first is {first}", stale.len());
-            Err(VerbError::failed("stale", message).help("gs2e build, or leave out --no-build"))
+            Err(VerbError::failed("stale", message).help("run gs2e build, or leave out --no-build"))
         }
     }
 }
@@ -237,17 +237,17 @@ fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
         ReleaseError::Checks(findings) => {
             check::show_failed(&findings, console);
             VerbError::fault("check-failed", format!("{message}; nothing was released"))
-                .help("mend it, or accept it in the recipe: checks: { waive: [{ check, because }] }")
+                .help("fix it, or waive it in the recipe: checks: { waive: [{ check, because }] }")
         }
         ReleaseError::Foreign { .. } => {
             VerbError::usage("foreign-folder", message).help(
-                "choose another folder; --replace moves this one aside, and keeps what gs2e did not write",
+                "choose another folder; --replace moves this one aside and keeps the files that gs2e did not write",
             )
         }
         ReleaseError::Leaks(_) => VerbError::fault("split-leak", format!("{message}; nothing was released"))
-            .help("have the recipes of what belongs together name one `group:`, with splits by object"),
+            .help("give the recipes of related scenes the same `group:`, with splits by object"),
         ReleaseError::Nothing => VerbError::usage("nothing-to-release", message)
-            .help("every scene is on the takedown list; a release that is there is left as it is, and may hold them"),
+            .help("every scene is on the takedown list; an existing release is left unchanged and may still contain them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => VerbError::failed("not-built", message),
         ReleaseError::Interrupted => {
             VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", message))

@@ -165,8 +165,9 @@ impl RenderArgs {
         let name = self.channel.name();
         match self.velocity {
             None if self.channel.moves() => {
-                let what = format!("{name} is of a camera that moves, and how is not said");
-                let help = "--velocity vx,vy,vz,wx,wy,wz, in camera axes; 0,0,0,0,0,0 is a camera at rest";
+                let what = format!("{name} needs the velocity of the camera");
+                let help =
+                    "pass --velocity vx,vy,vz,wx,wy,wz in camera axes; 0,0,0,0,0,0 is a camera at rest";
                 Err(VerbError::usage("velocity-missing", what).help(help))
             }
             Some(_) if !self.channel.moves() => {
@@ -182,8 +183,9 @@ impl RenderArgs {
         let count = read.0.views.len();
         let chosen = view::choose_view(read, self.index).ok_or_else(|| {
             let views = if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
-            let what = format!("{} has {views}, and none of index {}", self.view.display(), self.index);
-            VerbError::usage("no-view", what).help(&format!("--index: from 0 to {}", count.saturating_sub(1)))
+            let what = format!("{} has {views}, but none with index {}", self.view.display(), self.index);
+            VerbError::usage("no-view", what)
+                .help(&format!("pass --index from 0 to {}", count.saturating_sub(1)))
         })?;
         // Refused before the scene is read: a wrong size in a camera file could ask for any amount
         // of memory.
@@ -242,7 +244,7 @@ impl RenderArgs {
         // Only a failure of the GPU itself is tried again; a wrong view fails on the CPU too.
         let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
-            console.say(&format!("on the CPU, since {because}"));
+            console.say(&format!("rendering on the CPU, because {because}"));
             by(&Backend::Cpu)
         });
         done.map_err(render_failed)
@@ -255,7 +257,7 @@ fn render_failed(error: RenderError) -> VerbError {
         UserMessage::new(MessageLevel::Error, "step-failed", "failed to render").because(error.to_string());
     let problem = VerbError::from_message(ExitKind::Failed, message);
     if matches!(error, RenderError::Gpu(_)) {
-        problem.help("--backend cpu, or leave it out")
+        problem.help("use --backend cpu, or leave the option out")
     } else {
         problem
     }

@@ -80,7 +80,7 @@ impl RendererChoice {
     pub(super) fn tell(&self, console: &Console) {
         let RendererKind::Auto(auto) = &self.by else { return };
         if let Some(Err(because)) = &*auto.gpu.borrow() {
-            console.say(&format!("on the CPU, since {because}"));
+            console.say(&format!("rendering on the CPU, because {because}"));
         }
     }
 

@@ -7,7 +7,7 @@ use crate::sensor::screening::{ConstantLightNoise, SensorScreening};
 /// Prints the contrast, leak and noise of a sensor. `whose` precedes its warnings.
 pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreening, console: &Console) {
     let ([on, off], quantity) = (screening.contrast, screening.quantity);
-    console.say(&format!("{what}: one event is a step of {quantity} by {on:.4} up, {off:.4} down"));
+    console.say(&format!("{what}: contrast thresholds: ON {on:.4}, OFF {off:.4} in {quantity}"));
     for n in screening.noise {
         let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
         let ConstantLightNoise { grey, leak_hz, total_hz, .. } = n;

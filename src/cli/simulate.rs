@@ -117,7 +117,7 @@ impl SimulateArgs {
         let inputs = optional.into_iter().flatten().chain([self.frames.as_path()]);
         output::screen_outputs([self.out.as_path()], inputs, console.json)?;
         let format = EventFormat::for_path(&self.out, self.codec.into()).ok_or_else(|| {
-            let what = format!("{}: its name ends with no format of events", self.out.display());
+            let what = format!("{}: not an event format", self.out.display());
             VerbError::usage("format", what).help(super::convert::events::SUPPORTED)
         })?;
         common.limit_cores();
@@ -127,7 +127,7 @@ impl SimulateArgs {
         let mut sequence = StampedFrames::open_inputs(&self)?;
         // Labels that were asked for must not be dropped silently.
         if sensor.as_model().labels() && !format.keeps_labels() {
-            let what = format!("{} has no place for the labels of events", self.out.display());
+            let what = format!("{} cannot store the labels of events", self.out.display());
             return Err(VerbError::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
         }
         sensor::check_rates(&sensor, self.rates.is_some(), sequence.may_be_coloured)?;
@@ -212,7 +212,7 @@ impl SimulateArgs {
             SimulateFailure::Write(EventFileError::Io(e)) => unwritable_file(&self.out, e),
             SimulateFailure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
             SimulateFailure::Simulate(SimulateError::Interrupted) => {
-                let what = format!("interrupted: nothing is written to {}", self.out.display());
+                let what = format!("interrupted: nothing was written to {}", self.out.display());
                 VerbError::from_message(
                     ExitKind::Interrupted,
                     UserMessage::new(MessageLevel::Error, "interrupted", what),
@@ -227,7 +227,7 @@ impl SimulateArgs {
             }
             SimulateFailure::Simulate(SimulateError::Sensor(e @ SensorError::Cap { .. })) => {
                 failed("failed to simulate the events", "step-failed", e.to_string()).help(
-                    "raise max_events_per_pixel_frame, or --allow-cap keeps the first and counts the others",
+                    "raise max_events_per_pixel_frame, or pass --allow-cap to keep the first events and count the others",
                 )
             }
             SimulateFailure::Simulate(SimulateError::Sensor(e)) => {

@@ -118,8 +118,8 @@ impl StressArgs {
             case.name == name || id == name || id.split('@').next() == Some(name)
         };
         if let Some(name) = self.names.iter().find(|name| !cases.iter().any(|case| is(case, name))) {
-            let what = format!("no case is called `{name}`");
-            return Err(VerbError::usage("no-case", what).help("`gs2e stress` tells the names of all"));
+            let what = format!("no case has the name `{name}`");
+            return Err(VerbError::usage("no-case", what).help("`gs2e stress` prints all names"));
         }
         cases.retain(|case| self.names.is_empty() || self.names.iter().any(|name| is(case, name)));
         Ok(())

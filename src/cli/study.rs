@@ -53,7 +53,7 @@ fn end_problem(error: SimulateError) -> VerbError {
 }
 
 fn interrupted_problem() -> VerbError {
-    let what = "interrupted: nothing is written";
+    let what = "interrupted: nothing was written";
     VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", what))
 }
 

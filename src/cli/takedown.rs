@@ -10,14 +10,14 @@ pub(super) fn show_takedown(taken_down: TakenDown, console: &Console) {
     let TakenDown { scenes, unmatched } = taken_down;
     if scenes > 0 {
         let are = if scenes == 1 { "scene is" } else { "scenes are" };
-        let what = format!("{scenes} {are} left out, as takedown.txt lists them");
+        let what = format!("{scenes} {are} left out because of takedown.txt");
         console.tell(&UserMessage::new(MessageLevel::Warning, "takedown", what));
     }
     if unmatched > 0 {
         let ids = if unmatched == 1 {
-            "1 id in takedown.txt names"
+            "1 id in takedown.txt matches"
         } else {
-            &format!("{unmatched} ids in takedown.txt name")
+            &format!("{unmatched} ids in takedown.txt match")
         };
         let what = format!("{ids} none of these scenes");
         console.tell(&UserMessage::new(MessageLevel::Warning, "takedown-unmatched", what));

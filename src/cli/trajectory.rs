@@ -124,10 +124,10 @@ impl TrajectoryArgs {
             return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
                 None => Ok(None),
                 Some(recipe) => {
-                    let what =
-                        format!("the trajectory `{}` is made from a capture, and none is given", recipe.name);
-                    Err(VerbError::usage("input-missing", what)
-                        .help("--capture: a COLMAP model, a transforms.json, or a 3DGS model folder"))
+                    let what = format!("the trajectory `{}` needs a capture, and none is given", recipe.name);
+                    Err(VerbError::usage("input-missing", what).help(
+                        "pass --capture with a COLMAP model, a transforms.json, or a 3DGS model folder",
+                    ))
                 }
             };
         };
@@ -149,14 +149,14 @@ impl TrajectoryArgs {
             return Ok(None);
         };
         let missing = |what: &str, help: &str| {
-            let what = format!("the speed of `{}` is how fast the picture moves, and {what}", recipe.name);
+            let what = format!("the speed of `{}` is in pixels per second, and {what}", recipe.name);
             VerbError::usage("input-missing", what).help(help)
         };
         let scene = self.scene.as_ref();
-        let scene =
-            scene.ok_or_else(|| missing("no scene is given", "--scene: a .ply, .splat, .spz or .sog"))?;
+        let scene = scene
+            .ok_or_else(|| missing("no scene is given", "pass --scene with a .ply, .splat, .spz or .sog"))?;
         let camera = camera.ok_or_else(|| {
-            let help = "--capture, or in the recipe camera: { width, height, fx, fy, cx, cy }";
+            let help = "pass --capture, or write in the recipe camera: { width, height, fx, fy, cx, cy }";
             missing("there is no camera", help)
         })?;
         if !is_there(scene) {

@@ -108,7 +108,7 @@ pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
 
 fn to_message(finding: &Finding) -> UserMessage {
     let level = if finding.verdict == Verdict::Fail { MessageLevel::Error } else { MessageLevel::Warning };
-    let accepted = if finding.verdict == Verdict::Waived { " (accepted by the recipe)" } else { "" };
+    let accepted = if finding.verdict == Verdict::Waived { " (waived by the recipe)" } else { "" };
     let Finding { check, subject, because, .. } = finding;
     let message = UserMessage::new(level, "check", format!("{subject}: {check}: {because}{accepted}"));
     let unit = if finding.unit == "1" { String::new() } else { format!(" {}", finding.unit) };

@@ -63,7 +63,7 @@ fn tell_edits(
     assessed: &[StepAssessment],
     console: &Console,
 ) {
-    console.print(&format!("{}: its recipe was edited since it was last built", plan.scenes()[scene].scene));
+    console.print(&format!("{}: the recipe was edited since the last build", plan.scenes()[scene].scene));
     for RecipeEdit { path, old, new } in edits {
         let what = match (old, new) {
             (Some(Value::Object(_)), None) => "removed".to_owned(),
@@ -88,7 +88,7 @@ fn tell_edits(
         }
     }
     if run.is_empty() && may_run.is_empty() {
-        console.print("  no step runs for it");
+        console.print("  no step has to run for it");
     }
 }
 
@@ -165,11 +165,11 @@ fn show_explanation(why: &StepExplanation<'_>, console: &Console) {
     console.print(&format!("{scene}/{step}: {}", reason_words(&assessed.reason)));
     for DescriptionChange { path, old, new } in changes {
         let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
-        console.print(&format!("  changed since it was last made: {path}: {} -> {}", was(old), was(new)));
+        console.print(&format!("  changed since the last run: {path}: {} -> {}", was(old), was(new)));
     }
     match &assessed.key {
         Some(key) => console.print(&format!("  key {key}")),
-        None => console.print("  no key yet: an input will be made first"),
+        None => console.print("  no key yet: an input must be made first"),
     }
     for line in lines {
         console.print(&format!("  {} = {}", line.path, line.text));

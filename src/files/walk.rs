@@ -124,7 +124,7 @@ impl WalkBounds {
             return Err(io::Error::other(format!("more than {MAX_DEPTH} folders deep")));
         }
         if entry.path_is_symlink() && !self.holds_target(entry.path())? {
-            return Err(io::Error::other("a link leads out of the folder given"));
+            return Err(io::Error::other("a link leads out of the given folder"));
         }
         if self.device.is_some_and(|device| device != device_of(entry)) {
             return Err(io::Error::other("a folder on another file system"));
@@ -175,7 +175,7 @@ mod tests {
         assert_eq!(names(FolderWalk::new(&root).to_depth(1)), ["a-out", "b", "c-file", "d-in"]);
         assert_eq!(
             names(FolderWalk::new(&root).following()),
-            ["a-out: a link leads out of the folder given", "b", "sub", "deep", "c-file", "d-in", "deep"]
+            ["a-out: a link leads out of the given folder", "b", "sub", "deep", "c-file", "d-in", "deep"]
         );
         symlink("..", root.join("b/sub/up")).unwrap();
         let told = names(FolderWalk::new(&root).following());

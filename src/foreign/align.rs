@@ -8,7 +8,7 @@
 //! and keeps its full error.
 
 use crate::se3::Se3;
-use crate::se3::rotation::{relative_angle, exp_vector, log_vector};
+use crate::se3::rotation::{exp_vector, log_vector, relative_angle};
 use glam::{DQuat, DVec3};
 
 /// One camera in both worlds, camera to world.

@@ -126,7 +126,7 @@ fn make_model(
         return Err(ForeignError::Stopped);
     }
     if pairs == 0 {
-        return Ok(Err("finds no key points that two pictures share".to_owned()));
+        return Ok(Err("finds no key points shared by two pictures".to_owned()));
     }
     let list = place("matches.txt");
     std::fs::write(&list, matches).map_err(ForeignError::io_error(&list))?;
@@ -137,7 +137,9 @@ fn make_model(
             let read = || ColmapModel::find_model(&sparse.join("0"))?.images();
             read().map(Ok).map_err(|e| ran.failed(EndKind::Product(format!("its model: {e}"))))
         }
-        Err(ran) if ran.says(NO_MODEL) => Ok(Err("finds no two pictures to begin a model with".to_owned())),
+        Err(ran) if ran.says(NO_MODEL) => {
+            Ok(Err("finds no pair of pictures to start a model from".to_owned()))
+        }
         Err(ran) => Err(ran.failed(EndKind::Code(1))),
     }
 }

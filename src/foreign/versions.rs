@@ -99,7 +99,7 @@ pub fn colmap(programs: &ProgramFinder) -> Result<String, String> {
     // The first line is `COLMAP 3.8 -- Structure-from-Motion and Multi-View Stereo`.
     let mut lines = said.lines().map(|line| line.split(" -- ").next().unwrap_or(line).trim());
     let name = lines.find(|line| line.starts_with("COLMAP "));
-    name.map(str::to_owned).ok_or_else(|| format!("the program `{COLMAP}` does not say which COLMAP it is"))
+    name.map(str::to_owned).ok_or_else(|| format!("the program `{COLMAP}` does not report its version"))
 }
 
 /// Returns the versions of Python's packages.

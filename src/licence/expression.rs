@@ -127,7 +127,9 @@ fn unfit_because(id: &str) -> Option<String> {
     if id == "NOASSERTION" {
         Some("NOASSERTION states no terms".into())
     } else if id.starts_with("DocumentRef-") {
-        Some(format!("{id} is defined in another document, and a release has the texts of all its terms"))
+        Some(format!(
+            "{id} is defined in another document, but a release must contain the texts of all its terms"
+        ))
     } else if id.len() > MAX_LENGTH {
         Some(format!("an id has {} bytes, at most {MAX_LENGTH} can name the file of its text", id.len()))
     } else {
@@ -191,7 +193,10 @@ mod tests {
     fn what_is_no_licence_is_refused() {
         for text in ["CC BY MIT", "", "xyz-bad", "MIT AND", "MIT/Apache-2.0", "mit", "(MIT"] {
             let message = LicenceExpression::parse(text).unwrap_err().to_string();
-            assert!(message.starts_with(&format!("`{text}` is no SPDX licence expression: ")), "{message}");
+            assert!(
+                message.starts_with(&format!("`{text}` is not an SPDX licence expression: ")),
+                "{message}"
+            );
         }
     }
 

@@ -34,8 +34,8 @@ impl LicenceObligation {
             Self::Attribution => "attribution",
             Self::NonCommercial => "no commercial use",
             Self::ShareAlike => "share alike",
-            Self::NoRedistribution => "no passing on to others",
-            Self::Gating => "receivers accept the terms first",
+            Self::NoRedistribution => "no redistribution",
+            Self::Gating => "recipients accept the terms first",
             Self::DeletionOnRequest => "deletion on request",
         }
     }
@@ -111,7 +111,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
         evidence: &[TermsEvidence {
             url: "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet#license",
             says: "the data is released under the MVImgNet Terms of Use, the code under CC BY-NC 4.0; the text of the \
-                   terms is part of the form by which access is asked for, and was not seen",
+                   terms is part of the access request form, and was not seen",
         }],
         obligations: &[Attribution, NonCommercial, NoRedistribution, Gating],
         verified: false,
@@ -125,8 +125,8 @@ pub const LEDGER: [LedgerAsset; 8] = [
         attribution: "DL3DV-10K (Ling et al., CVPR 2024)",
         evidence: &[TermsEvidence {
             url: "https://github.com/DL3DV-10K/Dataset/blob/main/License.md",
-            says: "terms of use and CC BY-NC 4.0: non-commercial research and education; access for others after they \
-                   signed, sharing otherwise is prohibited; 3D models made from the data are named; data on persons \
+            says: "terms of use and CC BY-NC 4.0: non-commercial research and education; others get access after they \
+                   sign, other sharing is prohibited; the terms mention 3D models made from the data; data on persons \
                    are deleted on request; access may be ended",
         }],
         obligations: &[Attribution, NonCommercial, NoRedistribution, Gating, DeletionOnRequest],
@@ -141,7 +141,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
         attribution: "Tanks and Temples (Knapitsch et al., SIGGRAPH 2017)",
         evidence: &[TermsEvidence {
             url: "https://www.tanksandtemples.org/",
-            says: "its statements disagree",
+            says: "its statements on the terms disagree",
         }],
         obligations: &[Attribution, NonCommercial, NoRedistribution],
         verified: false,
@@ -166,8 +166,8 @@ pub const LEDGER: [LedgerAsset; 8] = [
         attribution: "3D Gaussian Splatting (Kerbl et al., SIGGRAPH 2023)",
         evidence: &[TermsEvidence {
             url: "https://github.com/graphdeco-inria/gaussian-splatting/blob/main/LICENSE.md",
-            says: "research and evaluation, no commercial use, without leave to sublicense; it speaks of the software \
-                   and its derivatives, and does not say whether scenes and pictures made with it are meant",
+            says: "research and evaluation, no commercial use, no right to sublicense; it covers the software \
+                   and its derivatives, and does not state whether it covers scenes and pictures made with it",
         }],
         obligations: &[Attribution, NonCommercial],
         verified: true,
@@ -181,7 +181,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
         attribution: "DVS-Voltmeter (Lin et al., ECCV 2022)",
         evidence: &[TermsEvidence {
             url: "https://github.com/Lynn0306/DVS-Voltmeter/blob/main/LICENSE.md",
-            says: "MIT; the law is computed here by code of its own",
+            says: "MIT; gs2e implements the law in its own code",
         }],
         obligations: &[Attribution],
         verified: true,
@@ -195,7 +195,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
         attribution: "GS-Blur (Lee et al., NeurIPS 2024)",
         evidence: &[TermsEvidence {
             url: "https://github.com/dongwoohhh/GS-Blur",
-            says: "it carries the licence file of 3D Gaussian Splatting",
+            says: "it has the licence file of 3D Gaussian Splatting",
         }],
         obligations: &[Attribution, NonCommercial],
         verified: false,
@@ -209,7 +209,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
         attribution: "GS2E (arXiv 2505.15287)",
         evidence: &[TermsEvidence {
             url: "https://github.com/PKU-YuanGroup/GS2E",
-            says: "a badge says MIT, the licence file Apache 2.0; no code is there, and nothing rests on it",
+            says: "a badge says MIT, the licence file Apache 2.0; it has no code, and gs2e uses nothing from it",
         }],
         obligations: &[Attribution],
         verified: false,

@@ -35,7 +35,7 @@ fn of_holders(id: &str, holders: &[String]) -> String {
     let whom = if holders.is_empty() { "its holder".to_owned() } else { holders.join(", ") };
     format!(
         "{id}\n\nThese terms are not on the SPDX list, and their text is not part of this release. Material under \
-         them\nmay be used and passed on only as its holder allows. To be asked: {whom}.\n"
+         them\nmay be used and redistributed only as its holder allows. Contact: {whom}.\n"
     )
 }
 
@@ -70,8 +70,6 @@ mod tests {
 
     #[test]
     fn terms_of_a_holder_name_the_holder() {
-        assert!(
-            licence_text("LicenseRef-Ours", &["Example Lab".into()]).contains("To be asked: Example Lab.")
-        );
+        assert!(licence_text("LicenseRef-Ours", &["Example Lab".into()]).contains("Contact: Example Lab."));
     }
 }

@@ -168,7 +168,7 @@ pub struct StepProduct {
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
     /// A source file does not exist.
-    #[error("{scene}: the source is not there: {}{}", path.display(), named_place(named_at.as_ref()))]
+    #[error("{scene}: the source does not exist: {}{}", path.display(), named_place(named_at.as_ref()))]
     Missing {
         /// Scene id.
         scene: String,

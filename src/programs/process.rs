@@ -62,7 +62,7 @@ pub enum EndKind {
     #[error("it cannot be started: {0}")]
     NotStarted(io::Error),
     /// The end of the program was not reported.
-    #[error("it was lost sight of: {0}")]
+    #[error("its end was not reported: {0}")]
     Lost(io::Error),
     /// It ended with an exit code other than 0.
     #[error("it ended with exit code {0}")]
@@ -71,10 +71,10 @@ pub enum EndKind {
     #[error("signal {0} ended it")]
     Signal(i32),
     /// Its version is not the one in the recipe.
-    #[error("it does not say that it is version {0}")]
+    #[error("it does not report version {0}")]
     Version(String),
     /// It took too long, and was stopped.
-    #[error("it had not ended after {0} s and was stopped")]
+    #[error("it was stopped because it had not ended after {0} s")]
     TooLong(u32),
     /// The product cannot be used.
     #[error("{0}")]

@@ -61,7 +61,8 @@ fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Rec
         [path] => Ok(Some(path.clone())),
         [first, second, ..] => {
             let message = format!("there is another one: {}", super::fault::shown_path(first));
-            let help = format!("one release has one {name}: release the folders apart, or keep one of them");
+            let help =
+                format!("a release has one {name}: release the folders separately, or keep one of the files");
             Err(vec![RecipeFault::of_file(second, &message, Some(&help))])
         }
     }

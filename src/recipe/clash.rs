@@ -14,8 +14,8 @@ pub(super) fn find_clashes(read: &[ReadRecipe]) -> Vec<RecipeFault> {
         let same = scenes.entry(scene.recipe.scene.to_lowercase()).or_default();
         if let Some(other) = same.first() {
             let equal = other.recipe.scene == scene.recipe.scene;
-            let how = if equal { "" } else { ", in capitals and small letters alike" };
-            faults.push(scene.fault(other, &format!("is the id of another recipe too{how}")));
+            let how = if equal { "" } else { ", ignoring case" };
+            faults.push(scene.fault(other, &format!("is also the id of another recipe{how}")));
         }
         // Kept although it clashes, because the next check needs every scene.
         same.push(scene);
@@ -51,10 +51,8 @@ impl ReadRecipe {
     fn fault(&self, other: &Self, message: &str) -> RecipeFault {
         let text = &other.texts[other.scene.file as usize];
         let (line, column) = text.position(other.scene.start as usize);
-        let help = format!(
-            "the other one is at {}:{line}:{column}; give one of them another id",
-            shown_path(&text.path)
-        );
+        let help =
+            format!("the other one is at {}:{line}:{column}; change one of the ids", shown_path(&text.path));
         let message = format!("the scene id \"{}\" {message}", self.recipe.scene);
         RecipeFault::new(
             message,

@@ -62,10 +62,10 @@ impl CameraPace {
 pub fn screen_text(scene: &str, paths: &[&Path]) -> Result<(), String> {
     names::scene_id(scene).map_err(|because| format!("its id would be `{scene}`, {because}"))?;
     for path in paths {
-        let text = path.to_str().ok_or_else(|| format!("the path {} is no text", path.display()))?;
+        let text = path.to_str().ok_or_else(|| format!("the path {} is not UTF-8", path.display()))?;
         if text.contains(|c| is_hidden(c) || c == '\\') || !is_nfc(text) {
-            let wanted = "wanted no hidden character, no backslash, and letters composed (Unicode NFC)";
-            return Err(format!("the path {text:?} cannot stand in a recipe: {wanted}"));
+            let wanted = "wanted composed letters (Unicode NFC), no hidden character and no backslash";
+            return Err(format!("the path {text:?} cannot be written in a recipe: {wanted}"));
         }
     }
     Ok(())

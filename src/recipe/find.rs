@@ -101,7 +101,7 @@ fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<RecipeFault>) {
         } else if no_recipe {
             faults.push(RecipeFault::of_file(
                 path,
-                "this file is no recipe",
+                "this file is not a recipe",
                 Some("name a recipe, or its folder"),
             ));
         } else {
@@ -160,14 +160,14 @@ fn walk_folder(root: &Path, found: &mut FoundRecipes, faults: &mut Vec<RecipeFau
             Err(error) => {
                 is_empty = false;
                 let message = format!("cannot be searched for recipes: {}", system_words(&error.because));
-                let help = "name folders that lie elsewhere on the command line too";
+                let help = "name folders in other places on the command line too";
                 faults.push(RecipeFault::of_file(&error.path, &message, Some(help)));
             }
         }
     }
     if is_empty {
         let help = "a recipe is a .yaml file other than defaults.yaml, sources.yaml and release.yaml";
-        faults.push(RecipeFault::of_file(root, "no recipe is in this folder", Some(help)));
+        faults.push(RecipeFault::of_file(root, "this folder has no recipe", Some(help)));
     }
 }
 
@@ -189,7 +189,7 @@ pub(super) fn misnamed(path: &Path) -> Option<RecipeFault> {
     let name = path.file_name()?.to_str()?;
     let other = name.eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;
     other.then(|| {
-        let message = format!("the name is not read, wanted {TAKEDOWN}");
+        let message = format!("a file with this name is ignored, wanted {TAKEDOWN}");
         RecipeFault::of_file(path, &message, Some("rename the file"))
     })
 }

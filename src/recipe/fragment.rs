@@ -57,8 +57,8 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     let files = find_all(&[PathBuf::from(path)])?;
     let faulty = |faults| RecipeFaults::value_or((), faults).expect_err("there are faults");
     let [file] = &files[..] else {
-        let message = format!("{} recipes are in this folder, wanted one", files.len());
-        return Err(faulty(vec![RecipeFault::of_file(path, &message, Some("name the one that is meant"))]));
+        let message = format!("this folder has {} recipes, wanted one", files.len());
+        return Err(faulty(vec![RecipeFault::of_file(path, &message, Some("name one recipe file"))]));
     };
     read_trajectories(file).map_err(faulty)
 }
@@ -174,7 +174,7 @@ mod tests {
             std::fs::write(dir.path().join(name), TRAJECTORIES).unwrap();
         }
         let told = read_fragment(dir.path()).unwrap_err().to_string();
-        assert!(told.ends_with(": 2 recipes are in this folder, wanted one"), "{told}");
+        assert!(told.ends_with(": this folder has 2 recipes, wanted one"), "{told}");
         std::fs::remove_file(dir.path().join("b.yaml")).unwrap();
         assert!(read_fragment(dir.path()).is_ok());
     }

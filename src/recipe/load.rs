@@ -207,7 +207,7 @@ impl RecipeParts {
         let raw =
             <VersionedFile as serde::Deserialize>::deserialize(TreeReader::new(&self.tree, &ignored)).ok()?;
         let (version, place) = raw.version.given().filter(|(version, _)| **version != VERSION)?;
-        let problem = FieldProblem::of_field(format!("is {version}, and this gs2e reads {VERSION}"));
+        let problem = FieldProblem::of_field(format!("is {version}, but this gs2e reads {VERSION}"));
         Some(
             problem
                 .help("use another gs2e, or write version: 1")

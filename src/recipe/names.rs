@@ -45,10 +45,10 @@ pub(super) fn scene_id(id: &str) -> Result<(), String> {
 /// Checks the form of the id of a scene, here or upstream; the error follows "an id".
 pub(super) fn id_parts(id: &str) -> Result<(), String> {
     if id.len() > 200 {
-        return Err(format!("of {} bytes, wanted at most 200", id.len()));
+        return Err(format!("which has {} bytes, wanted at most 200", id.len()));
     }
     if id.starts_with('/') {
-        return Err("which starts at the root".into());
+        return Err("which starts with \"/\"".into());
     }
     id.split('/').try_for_each(check_part)
 }
@@ -63,7 +63,7 @@ pub(super) fn check_trajectory(name: &str) -> Result<(), String> {
 /// Checks the name of a sensor, which becomes a file name in the release.
 pub(super) fn check_sensor(name: &str) -> Result<(), String> {
     if name.len() > 100 {
-        return Err(format!("of {} bytes, wanted at most 100", name.len()));
+        return Err(format!("which has {} bytes, wanted at most 100", name.len()));
     }
     if name.contains('/') {
         return Err("which has more than one part".into());
@@ -76,16 +76,16 @@ fn check_part(part: &str) -> Result<(), String> {
         return Err("which has an empty part".into());
     }
     if part == "." || part == ".." {
-        return Err(format!("whose part \"{part}\" leads out of its place"));
+        return Err(format!("whose part \"{part}\" leads out of its folder"));
     }
     if let Some(c) = part.chars().find(|c| !c.is_ascii_alphanumeric() && !"._-".contains(*c)) {
         return Err(format!("which holds {}", super::problem::quote_text(&c.to_string())));
     }
     if part.ends_with('.') {
-        return Err("with a part that ends in \".\", which Windows cuts off".into());
+        return Err("with a part that ends in \".\", which Windows removes".into());
     }
     if is_reserved(part) {
-        return Err(format!("whose part \"{part}\" is a device on Windows"));
+        return Err(format!("whose part \"{part}\" is a reserved device name on Windows"));
     }
     Ok(())
 }

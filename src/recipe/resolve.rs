@@ -68,7 +68,7 @@ impl Resolver<'_> {
     /// Resolves a recipe; `None` after reporting a fault.
     pub(super) fn recipe(&self, raw: &schema::RecipeSchema) -> Option<ResolvedRecipe> {
         self.required(&raw.version, "version", self.root, "write version: 1");
-        self.later(&raw.release, "this gs2e releases the products alone");
+        self.later(&raw.release, "this gs2e releases only the products");
         let scene = self.scene(&raw.scene);
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
@@ -166,7 +166,7 @@ impl Resolver<'_> {
     /// alternative.
     pub(super) fn later(&self, field: &Field<UnsupportedField>, instead: &str) {
         if let Some(place) = field.place() {
-            self.report(FieldProblem::of_key("is not built yet").help(instead).at(place));
+            self.report(FieldProblem::of_key("is not supported yet").help(instead).at(place));
         }
     }
 

@@ -24,7 +24,7 @@ pub enum ArgumentError {
     #[error("{{{0}}}")]
     Unknown(String),
     /// A brace without a matching brace.
-    #[error("a brace that stands alone")]
+    #[error("an unmatched brace")]
     Alone,
 }
 

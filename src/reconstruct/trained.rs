@@ -36,13 +36,13 @@ impl GaussianCount {
 /// The reason why the result of a trainer cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TrainedError {
-    #[error("it left no scene: {} is not there", .0.display())]
+    #[error("it wrote no scene: {} does not exist", .0.display())]
     Absent(PathBuf),
-    #[error("it left no scene: {0}")]
+    #[error("it wrote no scene: {0}")]
     NotFound(SourceError),
-    #[error("what it made is no scene: failed to {0}")]
+    #[error("its output is not a scene: failed to {0}")]
     Unreadable(SceneError),
-    #[error("what it made is no sound scene: {non_finite} of {read} Gaussians hold a NaN or an infinity")]
+    #[error("its output is not a sound scene: {non_finite} of {read} Gaussians hold a NaN or an infinity")]
     NonFinite { read: u64, non_finite: u64 },
     #[error("it made {found} Gaussians, wanted {}", wanted_count(.limits))]
     Count { found: u64, limits: GaussianCount },

@@ -46,12 +46,12 @@ pub enum ChooseError<E: std::error::Error + 'static> {
     #[error(transparent)]
     View(E),
     /// The path is too short for a pilot.
-    #[error("the path is too short to try steps on: leave tolerance out, and choose a rate")]
+    #[error("the path is too short to choose a step: remove tolerance and set a rate")]
     Short,
     /// The error of every method is too large at the finest step that was tried.
     #[error(
-        "the tolerance of {wanted} thresholds is below what is reached here: {} at steps of {:.2} px err by {:.4}, \
-         {:.0} % of its square by jumps of the renderer; a tolerance of {:.4} can be met{advice}",
+        "the tolerance of {wanted} thresholds cannot be met here: {} with steps of {:.2} px has an error of {:.4}, \
+         {:.0} % of its square from jumps of the renderer; a tolerance of {:.4} can be met{advice}",
         best.between.name(), best.finest_px, best.finest, 100.0 * best.jumps, best.finest / MARGIN
     )]
     Below {
@@ -64,8 +64,8 @@ pub enum ChooseError<E: std::error::Error + 'static> {
     },
     /// The choice fails its check.
     #[error(
-        "the tolerance of {wanted} thresholds is not met: {} steps of {step_px:.3} px err by {achieved:.4} on intervals \
-         that were held out, which the law of the pilot did not foresee",
+        "the tolerance of {wanted} thresholds is not met: {} with steps of {step_px:.3} px has an error of {achieved:.4} on held-out intervals, \
+         more than the pilot predicted",
         between.name()
     )]
     Missed {
@@ -400,10 +400,7 @@ mod tests {
         assert_eq!((wanted, advice), (0.003, "; try something else"));
         assert!(best.jumps > 0.9);
         let told = asked.answer(&mut Planted::new(SIZE, jumping)).unwrap_err().to_string();
-        assert!(
-            told.starts_with("the tolerance of 0.003 thresholds is below what is reached here:"),
-            "{told}"
-        );
+        assert!(told.starts_with("the tolerance of 0.003 thresholds cannot be met here:"), "{told}");
         assert!(told.ends_with("can be met; try something else"), "{told}");
     }
 

@@ -116,8 +116,8 @@ pub fn kept_poses(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> 
 /// The error for a trajectory that ends before a shutter closes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the trajectory has {poses} poses, an exposure of {frames} frames needs {}; \
-     fewer `frames` of `blur` would do", u64::from(*frames) + 2
+    "the trajectory has {poses} poses, but an exposure of {frames} frames needs {}; \
+     lower `frames` in `blur`", u64::from(*frames) + 2
 )]
 pub struct TooShort {
     /// Number of poses of the trajectory.
@@ -133,7 +133,7 @@ pub fn ghost_warning(exposures: &[ExposureRecord]) -> Option<String> {
         exposures.iter().filter_map(|e| Some((e.step_px?, e.pose))).filter(|(px, _)| *px > 1.0).collect();
     let (px, pose) = apart.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(format!(
-        "{} of {} blurred frames are means of pictures more than 1 px apart; at pose {pose} some pixel moves by {px:.1} px \
+        "{} of {} blurred frames average pictures more than 1 px apart; at pose {pose} a pixel moves by {px:.1} px \
          between two of them, though {MAX_SUBFRAMES} stand for a dense frame",
         apart.len(),
         exposures.len()
@@ -447,8 +447,7 @@ mod tests {
         assert_eq!(exposure.subframes, MAX_SUBFRAMES);
         let told = ghost_warning(&[exposure, ExposureRecord { step_px: Some(0.5), ..exposure }]).unwrap();
         assert!(
-            told.starts_with("1 of 2 blurred frames")
-                && told.contains("at pose 20 some pixel moves by 1.5 px"),
+            told.starts_with("1 of 2 blurred frames") && told.contains("at pose 20 a pixel moves by 1.5 px"),
             "{told}"
         );
         assert_eq!(

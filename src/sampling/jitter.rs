@@ -55,8 +55,8 @@ pub fn lost_in_noise(
     let jitter = IntervalNoise::for_sensor(sensor, grey, counts, duration_us as f64 * 1e-6)?;
     (tolerance < jitter.rms_th).then(|| {
         format!(
-            "sampling.tolerance {tolerance} is below the sensor's own jitter of {:.2e} thresholds, {:.1} us: its noise hides \
-             what the frames for it show",
+            "sampling.tolerance {tolerance} is below the sensor's own jitter of {:.2e} thresholds, {:.1} us: the noise hides \
+             the benefit of the additional frames",
             jitter.rms_th, jitter.us
         )
     })

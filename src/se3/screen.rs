@@ -88,7 +88,7 @@ fn nearest_rotation(matrix: DMat3) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::{relative_angle, exp_vector};
+    use crate::se3::rotation::{exp_vector, relative_angle};
     use glam::DVec3;
 
     fn tilted() -> DMat3 {

@@ -96,7 +96,7 @@ pub struct GreyRange {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrontEndError {
     /// A weight is negative, or the sum is not 1.
-    #[error("the weights {0:?} sum to {sum}, wanted three of at least 0 that sum to 1", sum = told_sum(.0))]
+    #[error("the weights {0:?} sum to {sum}, wanted three weights of at least 0 with a sum of 1", sum = told_sum(.0))]
     Weights([f64; 3]),
     /// The exposure is not a finite number above 0.
     #[error("the exposure is {0}, wanted a finite number above 0")]
@@ -204,7 +204,7 @@ impl fmt::Display for FrontEnd {
         let [r, g, b] = self.luminance.weights();
         let of = match self.decode {
             ChannelDecode::None => "display-encoded",
-            ChannelDecode::Srgb => "of linear light",
+            ChannelDecode::Srgb => "in linear light",
         };
         write!(f, "{r} R + {g} G + {b} B, {of}")?;
         // Equality without a float comparison, which the lints forbid.
@@ -212,8 +212,8 @@ impl fmt::Display for FrontEnd {
             write!(f, ", times {}", self.exposure)?;
         }
         match self.range {
-            GreyRange { min, max: Some(max) } => write!(f, ", held within {min} to {max}"),
-            GreyRange { min, max: None } if min > 0.0 => write!(f, ", held at {min} or more"),
+            GreyRange { min, max: Some(max) } => write!(f, ", clamped to {min} to {max}"),
+            GreyRange { min, max: None } if min > 0.0 => write!(f, ", clamped to {min} or more"),
             GreyRange { .. } => Ok(()),
         }
     }
@@ -511,11 +511,11 @@ mod tests {
         };
         t(
             [0.3, 0.6, 0.2],
-            "the weights [0.3, 0.6, 0.2] sum to 1.1, wanted three of at least 0 that sum to 1",
+            "the weights [0.3, 0.6, 0.2] sum to 1.1, wanted three weights of at least 0 with a sum of 1",
         );
         t(
             [1.5, -0.5, 0.0],
-            "the weights [1.5, -0.5, 0.0] sum to 1, wanted three of at least 0 that sum to 1",
+            "the weights [1.5, -0.5, 0.0] sum to 1, wanted three weights of at least 0 with a sum of 1",
         );
         assert!(LuminanceWeights::from_weights([f64::NAN, 0.5, 0.5]).is_err());
         assert!(LuminanceWeights::from_weights([0.333_333_3, 0.333_333_3, 0.333_333_4]).is_ok());
@@ -540,7 +540,7 @@ mod tests {
         let text = r#"{"luminance":{"weights":[0.25,0.5,0.25]},"decode":"srgb","exposure":2.0,"range":{"min":0.0,"max":255.0}}"#;
         assert_eq!(serde_json::to_string(&front_end).unwrap(), text);
         assert_eq!(serde_json::from_str::<FrontEnd>(text).unwrap(), front_end);
-        let words = "0.25 R + 0.5 G + 0.25 B, of linear light, times 2, held within 0 to 255";
+        let words = "0.25 R + 0.5 G + 0.25 B, in linear light, times 2, clamped to 0 to 255";
         assert_eq!(front_end.to_string(), words);
         assert!(serde_json::from_str::<LuminanceWeights>(r#"{"weights":[1,1,1]}"#).is_err());
     }

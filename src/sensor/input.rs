@@ -27,7 +27,7 @@ pub(super) fn check_order(before: Option<i64>, frame: &DenseFrame, size: Size) -
     }
     match before {
         None if t != 0 => refuse(format!("the first stamp is {t} ns, not 0")),
-        Some(before) if t <= before => refuse(format!("its stamp {t} ns does not follow {before} ns")),
+        Some(before) if t <= before => refuse(format!("its stamp {t} ns is not after {before} ns")),
         _ if t >= LAST_STAMP => refuse(format!("its stamp {t} ns is beyond {LAST_STAMP} ns")),
         _ => Ok(()),
     }

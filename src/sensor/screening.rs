@@ -68,13 +68,13 @@ impl fmt::Display for ScreeningWarning {
         match self {
             Self::Insensitive { contrast } => {
                 let factor = libm::exp(*contrast);
-                write!(f, "one event takes a change of brightness by a factor of {factor:.3} (C = {contrast:.3})")
+                write!(f, "one event needs a change of brightness by a factor of {factor:.3} (C = {contrast:.3})")
             }
             Self::Noisy { hz } => {
                 write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
             }
             Self::UncertainUnits => f.write_str(
-                "the set printed in the GS2E paper has no units; read as seconds and brightness 0..1 it makes a far \
+                "the parameters printed in the GS2E paper have no units; read as seconds and brightness 0..1, they make a far \
                  sparser stream than a real sensor",
             ),
         }
@@ -99,8 +99,8 @@ pub enum ScreenError {
     Combination(&'static str),
     /// More events of a hot pixel than any stream can use.
     #[error(
-        "a hot pixel would make {hz:.4} events per second, {per_frame:.4} in a frame interval at {frames_per_second} Hz, \
-         where {LIMIT_PER_FRAME} is the most that is accepted: lower hot_pixels.rate"
+        "a hot pixel would make {hz:.4} events per second, or {per_frame:.4} per frame interval at {frames_per_second} Hz, \
+         above the limit of {LIMIT_PER_FRAME}: lower hot_pixels.rate"
     )]
     HotPixels {
         /// Events per second of one.
@@ -112,8 +112,8 @@ pub enum ScreenError {
     },
     /// More leak events of a pixel, on average over the pixels, than any stream can use.
     #[error(
-        "leak would make {hz:.4} events per second of a pixel on average, {per_frame:.4} in a frame interval at \
-         {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: lower leak.rate, leak.jitter or \
+        "leak would make {hz:.4} events per second and pixel on average, or {per_frame:.4} per frame interval at \
+         {frames_per_second} Hz, above the limit of {LIMIT_PER_FRAME}: lower leak.rate, leak.jitter or \
          leak.cov"
     )]
     Leak {
@@ -126,8 +126,8 @@ pub enum ScreenError {
     },
     /// More noise than any stream can use.
     #[error(
-        "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
-         frame interval at {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: are the units \
+        "a static pixel of grey {grey} would make {hz:.4} events per second from noise only, or {per_frame:.4} per \
+         frame interval at {frames_per_second} Hz, above the limit of {LIMIT_PER_FRAME}: are the units \
          right?"
     )]
     Impossible {

@@ -72,7 +72,7 @@ enum UnaryFunction {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ExpressionError {
     /// The text does not follow the grammar.
-    #[error("{expected} was expected at byte {at}, not {found}")]
+    #[error("found {found} at byte {at}, wanted {expected}")]
     Syntax {
         /// Byte offset in the text.
         at: usize,
@@ -83,7 +83,7 @@ pub enum ExpressionError {
     },
     /// A name that the grammar does not have.
     #[error(
-        "`{name}` at byte {at} is not known; there are t, pi, e, sin, cos, tan, exp, log, sqrt, abs, min and max"
+        "`{name}` at byte {at} is not known; the known names are t, pi, e, sin, cos, tan, exp, log, sqrt, abs, min and max"
     )]
     Name {
         /// Byte offset in the text.
@@ -92,7 +92,7 @@ pub enum ExpressionError {
         name: String,
     },
     /// The text is too long.
-    #[error("the expression is {bytes} bytes long, at most {limit} are read")]
+    #[error("the expression is {bytes} bytes long; the limit is {limit}")]
     TooLong {
         /// Its length.
         bytes: usize,
@@ -100,7 +100,7 @@ pub enum ExpressionError {
         limit: usize,
     },
     /// The text nests too deeply.
-    #[error("the expression nests more than {limit} deep at byte {at}")]
+    #[error("the expression nests more than {limit} levels deep at byte {at}")]
     TooDeep {
         /// Byte offset in the text.
         at: usize,
@@ -307,7 +307,7 @@ mod tests {
         t("", 0, "a number");
         t("1 +", 3, "the end");
         t("1 + * 2", 4, "`*`");
-        t("2 t", 2, "an operator or the end was expected at byte 2, not `t`");
+        t("2 t", 2, "found `t` at byte 2, wanted an operator or the end");
         t("2e", 1, "an operator");
         t("(1 + t", 6, "`)`");
         t("1)", 1, "`)`");

@@ -26,10 +26,10 @@ pub struct SpeedLevels {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ListError {
     /// There are no levels.
-    #[error("the list of multipliers is empty, at least 1 was wanted")]
+    #[error("the list of multipliers is empty, wanted at least 1")]
     Empty,
     /// A level is not positive and finite.
-    #[error("multiplier {index} (from 0) is {value}, a positive finite number was wanted")]
+    #[error("multiplier {index} (from 0) is {value}, wanted a positive finite number")]
     Level {
         /// Its index in the list, from 0.
         index: usize,
@@ -37,7 +37,7 @@ pub enum ListError {
         value: f64,
     },
     /// The blend is out of range.
-    #[error("blend is {value}, a number from 0 to 0.5 was wanted (wider windows would overlap)")]
+    #[error("blend is {value}, wanted a number from 0 to 0.5 (wider windows would overlap)")]
     Blend {
         /// Its value.
         value: f64,

@@ -170,6 +170,6 @@ fn stage_failure(error: ForeignError) -> StageError {
         ForeignError::Stopped => StageError::Cancelled,
         ForeignError::Failed(failed) => StageError::Program(failed),
         ForeignError::Io { path, cause } => StageError::Io { path, source: cause },
-        error @ ForeignError::Own { .. } => StageError::work_failed("hold it against other programs")(error),
+        error @ ForeignError::Own { .. } => StageError::work_failed("compare it with other programs")(error),
     }
 }

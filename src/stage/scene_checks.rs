@@ -28,7 +28,7 @@ pub struct CheckingScene {
     pub capturing: CaptureStage,
 }
 
-const NO_MODEL: &str = "the source is no COLMAP model";
+const NO_MODEL: &str = "the source is not a COLMAP model";
 
 impl Stage for CheckingScene {
     const NAME: &'static str = NAME;
@@ -91,5 +91,5 @@ fn capture_walk(capture: &Capture) -> Result<CaptureEvenness, String> {
     let pose = |view: &crate::source::CapturedView| view.world_from_camera;
     let views = capture.views.iter().map(|v| NamedPose { name: &v.name, world_from_camera: pose(v) });
     let walk = CaptureEvenness::measure_views(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
-    walk.ok_or_else(|| "no two views are apart".to_owned())
+    walk.ok_or_else(|| "all views have the same pose".to_owned())
 }

@@ -160,7 +160,7 @@ impl StateDb {
         let database = connection(&self.path, OpenFlags::SQLITE_OPEN_READ_WRITE);
         self.database = Some(database.map_err(|e| failed(&self.path, e))?);
         if existed || !records.is_empty() {
-            let why = self.damage.take().unwrap_or_else(|| "it is not there".to_owned());
+            let why = self.damage.take().unwrap_or_else(|| "the file is missing".to_owned());
             let kept = if existed { format!("; old file kept as {aside}") } else { String::new() };
             let line =
                 format!("state.db could not be read ({why}); rebuilt from {} records{kept}", records.len());

@@ -23,7 +23,7 @@ pub struct OutputMismatch {
 impl fmt::Display for OutputMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [before, now] = [&self.before, &self.now].map(|record| content_digest(&record.outputs));
-        write!(f, "key {} made {before} before and {now} now", self.now.key)
+        write!(f, "key {} produced {before} before and {now} now", self.now.key)
     }
 }
 
@@ -44,10 +44,10 @@ pub(super) fn first_difference(
     Some(match (find(before, name), find(now, name)) {
         (Some(before), Some(_)) => match first_offset(&path_of(&before), &workspace.join(name)) {
             Ok(offset) => format!("{name} at byte {offset}"),
-            Err(e) => format!("{name}, at a byte that is not known: {e}"),
+            Err(e) => format!("{name}, at an unknown byte: {e}"),
         },
-        (Some(_), None) => format!("{name}, which was not made now"),
-        _ => format!("{name}, which was not made before"),
+        (Some(_), None) => format!("{name}, missing now"),
+        _ => format!("{name}, missing before"),
     })
 }
 
@@ -94,8 +94,8 @@ mod tests {
         };
         t(&[("a", "one"), ("b", "two")], &[("a", "one"), ("b", "twin")], Some("b at byte 2"));
         t(&[("a", "one")], &[("a", "one more")], Some("a at byte 3"));
-        t(&[("a", "one"), ("b", "x")], &[("a", "one")], Some("b, which was not made now"));
-        t(&[("b", "x")], &[("a", "one"), ("b", "x")], Some("a, which was not made before"));
+        t(&[("a", "one"), ("b", "x")], &[("a", "one")], Some("b, missing now"));
+        t(&[("b", "x")], &[("a", "one"), ("b", "x")], Some("a, missing before"));
         t(&[("a", "one")], &[("a", "one")], None);
     }
 }

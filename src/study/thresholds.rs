@@ -100,7 +100,7 @@ impl SweepResult {
         let Some(at) = self.rows.iter().position(|row| row.events > 0 && row.explained() >= ENOUGH) else {
             let best = self.rows.iter().filter(|row| row.events > 0).map(percent).fold(0.0, f64::max);
             let because = format!(
-                "at no threshold are {enough} % of the events those of smooth motion; the most is {best:.1} %: the rules \
+                "no threshold has {enough} % of its events explained by smooth motion; the best has {best:.1} %: the rules \
                  `soft` have fewer jumps"
             );
             return (None, because);
@@ -108,10 +108,10 @@ impl SweepResult {
         let row = &self.rows[at];
         let before = at.checked_sub(1).map(|i| &self.rows[i]);
         let below = before.map_or_else(String::new, |below| {
-            format!("; at {} it is {:.1} %", below.threshold, percent(below))
+            format!("; at threshold {}, {:.1} %", below.threshold, percent(below))
         });
         let because = format!(
-            "the lowest at which {enough} % of the events are those of smooth motion: {:.1} % of {}{below}",
+            "the lowest threshold at which smooth motion explains {enough} % of the events: {:.1} % of {}{below}",
             percent(row),
             row.events
         );

@@ -9,7 +9,7 @@ use crate::se3::rotation_spline::SplineDiverged;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrajectoryError {
     /// The capture is empty.
-    #[error("the capture has no views, at least 1 is needed")]
+    #[error("the capture has no views; at least 1 is needed")]
     NoViews,
     /// Two views share a name, so their order is not known.
     #[error("two views are named `{name}`")]
@@ -40,7 +40,7 @@ pub enum TrajectoryError {
         source: MeanError,
     },
     /// A parameter is out of range.
-    #[error("`{field}` is {found}, {wanted} was wanted")]
+    #[error("`{field}` is {found}, wanted {wanted}")]
     Parameter {
         /// The recipe's key.
         field: &'static str,
@@ -50,7 +50,7 @@ pub enum TrajectoryError {
         wanted: &'static str,
     },
     /// The path's length overflows, or some steps vanish against it.
-    #[error("no curve holds steps of {smallest:e} on a path of length {length:e}")]
+    #[error("steps of {smallest:e} are too small for a path of length {length:e}")]
     Uneven {
         /// Smallest step, in the metric.
         smallest: f64,
@@ -59,7 +59,7 @@ pub enum TrajectoryError {
     },
     /// A gap in the capture, where the recipe refuses gaps.
     #[error(
-        "there is a gap between `{after}` and `{before}`: {times_median:.1} times the median step, {limit} at most"
+        "there is a gap between `{after}` and `{before}`: found {times_median:.1} times the median step, wanted at most {limit}"
     )]
     Gap {
         /// The view before the gap.
@@ -89,7 +89,7 @@ pub enum TrajectoryError {
     },
     /// The requested number of key poses exceeds that of poses.
     #[error(
-        "{groups} groups of {keyframes} key poses are {wanted}, but the trajectory that they are drawn from has {found}"
+        "{groups} groups of {keyframes} key poses need {wanted} poses, but the trajectory that they are drawn from has {found}"
     )]
     FewPoses {
         /// Number of groups.
@@ -116,7 +116,7 @@ pub enum TrajectoryError {
         keyframe: usize,
     },
     /// The flow cannot be measured.
-    #[error("there is no optical flow at {share} of the path: {because}")]
+    #[error("no optical flow can be measured at {share} of the path: {because}")]
     Flow {
         /// The place, as a share of the path's length.
         share: f64,
@@ -125,7 +125,7 @@ pub enum TrajectoryError {
     },
     /// Two poses are less than a microsecond apart.
     #[error(
-        "poses {step} and {} are less than a microsecond apart: the law gives {value:e} there, as a multiple of the \
+        "poses {step} and {} are less than a microsecond apart: the speed law gives {value:e} times the \
          frame rate",
         step + 1
     )]
@@ -136,7 +136,7 @@ pub enum TrajectoryError {
         value: f64,
     },
     /// A value of the speed law is not positive and finite.
-    #[error("the speed law gives {value:e} at t = {t}, a positive finite number was wanted")]
+    #[error("the speed law gives {value:e} at t = {t}, wanted a positive finite number")]
     Speed {
         /// The place.
         t: f64,
@@ -149,7 +149,9 @@ pub enum TrajectoryError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrajectoryWarning {
     /// A matrix was replaced by the nearest rotation.
-    #[error("the rotation of view `{name}` was off by {deviation:.1e}; the nearest rotation was taken")]
+    #[error(
+        "the matrix of view `{name}` deviates by {deviation:.1e} from a rotation; the nearest rotation is used"
+    )]
     Projected {
         /// Image of the view.
         name: String,
@@ -170,7 +172,7 @@ pub enum TrajectoryWarning {
     },
     /// A gap was bridged.
     #[error(
-        "there is a gap between `{after}` and `{before}`, {times_median:.1} times the median step; it was bridged"
+        "there is a gap between `{after}` and `{before}`, {times_median:.1} times the median step; the path bridges it"
     )]
     Gap {
         /// The view before the gap.
@@ -181,7 +183,9 @@ pub enum TrajectoryWarning {
         times_median: f64,
     },
     /// Neighbouring views face opposite ways.
-    #[error("views `{after}` and `{before}` are half a turn apart; the axis between them was chosen by sign")]
+    #[error(
+        "views `{after}` and `{before}` are half a turn apart, so the axis between them is ambiguous; its sign was chosen"
+    )]
     HalfTurn {
         /// The earlier view.
         after: String,
@@ -194,7 +198,7 @@ pub enum TrajectoryWarning {
     )]
     Spread,
     /// The speed varies by a large factor.
-    #[error("the fastest step is {ratio:.0} times the slowest; the largest turns by {degrees:.2} degrees")]
+    #[error("the fastest step is {ratio:.0} times the slowest; the largest turn is {degrees:.2} degrees")]
     SpeedRange {
         /// Largest speed divided by the smallest.
         ratio: f64,
@@ -202,7 +206,7 @@ pub enum TrajectoryWarning {
         degrees: f64,
     },
     /// The law is not smooth.
-    #[error("the speed need not be twice differentiable: {because}")]
+    #[error("the speed may not be twice differentiable: {because}")]
     Rough {
         /// The parts of the law with corners.
         because: String,

@@ -70,7 +70,12 @@ impl FlowLength {
             let median = found.map_err(|because| TrajectoryError::Flow { share, because })?;
             match median {
                 Some(px) if px > 0.0 && px.is_finite() => logarithms.push(DVec3::X * libm::log(px)),
-                Some(px) => return Err(TrajectoryError::Flow { share, because: format!("it is {px} px") }),
+                Some(px) => {
+                    return Err(TrajectoryError::Flow {
+                        share,
+                        because: format!("the median flow is {px} px"),
+                    });
+                }
                 None => {
                     let because = "no pixel has a depth".to_owned();
                     return Err(TrajectoryError::Flow { share, because });

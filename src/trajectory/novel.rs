@@ -97,7 +97,7 @@ impl NovelGroup {
             return Err(wrong("groups", groups, "a whole number from 1"));
         }
         if group >= groups {
-            return Err(wrong("group", group, "a whole number below that of groups"));
+            return Err(wrong("group", group, "a whole number below `groups`"));
         }
         if keyframes < 2 {
             return Err(wrong("keyframes", keyframes, "a whole number from 2"));

@@ -27,7 +27,7 @@ pub enum TextError {
         source: io::Error,
     },
     /// A line has too few or too many fields.
-    #[error("line {line}: {found} fields, {wanted} were wanted")]
+    #[error("line {line}: found {found} fields, wanted {wanted}")]
     Fields {
         /// Line.
         line: usize,
@@ -37,7 +37,7 @@ pub enum TextError {
         wanted: usize,
     },
     /// A field is not a finite number, or not an integer where one is wanted.
-    #[error("line {line}: {field} is `{found}`, {wanted} was wanted")]
+    #[error("line {line}: {field} is `{found}`, wanted {wanted}")]
     Number {
         /// Line.
         line: usize,
@@ -49,7 +49,7 @@ pub enum TextError {
         wanted: &'static str,
     },
     /// A stamp does not follow its predecessor.
-    #[error("line {line}: stamp {found} us, {wanted} was wanted")]
+    #[error("line {line}: found stamp {found} us, wanted {wanted}")]
     Stamp {
         /// Line.
         line: usize,
@@ -59,7 +59,7 @@ pub enum TextError {
         wanted: String,
     },
     /// A quaternion is not of length 1, or has the other sign.
-    #[error("line {line}: quaternion {found}, a unit quaternion with w >= 0 was wanted")]
+    #[error("line {line}: found quaternion {found}, wanted a unit quaternion with w >= 0")]
     Quaternion {
         /// Line.
         line: usize,
@@ -282,13 +282,13 @@ mod tests {
             let error = Trajectory::read_poses(text.as_bytes()).unwrap_err().to_string();
             assert_eq!(error, want, "{text}");
         };
-        t("0 0 0 0 0 0 0 1\n1 2 3\n", "line 2: 3 fields, 8 were wanted");
-        t("0 0 0 0 0 0 0 1\n\n", "line 2: 0 fields, 8 were wanted");
-        t("0 0 nan 0 0 0 0 1\n", "line 1: ty is `nan`, a finite number was wanted");
-        t("0 0 1e999 0 0 0 0 1\n", "line 1: ty is `1e999`, a finite number was wanted");
-        t("0.5 0 0 0 0 0 0 1\n", "line 1: t_us is `0.5`, a whole number of microseconds was wanted");
-        t("3 0 0 0 0 0 0 1\n", "line 1: stamp 3 us, 0 was wanted");
-        t("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "line 2: stamp 0 us, more than 0 was wanted");
+        t("0 0 0 0 0 0 0 1\n1 2 3\n", "line 2: found 3 fields, wanted 8");
+        t("0 0 0 0 0 0 0 1\n\n", "line 2: found 0 fields, wanted 8");
+        t("0 0 nan 0 0 0 0 1\n", "line 1: ty is `nan`, wanted a finite number");
+        t("0 0 1e999 0 0 0 0 1\n", "line 1: ty is `1e999`, wanted a finite number");
+        t("0.5 0 0 0 0 0 0 1\n", "line 1: t_us is `0.5`, wanted a whole number of microseconds");
+        t("3 0 0 0 0 0 0 1\n", "line 1: found stamp 3 us, wanted 0");
+        t("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "line 2: found stamp 0 us, wanted more than 0");
         for bad in ["0 0 0 2", "0 0.6 0 -0.8", "0 0 0 0", "-1 0 0 0"] {
             let error = Trajectory::read_poses(format!("0 0 0 0 {bad}\n").as_bytes()).unwrap_err();
             assert!(matches!(error, TextError::Quaternion { line: 1, .. }), "{bad}");

@@ -125,14 +125,16 @@ fn apply_flow(length: Option<FlowLength>, schedule: &mut PoseSchedule) -> f64 {
 
 fn no_count(speed: &SpeedChoice) -> TrajectoryError {
     let (found, wanted) = match speed {
-        SpeedChoice::Flow(_) => ("given beside a speed in px/s", "none of factor, frames and duration"),
-        _ => ("that of a flow", "a speed in px/s beside it"),
+        SpeedChoice::Flow(_) => {
+            ("given together with a speed in px/s", "none of factor, frames and duration")
+        }
+        _ => ("left to the optical flow", "a speed in px/s"),
     };
     TrajectoryError::Parameter { field: "frames", found: found.to_owned(), wanted }
 }
 
 fn no_chords() -> TrajectoryError {
-    let wanted = "false beside a speed in px/s, which is no share of chords";
+    let wanted = "false with a speed in px/s, which does not divide chords";
     TrajectoryError::Parameter { field: "literal", found: "true".to_owned(), wanted }
 }
 
@@ -259,7 +261,11 @@ fn speed_warnings(speed: &SpeedChoice, schedule: &PoseSchedule, poses: &[Se3]) -
     let slowest = schedule.speeds.iter().copied().fold(f64::INFINITY, f64::min);
     let ratio = schedule.speeds.iter().copied().fold(0.0, f64::max) / slowest;
     let degrees = || {
-        poses.windows(2).map(|w| relative_angle(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees()
+        poses
+            .windows(2)
+            .map(|w| relative_angle(w[0].rotation, w[1].rotation))
+            .fold(0.0, f64::max)
+            .to_degrees()
     };
     let rough = speed.as_law().roughness().map(|because| TrajectoryWarning::Rough { because });
     let wide = (ratio > MILD_RANGE).then(|| TrajectoryWarning::SpeedRange { ratio, degrees: degrees() });

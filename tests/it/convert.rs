@@ -44,8 +44,8 @@ fn losses_need_permission() {
         let command = format!("convert {} {output}", golden(input));
         let refused = place.gs2e(&command);
         assert_eq!((refused.code, refused.stdout.as_str()), (2, ""), "{}", refused.stderr);
-        assert!(refused.stderr.starts_with(&format!("error: {output} would lose something\n")));
-        assert!(refused.stderr.ends_with("help: --lossy writes it all the same\n"), "{}", refused.stderr);
+        assert!(refused.stderr.starts_with(&format!("error: {output} cannot store all of the input\n")));
+        assert!(refused.stderr.ends_with("help: pass --lossy to write it anyway\n"), "{}", refused.stderr);
         assert!(names(&place).is_empty(), "nothing is written");
         let written = place.ok(&format!("{command} --lossy"));
         for line in told {
@@ -89,7 +89,7 @@ fn gaussians_that_are_not_finite_are_dropped_and_counted() {
     let ended = place.ok("convert --json nan.ply out.ply");
     let told: Value = serde_json::from_str(&ended.stdout).unwrap();
     assert_eq!([&told["read"], &told["dropped"], &told["written"]], [7, 1, 6]);
-    assert!(ended.stderr.contains("dropped 1: a NaN or an infinity in them"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("dropped 1 with a NaN or an infinity"), "{}", ended.stderr);
 }
 
 #[test]
@@ -122,13 +122,13 @@ fn a_command_that_is_wrong_writes_nothing() {
     };
     t("a.sog", 2, "<OUT>");
     t("absent.ply out.ply", 2, "absent.ply cannot be read");
-    t("a.sog out.h5", 2, "out.h5 holds events, and a.sog names no file of events\nhelp: scenes read: .ply,");
-    t("events.h5 out.ply", 2, "events.h5 holds events, and out.ply names no file of events");
-    t("a.sog out.sog", 2, "out.sog: its name ends with no format that is written");
+    t("a.sog out.h5", 2, "out.h5 is an event file, but a.sog is not\nhelp: scenes read: .ply,");
+    t("events.h5 out.ply", 2, "events.h5 is an event file, but out.ply is not");
+    t("a.sog out.sog", 2, "out.sog: not a format that gs2e writes");
     t("a.sog out", 2, "written: .ply, .spz, .splat");
     t("a.sog folder.ply", 2, "folder.ply is a folder");
     t("bad.ply out.ply", 1, "bad.ply: failed to read .ply at byte 38: found the end of the data");
-    t("a.sog no/such/out.ply", 2, "no/such/out.ply lies in a folder that is not there");
+    t("a.sog no/such/out.ply", 2, "no/such/out.ply is in a folder that does not exist");
     t("folder.ply out.ply", 1, "meta.json");
 }
 

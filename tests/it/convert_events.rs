@@ -44,7 +44,7 @@ fn evt2_is_read_as_it_is_documented() {
     place.write("in.raw", raw(header, &words32(&words)));
     let refused = place.gs2e("convert in.raw out.txt");
     assert_eq!(refused.code, 2);
-    assert!(refused.stderr.contains("events: 1 before the first time of the recording are dropped"));
+    assert!(refused.stderr.contains("events: 1 before the first timestamp of the recording are dropped"));
     assert!(!place.path("out.txt").exists());
     let told: Value =
         serde_json::from_str(&place.ok("convert --lossy in.raw out.txt --json").stdout).unwrap();
@@ -209,7 +209,7 @@ fn faults_are_named_and_no_file_is_written() {
     );
     t("a.txt", b"1 2 3\n", "--size 9x9", 1, "line 1: 3 columns, but p is expected in column 4");
     t("a.txt", b"12 9\n1 2 3 1\n", "--size 9x9", 1, "line 1: a sensor of 12x9, but --size is 9x9");
-    t("a.txt", b"1500 2 3 1\n", "--size 9x9 --time-unit ns", 2, "times: 1 are cut to the microsecond");
+    t("a.txt", b"1500 2 3 1\n", "--size 9x9 --time-unit ns", 2, "times: 1 are truncated to the microsecond");
     t("a.csv", b"t,x,z,p\n1,2,3,1\n", "--size 9x9", 1, "line 1: no column is named y, found t, x, z, p");
     t("a.h5", b"no HDF5", "", 1, "a.h5: failed to read events");
     t("a.txt", b"", "--size 9", 2, "9 is not WIDTHxHEIGHT");

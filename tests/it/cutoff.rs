@@ -116,11 +116,11 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     let told = place.ok("why tiny --recipes tiny.yaml").stdout;
     let has = |line: &str| assert!(told.lines().any(|l| l.trim() == line), "no line `{line}` in\n{told}");
     has("tiny/base/trajectory: `path.refine.count.factor` changed: 2/1 -> 3/1");
-    has("tiny/base/events: behind base/trajectory");
-    has("tiny/base/sharp: behind base/trajectory");
-    has("tiny/base/checks: behind base/trajectory");
+    has("tiny/base/events: waits for base/trajectory");
+    has("tiny/base/sharp: waits for base/trajectory");
+    has("tiny/base/checks: waits for base/trajectory");
     has("tiny/capture: up to date");
     // This is known already, although the step has no key before the trajectory is made.
-    has("changed since it was last made: params.sensor.voltmeter.threshold_on: 1.0 -> 1.25");
+    has("changed since the last run: params.sensor.voltmeter.threshold_on: 1.0 -> 1.25");
     assert_eq!(told.matches("changed since").count(), 2, "{told}");
 }

@@ -129,6 +129,6 @@ fn missing_features_are_refused_by_name() {
         let mut recipe = probe::context("reconstruct.given");
         probe::merge(&mut recipe, probe::yaml(fragment).unwrap_or_else(|e| panic!("{fragment}: {e}")));
         let faults = probe::load(&recipe).err().unwrap_or_default();
-        assert!(faults.contains("is not built yet"), "`{fragment}` is not refused as missing: {faults}");
+        assert!(faults.contains("is not supported yet"), "`{fragment}` is not refused as missing: {faults}");
     }
 }

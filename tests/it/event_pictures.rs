@@ -71,9 +71,9 @@ fn impossible_pictures_are_refused() {
         assert!(ended.stderr.contains(told), "{args}: {}", ended.stderr);
         assert!(!place.path("p.png").exists() && !place.path("e.h5").exists());
     };
-    t("convert e.txt e.h5 --picture rate", "e.h5 is no .png, and a picture is asked for");
+    t("convert e.txt e.h5 --picture rate", "e.h5 is not a .png, but a picture is requested");
     t("convert e.txt p.png --window 5", "`5` is not T0,T1");
     t("convert e.txt p.png --window 9,9", "`9,9` is not T0,T1");
     t("convert gone.txt p.png", "gone.txt cannot be read");
-    t("convert scene.ply p.png", "p.png: its name ends with no format that is written");
+    t("convert scene.ply p.png", "p.png: not a format that gs2e writes");
 }

@@ -73,7 +73,7 @@ fn a_scene_scores_high_on_photos_of_its_own() {
     }
     let told = finding(&place, "reprojection");
     assert_eq!((told["check"].as_str(), told["verdict"].as_str()), (Some("capture"), Some("not-run")));
-    assert_eq!(told["because"], "the source is no COLMAP model");
+    assert_eq!(told["because"], "the source is not a COLMAP model");
 
     let read =
         |name: &str| -> Value { serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap() };
@@ -86,7 +86,10 @@ fn a_scene_scores_high_on_photos_of_its_own() {
     let findings = read("tree/given/checks.json");
     assert_eq!(findings.as_array().unwrap().len(), 8);
     let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
-    assert!(card.contains("- not-run `capture` given#reprojection: the source is no COLMAP model"), "{card}");
+    assert!(
+        card.contains("- not-run `capture` given#reprojection: the source is not a COLMAP model"),
+        "{card}"
+    );
 
     // The scene's claims are compared with the files in the tree.
     let altered = |from: &str, to: &str| {

@@ -40,7 +40,7 @@ fn several_sensors_see_the_same_as_each_alone() {
         )),
     );
     let told = place.ok("release --to several tiny.yaml").stderr;
-    let brightness = "brightness: 0.2126 R + 0.7152 G + 0.0722 B, of linear light, times 1.5";
+    let brightness = "brightness: 0.2126 R + 0.7152 G + 0.0722 B, in linear light, times 1.5";
     assert!(told.contains(brightness), "{told}");
     place.ok("audit several");
     let events = |path: &str| fs::read(place.path(path)).unwrap();
@@ -101,7 +101,7 @@ fn a_release_states_the_brightness_of_each_sensor() {
     assert!(!card.contains("another brightness"));
     let (brightness, _, card) = said(&format!("sensor: {{ {BRIGHT} }}\n"));
     assert_eq!(brightness, "srgb-encoded", "it is not decoded");
-    let row = "| tiny | | 0.299 R + 0.587 G + 0.114 B, display-encoded, times 2, held within 10 to 400 |";
+    let row = "| tiny | | 0.299 R + 0.587 G + 0.114 B, display-encoded, times 2, clamped to 10 to 400 |";
     assert!(card.contains(row), "{card}");
     let (brightness, scene, _) = said(&format!("sensor: {{ {LIGHT} }}\n"));
     assert_eq!(brightness, "linear");

@@ -171,7 +171,7 @@ fn a_release_keeps_its_inputs_while_it_exists() {
     fs::rename(place.path("out"), place.path("moved")).unwrap();
     let ended = place.ok("gc --min-age 0 --dry-run");
     assert!(
-        ended.stderr.contains("out is gone") && ended.stderr.contains("would delete"),
+        ended.stderr.contains("out no longer exists") && ended.stderr.contains("would delete"),
         "{}",
         ended.stderr
     );

@@ -125,9 +125,9 @@ fn recheck_makes_steps_again_and_compares_bytes() {
     place.write("recipes/a.yaml", recipe("a").to_string());
     place.ok("build");
     let again = place.ok("build --recheck 100%");
-    assert!(again.stderr.contains("6 steps made again, each with the bytes on record"), "{}", again.stderr);
+    assert!(again.stderr.contains("6 steps rerun, each with the recorded bytes"), "{}", again.stderr);
     assert!(again.stderr.contains("made 0, up to date 6, failed 0"), "{}", again.stderr);
-    assert!(!place.ok("build --recheck 0").stderr.contains("made again"));
+    assert!(!place.ok("build --recheck 0").stderr.contains("steps rerun"));
     assert_eq!(place.gs2e("build --recheck 101%").code, 2);
 }
 
@@ -136,7 +136,7 @@ fn a_step_above_the_memory_budget_runs_alone_with_a_warning() {
     let place = Workspace::new();
     place.write("recipes/a.yaml", recipe("a").to_string());
     let ended = place.ok("build -j 2 --memory 1MB");
-    assert!(ended.stderr.contains("it runs alone"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("no other step runs with it"), "{}", ended.stderr);
     assert!(ended.stderr.contains("made 6,"), "{}", ended.stderr);
     assert_eq!(place.gs2e("build --memory lots").code, 2);
 }

@@ -304,7 +304,7 @@ fn foreign_captures_are_found_at_any_depth() {
     assert!(rejected["because"].as_str().unwrap().contains("its id would be `nerfstudio/a b`"), "{rejected}");
     assert_eq!(count(&result, "rejected"), 1);
     let noticed = result["noticed"][0]["because"].as_str().unwrap();
-    assert!(noticed.contains("since more_two.yaml is another scene's"), "{noticed}");
+    assert!(noticed.contains("because more_two.yaml belongs to another scene"), "{noticed}");
     // The tree itself may be the only capture.
     let result = init(&place, "nerfstudio data/one --to alone --min-views 1 --min-side 1");
     assert_eq!(result["written"][0]["scene"], "nerfstudio/one");
@@ -318,11 +318,11 @@ fn a_folder_without_scenes_is_reported() {
     for format in ["colmap", "mvimgnet", "dl3dv", "nerfstudio", "model"] {
         let ended = place.gs2e(&format!("init {format} data --to recipes"));
         assert_eq!(ended.code, 2, "{}", ended.stderr);
-        assert!(ended.stderr.contains(&format!("no scene of {format} is in data")), "{}", ended.stderr);
+        assert!(ended.stderr.contains(&format!("found no {format} scene in data")), "{}", ended.stderr);
     }
     let ended = place.gs2e("init colmap gone --to recipes");
     assert_eq!(ended.code, 2);
-    assert!(ended.stderr.contains("the dataset gone is not there"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("dataset: gone does not exist"), "{}", ended.stderr);
     assert!(!place.path("recipes").exists());
     let ended = place.gs2e("init colmap data --to recipes --classes 3");
     assert_eq!(ended.code, 2);

@@ -176,7 +176,7 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
     let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);
     png::write_image(&grey, File::create(&blank[0].file).unwrap()).unwrap();
     let told = filmed.at_desk("d", |desk| colmap::register_pictures(&blank, &filmed.camera, desk)).unwrap();
-    assert!(told.as_ref().unwrap_err().ends_with("finds no key points that two pictures share"), "{told:?}");
+    assert!(told.as_ref().unwrap_err().ends_with("finds no key points shared by two pictures"), "{told:?}");
 }
 
 #[test]
@@ -270,7 +270,7 @@ fn no_program_runs_without_a_request_in_the_recipe() {
     assert_eq!((code, found.len()), (0, 3));
     for finding in &found {
         let name = finding["check"].as_str().unwrap();
-        let because = format!("the recipe does not ask for it; `checks: {{ {name}: {{}} }}` does");
+        let because = format!("the recipe does not request it; `checks: {{ {name}: {{}} }}` does");
         assert_eq!((&finding["verdict"], &finding["because"]), (&"not-run".into(), &because.into()));
     }
     assert_eq!(asked(&place, "--require readback", None).0, 3);

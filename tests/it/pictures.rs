@@ -286,7 +286,7 @@ fn a_trajectory_too_short_for_an_exposure_is_reported() {
     let ended = place.gs2e("build tiny.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let wanted =
-        "the trajectory has 12 poses, an exposure of 15 frames needs 17; fewer `frames` of `blur` would do";
+        "the trajectory has 12 poses, but an exposure of 15 frames needs 17; lower `frames` in `blur`";
     assert!(ended.stderr.contains(wanted), "{}", ended.stderr);
 }
 

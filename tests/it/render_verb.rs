@@ -273,7 +273,7 @@ fn views_are_found_in_files_and_folders() {
     for view in ["capture", "capture/transforms.json", "transforms_train.json"] {
         let args = RIGHT.replace("camera.json", view);
         let ended = place.ok(&format!("{args} --index 1"));
-        assert!(ended.stderr.contains("\nrgb of view 10.jpg, 101x81, by cpu/"), "{}", ended.stderr);
+        assert!(ended.stderr.contains("\nrgb of view 10.jpg, 101x81: rendered by cpu/"), "{}", ended.stderr);
         let found = npy(&fs::read(place.path("new.npy")).unwrap()).1;
         // Poses pass through a quaternion, with roundings of 1e-15 px, which change 32 bits of a
         // colour by a rounding at most.
@@ -319,14 +319,14 @@ fn the_drawing_is_reported_to_users() {
     place.write("one.ply", ply_bytes(&spoilt));
     let told = place.ok(RIGHT).stderr;
     for part in [
-        "rgb of camera.json, 101x81, by cpu/",
+        "rgb of camera.json, 101x81: rendered by cpu/",
         " s; read in ",
         "3 of 5 Gaussians drawn, ",
-        " pairs with tiles, ",
-        " blended a pixel\n",
+        " splat-tile pairs, ",
+        " blended per pixel\n",
         "warning: 1 of 6 Gaussians in the file hold a NaN or an infinity and are left out",
-        "warning: 1 of 6 rotations in the file are zero: the identity is taken",
-        "warning: 1 of 3 Gaussians drawn (33.3 %) are so deep for their distance",
+        "warning: 1 of 6 rotations in the file are zero: the identity is used",
+        "warning: 1 of 3 Gaussians drawn (33.3 %) extend so far in depth, relative to their distance",
     ] {
         assert!(told.contains(part), "`{part}` is not in\n{told}");
     }
@@ -338,7 +338,7 @@ fn the_drawing_is_reported_to_users() {
     assert!(told.contains("warning: rgb does not depend on --velocity"), "{told}");
     assert!(fs::read(place.path("new.npy")).unwrap() == before);
     let told = place.ok(&format!("{RIGHT} --backend reference")).stderr;
-    assert!(told.contains("by reference/") && !told.contains("pairs with tiles"), "{told}");
+    assert!(told.contains("by reference/") && !told.contains("splat-tile pairs"), "{told}");
 }
 
 #[test]

@@ -119,7 +119,7 @@ fn ambiguous_and_invalid_sensors_are_refused() {
     };
     refused("sensors: {}\n", "names no sensor");
     refused("sensors: { a/b: { voltmeter: {} } }\n", "which has more than one part");
-    refused("sensors: { a: { voltmeter: {} }, A: { voltmeter: {} } }\n", "differs from \"A\" in case alone");
+    refused("sensors: { a: { voltmeter: {} }, A: { voltmeter: {} } }\n", "differs from \"A\" only in case");
     refused("sensors: { a: { voltmeter: { k: 1 } } }\n", "tiny.yaml");
     refused("sensor: { voltmeter: {} }\nsensors: { a: { voltmeter: {} } }\n", "sensors exclude each other");
     refused("sensors: { a: { voltmeter: {} }, a: { voltmeter: {} } }\n", "a");

@@ -306,7 +306,7 @@ fn labels_are_written_on_request() {
     assert_eq!(labels(&read_h5(&place.path("back.h5")).1), labels(&wanted));
     let refused = place.gs2e(&RIGHT.replace("e.txt", "l.txt --labels"));
     assert_eq!(refused.code, 2);
-    assert!(refused.stderr.contains("l.txt has no place for the labels"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("l.txt cannot store the labels"), "{}", refused.stderr);
     assert!(!place.path("l.txt").exists());
 }
 
@@ -321,15 +321,19 @@ fn the_scale_of_floats_is_decided_by_two_frames() {
     };
     floats(1.0);
     let ended = place.ok(&format!("{RIGHT} --json"));
-    assert!(ended.stderr.contains("full scale: 1, since the brightest of the first two frames is 0.9"));
+    assert!(
+        ended.stderr.contains("full scale: 1, because the brightest value of the first two frames is 0.9")
+    );
     let told: Value = serde_json::from_str(&ended.stdout).unwrap();
     assert_eq!(told["frames"]["full_scale"], 1);
     floats(255.0);
-    assert!(place.ok(RIGHT).stderr.contains("full scale: 255, since"));
+    assert!(place.ok(RIGHT).stderr.contains("full scale: 255, because"));
     floats(8.0);
     let ended = place.gs2e(RIGHT);
     assert_eq!(ended.code, 2);
-    assert!(ended.stderr.contains("white is 1 or 255, and the brightest of the first two frames is 7."));
+    assert!(
+        ended.stderr.contains("white may be 1 or 255: the brightest value of the first two frames is 7.")
+    );
     assert!(ended.stderr.contains("--full-scale 1 or --full-scale 255"));
     place.ok(&format!("{RIGHT} --full-scale 1"));
     // later frames do not matter

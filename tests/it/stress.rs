@@ -122,9 +122,9 @@ fn selected_cases_run_and_unknown_ones_are_refused() {
     assert_eq!((told.stdout.as_str(), told.stderr.as_str()), ("", ""));
     for (args, wanted) in [
         ("stress --area colour", "sensor, trajectory, splat, clock"),
-        ("stress polarities", "no case is called `polarities`"),
-        ("stress near-plane --scene nowhere.ply", "nowhere.ply is not there"),
-        ("stress polarity --markdown nowhere/t.md", "a folder that is not there"),
+        ("stress polarities", "no case has the name `polarities`"),
+        ("stress near-plane --scene nowhere.ply", "nowhere.ply does not exist"),
+        ("stress polarity --markdown nowhere/t.md", "a folder that does not exist"),
     ] {
         let told = place.gs2e(args);
         assert_eq!(told.code, 2, "{args}: {}", told.stderr);

@@ -13,7 +13,7 @@ fn thresholds_are_swept_over_a_built_scene() {
     place.ok("build tiny.yaml");
     let sweep = "study thresholds tiny.yaml --span 0,5 --csv t.csv --picture t.png";
     let told = place.ok(sweep).stdout;
-    assert!(told.starts_with("tiny/base: 12 frames, 4.6 ms, rendered by two rules"), "{told}");
+    assert!(told.starts_with("tiny/base: 12 frames, 4.6 ms, rendered with two rules"), "{told}");
     assert!(told.lines().last().unwrap().starts_with("recommended: "), "{told}");
     let table = fs::read_to_string(place.path("t.csv")).unwrap();
     let rows: Vec<Vec<f64>> =
@@ -63,11 +63,11 @@ fn impossible_sweeps_are_refused() {
         assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
     };
     refused("--trajectory other", "tiny has no trajectory `other`; it has base");
-    refused("--thresholds 1,0.5", "wanted rising numbers");
-    refused("--thresholds 0", "wanted rising numbers");
+    refused("--thresholds 1,0.5", "wanted increasing numbers");
+    refused("--thresholds 0", "wanted increasing numbers");
     refused("--span 5,1", "is not T0,T1");
-    refused("--span 1e6,2e6", "0 poses lie from");
-    refused("--csv nowhere/t.csv", "a folder that is not there");
+    refused("--span 1e6,2e6", "0 poses are from");
+    refused("--csv nowhere/t.csv", "a folder that does not exist");
     place.write(
         "two.yaml",
         TINY.replace("voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }", "v2e: {}"),
@@ -166,12 +166,12 @@ fn impossible_studies_are_refused() {
         assert_eq!(told.code, 2, "{args}: {}", told.stderr);
         assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
     };
-    refused("--rates 500", "--finest 9600 is no even multiple of it");
-    refused("--rates 600,300", "wanted rising numbers");
+    refused("--rates 500", "--finest 9600 is not an even multiple of it");
+    refused("--rates 600,300", "wanted increasing numbers");
     refused("--rules sharp", "invalid value 'sharp'");
     refused("--trajectory other", "tiny has no trajectory `other`");
     place.ok("build tiny.yaml");
-    refused("--seconds 3", "reach beyond the trajectory's end");
-    refused("--rates 150 --seconds 0.003", "hold fewer than two steps at 150 frames a second");
-    refused("--start=-1", "numbers from 0");
+    refused("--seconds 3", "extend beyond the end of the trajectory");
+    refused("--rates 150 --seconds 0.003", "have fewer than two steps at 150 frames per second");
+    refused("--start=-1", "must be at least 0");
 }

@@ -97,7 +97,7 @@ fn an_unreachable_tolerance_is_refused_with_a_reachable_one() {
     let ended = place.gs2e("release --to tree tolerant.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let told: String = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(told.contains("the tolerance of 0.0001 thresholds is below what is reached here"), "{told}");
+    assert!(told.contains("the tolerance of 0.0001 thresholds cannot be met here"), "{told}");
     assert!(told.contains("can be met; render: { rules: soft, order: blended } has fewer"), "{told}");
     assert!(!place.path("tree").exists());
 }

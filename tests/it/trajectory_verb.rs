@@ -164,7 +164,7 @@ fn a_photographed_capture_gives_the_path_of_the_library() {
         assert_eq!(file("d.txt"), stamps.concat().into_bytes());
         // The lens is reported, and so is every warning of the report.
         let own = wanted.report.warnings.iter().map(String::as_str);
-        for part in own.chain(["base: 25 poses over 24.0 ms, 1000 a second", "the photos are distorted"]) {
+        for part in own.chain(["base: 25 poses over 24.0 ms, 1000 per second", "the photos are distorted"]) {
             assert!(ended.stderr.contains(part), "`{part}` is not in\n{}", ended.stderr);
         }
     }
@@ -195,14 +195,14 @@ fn the_motion_is_reported_to_users() {
     let place = workspace();
     let told = place.ok(RIGHT).stderr;
     for part in [
-        "base: 25 poses over 24.0 ms, 1000 a second, from a nerfstudio capture",
+        "base: 25 poses over 24.0 ms, 1000 per second, from a nerfstudio capture",
         "mixed, along the curve 1.0000..1.0000, 95 % within 0.00 %",
         "mixed, pose to pose ",
         "linear ",
         "angular ",
         "largest jump at a knot: pose ",
         "px from frame to frame: median ",
-        "at most, of the picture's centre, for what is at the scale distance",
+        "upper bound for a point in the picture's centre at the scale distance",
         "focal length 50.0 px",
     ] {
         assert!(told.contains(part), "`{part}` is not in\n{told}");
@@ -287,14 +287,19 @@ fn mistakes_are_reported_and_leave_no_file() {
     t(["mine.yaml", "gone.yaml"], 2, &["gone.yaml", "cannot be read"]);
     t(["mine.yaml", "typo.yaml"], 2, &["unknown field \"windw\"", "typo.yaml:5:29", "window"]);
     t(["--name base", "--name bas"], 2, &["no trajectory `bas`", "its trajectories: base, strict"]);
-    t(["--capture transforms.json", ""], 2, &["`base` is made from a capture", "help: --capture"]);
-    t([capture, "gone"], 2, &["the capture gone is not there"]);
+    t(["--capture transforms.json", ""], 2, &["`base` needs a capture", "help: pass --capture"]);
+    t([capture, "gone"], 2, &["capture: gone does not exist"]);
     t(
         [capture, "empty"],
         2,
-        &["not known by its files", "empty", "nothing of a capture", "wanted a COLMAP model"],
+        &[
+            "cannot determine the layout of the capture",
+            "empty",
+            "nothing of a capture",
+            "wanted a COLMAP model",
+        ],
     );
-    t([capture, "empty/a.txt"], 2, &["not known by its files", "wanted a COLMAP model"]);
+    t([capture, "empty/a.txt"], 2, &["cannot determine the layout of the capture", "wanted a COLMAP model"]);
     t([capture, "both"], 2, &["holds a transforms.json and a cameras.json: name the one"]);
     t([capture, "broken"], 1, &["failed to read the capture", "transforms.json: line 1"]);
     t([capture, "bent.json"], 1, &["failed to read the capture", "`v2.jpg` is already used by"]);
@@ -306,9 +311,9 @@ fn mistakes_are_reported_and_leave_no_file() {
         &["failed to make the trajectory `strict`", "there is a gap between `v3.jpg` and `v4.jpg`"],
     );
     t(["--out new.txt", "--out empty"], 2, &["empty is a folder, wanted a file"]);
-    t(["--out new.txt", "--out no/new.txt"], 2, &["no/new.txt lies in a folder that is not there"]);
+    t(["--out new.txt", "--out no/new.txt"], 2, &["no/new.txt is in a folder that does not exist"]);
     t(["--out new.txt", "--out new.txt --svg ./new.txt"], 2, &["two outputs are written to ./new.txt"]);
-    t(["--out new.txt", "--out ./mine.yaml"], 2, &["./mine.yaml is read, and would be written over"]);
+    t(["--out new.txt", "--out ./mine.yaml"], 2, &["./mine.yaml is an input and would be overwritten"]);
     t(["--out new.txt", "--out - --stamps -"], 2, &["two outputs are written to -"]);
     // One of two files cannot be written: the other is not written either.
     t(

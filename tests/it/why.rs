@@ -8,7 +8,7 @@ fn head(place: &Workspace, recipe: &str) -> Vec<String> {
     place.write("tiny.yaml", recipe);
     let told = place.ok("why tiny --recipes tiny.yaml").stdout;
     let mut lines = told.lines();
-    if lines.next() != Some("tiny: its recipe was edited since it was last built") {
+    if lines.next() != Some("tiny: the recipe was edited since the last build") {
         return Vec::new();
     }
     lines.take_while(|line| line.starts_with("  ")).map(|line| line.trim().to_owned()).collect()
@@ -47,7 +47,7 @@ fn an_edited_number_is_named_with_the_steps_that_it_touches() {
         "0.25*sin(t)+1.1",
         &[
             "trajectories.base.speed.function: \"0.25*sin(t) + 1.1\" -> \"0.25*sin(t)+1.1\"",
-            "no step runs for it",
+            "no step has to run for it",
         ],
     );
 }
@@ -73,7 +73,7 @@ fn several_edits_are_all_named() {
     let back = head(&place, TINY);
     assert_eq!(
         (back[0].as_str(), back[3].as_str()),
-        ("sensor.voltmeter.threshold.off: 0.9 -> 1.0", "no step runs for it")
+        ("sensor.voltmeter.threshold.off: 0.9 -> 1.0", "no step has to run for it")
     );
 }
 
@@ -89,7 +89,7 @@ fn a_trajectory_that_comes_or_goes_is_named() {
         ("trajectories.mini: added", format!("will run: {steps}").as_str())
     );
     place.ok("build -q tiny.yaml");
-    assert_eq!(head(&place, TINY), ["trajectories.mini: removed", "no step runs for it"]);
+    assert_eq!(head(&place, TINY), ["trajectories.mini: removed", "no step has to run for it"]);
 }
 
 #[test]

@@ -74,8 +74,9 @@ fn split(scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> String {
         if lines.is_empty() {
             let each = work.blended as f64 / view.camera.size.pixels() as f64;
             let RenderWork { tile_pairs, hidden, .. } = work;
-            lines
-                .push(format!("{each:.1} blended a pixel, {tile_pairs} tile pairs, {hidden} of them hidden"));
+            lines.push(format!(
+                "{each:.1} blended per pixel, {tile_pairs} tile pairs, {hidden} of them hidden"
+            ));
         }
         let cores = rayon::current_num_threads() as f64;
         let [project, sort, bin, raster, resolve] = fastest.map(|seconds| seconds * cores * 1e3);
@@ -180,7 +181,7 @@ fn workload(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelS
     let work = renderer.render(&view, want, &mut out).expect("the view can be rendered");
     let (gaussians, size) = (scene.len(), view.camera.size);
     let each = work.blended as f64 / size.pixels() as f64;
-    let what = format!("{name}, {gaussians} Gaussians, {size}, rules official, {each:.1} blended a pixel");
+    let what = format!("{name}, {gaussians} Gaussians, {size}, rules official, {each:.1} blended per pixel");
     let run = move || {
         timed(|| {
             renderer.render(&view, want, &mut out).expect("it was rendered before");

@@ -81,10 +81,9 @@ impl RebuildArgs {
     fn recipes_of(&self, scenes: &[String]) -> Result<Vec<Recipe>, VerbError> {
         let mut recipes = recipe::read_all(&self.recipes)?;
         if let Some(absent) = scenes.iter().find(|id| recipes.iter().all(|recipe| recipe.scene != **id)) {
-            let message = format!("no recipe makes the scene `{absent}` that is to be made again");
-            return Err(
-                VerbError::usage("no-scene", message).help("--recipes DIR: where the release was made from")
-            );
+            let message = format!("no recipe makes the scene `{absent}`, so it cannot be rebuilt");
+            return Err(VerbError::usage("no-scene", message)
+                .help("pass --recipes DIR with the recipes of the release"));
         }
         recipes.retain(|recipe| scenes.contains(&recipe.scene));
         Ok(recipes)
@@ -119,7 +118,7 @@ impl RebuildArgs {
                     UserMessage::new(MessageLevel::Error, "interrupted", "nothing was compared".to_owned());
                 return Err(VerbError::from_message(ExitKind::Interrupted, message));
             }
-            _ => return Err(VerbError::failed("rebuild", "a scene cannot be made again".to_owned())),
+            _ => return Err(VerbError::failed("rebuild", "failed to rebuild a scene".to_owned())),
         }
         let to = folder.join("release");
         let cancel = &on_interrupt()?;
@@ -156,20 +155,23 @@ fn class_of(manifest: &ReleaseManifest, scene: &str) -> String {
 
 /// The back end of a class.
 fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> {
-    let backend = match class {
-        class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
-        class if Backend::is_gpu(class) => {
-            let device = common.device(&gpu::DeviceChoice::Any);
-            Backend::Gpu(
-                device.map_err(|e| VerbError::failed("no-adapter", format!("{class} rendered it: {e}")))?,
-            )
-        }
-        _ => Backend::Reference,
-    };
+    let backend =
+        match class {
+            class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
+            class if Backend::is_gpu(class) => {
+                let device = common.device(&gpu::DeviceChoice::Any);
+                Backend::Gpu(device.map_err(|e| {
+                    VerbError::failed("no-adapter", format!("{class} rendered the release: {e}"))
+                })?)
+            }
+            _ => Backend::Reference,
+        };
     // Only the bytes of a GPU depend on the machine.
     if backend.takes_gpu() && backend.class() != class {
-        let message =
-            format!("{class} rendered it, and here is {}: bytes cannot be compared", backend.class());
+        let message = format!(
+            "{class} rendered the release, but this machine has {}: bytes cannot be compared",
+            backend.class()
+        );
         return Err(VerbError::failed("no-adapter", message));
     }
     Ok(backend)

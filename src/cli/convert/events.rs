@@ -99,10 +99,10 @@ impl EventOptions {
 /// Reads `640x480`.
 fn parse_size(text: &str) -> Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, as 640x480"))?;
+    let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, such as 640x480"))?;
     let size = Size { width, height };
     if size.pixels() == 0 {
-        return Err(format!("{text} is not a sensor of 1 to 65536 columns and rows"));
+        return Err(format!("{text} is not a sensor size of 1 to 65536 columns and rows"));
     }
     size.check_sensor().map_err(|e| format!("a sensor of {e}"))?;
     Ok(size)
@@ -178,9 +178,9 @@ impl EventConversion<'_> {
     }
 
     fn refused(&self, losses: &[String]) -> VerbError {
-        let what = format!("{} would lose something", self.to.0.display());
+        let what = format!("{} cannot store all of the input", self.to.0.display());
         let message =
-            UserMessage::new(MessageLevel::Error, "lossy", what).help("--lossy writes it all the same");
+            UserMessage::new(MessageLevel::Error, "lossy", what).help("pass --lossy to write it anyway");
         VerbError::from_message(
             ExitKind::Usage,
             losses.iter().fold(message, |m, loss| m.detail(loss.clone())),
@@ -220,7 +220,7 @@ impl EventConversion<'_> {
         let (output, size) = (self.to.0, opened.header.size);
         let ConversionSummary { events, on, untimed, bytes, .. } = *done;
         let amounts = [format_amount(events, "events"), format_amount(bytes, "B")];
-        console.say(&format!("{}: {} of a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
+        console.say(&format!("{}: {} from a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
         let notes = self.notes_of_format(opened);
         notes.iter().for_each(|note| console.say(&format!("note: {note}")));
         losses.iter().for_each(|loss| console.say(loss));
@@ -243,10 +243,11 @@ impl ConversionSummary {
     }
 
     fn losses(&self) -> Vec<String> {
-        let untimed = (self.untimed > 0)
-            .then(|| format!("events: {} before the first time of the recording are dropped", self.untimed));
+        let untimed = (self.untimed > 0).then(|| {
+            format!("events: {} before the first timestamp of the recording are dropped", self.untimed)
+        });
         let rounded =
-            (self.rounded > 0).then(|| format!("times: {} are cut to the microsecond", self.rounded));
+            (self.rounded > 0).then(|| format!("times: {} are truncated to the microsecond", self.rounded));
         [untimed, rounded].into_iter().flatten().collect()
     }
 }

@@ -52,7 +52,7 @@ fn parse_window(text: &str) -> Result<TimeWindow, String> {
     let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     match ends {
         Some((begin, end)) if begin < end => Ok(TimeWindow(begin, end)),
-        _ => Err(format!("`{text}` is not T0,T1, two whole microseconds, the later one last")),
+        _ => Err(format!("`{text}` is not T0,T1: two whole microseconds, T0 before T1")),
     }
 }
 
@@ -90,7 +90,7 @@ impl PictureOptions {
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let asked = self.picture.is_some() || self.window.is_some() || self.tau.is_some();
         if asked && !is_png {
-            return refuse_usage(format!("{} is no .png, and a picture is asked for", output.display()));
+            return refuse_usage(format!("{} is not a .png, but a picture is requested", output.display()));
         }
         Ok(is_png)
     }
@@ -121,7 +121,7 @@ impl PictureOptions {
         let fill = |out: &mut dyn io::Write| png::write_image(&image, out);
         output::write_outputs(&[OutputFile { path: output, fill: &fill }])?;
         let shown = format_amount(events, "events");
-        console.say(&format!("{}: {shown} of a sensor of {size}, {}", output.display(), image.size()));
+        console.say(&format!("{}: {shown} from a sensor of {size}, {}", output.display(), image.size()));
         if console.json {
             let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
             console.result(&json!({

@@ -43,7 +43,7 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
         for i in group {
             let because = (!owners.contains(i)).then(|| {
                 because.map_or_else(
-                    || format!("{stem}.yaml is another scene's"),
+                    || format!("{stem}.yaml belongs to another scene"),
                     |why| format!("{stem}.yaml {why}"),
                 )
             });
@@ -62,9 +62,9 @@ fn stem(name: &str) -> String {
 
 fn unsafe_because(stem: &str) -> Option<&'static str> {
     if stem.starts_with('.') {
-        Some("would be hidden from every verb")
+        Some("would be hidden from all verbs")
     } else if MEANT.contains(&stem) {
-        Some("has a meaning of its own among recipes")
+        Some("is a reserved file name")
     } else {
         None
     }

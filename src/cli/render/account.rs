@@ -33,7 +33,7 @@ impl RenderAccount {
         let Self { channel, backend, view, size, work, .. } = self;
         let [reading, rendering] = [self.reading, self.rendering].map(|time| time.as_secs_f64());
         console.say(&format!(
-            "{channel} of {view}, {size}, by {backend} in {rendering:.3} s; read in {reading:.3} s"
+            "{channel} of {view}, {size}: rendered by {backend} in {rendering:.3} s; read in {reading:.3} s"
         ));
         let hidden = match 100 * work.hidden / work.tile_pairs.max(1) {
             0 => String::new(),
@@ -41,18 +41,18 @@ impl RenderAccount {
         };
         let pairs = match work.tile_pairs {
             0 => String::new(),
-            pairs => format!("{pairs} pairs with tiles{hidden}, "),
+            pairs => format!("{pairs} splat-tile pairs{hidden}, "),
         };
         // Counts are per pixel of the whole picture, the empty ones included.
         let a_pixel = work.blended as f64 / size.pixels() as f64;
         let drawn = self.drawn();
         console.say(&format!(
-            "{drawn} of {} Gaussians drawn, {pairs}{a_pixel:.2} blended a pixel",
+            "{drawn} of {} Gaussians drawn, {pairs}{a_pixel:.2} blended per pixel",
             work.gaussians
         ));
         if work.zero_harmonics > 0 {
             let each = work.zero_harmonics / drawn.max(1);
-            console.say(&format!("{each} harmonics a Gaussian are zero in the whole scene and left out"));
+            console.say(&format!("{each} harmonics per Gaussian are zero in the whole scene and left out"));
         }
         self.warnings().iter().for_each(|warning| console.say(&format!("warning: {warning}")));
     }
@@ -70,18 +70,18 @@ impl RenderAccount {
                 format!("{non_finite} of {read} Gaussians in the file hold a NaN or an infinity and are left out")
             }),
             (zero_quaternions > 0)
-                .then(|| format!("{zero_quaternions} of {read} rotations in the file are zero: the identity is taken")),
+                .then(|| format!("{zero_quaternions} of {read} rotations in the file are zero: the identity is used")),
             (degenerate > 0).then(|| {
-                format!("{degenerate} of {gaussians} Gaussians project to what is not finite and are left out")
+                format!("{degenerate} of {gaussians} Gaussians have a non-finite projection and are left out")
             }),
             (affine_invalid as f64 > MANY * drawn as f64).then(|| {
                 let share = 100.0 * affine_invalid as f64 / drawn as f64;
                 format!(
-                    "{affine_invalid} of {drawn} Gaussians drawn ({share:.1} %) are so deep for their distance that \
-                     their projection is not sound"
+                    "{affine_invalid} of {drawn} Gaussians drawn ({share:.1} %) extend so far in depth, relative to their distance, that \
+                     their projection is inaccurate"
                 )
             }),
-            (drawn == 0).then(|| "no Gaussian is in the picture: it shows the background alone".to_owned()),
+            (drawn == 0).then(|| "no Gaussian is in the picture: it shows only the background".to_owned()),
         ];
         self.warnings.iter().cloned().chain(counted.into_iter().flatten()).collect()
     }

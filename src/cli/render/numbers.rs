@@ -11,7 +11,7 @@ pub(super) struct ColourArg(pub(super) [f64; 3]);
 pub(super) fn parse_colour(text: &str) -> Result<ColourArg, String> {
     let rgb = parse_numbers(text)?;
     match rgb.iter().find(|v| !(0.0..=1.0).contains(*v)) {
-        Some(bad) => Err(format!("{bad} is not from 0 to 1")),
+        Some(bad) => Err(format!("{bad} is not between 0 and 1")),
         None => Ok(ColourArg(rgb)),
     }
 }
@@ -26,11 +26,11 @@ pub(super) fn parse_velocity(text: &str) -> Result<CameraVelocity, String> {
 fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let number = |part: &str| {
         let value = part.trim().parse().ok().filter(|v: &f64| v.is_finite());
-        value.ok_or_else(|| format!("`{part}` is no finite number"))
+        value.ok_or_else(|| format!("`{part}` is not a finite number"))
     };
     let values: Vec<f64> = text.split(',').map(number).collect::<Result<_, _>>()?;
     let found = values.len();
-    values.try_into().map_err(|_| format!("{found} numbers, wanted {N} with commas between them"))
+    values.try_into().map_err(|_| format!("found {found} numbers, wanted {N} separated by commas"))
 }
 
 #[cfg(test)]
@@ -44,13 +44,13 @@ mod tests {
             CameraVelocity { linear: DVec3::new(-1.0, 2e3, 0.0), angular: DVec3::new(0.5, -0.0, 7.0) };
         assert_eq!(parse_velocity("-1,2e3,0,.5,-0,7"), Ok(wanted));
         let t = |text: &str, wanted: &str| assert_eq!(parse_colour(text).unwrap_err(), wanted, "{text}");
-        t("", "`` is no finite number");
-        t("1,2", "2 numbers, wanted 3 with commas between them");
-        t("1,0,0,1", "4 numbers, wanted 3 with commas between them");
-        t("1,,0", "`` is no finite number");
-        t("1,nan,0", "`nan` is no finite number");
-        t("1,0,1e999", "`1e999` is no finite number");
-        t("255,0,0", "255 is not from 0 to 1");
-        t("0,-0.1,0", "-0.1 is not from 0 to 1");
+        t("", "`` is not a finite number");
+        t("1,2", "found 2 numbers, wanted 3 separated by commas");
+        t("1,0,0,1", "found 4 numbers, wanted 3 separated by commas");
+        t("1,,0", "`` is not a finite number");
+        t("1,nan,0", "`nan` is not a finite number");
+        t("1,0,1e999", "`1e999` is not a finite number");
+        t("255,0,0", "255 is not between 0 and 1");
+        t("0,-0.1,0", "-0.1 is not between 0 and 1");
     }
 }

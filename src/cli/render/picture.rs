@@ -79,12 +79,12 @@ impl PictureFormat {
         }
         if !is("png") {
             let what = format!("{shown} is neither .npy nor .png");
-            let help =
-                "--out: a .npy (32-bit numbers as they are), a .png (8 bits), or `-` for a .npy to stdout";
+            let help = "pass --out with a .npy (unscaled 32-bit numbers), a .png (8 bits), or `-` for a .npy to stdout";
             return Err(VerbError::usage("output-format", what).help(help));
         }
         if !channel.fits_bytes() {
-            let what = format!("{shown} has 8 bits, and {} is not on a scale from 0 to 1", channel.name());
+            let what =
+                format!("{shown} has 8 bits, but values of {} are not limited to 0 to 1", channel.name());
             return Err(VerbError::usage("output-format", what).help("write it to a .npy"));
         }
         Ok(Self::Png)
@@ -128,7 +128,7 @@ impl ChannelImage {
                 png::write_image(&Image::from_vec(image.size(), grey), out)
             }
             (Self::Vectors(_), PictureFormat::Png) => {
-                Err(io::Error::new(io::ErrorKind::Unsupported, "a .png has no vectors"))
+                Err(io::Error::new(io::ErrorKind::Unsupported, "a .png cannot store vectors"))
             }
         }
     }

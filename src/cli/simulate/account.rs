@@ -28,7 +28,7 @@ impl SimulateReport<'_> {
         let (size, seconds) = (self.sequence.frames.size(), self.seconds());
         let frames = self.sequence.stamps_us.len();
         console.say(&format!(
-            "{}: {} of {frames} frames of {size} in {seconds:.6} s, {}",
+            "{}: {} from {frames} frames of {size} over {seconds:.6} s, {}",
             out.display(),
             format_amount(events, "events"),
             format_amount(bytes, "B")
@@ -37,7 +37,7 @@ impl SimulateReport<'_> {
             let (rate, share) = (self.rate(), 100.0 * on as f64 / events as f64);
             let active = 100.0 * active_pixels as f64 / size.pixels() as f64;
             console.say(&format!(
-                "{rate:.3} events a pixel and second, {share:.1} % of them ON, by {active:.1} % of the pixels"
+                "{rate:.3} events per pixel and second, {share:.1} % of them ON, from {active:.1} % of the pixels"
             ));
         }
         self.oddities().iter().for_each(|line| console.say(line));
@@ -58,14 +58,12 @@ impl SimulateReport<'_> {
             ..
         } = self.account;
         let told = [
-            (capped, "events beyond the cap of their pixel and frame were left out".to_owned()),
+            (capped, "events beyond the cap per pixel and frame were dropped".to_owned()),
             (negative_luminance, "luminance values below zero were set to zero".to_owned()),
-            (same_us_same_pixel, "pairs of events of one pixel share a microsecond".to_owned()),
+            (same_us_same_pixel, "pairs of events of the same pixel share a microsecond".to_owned()),
             (
                 drift_violations,
-                format!(
-                    "pixels depart from their drift, the worst {drift_worst:.2} times what the law allows"
-                ),
+                format!("pixels deviate from their drift, at worst by {drift_worst:.2} times the limit"),
             ),
         ];
         told.into_iter()

@@ -41,8 +41,9 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
     ];
     match of_voltmeter.into_iter().find(|(_, given)| *given) {
         Some((option, _)) if !matches!(sensor, SensorChoice::Voltmeter(_)) => {
-            let what = format!("{option} is of the sensor voltmeter, and this is {}", sensor.name());
-            Err(VerbError::usage("sensor", what).help("leave it out"))
+            let what =
+                format!("{option} applies to the sensor voltmeter, but this sensor is {}", sensor.name());
+            Err(VerbError::usage("sensor", what).help("leave the option out"))
         }
         _ => with_front_end(sensor, asked),
     }
@@ -68,16 +69,17 @@ pub(super) fn luminance(text: &str) -> Result<LuminanceWeights, String> {
     if !text.contains(',') {
         let named =
             super::parse_word(text).ok().filter(|named| !matches!(named, LuminanceWeights::Weights(_)));
-        return named.ok_or_else(|| format!("`{text}` is not rec601, rec709, or R,G,B, as 0.25,0.5,0.25"));
+        return named
+            .ok_or_else(|| format!("`{text}` is not rec601, rec709, or R,G,B such as 0.25,0.5,0.25"));
     }
-    let weights = parse_numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B, three numbers"))?;
+    let weights = parse_numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B: three numbers"))?;
     LuminanceWeights::from_weights(weights).map_err(|error| error.to_string())
 }
 
 /// Reads the ends of a range. The upper end may be `inf`.
 pub(super) fn parse_range(text: &str) -> Result<GreyRange, String> {
     let [min, max] =
-        parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
+        parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, such as 0,255 or 5,inf"))?;
     // An infinite end means no clamp.
     Ok(GreyRange { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
 }
@@ -105,16 +107,22 @@ pub(super) fn check_rates(sensor: &SensorChoice, given: bool, coloured: bool) ->
     let between = sensor.between();
     // Rates are those of one luminance. A sensor with other weights would see another rate.
     if between == BetweenFrames::Hermite && coloured && sensor.as_model().front_end().needs_colour() {
-        let what = "hermite goes by rates of change of the luminance rec601, not decoded".to_owned();
-        return Err(VerbError::usage("rates-other", what).help("grey frames, as a .npy, have one luminance"));
+        let what = "hermite needs rates of change of luminance rec601, not decoded".to_owned();
+        return Err(
+            VerbError::usage("rates-other", what).help("use grey frames in a .npy, which have one luminance")
+        );
     }
     if between == BetweenFrames::Hermite && !given {
-        let what = "hermite goes by the luminance's change per second, and none is given".to_owned();
-        return Err(VerbError::usage("rates-missing", what).help("--rates: a .npy of float32, one a pixel"));
+        let what = "hermite needs the change of luminance per second, and none is given".to_owned();
+        return Err(VerbError::usage("rates-missing", what)
+            .help("pass --rates with a .npy of float32, one value per pixel"));
     }
     if between != BetweenFrames::Hermite && given {
-        let what = format!("--rates is for hermite, and between the frames it is {}", recipe_name(&between));
-        return Err(VerbError::usage("rates-unused", what).help("--between hermite with it, or leave it out"));
+        let what =
+            format!("--rates applies to hermite, but the sensor interpolates with {}", recipe_name(&between));
+        return Err(
+            VerbError::usage("rates-unused", what).help("add --between hermite, or leave --rates out")
+        );
     }
     Ok(())
 }

@@ -31,7 +31,9 @@ pub(super) struct SensorOrigin(pub(super) [u16; 2]);
 pub(super) fn parse_origin(text: &str) -> Result<SensorOrigin, String> {
     let sides =
         text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
-    sides.map(SensorOrigin).ok_or_else(|| format!("`{text}` is not X,Y, two of 0 to 65535, as 40,12"))
+    sides
+        .map(SensorOrigin)
+        .ok_or_else(|| format!("`{text}` is not X,Y, two numbers from 0 to 65535 such as 40,12"))
 }
 
 /// Reads `1` or `255`.
@@ -47,7 +49,7 @@ pub(super) fn full_scale(text: &str) -> Result<FullScale, String> {
 pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
     let ratio: Ratio = text.parse().map_err(|e: crate::units::RatioError| e.to_string())?;
     if ratio.to_f64() > 1e6 || ratio.to_f64() < 1e-6 {
-        return Err(format!("`{text}` is not from 1e-6 to 1e6 frames a second"));
+        return Err(format!("`{text}` is not between 1e-6 and 1e6 frames per second"));
     }
     Ok(Hertz(ratio))
 }
@@ -94,8 +96,7 @@ impl StampedFrames {
         let decided = floats && asked.full_scale.is_none();
         if !floats && asked.full_scale == Some(FullScale::One) {
             told.push(
-                "warning: --full-scale is for floats: these frames are grey 0 to 255 as they stand"
-                    .to_owned(),
+                "warning: --full-scale applies to floats: these frames are already grey 0 to 255".to_owned(),
             );
         }
         let may_be_coloured = matches!(source, FrameSource::Images(_));
@@ -140,7 +141,7 @@ impl StampedFrames {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an amount for people")]
         let bytes = format_amount(held as u64, "B");
         (hz > MANY_A_SECOND).then(|| {
-            format!("warning: at {hz:.0} frames a second the sensor holds {bytes} of frames at once")
+            format!("warning: at {hz:.0} frames per second the sensor holds {bytes} of frames at once")
         })
     }
 }
@@ -181,8 +182,8 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
         }
         (None, None, Some(rate)) => Ok((0..count as u64).map(|index| rate.stamp_us(index)).collect()),
         (None, None, None) => {
-            let what = format!("when the frames of {} were taken is not said", asked.frames.display());
-            let help = "--stamps: a .npy of int64 microseconds, or --fps";
+            let what = format!("no timestamps for {}", asked.frames.display());
+            let help = "pass --stamps with a .npy of int64 microseconds, or --fps";
             Err(VerbError::usage("stamps", what).help(help))
         }
     }
@@ -197,10 +198,13 @@ fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbEr
         (FullScale::One, 1)
     } else {
         // Both scales are possible, and a wrong guess would scale the brightness by 255.
-        let what = format!("white is 1 or 255, and the brightest of the first two frames is {brightest}");
-        return Err(VerbError::usage("full-scale", what).help("--full-scale 1 or --full-scale 255"));
+        let what =
+            format!("white may be 1 or 255: the brightest value of the first two frames is {brightest}");
+        return Err(VerbError::usage("full-scale", what).help("pass --full-scale 1 or --full-scale 255"));
     };
-    told.push(format!("full scale: {name}, since the brightest of the first two frames is {brightest}"));
+    told.push(format!(
+        "full scale: {name}, because the brightest value of the first two frames is {brightest}"
+    ));
     Ok(full_scale)
 }
 

@@ -11,14 +11,14 @@ pub(super) fn write_page(rows: &[StressRow], out: &mut dyn Write) -> io::Result<
     writeln!(
         out,
         "`gs2e stress` compares the result of each case with an independent answer: a closed form, a series, a number \
-         of 120 digits,\nor a twin of the input on which nothing is extreme. This page is its table, written by \
+         of 120 digits,\nor an equivalent input without extremes. This page is its output, written by \
          `gs2e stress --markdown docs/stress.md`.\n"
     )?;
     writeln!(
         out,
-        "A row shows the worst of its points and the limit there. `rel` is a share of the answer, `se` standard errors of a \
+        "A row shows the worst of its points and the limit there. `rel` is relative to the answer, `se` is in standard errors of a \
          count with\na fixed seed, `KS sqrt N` the Kolmogorov-Smirnov distance times the root of the sample size (2.23 is \
-         alpha 1e-4), `values`\nand `events` numbers that differ. Times are from one run, with {} cores.\n",
+         alpha 1e-4), `values`\nand `events` count differences. Times are from one run, with {} cores.\n",
         machine::available_cores()
     )?;
     writeln!(out, "{}.", summary_line(rows))?;

@@ -23,7 +23,7 @@ pub(super) fn single_recipe(path: &Path) -> Result<Recipe, VerbError> {
         (Some(recipe), 0) => Ok(recipe),
         (_, others) => {
             let what = format!("{} holds {} recipes, wanted one", path.display(), others + 1);
-            Err(VerbError::usage("recipe", what).help("name the one that is meant"))
+            Err(VerbError::usage("recipe", what).help("name one recipe file"))
         }
     }
 }
@@ -49,7 +49,7 @@ pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<VoltmeterModel, VerbEr
         }
         SensorSet::Named(_) => {
             let what = format!("{} has several sensors, wanted one", recipe.scene);
-            Err(VerbError::usage("sensor", what).help("a recipe with `sensor`"))
+            Err(VerbError::usage("sensor", what).help("use a recipe with `sensor`"))
         }
     }
 }

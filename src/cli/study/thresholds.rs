@@ -53,7 +53,7 @@ fn parse_span(text: &str) -> Result<SpanArg, String> {
     let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     ends.filter(|(begin, end)| 0.0 <= *begin && begin < end)
         .map(|(begin, end)| SpanArg(begin, end))
-        .ok_or_else(|| format!("`{text}` is not T0,T1, two times in milliseconds, the later one last"))
+        .ok_or_else(|| format!("`{text}` is not T0,T1: two times in milliseconds, T0 before T1"))
 }
 
 /// Default length of the rendered part, ms.
@@ -100,7 +100,8 @@ impl ThresholdsArgs {
         let rising = self.thresholds.windows(2).all(|pair| pair[0] < pair[1]);
         let in_range = self.thresholds.iter().all(|t| (1e-6..=1e6).contains(t));
         if !rising || !in_range {
-            let what = format!("--thresholds {:?}, wanted rising numbers from 1e-6 to 1e6", self.thresholds);
+            let what =
+                format!("--thresholds {:?}, wanted increasing numbers from 1e-6 to 1e6", self.thresholds);
             return Err(VerbError::usage("thresholds", what));
         }
         Ok(())
@@ -116,7 +117,7 @@ impl ThresholdsArgs {
         // One pose beyond the end, so that the last interval covers it.
         let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
         if range.len() < 3 {
-            let what = format!("{} poses lie from {begin} to {end} ms, wanted 3", range.len());
+            let what = format!("{} poses are from {begin} to {end} ms, wanted at least 3", range.len());
             return Err(VerbError::usage("span", what).help(&format!("the trajectory ends at {} us", end_us)));
         }
         Ok(range)
@@ -146,7 +147,7 @@ impl ThresholdsArgs {
             return;
         }
         let SweepResult { frames, seconds, .. } = found;
-        console.print(&format!("{scene}: {frames} frames, {:.1} ms, rendered by two rules", 1e3 * seconds));
+        console.print(&format!("{scene}: {frames} frames, {:.1} ms, rendered with two rules", 1e3 * seconds));
         console.print("threshold  contrast     events  ev/px/s   ON  smooth  near a jump  other");
         let share = |part: u64, row: &ThresholdRow| 100.0 * part as f64 / row.events.max(1) as f64;
         for row in &found.rows {

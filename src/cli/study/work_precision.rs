@@ -153,7 +153,7 @@ impl WorkPrecision {
             console.large_result(&study);
         } else {
             console.print(&report::conclusion_words(&study));
-            console.print(&format!("table, pictures and words: {}", to.display()));
+            console.print(&format!("table, plots and text: {}", to.display()));
         }
         Ok(ExitKind::Done)
     }
@@ -166,14 +166,14 @@ impl WorkPrecision {
         // The middle of each step must be a fine frame, so a step has an even number of intervals.
         let even = |rate: u32| rate > 0 && self.finest.is_multiple_of(rate.saturating_mul(2));
         if let Some(rate) = self.rates.iter().find(|rate| !even(**rate)) {
-            return refuse(format!("--rates {rate}: --finest {} is no even multiple of it", self.finest));
+            return refuse(format!("--rates {rate}: --finest {} is not an even multiple of it", self.finest));
         }
         if self.rates.is_empty() || !self.rates.is_sorted_by(|a, b| a < b) {
-            return refuse(format!("--rates {:?}, wanted rising numbers", self.rates));
+            return refuse(format!("--rates {:?}, wanted increasing numbers", self.rates));
         }
         let positive = |value: Option<f64>| value.is_none_or(|v| v.is_finite() && v >= 0.0);
         if !positive(self.start) || !positive(self.seconds) {
-            return Err(VerbError::usage("window", "--start and --seconds are numbers from 0".to_owned()));
+            return Err(VerbError::usage("window", "--start and --seconds must be at least 0".to_owned()));
         }
         Ok(())
     }
@@ -197,14 +197,15 @@ impl WorkPrecision {
         // Stamps are whole microseconds, so the end may exceed the path by a fraction of one.
         if start + intervals as f64 / finest > whole + 1e-6 {
             let what =
-                format!("{seconds} s from {start} s on reach beyond the trajectory's end at {whole} s");
+                format!("{seconds} s from {start} s extend beyond the end of the trajectory at {whole} s");
             return Err(refuse(what));
         }
         // The rates rise, so the first has the longest steps.
         let coarsest = (self.finest / self.rates[0]) as usize;
         if intervals < 2 * coarsest {
-            let what = format!("{seconds} s hold fewer than two steps at {} frames a second", self.rates[0]);
-            return Err(refuse(what).help("a longer window, or higher --rates"));
+            let what =
+                format!("{seconds} s have fewer than two steps at {} frames per second", self.rates[0]);
+            return Err(refuse(what).help("use a longer window, or higher --rates"));
         }
         Ok(FineWindow { path, start, intervals, finest: self.finest })
     }

@@ -50,7 +50,7 @@ impl<'a> TrajectoryAccount<'a> {
             long => format!("{long:.3} s"),
         };
         let from = self.kind.map_or(String::new(), |kind| format!(", from a {} capture", kind.name()));
-        console.say(&format!("{}: {poses} poses over {duration}, {rate} a second{from}", self.name));
+        console.say(&format!("{}: {poses} poses over {duration}, {rate} per second{from}", self.name));
         self.tell_speed(console);
         self.tell_smoothness(console);
         self.tell_picture(console);
@@ -64,7 +64,7 @@ impl<'a> TrajectoryAccount<'a> {
             ("linear", self.report.linear_ratio),
             ("angular", self.report.angular_ratio),
         ];
-        console.say("achieved share of the path over the asked one, of each step:");
+        console.say("achieved over requested share of the path, per step:");
         for (part, follow) in parts {
             console.say(&format!("  {part:22} {}", follow.map_or("does not move".to_owned(), follow_words)));
         }
@@ -87,7 +87,7 @@ impl<'a> TrajectoryAccount<'a> {
         let [median, p95, max] = [px.median, px.p95, px.max].map(|px| format!("{px:.2}"));
         console.say(&format!("px from frame to frame: median {median}, 95 % {p95}, largest {max}"));
         console.say(&format!(
-            "  at most, of the picture's centre, for what is at the scale distance {distance:.4}: focal length \
+            "  upper bound for a point in the picture's centre at the scale distance {distance:.4}: focal length \
              {fx:.1} px x (sideways motion / distance + turn across the optical axis)"
         ));
     }

@@ -78,7 +78,7 @@ impl SplitPlan {
             return Some(format!("the share of {name} is {}, wanted above 0 and at most 1", brief(*share)));
         }
         let sum: f64 = self.shares.values().sum();
-        ((sum - 1.0).abs() > TOLERANCE).then(|| format!("the shares are {} together, wanted 1", brief(sum)))
+        ((sum - 1.0).abs() > TOLERANCE).then(|| format!("the shares sum to {}, wanted 1", brief(sum)))
     }
 }
 
@@ -120,7 +120,7 @@ fn shares_of(
         let (share, place) = share.given()?;
         if let Err(because) = names::check_sensor(name) {
             return resolver.refuse(
-                FieldProblem::new(format!("the split {} is one {because}", quote_text(name))).at(place),
+                FieldProblem::new(format!("the split name is {}, {because}", quote_text(name))).at(place),
             );
         }
         Some((name.clone(), *share))

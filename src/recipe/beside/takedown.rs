@@ -134,15 +134,14 @@ fn byte_place(at: usize) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
 
-const HELP: &str =
-    "a line is an id, a day and perhaps a reason: dl3dv/0a1b 2025-06-01 asked for by the owner";
+const HELP: &str = "write an id, a day and optionally a reason: dl3dv/0a1b 2025-06-01 requested by the owner";
 
 /// Splits a line into id and day. The error holds the wrong word and the message.
 fn parse_entry(line: &str) -> Result<(&str, &str), (&str, String)> {
     let mut words = line.split_whitespace();
     let id = words.next().unwrap_or(line);
     if let Err(because) = names::id_parts(id) {
-        return Err((id, format!("{} can name no scene: an id {because}", quote_text(id))));
+        return Err((id, format!("{} is not a scene id, {because}", quote_text(id))));
     }
     let Some(day) = words.next() else { return Err((line, "the line has no day".into())) };
     if !forms::DAY.holds(day) {

@@ -108,7 +108,7 @@ impl<'a> EnumChoice<'a> {
     fn body(&self) -> Result<TreeReader<'a>, FieldProblem> {
         self.value.map(|value| self.reader.of(value)).ok_or_else(|| {
             let name = self.name;
-            FieldProblem::of_field(format!("is {name} alone, wanted a mapping"))
+            FieldProblem::of_field(format!("is the single word {name}, wanted a mapping"))
                 .help(format!("write {name}: {{ … }}"))
         })
     }

@@ -37,20 +37,21 @@ impl Resolver<'_> {
         let Some((text, place)) = raw.upstream.given() else {
             if let Some(place) = raw.evidence.place() {
                 let help = "name what was granted: upstream: CC-BY-4.0";
-                return self.refuse(FieldProblem::of_key("is of nothing").help(help).at(place));
+                return self.refuse(FieldProblem::of_key("is given without upstream").help(help).at(place));
             }
             return (raw.upstream.is_absent() && raw.evidence.is_absent()).then_some(None);
         };
         let expression = self.spdx(text, place)?;
         let Some(asset) = upstream_of(source?) else {
-            let problem = FieldProblem::of_key("is of a source that has no upstream with terms of its own");
-            return self.refuse(problem.help("say all terms in expression:").at(place));
+            let problem =
+                FieldProblem::of_key("is not allowed: this source has no upstream with its own terms");
+            return self.refuse(problem.help("state all terms in expression:").at(place));
         };
         let Some((evidence, within)) = raw.evidence.given() else {
             if raw.evidence.is_absent() {
                 let found = quote_text(&expression);
                 let message = format!(
-                    "is {found}, and {} states {} for everybody (licence-forbidden without evidence)",
+                    "is {found}, but {} states {} for everybody (licence-forbidden without evidence)",
                     asset.name,
                     asset.expression()
                 );
@@ -77,16 +78,16 @@ impl Resolver<'_> {
         let lacks = asset.ids.iter().find(|id| !parsed.as_ref().is_some_and(|terms| terms.demands(id)));
         let Some(id) = lacks else { return Some(stated) };
         let message =
-            format!("is {}, and {} is under {id} (licence-forbidden)", quote_text(&stated), asset.name);
+            format!("is {}, but {} is under {id} (licence-forbidden)", quote_text(&stated), asset.name);
         let help = asset.evidence.iter().map(|evidence| format!("read {}: {}", evidence.url, evidence.says));
         self.refuse(FieldProblem::of_field(message).help(help.collect::<Vec<_>>().join("; ")).at(place))
     }
 
     pub(super) fn spdx(&self, text: &str, place: TextSpan) -> Option<String> {
-        const OWN: &str = "ids are those of spdx.org/licenses; own terms are LicenseRef-Name";
+        const OWN: &str = "use ids from spdx.org/licenses, and LicenseRef-Name for other terms";
         if let Err(error) = spdx::Expression::parse(text) {
             let problem =
-                FieldProblem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
+                FieldProblem::of_field(format!("is not an SPDX expression: {}", error.reason)).at(place);
             return self.refuse(problem.help(OWN).in_text(place, text, error.span));
         }
         // A valid SPDX expression may still be terms that no release can have.

@@ -27,7 +27,7 @@ impl Resolver<'_> {
         let mut outputs = BTreeSet::new();
         for (output, place) in found.into_iter().collect::<Option<Vec<_>>>()? {
             if !outputs.insert(output) {
-                self.report(FieldProblem::of_field("names an output for the second time").at(place));
+                self.report(FieldProblem::of_field("names an output twice").at(place));
             }
         }
         Some(outputs)
@@ -50,7 +50,11 @@ impl Resolver<'_> {
             && frames % 2 == 0
         {
             let problem = FieldProblem::of_field(format!("is {frames}, wanted an odd number"));
-            return self.refuse(problem.help("so that one frame is in the middle of an exposure").at(place));
+            return self.refuse(
+                problem
+                    .help("write an odd number, so that one frame is in the middle of an exposure")
+                    .at(place),
+            );
         }
         let subframes = match self.or(&raw.subframes, schema::SubframesKey::Auto)? {
             schema::SubframesKey::Auto => SubframeRule::Auto,

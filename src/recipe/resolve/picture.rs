@@ -13,7 +13,7 @@ use crate::render::{AntialiasMode, LayerOrder, RenderChoice, RenderRules};
 /// Pixels per side, far above any event sensor. Events store coordinates in 16 bits.
 const SIDE: WholeRange = WholeRange::new(1, 16_384);
 
-const WHOLE: &str = "without a source the camera is written: camera: { width: 640, height: 360, fx: 500 }";
+const WHOLE: &str = "without a source, write the camera: camera: { width: 640, height: 360, fx: 500 }";
 
 impl Resolver<'_> {
     pub(super) fn camera(
@@ -26,7 +26,7 @@ impl Resolver<'_> {
             return self.refuse(FieldProblem::missing_field("camera").help(WHOLE).at(self.root));
         }
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
-        let help = "width and height are given together, in pixels";
+        let help = "give width and height together, in pixels";
         let [width, height] = [(&raw.width, "width"), (&raw.height, "height")].map(|(field, name)| {
             self.required(field, name, place, help)?;
             self.small(field, 1, SIDE)
@@ -54,7 +54,7 @@ impl Resolver<'_> {
         if !whole && fields.iter().all(|field| field.is_absent()) {
             return Some(None);
         }
-        let help = if whole { WHOLE } else { "fy, cx and cy go with fx, in pixels" };
+        let help = if whole { WHOLE } else { "fy, cx and cy need fx, in pixels" };
         let (length, point) = (RealRange::above(0.0, 1e6), RealRange::new(-1e6, 1e6));
         self.required(&raw.fx, "fx", camera, help);
         // If `fx` is absent, that was just reported, and its default reaches no recipe.
@@ -106,8 +106,8 @@ impl Resolver<'_> {
             }
             schema::LayeringKey::Blended => {
                 let place = field.given().map_or(self.root, |(_, place)| place);
-                let problem = FieldProblem::new("a blended order is of the rules soft alone")
-                    .help("rules: soft, or leave `order` out");
+                let problem = FieldProblem::new("order: blended needs rules: soft")
+                    .help("write rules: soft, or leave `order` out");
                 self.refuse(problem.at(place))
             }
         }

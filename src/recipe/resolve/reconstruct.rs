@@ -47,7 +47,7 @@ impl Resolver<'_> {
             (Field::Absent, _) => Some(None),
             (Field::Given(_, place), Some(SceneSource::Procedural(_))) => {
                 let problem = FieldProblem::of_key(
-                    "does not go with a procedural source, which brings its own Gaussians",
+                    "cannot be combined with a procedural source, which has its own Gaussians",
                 );
                 self.refuse(problem.help("remove it, or name another source").at(*place))
             }
@@ -75,7 +75,7 @@ impl Resolver<'_> {
         match raw {
             schema::ReconstructSection::Given(field) => {
                 let (given, place) = field.given()?;
-                self.later(&given.undistorted, "this gs2e takes a given scene as it is");
+                self.later(&given.undistorted, "this gs2e uses a given scene unchanged");
                 self.path(&given.path, place).map(ReconstructMethod::Given)
             }
             schema::ReconstructSection::Command(field) => {

@@ -29,8 +29,7 @@ impl Resolver<'_> {
         let raw = self.section(field, &absent)?;
         match (raw.law.given(), raw.tolerance.is_absent()) {
             (Some((schema::SummationKey::Sum, at)), false) => {
-                let found =
-                    "is sum, which says nothing of speeds between the poses, where tolerance puts frames";
+                let found = "is sum, which defines no speed between the poses, where tolerance puts frames";
                 self.refuse(FieldProblem::of_field(found).help("write law: integral, or leave it out").at(at))
             }
             (Some((schema::SummationKey::Integral, _)), _) | (None, false) => Some(SummationRule::Integral),
@@ -66,9 +65,8 @@ impl Resolver<'_> {
         let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
         let exact = |sensor: &SensorChoice| matches!(sensor, SensorChoice::Voltmeter(v) if v.law == SamplerKind::Exact);
         if sensors?.iter().any(|(_, sensor)| !exact(sensor)) {
-            let problem =
-                FieldProblem::of_key("is an error of the sensor voltmeter by the law exact, and of no other");
-            return self.refuse(problem.help("leave it out, and write a rate").at(place));
+            let problem = FieldProblem::of_key("applies only to the sensor voltmeter with the law exact");
+            return self.refuse(problem.help("remove it, and write a rate").at(place));
         }
         // Without the key, the pilot chooses the interpolation.
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };

@@ -43,7 +43,7 @@ impl Resolver<'_> {
         };
         if let Some(at) = raw.sensor.place() {
             let problem = FieldProblem::of_key("and sensors exclude each other");
-            return self.refuse(problem.help("name it among sensors").at(at));
+            return self.refuse(problem.help("move it to sensors").at(at));
         }
         if sensors.is_empty() {
             let help = "write sensors: { my-name: { voltmeter: {} } }";
@@ -56,7 +56,7 @@ impl Resolver<'_> {
         if let Some(name) = sensors.keys().find(|name| lower[&name.to_lowercase()] != *name) {
             // Sensor names are file names, and some systems ignore case.
             let found = format!(
-                "has {}, which differs from {} in case alone",
+                "has {}, which differs from {} only in case",
                 quote_text(lower[&name.to_lowercase()]),
                 quote_text(name)
             );
@@ -132,7 +132,7 @@ impl Resolver<'_> {
     /// "Screening"). Otherwise it reports the fault.
     fn possible(&self, sensor: &SensorChoice, rate: Hertz, place: TextSpan) -> bool {
         let screened = sensor.screen(rate).map_err(|error| {
-            let problem = FieldProblem::of_key(format!("is no usable sensor: {error}"));
+            let problem = FieldProblem::of_key(format!("is not a usable sensor: {error}"));
             self.report(problem.at(place));
         });
         screened.is_ok()
@@ -172,12 +172,12 @@ impl Resolver<'_> {
             (Field::Bad, _) | (_, Field::Bad) => None,
             (Field::Given(_, at), Field::Given(..)) => {
                 let problem = FieldProblem::of_key("and k exclude each other");
-                self.refuse(problem.help("a preset is a k by name").at(*at))
+                self.refuse(problem.help("a preset is a named k").at(*at))
             }
             (preset, Field::Absent) => {
                 if let Some(at) = raw.units.place() {
                     self.report(
-                        FieldProblem::of_key("goes with k: a preset has its own units")
+                        FieldProblem::of_key("applies only to k: a preset has its own units")
                             .help("remove it")
                             .at(at),
                     );

@@ -86,7 +86,7 @@ impl Resolver<'_> {
             match source::check_pattern(text) {
                 Ok(()) => self.filled(text, place),
                 Err(because) => {
-                    self.refuse(FieldProblem::of_field(format!("is no pattern: {because}")).at(place))
+                    self.refuse(FieldProblem::of_field(format!("is not a pattern: {because}")).at(place))
                 }
             }
         };
@@ -101,7 +101,7 @@ impl Resolver<'_> {
             Field::Given(poses, _) if kind == CaptureKind::Dl3dv => Some(Some(*poses)),
             Field::Given(_, place) => {
                 let problem = FieldProblem::of_key(
-                    "goes with the source dl3dv alone, which may have two sets of poses",
+                    "applies only to the source dl3dv, which may have two sets of poses",
                 );
                 self.refuse(problem.help("remove it: this source has one").at(*place))
             }

@@ -83,11 +83,11 @@ impl Resolver<'_> {
             let own = novel::group_folders(name, raw);
             let repeated = own.iter().find(|folder| folders.contains(&folder.to_lowercase()));
             let message = if written.contains(&name.to_lowercase()) {
-                Some(format!("is {}, as an earlier trajectory's is", quote_text(name)))
+                Some(format!("is {}, the name of an earlier trajectory", quote_text(name)))
             } else {
                 repeated.map(|folder| clash_message(name, folder))
             };
-            let help = "names are folders, which some systems tell apart without case";
+            let help = "names are folders, and some systems ignore case in them";
             message.into_iter().for_each(|m| self.report(FieldProblem::of_field(m).help(help).at(place)));
             written.insert(name.to_lowercase());
             folders.extend(own.iter().map(|folder| folder.to_lowercase()));
@@ -183,10 +183,10 @@ impl Resolver<'_> {
 /// Message for a folder that an earlier trajectory already has.
 fn clash_message(name: &str, folder: &str) -> String {
     if name == folder {
-        format!("is {}, as a group of an earlier trajectory is called", quote_text(name))
+        format!("is {}, the name of a group of an earlier trajectory", quote_text(name))
     } else {
         format!(
-            "is {}, whose group {} is called as an earlier trajectory is",
+            "is {}, and its group {} has the name of an earlier trajectory",
             quote_text(name),
             quote_text(folder)
         )

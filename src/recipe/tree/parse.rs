@@ -28,7 +28,7 @@ pub(in crate::recipe) fn parse_tree(
         NodeKind::Map(_) => Ok(Some(node)),
         NodeKind::Scalar { .. } | NodeKind::List(_) => {
             let help = "write keys with values, such as version: 1";
-            Err(vec![FieldProblem::new("the file holds no mapping").help(help).at(node.place)])
+            Err(vec![FieldProblem::new("the file is not a mapping").help(help).at(node.place)])
         }
     }
 }
@@ -125,7 +125,7 @@ fn parser_problem(error: &serde_saphyr::Error) -> FieldProblem {
         E::AliasError { error, .. } => parser_problem(error.without_snippet()),
         E::DuplicateMappingKey { key, .. } => {
             let key = key.as_deref().map_or_else(String::new, |key| format!(" {}", quote_text(key)));
-            FieldProblem::new(format!("duplicate key{key}")).help("each key stands once in a mapping")
+            FieldProblem::new(format!("duplicate key{key}")).help("write each key once in a mapping")
         }
         E::MultipleDocuments { .. } | E::Budget { breach: BudgetBreach::Documents { .. }, .. } => {
             FieldProblem::new("a second document").help("one file holds one recipe")
@@ -137,7 +137,7 @@ fn parser_problem(error: &serde_saphyr::Error) -> FieldProblem {
             FieldProblem::new("more values, anchors or levels than a recipe has").help("is it a recipe?")
         }
         E::MergeKeyNotAllowed { .. } => FieldProblem::new("merge keys (<<) are not part of a recipe")
-            .help("shared values go into defaults.yaml"),
+            .help("write shared values into defaults.yaml"),
         E::UnknownAnchor { .. } => FieldProblem::new("not valid YAML: an alias without its anchor"),
         other => FieldProblem::new(format!("not valid YAML: {}", parser_sentence(other))),
     }

@@ -44,8 +44,11 @@ impl ThresholdMismatch {
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
         let Self { on, off, spread } = *self;
         let least = if spread > 0.0 { FLOOR } else { f64::MIN_POSITIVE };
-        let wanted =
-            if spread > 0.0 { "at least 0.01, as the spread asks" } else { "a finite number above 0" };
+        let wanted = if spread > 0.0 {
+            "at least 0.01, as threshold.spread requires"
+        } else {
+            "a finite number above 0"
+        };
         for (name, found) in [("threshold.on", on), ("threshold.off", off)] {
             if !(found >= least && found.is_finite()) {
                 return Err(ScreenError::Parameter { name, found, wanted });

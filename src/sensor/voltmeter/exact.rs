@@ -315,7 +315,7 @@ impl ExactSettings {
 /// The rate of change of a frame.
 fn usable_rate(frame: &DenseFrame) -> Result<&[f32], String> {
     let Some(rate) = &frame.rate else {
-        return Err("it has no rate of change, which `between: hermite` goes by".to_owned());
+        return Err("it has no rate of change, which `between: hermite` needs".to_owned());
     };
     let (found, wanted) = (rate.size(), frame.luminance.size());
     if found != wanted {
@@ -413,7 +413,7 @@ mod tests {
         };
         let grey = [9.0; 6];
         t(&[frame(0, 5, grey)], "frame 0: the first stamp is 5 ns, not 0");
-        t(&[frame(0, 0, grey), frame(1, 0, grey)], "frame 1: its stamp 0 ns does not follow 0 ns");
+        t(&[frame(0, 0, grey), frame(1, 0, grey)], "frame 1: its stamp 0 ns is not after 0 ns");
         t(
             &[frame(0, 0, grey), frame(1, 1 << 56, grey)],
             "frame 1: its stamp 72057594037927936 ns is beyond 72057594037927936 ns",
@@ -467,7 +467,7 @@ mod tests {
             sensor.start(SIZE, origin, Seed(1)).err().map(|e| e.to_string())
         };
         assert_eq!(at(&sensor, [u16::MAX - 2, u16::MAX - 1]), None);
-        let wanted = "frames of 3x2 at (65534, 0) reach beyond the 65536 columns and rows of events";
+        let wanted = "frames of 3x2 at (65534, 0) exceed the 65536 columns and rows that events can address";
         assert_eq!(at(&sensor, [u16::MAX - 1, 0]).as_deref(), Some(wanted));
         sensor.k[0] = f64::NAN;
         assert_eq!(at(&sensor, [0, 0]).as_deref(), Some("k1 is NaN, not a finite number above 0"));

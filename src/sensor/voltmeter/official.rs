@@ -478,9 +478,9 @@ mod tests {
         let plain = official(VoltmeterPreset::Dvs346.k());
         assert_eq!(with(plain.clone()), None);
         let cubic = VoltmeterModel { between: super::super::BetweenFrames::Catmull, ..plain.clone() };
-        assert_eq!(with(cubic).as_deref(), Some("the law official goes linearly between frames"));
+        assert_eq!(with(cubic).as_deref(), Some("`law: official` requires `between: linear`"));
         let spread = VoltmeterModel { initial: super::super::InitialVoltage::Stationary, ..plain };
-        assert_eq!(with(spread).as_deref(), Some("the law official begins with all voltages at zero"));
+        assert_eq!(with(spread).as_deref(), Some("`law: official` requires all voltages to start at zero"));
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl VoltmeterModel {
             }
         }
         if self.gain == DriftGain::Midpoint && self.between != BetweenFrames::Linear {
-            return Err(ScreenError::Combination("`gain: midpoint` goes with `between: linear` only"));
+            return Err(ScreenError::Combination("`gain: midpoint` requires `between: linear`"));
         }
         if self.max_events_per_pixel_frame == 0 {
             let name = "max_events_per_pixel_frame";
@@ -64,10 +64,10 @@ impl VoltmeterModel {
         at_least_zero("threshold.spread", *spread)?;
         hot.validate()?;
         if self.law == SamplerKind::Official && self.initial == InitialVoltage::Stationary {
-            return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
+            return Err(ScreenError::Combination("`law: official` requires all voltages to start at zero"));
         }
         if self.law == SamplerKind::Official && self.between != BetweenFrames::Linear {
-            return Err(ScreenError::Combination("the law official goes linearly between frames"));
+            return Err(ScreenError::Combination("`law: official` requires `between: linear`"));
         }
         Ok(())
     }

@@ -84,7 +84,7 @@ impl TrainingStage {
         self.hold(capture, &gaussians, cx)?;
         if without_photo > 0 {
             cx.warnings
-                .push(format!("{without_photo} views were not trained on: their photos are not there"));
+                .push(format!("{without_photo} views were not used for training: their photos are missing"));
         }
         Ok(Arc::unwrap_or_clone(gaussians))
     }
@@ -102,7 +102,7 @@ impl TrainingStage {
         taken.retain(|(i, ..)| held_out(*i));
         let fidelity = measure_fidelity(gaussians, (self.render, &Backend::Cpu), &taken, cx)?;
         let held = fidelity.hold(self.command.min_psnr);
-        held.map_err(StageError::work_failed("hold the trained scene against its photos"))
+        held.map_err(StageError::work_failed("compare the trained scene with its photos"))
     }
 }
 
@@ -118,6 +118,6 @@ fn stage_failure(error: TrainError) -> StageError {
         TrainError::Stopped | TrainError::Layout(LayoutError::Stopped) => StageError::Cancelled,
         TrainError::Failed(failed) => StageError::Program(failed),
         TrainError::Io { path, cause } => StageError::Io { path, source: cause },
-        TrainError::Layout(error) => StageError::work_failed("give the program the capture")(error),
+        TrainError::Layout(error) => StageError::work_failed("write the capture for the program")(error),
     }
 }

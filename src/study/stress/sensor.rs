@@ -27,7 +27,7 @@ pub fn sensor_cases<'a>() -> Vec<StressCase<'a>> {
             ["first-off", "x = -.99, mu T = 3 and x = .98, mu T = -1.98, s^2 T = .05; a leaf", "se"],
             || first_off(passages::first_of_leaf),
         ),
-        case(["first-off-of-sensor", "the same by thresholds, through the whole sensor", "se"], || {
+        case(["first-off-of-sensor", "the same, set by thresholds, through the whole sensor", "se"], || {
             passages::first_off_of_sensor()
         }),
         case(["bridge", "both barriers in reach: three bridges", "se"], || {

@@ -138,7 +138,7 @@ fn case_table(precision: FloatPrecision, own_scene: bool) -> Vec<([&'static str;
         (["world-offset", "0, 1e2, 1e4, 1e6, where sums are exact", "values"], |_, by| {
             sameness::offset_case(by)
         }),
-        (["world-offset-px", "1e2, 1e4, 1e6, where they are not: the place of a blob", "px"], |_, by| {
+        (["world-offset-px", "1e2, 1e4, 1e6, where sums are rounded: position of a blob", "px"], |_, by| {
             sameness::offset_px(by)
         }),
         (["opaque-stack", "1,000 layers of alpha .004 .. .99999; layers, stops", "1"], |_, by| {
@@ -147,7 +147,7 @@ fn case_table(precision: FloatPrecision, own_scene: bool) -> Vec<([&'static str;
         (["ties", "equal depths, 1 .. 7 threads, in the order of the file", "values"], |_, by| {
             sameness::ties_case(by)
         }),
-        (["no-numbers", "NaN, infinite, overflowing: as without that Gaussian", "values"], |_, by| {
+        (["no-numbers", "NaN, infinite, overflowing: same as without that Gaussian", "values"], |_, by| {
             sameness::unsound_case(by)
         }),
         (["quaternions", "scaled by 2^-20 .. 2^20, and zero", "values"], |_, by| {

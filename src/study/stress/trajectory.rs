@@ -26,9 +26,10 @@ use std::f64::consts::PI;
 pub fn trajectory_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Trajectory, words, run);
     vec![
-        case(["arc-length", "near-cusps to 1e-9 of their way, a cusp, a speed ratio of 50", "of S"], || {
-            length_case(lengths::measured_length)
-        }),
+        case(
+            ["arc-length", "near-cusps down to 1e-9 of the path, a cusp, a speed ratio of 50", "of S"],
+            || length_case(lengths::measured_length),
+        ),
         case(["inversion", "the same curves, 200 lengths each", "of S"], lengths::inversion_case),
         case(["log-exp", "0, 1e-10, 1e-6, 1e-3, .3, 1, 3, pi - 1e-9, pi up to its sign", "rel"], || {
             turns_case(log_vector)
@@ -42,7 +43,7 @@ pub fn trajectory_cases<'a>() -> Vec<StressCase<'a>> {
         case(["c2-at-knots", "one-sided differences of both rates, step 1e-4", "rad, units"], || {
             joints_case(&smoothness::smooth_curves())
         }),
-        case(["far-from-origin", "a capture 1e6 away and its twin at 0", "of S"], far_away),
+        case(["far-from-origin", "a capture 1e6 units away, and its twin at 0", "of S"], far_away),
     ]
 }
 

@@ -17,7 +17,7 @@ const LOWEST: [ErrorMeasure; 2] = [ErrorMeasure::Rms, ErrorMeasure::Median];
 pub(super) fn write_cheapest(out: &mut String, study: &StudyResult, base: &SettingRow) {
     let _ = writeln!(
         out,
-        "## The cheapest at the errors of `{}`, {} frames a second\n\nEach rule set is held against its own limit.\n\n\
+        "## The cheapest at the errors of `{}`, {} frames a second\n\nEach rule set is compared with its own limit.\n\n\
          | {}: error | of that setting | method | frames | core-seconds | times fewer |\n|---|---|---|---|---|---|\n\
          | | | `{}` itself | {} | {} | 1 |",
         base.method(),
@@ -52,7 +52,7 @@ fn taken_words(method: &str, place: CostPlace, base_core_s: f64) -> String {
 pub(super) fn write_lowest(out: &mut String, study: &StudyResult) {
     let _ = writeln!(
         out,
-        "## The lowest errors\n\nAt these rates, each rule set against its own limit.\n\n| {}: error | lowest | setting | \
+        "## The lowest errors\n\nEach rule set at these rates, compared with its own limit.\n\n| {}: error | lowest | setting | \
          frames | core-seconds |\n|---|---|---|---|---|",
         study.machine()
     );

@@ -86,7 +86,7 @@ pub fn conclusion_words(study: &StudyResult) -> String {
         let _ = match found {
             Some(row) => write!(
                 said,
-                " `{first}` gets no nearer to its own limit than an RMS of {} thresholds; below it is `{}` at {} frames \
+                " `{first}` comes no closer to its own limit than an RMS of {} thresholds; `{}` comes closer at {} frames \
                  a second: {} for {} core-seconds.",
                 short_number(lowest),
                 row.method(),
@@ -96,7 +96,7 @@ pub fn conclusion_words(study: &StudyResult) -> String {
             ),
             None => write!(
                 said,
-                " The lowest RMS, {} thresholds, is of `{first}`: no other rule set gets below it at these rates.",
+                " The lowest RMS is {} thresholds, by `{first}`: no other rule set reaches a lower one at these rates.",
                 short_number(lowest)
             ),
         };
@@ -113,8 +113,8 @@ fn write_picks(out: &mut String, study: &StudyResult, base: &SettingRow) {
     let picks = study.picks();
     let _ = write!(
         out,
-        "## Core-seconds at the error of `{}`, {} frames a second\n\nIn brackets the frames, and how many times fewer \
-         core-seconds than it. `-`: not reached; the lowest error that is.\n\n| method |",
+        "## Core-seconds at the error of `{}`, {} frames a second\n\nIn brackets: the frames, and how many times fewer \
+         core-seconds than that setting. `-`: not reached, with the lowest error reached.\n\n| method |",
         base.method(),
         base.rate
     );
@@ -146,10 +146,10 @@ fn offer_cell(pick: &MethodComparison, offer: &MethodOffer) -> String {
 fn write_rules(out: &mut String, study: &StudyResult) {
     let _ = writeln!(
         out,
-        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms; J is \
-         the contribution of jumps of the renderer, each missed in the one interval that contains it; the table has its error \
+        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms. J is \
+         the contribution of jumps of the renderer; the frames miss each jump in the interval that contains it. The table has its error \
          at the finest rate.\n\n| rules | reference events | p | C | J | jumps at the finest, thresholds | sensor's own jitter, \
-         thresholds | us | frame, core ms | with rate | pairs a pixel |\n|---|---|---|---|---|---|---|---|---|---|---|"
+         thresholds | us | frame, core ms | with rate | pairs per pixel |\n|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for of in &study.rules {
         // The law is fitted in seconds, and the table is in milliseconds.
@@ -189,7 +189,7 @@ fn write_pictures(out: &mut String, study: &StudyResult) {
     }
     let _ = writeln!(
         out,
-        "## Pictures against f64\n\n| rules | rendered | core ms | pairs a pixel | peak MB | PSNR, dB | worst, grey |\n\
+        "## Pictures against f64\n\n| rules | rendered | core ms | pairs per pixel | peak MB | PSNR, dB | worst, grey |\n\
          |---|---|---|---|---|---|---|"
     );
     for picture in &study.pictures {

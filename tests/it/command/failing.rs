@@ -49,7 +49,7 @@ fn a_program_of_another_version_does_not_train() {
     let place = trained_by(COPY);
     edit(&place, "version: \"1.2\"", "version: \"1.20\"");
     let ended = fails(&place);
-    let wanted = "trained/reconstruct: sh failed: it does not say that it is version 1.20";
+    let wanted = "trained/reconstruct: sh failed: it does not report version 1.20";
     assert!(
         ended.stderr.contains(wanted) && ended.stderr.contains("trainer 1.2, as 1.3"),
         "{}",
@@ -77,13 +77,13 @@ fn an_invalid_scene_does_not_enter_the_store() {
         place.write("planted.ply", planted);
         let ended = fails(&place);
         assert!(ended.stderr.contains(wanted), "{script}: {}", ended.stderr);
-        assert!(ended.stderr.contains("all that it said is in the file"), "{}", ended.stderr);
+        assert!(ended.stderr.contains("the file above has its full output"), "{}", ended.stderr);
     };
     let sound = || ply(|_, value| value);
-    t(":", sound(), "it left no scene: scene.ply is not there");
-    t(": > \"$2/scene.ply\"", sound(), "what it made is no scene: ");
-    t(COPY, b"no scene".to_vec(), "what it made is no scene: ");
-    t(COPY, sound()[..500].to_vec(), "what it made is no scene: ");
+    t(":", sound(), "it wrote no scene: scene.ply does not exist");
+    t(": > \"$2/scene.ply\"", sound(), "its output is not a scene: ");
+    t(COPY, b"no scene".to_vec(), "its output is not a scene: ");
+    t(COPY, sound()[..500].to_vec(), "its output is not a scene: ");
     let all = ply(|column, value| if column == 0 { f32::NAN } else { value });
     t(COPY, all, "find a Gaussian to render: of 40 in the scene, 40 hold a NaN");
     // One of forty, which is more than a sound training has.
@@ -165,7 +165,7 @@ fn a_scene_that_contradicts_its_photos_does_not_enter_the_store() {
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     // Of six views the first is held out.
     for told in [
-        "given/reconstruct: failed to hold the trained scene against its photos",
+        "given/reconstruct: failed to compare the trained scene with its photos",
         "its mean PSNR over 1 views is ",
         "dB, wanted at least 40; a trainer that moves",
     ] {

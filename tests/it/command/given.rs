@@ -72,7 +72,7 @@ fn views_without_a_photo_are_omitted_and_reported() {
     fs::remove_file(place.path("capture/images/photo 10.png")).unwrap();
     let ended = place.ok("build --allow-commands recipe.yaml");
     assert!(
-        ended.stderr.contains("1 views were not trained on: their photos are not there"),
+        ended.stderr.contains("1 views were not used for training: their photos are missing"),
         "{}",
         ended.stderr
     );

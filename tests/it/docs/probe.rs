@@ -188,5 +188,5 @@ fn ranges_are_read_off_messages() {
     );
     t("\"a\" is 0, wanted a number from 0.000001 to 1000000", "1e-6 to 1e6");
     t("\"checks.speed.arc\": a limit is a finite number above 0, not -1", "above 0");
-    t("\"a\": 3 frames are the fewest, not 0", "at least 3");
+    t("\"a\": found 0 frames, wanted at least 3", "at least 3");
 }

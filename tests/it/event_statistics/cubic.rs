@@ -188,8 +188,8 @@ fn unusable_input_for_a_cubic_is_refused() {
     let hermite = sensor(BetweenFrames::Hermite, 0.0);
     assert_eq!(
         refused(&hermite, bare.clone()),
-        "frame 0: it has no rate of change, which `between: hermite` goes by"
+        "frame 0: it has no rate of change, which `between: hermite` needs"
     );
     let midpoint = VoltmeterModel { gain: DriftGain::Midpoint, ..sensor(BetweenFrames::Catmull, 0.0) };
-    assert_eq!(refused(&midpoint, bare), "`gain: midpoint` goes with `between: linear` only");
+    assert_eq!(refused(&midpoint, bare), "`gain: midpoint` requires `between: linear`");
 }

@@ -87,9 +87,9 @@ fn missing_files_are_reported() {
     };
     t("absent.yaml", "cannot be read: no such file or directory");
     t("absent", "cannot be read: no such file or directory");
-    t("empty", "no recipe is in this folder");
-    t("folder.yaml", "no recipe is in this folder");
-    t("defaults.yaml", "this file is no recipe");
+    t("empty", "this folder has no recipe");
+    t("folder.yaml", "this folder has no recipe");
+    t("defaults.yaml", "this file is not a recipe");
 }
 
 #[test]

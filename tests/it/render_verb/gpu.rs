@@ -23,7 +23,8 @@ fn without_a_gpu_auto_renders_on_the_cpu_and_says_so_in_one_line() {
     fs::remove_file(place.path("new.npy")).unwrap();
     for args in ["", "--backend auto", "--gpu 0"] {
         let told = place.ok(&format!("{RIGHT} {args}")).stderr;
-        let fallen: Vec<&str> = told.lines().filter(|line| line.starts_with("on the CPU, since ")).collect();
+        let fallen: Vec<&str> =
+            told.lines().filter(|line| line.starts_with("rendering on the CPU, because ")).collect();
         assert!(fallen.len() == 1 && fallen[0].contains("no GPU is available: "), "{args}: {told}");
         assert!(told.contains("by cpu/"), "{told}");
         assert!(fs::read(place.path("new.npy")).unwrap() == by_cpu, "{args}");
@@ -53,7 +54,7 @@ fn without_a_gpu_asking_for_one_fails_and_names_the_missing_part() {
 fn an_unused_gpu_option_is_refused() {
     let ended = workspace().gs2e(&format!("{RIGHT} --backend cpu --gpu 0"));
     assert_eq!(ended.code, 2);
-    assert!(ended.stderr.contains("--gpu chooses among GPUs, and none renders"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("--gpu selects a GPU, but the backend is not a GPU"), "{}", ended.stderr);
 }
 
 /// Steps rendered by a GPU have its class in their keys, and their events agree with the CPU's.
@@ -121,7 +122,7 @@ fn builds_stay_with_the_back_end_of_a_scene() {
     let recipe = fs::read_to_string(place.path("tiny.yaml")).unwrap();
     place.write("tiny.yaml", recipe.replace("seed: ", "seed: 1"));
     let told = place.ok("build tiny.yaml").stderr;
-    assert_eq!(told.matches("on the CPU, since no GPU is available: ").count(), 1, "{told}");
+    assert_eq!(told.matches("rendering on the CPU, because no GPU is available: ").count(), 1, "{told}");
     class("cpu/");
     assert!(!by_gpu("build").contains("events"));
     class("cpu/");

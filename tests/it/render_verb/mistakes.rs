@@ -66,17 +66,23 @@ fn a_command_line_that_is_wrong_renders_nothing() {
     t(["--scene one.ply", ""], 2, &["--scene"]);
     t(["--view camera.json", ""], 2, &["--view"]);
     t([background, "--background 1,2"], 2, &["--background", "2 numbers, wanted 3"]);
-    t([background, "--background 255,0,0"], 2, &["255 is not from 0 to 1"]);
-    t([background, "--background -1,0,0"], 2, &["-1 is not from 0 to 1"]);
-    t([background, "--background red"], 2, &["`red` is no finite number"]);
+    t([background, "--background 255,0,0"], 2, &["255 is not between 0 and 1"]);
+    t([background, "--background -1,0,0"], 2, &["-1 is not between 0 and 1"]);
+    t([background, "--background red"], 2, &["`red` is not a finite number"]);
     more("--rules fancy", &["fancy", "official", "exact", "gsplat", "soft"]);
     more("--channel red", &["red", "luminance-rate"]);
     more("--index -1", &["'-1'"]);
     more("--velocity 1,2,3", &["3 numbers, wanted 6"]);
-    more("--velocity 1,2,3,4,5,inf", &["`inf` is no finite number"]);
-    more("--channel flow", &["flow is of a camera that moves", "help: --velocity vx,vy,vz,wx,wy,wz"]);
-    more("--channel luminance-rate", &["luminance-rate is of a camera that moves", "help: --velocity"]);
-    t(["render", "render --backend gpu"], 2, &["error: no GPU is available: ", "help: --backend cpu"]);
+    more("--velocity 1,2,3,4,5,inf", &["`inf` is not a finite number"]);
+    more(
+        "--channel flow",
+        &["flow needs the velocity of the camera", "help: pass --velocity vx,vy,vz,wx,wy,wz"],
+    );
+    more(
+        "--channel luminance-rate",
+        &["luminance-rate needs the velocity of the camera", "help: pass --velocity"],
+    );
+    t(["render", "render --backend gpu"], 2, &["error: no GPU is available: ", "help: use --backend cpu"]);
 }
 
 #[test]
@@ -86,27 +92,35 @@ fn an_unwritable_output_is_reported() {
         let out = format!("new.png --channel {channel} --velocity 0,0,0,0,0,0");
         t(["new.npy", &out], 2, &["new.png has 8 bits", channel, "help: write it to a .npy"]);
     }
-    t(["new.npy", "new.tif"], 2, &["new.tif is neither .npy nor .png", "help: --out: a .npy"]);
+    t(["new.npy", "new.tif"], 2, &["new.tif is neither .npy nor .png", "help: pass --out with a .npy"]);
     t(["new.npy", "new"], 2, &["new is neither .npy nor .png"]);
     t(["--out new.npy", "--out empty"], 2, &["empty is a folder, wanted a file"]);
-    t(["new.npy", "no/new.npy"], 2, &["no/new.npy lies in a folder that is not there"]);
-    t(["--out new.npy", "--out ./one.ply"], 2, &["./one.ply is read, and would be written over"]);
-    t(["--out new.npy", "--out capture/../camera.json"], 2, &["is read, and would be written over"]);
+    t(["new.npy", "no/new.npy"], 2, &["no/new.npy is in a folder that does not exist"]);
+    t(["--out new.npy", "--out ./one.ply"], 2, &["./one.ply is an input and would be overwritten"]);
+    t(["--out new.npy", "--out capture/../camera.json"], 2, &["is an input and would be overwritten"]);
 }
 
 #[test]
 fn absent_and_damaged_scenes_and_views_are_reported() {
     let t = check();
-    t(["one.ply", "gone.ply"], 2, &["the scene gone.ply is not there"]);
+    t(["one.ply", "gone.ply"], 2, &["scene: gone.ply does not exist"]);
     t(["one.ply", "cut.ply"], 1, &["failed to read the scene", "cut.ply", "at byte"]);
     t(["one.ply", "none.ply"], 1, &["failed to read the scene", "none.ply"]);
     t(["one.ply", "text.ply"], 1, &["failed to read the scene", "text.ply", "at byte 0"]);
     t(["one.ply", "empty"], 1, &["failed to read the scene", "empty"]);
-    t(["camera.json", "gone.json"], 2, &["the view gone.json is not there"]);
-    t(["camera.json", "empty"], 2, &["the view is not known by its files", "nothing of a capture"]);
-    t(["camera.json", "both"], 2, &["the view is not known", "a transforms.json and a cameras.json"]);
-    t(["camera.json", "capture --index 2"], 2, &["capture has 2 views, and none of index 2", "from 0 to 1"]);
-    t(["camera.json", "camera.json --index 1"], 2, &["camera.json has 1 view, and none of index 1"]);
+    t(["camera.json", "gone.json"], 2, &["view: gone.json does not exist"]);
+    t(["camera.json", "empty"], 2, &["cannot determine the layout of the view", "nothing of a capture"]);
+    t(
+        ["camera.json", "both"],
+        2,
+        &["cannot determine the layout of the view", "a transforms.json and a cameras.json"],
+    );
+    t(
+        ["camera.json", "capture --index 2"],
+        2,
+        &["capture has 2 views, but none with index 2", "from 0 to 1"],
+    );
+    t(["camera.json", "camera.json --index 1"], 2, &["camera.json has 1 view, but none with index 1"]);
     let view = "failed to read the view";
     t(["camera.json", "broken.json"], 1, &[view, "broken.json: line 1"]);
     t(["camera.json", "bytes.json"], 1, &[view, "bytes.json", "UTF-8"]);

@@ -114,7 +114,7 @@ fn rates_of_greys_go_through_the_curve_and_those_of_colours_are_refused() {
     place.ok(&of_colours);
     let refused = place.gs2e(&format!("{of_colours} --decode srgb"));
     assert_eq!(refused.code, 2, "{}", refused.stderr);
-    assert!(refused.stderr.contains("rates of change of the luminance rec601"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("rates of change of luminance rec601"), "{}", refused.stderr);
     assert_eq!(COUNT, STAMPS_US.len());
 }
 
@@ -127,8 +127,8 @@ fn invalid_options_are_refused() {
         assert!(ended.stderr.contains(wanted), "{options}: {}", ended.stderr);
         assert!(!place.path("e.txt").exists());
     };
-    t("--luminance 1,1,1", "sum to 3, wanted three of at least 0 that sum to 1");
-    t("--luminance 0.5,0.5", "is not R,G,B, three numbers");
+    t("--luminance 1,1,1", "sum to 3, wanted three weights of at least 0 with a sum of 1");
+    t("--luminance 0.5,0.5", "is not R,G,B: three numbers");
     t("--luminance rec2020", "is not rec601, rec709, or R,G,B");
     t("--decode gamma", "unknown variant `gamma`");
     t("--exposure 0", "the exposure is 0, wanted a finite number above 0");

@@ -67,7 +67,7 @@ fn mistakes_are_named_and_nothing_is_written() {
         assert!(tree(&place.path("")) == before, "gs2e {args} has touched a file");
     };
     let (frames, stamps, both) = ("frames.npy", "stamps.npy", "frames.npy --stamps stamps.npy");
-    t([frames, "gone.npy"], 2, "the frames gone.npy is not there");
+    t([frames, "gone.npy"], 2, "frames: gone.npy does not exist");
     t([frames, "text.npy"], 1, "text.npy: no .npy that is read here");
     t([frames, "cut.npy"], 1, "cut.npy: 9343 bytes, wanted 9344 according to its header");
     t([frames, "doubles.npy"], 1, "an array of float64 and shape [24, 16, 24], wanted uint8 or float32");
@@ -75,11 +75,11 @@ fn mistakes_are_named_and_nothing_is_written() {
     t([frames, "text.yaml"], 2, "text.yaml is neither a .npy nor a folder of images");
     t([frames, "nan.npy"], 1, "frame 5: pixel (2, 2) is NaN");
     t([both, "one.npy --stamps one_stamp.npy"], 2, "one.npy holds 1 frames, wanted at least 2");
-    t([stamps, "gone.npy"], 2, "the stamps gone.npy is not there");
+    t([stamps, "gone.npy"], 2, "stamps: gone.npy does not exist");
     t([stamps, "back.npy"], 2, "back.npy: stamp 4 is 1250 us, not later than the previous one, 1250 us");
     t([stamps, "few.npy"], 2, "frames.npy: 24 frames, but 23 stamps");
     t([stamps, "rates.npy"], 1, "wanted int64 of shape [N]");
-    t(["--stamps stamps.npy", ""], 2, "when the frames of frames.npy were taken is not said");
+    t(["--stamps stamps.npy", ""], 2, "no timestamps for frames.npy");
     t(["--stamps stamps.npy", "--fps 0"], 2, "`0` is not a positive number");
     t(["--stamps stamps.npy", "--stamps stamps.npy --fps 30"], 2, "cannot be used with");
     t([both, "empty --fps 30"], 2, "it contains neither info.txt nor a .png or .jpg file");
@@ -94,17 +94,17 @@ fn mistakes_are_named_and_nothing_is_written() {
     t(["dvs346", "capped.yaml"], 1, "fires more than 1 events between frames");
     t(["dvs346", "dvs346 --law other"], 2, "unknown variant `other`");
     t(["dvs346", "dvs346 --origin 5"], 2, "`5` is not X,Y");
-    t(["dvs346", "dvs346 --origin 65530,0"], 2, "reach beyond the 65536 columns and rows of events");
+    t(["dvs346", "dvs346 --origin 65530,0"], 2, "exceed the 65536 columns and rows that events can address");
     t(["dvs346", "dvs346 --full-scale 2"], 2, "`2` is neither 1 nor 255");
     t(
         ["dvs346", "dvs346 --rates rates.npy"],
         2,
-        "--rates is for hermite, and between the frames it is linear",
+        "--rates applies to hermite, but the sensor interpolates with linear",
     );
     t(["dvs346", "dvs346 --h5-filter blosc"], 2, "`blosc` is none of gzip[:0-9]");
-    t(["e.txt", "e.dat"], 2, "e.dat: its name ends with no format of events");
-    t(["e.txt", "gone/e/e.txt"], 2, "lies in a folder that is not there");
-    t(["e.txt", "frames.npy"], 2, "frames.npy is read, and would be written over");
+    t(["e.txt", "e.dat"], 2, "e.dat: not an event format");
+    t(["e.txt", "gone/e/e.txt"], 2, "is in a folder that does not exist");
+    t(["e.txt", "frames.npy"], 2, "frames.npy is an input and would be overwritten");
 }
 
 /// The first events of each pixel and frame, and the number of omitted ones.

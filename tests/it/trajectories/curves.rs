@@ -4,7 +4,7 @@
 use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, named, orbit, refined, still, try_refined};
 use glam::DVec3;
-use gs2e::se3::rotation::{relative_angle, exp_vector, log_vector, slerp};
+use gs2e::se3::rotation::{exp_vector, log_vector, relative_angle, slerp};
 use gs2e::se3::spline::CurvePlace;
 use gs2e::se3::{Se3, Twist};
 use gs2e::trajectory::curve::{CirclePath, CurveKind, MAX_DEGREE, PoseCurve};

@@ -3,7 +3,7 @@
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing, try_refined};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{relative_angle, exp_vector, slerp};
+use gs2e::se3::rotation::{exp_vector, relative_angle, slerp};
 use gs2e::trajectory::refine::{
     EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder, refine_views,
 };

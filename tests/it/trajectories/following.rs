@@ -3,7 +3,7 @@
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{relative_angle, exp_vector};
+use gs2e::se3::rotation::{exp_vector, relative_angle};
 use gs2e::se3::spline::CurvePlace;
 use gs2e::trajectory::curve::{CubicPair, PoseCurve};
 use gs2e::trajectory::refine::{EndRule, RefinePath, RotationMean, refine_views};

@@ -214,11 +214,11 @@ fn an_impossible_speed_in_pixels_is_refused() {
     };
     t(&params, &speed, None, "there is no scene");
     t(&params, &speed, Some(&mut Blind), "no pixel has a depth");
-    t(&params, &law("1"), Some(&mut Ramp { asked: 0 }), "a speed in px/s beside it");
+    t(&params, &law("1"), Some(&mut Ramp { asked: 0 }), "a speed in px/s");
     t(&frames(20), &speed, Some(&mut Ramp { asked: 0 }), "none of factor, frames and duration");
     let literal = RefinePath { literal: true, ..params.clone() };
-    t(&literal, &speed, Some(&mut Ramp { asked: 0 }), "no share of chords");
-    t(&params, &flow(1e-9, "1"), Some(&mut Ramp { asked: 0 }), "poses were asked for");
+    t(&literal, &speed, Some(&mut Ramp { asked: 0 }), "does not divide chords");
+    t(&params, &flow(1e-9, "1"), Some(&mut Ramp { asked: 0 }), "poses, wanted at most");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, law, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
-use gs2e::se3::rotation::{relative_angle, exp_vector};
+use gs2e::se3::rotation::{exp_vector, relative_angle};
 use gs2e::seed::Seed;
 use gs2e::trajectory::curve::CurveKind;
 use gs2e::trajectory::novel::{BaseTrajectory, GroupCurve, NovelGroup};

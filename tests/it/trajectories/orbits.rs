@@ -2,7 +2,7 @@
 
 use super::{Views, law, named, orbit, timing};
 use glam::{DQuat, DVec3};
-use gs2e::se3::rotation::{relative_angle, exp_vector};
+use gs2e::se3::rotation::{exp_vector, relative_angle};
 use gs2e::se3::{Se3, look_at};
 use gs2e::trajectory::curve::CurveKind;
 use gs2e::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};

@@ -94,15 +94,15 @@ fn missing_inputs_of_a_path_are_requested() {
         assert!(tree(&place.path("")) == before, "{args}: files were changed");
     };
     let capture = "--capture transforms.json";
-    t("--name mini-1", 2, &["`base` is made from a capture"]);
-    t("--name round", 2, &["`round` is made from a capture"]);
+    t("--name mini-1", 2, &["`base` needs a capture"]);
+    t("--name round", 2, &["`round` needs a capture"]);
     t("--name mini", 2, &["no trajectory `mini`", "mini-0, mini-1"]);
     t(
         &format!("--name swift {capture}"),
         2,
-        &["`swift` is how fast the picture moves, and no scene is given", "--scene"],
+        &["`swift` is in pixels per second, and no scene is given", "--scene"],
     );
     t("--name past --scene scene.ply", 2, &["there is no camera", "camera: { width, height, fx"]);
-    t(&format!("--name swift {capture} --scene gone.ply"), 2, &["the scene gone.ply is not there"]);
+    t(&format!("--name swift {capture} --scene gone.ply"), 2, &["scene: gone.ply does not exist"]);
     t(&format!("--name swift {capture} --scene broken.ply"), 1, &["failed to read the scene"]);
 }

@@ -111,7 +111,7 @@ impl StudyLab<'_> {
         let mut costs = Vec::new();
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
-            self.console.say(&format!("{}: measuring what frames cost", rules.name()));
+            self.console.say(&format!("{}: measuring the cost of frames", rules.name()));
             let kinds: &[_] = if asked.no_pictures { &[VALUE, RATED] } else { &[VALUE, RATED, RGB] };
             let kinds = self.kinds(kinds, &backend, style)?;
             costs.push(RuleCosts { value: kinds[0].0, rated: kinds[1].0 });
@@ -143,7 +143,7 @@ impl StudyLab<'_> {
             asked.rates.iter().map(|rate| FrameGrid::uniform_steps(*rate, finest, intervals)).collect();
         let mut grids = Vec::new();
         if asked.steps.contains(&SteppingArg::Flow) {
-            self.console.say("measuring how fast the picture moves");
+            self.console.say("measuring the optical flow");
             let flows = self.flows(asked.rules[0])?;
             grids.extend(uniform.iter().map(|uniform| FrameGrid::flow_steps(&flows, uniform)));
         }

@@ -10,13 +10,13 @@ use crate::reconstruct::{ArgumentError, ArgumentPlaces, ArgumentTemplate, Gaussi
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
-const PROGRAM: &str = "write program: opensplat, a name that is looked for in PATH, or \"{train}\" with \
+const PROGRAM: &str = "write program: opensplat, a name to look up in PATH, or \"{train}\" with \
                        files: { train: path/to/it }";
-const VERSION: &str = "write version: \"1.1.4\": it is in the key, so that another version trains again";
+const VERSION: &str = "write version: \"1.1.4\": it is part of the key, so that another version trains again";
 const LICENCE: &str =
-    "write licence: AGPL-3.0-only, the terms of the program; LicenseRef-Name where they have no id";
-const SCENE: &str = "write scene: scene.ply, the file below {out} that the program makes";
-const NAME_HELP: &str = "names are of a to z, 0 to 9, - and _";
+    "write licence: AGPL-3.0-only, the licence of the program; use LicenseRef-Name if it has no id";
+const SCENE: &str = "write scene: scene.ply, the file below {out} that the program writes";
+const NAME_HELP: &str = "names consist of a to z, 0 to 9, - and _";
 
 /// Placeholders of arguments that are known when the recipe is read.
 const SEED: &str = "seed";
@@ -105,16 +105,15 @@ impl Resolver<'_> {
     fn argument(&self, text: &str, place: TextSpan, known: &Known<'_>) -> Option<ArgumentTemplate> {
         let names: Vec<&str> = known.keys().copied().collect();
         match ArgumentTemplate::parse(text, known) {
-            Ok(_) if text.contains('\0') => {
-                self.refuse(FieldProblem::of_field("holds a NUL, which no argument can").at(place))
-            }
+            Ok(_) if text.contains('\0') => self
+                .refuse(FieldProblem::of_field("contains a NUL, which an argument cannot contain").at(place)),
             Ok(argument) => Some(argument),
             Err(ArgumentError::Unknown(name)) => {
-                self.refuse(FieldProblem::unknown_name("place", &name, &names).at(place))
+                self.refuse(FieldProblem::unknown_name("placeholder", &name, &names).at(place))
             }
             Err(ArgumentError::Alone) => {
-                let help = format!("places here: {}; a brace itself is written twice", names.join(", "));
-                self.refuse(FieldProblem::of_field("holds a brace that stands alone").help(help).at(place))
+                let help = format!("placeholders here: {}; write a literal brace twice", names.join(", "));
+                self.refuse(FieldProblem::of_field("has an unpaired brace").help(help).at(place))
             }
         }
     }
@@ -140,11 +139,12 @@ impl Resolver<'_> {
         let taken = ArgumentPlaces::ALL.contains(&name) || [SEED, ITERATIONS].contains(&name);
         let is_sound = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
         if taken {
-            let problem = FieldProblem::of_key("has a name that every training fills itself");
+            let problem = FieldProblem::of_key("has a reserved name");
             return self.refuse(problem.help("choose another name").at(place));
         }
         if name.is_empty() || !name.chars().all(is_sound) {
-            return self.refuse(FieldProblem::of_key("is no name for a file").help(NAME_HELP).at(place));
+            return self
+                .refuse(FieldProblem::of_key("is not a valid name for a file").help(NAME_HELP).at(place));
         }
         Some(())
     }
@@ -157,7 +157,7 @@ impl Resolver<'_> {
         let variable = |(name, value): (&String, &Field<String>)| {
             let (text, place) = value.given()?;
             if name.is_empty() || name.contains(['=', '\0']) || text.contains('\0') {
-                return self.refuse(FieldProblem::of_key("is no variable that a program can have").at(place));
+                return self.refuse(FieldProblem::of_key("is not a valid environment variable").at(place));
             }
             Some((name.clone(), text.clone()))
         };

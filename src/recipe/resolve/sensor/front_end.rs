@@ -77,9 +77,9 @@ impl Resolver<'_> {
             return Some(());
         }
         let problem = FieldProblem::of_key(
-            "and hermite exclude each other: rates of change are rendered of luminance rec601, not decoded",
+            "and hermite exclude each other: rates of change are rendered only for luminance rec601, not decoded",
         );
-        let help = "write sampling: { between: catmull }; exposure and range go with hermite";
+        let help = "write sampling: { between: catmull }; exposure and range work with hermite";
         self.refuse(problem.help(help).at(field.place()?))
     }
 }

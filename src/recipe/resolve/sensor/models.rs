@@ -82,7 +82,7 @@ impl Resolver<'_> {
         if between? == BetweenFrames::Linear {
             return Some(());
         }
-        let problem = FieldProblem::of_key(format!("has {what}, which goes linearly between frames"));
+        let problem = FieldProblem::of_key(format!("has {what}, which interpolates linearly between frames"));
         self.refuse(problem.help("write sampling: { between: linear }").at(place))
     }
 

@@ -45,9 +45,9 @@ impl Resolver<'_> {
         let given = [factor, given_place(raw.frames), given_place(raw.duration)];
         // Each key is reported, not only the first.
         for place in given.iter().flatten().flatten() {
-            let problem = FieldProblem::of_key("does not go with a speed in px/s");
+            let problem = FieldProblem::of_key("cannot be combined with a speed in px/s");
             self.report(
-                problem.help("remove it: such a speed says itself how long the path takes").at(*place),
+                problem.help("remove it: such a speed determines the duration of the path").at(*place),
             );
         }
         given.iter().all(Option::is_none).then_some(PoseCount::Flow)
@@ -66,7 +66,7 @@ impl Resolver<'_> {
             let keys =
                 if raw.factor.is_some() { "factor, frames and duration" } else { "frames and duration" };
             let problem = FieldProblem::of_field(format!("has more than one of {keys}"));
-            return self.refuse(problem.help("one of them says how many poses there are").at(place));
+            return self.refuse(problem.help("give one of them: it sets the number of poses").at(place));
         }
         if frames {
             return self.whole(raw.frames, 1, WholeRange::new(1, MAX_POSES)).map(PoseCount::Frames);
@@ -88,7 +88,8 @@ impl Resolver<'_> {
         if frames > MAX_POSES as f64 {
             let problem =
                 FieldProblem::of_field(format!("makes {frames} frames, wanted at most {MAX_POSES}"));
-            return self.refuse(problem.help(format!("there are {rate} frames a second")).at(field.place()?));
+            return self
+                .refuse(problem.help(format!("the rate is {rate} frames per second")).at(field.place()?));
         }
         Some(PoseCount::Duration(seconds))
     }
@@ -97,8 +98,9 @@ impl Resolver<'_> {
         let Some(field) = raw.literal else { return Some(false) };
         let literal = self.or(field, false)?;
         if literal && around.flows {
-            let problem =
-                FieldProblem::of_key("does not go with a speed in px/s, which is no share of chords");
+            let problem = FieldProblem::of_key(
+                "cannot be combined with a speed in px/s, which is not a share of chords",
+            );
             return self.refuse(problem.help("remove it").at(field.place()?));
         }
         Some(literal)

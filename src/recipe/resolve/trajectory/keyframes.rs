@@ -66,14 +66,15 @@ impl Resolver<'_> {
     ) -> Option<CameraFacing> {
         let looks = !raw.look_at.is_absent() || !raw.up.is_absent();
         if looks && !raw.rotation.is_absent() {
-            let problem = FieldProblem::of_field("has a rotation beside look_at or up");
-            return self.refuse(problem.help("either says where the camera looks").at(place));
+            let problem = FieldProblem::of_field("has both a rotation and look_at or up");
+            return self
+                .refuse(problem.help("write only one: each defines where the camera looks").at(place));
         }
         if !looks {
             let (rotation, place) = self.required(&raw.rotation, "rotation", place, POSES)?;
             return self.rotation(rotation, place).map(CameraFacing::Rotation);
         }
-        let help = "look_at is a point in the world, up a direction that the image's top is towards";
+        let help = "look_at is a point in the world, up is the direction of the image's top";
         for (field, name) in [(&raw.look_at, "look_at"), (&raw.up, "up")] {
             self.required(field, name, place, help);
         }
@@ -90,8 +91,8 @@ impl Resolver<'_> {
         // The range is wide, so that a vector that is no rotation gets the message about rotations.
         let rotation = DQuat::from_array(self.numbers(raw, RealRange::new(-1e6, 1e6))?);
         if let Err(error) = rotation_from_quaternion(rotation) {
-            let problem = FieldProblem::of_field(format!("is refused: {error}"));
-            return self.refuse(problem.help("qx, qy, qz, qw of length 1, camera to world").at(place));
+            let problem = FieldProblem::of_field(format!("is invalid: {error}"));
+            return self.refuse(problem.help("write qx, qy, qz, qw of length 1, camera to world").at(place));
         }
         Some(rotation)
     }

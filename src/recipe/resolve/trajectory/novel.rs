@@ -152,8 +152,8 @@ impl Resolver<'_> {
             };
             let wanted = u64::from(novel.groups) * u64::from(novel.keyframes);
             if wanted > poses {
-                let message = format!("draws {wanted} key poses, and its base has {poses} poses");
-                let help = "groups times keyframes are drawn, each pose once";
+                let message = format!("draws {wanted} key poses, but its base has {poses} poses");
+                let help = "it draws groups * keyframes poses, each at most once";
                 self.report(FieldProblem::of_field(message).help(help).at(place));
             }
         }

@@ -29,7 +29,7 @@ impl Resolver<'_> {
         let spread = self.spread(spread, USUAL_FRAMES, place, around);
         let fields = [(&raw.centre, "centre"), (&raw.from, "from"), (&raw.up, "up")];
         if !around.setting.has_views() {
-            let help = "without a capture an orbit says all of centre, from and up";
+            let help = "without a capture, an orbit needs centre, from and up";
             fields.into_iter().for_each(|(field, name)| {
                 self.required(field, name, place, help);
             });
@@ -38,8 +38,8 @@ impl Resolver<'_> {
         if let (Some(centre), Some(from), Some(up)) = (centre, from, up)
             && look_at(centre - from, up).is_none()
         {
-            let problem = FieldProblem::of_field("is no circle: it starts at its centre, or on its axis");
-            return self.refuse(problem.help("from lies beside the line through centre along up").at(place));
+            let problem = FieldProblem::of_field("is not a circle: it starts at its centre, or on its axis");
+            return self.refuse(problem.help("place from off the line through centre along up").at(place));
         }
         let (count, _) = spread?;
         Some(OrbitPath { centre, from, up, arc: arc?, count })

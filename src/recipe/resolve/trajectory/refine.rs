@@ -26,13 +26,13 @@ impl Resolver<'_> {
             let instead = "write orbit or keyframes, whose poses come from the recipe";
             let problem = match field.place() {
                 Some(place) => {
-                    FieldProblem::of_key("needs a capture, and the source is none").help(instead).at(place)
+                    FieldProblem::of_key("needs a capture, but the source is none").help(instead).at(place)
                 }
                 None => FieldProblem::missing_field("orbit").help(instead).at(within),
             };
             return self.refuse(problem);
         }
-        let help = "write refine: {} for the paper's: the captured path, smoothed and densified";
+        let help = "write refine: {} for the path of the paper: the captured path, smoothed and densified";
         let (raw, place) = self.required(field, "refine", within, help)?;
         let usual = RefinePath::default();
         let window = self.small(&raw.window, usual.window, WholeRange::new(0, 1000));

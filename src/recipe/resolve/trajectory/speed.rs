@@ -66,7 +66,7 @@ impl Resolver<'_> {
         let meaning = self.meaning(&raw.meaning, law);
         let list = SpeedLevels::new(levels?, blend?, meaning?);
         list.map_or_else(
-            |error| self.refuse(FieldProblem::of_field(format!("is no speed: {error}")).at(place)),
+            |error| self.refuse(FieldProblem::of_field(format!("is not a speed: {error}")).at(place)),
             Some,
         )
     }
@@ -90,7 +90,7 @@ impl Resolver<'_> {
             (schema::MeaningKey::Speed, _) => Some(SpeedMeaning::Speed),
             (schema::MeaningKey::FrameRate, Some(SummationRule::Integral)) => {
                 let problem =
-                    FieldProblem::of_field("is frame-rate, whose steps are summed and have no integral here");
+                    FieldProblem::of_field("is frame-rate, which sums steps and cannot be integrated");
                 self.refuse(
                     problem.help("write sampling: { law: sum }, without a tolerance").at(field.place()?),
                 )
@@ -100,7 +100,7 @@ impl Resolver<'_> {
     }
 
     fn flow(&self, raw: &schema::FlowSection, place: TextSpan) -> Option<FlowSpeed> {
-        let help = "write flow: { px_s: 400 }, the median flow of a frame in pixels a second";
+        let help = "write flow: { px_s: 400 }, the median flow of a frame in pixels per second";
         self.required(&raw.px_s, "px_s", place, help);
         let px_s = self.real(&raw.px_s, 1.0, RealRange::above(0.0, 1e9));
         let shape = match &raw.function {
@@ -116,8 +116,8 @@ impl Resolver<'_> {
             Ok(law) => return Some(law),
             Err(error) => error,
         };
-        let help = "a formula in t that stays above 0 for t from 0 to 1, such as 0.25*sin(t) + 1.1";
-        let problem = FieldProblem::of_field(format!("is no speed law: {error}")).help(help).at(place);
+        let help = "write a formula in t that stays above 0 for t from 0 to 1, such as 0.25*sin(t) + 1.1";
+        let problem = FieldProblem::of_field(format!("is not a speed law: {error}")).help(help).at(place);
         self.refuse(match seen_at(&error) {
             Some(bytes) => problem.in_text(place, text, bytes),
             None => problem,
