@@ -11,9 +11,10 @@ use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
 use super::{
     CommonArgs, RecipeTargets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown,
 };
+use crate::escape;
 use crate::files::is_there;
 use crate::plan::Plan;
-use crate::plan::assess::{StepAction, assess_plan};
+use crate::plan::assess::{StepAction, StepAssessment, assess_plan};
 use crate::plan::past::past_costs;
 use crate::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipes};
 use crate::recipe;
@@ -234,6 +235,7 @@ impl BuildRequest<'_> {
             let assessed = assess_plan(&plan, store)?;
             idle = assessed.iter().all(|a| a.action == StepAction::Keep);
             commands::refuse_commands(&plan, &assessed, common)?;
+            self.warn_of_space(&plan, &assessed, store)?;
         }
         if !idle {
             tell_sensors(&plan, console)?;
@@ -246,6 +248,23 @@ impl BuildRequest<'_> {
             summary = summary.then(self.run(&plan, store)?);
         }
         Ok((plan, summary))
+    }
+
+    /// Warns if the outputs of the steps that run are expected to exceed the free space. Steps unlike any
+    /// that ran before have no expected size.
+    fn warn_of_space(&self, plan: &Plan, assessed: &[StepAssessment], store: &Store) -> Result<(), VerbError> {
+        let Ok(space) = DiskSpace::holding_path(&self.common.store) else { return Ok(()) };
+        let past = past_costs(plan, store)?.into_iter().zip(assessed);
+        let stale = past.filter(|(_, assessed)| assessed.action != StepAction::Keep);
+        let bytes: f64 = stale.filter_map(|(past, _)| Some(past?.bytes)).sum();
+        if bytes > space.free as f64 {
+            let [needed, free] = [bytes, space.free as f64].map(|bytes| bytes * 1e-9);
+            let mount = escape::path(&space.mount);
+            let what = format!("the outputs take about {needed:.1} GB, and {mount} has {free:.1} GB free");
+            let warning = UserMessage::new(MessageLevel::Warning, "disk-space", what);
+            self.console.tell(&warning.help("gs2e gc, or another --store"));
+        }
+        Ok(())
     }
 
     /// Runs a plan once.

@@ -172,6 +172,12 @@ fn estimate_run(
         return Ok(());
     }
     let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
+    if unknown == steps && steps > 0 {
+        console.print(&format!(
+            "{steps} steps would run, or may: time, disk and memory are unknown, because no step like them ran before"
+        ));
+        return Ok(());
+    }
     console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
     console.print(&format!(
         "{:.1} MB of outputs; {:.0} MB of memory for the largest step",

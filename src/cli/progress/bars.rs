@@ -41,8 +41,16 @@ impl ProgressBars {
             // A write to memory cannot fail.
             let _ = out.write_str(&text);
         };
-        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {left}");
-        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left);
+        let shared = estimate.clone();
+        let share = move |state: &ProgressState, out: &mut dyn Write| {
+            let (estimate, elapsed) = (shared.lock().expect("no holder of the estimate panics"), began.elapsed());
+            let share = time_share(elapsed.as_secs_f64(), estimate.remaining(elapsed.as_secs_f64()));
+            // Steps differ in cost by a factor of a thousand, so they are counted only while nothing is expected.
+            let _ = out.write_str(&bar_words(share.unwrap_or_else(|| f64::from(state.fraction()))));
+        };
+        let style = ProgressStyle::with_template("{share} {pos}/{len} {elapsed} {left}");
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+        let style = style.with_key("left", left).with_key("share", share);
         let all = MultiProgress::new();
         let whole = all.add(ProgressBar::new(plan.steps().len() as u64).with_style(style));
         // The bar ticks by itself, because a single step may take hours without an event.
@@ -107,6 +115,19 @@ impl ProgressBars {
     }
 }
 
+/// Share of the expected time that has passed; `None` if nothing is known of the rest.
+fn time_share(elapsed: f64, remaining: Option<f64>) -> Option<f64> {
+    remaining.map(|left| if elapsed + left > 0.0 { elapsed / (elapsed + left) } else { 0.0 })
+}
+
+/// A bar of 30 characters.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share is from 0 to 1")]
+fn bar_words(share: f64) -> String {
+    const WIDTH: usize = 30;
+    let full = ((share.clamp(0.0, 1.0) * WIDTH as f64) as usize).min(WIDTH);
+    format!("{}{}", "█".repeat(full), "░".repeat(WIDTH - full))
+}
+
 /// The remaining time in words, no more precise than it is known.
 fn left_words(seconds: f64) -> String {
     match seconds {
@@ -120,6 +141,15 @@ fn left_words(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_bar_is_the_share_of_the_expected_time() {
+        assert_eq!(time_share(1.0, Some(3.0)), Some(0.25));
+        assert_eq!((time_share(0.0, Some(0.0)), time_share(5.0, None)), (Some(0.0), None));
+        let full = |share| bar_words(share).chars().filter(|cell| *cell == '█').count();
+        assert_eq!([0.0, 0.25, 0.999, 1.0, 7.0, f64::NAN].map(full), [0, 7, 29, 30, 30, 0]);
+        assert_eq!(bar_words(0.5).chars().count(), 30);
+    }
 
     #[test]
     fn the_time_left_is_told_in_round_words() {
