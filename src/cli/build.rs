@@ -252,7 +252,12 @@ impl BuildRequest<'_> {
 
     /// Warns if the outputs of the steps that run are expected to exceed the free space. Steps unlike any
     /// that ran before have no expected size.
-    fn warn_of_space(&self, plan: &Plan, assessed: &[StepAssessment], store: &Store) -> Result<(), VerbError> {
+    fn warn_of_space(
+        &self,
+        plan: &Plan,
+        assessed: &[StepAssessment],
+        store: &Store,
+    ) -> Result<(), VerbError> {
         let Ok(space) = DiskSpace::holding_path(&self.common.store) else { return Ok(()) };
         let past = past_costs(plan, store)?.into_iter().zip(assessed);
         let stale = past.filter(|(_, assessed)| assessed.action != StepAction::Keep);

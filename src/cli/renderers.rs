@@ -87,6 +87,10 @@ impl RendererChoice {
     /// Assigns the scenes that the GPU failed in a run to the CPU. Returns true if there are any.
     pub(super) fn give_up(&self, plan: &Plan, summary: &RunSummary) -> bool {
         let RendererKind::Auto(auto) = &self.by else { return false };
+        // A second run would ignore the interrupt of the first.
+        if summary.interrupted {
+            return false;
+        }
         let mut any = false;
         for failure in &summary.failures {
             let Some(because) = failure.of_gpu() else { continue };

@@ -51,7 +51,8 @@ impl<'a> SortedEvents<'a> {
     fn wait(&mut self) -> Result<usize, EventFileError> {
         let Some(us) = self.waiting.us().or(self.chunk.first().map(micros)) else { return Ok(0) };
         let count = self.chunk.iter().take_while(|event| micros(event) == us).count();
-        let room = MAX_SIMULTANEOUS - self.waiting.len();
+        // The last microsecond of one large chunk may exceed the limit by itself.
+        let room = MAX_SIMULTANEOUS.saturating_sub(self.waiting.len());
         if count > room {
             let because = format!(
                 "more than {MAX_SIMULTANEOUS} events at t = {us} us, the most that can be sorted in memory; \
@@ -96,7 +97,7 @@ impl<'a> SortedEvents<'a> {
 
 impl std::fmt::Debug for SortedEvents<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Sorted").field("given", &self.given).finish_non_exhaustive()
+        f.debug_struct("SortedEvents").field("given", &self.given).finish_non_exhaustive()
     }
 }
 

@@ -1,5 +1,6 @@
 //! Commands as text that a person can read and paste.
 
+use crate::escape::is_hidden;
 use std::path::Path;
 
 /// Words in a form that can be pasted into a shell: quoted where a shell would read something else,
@@ -21,18 +22,11 @@ fn quoted_word(word: &str) -> String {
             // Nothing can be escaped inside single quotes: close them, write the quote, open them
             // again.
             '\'' => quoted.push_str("'\\''"),
-            c if hides(c) => quoted.extend(c.escape_unicode()),
+            c if is_hidden(c) => quoted.extend(c.escape_unicode()),
             c => quoted.push(c),
         }
     }
     quoted + "'"
-}
-
-/// Returns true for control characters, and for characters that reverse the direction of writing or
-/// have no width.
-fn hides(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{ad}' | '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
 }
 
 #[cfg(test)]

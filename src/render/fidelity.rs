@@ -166,7 +166,8 @@ pub fn compare_view(
     shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
     let mut counted = photo.size().pixels();
     if let Some(covered) = covered_pixels(&view.camera, &view.lens) {
-        counted = covered.pixels().iter().filter(|is_covered| **is_covered).count();
+        // A lens that covers no pixel leaves nothing to compare, and no error either.
+        counted = covered.pixels().iter().filter(|is_covered| **is_covered).count().max(1);
         let pixels = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
         // Equal pixels add no error to the sum.
         for ((shown, wanted), _) in pixels.zip(covered.pixels()).filter(|(_, is_covered)| !**is_covered) {

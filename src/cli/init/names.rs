@@ -33,7 +33,7 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
         let because = unsafe_because(stem);
         let owners = if because.is_some() {
             Vec::new()
-        } else if group.len() == 1 || group.iter().all(|i| !files::is_there(&plain(*i))) {
+        } else if group.iter().all(|i| !files::is_there(&plain(*i))) {
             vec![group[0]]
         } else {
             // A file that exists and names none of these scenes has no owner: all of them get

@@ -71,6 +71,11 @@ impl Reader {
         self.labels.is_some()
     }
 
+    /// Compares the checksums of all arrays, after everything is read.
+    fn verify(&mut self) -> Result<(), EventFileError> {
+        self.columns.iter_mut().chain(&mut self.labels).try_for_each(ArrayColumn::verify)
+    }
+
     fn decode_event(number: u64, t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8) -> Result<Event, EventFileError> {
         let t = i64::from_le_bytes(t);
         if !(0..END_US).contains(&t) {
@@ -115,6 +120,9 @@ impl EventSource for Reader {
         let first = self.next;
         let count = usize::try_from(self.count - first).map_or(CHUNK, |left| left.min(CHUNK));
         if count == 0 {
+            if self.count == 0 {
+                self.verify()?;
+            }
             return Ok(false);
         }
         let [t, x, y, p] = &mut self.columns;
@@ -133,7 +141,7 @@ impl EventSource for Reader {
         self.next += count as u64;
         // A checksum covers a whole array, so it can be compared only after the last chunk.
         if self.next == self.count {
-            self.columns.iter_mut().chain(&mut self.labels).try_for_each(ArrayColumn::verify)?;
+            self.verify()?;
         }
         Ok(true)
     }
