@@ -35,6 +35,9 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
             Vec::new()
         } else if group.iter().all(|i| !files::is_there(&plain(*i))) {
             vec![group[0]]
+        } else if group.len() == 1 && draft::scene_of(&plain(group[0])).is_none() {
+            // A recipe that cannot be read may be under work; it is left alone.
+            vec![group[0]]
         } else {
             // A file that exists and names none of these scenes has no owner: all of them get
             // marked names.
