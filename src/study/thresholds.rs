@@ -98,10 +98,21 @@ impl SweepResult {
         let enough = 100.0 * ENOUGH;
         // A row without events has a share of 1, and recommends nothing.
         let Some(at) = self.rows.iter().position(|row| row.events > 0 && row.explained() >= ENOUGH) else {
-            let best = self.rows.iter().filter(|row| row.events > 0).map(percent).fold(0.0, f64::max);
+            let best = self.rows.iter().filter(|row| row.events > 0);
+            let Some(best) = best.max_by(|a, b| a.explained().total_cmp(&b.explained())) else {
+                return (None, "no threshold makes any events".to_owned());
+            };
+            // The advice follows from the larger part of the rest.
+            let rest = if best.near_jump >= best.other {
+                "most of the rest follows jumps of the renderer, which the rules `soft` do not make"
+            } else {
+                "most of the rest is late, early, or under a slow difference of the two renderings: the rules `soft` \
+                 are those of the smooth rendering"
+            };
             let because = format!(
-                "no threshold has {enough} % of its events explained by smooth motion; the best has {best:.1} %: the rules \
-                 `soft` have fewer jumps"
+                "no threshold has {enough} % of its events explained by smooth motion; the best is {} with {:.1} %: {rest}",
+                best.threshold,
+                percent(best)
             );
             return (None, because);
         };
@@ -116,6 +127,20 @@ impl SweepResult {
             row.events
         );
         (Some(row), because)
+    }
+}
+
+impl SweepResult {
+    /// Lines of a recipe that follow from the sweep.
+    #[must_use]
+    pub fn recipe_fragment(&self) -> String {
+        match self.recommended().0 {
+            Some(row) => {
+                let threshold = row.threshold;
+                format!("sensor:\n  voltmeter: {{ threshold: {{ on: {threshold}, off: {threshold} }} }}")
+            }
+            None => "render: { rules: soft }".to_owned(),
+        }
     }
 }
 
@@ -378,7 +403,7 @@ mod tests {
         assert!(counts[2..].iter().all(|c| *c == [0; 3]), "{counts:?}");
         assert!(counts.iter().all(|c| c[0] == 0 && c[2] == 0), "{counts:?}");
         let (row, because) = found.recommended();
-        assert!(row.is_none() && because.contains("at no threshold"), "{because}");
+        assert!(row.is_none() && because.contains("no threshold has"), "{because}");
     }
 
     #[test]

@@ -15,6 +15,15 @@ fn thresholds_are_swept_over_a_built_scene() {
     let told = place.ok(sweep).stdout;
     assert!(told.starts_with("tiny/base: 12 frames, 4.6 ms, rendered with two rules"), "{told}");
     assert!(told.lines().last().unwrap().starts_with("recommended: "), "{told}");
+    let fragment = told.split_once("For the recipe:\n").unwrap().1.split("recommended: ").next().unwrap();
+    place.write(
+        "pasted.yaml",
+        format!(
+            "{}{fragment}",
+            TINY.split_once("sensor:").unwrap().0.replace("scene: tiny", "scene: pasted")
+        ),
+    );
+    place.ok("plan pasted.yaml");
     let table = fs::read_to_string(place.path("t.csv")).unwrap();
     let rows: Vec<Vec<f64>> =
         table.lines().skip(1).map(|row| row.split(',').map(|v| v.parse().unwrap()).collect()).collect();

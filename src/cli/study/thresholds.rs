@@ -142,7 +142,7 @@ impl ThresholdsArgs {
         if console.json {
             console.result(&json!({
                 "scene": scene, "frames": found.frames, "seconds": found.seconds, "rows": found.rows,
-                "recommended": recommended, "because": because,
+                "recommended": recommended, "because": because, "recipe": found.recipe_fragment(),
             }));
             return;
         }
@@ -163,6 +163,12 @@ impl ThresholdsArgs {
                 share(row.other, row)
             ));
         }
+        console.print("smooth: the smooth rendering makes the same event; near a jump: the renderer jumped since the pixel's");
+        console.print(
+            "previous event; other: late or early after a jump, or under a slow difference of the renderings",
+        );
+        console.print("For the recipe:");
+        found.recipe_fragment().lines().for_each(|line| console.print(line));
         let recommended = recommended.map_or_else(|| "none".to_owned(), |threshold| threshold.to_string());
         console.print(&format!("recommended: {recommended}: {because}"));
     }
