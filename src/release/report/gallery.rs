@@ -1,4 +1,5 @@
-//! The pictures of a trajectory in rows: camera, events of each sensor, their rates, path and speed.
+//! The pictures of a trajectory in three rows: what the camera sees; the events of each sensor and
+//! the path; event rates and speeds.
 //!
 //! Sensors keep their column in every row, and share the window of time and the scales, so that they
 //! can be compared at a glance.
@@ -24,22 +25,26 @@ pub(super) fn write_gallery(html: &mut HtmlFragment, page: &ReportPage<'_>, trac
     let mut streams = seen::shown_streams(track, page.places);
     let all = streams.len();
     streams.truncate(MAX_STREAMS);
-    if has_pictures(page, track) {
+    let pictured = has_pictures(page, track);
+    if pictured {
         write_row(html, |html| write_camera(html, page, track));
-        write_row(html, |html| write_events(html, page, track, &streams));
     }
     write_row(html, |html| {
-        write_rates(html, page, track, &streams);
-        // The rates of several sensors fill a row of their own, below the events.
-        if streams.len() < 2 {
-            write_motion(html, page, track);
+        if pictured {
+            write_events(html, page, track, &streams);
         }
+        write_path(html, page, track.published);
     });
-    if streams.len() > 1 {
-        write_row(html, |html| write_motion(html, page, track));
-    }
+    write_row(html, |html| {
+        write_rates(html, page, track, &streams);
+        write_speeds(html, page, track);
+    });
     if all > streams.len() {
-        html.leaf("p", &[("class", "caption")], &format!("The first {MAX_STREAMS} of {all} sensors are shown."));
+        html.leaf(
+            "p",
+            &[("class", "caption")],
+            &format!("The first {MAX_STREAMS} of {all} sensors are shown."),
+        );
     }
 }
 
@@ -134,12 +139,7 @@ fn duration_ms(track: ReportTrajectory<'_>) -> f64 {
     track.part.duration_us as f64 * 1e-3
 }
 
-/// Writes the speed over time, and the path.
-fn write_motion(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
-    write_speeds(html, page, track);
-    write_path(html, page, track.published);
-}
-
+/// Writes the speeds of the camera over time.
 fn write_speeds(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let report = &track.published.motion.report;
     let durations: Vec<f64> = report.durations().collect();

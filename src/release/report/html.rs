@@ -207,7 +207,8 @@ mod tests {
             html.prose(words);
             assert_eq!(html.0, wanted);
         }
-        let page = HtmlFragment::whole_page(|html| WICKED.iter().for_each(|words| html.prose_leaf("p", &[], words)));
+        let page =
+            HtmlFragment::whole_page(|html| WICKED.iter().for_each(|words| html.prose_leaf("p", &[], words)));
         assert!(!page.contains("<script") && !page.contains("<img"), "{page}");
     }
 

@@ -68,7 +68,8 @@ fn read_map<const N: usize>(
     let stamps = &track.published.motion.trajectory.stamps_us;
     let moment = moment_us(&track);
     let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
-    let arrays = track.numbered(kind, ".npy").filter_map(|(number, path)| Some((away(number)?, number, path)));
+    let arrays =
+        track.numbered(kind, ".npy").filter_map(|(number, path)| Some((away(number)?, number, path)));
     let (_, number, path) = arrays.min()?;
     let size = sensor_size(&track);
     // The size comes from a file.
@@ -166,11 +167,9 @@ mod tests {
         let [near, _, _, far] = image.pixels() else { panic!("four pixels") };
         assert_eq!((near, far), (&scale_rgb(0.0), &scale_rgb(1.0)));
         assert_eq!(colour_depths(&Image::filled(size, [f32::NAN])), None);
-        let (image, full) = colour_flows(&Image::from_vec(
-            size,
-            vec![[0.0, 0.0], [f32::NAN; 2], [-5.0, 0.0], [3.0, 4.0]],
-        ))
-        .unwrap();
+        let (image, full) =
+            colour_flows(&Image::from_vec(size, vec![[0.0, 0.0], [f32::NAN; 2], [-5.0, 0.0], [3.0, 4.0]]))
+                .unwrap();
         assert_eq!(full, 5.0);
         assert_eq!(image.pixels()[..3], [[255; 3], UNDEFINED, [0, 255, 255]]);
     }

@@ -109,7 +109,11 @@ pub(super) fn write_scenes(html: &mut HtmlFragment, page: &ReportPage<'_>, parts
         }
         write_filters(html, page);
         html.table("scenes", |html| {
-            html.leaf("caption", &[], "Rates and shares are ranges over the trajectories and sensors of a scene.");
+            html.leaf(
+                "caption",
+                &[],
+                "Rates and shares are ranges over the trajectories and sensors of a scene.",
+            );
             write_heads(html, &COLUMNS);
             html.within("tbody", &[], |html| parts.iter().for_each(|part| html.append(&part.row)));
         });
@@ -208,7 +212,16 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     };
     html.table("faults", |html| {
         html.leaf("caption", &[], &words);
-        write_heads(html, &[("scene", ""), ("trajectory, sensor or part", ""), ("check", ""), ("verdict", ""), ("explanation", "")]);
+        write_heads(
+            html,
+            &[
+                ("scene", ""),
+                ("trajectory, sensor or part", ""),
+                ("check", ""),
+                ("verdict", ""),
+                ("explanation", ""),
+            ],
+        );
         html.within("tbody", &[], |html| {
             for (id, finding) in faults.into_iter().take(MAX_FAULTS) {
                 html.within("tr", &[], |html| {

@@ -360,19 +360,18 @@ pub(super) fn write_findings(
     let count = VerdictCount::from_findings(findings);
     let shown = |f: &&Finding| page.detail.passes || f.verdict != Verdict::Pass;
     let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
-    let caption = format!("{caption}: {}", count.words());
-    if shown.is_empty() {
-        html.leaf("p", &[("class", "caption")], &caption);
-    } else if page.detail.every {
-        // Folded where all is well, so that the next pictures are near.
-        let has_fault = shown.iter().any(|finding| findings::is_fault(finding.verdict));
-        let fold = [("class", "fold"), ("open", "")];
-        html.within("details", if has_fault { &fold } else { &fold[..1] }, |html| {
-            html.leaf("summary", &[], &caption);
+    if page.detail.every && !shown.is_empty() {
+        // Folded, so that the next pictures are near. The faults are also in the list of all scenes.
+        return html.within("details", &[("class", "fold")], |html| {
+            html.within("summary", &[], |html| {
+                html.text(&format!("{caption}: "));
+                count.badges(html);
+            });
             findings::write_table(html, prefix, shown);
         });
-    } else {
-        html.leaf("p", &[("class", "caption")], &caption);
+    }
+    html.leaf("p", &[("class", "caption")], &format!("{caption}: {}", count.words()));
+    if !shown.is_empty() {
         findings::write_list(html, prefix, shown);
     }
 }
