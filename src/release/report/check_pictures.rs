@@ -1,4 +1,5 @@
-//! Pictures that checks made: one row per check, one column per sensor, each with its own verdict.
+//! Pictures that checks made, each with the verdict on its own sensor. A check has a row of its own
+//! unless all pictures fit into one row.
 
 use super::ReportPage;
 use super::detail::DetailLevel;
@@ -7,6 +8,9 @@ use super::html::HtmlFragment;
 use super::section::{ReportTrajectory, write_image};
 use super::seen::tree_picture;
 use crate::check::{Finding, Verdict};
+
+/// Number of pictures that fit next to each other on a wide screen.
+const COLUMNS: usize = 4;
 
 /// The picture of a check in the trajectory's folder: `checks/<check>.png` or
 /// `checks/<sensor>.<check>.png`.
@@ -60,7 +64,8 @@ pub(super) fn write_check_pictures(
     track: ReportTrajectory<'_>,
 ) {
     let pictures = shown_pictures(&track, page.detail);
-    for row in pictures.chunk_by(|a, b| a.check == b.check) {
+    let fit_one_row = pictures.len() <= COLUMNS;
+    for row in pictures.chunk_by(|a, b| fit_one_row || a.check == b.check) {
         html.within("div", &[("class", "row")], |html| {
             row.iter().for_each(|picture| write_picture(html, page, track, picture));
         });

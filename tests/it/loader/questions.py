@@ -192,8 +192,8 @@ def dataset(root):
         for (row, wanted_entry), entry in zip(wanted, windows):
             assert (entry["row"], entry["t0_us"]) == (row, wanted_entry["t0_us"])
             assert np.array_equal(entry["voxel"], wanted_entry["voxel"]) and entry["frame"].ndim == 3
+        assert len(windows.dataset._open) == 1
         windows = pickle.loads(pickle.dumps(windows))
-    assert len(windows.dataset._open) == 1
 
 
 def bare(path):
@@ -209,6 +209,8 @@ def bare(path):
     counts = np.zeros((2, stream.height, stream.width), np.int64)
     np.add.at(counts, (whole["label"], whole["y"], whole["x"]), 1)
     assert np.array_equal(stream.label_frame(0, last), counts)
+    stream.close()
+    copy.close()
     with h5py.File(path, "r+") as file:
         del file.attrs["width"]
     refused(lambda: gs2e.open_events(path).voxel(0, last, 3), "does not state its size")
