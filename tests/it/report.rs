@@ -334,7 +334,9 @@ fn a_withheld_scene_shows_no_pixel() {
         page.descendants().find(|n| n.attribute("id") == Some(&anchor)).unwrap()
     };
     let pictures = |node: Node<'_, '_>| node.descendants().filter(|n| n.has_tag_name("img")).count();
-    let row = |id: &str| elements(&page, "tr").find(|row| text(*row).contains(id)).unwrap();
+    let scenes = elements(&page, "table").find(|n| n.attribute("class") == Some("scenes")).unwrap();
+    let rows = || scenes.descendants().filter(|n| n.has_tag_name("tr"));
+    let row = |id: &str| rows().find(|row| text(*row).contains(id)).unwrap();
     assert_eq!((pictures(section(restricted::SCENE)), pictures(row(restricted::SCENE))), (0, 0));
     assert_eq!((views(section("own")), views(row("own"))), (2, 1));
     let all = pictures(section("own")) + pictures(row("own"));
