@@ -130,7 +130,7 @@ fn pictures_come_first_and_skipped_work_last() {
         assert!(picture < position(&page, |node| node.attribute("class") == Some(class)), "{class}");
     }
     let main = elements(&page, "main").next().unwrap();
-    let last = main.children().filter(Node::is_element).next_back().unwrap();
+    let last = main.children().rfind(Node::is_element).unwrap();
     assert_eq!(last.attribute("id"), Some("skipped"));
     for article in elements(&page, "article") {
         let shown: Vec<&str> = article.descendants().filter_map(|node| node.attribute("alt")).collect();
