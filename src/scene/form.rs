@@ -175,8 +175,7 @@ fn dropped_fields(scene: &Gaussians, back: &Gaussians) -> Vec<FormatLoss> {
     let loss = |field, what: String| FormatLoss { field, what, largest: None };
     let mut losses = Vec::new();
     if back.sh_degree < scene.sh_degree {
-        let what =
-            format!("dropped above degree {}; the input has degree {}", back.sh_degree, scene.sh_degree);
+        let what = format!("dropped above degree {}; the input has degree {}", back.sh_degree, scene.sh_degree);
         losses.push(loss("harmonics", what));
     }
     if scene.antialiased == Some(true) && back.antialiased != Some(true) {
