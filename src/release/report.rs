@@ -5,12 +5,16 @@
 //! Every string of a recipe is text in it, by `report/html.rs`. It does not state the time of the
 //! build, so equal releases have equal pages.
 
+mod check_pictures;
 mod curve;
-mod depth;
+mod detail;
 mod embed;
 mod findings;
+mod gallery;
 mod html;
+mod maps;
 mod overview;
+mod path_views;
 mod section;
 mod seen;
 mod trajectory;
@@ -20,7 +24,7 @@ use super::published::StoredPlaces;
 use crate::check::Finding;
 use crate::licence::ComposedTerms;
 use crate::recipe::ReleaseInfo;
-use depth::DetailLevel;
+use detail::DetailLevel;
 use html::HtmlFragment;
 use rayon::prelude::*;
 use section::{SceneEntry, SceneSection};
@@ -40,7 +44,7 @@ struct ReportPage<'a> {
     taken_down: usize,
     top: Vec<String>,
     places: StoredPlaces<'a>,
-    depth: DetailLevel,
+    detail: DetailLevel,
 }
 
 impl<'a> ReportPage<'a> {
@@ -65,9 +69,9 @@ const UNFOLDED: usize = 2;
 /// only what the page shows of them stays in memory.
 pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: StoredPlaces<'_>) -> String {
     let entries: Vec<SceneEntry<'_>> = facts.scenes.iter().map(|scene| SceneEntry { scene }).collect();
-    let depth = DetailLevel::for_trajectories(facts.counts().trajectories);
+    let detail = DetailLevel::for_trajectories(facts.counts().trajectories);
     let ReleaseFacts { info, licence, taken_down, .. } = *facts;
-    let page = ReportPage { info, licence, entries, taken_down, top, places, depth };
+    let page = ReportPage { info, licence, entries, taken_down, top, places, detail };
     let parts: Vec<SceneSection> =
         page.entries.par_iter().map(|entry| section::compose_section(&page, entry)).collect();
     HtmlFragment::whole_page(|html| {
@@ -75,18 +79,30 @@ pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: S
         html.within("body", &[], |html| {
             overview::write_head(html, &page);
             html.within("main", &[], |html| {
+                // Pictures come first. On a long page they are in the table of scenes.
+                if page.is_short() {
+                    write_each(html, &parts);
+                }
                 overview::write_scenes(html, &page, &parts);
                 overview::write_checks(html, &page);
                 overview::not_run(html, &page);
-                overview::left_out(html, &page);
-                html.within("section", &[("id", "each")], |html| {
-                    html.leaf("h2", &[], "Each scene");
-                    parts.iter().for_each(|part| html.append(&part.section));
-                });
+                if !page.is_short() {
+                    write_each(html, &parts);
+                }
+                overview::write_absences(html, &page);
                 overview::write_files(html, &page);
+                overview::write_skipped(html, &page);
             });
         });
     })
+}
+
+/// Writes the sections of all scenes.
+fn write_each(html: &mut HtmlFragment, parts: &[SceneSection]) {
+    html.within("section", &[("id", "each")], |html| {
+        html.leaf("h2", &[], "Pictures of each scene");
+        parts.iter().for_each(|part| html.append(&part.section));
+    });
 }
 
 fn page_head(html: &mut HtmlFragment, info: &ReleaseInfo) {

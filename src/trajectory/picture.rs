@@ -6,6 +6,7 @@ mod chart;
 mod path;
 mod sketch;
 
+pub(crate) use path::scale_rgb;
 pub(crate) use sketch::{PathSketch, sketch};
 
 use super::Trajectory;
@@ -98,7 +99,7 @@ impl SvgText {
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is at most `limit > 0`.
-fn round_down(limit: f64) -> f64 {
+pub(crate) fn round_down(limit: f64) -> f64 {
     let mut power = 1.0f64;
     // By division, because a rounded logarithm may be off by one at a power of ten. The second
     // condition ends the loop for a limit below the smallest normal number.

@@ -37,7 +37,7 @@ fn ask(release: &Path, question: &[&str]) {
 fn windows_poses_and_grids_are_those_of_the_files() {
     for trajectory in ["base", "slow"] {
         let folder = release().join("small/one");
-        for question in ["windows", "poses", "grids", "processes"] {
+        for question in ["windows", "poses", "grids", "targets", "processes"] {
             ask(release(), &[question, folder.to_str().unwrap(), trajectory]);
         }
     }
@@ -87,4 +87,39 @@ fn one_of_several_sensors_is_asked_for_by_name() {
     let tree = place.path("tree");
     ask(&tree, &["sensors", tree.join("tiny").to_str().unwrap()]);
     place.ok("audit tree");
+}
+
+/// Two scenes that the salt deals to different splits.
+#[test]
+fn a_dataset_has_the_scenes_of_a_split() {
+    let place = Workspace::new();
+    for (id, seed) in [("a", "2"), ("b", "3")] {
+        let recipe = TINY.replace("scene: tiny", &format!("scene: {id}"));
+        let recipe = recipe.replace("arc: 6, seed: 1", &format!("arc: 6, seed: {seed}"));
+        place.write(&format!("recipes/{id}.yaml"), recipe);
+    }
+    let tree = place.path("tree");
+    for salt in 0..32 {
+        let splits = format!("{{ by: object, shares: {{ train: 0.5, test: 0.5 }}, salt: \"{salt}\" }}");
+        place.write("recipes/release.yaml", format!("splits: {splits}\n"));
+        place.ok("release --to tree recipes");
+        let split = |id: &str| {
+            let scene = fs::read(tree.join(id).join("scene.json")).unwrap();
+            serde_json::from_slice::<serde_json::Value>(&scene).unwrap()["split"]["name"].clone()
+        };
+        if split("a") != split("b") {
+            return ask(&tree, &["dataset", tree.to_str().unwrap()]);
+        }
+        fs::remove_dir_all(&tree).unwrap();
+    }
+    panic!("one of 32 salts separates two scenes, but for a chance of 2 to the power of -32");
+}
+
+#[test]
+fn a_file_of_events_alone_is_read() {
+    let place = Workspace::new();
+    place.write("tiny.yaml", TINY.replace("preset: dvs346,", "preset: dvs346, labels: true,"));
+    place.ok("release --to tree tiny.yaml");
+    fs::copy(place.path("tree/tiny/base/events.h5"), place.path("events.h5")).unwrap();
+    ask(&place.path("tree"), &["bare", place.path("events.h5").to_str().unwrap()]);
 }

@@ -3,7 +3,7 @@
 
 use crate::release::small;
 use crate::restricted;
-use crate::support::workspace::{Workspace, same_tree};
+use crate::support::workspace::{TINY, Workspace, same_tree};
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fs;
 use std::path::Path;
@@ -103,9 +103,9 @@ fn the_page_is_self_contained_and_its_links_hold() {
         policy.starts_with("default-src 'none'; style-src 'sha256-") && !policy.contains("unsafe"),
         "{policy}"
     );
-    // A frame in the table; a sharp frame, a blurred one and events of each of the two
+    // A frame in the table; a sharp frame, a blurred one, depth, flow and events of each of the two
     // trajectories.
-    assert_eq!(views(page.root()), 1 + 2 * 3);
+    assert_eq!(views(page.root()), 1 + 2 * 5);
     assert!(source.contains("alt=\"check event_frame"), "a picture of what a check saw");
     assert_eq!(elements(&page, "article").count(), 2);
     let all = words(&page);
@@ -114,6 +114,95 @@ fn the_page_is_self_contained_and_its_links_hold() {
     {
         assert!(all.contains(wanted), "{wanted} in {all}");
     }
+}
+
+/// The position of the first element of which this holds.
+fn position(page: &Document<'_>, is_wanted: impl Fn(&Node<'_, '_>) -> bool) -> usize {
+    page.descendants().position(|node| is_wanted(&node)).unwrap()
+}
+
+#[test]
+fn pictures_come_first_and_skipped_work_last() {
+    let source = page_of(small::release());
+    let page = parsed(&source);
+    let picture = position(&page, |node| node.has_tag_name("img"));
+    for class in ["findings", "by-check"] {
+        assert!(picture < position(&page, |node| node.attribute("class") == Some(class)), "{class}");
+    }
+    let main = elements(&page, "main").next().unwrap();
+    let last = main.children().rfind(Node::is_element).unwrap();
+    assert_eq!(last.attribute("id"), Some("skipped"));
+    for article in elements(&page, "article") {
+        let shown: Vec<&str> = article.descendants().filter_map(|node| node.attribute("alt")).collect();
+        for wanted in ["sharp frame", "blurred frame", "depth at", "optical flow at"] {
+            assert!(shown.iter().any(|alt| alt.starts_with(wanted)), "{wanted} in {shown:?}");
+        }
+    }
+}
+
+/// Tables scroll in a box of their own, so that no table widens the page of a small screen.
+#[test]
+fn tables_have_boxes_and_heads_are_words() {
+    let source = page_of(small::release());
+    let page = parsed(&source);
+    for table in elements(&page, "table") {
+        assert_eq!(table.parent().unwrap().attribute("class"), Some("scroll"));
+    }
+    let heads: Vec<String> = elements(&page, "th").map(text).collect();
+    for unclear in ["of", "because", "without it", "what", "first", "traj."] {
+        assert!(!heads.iter().any(|head| head == unclear), "{unclear} in {heads:?}");
+    }
+    assert!(heads.iter().any(|head| head == "explanation"), "{heads:?}");
+}
+
+/// Two sensors of one trajectory are in one row, with one window of time and equal axes, and each
+/// picture of a check has the verdict of its own sensor.
+#[test]
+fn sensors_of_a_trajectory_can_be_compared() {
+    let place = Workspace::new();
+    let sensor = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
+    let (head, tail) = TINY.split_once(sensor).unwrap();
+    let sensors = "sensors:\n  fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }\n  \
+                   coarse: { voltmeter: { threshold: { on: 2.0, off: 2.0 } } }\n\
+                   checks: { event_rate: { max: 0.001 }, waive: \
+                   [{ check: event_rate, because: \"the limit is `max: 0.001`\" }] }\n";
+    place.write("tiny.yaml", format!("{head}{sensors}{tail}"));
+    place.ok("release --to tree tiny.yaml");
+    place.ok("audit tree");
+    let source = sound(&place.path("tree"));
+    let page = parsed(&source);
+    let class = |node: &Node<'_, '_>, class| node.attribute("class") == Some(class);
+    let rows = || page.descendants().filter(|node| class(node, "row"));
+    let captions = |row: Node<'_, '_>| -> Vec<String> {
+        row.descendants().filter(|node| node.has_tag_name("figcaption")).map(text).collect()
+    };
+    let row_of = |words: &str| {
+        let mut found = rows().filter(|row| captions(*row).iter().any(|caption| caption.contains(words)));
+        let row = found.next().unwrap_or_else(|| panic!("{words}"));
+        assert!(found.next().is_none(), "{words}");
+        row
+    };
+    let events = captions(row_of("events from"));
+    let events: Vec<&String> = events.iter().filter(|caption| caption.contains("events from")).collect();
+    let window = |caption: &str| caption.split_once("events from").unwrap().1.to_owned();
+    assert_eq!(events.len(), 2);
+    assert!(events[0].starts_with("coarse: ") && events[1].starts_with("fine: "), "{events:?}");
+    assert_eq!(window(events[0]), window(events[1]));
+    let rates = row_of("event rate");
+    let axes: Vec<Vec<String>> = rates
+        .children()
+        .filter(|figure| captions(*figure).iter().any(|caption| caption.contains("event rate")))
+        .map(|figure| figure.descendants().filter(|node| node.has_tag_name("text")).map(text).collect())
+        .collect();
+    assert_eq!(axes.len(), 2);
+    assert_eq!(axes[0], axes[1]);
+    assert!(axes[0].contains(&"events/px/s".to_owned()), "{axes:?}");
+    assert!(axes[0].iter().any(|label| label.ends_with(" ms")), "{axes:?}");
+    let motion = captions(row_of("check event_frame"));
+    assert!(motion.iter().any(|c| c.starts_with("check event_frame, fine ")), "{motion:?}");
+    assert!(motion.iter().any(|c| c.starts_with("check event_frame, coarse ")), "{motion:?}");
+    assert!(!words(&page).contains('`'));
+    assert!(elements(&page, "code").any(|code| text(code) == "max: 0.001"));
 }
 
 #[test]
@@ -158,6 +247,8 @@ fn the_page_agrees_with_the_records() {
                 record["subject"].as_str().unwrap().strip_prefix(&format!("small/one/{trajectory}")).unwrap();
             let [check, verdict, because] =
                 ["check", "verdict", "because"].map(|key| record[key].as_str().unwrap());
+            // Backticks become markup.
+            let because = because.replace('`', "");
             let same = |row: &&Vec<String>| row[0] == check && row[1] == part.trim_start_matches(['/', '#']);
             let found: Vec<_> = rows.iter().filter(same).collect();
             assert!(found.iter().any(|row| row[2] == verdict && row[6] == because), "{record}");
@@ -243,7 +334,9 @@ fn a_withheld_scene_shows_no_pixel() {
         page.descendants().find(|n| n.attribute("id") == Some(&anchor)).unwrap()
     };
     let pictures = |node: Node<'_, '_>| node.descendants().filter(|n| n.has_tag_name("img")).count();
-    let row = |id: &str| elements(&page, "tr").find(|row| text(*row).contains(id)).unwrap();
+    let scenes = elements(&page, "table").find(|n| n.attribute("class") == Some("scenes")).unwrap();
+    let rows = || scenes.descendants().filter(|n| n.has_tag_name("tr"));
+    let row = |id: &str| rows().find(|row| text(*row).contains(id)).unwrap();
     assert_eq!((pictures(section(restricted::SCENE)), pictures(row(restricted::SCENE))), (0, 0));
     assert_eq!((views(section("own")), views(row("own"))), (2, 1));
     let all = pictures(section("own")) + pictures(row("own"));

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The gs2e authors
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Reads a release of gs2e: events, poses, camera and pictures of one trajectory. Needs numpy and h5py, nothing else.
-Copy it beside your own code: where Python imports it from the release, it leaves a `__pycache__` that no release has.
+"""Reads a release of gs2e: events, poses, camera, pictures, depth and flow. Needs only numpy and h5py.
+Copy this file next to your own code: if Python imports it from the release, it leaves a `__pycache__` there.
 
-    from gs2e import Scene
+    from gs2e import Dataset, Scene, open_events
 
     scene = Scene("out/procedural/still-life", "base")
     t, x, y, p, label = scene.events(10_000, 20_000)   # of the window [10 ms, 20 ms)
@@ -15,14 +15,22 @@ Copy it beside your own code: where Python imports it from the release, it leave
         image = frame.read()                           # of the exposure [frame.t0_us, frame.t1_us]
     depth, flow = scene.depth(0), scene.flow(0)        # [H, W] unit, [H, W, 2] px/s, of pose 0; NaN: undefined
 
-Times are microseconds from the first pose, and windows half open: [t0_us, t1_us). Camera axes are OpenCV's: x right, y
-down, z forward. Pixel (i, j) has its centre at (i + 0.5, j + 0.5). Polarity 1 is brighter, 0 darker. Lengths are in the
-unit of the scene's source.
+    train = Dataset("out", split="train")              # a Scene per trajectory and sensor
+    windows = train.windows(20_000, bins=5, targets=("frame", "flow"))
+    stream = open_events("events.h5")                  # a file that `gs2e simulate` wrote
 
-No file of events is opened before it is needed, and each process opens its own: a Scene can be pickled, and the workers of
-a torch DataLoader may share one. `Windows` is a data set for such a loader.
+Times are microseconds from the first pose, and windows are half open: [t0_us, t1_us). Camera axes are those of
+OpenCV: x right, y down, z forward. Pixel (i, j) has its centre at (i + 0.5, j + 0.5). Polarity 1 is brighter, 0
+is darker. Lengths are in the unit of the scene's source.
+
+A file of events is opened when it is first needed, and each process opens its own. A Scene can therefore be
+pickled, and the workers of a torch DataLoader may share one. `Windows` and `Dataset.windows` are datasets for
+such a loader. Pictures are decoded with Pillow or OpenCV if one is installed, which is faster; the result is
+the same.
 """
 
+import bisect
+import itertools
 import json
 import math
 import os
@@ -45,7 +53,7 @@ class Events(NamedTuple):
     p: np.ndarray
     """uint8 [N]: 1 brighter, 0 darker."""
     label: Optional[np.ndarray]
-    """uint8 [N]: 1 signal, 0 noise; None where the sensor of the recipe has no labels."""
+    """uint8 [N]: 1 signal, 0 noise; None if the stream has no labels."""
 
 
 class Frame(NamedTuple):
@@ -82,6 +90,21 @@ class Blurred(NamedTuple):
         return read_png(self.path)
 
 
+class Array(NamedTuple):
+    """Depth or optical flow at a pose."""
+
+    index: int
+    """Number of the pose: row of `Scene.poses`, and the file's name."""
+    t_us: int
+    """Time of the pose, in microseconds."""
+    path: str
+    """An .npy file."""
+
+    def read(self):
+        """float32 [H, W] or [H, W, 2]; see `Scene.depth` and `Scene.flow`."""
+        return np.load(self.path)
+
+
 def trajectories(folder):
     """Names of the trajectories of a scene, in the order of its recipe. `folder` is the one that holds scene.json."""
     return [part["name"] for part in _description(folder)["trajectories"]]
@@ -92,11 +115,126 @@ def split(folder):
     return _description(folder).get("split", {}).get("name")
 
 
-class Scene:
+class EventFile:
+    """The events of one file. `open_events` opens one; a `Scene` is one with poses and pictures.
+
+    `size` is (width, height) in pixels. It is needed only for grids, and only if the file does not state it.
+    """
+
+    def __init__(self, path, size=None):
+        self.path = os.path.abspath(os.fspath(path))
+        """The HDF5 file."""
+        self.width, self.height = (None, None) if size is None else size
+        self._file = self._columns = self._index = self._offset_us = self._pid = None
+
+    def __repr__(self):
+        return f"<EventFile {self.path}: {self.width}x{self.height}>"
+
+    def __reduce__(self):
+        return EventFile, (self.path, None if self.width is None else (self.width, self.height))
+
+    def close(self):
+        """Closes the file of events; it is opened again when it is needed."""
+        file, self._file, self._columns = self._file, None, None
+        if file is not None:
+            file.close()
+
+    def _open(self):
+        """Opens the file if it is not open; opens it again in a process that was forked."""
+        if self._pid != os.getpid():
+            # What a fork inherits shares its parent's file descriptor: closing it here leaves the parent's open.
+            self.close()
+            self._pid = os.getpid()
+        if self._file is None:
+            self._file = h5py.File(self.path, "r")
+            # Kept open, since HDF5 keeps the chunks that it has unpacked with an open column.
+            self._columns = dict(self._file["events"].items())
+            self._index = self._file["ms_to_idx"][:].astype(np.int64)
+            self._offset_us = int(self._file["t_offset"][()])
+
+    def events(self, t0_us=None, t1_us=None):
+        """Events with t0_us <= t < t1_us; without a bound, from the first or to the last."""
+        self._open()
+        columns, index, offset = self._columns, self._index, self._offset_us
+        first, end = 0, len(columns["t"])
+        # index[k] is the number of the first event with t >= 1000 k; its last entry lies behind the last event.
+        last = len(index) - 1
+        if t0_us is not None:
+            first = index[min(max(math.floor((t0_us - offset) / 1000), 0), last)]
+        if t1_us is not None:
+            end = max(index[min(max(math.ceil((t1_us - offset) / 1000), 0), last)], first)
+        t = columns["t"][first:end].astype(np.int64) + offset
+        lo = 0 if t0_us is None else np.searchsorted(t, t0_us, side="left")
+        hi = len(t) if t1_us is None else max(np.searchsorted(t, t1_us, side="left"), lo)
+        rows = slice(first + lo, first + hi)
+        label = columns["label"][rows] if "label" in columns else None
+        return Events(t[lo:hi], columns["x"][rows], columns["y"][rows], columns["p"][rows], label)
+
+    def event_frame(self, t0_us, t1_us):
+        """int32 [2, H, W]: number of events in the window, by polarity: 0 darker, 1 brighter."""
+        _, x, y, p, _ = self.events(t0_us, t1_us)
+        return self._counts(p, y, x)
+
+    def label_frame(self, t0_us, t1_us):
+        """int32 [2, H, W]: number of events in the window, by label: 0 noise, 1 signal."""
+        _, x, y, _, label = self.events(t0_us, t1_us)
+        if label is None:
+            raise ValueError(f"{self.path} has no labels; the recipe has to ask for them: `labels: true`")
+        return self._counts(label, y, x)
+
+    def _counts(self, kind, y, x):
+        """int32 [2, H, W]: number of events by kind, 0 or 1, and pixel."""
+        shape = (2, *self._size())
+        counts = np.bincount(np.ravel_multi_index((kind, y, x), shape), minlength=math.prod(shape))
+        return counts.reshape(shape).astype(np.int32)
+
+    def _size(self):
+        """Height and width, px."""
+        if self.height is None:
+            raise ValueError(f"{self.path} does not state its size; open it with size=(width, height)")
+        return self.height, self.width
+
+    def voxel(self, t0_us, t1_us, bins):
+        """float32 [bins, H, W]: polarity, +1 or -1, divided between the two nearest bins, linearly in time.
+
+        The grid of Zhu et al. (CVPR 2019, eq. 1 and 2), which E2VID reads too. An event at t is at bin
+        (bins - 1) (t - t0_us) / (t1_us - t0_us); they use the stamps of the first and the last event instead
+        of the ends of the window. The sum of a pixel over the bins is the sum of its polarities. Nothing is
+        normalised.
+        """
+        if bins < 1 or not t1_us > t0_us:
+            raise ValueError(f"a grid of {bins} bins over [{t0_us}, {t1_us}) us holds nothing")
+        t, x, y, p, _ = self.events(t0_us, t1_us)
+        shape = (bins, *self._size())
+        sign = 2.0 * p - 1.0
+        at = (bins - 1) * ((t - t0_us) / (t1_us - t0_us))
+        lower = np.minimum(at.astype(np.int64), bins - 1)
+        share = at - lower
+        upper = np.minimum(lower + 1, bins - 1)
+        cells = np.concatenate([np.ravel_multi_index((k, y, x), shape) for k in (lower, upper)])
+        weights = np.concatenate([sign * (1 - share), sign * share])
+        return np.bincount(cells, weights, math.prod(shape)).reshape(shape).astype(np.float32)
+
+
+def open_events(path, size=None):
+    """The EventFile at `path`: an .h5 file of `gs2e simulate` or `gs2e convert`, or another in the layout of DSEC.
+
+    Its methods are `events`, `event_frame`, `label_frame`, `voxel` and `close`. Files of gs2e state their size; for
+    others, `size` is (width, height).
+    """
+    if size is None:
+        with h5py.File(path, "r") as file:
+            found = [file.attrs.get(name) for name in ("width", "height")]
+        size = None if None in found else tuple(int(side) for side in found)
+    return EventFile(path, size)
+
+
+class Scene(EventFile):
     """One trajectory of a scene, as one sensor saw it.
 
-    `folder` is that of a scene, which holds scene.json, or that of a trajectory in it. `trajectory` and `sensor` are names,
-    and can be left out where there is only one. What is read is kept, but for events and pictures.
+    `folder` is the folder of a scene, which has a scene.json, or the folder of a trajectory in it. `trajectory` and
+    `sensor` are names, and can be left out if there is only one. Everything that is read is kept, except for events
+    and pictures.
     """
 
     def __init__(self, folder, trajectory=None, sensor=None):
@@ -119,11 +257,12 @@ class Scene:
         self.folder = os.path.join(folder, trajectory)
         """The folder of the trajectory."""
         camera = self.description["camera"]
-        self.width, self.height = camera["width"], camera["height"]
+        events = "events.h5" if sensor is None else os.path.join("events", sensor + ".h5")
+        super().__init__(os.path.join(self.folder, events), (camera["width"], camera["height"]))
         self.duration_us = self.part["duration_us"]
-        """Stamp of the last pose; the first one's is 0."""
+        """Stamp of the last pose. The stamp of the first is 0."""
         self._poses = self._stamps = None
-        self._file = self._columns = self._index = self._offset_us = self._pid = None
+        self._listed = {}
 
     def __repr__(self):
         sensor = "" if self.sensor is None else f", sensor {self.sensor}"
@@ -131,12 +270,6 @@ class Scene:
 
     def __reduce__(self):
         return Scene, (os.path.dirname(self.folder), self.trajectory, self.sensor)
-
-    def close(self):
-        """Closes the file of events; it is opened again when it is needed."""
-        file, self._file, self._columns = self._file, None, None
-        if file is not None:
-            file.close()
 
     @property
     def K(self):
@@ -166,8 +299,8 @@ class Scene:
     def pose(self, t_us):
         """float64 [4, 4]: camera to world at a time; [N, 4, 4] at N times.
 
-        Between two poses the camera's centre goes straight and its rotation the shortest way, both at a steady rate (lerp,
-        slerp). Times before the first pose or after the last are refused.
+        Between two poses, the centre of the camera moves on a straight line and its rotation takes the shortest way,
+        both at a constant rate (lerp, slerp). Times before the first pose or after the last are refused.
         """
         t_us = np.asarray(t_us, np.float64)
         stamps = self.stamps_us
@@ -184,15 +317,32 @@ class Scene:
 
     @property
     def frames(self):
-        """The sharp pictures by time: a list of Frame; empty where the recipe asks for none."""
-        folder = os.path.join(self.folder, "sharp")
-        names = sorted(os.listdir(folder)) if os.path.isdir(folder) else []
-        numbers = [int(name[:-4]) for name in names if name.endswith(".png")]
-        return [Frame(j, int(self.stamps_us[j]), os.path.join(folder, f"{j:06d}.png")) for j in numbers]
+        """The sharp pictures by time: a list of Frame; empty if the recipe asks for none."""
+        return self._numbered("sharp", ".png", Frame)
+
+    @property
+    def depths(self):
+        """Depths by time: a list of Array; empty if the recipe asks for none."""
+        return self._numbered("depth", ".npy", Array)
+
+    @property
+    def flows(self):
+        """Optical flows by time: a list of Array; empty if the recipe asks for none."""
+        return self._numbered("flow", ".npy", Array)
+
+    def _numbered(self, name, end, kind):
+        """The files of a folder that are named by the number of a pose."""
+        if name not in self._listed:
+            folder = os.path.join(self.folder, name)
+            names = sorted(os.listdir(folder)) if os.path.isdir(folder) else []
+            numbers = [int(name[: -len(end)]) for name in names if name.endswith(end)]
+            paths = [os.path.join(folder, f"{j:06d}{end}") for j in numbers]
+            self._listed[name] = [kind(j, int(self.stamps_us[j]), path) for j, path in zip(numbers, paths)]
+        return self._listed[name]
 
     @property
     def blurred(self):
-        """The blurred pictures by time: a list of Blurred; empty where the recipe asks for none."""
+        """The blurred pictures by time: a list of Blurred; empty if the recipe asks for none."""
         with open(os.path.join(self.folder, "transforms.json"), encoding="utf-8") as file:
             frames = [frame for frame in json.load(file)["frames"] if "blur_file_path" in frame]
         found = []
@@ -205,123 +355,241 @@ class Scene:
         return found
 
     def depth(self, index):
-        """float32 [H, W]: depth at a pose, by its number, along the optical axis in the scene's unit; NaN: undefined."""
+        """float32 [H, W]: depth at the pose of this number, along the optical axis, in scene units; NaN: undefined."""
         return np.load(os.path.join(self.folder, "depth", f"{index:06d}.npy"))
 
     def flow(self, index):
-        """float32 [H, W, 2]: optical flow at a pose, by its number: image velocity in px/s, right and down; NaN: undefined."""
+        """float32 [H, W, 2]: optical flow at the pose of this number, px/s to the right and down; NaN: undefined."""
         return np.load(os.path.join(self.folder, "flow", f"{index:06d}.npy"))
-
-    def _open(self):
-        """Has the file of events open; opens it anew in a process that was forked."""
-        if self._pid != os.getpid():
-            # What a fork inherits shares its parent's file descriptor: closing it here leaves the parent's open.
-            self.close()
-            self._pid = os.getpid()
-        if self._file is None:
-            name = "events.h5" if self.sensor is None else os.path.join("events", self.sensor + ".h5")
-            self._file = h5py.File(os.path.join(self.folder, name), "r")
-            # Kept open, since HDF5 keeps the chunks that it has unpacked with an open column.
-            self._columns = dict(self._file["events"].items())
-            self._index = self._file["ms_to_idx"][:].astype(np.int64)
-            self._offset_us = int(self._file["t_offset"][()])
-
-    def events(self, t0_us=None, t1_us=None):
-        """Events with t0_us <= t < t1_us; from the first one and to the last one where a bound is left out."""
-        self._open()
-        columns, index, offset = self._columns, self._index, self._offset_us
-        first, end = 0, len(columns["t"])
-        # index[k] is the number of the first event with t >= 1000 k; its last entry lies behind the last event.
-        last = len(index) - 1
-        if t0_us is not None:
-            first = index[min(max(math.floor((t0_us - offset) / 1000), 0), last)]
-        if t1_us is not None:
-            end = max(index[min(max(math.ceil((t1_us - offset) / 1000), 0), last)], first)
-        t = columns["t"][first:end].astype(np.int64) + offset
-        lo = 0 if t0_us is None else np.searchsorted(t, t0_us, side="left")
-        hi = len(t) if t1_us is None else max(np.searchsorted(t, t1_us, side="left"), lo)
-        rows = slice(first + lo, first + hi)
-        label = columns["label"][rows] if "label" in columns else None
-        return Events(t[lo:hi], columns["x"][rows], columns["y"][rows], columns["p"][rows], label)
-
-    def event_frame(self, t0_us, t1_us):
-        """int32 [2, H, W]: number of events in the window, by polarity: 0 darker, 1 brighter."""
-        _, x, y, p, _ = self.events(t0_us, t1_us)
-        shape = (2, self.height, self.width)
-        counts = np.bincount(np.ravel_multi_index((p, y, x), shape), minlength=math.prod(shape))
-        return counts.reshape(shape).astype(np.int32)
-
-    def voxel(self, t0_us, t1_us, bins):
-        """float32 [bins, H, W]: polarity, +1 or -1, shared out between the two nearest bins, linearly in time.
-
-        The grid of Zhu et al. (CVPR 2019, eq. 1 and 2), which E2VID reads too: an event at t is at bin
-        (bins - 1) (t - t0_us) / (t1_us - t0_us), where they have the stamps of the first and the last event in place of
-        the window's ends. So a pixel's sum over the bins is the sum of its polarities. Nothing is normalised.
-        """
-        if bins < 1 or not t1_us > t0_us:
-            raise ValueError(f"a grid of {bins} bins over [{t0_us}, {t1_us}) us holds nothing")
-        t, x, y, p, _ = self.events(t0_us, t1_us)
-        shape = (bins, self.height, self.width)
-        sign = 2.0 * p - 1.0
-        at = (bins - 1) * ((t - t0_us) / (t1_us - t0_us))
-        lower = np.minimum(at.astype(np.int64), bins - 1)
-        share = at - lower
-        upper = np.minimum(lower + 1, bins - 1)
-        cells = np.concatenate([np.ravel_multi_index((k, y, x), shape) for k in (lower, upper)])
-        weights = np.concatenate([sign * (1 - share), sign * share])
-        return np.bincount(cells, weights, math.prod(shape)).reshape(shape).astype(np.float32)
 
 
 class Windows:
-    """A scene cut into windows of equal length: a map-style data set, as torch.utils.data.DataLoader takes it.
+    """A scene cut into windows of equal length: a map-style dataset for torch.utils.data.DataLoader.
 
-    Entry i is of [i * stride_us, i * stride_us + length_us): a dictionary of `t0_us`, `t1_us`, `voxel` (see Scene.voxel) and
-    `pose` (see Scene.pose) in the middle of it. Windows end by the last pose.
+    Entry i is of [i * stride_us, i * stride_us + length_us). It is a dictionary of `t0_us`, `t1_us`, `voxel` (see
+    Scene.voxel) and `pose` (see Scene.pose) at the middle of the window. The last window ends by the last pose.
+
+    `targets` names what else an entry has:
+
+    - "frame", "blur", "depth", "flow": the product nearest in time to the middle of the window, as an array, and its
+      time: `frame` and `frame_t_us`. Of two at the same distance it is the earlier one. A blurred picture has the
+      time of its pose.
+    - "label": int32 [2, H, W], the number of events by label: 0 noise, 1 signal.
+    - "events": the Events of the window. Their number varies, so a batch of them needs a `collate_fn`.
     """
 
-    def __init__(self, scene, length_us, bins, stride_us=None):
+    PRODUCTS = {"frame": "frames", "blur": "blurred", "depth": "depths", "flow": "flows"}
+    """Targets that are files, and the properties of Scene that list them."""
+
+    def __init__(self, scene, length_us, bins, stride_us=None, targets=()):
         self.scene, self.length_us, self.bins = scene, length_us, bins
         self.stride_us = length_us if stride_us is None else stride_us
         if self.length_us <= 0 or self.stride_us <= 0:
             raise ValueError("windows have a length and a stride above 0 us")
+        self.targets = tuple(targets)
+        known = [*self.PRODUCTS, "label", "events"]
+        for name in self.targets:
+            if name not in known:
+                raise ValueError(f"a window has no target {name!r}; there are {', '.join(known)}")
+        wanted = [name for name in self.targets if name in self.PRODUCTS]
+        self._products = {name: getattr(scene, self.PRODUCTS[name]) for name in wanted}
+        for name, listed in self._products.items():
+            if not listed:
+                raise ValueError(f"{scene!r} has no {name}; the recipe has to ask for it")
 
     def __len__(self):
-        return max(0, (self.scene.duration_us - self.length_us) // self.stride_us + 1)
+        return _window_count(self.scene.duration_us, self.length_us, self.stride_us)
 
     def __getitem__(self, i):
         if not 0 <= i < len(self):
             raise IndexError(i)
         t0_us = i * self.stride_us
         t1_us = t0_us + self.length_us
-        voxel, pose = self.scene.voxel(t0_us, t1_us, self.bins), self.scene.pose((t0_us + t1_us) / 2)
-        return {"t0_us": t0_us, "t1_us": t1_us, "voxel": voxel, "pose": pose}
+        middle_us = (t0_us + t1_us) / 2
+        voxel, pose = self.scene.voxel(t0_us, t1_us, self.bins), self.scene.pose(middle_us)
+        entry = {"t0_us": t0_us, "t1_us": t1_us, "voxel": voxel, "pose": pose}
+        for name, listed in self._products.items():
+            nearest = min(listed, key=lambda product: abs(product.t_us - middle_us))
+            entry[name], entry[name + "_t_us"] = nearest.read(), nearest.t_us
+        if "label" in self.targets:
+            entry["label"] = self.scene.label_frame(t0_us, t1_us)
+        if "events" in self.targets:
+            entry["events"] = self.scene.events(t0_us, t1_us)
+        return entry
 
 
-def read_png(path):
-    """uint8 [H, W, 3]: the pixels of a PNG of 8-bit RGB without interlacing, which is what a release holds."""
+def _window_count(duration_us, length_us, stride_us):
+    """Number of windows in a trajectory."""
+    return max(0, (duration_us - length_us) // stride_us + 1)
+
+
+class Dataset:
+    """The trajectories of a release: a sequence of Scene, one for each trajectory and sensor.
+
+    `root` is the folder that has manifest.json. `split` is the name of a split, or None for all scenes. The list
+    comes from index.parquet if pyarrow or pandas is installed, and otherwise from manifest.json and each scene.json.
+    """
+
+    COLUMNS = ("id", "scene", "trajectory", "sensor", "split", "duration_us")
+    """Columns that each row has in both cases. The other columns of index.parquet need pyarrow or pandas."""
+
+    MAX_OPEN = 16
+    """Maximum number of scenes that are kept open."""
+
+    def __init__(self, root, split=None):
+        self.root = os.path.abspath(os.fspath(root))
+        rows = _index_rows(self.root)
+        splits = sorted({row["split"] for row in rows if row["split"]})
+        if split is not None and split not in splits:
+            raise ValueError(f"{self.root} has the splits {', '.join(splits) or 'none'}; asked for is {split}")
+        self.split = split
+        self.rows = [row for row in rows if split is None or row["split"] == split]
+        """Rows of index.parquet, one dictionary for each entry."""
+        self._open = {}
+
+    def __repr__(self):
+        return f"<Dataset {self.root}, split {self.split}: {len(self)}>"
+
+    def __getstate__(self):
+        return {**self.__dict__, "_open": {}}
+
+    def __len__(self):
+        return len(self.rows)
+
+    def __getitem__(self, i):
+        row = self.rows[i]
+        scene = self._open.pop(row["id"], None)
+        if scene is None:
+            scene = Scene(os.path.join(self.root, *row["scene"].split("/")), row["trajectory"], row["sensor"])
+        # A dict keeps the order of insertion, so the scene used last is at its end.
+        self._open[row["id"]] = scene
+        if len(self._open) > self.MAX_OPEN:
+            self._open.pop(next(iter(self._open))).close()
+        return scene
+
+    def windows(self, length_us, bins, stride_us=None, targets=()):
+        """The windows of all entries, one after the other: a map-style dataset. See `Windows` for the arguments.
+
+        An entry has one more key: `row`, the number of its row in `Dataset.rows`.
+        """
+        return _DatasetWindows(self, length_us, bins, stride_us, targets)
+
+
+class _DatasetWindows:
+    """Windows over many scenes."""
+
+    def __init__(self, dataset, length_us, bins, stride_us, targets):
+        self.dataset, self.arguments = dataset, (length_us, bins, stride_us, targets)
+        if length_us <= 0 or stride_us is not None and stride_us <= 0:
+            raise ValueError("windows have a length and a stride above 0 us")
+        stride_us = length_us if stride_us is None else stride_us
+        counts = (_window_count(row["duration_us"], length_us, stride_us) for row in dataset.rows)
+        self._ends = list(itertools.accumulate(counts))
+
+    def __len__(self):
+        return self._ends[-1] if self._ends else 0
+
+    def __getitem__(self, i):
+        if not 0 <= i < len(self):
+            raise IndexError(i)
+        row = bisect.bisect_right(self._ends, i)
+        first = self._ends[row - 1] if row else 0
+        return {**Windows(self.dataset[row], *self.arguments)[i - first], "row": row}
+
+
+def _index_rows(root):
+    """The rows of index.parquet; without a reader of Parquet, the most important columns, from the JSON files."""
+    path = os.path.join(root, "index.parquet")
+    if not os.path.exists(path):
+        return _manifest_rows(root)
+    try:
+        import pyarrow.parquet
+
+        return pyarrow.parquet.read_table(path).to_pylist()
+    except ImportError:
+        pass
+    try:
+        import pandas
+
+        frame = pandas.read_parquet(path)
+        return frame.astype(object).where(frame.notna(), None).to_dict("records")
+    except ImportError:
+        # pandas itself needs pyarrow or fastparquet.
+        return _manifest_rows(root)
+
+
+def _manifest_rows(root):
+    """One row for each trajectory and sensor, in the order of index.parquet."""
+    with open(os.path.join(root, "manifest.json"), encoding="utf-8") as file:
+        ids = [scene["id"] for scene in json.load(file)["scenes"]]
+    rows = []
+    for scene in ids:
+        description = _description(os.path.join(root, *scene.split("/")))
+        for part in description["trajectories"]:
+            for sensor in part.get("sensors") or [None]:
+                names = [scene, part["name"], *([] if sensor is None else [sensor])]
+                split_name = (description.get("split") or {}).get("name")
+                values = ("/".join(names), scene, part["name"], sensor, split_name, part["duration_us"])
+                rows.append(dict(zip(Dataset.COLUMNS, values)))
+    return sorted(rows, key=lambda row: (row["scene"], row["trajectory"], row["sensor"] or ""))
+
+
+def read_png(path, decoder=None):
+    """uint8 [H, W, 3]: the pixels of a PNG of 8-bit RGB without interlacing, the only kind in a release.
+
+    `decoder` is "pillow", "opencv" or "numpy"; without it, the first of them that is installed.
+    """
     with open(path, "rb") as file:
         data = file.read()
-    if data[:8] != b"\x89PNG\r\n\x1a\n":
-        raise ValueError(f"{path} is no PNG")
+    if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR":
+        raise ValueError(f"{path} is not a PNG")
+    if tuple(data[24:29]) != (8, 2, 0, 0, 0):
+        raise ValueError(f"{path} is not a PNG of 8-bit RGB without interlacing")
+    for decode in _DECODERS.values() if decoder is None else [_DECODERS[decoder]]:
+        try:
+            return decode(data)
+        except ImportError:
+            # The last decoder needs nothing but numpy.
+            continue
+    raise ImportError(f"the decoder {decoder} is not installed")
+
+
+def _decode_with_pillow(data):
+    import io
+
+    from PIL import Image
+
+    return np.array(Image.open(io.BytesIO(data)))
+
+
+def _decode_with_opencv(data):
+    import cv2
+
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if decoded is None:
+        raise ValueError("OpenCV cannot decode the picture")
+    return cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
+
+
+def _decode_with_numpy(data):
+    width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     at, parts = 8, []
-    width = height = 0
     while at < len(data):
         length, name = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
-        body = data[at + 8 : at + 8 + length]
-        if name == b"IHDR":
-            width, height = int.from_bytes(body[:4], "big"), int.from_bytes(body[4:8], "big")
-            if tuple(body[8:]) != (8, 2, 0, 0, 0):
-                raise ValueError(f"{path} is no PNG of 8-bit RGB without interlacing")
-        elif name == b"IDAT":
-            parts.append(body)
+        if name == b"IDAT":
+            parts.append(data[at + 8 : at + 8 + length])
         at += 12 + length
     raw = np.frombuffer(zlib.decompress(b"".join(parts)), np.uint8).reshape(height, 1 + 3 * width)
     return _unfiltered(raw[:, 0], raw[:, 1:].reshape(height, width, 3))
 
 
+_DECODERS = {"pillow": _decode_with_pillow, "opencv": _decode_with_opencv, "numpy": _decode_with_numpy}
+"""Decoders by name, in the order in which they are tried."""
+
+
 def _unfiltered(filters, sent):
-    """Undoes the filters of a PNG's rows (its specification, section 9). A pixel needs the ones to the left, above and
-    left above, so that those of one diagonal are independent of each other."""
+    """Undoes the filters of a PNG's rows (its specification, section 9). A pixel needs the pixels to the left, above,
+    and above the left one, so the pixels of one diagonal are independent of each other."""
     height, width, _ = sent.shape
     # With a row and a column of zeros before the first ones.
     out = np.zeros((height + 1, width + 1, 3), np.int16)

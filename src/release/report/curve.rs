@@ -1,10 +1,13 @@
-//! Small curves of event rates and speeds over time, and the data of strokes.
+//! Plots of event rates and speeds over time, and the data of strokes.
 
 use super::html::HtmlFragment;
+use crate::trajectory::picture::{round_down, short_number};
 use std::fmt::Write as _;
 
-/// Size of a curve's picture, px.
-const SIZE: [i32; 2] = [480, 96];
+/// Size of a plot with its labels, px.
+const SIZE: [i32; 2] = [320, 150];
+/// Left, top, right and bottom edge of the area of the curves, px.
+const AREA: [f64; 4] = [40.0, 18.0, 298.0, 128.0];
 
 /// Values over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,15 +51,71 @@ impl ReportCurve {
     pub(super) fn highest(&self) -> f64 {
         self.points.iter().map(|[_, v]| *v).fold(0.0, f64::max)
     }
+}
 
-    fn data(&self, highest: f64) -> String {
-        let place = |[t, value]: [f64; 2]| {
-            let y = if highest > 0.0 { value / highest } else { 0.0 };
-            // 2 px above and below, so that no stroke is cut at the edge.
-            [t * f64::from(SIZE[0]), (1.0 - y) * f64::from(SIZE[1] - 4) + 2.0]
-        };
-        stroke_path(self.points.iter().map(|point| place(*point)))
+/// The axes of a plot. Plots that are compared have equal axes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlotAxes<'a> {
+    /// Value at the upper edge; the lower edge is 0.
+    pub(super) highest: f64,
+    /// Unit of the values.
+    pub(super) unit: &'a str,
+    /// Time at the right edge, ms; the left edge is 0.
+    pub(super) duration_ms: f64,
+    /// True if axes are drawn.
+    pub(super) labelled: bool,
+}
+
+impl PlotAxes<'_> {
+    /// The place of a point: its share of the time, and its value.
+    fn place(&self, [share, value]: [f64; 2]) -> [f64; 2] {
+        let [left, top, right, bottom] = AREA;
+        let height = if self.highest > 0.0 { value / self.highest } else { 0.0 };
+        [left + share * (right - left), bottom - height * (bottom - top)]
     }
+
+    fn data(&self, curve: &ReportCurve) -> String {
+        stroke_path(curve.points.iter().map(|point| self.place(*point)))
+    }
+
+    /// Draws the lines of the grid and the numbers at them.
+    fn draw(&self, html: &mut HtmlFragment) {
+        if !self.labelled {
+            return;
+        }
+        let [left, top, right, bottom] = AREA;
+        // Without a duration there is a tick at 0 alone.
+        let share = |ms: f64| if ms > 0.0 { ms / self.duration_ms } else { 0.0 };
+        let times = axis_ticks(self.duration_ms).map(|ms| (ms, self.place([share(ms), 0.0])));
+        let values = axis_ticks(self.highest).map(|value| (value, self.place([0.0, value])));
+        let [times, values]: [Vec<(f64, [f64; 2])>; 2] = [times.collect(), values.collect()];
+        let lines = times.iter().map(|(_, [x, _])| [[*x, top], [*x, bottom]]);
+        let lines = lines.chain(values.iter().map(|(_, [_, y])| [[left, *y], [right, *y]]));
+        html.empty("path", &[("class", "grid"), ("d", &lines.map(stroke_path).collect::<String>())]);
+        for (value, [x, y]) in &values {
+            write_label(html, [*x - 4.0, *y + 4.0], "end", &short_number(*value));
+        }
+        let last = times.len().saturating_sub(1);
+        for (number, (ms, [x, y])) in times.iter().enumerate() {
+            let unit = if number == last { " ms" } else { "" };
+            write_label(html, [*x, *y + 14.0], "middle", &format!("{}{unit}", short_number(*ms)));
+        }
+        write_label(html, [2.0, 10.0], "start", self.unit);
+    }
+}
+
+/// The multiples of 1, 2 or 5 times a power of ten from 0 to `highest`, three to five of them; only 0
+/// if this is not above 0.
+fn axis_ticks(highest: f64) -> impl Iterator<Item = f64> {
+    let step = if highest > 0.0 && highest.is_finite() { round_down(highest / 2.0) } else { f64::INFINITY };
+    // The step is more than a fifth of the whole, so four of them are the most.
+    let above = (1..=4).map(move |k| f64::from(k) * step).take_while(move |tick| *tick <= highest);
+    std::iter::once(0.0).chain(above)
+}
+
+fn write_label(html: &mut HtmlFragment, place: [f64; 2], anchor: &str, words: &str) {
+    let [x, y] = place.map(|v| format!("{v:.0}"));
+    html.leaf("text", &[("x", &x), ("y", &y), ("text-anchor", anchor)], words);
 }
 
 /// The data of a path through points, in whole px, each relative to the point before it. Points
@@ -83,16 +142,19 @@ pub(super) fn stroke_path(points: impl IntoIterator<Item = [f64; 2]>) -> String 
     data
 }
 
-/// Draws curves on one scale from 0 to the highest of them, each with the class that colours it.
-/// The caption says what they are.
-pub(super) fn draw_curves(html: &mut HtmlFragment, curves: &[(&'static str, &ReportCurve)]) {
-    let highest = curves.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max);
+/// Draws curves in one plot, each with the class that colours it. The caption says what they are.
+pub(super) fn draw_curves(
+    html: &mut HtmlFragment,
+    axes: PlotAxes<'_>,
+    curves: &[(&'static str, &ReportCurve)],
+) {
     let [width, height] = SIZE;
     let view = format!("0 0 {width} {height}");
     let attributes = [("class", "curve"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
     html.within("svg", &attributes, |html| {
+        axes.draw(html);
         for (class, curve) in curves {
-            html.empty("path", &[("class", class), ("d", &curve.data(highest))]);
+            html.empty("path", &[("class", class), ("d", &axes.data(curve))]);
         }
     });
 }
@@ -101,13 +163,35 @@ pub(super) fn draw_curves(html: &mut HtmlFragment, curves: &[(&'static str, &Rep
 mod tests {
     use super::*;
 
+    fn axes(highest: f64) -> PlotAxes<'static> {
+        PlotAxes { highest, unit: "x", duration_ms: 40.0, labelled: true }
+    }
+
     #[test]
     fn a_curve_is_drawn_in_steps() {
         let curve = ReportCurve::new(&[0.0, 1.0, 2.0, 2.0], &[1.0; 4], 10);
-        // Middles of four equal parts of 480 px; 0 at the bottom (94), 2 at the top (2).
-        assert_eq!(curve.data(2.0), "M60 94l120-46 120-46 120 0");
-        assert_eq!(ReportCurve::new(&[], &[], 10).data(1.0), "");
-        assert_eq!(ReportCurve::new(&[0.0], &[1.0], 10).data(0.0), "M240 94");
+        // Middles of four equal parts of 258 px from 40; 0 at the bottom (128), 2 at the top (18).
+        assert_eq!(axes(2.0).data(&curve), "M72 128l65-55 64-55 65 0");
+        assert_eq!(axes(1.0).data(&ReportCurve::new(&[], &[], 10)), "");
+        assert_eq!(axes(0.0).data(&ReportCurve::new(&[0.0], &[1.0], 10)), "M169 128");
+    }
+
+    #[test]
+    fn axes_have_round_numbers() {
+        for (highest, wanted) in [
+            (40.0, vec![0.0, 20.0, 40.0]),
+            (9.9, vec![0.0, 2.0, 4.0, 6.0, 8.0]),
+            (0.5, vec![0.0, 0.2, 0.4]),
+            (0.0, vec![0.0]),
+            (f64::NAN, vec![0.0]),
+        ] {
+            let found: Vec<f64> = axis_ticks(highest).collect();
+            assert_eq!(found, wanted, "{highest}");
+        }
+        let page = HtmlFragment::whole_page(|html| draw_curves(html, axes(300.0), &[]));
+        for words in [">0<", ">100<", ">200<", ">20<", ">40 ms<", ">x<"] {
+            assert!(page.contains(words), "{words} in {page}");
+        }
     }
 
     #[test]

@@ -112,25 +112,23 @@ pub(super) fn write_badge(html: &mut HtmlFragment, verdict: Verdict, words: &str
 /// are shown without `prefix`.
 pub(super) fn write_table<'a>(
     html: &mut HtmlFragment,
-    caption: &str,
     prefix: &str,
     findings: impl IntoIterator<Item = &'a Finding>,
 ) {
     let mut findings: Vec<&Finding> = findings.into_iter().collect();
     // A stable sort, so statements with one verdict keep their order.
     findings.sort_by_key(|finding| verdict_rank(finding.verdict));
-    html.within("table", &[("class", "findings")], |html| {
-        html.leaf("caption", &[], caption);
+    html.table("findings", |html| {
         write_heads(
             html,
             &[
                 ("check", ""),
-                ("of", ""),
+                ("sensor or part", ""),
                 ("verdict", ""),
                 ("measured", "n"),
                 ("limit", "n"),
                 ("unit", ""),
-                ("because", ""),
+                ("explanation", ""),
             ],
         );
         html.within("tbody", &[], |html| {
@@ -167,7 +165,7 @@ pub(super) fn write_list<'a>(
                 number("limit", finding.limit).trim_end(),
                 finding.because
             );
-            html.leaf("li", &[("class", verdict_class(finding.verdict))], &words);
+            html.prose_leaf("li", &[("class", verdict_class(finding.verdict))], &words);
         }
     });
 }
@@ -197,7 +195,7 @@ fn write_row(html: &mut HtmlFragment, finding: &Finding, prefix: &str) {
         html.leaf("td", &[("class", "n")], &number(finding.measured));
         html.leaf("td", &[("class", "n")], &number(finding.limit));
         html.leaf("td", &[], unit_text(finding));
-        html.leaf("td", &[], &finding.because);
+        html.prose_leaf("td", &[], &finding.because);
     });
 }
 
@@ -234,7 +232,7 @@ pub(super) mod tests {
             finding("polarity", "s/t/fine", Verdict::Waived),
         ];
         let mut html = HtmlFragment::default();
-        write_table(&mut html, "all", "s/t", &findings);
+        write_table(&mut html, "s/t", &findings);
         let page = HtmlFragment::whole_page(|page| page.append(&html));
         let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words} in {page}"));
         let order = ["<td>arc", "<td>chord", "<td>fine", "<td>order", ">schema<"].map(place);

@@ -53,6 +53,30 @@ impl HtmlFragment {
         escape_text(words, &mut self.0);
     }
 
+    /// Text in which a pair of backticks encloses code. A backtick without a partner stays as it is.
+    pub(super) fn prose(&mut self, words: &str) {
+        let mut pieces = words.split('`').peekable();
+        let mut is_code = false;
+        while let Some(piece) = pieces.next() {
+            match (is_code, pieces.peek()) {
+                (true, Some(_)) => self.leaf("code", &[], piece),
+                (true, None) => self.text(&format!("`{piece}")),
+                (false, _) => self.text(piece),
+            }
+            is_code = !is_code;
+        }
+    }
+
+    /// An element with nothing but prose in it.
+    pub(super) fn prose_leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
+        self.within(tag, attributes, |html| html.prose(words));
+    }
+
+    /// A table, in a box of its own that scrolls where the table is wider than the screen.
+    pub(super) fn table(&mut self, class: &'static str, inside: impl FnOnce(&mut Self)) {
+        self.within("div", &[("class", "scroll")], |html| html.within("table", &[("class", class)], inside));
+    }
+
     /// The style sheet, which is part of this program and holds nothing that would need an escape.
     pub(super) fn style(&mut self, sheet: &'static str) {
         assert!(!sheet.contains(['<', '&']), "a style sheet cannot be escaped");
@@ -168,6 +192,24 @@ mod tests {
         let [text, value] = read_back(WICKED[6]);
         assert_eq!(text, "nul \u{fffd} bell \u{fffd} escape \u{fffd} next \u{fffd} end \u{fffd}");
         assert_eq!(value, text);
+    }
+
+    #[test]
+    fn pairs_of_backticks_are_code() {
+        for (words, wanted) in [
+            ("no code", "no code"),
+            ("set `a: <1>` or `b`", "set <code>a: &lt;1&gt;</code> or <code>b</code>"),
+            ("`a`", "<code>a</code>"),
+            ("a lone ` stays", "a lone ` stays"),
+            ("`a` and ` stays", "<code>a</code> and ` stays"),
+        ] {
+            let mut html = HtmlFragment::default();
+            html.prose(words);
+            assert_eq!(html.0, wanted);
+        }
+        let page =
+            HtmlFragment::whole_page(|html| WICKED.iter().for_each(|words| html.prose_leaf("p", &[], words)));
+        assert!(!page.contains("<script") && !page.contains("<img"), "{page}");
     }
 
     #[test]

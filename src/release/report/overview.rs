@@ -1,5 +1,5 @@
-//! The release as a whole: its contents, the table of scenes, findings, statements that were not
-//! run, and omissions.
+//! The release as a whole: its contents, the table of scenes, findings, checks that did not run,
+//! absences, and skipped work.
 
 use super::ReportPage;
 use super::findings::{self, VerdictCount, write_badge, write_heads};
@@ -26,7 +26,7 @@ pub(super) fn write_head(html: &mut HtmlFragment, page: &ReportPage<'_>) {
             html.leaf("span", &[("class", "version")], &format!(" {}", info.version));
         });
         if !info.description.is_empty() {
-            html.leaf("p", &[], &info.description);
+            html.prose_leaf("p", &[], &info.description);
         }
         html.within("p", &[], |html| {
             html.text("Licence of the whole: ");
@@ -43,13 +43,14 @@ pub(super) fn write_head(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     });
 }
 
-const SECTIONS: [(&str, &str); 6] = [
+const SECTIONS: [(&str, &str); 7] = [
+    ("#each", "Pictures"),
     ("#scenes", "Scenes"),
     ("#checks", "Checks"),
-    ("#not-run", "Not run"),
-    ("#left-out", "Left out"),
-    ("#each", "Each scene"),
+    ("#not-run", "Checks that did not run"),
+    ("#absent", "What is not here"),
     ("#files", "Files and terms"),
+    ("#skipped", "Skipped work"),
 ];
 
 /// Writes the amounts in large figures.
@@ -76,7 +77,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         (thousands_number(frames("blur")), "blurred frames"),
         (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
         (crate::trajectory::picture::short_number(seconds), "s of motion"),
-        (number_span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
+        (number_span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events/px/s"),
         (number_span(streams().filter_map(on_share)), "share of ON events"),
     ];
     html.within("ul", &[("class", "figures-row")], |html| {
@@ -93,7 +94,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("div", &[("class", "verdict-line")], |html| {
         count.bar(html);
         html.within("p", &[], |html| {
-            html.text("Statements of checks: ");
+            html.text("Verdicts of checks: ");
             count.badges(html);
         });
     });
@@ -103,15 +104,15 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
 pub(super) fn write_scenes(html: &mut HtmlFragment, page: &ReportPage<'_>, parts: &[SceneSection]) {
     html.within("section", &[("id", "scenes")], |html| {
         html.leaf("h2", &[], "Scenes");
-        if let Some(words) = page.depth.left_out(page.trajectories()) {
+        if let Some(words) = page.detail.left_out(page.trajectories()) {
             html.leaf("p", &[("class", "note")], &words);
         }
         write_filters(html, page);
-        html.within("table", &[("class", "scenes")], |html| {
+        html.table("scenes", |html| {
             html.leaf(
                 "caption",
                 &[],
-                "A row a scene; rates and shares are over its trajectories and sensors.",
+                "Rates and shares are ranges over the trajectories and sensors of a scene.",
             );
             write_heads(html, &COLUMNS);
             html.within("tbody", &[], |html| parts.iter().for_each(|part| html.append(&part.row)));
@@ -124,11 +125,11 @@ const COLUMNS: [(&str, &str); 11] = [
     ("scene", ""),
     ("source", ""),
     ("licence", ""),
-    ("traj.", "n"),
+    ("trajectories", "n"),
     ("poses", "n"),
-    ("sharp", "n"),
+    ("frames", "n"),
     ("events", "n"),
-    ("ev/px/s", "n"),
+    ("events/px/s", "n"),
     ("ON share", "n"),
     ("checks", ""),
 ];
@@ -165,9 +166,9 @@ pub(super) fn write_checks(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "checks")], |html| {
         html.leaf("h2", &[], "Checks");
         html.leaf("p", &[], VERDICTS);
-        html.within("table", &[("class", "by-check")], |html| {
-            html.leaf("caption", &[], "Statements by check");
-            write_heads(html, &[("check", ""), ("verdicts", ""), ("statements", "")]);
+        html.table("by-check", |html| {
+            html.leaf("caption", &[], "Verdicts by check");
+            write_heads(html, &[("check", ""), ("share of verdicts", ""), ("number of verdicts", "")]);
             let count =
                 |name| VerdictCount::from_findings(page.findings().filter(|finding| finding.check == name));
             html.within("tbody", &[], |html| {
@@ -181,9 +182,9 @@ pub(super) fn write_checks(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     });
 }
 
-const VERDICTS: &str = "pass: within limits. warn: outside a limit that does not stop a release. waived: failed, and accepted \
-    by the recipe with a reason. not-run: could not be judged, and why is told below. A release with a failed check is not \
-    written.";
+const VERDICTS: &str = "pass: within the limits. warn: outside a limit that does not stop a release. waived: failed, and \
+    accepted by the recipe for a stated reason. not-run: could not be judged; the reason is below. A release with a failed \
+    check is not written.";
 
 fn by_check(html: &mut HtmlFragment, (name, count): (&str, VerdictCount)) {
     html.within("tr", &[], |html| {
@@ -209,9 +210,18 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         n if n > MAX_FAULTS => format!("Outside limits: the first {MAX_FAULTS} of {n} statements"),
         n => format!("Outside limits: {}", counted_noun(n, "statement", "statements")),
     };
-    html.within("table", &[("class", "faults")], |html| {
+    html.table("faults", |html| {
         html.leaf("caption", &[], &words);
-        write_heads(html, &[("scene", ""), ("of", ""), ("check", ""), ("verdict", ""), ("because", "")]);
+        write_heads(
+            html,
+            &[
+                ("scene", ""),
+                ("trajectory, sensor or part", ""),
+                ("check", ""),
+                ("verdict", ""),
+                ("explanation", ""),
+            ],
+        );
         html.within("tbody", &[], |html| {
             for (id, finding) in faults.into_iter().take(MAX_FAULTS) {
                 html.within("tr", &[], |html| {
@@ -219,7 +229,7 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
                     html.leaf("td", &[], findings::subject_statement(&finding.subject, id));
                     html.leaf("td", &[], &finding.check);
                     html.within("td", &[], |html| write_badge(html, finding.verdict, finding.verdict.name()));
-                    html.leaf("td", &[], &finding.because);
+                    html.prose_leaf("td", &[], &finding.because);
                 });
             }
         });
@@ -232,19 +242,19 @@ pub(super) fn not_run(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let silent: BTreeSet<&str> = page.findings().map(|finding| finding.check.as_str()).collect();
     let silent: Vec<&str> = check::NAMES.into_iter().filter(|name| !silent.contains(name)).collect();
     html.within("section", &[("id", "not-run")], |html| {
-        html.leaf("h2", &[], "Not run, and why");
+        html.leaf("h2", &[], "Checks that did not run");
         if reasons.is_empty() {
-            html.leaf("p", &[], "Every statement that was asked for was judged.");
+            html.leaf("p", &[], "Every check that the recipes ask for was run.");
         } else {
-            html.within("table", &[("class", "reasons")], |html| {
-                html.leaf("caption", &[], "Statements that were not judged");
-                write_heads(html, &[("check", ""), ("statements", "n"), ("reason", ""), ("first", "")]);
+            html.table("reasons", |html| {
+                let columns = [("check", ""), ("how often", "n"), ("reason", ""), ("first case", "")];
+                write_heads(html, &columns);
                 html.within("tbody", &[], |html| reasons.iter().for_each(|reason| reason_row(html, reason)));
             });
         }
         if !silent.is_empty() {
             let words = format!(
-                "Checks that say nothing in this release, since they are not built or nothing in it is for them: {}.",
+                "These checks have no verdict in this release: they do not exist yet, or nothing here needs them: {}.",
                 silent.join(", ")
             );
             html.leaf("p", &[], &words);
@@ -298,36 +308,41 @@ fn reason_row(html: &mut HtmlFragment, reason: &NotRunReason<'_>) {
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], reason.check);
         html.leaf("td", &[("class", "n")], &thousands_number(reason.statements as u64));
-        html.leaf("td", &[], &reason.because);
+        html.prose_leaf("td", &[], &reason.because);
         html.leaf("td", &[], reason.first);
     });
 }
 
-/// Writes the omissions: of contents that were asked for, and of work.
-pub(super) fn left_out(html: &mut HtmlFragment, page: &ReportPage<'_>) {
-    html.within("section", &[("id", "left-out")], |html| {
-        html.leaf("h2", &[], "Left out");
+/// Writes the contents that the release lacks.
+pub(super) fn write_absences(html: &mut HtmlFragment, page: &ReportPage<'_>) {
+    html.within("section", &[("id", "absent")], |html| {
+        html.leaf("h2", &[], "What is not here");
         html.within("ul", &[], |html| {
-            for words in absence_sentences(page) {
-                html.leaf("li", &[], &words);
-            }
+            absence_sentences(page).iter().for_each(|words| html.leaf("li", &[], words));
         });
+    });
+}
+
+/// Writes the work that was skipped.
+pub(super) fn write_skipped(html: &mut HtmlFragment, page: &ReportPage<'_>) {
+    html.within("section", &[("id", "skipped")], |html| {
+        html.leaf("h2", &[], "Skipped work");
         let rows = page.entries.iter().flat_map(|entry| &entry.scene.trajectories).flat_map(|t| &t.left_out);
         let sums = omission_sums(rows);
         if sums.is_empty() {
+            html.leaf("p", &[], "No work was skipped.");
             return;
         }
-        html.leaf("p", &[], LEFT_OUT);
-        html.within("table", &[("class", "left-out")], |html| {
-            html.leaf("caption", &[], "Work that was not done, over all trajectories");
+        html.leaf("p", &[], SKIPPED);
+        html.table("left-out", |html| {
             let columns = [
                 ("step", ""),
-                ("what", ""),
-                ("how much", "n"),
-                ("of", "n"),
+                ("skipped work", ""),
+                ("amount", "n"),
+                ("out of", "n"),
                 ("share", "n"),
                 ("unit", ""),
-                ("without it", ""),
+                ("effect on the release", ""),
             ];
             write_heads(html, &columns);
             html.within("tbody", &[], |html| sums.iter().for_each(|sum| sum_row(html, sum)));
@@ -335,8 +350,8 @@ pub(super) fn left_out(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     });
 }
 
-const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of what is in the release; \
-    the others say what they may cost.";
+const SKIPPED: &str = "The program skips work that the result does not need. \"Identical bytes\" means that not a bit of the \
+    release would differ with it; the other rows state their effect. Amounts are sums over all trajectories.";
 
 /// Contents that the release lacks, one sentence each: withheld scenes, photos, events that no
 /// recipe asks for. Any other reason for an absence belongs here too.
@@ -347,7 +362,7 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     let [unused, photos] = images.fold([0u64; 2], |[unused, all], i| [unused + u64::from(!i.used), all + 1]);
     let silent = page.entries.iter().filter(|entry| entry.counted().next().is_none()).count();
     let mut told = vec![match withheld.len() {
-        0 => "No scene has its pictures and events withheld.".to_owned(),
+        0 => "No scene lacks its pictures and events because of its licence.".to_owned(),
         n => format!(
             "Of {} pictures and events are withheld, as upstream forbids passing them on; recipe, poses and \
              reports are here.",
@@ -396,12 +411,12 @@ fn sum_row(html: &mut HtmlFragment, row: &OmissionRow) {
     let share = row.of.filter(|of| *of > 0).map(|of| 100.0 * row.how_much as f64 / of as f64);
     html.within("tr", &[], |html| {
         html.leaf("td", &[], &row.step);
-        html.leaf("td", &[], &row.what);
+        html.prose_leaf("td", &[], &row.what);
         html.leaf("td", &[("class", "n")], &thousands_number(row.how_much));
         html.leaf("td", &[("class", "n")], &row.of.map_or_else(none, thousands_number));
         html.leaf("td", &[("class", "n")], &share.map_or_else(none, |share| format!("{share:.1} %")));
         html.leaf("td", &[], &row.unit);
-        html.leaf("td", &[], &row.proof);
+        html.prose_leaf("td", &[], &row.proof);
     });
 }
 
@@ -433,7 +448,7 @@ pub(super) fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>) {
             html.leaf("p", &[], &format!("Holders: {}.", holders.into_iter().collect::<Vec<_>>().join("; ")));
         }
         if !page.info.cite_as.is_empty() {
-            html.leaf("p", &[], &format!("To be cited as: {}", page.info.cite_as));
+            html.leaf("p", &[], &format!("Cite as: {}", page.info.cite_as));
         }
     });
 }

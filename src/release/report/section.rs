@@ -32,8 +32,18 @@ impl<'a> ReportTrajectory<'a> {
 
     /// Its frames of a kind, `sharp` or `blur`: the number of the pose, and the path.
     pub(super) fn frames(&self, kind: &str) -> impl Iterator<Item = (usize, &'a str)> + use<'a> {
-        let number = |path: &str| path.rsplit('/').next()?.strip_suffix(".png")?.parse().ok();
-        let paths = self.entry.below(&format!("{}/{kind}/", self.part.name));
+        self.numbered(kind, ".png")
+    }
+
+    /// Its files of a folder that are named by the number of a pose and end in `end`: the number,
+    /// and the path.
+    pub(super) fn numbered(
+        &self,
+        folder: &str,
+        end: &'static str,
+    ) -> impl Iterator<Item = (usize, &'a str)> + use<'a> {
+        let number = move |path: &str| path.rsplit('/').next()?.strip_suffix(end)?.parse().ok();
+        let paths = self.entry.below(&format!("{}/{folder}/", self.part.name));
         paths.filter_map(move |path| Some((number(path)?, path)))
     }
 }
@@ -184,7 +194,7 @@ fn table_row(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<
         number(html, &number_span(entry.counted().filter_map(on_share)));
         html.within("td", &[("class", "verdicts")], |html| {
             // A bar has several elements, which are too many in thousands of rows.
-            if page.depth.every {
+            if page.detail.every {
                 count.bar(html);
             }
             html.text(&count.words());
@@ -202,7 +212,7 @@ fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &Scene
         return html.leaf("span", &[("class", "none")], "withheld");
     }
     let sharp =
-        |track: ReportTrajectory<'_>| super::seen::sharp_picture(track, page.places, page.depth.thumbnail);
+        |track: ReportTrajectory<'_>| super::seen::sharp_picture(track, page.places, page.detail.thumbnail);
     match entry.tracks().find_map(sharp) {
         Some(shown) => {
             write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))
@@ -231,10 +241,13 @@ fn write_details(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEn
             write_marks(html, entry);
         });
         html.within("div", &[("class", "inside"), ("id", &section_id(entry.id()))], |html| {
-            write_facts(html, page, entry);
-            write_files(html, entry);
-            own_findings(html, page, entry);
             entry.tracks().for_each(|track| trajectory::write_trajectory(html, page, track));
+            html.within("section", &[("class", "about")], |html| {
+                html.leaf("h4", &[], "About the scene");
+                write_facts(html, page, entry);
+                own_findings(html, page, entry);
+                write_files(html, entry);
+            });
         });
     });
 }
@@ -261,7 +274,7 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
         ("Source", source_words(file)),
         ("Camera", format!("{} x {} px, f {fx}, {fy}, centre {cx}, {cy}", camera.width, camera.height)),
         ("Seed", file.seed.to_string()),
-        ("Scene", reconstruction_words(file)),
+        ("Reconstruction", reconstruction_words(file)),
         ("Licence", licence_words(file)),
     ];
     let photos = file.images.len();
@@ -270,7 +283,7 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
         facts.push(("Photos", format!("{photos}, {unused} of them not used; none is in the release")));
     }
     // A list would take two elements for each fact.
-    if !page.depth.every {
+    if !page.detail.every {
         let told = facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
         return html.leaf("p", &[], &told.join(" "));
     }
@@ -345,15 +358,20 @@ pub(super) fn write_findings(
     findings: &[Finding],
 ) {
     let count = VerdictCount::from_findings(findings);
-    let shown = |f: &&Finding| page.depth.passes || f.verdict != Verdict::Pass;
+    let shown = |f: &&Finding| page.detail.passes || f.verdict != Verdict::Pass;
     let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
-    let caption = format!("{caption}: {}", count.words());
-    if shown.is_empty() {
-        html.leaf("p", &[("class", "caption")], &caption);
-    } else if page.depth.every {
-        findings::write_table(html, &caption, prefix, shown);
-    } else {
-        html.leaf("p", &[("class", "caption")], &caption);
+    if page.detail.every && !shown.is_empty() {
+        // Folded, so that the next pictures are near. The faults are also in the list of all scenes.
+        return html.within("details", &[("class", "fold")], |html| {
+            html.within("summary", &[], |html| {
+                html.text(&format!("{caption}: "));
+                count.badges(html);
+            });
+            findings::write_table(html, prefix, shown);
+        });
+    }
+    html.leaf("p", &[("class", "caption")], &format!("{caption}: {}", count.words()));
+    if !shown.is_empty() {
         findings::write_list(html, prefix, shown);
     }
 }

@@ -6,18 +6,16 @@
 //! cannot be read is not shown; the release finds the cause when it copies the file.
 
 use super::curve::ReportCurve;
-use super::depth::DetailLevel;
 use super::embed::EmbeddedPicture;
-use super::section::ReportTrajectory;
+use super::section::{ReportTrajectory, thousands_number};
 use crate::artifact::EventStream;
-use crate::check::Finding;
 use crate::event::picture::WindowCounts as Balance;
 use crate::event::{EventSink as _, EventSource as _, h5};
 use crate::files;
 use crate::image::Size;
 use crate::release::published::{self, StoredPlaces};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A picture and what it shows.
 #[derive(Debug)]
@@ -34,14 +32,14 @@ fn middle_frame<'a>(track: &ReportTrajectory<'a>) -> Option<(usize, &'a str)> {
 }
 
 /// Time of that frame, or of the middle pose where there are no frames, us.
-fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
+pub(super) fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
     let stamps = &track.published.motion.trajectory.stamps_us;
     let number = middle_frame(track).map_or(stamps.len() / 2, |(number, _)| number);
     stamps.get(number).copied().unwrap_or(0)
 }
 
 /// A PNG file of the tree.
-fn picture(path: &str, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
+pub(super) fn tree_picture(path: &str, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
     let bytes = files::read_with(&places(path)?, files::LinkRule::Refuse, files::MAX_DOCUMENT).ok()?;
     EmbeddedPicture::of_png(&bytes, width)
 }
@@ -54,7 +52,7 @@ pub(super) fn sharp_picture(
 ) -> Option<ShownPicture> {
     let (number, path) = middle_frame(&track)?;
     let words = format!("sharp frame {number} at {:.1} ms", moment_us(&track) as f64 * 1e-3);
-    Some(ShownPicture { picture: picture(path, places, width)?, words })
+    Some(ShownPicture { picture: tree_picture(path, places, width)?, words })
 }
 
 /// The blurred frame whose exposure is nearest to that frame in time.
@@ -71,18 +69,66 @@ pub(super) fn blurred_picture(
     let (_, path) = track.frames("blur").find(|(number, _)| number == pose)?;
     let [from, to] = times.map(|us| us as f64 * 1e-3);
     Some(ShownPicture {
-        picture: picture(path, places, width)?,
+        picture: tree_picture(path, places, width)?,
         words: format!("blurred frame {pose}, exposed from {from:.1} to {to:.1} ms"),
     })
 }
 
-/// The rate of a stream over time, from its file: events per second, over a trajectory of this
-/// length.
-pub(super) fn stream_rate(file: &Path, duration_us: i64, points: usize) -> Option<ReportCurve> {
-    let index = h5::Reader::open(file).ok()?.index().ok()?;
-    let counts: Vec<f64> = index.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
-    let (hz, ms) = millisecond_rates(&counts, duration_us as f64 * 1e-3);
-    Some(ReportCurve::new(&hz, &ms, points))
+/// A stream of events of a trajectory.
+#[derive(Debug)]
+pub(super) struct ShownStream<'a> {
+    /// Name of the sensor, if there are several.
+    pub(super) name: Option<&'a str>,
+    file: PathBuf,
+    /// Number of events before each millisecond, and before the end.
+    index: Vec<u64>,
+}
+
+impl ShownStream<'_> {
+    /// Number of events in a range of milliseconds.
+    fn count(&self, ms: &Range<usize>) -> u64 {
+        let before = |k: usize| self.index.get(k).or(self.index.last()).copied().unwrap_or(0);
+        before(ms.end).saturating_sub(before(ms.start))
+    }
+
+    /// The rate over time, events per pixel and second, of a sensor of `pixels` over a trajectory of
+    /// this length.
+    pub(super) fn rate(&self, duration_us: i64, points: usize, pixels: f64) -> ReportCurve {
+        let pairs = self.index.windows(2);
+        let counts: Vec<f64> = pairs.map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
+        let (hz, ms) = millisecond_rates(&counts, duration_us as f64 * 1e-3);
+        let per_pixel: Vec<f64> = hz.into_iter().map(|hz| hz / pixels).collect();
+        ReportCurve::new(&per_pixel, &ms, points)
+    }
+}
+
+/// The streams of a trajectory whose files can be read.
+pub(super) fn shown_streams<'a>(
+    track: ReportTrajectory<'a>,
+    places: StoredPlaces<'_>,
+) -> Vec<ShownStream<'a>> {
+    let names = published::stream_names(track.part).into_iter();
+    let stream = |name: Option<&'a str>| {
+        let file = places(&track.path_of(&EventStream::released_name(name)))?;
+        let index = h5::Reader::open(&file).ok()?.index().ok()?;
+        Some(ShownStream { name, file, index })
+    };
+    names.filter_map(stream).collect()
+}
+
+/// The milliseconds around the shown moment that all event pictures of a trajectory show.
+pub(super) fn shared_window(
+    track: &ReportTrajectory<'_>,
+    streams: &[ShownStream<'_>],
+) -> Option<Range<usize>> {
+    let middle = usize::try_from(moment_us(track) / 1000).ok()?;
+    busy_window(streams, middle, sensor_size(track).pixels() as u64 / DENSITY)
+}
+
+/// Size of the pictures of a trajectory.
+pub(super) fn sensor_size(track: &ReportTrajectory<'_>) -> Size {
+    let camera = &track.entry.scene.file.camera;
+    Size { width: camera.width, height: camera.height }
 }
 
 /// Events per second from the counts of milliseconds, and the duration of each rate, ms. The last
@@ -100,20 +146,21 @@ fn millisecond_rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
     held.into_iter().map(|[count, ms]| (count * 1e3 / ms, ms)).unzip()
 }
 
-/// A picture of the events of a stream around the middle of its trajectory.
-pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u32) -> Option<ShownPicture> {
-    let camera = &track.entry.scene.file.camera;
-    let size = Size { width: camera.width, height: camera.height };
-    let mut reader = h5::Reader::open(file).ok()?;
-    let index = reader.index().ok()?;
-    let ms =
-        busy_window(&index, usize::try_from(moment_us(&track) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
+/// A picture of the events of a stream in a range of milliseconds.
+pub(super) fn events_picture(
+    track: ReportTrajectory<'_>,
+    stream: &ShownStream<'_>,
+    window: &Range<usize>,
+    width: u32,
+) -> Option<ShownPicture> {
+    let mut reader = h5::Reader::open(&stream.file).ok()?;
     let us = |ms: usize| i64::try_from(ms).ok()?.checked_mul(1000);
-    let window_us = us(ms.start)?..us(ms.end)?;
-    let mut balance = Balance::new(size, window_us.clone()).ok()?;
+    let window_us = us(window.start)?..us(window.end)?;
+    let mut balance = Balance::new(sensor_size(&track), window_us.clone()).ok()?;
     let mut chunk = Vec::new();
     // The chunk can begin before the window; events outside the window are not counted.
-    reader.seek(index[ms.start]);
+    let first = stream.index.get(window.start).or(stream.index.last());
+    reader.seek(first.copied().unwrap_or(0));
     while reader.next_chunk(&mut chunk).ok()? {
         balance.append(&chunk).ok()?;
         if chunk.last().is_some_and(|event| event.t.floor_micros() >= window_us.end) {
@@ -121,7 +168,12 @@ pub(super) fn events_picture(track: ReportTrajectory<'_>, file: &Path, width: u3
         }
     }
     let picture = EmbeddedPicture::from_image(&balance.image(), width)?;
-    let words = format!("events of {} to {} ms: brighter in red, darker in blue", ms.start, ms.end);
+    let of = stream.name.map_or(String::new(), |name| format!("{name}: "));
+    let count = thousands_number(stream.count(window));
+    let words = format!(
+        "{of}{count} events from {} to {} ms: red is brighter, blue darker",
+        window.start, window.end
+    );
     Some(ShownPicture { picture, words })
 }
 
@@ -130,88 +182,48 @@ const DENSITY: u64 = 6;
 /// Length in milliseconds at which a window stops growing.
 const MAX_WINDOW_MS: usize = 40;
 
-/// The milliseconds around `middle` that hold about `wanted` events; `None` in an empty index.
-fn busy_window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
-    // The last entry of the index is the end of the last millisecond.
-    let last = index.len().checked_sub(2)?;
+/// The milliseconds around `middle` that hold about `wanted` events of each stream, in the mean;
+/// `None` if no stream has a millisecond.
+fn busy_window(streams: &[ShownStream<'_>], middle: usize, wanted: u64) -> Option<Range<usize>> {
+    // The last entry of an index is the end of the last millisecond.
+    let last = streams.iter().filter_map(|stream| stream.index.len().checked_sub(2)).max()?;
+    let wanted = wanted.saturating_mul(streams.len() as u64);
+    let held = |range: &Range<usize>| streams.iter().map(|stream| stream.count(range)).sum::<u64>();
     let mut range = middle.min(last)..middle.min(last) + 1;
-    let held = |range: &Range<usize>| index[range.end].saturating_sub(index[range.start]);
     while held(&range) < wanted && range.len() < MAX_WINDOW_MS && range != (0..last + 1) {
         range = range.start.saturating_sub(1)..(range.end + 1).min(last + 1);
     }
     Some(range)
 }
 
-/// The picture of a check in the trajectory's folder: `checks/<check>.png` or
-/// `checks/<sensor>.<check>.png`.
-#[derive(Debug)]
-pub(super) struct OfCheck<'a> {
-    pub(super) check: &'a str,
-    pub(super) sensor: Option<&'a str>,
-    path: &'a str,
-}
-
-impl OfCheck<'_> {
-    /// Returns true if a finding is of this check, on this sensor where the picture is of one of several.
-    pub(super) fn concerns(&self, finding: &Finding) -> bool {
-        let stream = finding.subject.split('#').next().unwrap_or_default();
-        let is_of_sensor = |sensor| stream.strip_suffix(sensor).is_some_and(|rest: &str| rest.ends_with('/'));
-        finding.check == self.check && self.sensor.is_none_or(is_of_sensor)
-    }
-
-    pub(super) fn read(&self, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
-        picture(self.path, places, width)
-    }
-}
-
-/// The pictures of checks that the page shows, faults first.
-pub(super) fn of_checks(track: ReportTrajectory<'_>, depth: DetailLevel) -> Vec<OfCheck<'_>> {
-    let paths = track.entry.below(&format!("{}/checks/", track.part.name));
-    let mut pictures: Vec<OfCheck<'_>> = paths.filter_map(output_number).collect();
-    let findings = &track.published.findings;
-    let worst = |of: &OfCheck<'_>| super::findings::worst_verdict(findings.iter().filter(|f| of.concerns(f)));
-    pictures.retain(|of| depth.passed_pictures || worst(of).is_some_and(super::findings::is_fault));
-    pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::verdict_rank));
-    pictures.truncate(depth.check_pictures);
-    pictures
-}
-
-fn output_number(path: &str) -> Option<OfCheck<'_>> {
-    let stem = path.rsplit('/').next()?.strip_suffix(".png")?;
-    // Names of sensors can have dots, and names of checks have none.
-    let (sensor, check) = match stem.rsplit_once('.') {
-        Some((sensor, check)) => (Some(sensor), check),
-        None => (None, stem),
-    };
-    Some(OfCheck { check, sensor, path })
-}
-
-/// The event files of a trajectory, with the names of their sensors.
-pub(super) fn stream_outputs<'a>(
-    track: ReportTrajectory<'a>,
-    places: StoredPlaces<'_>,
-) -> Vec<(Option<&'a str>, PathBuf)> {
-    let names = published::stream_names(track.part).into_iter();
-    names
-        .filter_map(|name| Some((name, places(&track.path_of(&EventStream::released_name(name)))?)))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn stream(index: &[u64]) -> ShownStream<'static> {
+        ShownStream { name: None, file: PathBuf::new(), index: index.to_vec() }
+    }
+
     #[test]
     fn a_window_grows_until_it_holds_enough() {
         // 10 events a millisecond, 100 ms and the entry past the last.
-        let index: Vec<u64> = (0..=100).map(|k| 10 * k).collect();
-        assert_eq!(busy_window(&index, 50, 5), Some(50..51));
-        assert_eq!(busy_window(&index, 50, 45), Some(48..53));
-        assert_eq!(busy_window(&index, 0, 25), Some(0..3));
-        assert_eq!(busy_window(&index, 200, 15), Some(98..100));
-        assert_eq!(busy_window(&index, 50, u64::MAX), Some(30..71));
-        assert_eq!(busy_window(&[0, 0], 3, 7), Some(0..1));
-        assert_eq!((busy_window(&[0], 3, 7), busy_window(&[], 3, 7)), (None, None));
+        let steady: Vec<u64> = (0..=100).map(|k| 10 * k).collect();
+        let busy = |index: &[u64], middle, wanted| busy_window(&[stream(index)], middle, wanted);
+        assert_eq!(busy(&steady, 50, 5), Some(50..51));
+        assert_eq!(busy(&steady, 50, 45), Some(48..53));
+        assert_eq!(busy(&steady, 0, 25), Some(0..3));
+        assert_eq!(busy(&steady, 200, 15), Some(98..100));
+        assert_eq!(busy(&steady, 50, u64::MAX), Some(30..71));
+        assert_eq!(busy(&[0, 0], 3, 7), Some(0..1));
+        assert_eq!((busy(&[0], 3, 7), busy(&[], 3, 7)), (None, None));
+    }
+
+    #[test]
+    fn streams_share_a_window() {
+        // 10 and 2 events a millisecond, in the mean 6; the second stream ends early.
+        let fast = stream(&(0..=100).map(|k| 10 * k).collect::<Vec<_>>());
+        let slow = stream(&(0..=51).map(|k| 2 * k).collect::<Vec<_>>());
+        assert_eq!(busy_window(&[fast, slow], 20, 25), Some(18..23));
     }
 
     #[test]
@@ -226,17 +238,5 @@ mod tests {
         // an event at the very end of a whole number of milliseconds
         check(&[10.0, 19.0, 1.0], 2.0, &[[1e4, 1.0], [2e4, 1.0]]);
         check(&[], 0.0, &[]);
-    }
-
-    #[test]
-    fn pictures_of_checks_say_whose_they_are() {
-        for (name, wanted) in [
-            ("s/t/checks/motion.png", Some((None, "motion"))),
-            ("s/t/checks/fine.event_frame.png", Some((Some("fine"), "event_frame"))),
-            ("s/t/checks/a.b.motion.png", Some((Some("a.b"), "motion"))),
-            ("s/t/checks/verdicts.json", None),
-        ] {
-            assert_eq!(output_number(name).map(|of| (of.sensor, of.check)), wanted);
-        }
     }
 }

@@ -148,12 +148,19 @@ const COLOURS: [[f64; 3]; 5] =
     [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 189.0, 80.0], [226.0, 190.0, 20.0]];
 
 pub(super) fn scale_colour(share: f64) -> String {
+    let [r, g, b] = scale_rgb(share);
+    format!("rgb({r},{g},{b})")
+}
+
+/// The colour of a share, 0 (dark) to 1 (yellow).
+pub(crate) fn scale_rgb(share: f64) -> [u8; 3] {
     let at = share * 4.0;
     // The number of the piece. A share of 1 belongs to the last of the four.
     let below = [3.0, 2.0, 1.0, 0.0].into_iter().find(|k| at >= *k).unwrap_or(0.0);
     let k = [0.0, 1.0, 2.0, 3.0].iter().position(|b| *b >= below).unwrap_or(0);
     let mix = |i: usize| (COLOURS[k][i] + (COLOURS[k + 1][i] - COLOURS[k][i]) * (at - below)).round();
-    format!("rgb({},{},{})", mix(0), mix(1), mix(2))
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "values from 0 to 255")]
+    [0, 1, 2].map(|i| mix(i) as u8)
 }
 
 fn colour_scale(out: &mut SvgText, panel: PicturePanel, speeds: &[f64]) {

@@ -41,7 +41,7 @@ def same_window(scene, whole, t0_us, t1_us):
 
 
 def same_windows(scene, whole, number):
-    """So many windows at random, and the whole."""
+    """Windows at random, and the whole."""
     random = np.random.default_rng(1)
     for _ in range(number):
         same_window(scene, whole, *map(int, random.integers(-500, int(whole["t"][-1]) + 500, 2)))
@@ -138,6 +138,83 @@ def grids(folder, trajectory):
         assert (entry["t0_us"], entry["t1_us"]) == (1000 * i, 1000 * i + 2000)
         assert np.array_equal(entry["voxel"], scene.voxel(1000 * i, 1000 * i + 2000, 3))
         assert np.array_equal(entry["pose"], scene.pose(1000 * i + 1000))
+
+
+def targets(folder, trajectory):
+    """Each target against the file whose pose is nearest, found in the folder and in poses.txt."""
+    scene = gs2e.Scene(folder, trajectory)
+    stamps = np.loadtxt(f"{folder}/{trajectory}/poses.txt")[:, 0]
+    cut = gs2e.Windows(scene, 2000, 2, stride_us=500, targets=("frame", "blur", "depth", "flow", "events"))
+    assert len(cut) > 5
+    for entry in cut:
+        middle = entry["t0_us"] + 1000
+        for name, folder_name in [("frame", "sharp"), ("blur", "blur"), ("depth", "depth"), ("flow", "flow")]:
+            paths = sorted(pathlib.Path(folder, trajectory, folder_name).iterdir())
+            nearest = min(paths, key=lambda path: abs(stamps[int(path.stem)] - middle))
+            assert entry[name + "_t_us"] == stamps[int(nearest.stem)], (name, entry["t0_us"])
+            wanted = np.load(nearest) if nearest.suffix == ".npy" else gs2e.read_png(nearest)
+            assert np.array_equal(entry[name], wanted, equal_nan=wanted.dtype == np.float32)
+        assert np.array_equal(entry["events"].t, scene.events(entry["t0_us"], entry["t1_us"]).t)
+    assert len({entry["frame_t_us"] for entry in cut}) > 1
+    refused(lambda: gs2e.Windows(scene, 2000, 2, targets=("image",)), "no target 'image'")
+    refused(lambda: gs2e.Windows(scene, 2000, 2, targets=("label",))[0], "has no labels")
+
+
+def dataset(root):
+    """A release with the splits train and test: rows from every reader, splits, and windows over all scenes."""
+    described = [json.loads(path.read_text()) for path in sorted(pathlib.Path(root).glob("*/scene.json"))]
+    found = {}
+    for name in ("pyarrow", "pandas", "json"):
+        blocked = {"pyarrow": [], "pandas": ["pyarrow.parquet"], "json": ["pyarrow.parquet", "pandas"]}[name]
+        kept = {module: sys.modules.get(module) for module in blocked}
+        sys.modules.update(dict.fromkeys(blocked))
+        try:
+            rows = gs2e.Dataset(root).rows
+        finally:
+            for module, value in kept.items():
+                sys.modules.pop(module) if value is None else sys.modules.update({module: value})
+        found[name] = [{key: row[key] for key in gs2e.Dataset.COLUMNS} for row in rows]
+    assert all(rows == found["json"] for rows in found.values()), found
+    assert [row["scene"] for row in found["json"]] == [scene["id"] for scene in described]
+    splits = {"train": [], "test": []}
+    for scene in described:
+        splits[scene["split"]["name"]].append(scene["id"])
+    assert all(splits.values()), splits
+    for name, ids in splits.items():
+        assert [scene.description["id"] for scene in gs2e.Dataset(root, split=name)] == ids
+    refused(lambda: gs2e.Dataset(root, split="validation"), "splits test, train")
+    whole = gs2e.Dataset(root)
+    whole.MAX_OPEN = 1
+    windows = whole.windows(2000, 2, stride_us=1000, targets=("frame",))
+    wanted = [(row, entry) for row, scene in enumerate(whole) for entry in gs2e.Windows(scene, 2000, 2, 1000)]
+    assert len(windows) == len(wanted) > len(described)
+    for _ in range(2):
+        for (row, wanted_entry), entry in zip(wanted, windows):
+            assert (entry["row"], entry["t0_us"]) == (row, wanted_entry["t0_us"])
+            assert np.array_equal(entry["voxel"], wanted_entry["voxel"]) and entry["frame"].ndim == 3
+        assert len(windows.dataset._open) == 1
+        windows = pickle.loads(pickle.dumps(windows))
+
+
+def bare(path):
+    """A file of events alone."""
+    whole = columns(path)
+    stream = gs2e.open_events(path)
+    same_windows(stream, whole, 20)
+    copy = pickle.loads(pickle.dumps(stream))
+    same_windows(copy, whole, 5)
+    assert (copy.width, copy.height) == (stream.width, stream.height)
+    last = int(whole["t"][-1]) + 1
+    assert stream.event_frame(0, last).sum() == len(whole["t"]) > 0
+    counts = np.zeros((2, stream.height, stream.width), np.int64)
+    np.add.at(counts, (whole["label"], whole["y"], whole["x"]), 1)
+    assert np.array_equal(stream.label_frame(0, last), counts)
+    stream.close()
+    copy.close()
+    with h5py.File(path, "r+") as file:
+        del file.attrs["width"]
+    refused(lambda: gs2e.open_events(path).voxel(0, last, 3), "does not state its size")
+    assert np.array_equal(gs2e.open_events(path, (stream.width, stream.height)).label_frame(0, last), counts)
 
 
 def processes(folder, trajectory):
@@ -282,9 +359,19 @@ def planted_pictures(folder):
     (frame,) = gs2e.Scene(folder).frames
     assert (frame.index, frame.t_us) == (0, 0)
     assert np.array_equal(frame.read(), image) and frame.read().dtype == np.uint8
+    for decoder in installed_decoders():
+        found = gs2e.read_png(frame.path, decoder)
+        assert np.array_equal(found, image) and found.dtype == np.uint8 and found.flags.writeable, decoder
     grey = (base / "grey.png")
     grey.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 7, 11, 8, 0, 0, 0, 0)))
     refused(lambda: gs2e.read_png(grey), "8-bit RGB")
+
+
+def installed_decoders():
+    """The decoder of the loader, and those of other packages that are installed."""
+    from importlib.util import find_spec
+
+    return ["numpy", *(name for name, module in [("pillow", "PIL"), ("opencv", "cv2")] if find_spec(module))]
 
 
 def pictures(folder, decoded):
@@ -294,6 +381,8 @@ def pictures(folder, decoded):
         found = frame.read()
         wanted = np.fromfile(f"{decoded}/{frame.index:06d}.raw", np.uint8).reshape(found.shape)
         assert np.array_equal(found, wanted) and wanted.any()
+        for decoder in installed_decoders():
+            assert np.array_equal(gs2e.read_png(frame.path, decoder), wanted), decoder
 
 
 def exposures(folder):

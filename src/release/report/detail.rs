@@ -1,4 +1,4 @@
-//! The depth of the page. It shows less of each trajectory if there are more, so that thousands of
+//! The level of detail of the page. It shows less of each trajectory if there are more, so that thousands of
 //! scenes still open in seconds.
 //!
 //! A browser takes its time for elements more than for bytes. The tree has everything that the page
@@ -7,7 +7,7 @@
 /// Contents that are shown of each trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct DetailLevel {
-    /// Maximum number of trajectories of a page of this depth.
+    /// Maximum number of trajectories of a page of this level.
     most: usize,
     /// Width of the pictures in the table of scenes, px.
     pub(super) thumbnail: u32,
@@ -15,8 +15,11 @@ pub(super) struct DetailLevel {
     pub(super) picture: u32,
     /// True if every trajectory has pictures; otherwise only the first of each scene has.
     pub(super) every: bool,
-    /// True if a trajectory's own sharp frame is shown, and not only that in the table of scenes.
-    pub(super) sharp: bool,
+    /// True if a trajectory's own frames, depth and flow are shown, and not only the frame in the
+    /// table of scenes.
+    pub(super) frames: bool,
+    /// True if plots have axes.
+    pub(super) labels: bool,
     /// Maximum number of pictures of checks of a trajectory.
     pub(super) check_pictures: usize,
     /// True if pictures of checks that passed are among them.
@@ -29,13 +32,14 @@ pub(super) struct DetailLevel {
     pub(super) cameras: usize,
 }
 
-const DEPTHS: [DetailLevel; 3] = [
+const LEVELS: [DetailLevel; 3] = [
     DetailLevel {
         most: 60,
         thumbnail: 160,
         picture: 320,
         every: true,
-        sharp: true,
+        frames: true,
+        labels: true,
         check_pictures: 24,
         passed_pictures: true,
         passes: true,
@@ -47,7 +51,8 @@ const DEPTHS: [DetailLevel; 3] = [
         thumbnail: 128,
         picture: 192,
         every: true,
-        sharp: true,
+        frames: true,
+        labels: true,
         check_pictures: 3,
         passed_pictures: false,
         passes: false,
@@ -59,7 +64,8 @@ const DEPTHS: [DetailLevel; 3] = [
         thumbnail: 112,
         picture: 112,
         every: false,
-        sharp: false,
+        frames: false,
+        labels: false,
         check_pictures: 1,
         passed_pictures: false,
         passes: false,
@@ -71,21 +77,21 @@ const DEPTHS: [DetailLevel; 3] = [
 impl DetailLevel {
     /// The level for a release of this many trajectories.
     pub(super) fn for_trajectories(trajectories: usize) -> Self {
-        let [whole, part, brief] = DEPTHS;
-        [whole, part].into_iter().find(|depth| trajectories <= depth.most).unwrap_or(brief)
+        let [whole, part, brief] = LEVELS;
+        [whole, part].into_iter().find(|level| trajectories <= level.most).unwrap_or(brief)
     }
 
     /// The contents that the page leaves out, in words; `None` if it has everything.
     pub(super) fn left_out(self, trajectories: usize) -> Option<String> {
-        let [whole, part, _] = DEPTHS;
+        let [whole, part, _] = LEVELS;
         if self == whole {
             return None;
         }
         let pictures = if self.every {
-            "pictures are small, and of checks only those that did not pass are shown (three a trajectory)"
+            "pictures are small, and of checks only those that did not pass are shown (at most three per trajectory)"
         } else {
-            "pictures are small and few (a sharp frame a scene, events of its first trajectory, one check that did not pass \
-             a trajectory), curves are coarse"
+            "pictures are small and few (one sharp frame per scene, events of its first trajectory, one check that did \
+             not pass per trajectory), plots are coarse and have no axes"
         };
         let most = if self == part { whole.most } else { part.most };
         Some(format!(
@@ -101,13 +107,13 @@ mod tests {
 
     #[test]
     fn the_more_there_is_the_less_is_shown_of_each() {
-        let depths = [1, 60, 61, 600, 601, 6000].map(DetailLevel::for_trajectories);
-        assert_eq!(depths[0], depths[1]);
-        assert_eq!(depths[2], depths[3]);
-        assert_eq!(depths[4], depths[5]);
-        assert!(depths[1].picture > depths[2].picture && depths[3].picture > depths[4].picture);
-        assert_eq!(depths[0].left_out(60), None);
-        assert!(depths[2].left_out(61).unwrap().contains("61 trajectories, more than 60"));
-        assert!(depths[4].left_out(6000).unwrap().contains("more than 600,"));
+        let levels = [1, 60, 61, 600, 601, 6000].map(DetailLevel::for_trajectories);
+        assert_eq!(levels[0], levels[1]);
+        assert_eq!(levels[2], levels[3]);
+        assert_eq!(levels[4], levels[5]);
+        assert!(levels[1].picture > levels[2].picture && levels[3].picture > levels[4].picture);
+        assert_eq!(levels[0].left_out(60), None);
+        assert!(levels[2].left_out(61).unwrap().contains("61 trajectories, more than 60"));
+        assert!(levels[4].left_out(6000).unwrap().contains("more than 600,"));
     }
 }
