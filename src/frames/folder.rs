@@ -113,7 +113,8 @@ fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
 fn parse_line(line: &str) -> Result<(&str, i64), String> {
     let wanted = "wanted `path timestamp`, the timestamp in microseconds";
     let (path, stamp) = line.trim().rsplit_once(char::is_whitespace).ok_or(format!("one word, {wanted}"))?;
-    let stamp = stamp.parse().map_err(|_| format!("the timestamp is {stamp}, wanted an integer in microseconds"))?;
+    let stamp =
+        stamp.parse().map_err(|_| format!("the timestamp is {stamp}, wanted an integer in microseconds"))?;
     Ok((path.trim_end(), stamp))
 }
 

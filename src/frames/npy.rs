@@ -63,7 +63,9 @@ impl OpenArray {
         let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
         let kind = header.dtype().descr().trim_matches('\'').to_owned();
         if header.order() != Order::C {
-            return Err(refusal("it is in Fortran order, wanted C order (numpy.ascontiguousarray)".to_owned()));
+            return Err(refusal(
+                "it is in Fortran order, wanted C order (numpy.ascontiguousarray)".to_owned(),
+            ));
         }
         // A type is a byte order, a letter and the width in bytes. Types of another form are
         // refused by the readers.

@@ -127,7 +127,9 @@ pub fn checked_header(data: &mut impl Read) -> io::Result<Vec<u8>> {
     data.read_exact(&mut head[10..])?;
     let brackets = head[10..].iter().filter(|byte| b"([{".contains(byte)).count();
     if brackets > 2 {
-        return refusal(format!("{brackets} opening brackets in its header, wanted 2 (a dictionary and a shape)"));
+        return refusal(format!(
+            "{brackets} opening brackets in its header, wanted 2 (a dictionary and a shape)"
+        ));
     }
     if !is_countable(&String::from_utf8_lossy(&head[10..])) {
         return refusal("its header states more elements than 64 bits can count".to_owned());

@@ -211,7 +211,9 @@ impl HarmonicsPalette {
         let wanted = PALETTE_WIDTH * functions;
         if centroids.width != wanted {
             let found = format!("an image {} pixels wide", centroids.width);
-            return Err(centroids.at(0).malformed(found, format!("{wanted} pixels for {} bands", meta.bands)));
+            return Err(centroids
+                .at(0)
+                .malformed(found, format!("{wanted} pixels for {} bands", meta.bands)));
         }
         // Writers round the stated count up. Entries outside the image cannot be referred to.
         let count = meta.count.min(PALETTE_WIDTH * centroids.height);
@@ -233,7 +235,10 @@ impl HarmonicsPalette {
             return Ok(label);
         }
         let found = format!("the label {label} of Gaussian {i}");
-        Err(self.labels.at(i).malformed(found, format!("a label below {}, the size of the palette", self.count)))
+        Err(self
+            .labels
+            .at(i)
+            .malformed(found, format!("a label below {}, the size of the palette", self.count)))
     }
 
     /// The harmonics of Gaussian `i` above degree 0.

@@ -67,7 +67,9 @@ impl SpzHeader {
         let [flags] = cursor.array("flags")?;
         // An unknown flag may change the meaning of the planes.
         if flags & !3 != 0 {
-            return Err(at.unsupported(format!("the flags byte {flags:#04x}"), "only flags 1 and 2 are known"));
+            return Err(
+                at.unsupported(format!("the flags byte {flags:#04x}"), "only flags 1 and 2 are known")
+            );
         }
         let (antialiased, has_extensions) = (flags & 1 != 0, flags & 2 != 0);
         Ok(Self { version, count, sh_degree, fractional_bits, antialiased, has_extensions })

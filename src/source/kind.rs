@@ -32,7 +32,8 @@ impl CaptureKind {
     pub fn kind_of(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
         if !super::is_folder(path)? {
-            return Self::of_file(path).ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
+            return Self::of_file(path)
+                .ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
         // Folders of MVImgNet and DL3DV are read by their general layout, unless their kind is

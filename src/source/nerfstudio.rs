@@ -245,9 +245,10 @@ impl FrameValues<'_> {
         let [k1, k2, k3, k4, p1, p2] =
             [or_zero(k1)?, or_zero(k2)?, or_zero(k3)?, or_zero(k4)?, or_zero(p1)?, or_zero(p2)?];
         if k4 != 0.0 {
-            return Err(self
-                .top
-                .field_fault("k4", format!("{k4}, wanted 0: the supported camera models have no eighth-order term")));
+            return Err(self.top.field_fault(
+                "k4",
+                format!("{k4}, wanted 0: the supported camera models have no eighth-order term"),
+            ));
         }
         Ok(match [k1, k2, p1, p2, k3] {
             [0.0, 0.0, 0.0, 0.0, 0.0] => LensModel::Pinhole,

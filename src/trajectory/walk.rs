@@ -27,6 +27,9 @@ pub struct CaptureEvenness {
     pub steps: Vec<CaptureGap>,
     /// The detour of each view except the first and the last.
     pub detours: Vec<ViewDetour>,
+    /// Median distance of the cameras from the point that they look at, scene units; the largest
+    /// distance between two cameras if they look at no common point.
+    pub scale: f64,
 }
 
 /// Detour of one view.
@@ -65,6 +68,7 @@ impl CaptureEvenness {
         Ok((median > 0.0).then(|| Self {
             steps: views.windows(2).zip(&steps).map(step).collect(),
             detours: (1..steps.len()).map(detour).collect(),
+            scale: metric.scale,
         }))
     }
 }

@@ -55,7 +55,11 @@ fn losses_need_permission() {
     };
     let rounded = ["positions: rounded to steps of 2^-", "log scales: rounded to steps of 1/16"];
     t("packed-coloured.ply", "a.spz", &rounded);
-    t("palette.sog", "a.splat", &["harmonics: dropped above degree 0; the input has degree 2", "antialiased: dropped"]);
+    t(
+        "palette.sog",
+        "a.splat",
+        &["harmonics: dropped above degree 0; the input has degree 2", "antialiased: dropped"],
+    );
 }
 
 #[test]

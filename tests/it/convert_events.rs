@@ -174,7 +174,13 @@ fn faults_are_named_and_no_file_is_written() {
         let left: Vec<_> = fs::read_dir(place.path("")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert!(left.iter().all(|name| !name.to_string_lossy().contains("out")), "{left:?}");
     };
-    t("a.raw", &raw(header, &[0, 0x80, 0]), "", 1, "byte 33: 1 bytes of a 2-byte word: the file is truncated");
+    t(
+        "a.raw",
+        &raw(header, &[0, 0x80, 0]),
+        "",
+        1,
+        "byte 33: 1 bytes of a 2-byte word: the file is truncated",
+    );
     t("a.raw", &raw(header, &words16(&[0x8000, 0x6000, 0x1000])), "", 1, "byte 35: a word of kind 0x1");
     t(
         "a.raw",

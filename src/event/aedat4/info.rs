@@ -44,7 +44,8 @@ pub(super) fn read_info(text: &str) -> Result<StreamInfo, String> {
     let id = node_number(stream).ok_or("the node of its event stream has no numeric name")?;
     let info = stream.children().find(|node| node.attribute("name") == Some("info"));
     let side = |key: &str| node_attribute(info?, key)?.trim().parse::<u32>().ok();
-    let size = side("sizeX").zip(side("sizeY")).ok_or("it does not state the sensor's size (sizeX, sizeY)")?;
+    let size =
+        side("sizeX").zip(side("sizeY")).ok_or("it does not state the sensor's size (sizeX, sizeY)")?;
     Ok(StreamInfo { id, size: Size { width: size.0, height: size.1 } })
 }
 

@@ -89,8 +89,9 @@ impl Reader {
         let cut = || wrong_packet(self.offset, "the packet is truncated");
         let word = |k: usize| Some(i32::from_le_bytes(head.get(4 * k..4 * k + 4)?.try_into().ok()?));
         let (stream, length) = word(0).zip(word(1)).ok_or_else(cut)?;
-        let length = u64::try_from(length)
-            .map_err(|_| wrong_packet(self.offset, &format!("a packet of {length} bytes, wanted 0 or more")))?;
+        let length = u64::try_from(length).map_err(|_| {
+            wrong_packet(self.offset, &format!("a packet of {length} bytes, wanted 0 or more"))
+        })?;
         let bytes = read_exactly(&mut self.file, length)?.ok_or_else(cut)?;
         self.offset += 8 + length;
         Ok(Some((stream, bytes)))

@@ -51,7 +51,8 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size,
             _ => {}
         }
     }
-    let missing = |what: &str| EventFileError::Container(format!("byte {bytes}: the header lacks the {what}"));
+    let missing =
+        |what: &str| EventFileError::Container(format!("byte {bytes}: the header lacks the {what}"));
     let version = version.ok_or_else(|| missing("format: `% evt 2.0` or `% evt 3.0`"))?;
     let size = size.ok_or_else(|| missing("sensor size: `% geometry WIDTHxHEIGHT`"))?;
     if size.width > EDGE || size.height > EDGE || size.pixels() == 0 {

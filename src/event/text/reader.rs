@@ -102,7 +102,12 @@ impl Reader {
         let field = |k: usize| {
             let found = fields.get(self.places[k]);
             found.ok_or_else(|| {
-                format!("{} columns, but {} is expected in column {}", fields.len(), NAMES[k], self.places[k] + 1)
+                format!(
+                    "{} columns, but {} is expected in column {}",
+                    fields.len(),
+                    NAMES[k],
+                    self.places[k] + 1
+                )
             })
         };
         let t = parse_time(field(0)?, self.unit)?;
@@ -233,7 +238,9 @@ fn parse_time(text: &str, unit: Option<TextTimeUnit>) -> Result<Timestamp, Strin
     let unit = match unit {
         Some(unit) => unit,
         None if !text.contains('.') => TextTimeUnit::Microsecond,
-        None => return Err(format!("t = {text} has a fraction: give its unit with --time-unit s, ms, us or ns")),
+        None => {
+            return Err(format!("t = {text} has a fraction: give its unit with --time-unit s, ms, us or ns"));
+        }
     };
     let negative = whole.starts_with('-');
     let digits = whole.trim_start_matches(['-', '+']);

@@ -165,9 +165,10 @@ fn property_offset(
 ) -> Result<usize, SceneError> {
     let Some(i) = element.properties.iter().position(|p| p.name == property) else {
         let name = &element.name;
-        return Err(
-            at.malformed(format!("no property `{property}` of `{name}`"), "the property of a compressed file")
-        );
+        return Err(at.malformed(
+            format!("no property `{property}` of `{name}`"),
+            "the property of a compressed file",
+        ));
     };
     let kind = element.properties[i].kind;
     if kind != PropertyKind::One(number) {

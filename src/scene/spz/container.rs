@@ -157,7 +157,9 @@ fn bound_count(header: &SpzHeader, file_len: usize, at: &ByteCursor) -> Result<(
     let [positions, ..] = header.plane_lens();
     if positions > file_len.saturating_mul(MAX_RATIO) {
         let found = format!("{} Gaussians in {file_len} bytes", header.count);
-        return Err(at.malformed(found, format!("positions that take at most {MAX_RATIO} times the file's length")));
+        return Err(
+            at.malformed(found, format!("positions that take at most {MAX_RATIO} times the file's length"))
+        );
     }
     Ok(())
 }

@@ -52,10 +52,12 @@ impl ColmapModel {
                 because,
             };
             let camera = cameras.get(&image.camera_id);
-            let camera = camera.ok_or_else(|| fault(format!("camera {} is not in the model", image.camera_id)))?;
+            let camera =
+                camera.ok_or_else(|| fault(format!("camera {} is not in the model", image.camera_id)))?;
             for seen in &image.observations {
                 let Some(id) = seen.point else { continue };
-                let point = points.get(&id).ok_or_else(|| fault(format!("point {id} is not in the model")))?;
+                let point =
+                    points.get(&id).ok_or_else(|| fault(format!("point {id} is not in the model")))?;
                 match project_point(&image, camera, point) {
                     Some([u, v]) => {
                         let (x, y) = (u - seen.xy[0], v - seen.xy[1]);
