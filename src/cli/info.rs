@@ -58,7 +58,7 @@ impl InfoArgs {
             console.result(&value);
             return Ok(ExitKind::Done);
         }
-        console.print(&format!("{}: {}", self.path.display(), facts.title));
+        console.print(&format!("{}: {}", path(&self.path), facts.title));
         for (label, text) in &facts.rows {
             console.print(&format!("  {label:<13}{text}"));
         }

@@ -48,8 +48,8 @@ impl EventSurvey {
     #[must_use]
     pub fn rate(&self) -> Option<f64> {
         let (first, last) = self.span?;
-        // As floats: the difference of two stamps may exceed 64 bits.
-        let seconds = last.seconds() - first.seconds();
+        // The difference of two stamps may exceed 64 bits.
+        let seconds = (i128::from(last.0) - i128::from(first.0)) as f64 / 1e9;
         (seconds > 0.0).then(|| self.events as f64 / seconds)
     }
 }

@@ -133,10 +133,12 @@ fn evenness_rows(evenness: Result<&CaptureEvenness, &String>) -> Vec<(&'static s
         Ok(found) => found,
         Err(because) => return vec![("steps", format!("not measured: {because}"))],
     };
-    let mut rows = vec![(
-        "scale",
-        format!("{} units from the cameras to what they look at, in the median", short(found.scale)),
-    )];
+    let what = if found.focused {
+        "the median distance of the cameras to the point that they look at"
+    } else {
+        "the largest distance of two cameras, which look at no common point"
+    };
+    let mut rows = vec![("scale", format!("{} units, {what}", short(found.scale)))];
     if let Some(longest) = found.steps.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median)) {
         let times = short(longest.times_median);
         rows.push((
@@ -161,6 +163,7 @@ fn evenness_value(found: &CaptureEvenness) -> Value {
     let largest = found.detours.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median));
     json!({
         "scale": found.scale,
+        "focused": found.focused,
         "gaps": gap_count(found),
         "longest_step": longest.map(|step| json!({
             "after": step.after, "before": step.before, "times_median": step.times_median,
