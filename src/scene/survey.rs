@@ -238,10 +238,11 @@ mod tests {
         assert!((survey(&faint).centre.x - 500.0).abs() < 1e-9);
     }
 
-    /// A floor of 20 by 20 points with a pillar of 40 on one side of it, in these axes.
+    /// A floor of 20 by 20 points, alternately a little up and down, with a pillar of 40 on one side of it, in these axes.
     fn floor(pillar: f32, place: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<([f32; 3], f32)> {
         let cell = |i: u16| f32::from(i % 20) - 9.5;
-        let floor = (0..400u16).map(|i| [cell(i), 0.01 * cell(7 * i), cell(i / 20)]);
+        let floor =
+            (0..400u16).map(|i| [cell(i), if (i + i / 20) % 2 == 0 { 0.05 } else { -0.05 }, cell(i / 20)]);
         let pillar = (0..40u16).map(|i| [0.3, pillar * 0.1 * f32::from(i), 0.2]);
         floor.chain(pillar).map(|p| (place(p), 2.0)).collect()
     }
