@@ -15,6 +15,7 @@ mod diff;
 mod environment;
 mod failure;
 mod gc;
+mod info;
 mod init;
 mod input;
 mod left_out;
@@ -86,6 +87,8 @@ enum VerbCommand {
     Audit(audit::AuditArgs),
     /// Show the differences between two releases, each with its reason
     Diff(diff::DiffArgs),
+    /// Show the properties of a scene, an event file, a capture, a release or a store
+    Info(info::InfoArgs),
     /// Convert a scene or an event file to another format, or draw events
     Convert(convert::ConvertArgs),
     /// Write one recipe for each scene of a dataset on disk
@@ -457,6 +460,7 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Release(verb) => verb.run(common, console),
         VerbCommand::Audit(verb) => verb.run(common, console),
         VerbCommand::Diff(verb) => verb.run(console),
+        VerbCommand::Info(verb) => verb.run(console),
         VerbCommand::Convert(verb) => verb.run(console),
         VerbCommand::Init(verb) => verb.run(common, console),
         VerbCommand::Gc(verb) => verb.run(common, console),

@@ -8,6 +8,7 @@ pub mod npz;
 pub mod order;
 pub mod picture;
 pub mod sorted;
+pub mod survey;
 pub mod text;
 
 use crate::image::Size;

@@ -29,6 +29,7 @@ mod reuse;
 mod scene;
 mod split;
 mod standing;
+pub mod summary;
 mod target;
 mod tree;
 mod work;

@@ -15,6 +15,7 @@ pub mod sh;
 pub mod sog;
 pub mod splat;
 pub mod spz;
+pub mod survey;
 
 use crate::files;
 use glam::DVec3;

@@ -17,6 +17,7 @@ mod pairs;
 pub mod screening;
 mod simulate;
 pub mod statistics;
+pub mod twin;
 pub mod v2e;
 pub mod voltmeter;
 mod window;

@@ -94,7 +94,7 @@ pub enum StoreError {
 }
 
 /// Format of the folder. Raise it when an older program can no longer use it.
-const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 1;
 
 /// An open store.
 #[derive(Debug)]
@@ -208,6 +208,13 @@ impl Store {
             disk,
             lock,
         })
+    }
+
+    /// Returns true if the folder is a store.
+    #[must_use]
+    pub fn is_store(folder: &Path) -> bool {
+        let has = |name: &str| crate::files::is_there(&folder.join(name));
+        has("VERSION") && has("ac") && has("cas")
     }
 
     /// Notices of repairs since the last call, one line each.

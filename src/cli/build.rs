@@ -143,7 +143,7 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
     }
 }
 
-/// Prints the contrast, the leak and the noise of each sensor once.
+/// Prints the contrast, the leak and the noise of each sensor once, and the twins of each scene.
 fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
     let mut told: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
@@ -154,6 +154,7 @@ fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
                 tell_sensor(&of, sensor, recipe.rate, console)?;
             }
         }
+        super::screening::tell_twins(&recipe.scene, &recipe.sensors, console);
     }
     Ok(())
 }

@@ -1,8 +1,10 @@
 //! The properties of a sensor by itself, printed before it runs.
 
 use super::console::Console;
+use crate::sensor::SensorSet;
 use crate::sensor::front_end::FrontEnd;
 use crate::sensor::screening::{ConstantLightNoise, SensorScreening};
+use crate::sensor::twin::NearTwin;
 
 /// Prints the contrast, leak and noise of a sensor. `whose` precedes its warnings.
 pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreening, console: &Console) {
@@ -24,5 +26,24 @@ pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreenin
 pub(super) fn tell_front_end(front_end: &FrontEnd, console: &Console) {
     if !front_end.is_plain() {
         console.say(&format!("  brightness: {front_end}"));
+    }
+}
+
+/// Prints which sensors of a scene are noise-free twins of others, and the parameters that keep a
+/// sensor from being one.
+pub(super) fn tell_twins(scene: &str, sensors: &SensorSet, console: &Console) {
+    let twins: Vec<String> = sensors
+        .twins()
+        .iter()
+        .map(|(clean, noisy)| format!("{clean} is {noisy} without its noise"))
+        .collect();
+    if !twins.is_empty() {
+        console.say(&format!("twins of {scene}: {}", twins.join(", ")));
+    }
+    for NearTwin { name, noisy, differing } in sensors.near_twins() {
+        console.say(&format!(
+            "sensor of {scene}/{name}: no twin of {noisy}, because of {}; twin_of: {noisy} makes one",
+            differing.join(", ")
+        ));
     }
 }

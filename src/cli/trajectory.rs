@@ -268,7 +268,8 @@ impl TrajectoryMaker<'_> {
         let TrajectoryFragment { rate, law, .. } = *self.fragment;
         let timing = PoseTiming { speed: &recipe.speed, rate, law };
         let meter = self.meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
-        let made = path_of(recipe).0.make(path::PathInputs { views: &views, base }, timing, meter);
+        let made =
+            path_of(recipe).0.make(path::PathInputs { views: &views, base, scene: None }, timing, meter);
         made.map_err(|error| {
             let what = format!("failed to make the trajectory `{}`", recipe.name);
             VerbError::from_message(

@@ -118,6 +118,8 @@ fn wire_trajectory(
         render: recipe.render,
         backend: backend(),
     });
+    // Without a capture, an orbit that leaves something open is laid about the scene.
+    let framing = recipe.camera.filter(|_| trajectory.path.needs_views() && !recipe.source.has_views());
     let sees = seeing.is_some();
     let moving = TrajectoryStage {
         path: trajectory.path.clone(),
@@ -125,11 +127,16 @@ fn wire_trajectory(
         law: recipe.law,
         rate: recipe.rate,
         seeing,
+        framing,
     };
     // Inputs that the path does not use stay out of the key, so a change of them makes no new
     // trajectory.
     let captured = (sees || trajectory.path.needs_views()).then_some(capture);
-    let motion = wiring.add(name("trajectory"), moving, (captured, base, gaussians.filter(|_| sees)));
+    let motion = wiring.add(
+        name("trajectory"),
+        moving,
+        (captured, base, gaussians.filter(|_| sees || framing.is_some())),
+    );
     let events = recipe.outputs.contains(&OutputKind::Events).then(|| {
         // From names alone: a trajectory that is added changes no other one.
         let seed = Seed::for_stream(recipe.seed, &recipe.scene, &trajectory.name, StreamPurpose::Sensor);

@@ -168,6 +168,9 @@ fn written_text(field: &Field<String>) -> Option<&str> {
 }
 
 fn sensor_value(raw: Option<&schema::SensorSection>, sensor: &SensorChoice) -> Value {
+    if let Some(schema::SensorSection::TwinOf(name)) = raw {
+        return json!({ "twin_of": written_text(name) });
+    }
     let fields = match sensor {
         SensorChoice::Voltmeter(sensor) => voltmeter_value(raw, sensor),
         // The serialized fields have the names that recipes use.

@@ -76,7 +76,14 @@ impl Resolver<'_> {
         let camera = self.camera(&raw.camera, source.as_ref());
         let rate = self.rate(&raw.sampling);
         let law = self.summation(&raw.sampling);
-        let setting = TrajectoryContext { scene: scene.as_deref(), seed, source: source.as_ref(), rate, law };
+        let setting = TrajectoryContext {
+            scene: scene.as_deref(),
+            seed,
+            source: source.as_ref(),
+            rate,
+            law,
+            has_scene: !raw.reconstruct.is_absent(),
+        };
         let trajectories = self.trajectories(&raw.trajectories, setting);
         let render = self.render(&raw.render, usual_rules(&raw.sampling));
         let between = self.between(&raw.sampling);

@@ -290,6 +290,9 @@ pub(super) enum SensorSection {
     Esim(Field<Box<EsimSection>>),
     /// The pixel model of v2e.
     V2e(Field<Box<V2eSection>>),
+    /// Name of another of `sensors`: the same sensor without its noise and its labels.
+    #[serde(rename = "twin_of")]
+    TwinOf(Field<String>),
 }
 
 /// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a

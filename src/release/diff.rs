@@ -129,7 +129,7 @@ pub enum DiffReason {
     Untold,
 }
 
-/// A folder that cannot be compared.
+/// A folder that cannot be read as a release.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: found {found}, wanted {wanted}", path.display())]
 pub struct DiffError {
@@ -170,7 +170,7 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
     Ok(told)
 }
 
-fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
+pub(super) fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
     const WANTED: &str = "a release folder";
     let no_release = |path: &Path, found: &str| DiffError {
         path: path.to_owned(),
@@ -192,7 +192,7 @@ fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
     Ok(manifest)
 }
 
-fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
+pub(super) fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
     read_json(dir, &format!("{}/scene.json", scene.id), "the description of a scene")
 }
 

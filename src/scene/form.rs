@@ -1,6 +1,8 @@
 //! Formats in which a scene can be written, and the losses of each.
 
-use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, splat, spz};
+use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, sog, splat, spz};
+use crate::files;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 /// A file format that can be written.
@@ -24,6 +26,42 @@ pub struct FormatLoss {
     /// The largest change from rounding, in the unit of the field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest: Option<f64>,
+}
+
+/// The form of a scene file.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct SceneFileForm {
+    /// The format, in words.
+    pub format: &'static str,
+    /// Bits of a coordinate, if the format stores floats.
+    pub position_bits: Option<u8>,
+}
+
+/// The form of a scene, by the rules of [`super::read_any`]. The content of the file is not
+/// checked.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn file_form(path: &Path) -> io::Result<SceneFileForm> {
+    let of = |format, position_bits| Ok(SceneFileForm { format, position_bits });
+    if path.is_dir() || path.file_name().is_some_and(|name| name == sog::META) {
+        return of("folder of a SOG", None);
+    }
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat")) {
+        return of(".splat", Some(32));
+    }
+    let mut head = Vec::new();
+    files::open(path)?.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head)?;
+    if head.starts_with(&sog::ZIP_MAGIC) {
+        of(".sog", None)
+    } else if !head.starts_with(b"ply") {
+        of(".spz", None)
+    } else {
+        match ply::position_bits(&head) {
+            Some(bits) => of(".ply", Some(bits)),
+            None => of("compressed .ply", None),
+        }
+    }
 }
 
 impl SceneFormat {

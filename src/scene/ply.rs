@@ -18,7 +18,7 @@ use super::cursor::ByteCursor;
 use super::{Gaussians, SceneError, SceneScreening, sh};
 use body::{ElementRows, VertexColumn};
 use glam::DVec3;
-use header::{BodyEncoding, PlyElement, PlyHeader};
+use header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
 pub use write::write_ply;
 
 /// Reads a `.ply` scene. Positions of 32 bits are kept unchanged; positions of 64 bits are taken
@@ -73,6 +73,19 @@ pub fn left_out(bytes: &[u8]) -> Vec<String> {
         }
     }
     names
+}
+
+/// Bits of the coordinates of a file with this beginning: 32 or 64. `None` for a compressed file,
+/// and for one without a valid header.
+#[must_use]
+pub fn position_bits(bytes: &[u8]) -> Option<u8> {
+    let header = PlyHeader::read(&mut ByteCursor::new(".ply", bytes)).ok()?;
+    if header.elements.iter().any(packed::is_packed) {
+        return None;
+    }
+    let vertices = header.elements.iter().find(|element| element.name == "vertex")?;
+    let x = vertices.properties.iter().find(|property| property.name == "x")?;
+    Some(if x.kind == PropertyKind::One(NumberType::F64) { 64 } else { 32 })
 }
 
 fn knows_property(name: &str) -> bool {

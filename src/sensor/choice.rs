@@ -107,6 +107,41 @@ impl SensorChoice {
         }
     }
 
+    /// Returns true if something other than brightness makes events.
+    #[must_use]
+    pub fn has_noise(&self) -> bool {
+        self.effective() != self.without_noise().effective()
+    }
+
+    /// The sensor without labels, and with the default value of each parameter that has no effect
+    /// because another parameter turns it off. Sensors with equal forms make equal events.
+    #[must_use]
+    pub fn effective(&self) -> Self {
+        let mut own = self.without_labels();
+        let hot_pixels = match &mut own {
+            Self::Voltmeter(sensor) => &mut sensor.hot_pixels,
+            Self::Esim(sensor) => {
+                if sensor.threshold.spread == 0.0 {
+                    sensor.mismatch = noise::RedrawRule::default();
+                }
+                &mut sensor.hot_pixels
+            }
+            Self::V2e(sensor) => {
+                if sensor.leak.rate == 0.0 {
+                    sensor.leak = v2e::LeakNoise::default();
+                }
+                if sensor.cutoff == 0.0 {
+                    sensor.filter = v2e::FilterSteps::default();
+                }
+                &mut sensor.hot_pixels
+            }
+        };
+        if hot_pixels.is_absent() {
+            *hot_pixels = noise::HotPixelNoise::default();
+        }
+        own
+    }
+
     /// Predicts the sensor's own behaviour at this frame rate.
     ///
     /// # Errors

@@ -9,11 +9,12 @@ use crate::render::RenderChoice;
 use crate::render::backend::Backend;
 use crate::render::flow::PixelFlowMeter;
 use crate::scene::Gaussians;
+use crate::scene::survey::SceneSurvey;
 use crate::source::Capture;
 use crate::speed::SpeedChoice;
 use crate::trajectory::flow::FlowMeter;
 use crate::trajectory::novel::BaseTrajectory;
-use crate::trajectory::path::{CameraPath, PathInputs};
+use crate::trajectory::path::{CameraPath, PathInputs, SceneFraming};
 use crate::trajectory::sample::SummationRule;
 use crate::trajectory::{NamedPose, PoseTiming, picture};
 use crate::units::Hertz;
@@ -36,6 +37,9 @@ pub struct TrajectoryStage {
     /// Camera and rendering for a speed that is an image motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seeing: Option<ViewingSetup>,
+    /// Camera for an orbit that is laid about the scene, which has no capture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub framing: Option<CameraChoice>,
 }
 
 /// A camera and its rendering.
@@ -94,10 +98,11 @@ impl Stage for TrajectoryStage {
             poses: &motion.trajectory.world_from_camera,
             scale: motion.report.scale_distance,
         });
+        let scene = self.framing(gaussians.as_ref());
         let mut meter = self.meter(capture.as_ref(), gaussians, cx)?;
         let meter = meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
         let timing = PoseTiming { speed: &self.speed, rate: self.rate, law: self.law };
-        let made = self.path.make(PathInputs { views: &views, base }, timing, meter);
+        let made = self.path.make(PathInputs { views: &views, base, scene }, timing, meter);
         let made = made.map_err(StageError::work_failed("make the trajectory"))?;
         cx.warnings.extend(made.report.warnings.iter().cloned());
         let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
@@ -120,6 +125,12 @@ impl Stage for TrajectoryStage {
 }
 
 impl TrajectoryStage {
+    /// The scene and its camera, if an orbit is laid about it.
+    fn framing(&self, gaussians: Option<&Gaussians>) -> Option<SceneFraming> {
+        let camera = self.framing?.resolve(None)?;
+        Some(SceneFraming { survey: SceneSurvey::measure_scene(gaussians?), camera })
+    }
+
     /// The meter of optical flow, if the speed is an image motion.
     fn meter(
         &self,

@@ -1,13 +1,14 @@
 //! Orbits: a camera on a circle about an axis, looking at a point on the axis.
 //!
-//! Without a capture, all parameters are given. With a capture, defaults come from it: the point
-//! nearest all optical axes, the mean of the cameras' up directions, and the centre of the first
-//! view.
+//! With a capture, defaults come from it: the point nearest all optical axes, the mean of the
+//! cameras' up directions, and the centre of the first view. Without a capture, they come from a
+//! survey of the scene ([`crate::scene::survey`]).
 
 use super::course::{CourseGeometry, CourseKind, PoseCourse};
 use super::curve::CirclePath;
 use super::metric::{MixedMetric, common_focus};
 use super::order::by_name;
+use super::path::SceneFraming;
 use super::refine::screen_views;
 use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
@@ -39,9 +40,16 @@ impl OrbitPath {
     }
 
     /// The course about a point, relative to that point.
-    pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<PoseCourse, TrajectoryError> {
+    pub(super) fn course(
+        &self,
+        views: &[NamedPose<'_>],
+        scene: Option<SceneFraming>,
+    ) -> Result<PoseCourse, TrajectoryError> {
         let missing = |what| move || TrajectoryError::Orbit { what, because: NO_CAPTURE };
-        let (seen, warnings) = CaptureOrbit::from_views(views)?;
+        let (seen, warnings) = match scene.filter(|_| views.is_empty()) {
+            Some(framing) => (self.about_scene(framing), Vec::new()),
+            None => CaptureOrbit::from_views(views)?,
+        };
         let from = self.from.or(seen.from).ok_or_else(missing("from"))?;
         let up = self.up.or(seen.up).ok_or_else(missing("up"))?;
         let centre = match (self.centre, seen.centre) {
@@ -79,12 +87,23 @@ impl OrbitPath {
     }
 }
 
+impl OrbitPath {
+    /// Defaults from a scene: the start depends on the centre and the axis, which may be given.
+    fn about_scene(&self, SceneFraming { mut survey, camera }: SceneFraming) -> CaptureOrbit {
+        survey.centre = self.centre.unwrap_or(survey.centre);
+        let axis = self.up.and_then(DVec3::try_normalize);
+        survey.up.direction = axis.unwrap_or(survey.up.direction);
+        let orbit = survey.orbit(&camera);
+        CaptureOrbit { centre: Some(orbit.centre), from: Some(orbit.from), up: Some(orbit.up) }
+    }
+}
+
 const NO_CAPTURE: &str = "it is not given, and there is no capture to take it from";
 const NO_FOCUS: &str = "it is not given, and the capture's optical axes meet nowhere in front of its cameras";
 const NO_DIRECTION: &str = "it is zero, or not finite";
 const ON_AXIS: &str = "the camera starts on the axis, or at its centre";
 
-/// Defaults of an orbit from a capture.
+/// Defaults of an orbit from a capture, or from a scene.
 #[derive(Default)]
 struct CaptureOrbit {
     centre: Option<DVec3>,

@@ -8,6 +8,8 @@ use super::orbit::OrbitPath;
 use super::refine::RefinePath;
 use super::travel::TravelPlan;
 use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
+use crate::camera::Camera;
+use crate::scene::survey::SceneSurvey;
 use serde::Serialize;
 
 /// A path, by its kind.
@@ -31,6 +33,17 @@ pub struct PathInputs<'a> {
     pub views: &'a [NamedPose<'a>],
     /// The trajectory from which [`CameraPath::Novel`] draws its key poses.
     pub base: Option<BaseTrajectory<'a>>,
+    /// The scene without a capture, for [`CameraPath::Orbit`].
+    pub scene: Option<SceneFraming>,
+}
+
+/// A scene, and the camera that sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneFraming {
+    /// The scene.
+    pub survey: SceneSurvey,
+    /// The camera.
+    pub camera: Camera,
 }
 
 impl CameraPath {
@@ -51,8 +64,8 @@ impl CameraPath {
         self.travel().along(self.course(ground)?, timing, meter)
     }
 
-    /// Returns true if the path is made from the views of a capture. The base of a novel path may
-    /// need views even if this is false.
+    /// Returns true if the path is made from the views of a capture, or without a capture from the
+    /// scene. The base of a novel path may need views even if this is false.
     #[must_use]
     pub fn needs_views(&self) -> bool {
         match self {
@@ -66,7 +79,7 @@ impl CameraPath {
         match self {
             Self::Refine(refine) => refine.course(ground.views),
             Self::Novel(novel) => novel.course(ground.base.expect("a novel path is drawn from another")),
-            Self::Orbit(orbit) => orbit.course(ground.views),
+            Self::Orbit(orbit) => orbit.course(ground.views, ground.scene),
             Self::Keyframes(keyframes) => keyframes.course(),
         }
     }

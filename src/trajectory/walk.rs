@@ -14,11 +14,12 @@
 //! the shorter of its two steps, so a gap, one long step, makes none.
 
 use super::knots::{CaptureGap, knot_distances, rounding_distance};
-use super::metric::MixedMetric;
+use super::metric::{MixedMetric, common_focus};
 use super::order::by_name;
 use super::refine::{TranslationScale, screen_views};
 use super::{NamedPose, TrajectoryError};
 use crate::stats::mean_median;
+use glam::DVec3;
 
 /// Steps and detours, divided by the median step.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +28,11 @@ pub struct CaptureEvenness {
     pub steps: Vec<CaptureGap>,
     /// The detour of each view except the first and the last.
     pub detours: Vec<ViewDetour>,
+    /// Median distance of the cameras from the point that they look at, scene units; the largest
+    /// distance between two cameras if they look at no common point.
+    pub scale: f64,
+    /// True if the cameras look at a common point.
+    pub focused: bool,
 }
 
 /// Detour of one view.
@@ -47,6 +53,8 @@ impl CaptureEvenness {
     pub fn measure_views(views: &[NamedPose<'_>]) -> Result<Option<Self>, TrajectoryError> {
         let (_, views, _) = screen_views(by_name(views)?)?;
         let metric = MixedMetric::new(TranslationScale::Scene, &views)?;
+        let poses = views.iter().map(|view| view.world_from_camera);
+        let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
         let (steps, still) = (knot_distances(&views, metric), rounding_distance(&views, metric));
         let median = mean_median(steps.iter().copied().filter(|step| *step > still).collect()).unwrap_or(0.0);
         let step = |(pair, step): (&[NamedPose<'_>], &f64)| CaptureGap {
@@ -65,6 +73,8 @@ impl CaptureEvenness {
         Ok((median > 0.0).then(|| Self {
             steps: views.windows(2).zip(&steps).map(step).collect(),
             detours: (1..steps.len()).map(detour).collect(),
+            scale: metric.scale,
+            focused: common_focus(&rays).is_some(),
         }))
     }
 }
@@ -73,7 +83,7 @@ impl CaptureEvenness {
 mod tests {
     use super::*;
     use crate::se3::Se3;
-    use glam::{DQuat, DVec3};
+    use glam::DQuat;
 
     /// Views that look along z, so that the scale of the metric is the largest distance between two
     /// of them.

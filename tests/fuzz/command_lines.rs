@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 /// Lines that succeed in the folder that [`furnish`] makes.
-const SOUND: [&str; 34] = [
+const SOUND: [&str; 39] = [
     "--help",
     "--version",
     "build --help",
@@ -38,6 +38,11 @@ const SOUND: [&str; 34] = [
     "convert --lossy --size 346x260 --codec evt3 few.csv few.raw",
     "convert --lossy --size 346x260 few.csv few.png",
     "convert --lossy scene.ply scene.splat",
+    "info scene.ply",
+    "info --json data/one/transforms.json",
+    "info --size 346x260 few.csv",
+    "info --json out",
+    "info .gs2e",
     "init nerfstudio data --to recipes --min-views 1 --min-side 1 --limit 3 --seed 7 --prefix ours",
     "init --json nerfstudio data --to others --min-views 1 --min-side 1 --views 2 --exclude *.jpg --pace mild",
     "gc --dry-run --min-age 1d tiny.yaml",

@@ -30,6 +30,7 @@ mod hostile_console;
 mod hostile_files;
 mod hostile_programs;
 mod index;
+mod info;
 mod init;
 mod interruption;
 mod keys;

@@ -108,6 +108,47 @@ fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
     );
 }
 
+/// `twin_of` is the sensor with its noise parameters at 0, written out by hand.
+#[test]
+fn a_twin_is_the_same_sensor_without_its_noise() {
+    let place = Workspace::new();
+    let noisy = "noisy: { v2e: { preset: noisy, labels: true, hot_pixels: { share: 0.1, rate: 5 } } }";
+    let by_hand = "by-hand: { v2e: { preset: noisy, leak: { rate: 0 }, shot: 0 } }";
+    place.write(
+        "tiny.yaml",
+        recipe(&format!("sensors:\n  clean: {{ twin_of: noisy }}\n  {by_hand}\n  {noisy}\n")),
+    );
+    let told = place.ok("release --to tree tiny.yaml").stderr;
+    let line = "twins of tiny: by-hand is noisy without its noise, clean is noisy without its noise";
+    assert_eq!(told.lines().filter(|found| *found == line).count(), 1, "{told}");
+    assert!(!told.contains("no twin"), "{told}");
+    place.ok("audit tree");
+    let scene = json(&place, "tree/tiny/scene.json");
+    let part = &scene["trajectories"][0]["sensors"];
+    let twin_of = |name: &str| part[name]["twin_of"].clone();
+    assert_eq!(["by-hand", "clean", "noisy"].map(twin_of), ["noisy".into(), "noisy".into(), Value::Null]);
+    let events = |name: &str| fs::read(place.path(&format!("tree/tiny/base/events/{name}.h5"))).unwrap();
+    assert!(events("clean") == events("by-hand") && events("clean") != events("noisy"));
+    // The canonical recipe keeps the key, and is the same recipe.
+    assert_eq!(scene["recipe"]["sensors"]["clean"], serde_json::json!({ "twin_of": "noisy" }));
+    place.write("again.yaml", scene["recipe"].to_string());
+    assert!(place.stale("again.yaml").is_empty());
+}
+
+#[test]
+fn parameters_that_keep_a_sensor_from_being_a_twin_are_named() {
+    let place = Workspace::new();
+    let told = |sensors: &str| {
+        place.write("tiny.yaml", recipe(sensors).replace("outputs: [events, sharp]", "outputs: []"));
+        place.ok("build tiny.yaml").stderr
+    };
+    let near = told("sensors:\n  a: { v2e: { preset: clean } }\n  b: { v2e: { preset: noisy } }\n");
+    let wanted = "sensor of tiny/a: no twin of b, because of cutoff, threshold.spread; twin_of: b makes one";
+    assert!(near.contains(wanted) && !near.contains("twins of"), "{near}");
+    let far = told("sensors:\n  a: { esim: {} }\n  b: { v2e: { preset: noisy } }\n");
+    assert!(!far.contains("twin"), "{far}");
+}
+
 #[test]
 fn ambiguous_and_invalid_sensors_are_refused() {
     let place = Workspace::new();
@@ -123,4 +164,17 @@ fn ambiguous_and_invalid_sensors_are_refused() {
     refused("sensors: { a: { voltmeter: { k: 1 } } }\n", "tiny.yaml");
     refused("sensor: { voltmeter: {} }\nsensors: { a: { voltmeter: {} } }\n", "sensors exclude each other");
     refused("sensors: { a: { voltmeter: {} }, a: { voltmeter: {} } }\n", "a");
+    let twins = |of: &str| {
+        format!("sensors:\n  a: {{ voltmeter: {{}} }}\n  bare: {{ esim: {{}} }}\n  t: {{ {of} }}\n")
+    };
+    refused(&twins("twin_of: b"), "unknown sensor \"b\"");
+    refused(&twins("twin_of: t"), "\"sensors.t.twin_of\" is \"t\", which is the sensor itself");
+    refused(
+        &twins("twin_of: a }\n  u: { twin_of: t"),
+        "\"sensors.u.twin_of\" is \"t\", which is a twin itself",
+    );
+    refused(&twins("twin_of: bare"), "\"sensors.t.twin_of\" is \"bare\", which has no noise to leave out");
+    refused(&twins("twin_of: a, voltmeter: {}"), "\"sensors.t\" has 2 keys, wanted one of");
+    refused(&twins("twin_of: [a]"), "sensors.t.twin_of");
+    refused("sensor: { twin_of: a }\n", "is a twin of another sensor, and there is no other");
 }

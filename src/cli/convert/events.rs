@@ -30,6 +30,13 @@ pub(super) struct EventOptions {
     /// zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::ChunkFilter,
+    #[command(flatten)]
+    input: EventInputOptions,
+}
+
+/// Properties of event files that do not state them.
+#[derive(Debug, clap::Args)]
+pub(in crate::cli) struct EventInputOptions {
     /// Size of the sensor, if an event file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<Size>,
@@ -77,6 +84,13 @@ impl EventOptions {
 
     /// Opens a file of events.
     pub(super) fn open(&self, path: &Path, format: EventFormat) -> Result<OpenEventFile, VerbError> {
+        self.input.open(path, format)
+    }
+}
+
+impl EventInputOptions {
+    /// Opens a file of events.
+    pub(in crate::cli) fn open(&self, path: &Path, format: EventFormat) -> Result<OpenEventFile, VerbError> {
         if let Err(e) = files::open(path) {
             return Err(VerbError::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
         }
@@ -169,7 +183,8 @@ impl EventConversion<'_> {
     fn notes_of_format(&self, opened: &OpenEventFile) -> Vec<String> {
         let format = self.to.1;
         let law = opened.header.law.filter(|_| !format.keeps_law());
-        let size = Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.size.is_none());
+        let size =
+            Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.input.size.is_none());
         let law = law.map(|law| {
             format!("the contrast thresholds are not stored: ON {:.4}, OFF {:.4}", law.c_on, law.c_off)
         });

@@ -63,24 +63,60 @@ impl Resolver<'_> {
             return self.refuse(FieldProblem::of_field(found).help("choose another name").at(place));
         }
         // Every sensor is checked, so that all faults are reported.
-        let sensors: Vec<_> = sensors
-            .iter()
-            .map(|(name, field)| self.named_sensor((name, field, place), between, rate))
-            .collect();
-        sensors.into_iter().collect::<Option<BTreeMap<_, _>>>().map(SensorSet::Named)
+        let mut found: BTreeMap<&str, Option<SensorChoice>> = BTreeMap::new();
+        for (name, field) in sensors {
+            let place = field.place().unwrap_or(place);
+            let named = self.named(name, place, names::check_sensor(name), names::SENSOR_HELP);
+            // Twins are resolved after the sensors that they are twins of.
+            let sensor = if is_twin(field) { None } else { self.sensor(field, between, rate) };
+            found.insert(name, named.and(sensor));
+        }
+        let twins = sensors.iter().filter_map(|(name, field)| match field {
+            Field::Given(schema::SensorSection::TwinOf(of), _) => {
+                Some((name.as_str(), self.twin(name, of, sensors, &found)))
+            }
+            _ => None,
+        });
+        let twins: Vec<(&str, Option<SensorChoice>)> = twins.collect();
+        found.extend(twins);
+        let all = found.into_iter().map(|(name, sensor)| Some((name.to_owned(), sensor?)));
+        all.collect::<Option<_>>().map(SensorSet::Named)
     }
 
-    /// Resolves one of several sensors; `place` is the place of their mapping.
-    fn named_sensor(
+    /// Resolves the twin of another sensor. `found` has the sensors that are no twins.
+    fn twin(
         &self,
-        (name, field, place): (&str, &Field<schema::SensorSection>, TextSpan),
-        between: Option<BetweenFrames>,
-        rate: Option<Hertz>,
-    ) -> Option<(String, SensorChoice)> {
-        let place = field.place().unwrap_or(place);
-        let name = self.named(name, place, names::check_sensor(name), names::SENSOR_HELP);
-        let sensor = self.sensor(field, between, rate);
-        Some((name?, sensor?))
+        own: &str,
+        of: &Field<String>,
+        sensors: &BTreeMap<String, Field<schema::SensorSection>>,
+        found: &BTreeMap<&str, Option<SensorChoice>>,
+    ) -> Option<SensorChoice> {
+        let (name, place) = of.given()?;
+        let refuse = |what: &str, help: &str| {
+            self.refuse(
+                FieldProblem::of_field(format!("is {}, {what}", quote_text(name))).help(help).at(place),
+            )
+        };
+        if name == own {
+            return refuse("which is the sensor itself", "name the sensor with noise");
+        }
+        let Some(other) = sensors.get(name) else {
+            let others: Vec<&str> =
+                sensors.keys().map(String::as_str).filter(|other| *other != own).collect();
+            return self.refuse(FieldProblem::unknown_name("sensor", name, &others).at(place));
+        };
+        if is_twin(other) {
+            return refuse("which is a twin itself", "name the sensor with noise");
+        }
+        // A fault of the other sensor is reported there.
+        let noisy = found.get(name.as_str())?.as_ref()?;
+        if !noisy.has_noise() {
+            return refuse(
+                "which has no noise to leave out",
+                "name a sensor with noise, or leave this one out",
+            );
+        }
+        Some(noisy.without_noise())
     }
 
     fn sensor(
@@ -108,6 +144,10 @@ impl Resolver<'_> {
                 let (linear, v2e) = (self.only_linear(between, "the sensor v2e", place), self.v2e(raw));
                 linear?;
                 (SensorChoice::V2e(v2e?), place)
+            }
+            Field::Given(schema::SensorSection::TwinOf(_), place) => {
+                let problem = FieldProblem::of_field("is a twin of another sensor, and there is no other");
+                return self.refuse(problem.help("write both under sensors, each with a name").at(*place));
             }
         };
         self.possible(&sensor, rate?, place).then_some(sensor)
@@ -219,6 +259,10 @@ impl Resolver<'_> {
             Field::Bad => None,
         }
     }
+}
+
+fn is_twin(field: &Field<schema::SensorSection>) -> bool {
+    matches!(field, Field::Given(schema::SensorSection::TwinOf(_), _))
 }
 
 fn resolve_initial(field: &Field<schema::InitialKey>) -> Option<InitialVoltage> {

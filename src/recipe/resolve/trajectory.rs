@@ -33,6 +33,8 @@ pub(super) struct TrajectoryContext<'a> {
     pub(super) source: Option<&'a SceneSource>,
     pub(super) rate: Option<Hertz>,
     pub(super) law: Option<SummationRule>,
+    /// True if the recipe names the Gaussians.
+    pub(super) has_scene: bool,
 }
 
 /// The context of a path.

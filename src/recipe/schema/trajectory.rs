@@ -7,7 +7,7 @@
 //!     speed: { list: { multipliers: [1, 0.5, 2], blend: 0.1, meaning: speed } }
 //!   - name: mini                        # three trajectories: mini-0, mini-1, mini-2
 //!     novel: { base: base, groups: 3, keyframes: 5, frames: 150, curve: any }
-//!   - name: round                       # without a capture centre, from and up are written
+//!   - name: round                       # centre, from and up default to the capture or the scene
 //!     orbit: { centre: [0, 0, 0], from: [0, 0.5, 4], up: [0, 1, 0], arc: 360 }
 //!     speed: { flow: { px_s: 400, function: "1 + t" } }   # sets the number of poses
 //!   - name: by-hand
@@ -177,16 +177,17 @@ pub(in crate::recipe) enum NovelCurveSection {
     Bezier(Field<BezierSection>),
 }
 
-/// Points and directions are world coordinates. Missing ones are taken from the capture; without a
-/// capture all are required.
+/// Points and directions are world coordinates. Missing ones are taken from the capture. Without a
+/// capture they are guessed from the scene, as `gs2e info` shows it; without a scene all are
+/// required.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct OrbitSection {
-    /// Point that the camera looks at. Unit: scene units. Default: from the capture.
+    /// Point that the camera looks at. Unit: scene units. Default: from the capture or the scene.
     pub centre: Field<[Field<f64>; 3]>,
-    /// First position of the camera. Unit: scene units. Default: from the capture.
+    /// First position of the camera. Unit: scene units. Default: from the capture or the scene.
     pub from: Field<[Field<f64>; 3]>,
-    /// Direction of the axis, of any length but 0. Default: from the capture.
+    /// Direction of the axis, of any length but 0. Default: from the capture or the scene.
     pub up: Field<[Field<f64>; 3]>,
     /// Angle of the arc, right-handed about `up`; not 0. Unit: degrees. Default: `360`.
     pub arc: Field<f64>,

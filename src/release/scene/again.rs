@@ -2,7 +2,7 @@
 //! scene.
 
 use super::trajectory::{
-    blur_value, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value, twin_of,
+    blur_value, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value,
 };
 use super::{
     CameraPart, QuantityExtent, ReconstructionPart, SceneRecord, SensorPart, TrajectoryPart,
@@ -16,6 +16,7 @@ use crate::recipe::{OutputKind, Recipe};
 use crate::reconstruct::TrainerCommand;
 use crate::release::checksum;
 use crate::release::published::PublishedScene;
+use crate::sensor::twin::twin_of;
 use serde_json::Value;
 
 /// Composes the file from the recipe and the other files. Some values are copied, because no other

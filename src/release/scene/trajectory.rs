@@ -9,6 +9,7 @@ use crate::render::RenderChoice;
 use crate::render::flow::FlowQuantiles;
 use crate::seed::Seed;
 use crate::sensor::SensorChoice;
+use crate::sensor::twin::twin_of;
 use crate::sensor::voltmeter::VoltmeterModel;
 use crate::trajectory::CourseKind;
 use serde_json::{Value, json};
@@ -156,20 +157,6 @@ fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
         )
     };
     named.map(part).collect()
-}
-
-/// The name of the first sensor that would equal this one without its noise.
-pub(super) fn twin_of<'s>(
-    own: &SensorChoice,
-    mut all: impl Iterator<Item = (Option<&'s str>, &'s SensorChoice)>,
-) -> Option<&'s str> {
-    // Labels do not change events, and twins may differ in them.
-    let own = own.without_labels();
-    let is_twin = |other: &SensorChoice| {
-        let noisy = other.without_labels();
-        noisy != own && noisy.without_noise() == own
-    };
-    all.find(|(_, other)| is_twin(other))?.0
 }
 
 /// Statistics of stream `i`.

@@ -172,7 +172,11 @@ fn by_flow(
     let views = line();
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    CameraPath::Refine(params).make(PathInputs { views: &views, base: None }, timing(speed), meter)
+    CameraPath::Refine(params).make(
+        PathInputs { views: &views, base: None, scene: None },
+        timing(speed),
+        meter,
+    )
 }
 
 #[test]

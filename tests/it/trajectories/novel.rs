@@ -27,7 +27,7 @@ const NOVEL: NovelGroup = NovelGroup {
 };
 
 fn try_made(novel: &NovelGroup, poses: &[Se3], scale: f64) -> Result<MadeTrajectory, TrajectoryError> {
-    let ground = PathInputs { views: &[], base: Some(BaseTrajectory { poses, scale }) };
+    let ground = PathInputs { views: &[], base: Some(BaseTrajectory { poses, scale }), scene: None };
     CameraPath::Novel(novel.clone()).make(ground, timing(&law("1")), None)
 }
 

@@ -18,7 +18,7 @@ const FRAMES: PoseCount = PoseCount::Frames(91);
 fn made(path: &CameraPath, views: &Views, law_text: &str) -> Result<MadeTrajectory, TrajectoryError> {
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    path.make(PathInputs { views: &views, base: None }, timing(&law(law_text)), None)
+    path.make(PathInputs { views: &views, base: None, scene: None }, timing(&law(law_text)), None)
 }
 
 fn whole() -> OrbitPath {

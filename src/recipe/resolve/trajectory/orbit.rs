@@ -28,8 +28,8 @@ impl Resolver<'_> {
         let spread = PoseSpread { factor: None, frames: &raw.frames, duration: &raw.duration, literal: None };
         let spread = self.spread(spread, USUAL_FRAMES, place, around);
         let fields = [(&raw.centre, "centre"), (&raw.from, "from"), (&raw.up, "up")];
-        if !around.setting.has_views() {
-            let help = "without a capture, an orbit needs centre, from and up";
+        if !around.setting.has_views() && !around.setting.has_scene {
+            let help = "without a capture or a scene, an orbit needs centre, from and up";
             fields.into_iter().for_each(|(field, name)| {
                 self.required(field, name, place, help);
             });

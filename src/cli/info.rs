@@ -1,0 +1,126 @@
+//! `gs2e info`: the properties of one file or folder.
+
+mod capture;
+mod events;
+mod scene;
+mod tree;
+
+use super::console::{Console, path};
+use super::convert::events::EventInputOptions;
+use super::input;
+use super::problem::{ExitKind, VerbError};
+use crate::event::evt::EvtVersion;
+use crate::event::file::EventFormat;
+use crate::scene::sog;
+use crate::store::Store;
+use crate::{files, release};
+use serde_json::{Value, json};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `info`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Scenes: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG. Events: .h5, .npz, \
+    .raw, .aedat4, .txt, .csv. Captures: a COLMAP model, a transforms.json, or a folder with a cameras.json. \
+    Folders: a release, a store. For a scene, the up direction is a guess, and the recipe is a first try."
+)]
+pub(super) struct InfoArgs {
+    /// Scene file, event file, capture, release or store
+    #[arg(value_name = "PATH")]
+    path: PathBuf,
+    #[command(flatten)]
+    events: EventInputOptions,
+}
+
+/// The properties of a file or folder.
+struct PathFacts {
+    /// The kind of the path, for programs.
+    kind: &'static str,
+    /// The kind in words.
+    title: &'static str,
+    /// Label and text of each line for people.
+    rows: Vec<(&'static str, String)>,
+    /// Lines to paste into a recipe.
+    recipe: Vec<String>,
+    /// The values for programs, an object.
+    value: Value,
+}
+
+impl InfoArgs {
+    pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
+        let facts = self.facts(console)?;
+        if console.json {
+            let mut value = json!({ "kind": facts.kind, "path": path(&self.path) });
+            if let (Some(all), Value::Object(own)) = (value.as_object_mut(), facts.value) {
+                all.extend(own);
+            }
+            console.result(&value);
+            return Ok(ExitKind::Done);
+        }
+        console.print(&format!("{}: {}", path(&self.path), facts.title));
+        for (label, text) in &facts.rows {
+            console.print(&format!("  {label:<13}{text}"));
+        }
+        facts.recipe.iter().for_each(|line| console.print(line));
+        Ok(ExitKind::Done)
+    }
+
+    fn facts(&self, console: &Console) -> Result<PathFacts, VerbError> {
+        let place = self.path.as_path();
+        if !files::is_there(place) {
+            return Err(input::missing_file("path", place));
+        }
+        if place.is_dir() { folder_facts(place, console) } else { self.file_facts(place, console) }
+    }
+
+    fn file_facts(&self, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
+        // Opening gives the reason for a device, a dangling link or a missing permission.
+        files::open(place).map_err(|e| unreadable(place, &e))?;
+        // The file itself states its version of EVT.
+        if let Some(format) = EventFormat::for_path(place, EvtVersion::Evt2) {
+            let opened = self.events.open(place, format)?;
+            return events::event_facts(place, opened);
+        }
+        let is_json = place.extension().is_some_and(|extension| extension == "json");
+        if is_json && place.file_name().is_some_and(|name| name != sog::META) {
+            return capture::capture_facts(place, console);
+        }
+        scene::scene_facts(place)
+    }
+}
+
+fn folder_facts(place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
+    if release::summary::is_release(place) {
+        return tree::release_facts(place);
+    }
+    if Store::is_store(place) {
+        return tree::store_facts(place);
+    }
+    if files::is_there(&place.join(sog::META)) {
+        return scene::scene_facts(place);
+    }
+    capture::capture_facts(place, console)
+}
+
+fn unreadable(place: &Path, error: &io::Error) -> VerbError {
+    VerbError::failed("input-unreadable", format!("{} cannot be read: {error}", place.display()))
+}
+
+/// A number in five significant digits.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.4e}").parse().unwrap_or(value);
+    crate::units::brief(rounded)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn numbers_are_short() {
+        for (value, wanted) in [(1.0 / 3.0, "0.33333"), (-0.0, "-0"), (123_456.0, "123460"), (2.0, "2")] {
+            assert_eq!(short(value), wanted);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Properties of a scene, and a first recipe for it.
+
+use super::{PathFacts, short, unreadable};
+use crate::camera::Camera;
+use crate::cli::console::path;
+use crate::cli::input;
+use crate::cli::problem::VerbError;
+use crate::escape;
+use crate::image::Size;
+use crate::scene::form::{SceneFileForm, file_form};
+use crate::scene::survey::{SceneOrbit, SceneSurvey, UpRule};
+use crate::scene::{self, Gaussians};
+use crate::units::brief;
+use glam::DVec3;
+use serde_json::json;
+use std::path::Path;
+
+/// The camera of the suggested recipe: 60 degrees wide.
+const CAMERA: Camera =
+    Camera { size: Size { width: 640, height: 480 }, fx: 554.0, fy: 554.0, cx: 320.0, cy: 240.0 };
+
+pub(super) fn scene_facts(place: &Path) -> Result<PathFacts, VerbError> {
+    let form = file_form(place).map_err(|e| unreadable(place, &e))?;
+    let gaussians = scene::read_any(place).map_err(|e| {
+        input::unreadable_file("file", &e).help("gs2e info --help lists the files and folders that are known")
+    })?;
+    let survey = SceneSurvey::measure_scene(&gaussians);
+    let orbit = survey.orbit(&CAMERA).rounded();
+    let recipe = suggested_recipe(place, &orbit);
+    let value = json!({
+        "format": form.format,
+        "position_bits": form.position_bits,
+        "gaussians": gaussians.len(),
+        "screening": gaussians.screening,
+        "sh_degree": gaussians.sh_degree,
+        "antialiased": gaussians.antialiased,
+        "survey": survey,
+        "orbit": orbit,
+        "recipe": recipe.join("\n") + "\n",
+    });
+    let rows = scene_rows(&form, &gaussians, &survey);
+    Ok(PathFacts { kind: "scene", title: "a scene", rows, recipe, value })
+}
+
+fn scene_rows(
+    form: &SceneFileForm,
+    gaussians: &Gaussians,
+    survey: &SceneSurvey,
+) -> Vec<(&'static str, String)> {
+    let bits = form.position_bits.map(|bits| format!(", positions of {bits} bits")).unwrap_or_default();
+    let dropped = match gaussians.screening.non_finite {
+        0 => String::new(),
+        dropped => format!(", and {dropped} dropped, with a NaN or an infinity"),
+    };
+    let rule = match survey.up.rule {
+        UpRule::Layer => "the normal of the layer that the Gaussians form, on the side where things stand",
+        UpRule::LayerAlike => "the normal of the layer that the Gaussians form, on the side of -y",
+        UpRule::Colmap => "COLMAP's -y, since the Gaussians form no layer",
+    };
+    let axes = ["x", "y", "z"].into_iter().zip([0, 1, 2]);
+    let bounds =
+        axes.map(|(name, k)| format!("{name} {} to {}", short(survey.low[k]), short(survey.high[k])));
+    let mut rows = vec![
+        ("format", format!("{}{bits}", form.format)),
+        ("Gaussians", format!("{}{dropped}", gaussians.len())),
+        ("harmonics", format!("degree {}", gaussians.sh_degree)),
+        ("bounds", format!("{}; each holds 95 % of the opacity", bounds.collect::<Vec<_>>().join(", "))),
+        ("centre", format!("{}, the median on each axis", vector(survey.centre, short))),
+        ("radius", format!("{}, which holds 95 % of the opacity", short(survey.radius))),
+        ("up", format!("{}, a guess: {rule}", vector(survey.up.direction, short))),
+    ];
+    if let Some(antialiased) = gaussians.antialiased {
+        let trained = if antialiased { "with" } else { "without" };
+        rows.insert(3, ("trained", format!("{trained} antialiasing")));
+    }
+    rows
+}
+
+fn vector(v: DVec3, number: impl Fn(f64) -> String) -> String {
+    format!("[{}, {}, {}]", number(v.x), number(v.y), number(v.z))
+}
+
+/// A recipe with an orbit about the scene.
+fn suggested_recipe(place: &Path, orbit: &SceneOrbit) -> Vec<String> {
+    // `-0` is a number too, but an odd one.
+    let point = |v: DVec3| vector(v + DVec3::ZERO, brief);
+    let Camera { size, fx, .. } = CAMERA;
+    vec![
+        "# A first recipe. Paths are relative to its folder; `up` is a guess.".to_owned(),
+        "version: 1".to_owned(),
+        "scene: my-scene".to_owned(),
+        "source: none".to_owned(),
+        format!("reconstruct: {{ given: {{ path: {} }} }}", escape::quoted(&path(place))),
+        format!("camera: {{ width: {}, height: {}, fx: {fx} }}", size.width, size.height),
+        "trajectories:".to_owned(),
+        "  - name: orbit".to_owned(),
+        format!(
+            "    orbit: {{ centre: {}, from: {}, up: {} }}",
+            point(orbit.centre),
+            point(orbit.from),
+            point(orbit.up)
+        ),
+        "    speed: { flow: { px_s: 400 } }".to_owned(),
+    ]
+}
