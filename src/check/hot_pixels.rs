@@ -87,7 +87,7 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let limit =
         LimitSide::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), LimitSide::warning(SHARE));
     let because = format!(
-        "{} of {} pixels that changed by more than two thresholds have no events",
+        "{} of {} pixels that changed by more than two thresholds have no eventss",
         fit.silent, fit.doubled[0]
     );
     let measured = share(fit);

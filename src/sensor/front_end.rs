@@ -12,7 +12,7 @@
 //!
 //! The rate of change of a grey frame goes through the same map: it is multiplied by `E f'(L/255)`,
 //! and is 0 where L is clamped. The rate of one weighted sum of colours does not determine the rate
-//! of another sum, or of linear light; in those cases there is no rate.
+//! of another sum, or in linear light; in those cases there is no rate.
 
 use super::{SensorModel, WHITE, is_default};
 use crate::frames::{DenseFrame, FrameError, FrameSequence};

@@ -344,6 +344,9 @@ fn a_withheld_scene_shows_no_pixel() {
     let withheld = section(restricted::SCENE);
     let curves = withheld.descendants().filter(|n| n.attribute("class") == Some("curve")).count();
     assert_eq!(curves, 1, "its speed, and not its events");
-    assert!(text(withheld).contains("upstream forbids passing on") && text(withheld).contains("pose"));
-    assert!(words(&page).contains("Of 1 scene pictures and events are withheld"));
+    assert!(
+        text(withheld).contains("the upstream terms forbid redistribution of")
+            && text(withheld).contains("pose")
+    );
+    assert!(words(&page).contains("Pictures and events of 1 scene are withheld"));
 }

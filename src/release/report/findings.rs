@@ -50,7 +50,7 @@ impl VerdictCount {
     pub(super) fn words(self) -> String {
         let words: Vec<String> =
             self.present().map(|(verdict, count)| format!("{count} {}", verdict.name())).collect();
-        if words.is_empty() { "no statement".to_owned() } else { words.join(", ") }
+        if words.is_empty() { "no findings".to_owned() } else { words.join(", ") }
     }
 
     /// Width of each part of a bar of 1000, as long as its count, but wide enough to be seen.
@@ -244,7 +244,7 @@ pub(super) mod tests {
         assert!(page.find(first) < page.find(last) && page.contains(first), "{page}");
         assert_eq!(worst_verdict(&findings), Some(Verdict::Warn));
         assert_eq!(VerdictCount::from_findings(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
-        assert_eq!(VerdictCount::default().words(), "no statement");
+        assert_eq!(VerdictCount::default().words(), "no findings");
     }
 
     #[test]

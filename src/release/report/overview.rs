@@ -29,7 +29,7 @@ pub(super) fn write_head(html: &mut HtmlFragment, page: &ReportPage<'_>) {
             html.prose_leaf("p", &[], &info.description);
         }
         html.within("p", &[], |html| {
-            html.text("Licence of the whole: ");
+            html.text("Licence of the release: ");
             html.leaf("code", &[], &page.licence.expression);
             html.text(&format!(". Creator: {}. Written by {TOOL}.", info.creator));
         });
@@ -142,7 +142,7 @@ fn write_filters(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let kinds = [
         ("warn", "with a warning", with(Verdict::Warn)),
         ("waived", "with a waiver", with(Verdict::Waived)),
-        ("notrun", "with a check not run", with(Verdict::NotRun)),
+        ("notrun", "with a check that did not run", with(Verdict::NotRun)),
         ("withheld", "withheld", page.entries.iter().filter(|entry| entry.is_withheld()).count()),
     ];
     let kinds: Vec<_> = kinds.into_iter().filter(|(.., count)| *count > 0).collect();
@@ -203,12 +203,12 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         .collect();
     faults.sort_by_key(|(_, finding)| findings::verdict_rank(finding.verdict));
     if faults.is_empty() {
-        html.leaf("p", &[], "No statement is outside its limits.");
+        html.leaf("p", &[], "No finding is outside its limits.");
         return;
     }
     let words = match faults.len() {
         n if n > MAX_FAULTS => format!("Outside limits: the first {MAX_FAULTS} of {n} statements"),
-        n => format!("Outside limits: {}", counted_noun(n, "statement", "statements")),
+        n => format!("Outside the limits: {}", counted_noun(n, "finding", "findings")),
     };
     html.table("faults", |html| {
         html.leaf("caption", &[], &words);
@@ -364,28 +364,28 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     let mut told = vec![match withheld.len() {
         0 => "No scene lacks its pictures and events because of its licence.".to_owned(),
         n => format!(
-            "Of {} pictures and events are withheld, as upstream forbids passing them on; recipe, poses and \
-             reports are here.",
+            "Pictures and events of {} are withheld, because the upstream terms forbid redistribution; recipe, poses and \
+             reports are included.",
             counted_noun(n, "scene", "scenes")
         ),
     }];
     if page.taken_down > 0 {
         told.push(format!(
-            "{} on the takedown list {} not here.",
+            "{} on the takedown list {} not in the release.",
             counted_noun(page.taken_down, "scene", "scenes"),
             if page.taken_down == 1 { "is" } else { "are" }
         ));
     }
     if photos > 0 {
         told.push(format!(
-            "No photo is in the release; {} of {} were not used.",
+            "The release contains no photos; {} of {} source photos were not used.",
             thousands_number(unused),
             thousands_number(photos)
         ));
     }
     if silent > 0 {
         told.push(format!(
-            "Without events, as no recipe asks for them: {}.",
+            "Without events, because the recipes do not request them: {}.",
             counted_noun(silent, "scene", "scenes")
         ));
     }
@@ -425,7 +425,7 @@ pub(super) fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "files")], |html| {
         html.leaf("h2", &[], "Files and terms");
         html.within("p", &[("class", "files")], |html| {
-            html.text("At the top: ");
+            html.text("Top-level files: ");
             for (number, path) in page.top.iter().enumerate() {
                 html.text(if number > 0 { ", " } else { "" });
                 file_link(html, path, path);
@@ -435,7 +435,7 @@ pub(super) fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         let gated = page.entries.iter().filter(|entry| entry.scene.file.licence.gated).count();
         if gated > 0 {
             let of = counted_noun(gated, "scene", "scenes");
-            let words = format!("Gated: who receives them must accept the upstream terms of {of} first.");
+            let words = format!("Gated: receivers must first accept the upstream terms of {of}.");
             html.leaf("p", &[], &words);
         }
         let holders: BTreeSet<&str> = page
@@ -453,9 +453,9 @@ pub(super) fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     });
 }
 
-const READING: &str = "Times are those of the recordings, from the first pose; nothing here says when the release was \
-    built. Pictures in this page are scaled down; those of the release are in sharp/. Event pictures have a pixel red where \
-    it grew brighter and blue where it grew darker.";
+const READING: &str = "Times are counted from the first pose of a trajectory; this page does not state when the release was \
+    built. Pictures on this page are scaled down; full-size frames are in sharp/. Event pictures show a pixel in red where \
+    it became brighter and in blue where it became darker.";
 
 #[cfg(test)]
 mod tests {

@@ -272,7 +272,13 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short_number);
     let mut facts = vec![
         ("Source", source_words(file)),
-        ("Camera", format!("{} x {} px, f {fx}, {fy}, centre {cx}, {cy}", camera.width, camera.height)),
+        (
+            "Camera",
+            format!(
+                "{} x {} px, focal length {fx}, {fy} px, principal point {cx}, {cy} px",
+                camera.width, camera.height
+            ),
+        ),
         ("Seed", file.seed.to_string()),
         ("Reconstruction", reconstruction_words(file)),
         ("Licence", licence_words(file)),
@@ -280,7 +286,7 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
     let photos = file.images.len();
     if photos > 0 {
         let unused = file.images.iter().filter(|image| !image.used).count();
-        facts.push(("Photos", format!("{photos}, {unused} of them not used; none is in the release")));
+        facts.push(("Photos", format!("{photos}, {unused} of them unused; no photo is in the release")));
     }
     // A list would take two elements for each fact.
     if !page.detail.every {
@@ -302,7 +308,7 @@ fn source_words(file: &SceneRecord) -> String {
 }
 
 fn reconstruction_words(file: &SceneRecord) -> String {
-    let Some(of) = &file.reconstruction else { return "nothing is rendered".to_owned() };
+    let Some(of) = &file.reconstruction else { return "none: nothing is rendered".to_owned() };
     let mut words = format!(
         "{}, {} Gaussians, harmonics of degree {}",
         of.kind,
@@ -310,9 +316,10 @@ fn reconstruction_words(file: &SceneRecord) -> String {
         of.sh_degree
     );
     if let Some(psnr) = &of.psnr {
-        words += &format!(", PSNR {:.2} dB (least {:.2}) over {} views", psnr.mean, psnr.min, psnr.views);
+        words +=
+            &format!(", mean PSNR {:.2} dB (lowest {:.2}) over {} views", psnr.mean, psnr.min, psnr.views);
         if let Some(held_out) = psnr.held_out {
-            words += &format!(", {held_out:.2} dB over those held out");
+            words += &format!(", {held_out:.2} dB over held-out views");
         }
     } else {
         words.push_str(", PSNR not measured");
@@ -330,14 +337,14 @@ fn licence_words(file: &SceneRecord) -> String {
         words += &format!(", holder: {}", licence.attribution);
     }
     if licence.gated {
-        words.push_str("; who receives it must accept the upstream terms first");
+        words.push_str("; receivers must first accept the upstream terms");
     }
     if let Some(because) = &licence.redistribution {
-        words += &format!("; passed on, because: {because}");
+        words += &format!("; redistributed, because: {because}");
     }
     if licence.withheld {
         words.push_str(
-            "; upstream forbids passing on what shows the scene, so this is recipe, poses and words alone",
+            "; the upstream terms forbid redistribution of pictures and events; only recipe, poses and reports are here",
         );
     }
     words

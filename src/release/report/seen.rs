@@ -51,7 +51,7 @@ pub(super) fn sharp_picture(
     width: u32,
 ) -> Option<ShownPicture> {
     let (number, path) = middle_frame(&track)?;
-    let words = format!("sharp frame {number} at {:.1} ms", moment_us(&track) as f64 * 1e-3);
+    let words = format!("sharp frame at pose {number}, {:.1} ms", moment_us(&track) as f64 * 1e-3);
     Some(ShownPicture { picture: tree_picture(path, places, width)?, words })
 }
 
@@ -70,7 +70,7 @@ pub(super) fn blurred_picture(
     let [from, to] = times.map(|us| us as f64 * 1e-3);
     Some(ShownPicture {
         picture: tree_picture(path, places, width)?,
-        words: format!("blurred frame {pose}, exposed from {from:.1} to {to:.1} ms"),
+        words: format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"),
     })
 }
 
