@@ -35,6 +35,7 @@ mod stress;
 mod study;
 mod supervise;
 mod takedown;
+mod targets;
 mod trajectory;
 mod verdicts;
 mod why;
@@ -43,7 +44,7 @@ use crate::programs::{ProgramFinder, SUPERVISE};
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, GpuDevice, GpuError};
-use crate::{escape, files, recipe};
+use crate::{escape, files};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
@@ -54,10 +55,11 @@ use problem::VerbError;
 use renderers::{AutoRenderers, RendererChoice, RendererKind};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use targets::{RecipeTargets, is_recipe_path};
 
 /// Builds datasets of synthetic event-camera streams from 3D Gaussian splats, and proves them.
 #[derive(Debug, Parser)]
@@ -169,7 +171,8 @@ impl CommonArgs {
         Ok(RendererChoice::new(by, self.omit(), self.programs()))
     }
 
-    /// The programs on the user's path. This program supervises them, even if its file was replaced meanwhile.
+    /// The programs on the user's path. This program supervises them, even if its own file was
+    /// replaced meanwhile.
     fn programs(&self) -> ProgramFinder {
         // The link in /proc still leads to the running executable after its file was replaced or
         // deleted.
@@ -241,45 +244,6 @@ enum BackendArg {
 /// The error for a requested GPU that is absent or cannot be used.
 fn no_adapter(error: &GpuError) -> VerbError {
     VerbError::usage("no-adapter", error.to_string()).help("use --backend cpu, or leave the option out")
-}
-
-/// The recipes or folders that a verb works on.
-#[derive(Debug, Args)]
-struct RecipeTargets {
-    /// Recipes, folders of recipes, or ids of scenes in `recipes`
-    #[arg(value_name = "RECIPE, DIR or SCENE", default_value = Self::DEFAULT)]
-    recipes: Vec<PathBuf>,
-}
-
-impl RecipeTargets {
-    /// Replaces scene ids by the recipes of those scenes in the default folder. A word is a path if a
-    /// file or folder of that name exists, or if it ends like a recipe.
-    fn resolve(&mut self) -> Result<(), VerbError> {
-        let default = Path::new(Self::DEFAULT);
-        // Without the default folder, the reader reports the missing path.
-        if self.recipes.iter().all(|path| is_recipe_path(path)) || !files::is_there(default) {
-            return Ok(());
-        }
-        let known = recipe::read_all(&[default.to_owned()])?;
-        for path in self.recipes.iter_mut().filter(|path| !is_recipe_path(path)) {
-            let named = known.iter().find(|recipe| path.as_os_str() == recipe.scene.as_str());
-            let recipe = named.ok_or_else(|| {
-                let word = escape::path(path);
-                let what = format!("{word} is not a recipe, a folder, or a scene of {}", Self::DEFAULT);
-                VerbError::usage("no-scene", what).help("gs2e plan lists the scenes")
-            })?;
-            path.clone_from(&recipe.file.path);
-        }
-        Ok(())
-    }
-
-    /// Default folder of recipes.
-    const DEFAULT: &'static str = "recipes";
-}
-
-/// Returns true if a word names a recipe or a folder by its path, and not a scene by its id.
-fn is_recipe_path(path: &Path) -> bool {
-    files::is_there(path) || path.extension().is_some_and(|end| end == "yaml")
 }
 
 /// Returns the command line as clap knows it: every verb and option with its help, from which

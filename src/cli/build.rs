@@ -191,7 +191,8 @@ pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOp
     StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
 }
 
-/// Where the database of a store goes that lies on another machine's disk: into the user's cache, by the store's path.
+/// The folder for the database of a store on a remote disk: in the user's cache, named after the store's path.
+/// `None` for a local store.
 fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
     // The store may not exist yet; its nearest existing ancestor is on the same file system.

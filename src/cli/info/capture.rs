@@ -119,7 +119,7 @@ impl CameraGroup<'_> {
     }
 }
 
-/// The evenness of the capture, or the reason why there is none.
+/// The evenness of the capture, or the reason why it cannot be measured.
 fn capture_evenness(capture: &Capture) -> Result<CaptureEvenness, String> {
     let poses = capture.views.iter();
     let views: Vec<NamedPose<'_>> =

@@ -46,7 +46,8 @@ impl ProgressBars {
             let (estimate, elapsed) =
                 (shared.lock().expect("no holder of the estimate panics"), began.elapsed());
             let share = time_share(elapsed.as_secs_f64(), estimate.remaining(elapsed.as_secs_f64()));
-            // Steps differ in cost by a factor of a thousand, so they are counted only while nothing is expected.
+            // Steps differ in cost by a factor of a thousand, so they are counted only without an
+            // expectation.
             let _ = out.write_str(&bar_words(share.unwrap_or_else(|| f64::from(state.fraction()))));
         };
         let style = ProgressStyle::with_template("{share} {pos}/{len} {elapsed} {left}");

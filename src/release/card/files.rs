@@ -3,7 +3,7 @@
 use crate::release::facts::{FileCounts, ReleaseFacts};
 use std::fmt::Write as _;
 
-/// Files of a release: name, content, and the picture or stream without which there are none.
+/// Files of a release: name, content, and the kind of product that they belong to.
 const FILES: [(&str, &str, FileKind); 22] = [
     (
         "<scene>/scene.json",

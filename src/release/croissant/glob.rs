@@ -13,7 +13,7 @@ fn match_name(pattern: &str, name: &str) -> bool {
     match_with_stars(&pattern, &name, |letter| *letter == '*', |letter, other| letter == other)
 }
 
-/// Matches a pattern in which a star stands for any number of elements, and every other part for one.
+/// Matches a pattern in which a star covers any number of elements, and every other part one.
 ///
 /// Only the last star is widened. An earlier one need not be: a wider one would leave less of the text
 /// for the later star, which takes whatever is left.
