@@ -106,3 +106,53 @@ fn an_unbuilt_scene_is_neither_checked_nor_released() {
     place.ok("build tiny.yaml");
     place.ok("release --no-build --to out tiny.yaml");
 }
+
+/// Recipes are named by path, by folder, or by the id of their scene.
+#[test]
+fn verbs_take_recipes_folders_and_ids() {
+    let place = Workspace::new();
+    place.write("recipes/tiny.yaml", TINY);
+    place.write("recipes/other.yaml", TINY.replace("scene: tiny", "scene: lab/other"));
+    assert_eq!(place.ok("build --json lab/other").stdout.matches("\"step\":\"lab/other/").count(), 6);
+    assert!(!place.ok("plan lab/other").stdout.contains("tiny"), "one scene is named");
+    for words in ["lab/other", "recipes/other.yaml", "--recipes recipes lab/other"] {
+        let told = place.ok(&format!("check {words}")).stdout;
+        assert!(told.contains("lab/other/base") && !told.contains("tiny"), "{words}: {told}");
+    }
+    let told = place.ok("open lab/other").stdout;
+    let events = told.lines().find(|line| line.starts_with("lab/other/base/events\tevents.h5\t")).unwrap();
+    assert!(place.path(events.rsplit('\t').next().unwrap()).is_file(), "{events}");
+    let refused = place.gs2e("build no/such");
+    assert_eq!(refused.code, 2);
+    assert!(
+        refused.stderr.contains("no/such is not a recipe, a folder, or a scene of recipes"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
+fn skipped_work_is_shown_on_request() {
+    let place = Workspace::with_tiny();
+    assert!(!place.ok("build tiny.yaml").stderr.contains("skipped"), "without -v");
+    place.write("tiny.yaml", TINY.replace("seed: 7", "seed: 8"));
+    let told = place.ok("build -v tiny.yaml").stderr;
+    assert!(told.contains("tiny/base"), "{told}");
+}
+
+/// The help of a verb lists the options that have an effect in it; the others are still accepted.
+#[test]
+fn the_help_of_a_verb_lists_its_own_options() {
+    let place = Workspace::with_tiny();
+    let help = |verb: &str| place.ok(&format!("{verb} --help")).stdout;
+    for (verb, own, others) in [
+        ("convert", "--lossy", ["--backend", "--store", "--allow-commands", "--keep-going"]),
+        ("diff", "--json", ["--gpu", "--no-omit", "--no-wait", "--jobs"]),
+    ] {
+        let help = help(verb);
+        assert!(help.contains(own), "{verb}: {help}");
+        others.iter().for_each(|other| assert!(!help.contains(other), "{verb} {other}: {help}"));
+    }
+    assert!(help("build").contains("--backend"));
+    assert_eq!(place.ok("diff --backend cpu --store other --json --help").code, 0);
+}
