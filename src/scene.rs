@@ -267,11 +267,11 @@ mod tests {
         t(
             b"",
             "read scene at byte 0: found the bytes [], \
-             wanted `ply`, `NGSP`, gzip or zip (a .splat file is told by its extension)",
+             wanted `ply`, `NGSP`, gzip or zip (a .splat file is recognised by its extension)",
         );
         t(
             b" {}",
-            "read scene at byte 0: a file beside others (the `meta.json` of a SOG?) is not supported; \
+            "read scene at byte 0: a JSON file (the `meta.json` of a SOG?) is not supported; \
              zip the folder's files into one .sog",
         );
         t(b"NGSP", "read .spz at byte 4: found the end of the data, wanted 4 bytes of version");

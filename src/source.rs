@@ -443,7 +443,7 @@ mod tests {
         assert_eq!(names(&["b 10.jpg", "b 9.jpg", "a/2.jpg"]).unwrap(), ["a/2.jpg", "b 9.jpg", "b 10.jpg"]);
         let twice = names(&["x", "y", "x"]).unwrap_err().to_string();
         assert_eq!(twice, "m: line 3: the image name `x` is already used by line 1");
-        assert_eq!(names(&[]).unwrap_err().to_string(), "m: it holds no view");
+        assert_eq!(names(&[]).unwrap_err().to_string(), "m: it contains no view");
     }
 
     #[test]

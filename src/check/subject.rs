@@ -37,6 +37,8 @@ pub struct TrajectorySubject<'a> {
     pub flow: Option<FlowQuantiles>,
     /// The stream with twice the frames, if that was simulated.
     pub resampled: Option<&'a ResampledIntervals>,
+    /// The recipe's tolerance of the error between frames, thresholds, if it has one.
+    pub tolerance: Option<f64>,
     /// The emptiest view, if depth maps were kept.
     pub coverage: Option<ViewCoverage>,
     /// The share of the image from Gaussians too deep for their distance.

@@ -214,6 +214,9 @@ fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
     let mut world = PlantedWorld::default_world();
     world.flow.as_mut().unwrap().p95 = 1.2;
     assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
+    // The error of a tolerance was measured, so the distance is not judged.
+    world.tolerance = Some(0.1);
+    assert_eq!(world.finding("sampling").verdict, Verdict::Pass);
     world.limits.sampling = Some(sampling::Limits { max: Some(1.0), ..Default::default() });
     assert_eq!(world.finding("sampling").verdict, Verdict::Fail);
 }

@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_row_that_misses_ends_with_3_and_one_that_was_not_run_does_not() {
-        let absent = || Err(NotRun("no GPU is there".to_owned()));
+        let absent = || Err(NotRun("no GPU is available".to_owned()));
         assert_eq!(exit_kind(&[row(found(0.1)), row(absent())]), ExitKind::Done);
         assert_eq!(exit_kind(&[row(found(0.1)), row(found(0.11))]), ExitKind::Fault);
         assert_eq!(exit_kind(&[row(found(f64::NAN))]), ExitKind::Fault);
@@ -242,8 +242,8 @@ mod tests {
 
     #[test]
     fn what_was_not_run_is_told_and_has_no_figures() {
-        let told = row(Err(NotRun("no GPU is there".to_owned()))).to_json();
-        assert_eq!((&told["verdict"], &told["because"]), (&json!("not-run"), &json!("no GPU is there")));
+        let told = row(Err(NotRun("no GPU is available".to_owned()))).to_json();
+        assert_eq!((&told["verdict"], &told["because"]), (&json!("not-run"), &json!("no GPU is available")));
         assert!(
             ["computed", "answer", "error", "limit", "at", "points"].iter().all(|name| told[name].is_null())
         );

@@ -98,7 +98,7 @@ mod tests {
         t(event(2_100, 3, 1), None);
         t(event(2_900, 1, 1), Some("event 1: (t us, y, x, polarity) = (2, 1, 1, On) follows (2, 1, 2, On)"));
         t(event(1_999, 2, 1), Some("sorted"));
-        t(event(3_000, 4, 1), Some("pixel (4, 1) lies outside the sensor of 4x3"));
+        t(event(3_000, 4, 1), Some("pixel (4, 1) is outside the sensor of 4x3"));
         t(event(3_000, 0, 3), Some("outside"));
         t(event((1 << 32) * 1000, 0, 0), Some("t = 4294967296 us, wanted 0 to 4294967295"));
         t(event(-1, 0, 0), Some("t = -1 us"));

@@ -243,9 +243,9 @@ mod tests {
     #[test]
     fn times_that_go_back_are_named() {
         let error = all(&[&[event(1, 0), event(4, 0)], &[event(4, 1), event(3, 0)]]).unwrap_err();
-        assert_eq!(error.to_string(), "event 3: t = 3 us follows 4 us");
+        assert_eq!(error.to_string(), "event 3: t = 3 us, earlier than the previous 4 us");
         let error = all(&[&[event(4, 0)], &[event(4, 1)], &[event(3, 0)]]).unwrap_err();
-        assert_eq!(error.to_string(), "event 2: t = 3 us follows 4 us");
+        assert_eq!(error.to_string(), "event 2: t = 3 us, earlier than the previous 4 us");
     }
 
     /// Every field is kept. Events that are equal in the order of files stay as they came.

@@ -172,8 +172,8 @@ mod tests {
             let error = ArrayFrames::new(SIZE, ArraySamples::Bytes(vec![0; samples]), stamps).unwrap_err();
             assert_eq!(error.to_string(), message);
         };
-        t(&[0, 5], 3, "3 samples are not 2 frames of 2x1, which are 4");
-        t(&[0, 5, 5], 6, "stamp 2 is 5 us, not later than the one before, 5 us");
+        t(&[0, 5], 3, "3 samples do not match 2 frames of 2x1, which need 4");
+        t(&[0, 5, 5], 6, "stamp 2 is 5 us, not later than the previous one, 5 us");
         t(&[i64::MIN, 0], 4, "stamp 1 is 0 us, too far from the first, -9223372036854775808 us");
     }
 
@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(rate(of(ArraySamples::Floats(vec![0.0, 1.0], FullScale::One))), [510.0, -127.5]);
         assert_eq!(rate(of(ArraySamples::Bytes(vec![0, 255]))), [2.0, -0.5]);
         let frames = ArrayFrames::new(SIZE, ArraySamples::Bytes(vec![0, 1]), &[0]).unwrap();
-        let message = "1 samples are not 1 frames of 2x1, which are 2";
+        let message = "1 samples do not match 1 frames of 2x1, which need 2";
         assert_eq!(frames.with_rates(vec![1.0]).unwrap_err().to_string(), message);
     }
 

@@ -320,15 +320,15 @@ mod tests {
             let error = FolderListing::list_folder(dir.path()).unwrap_err().to_string();
             assert!(error.ends_with(wanted), "{error}");
         };
-        t("a.png 0\na.png 0.5\n", "info.txt:2: the timestamp is 0.5, wanted an integer of us");
-        t("a.png 0\n\na.png 0\n", "info.txt:3: 0 us is not later than the stamp before, 0 us");
+        t("a.png 0\na.png 0.5\n", "info.txt:2: the timestamp is 0.5, wanted an integer in microseconds");
+        t("a.png 0\n\na.png 0\n", "info.txt:3: 0 us is not later than the previous stamp, 0 us");
         t("a.png 0\nb.png 4\n", "info.txt:2: b.png is not there");
         t("a.png\n", "info.txt:1: one word, wanted `path timestamp`, the timestamp in microseconds");
         t("\n", "info.txt: it names no image");
         fs::remove_file(dir.path().join(INFO)).unwrap();
         fs::remove_file(dir.path().join("a.png")).unwrap();
         let error = FolderListing::list_folder(dir.path()).unwrap_err().to_string();
-        assert!(error.ends_with("it holds neither an info.txt nor a .png or .jpg"), "{error}");
+        assert!(error.ends_with("it contains neither info.txt nor a .png or .jpg file"), "{error}");
     }
 
     #[test]
@@ -338,11 +338,13 @@ mod tests {
         image(&dir, "2.png", [5, 6]);
         let images = FolderListing::list_folder(dir.path()).unwrap().images;
         let new = |stamps: &[i64]| FolderFrames::new(images.clone(), stamps).map(|_| ());
-        assert!(new(&[0]).unwrap_err().to_string().ends_with(": 2 images, and there are 1 stamps"));
+        assert!(new(&[0]).unwrap_err().to_string().ends_with(": 2 images, but 1 stamps"));
         assert!(new(&[0, 0]).unwrap_err().to_string().starts_with("stamp 1 is 0 us"));
         let tall = Image::filled(Size { width: 1, height: 2 }, 9u8);
         png::write_image(&tall, File::create(dir.path().join("2.png")).unwrap()).unwrap();
-        assert!(new(&[0, 1]).unwrap_err().to_string().ends_with("2.png: 1x2, wanted 2x1 as the first"));
+        assert!(
+            new(&[0, 1]).unwrap_err().to_string().ends_with("2.png: 1x2, wanted 2x1 like the first image")
+        );
         fs::write(dir.path().join("2.png"), "no image").unwrap();
         assert!(new(&[0, 1]).unwrap_err().to_string().contains("2.png: "));
     }

@@ -405,7 +405,7 @@ mod tests {
             assert!(FrameStack::open(&whole).is_err(), "{cut} of {} bytes", bytes.len());
         }
         std::fs::write(&whole, &bytes[..bytes.len() - 3]).unwrap();
-        t(&whole, ": 141 bytes, wanted 144 by its header");
+        t(&whole, ": 141 bytes, wanted 144 according to its header");
         let error = read_stamps(&write(&dir, "t.npy", &[2], &[0.5f64, 1.0])).unwrap_err().to_string();
         assert!(
             error.ends_with("an array of float64 and shape [2], wanted int64 of shape [N], N at most 2^28")

@@ -283,6 +283,6 @@ mod tests {
     #[test]
     fn luminance_that_is_not_finite_is_refused() {
         let error = frames(&[f64::NAN]).next().unwrap_err().to_string();
-        assert_eq!(error, "frame 0: luminance of pixel 0 is NaN, wanted a finite one");
+        assert_eq!(error, "frame 0: luminance of pixel 0 is NaN, wanted a finite value");
     }
 }

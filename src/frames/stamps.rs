@@ -72,7 +72,7 @@ mod tests {
             let error = relative_stamps(stamps).unwrap_err();
             assert_eq!((error.index(), error.to_string().as_str()), (index, message));
         };
-        t(&[0, 5, 5], 2, "stamp 2 is 5 us, not later than the one before, 5 us");
+        t(&[0, 5, 5], 2, "stamp 2 is 5 us, not later than the previous one, 5 us");
         t(&[i64::MIN, 0], 1, "stamp 1 is 0 us, too far from the first, -9223372036854775808 us");
     }
 }

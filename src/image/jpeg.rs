@@ -226,7 +226,7 @@ mod tests {
         // Rows and columns stand behind the marker, a length and the number of bits.
         file[at + 5..at + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
         let error = read_luminance(&file, None).unwrap_err().to_string();
-        assert_eq!(error, "an image of 16384x16384, wanted no more than 292 bytes of JPEG can hold");
+        assert_eq!(error, "an image of 16384x16384, wanted no more pixels than 292 bytes of JPEG can hold");
     }
 
     #[test]

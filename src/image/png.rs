@@ -354,7 +354,7 @@ mod tests {
         t(
             &large,
             None,
-            &format!("an image of 16384x16384, wanted no more than {bytes} bytes of PNG can hold"),
+            &format!("an image of 16384x16384, wanted no more pixels than {bytes} bytes of PNG can hold"),
         );
         let grey = encoded(&Image::filled(SIZE, 9u8));
         assert!(read_sized(Cursor::new(&grey), SIZE).is_ok());

@@ -151,6 +151,7 @@ fn of_trajectory(
         resampled: None,
         foreign: None,
         flow: None,
+        tolerance: None,
         coverage: None,
         doubtful_share: None,
         limits: &recipe.checks.of_trajectory(),

@@ -383,11 +383,11 @@ mod tests {
             assert!(error.contains(message), "{error}");
         };
         t("ascii 1.0", "ascii 2.0", "read .ply at byte 5: found the line `format ascii 2.0`, wanted format");
-        t("vertex 2", "vertex two", "found `two`, wanted a count of rows");
+        t("vertex 2", "vertex two", "found `two`, wanted a number of rows");
         t("vertex 2", "vertex 99999999999", "wanted a number and the space after it");
         t("vertex 2", "face 2", "found no element `vertex`");
         t("property float x", "property half x", "found the type `half`");
-        t("property float x", "property uchar x", "property `x` as One(U8), wanted float or double");
+        t("property float x", "property uchar x", "property `x` of type One(U8), wanted float or double");
         t("property float x", "property list uchar float x", "a list among the properties of `vertex`");
         t("property float x", "property float y", "found a second property `y`");
         t("property float opacity", "property float alpha", "found no property `opacity`");

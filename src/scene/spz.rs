@@ -244,9 +244,9 @@ mod tests {
         t(&gzip(&content(1, 0, [0, 0])), "at byte 4: version 1 (half floats) is not supported");
         t(&gzip(&content(5, 0, [0, 0])), "at byte 4: found version 5, wanted version 2, 3 or 4");
         t(&gzip(&content(4, 0, [0, 0])), "found version 4 within gzip");
-        t(&gzip(&content(2, 4, [0, 0])), "at byte 12: spherical harmonics of degree 4 is not supported");
+        t(&gzip(&content(2, 4, [0, 0])), "at byte 12: degree 4 of the spherical harmonics is not supported");
         t(&gzip(&content(2, 7, [0, 0])), "at byte 12: found degree 7");
-        t(&gzip(&content(2, 0, [0x80, 0])), "at byte 14: the flags 0x80 is not supported");
+        t(&gzip(&content(2, 0, [0x80, 0])), "at byte 14: the flags byte 0x80 is not supported");
         t(&gzip(&content(2, 0, [0, 0])), "at byte 54: found more bytes, wanted the end of the data");
         t(&gzip(b"ply\n............"), "found the bytes [70, 6c, 79, 0a], wanted the signature `NGSP`");
         t(&content(2, 0, [0, 0]), "found version 2 without gzip");
@@ -257,7 +257,7 @@ mod tests {
             bytes
         };
         t(&changed(15, 5), "found 5 streams, wanted 6 streams at degree 1");
-        t(&changed(16, 31), "at byte 16: found a table at byte 31, wanted a table after the header");
+        t(&changed(16, 31), "at byte 16: found a table at byte 31, wanted an offset after the header");
         t(&changed(40, 19), "at byte 40: found 19 bytes of positions, wanted 18 bytes");
         t(&changed(11, 1), "found 16777218 Gaussians in");
         t(&changed(13, 25), "at byte 13: found 25 fractional bits");

@@ -137,7 +137,7 @@ mod tests {
             let told = kind(&files.concat()).unwrap_err();
             assert!(told.starts_with(wanted), "{told}");
         };
-        t(&[], "DIR: nothing of a capture is in it, wanted a COLMAP model");
+        t(&[], "DIR: found no capture, wanted a COLMAP model");
         t(&[vec!["images.txt".to_owned()]], "DIR: nothing of a capture is in it");
         t(
             &[vec!["transforms.json".to_owned()], model_in("sparse/0/")],

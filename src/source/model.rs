@@ -278,7 +278,7 @@ mod tests {
         let set =
             |key: &'static str, value: Value| move |cameras: &mut Value| cameras[1][key] = value.clone();
         t(&|c| *c = json!({ "frames": [] }), "line 1: {\"frames\":[]}, wanted a list");
-        t(&|c| *c = json!([]), "it holds no view");
+        t(&|c| *c = json!([]), "it contains no view");
         t(&set("img_name", json!("img 10")), "`[1]`: the image name `img 10` is already used by `[0]`");
         t(&set("img_name", Value::Null), "`[1].img_name`: it is missing, wanted a value");
         t(&set("width", json!(0)), "`[1].width`: 0, wanted a whole number of pixels");
@@ -293,11 +293,11 @@ mod tests {
         t(&set("rotation", json!([[1, 0, 0]])), "`[1].rotation`: [[1,0,0]], wanted 3 rows of 3 numbers");
         t(
             &set("rotation", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]])),
-            "`[1].rotation`: a rotation mirrors: its determinant is -1.000000, 1 was wanted",
+            "`[1].rotation`: a rotation contains a reflection: its determinant is -1.000000, wanted 1",
         );
         t(
             &set("rotation", json!([[1, 0, 0], [0, 1, 0], [0, 0, 2]])),
-            "`[1].rotation`: a rotation is not orthonormal: it deviates by 3.000e0, at most 1e-3 is allowed",
+            "`[1].rotation`: a rotation is not orthonormal: it deviates by 3.000e0, wanted at most 1e-3",
         );
     }
 

@@ -148,6 +148,6 @@ mod tests {
         t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, 2]]), "`R`: a rotation is not orthonormal");
         t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]), "`R`: a rotation mirrors");
         t("t", json!([1, 2]), "`t`: [1,2], wanted 3 numbers");
-        t("frames", json!([]), "it holds no view");
+        t("frames", json!([]), "it contains no view");
     }
 }

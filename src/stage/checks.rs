@@ -78,6 +78,7 @@ impl Stage for ChecksStage {
             tally: None,
             resampled: None,
             flow: simulation.and_then(|s| s.flow_px),
+            tolerance: simulation.and_then(|s| Some(s.chosen.as_ref()?.tolerance)),
             coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             foreign: foreign.as_ref(),

@@ -360,7 +360,7 @@ fn a_real_clip_makes_the_expected_number_of_events() {
     };
     let rate = |told: &Value| told["events_per_pixel_second"].as_f64().unwrap();
     let (dvs346, si) = (run("dvs346"), run("gs2e-si"));
-    eprintln!("dvs346 {}, gs2e-si {} events a pixel and second", rate(&dvs346), rate(&si));
+    eprintln!("dvs346 {}, gs2e-si {} events per pixel and second", rate(&dvs346), rate(&si));
     assert!((2.0..40.0).contains(&rate(&dvs346)), "{dvs346}");
     assert!(rate(&si) < 0.1 * rate(&dvs346), "{si}");
     assert_eq!(dvs346["account"]["drift_violations"], 0);

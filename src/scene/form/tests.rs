@@ -175,5 +175,8 @@ fn losses_are_named_with_their_size() {
     assert_eq!(told[3].1, "rounded to steps of 1/128 within 127/128, at most 2.00e0 off");
     let (_, losses) = SceneFormat::Splat.write(&one([1.0; 3])).unwrap();
     let dropped: Vec<&str> = losses.iter().filter(|l| l.largest.is_none()).map(|l| l.what.as_str()).collect();
-    assert_eq!(dropped, ["dropped above degree 0, which was 1", "dropped: a reader has to be told"]);
+    assert_eq!(
+        dropped,
+        ["dropped above degree 0; the input has degree 1", "dropped: the reader must be set to antialiased"]
+    );
 }

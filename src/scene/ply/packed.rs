@@ -405,14 +405,18 @@ end_header
             let error = error(GOOD.replacen(from, to, 1).as_bytes());
             assert!(error.contains(message), "{error}");
         };
-        t("element chunk 1", "element chunk 2", "found 2 rows of `chunk`, wanted 1, as the vertices ask for");
+        t("element chunk 1", "element chunk 2", "found 2 rows of `chunk`, wanted 1, to match the vertices");
         t("element chunk 1", "element cell 1", "found no element `chunk`");
         t("element sh 2", "element sh 1", "found 1 rows of `sh`, wanted 2");
         t("element vertex 2", "element vertex 257", "found 1 rows of `chunk`, wanted 2");
         t("element vertex 2", "element vertex 99999999999", "found 1 rows of `chunk`, wanted 390625000");
-        t("uint packed_scale", "float packed_scale", "found property `packed_scale` as One(F32), wanted U32");
+        t(
+            "uint packed_scale",
+            "float packed_scale",
+            "found property `packed_scale` of type One(F32), wanted U32",
+        );
         t("uint packed_color", "uint other", "found no property `packed_color` of `vertex`");
-        t("float min_x", "double min_x", "found property `min_x` as One(F64), wanted F32");
+        t("float min_x", "double min_x", "found property `min_x` of type One(F64), wanted F32");
         t("property float max_g\n", "", "found no property `max_g` of `chunk`");
         t("float max_g", "list uchar float max_g", "a list among the properties of `chunk` is not supported");
         t("f_rest_8", "f_rest_9", "found no property `f_rest_8` of `sh`");

@@ -157,9 +157,13 @@ fn errors_in_the_meta_file_name_their_place() {
         json!("../quats.webp"),
         "found the file `../quats.webp`, wanted a name without folders",
     );
-    meta("/quats/files/0", json!("other.webp"), "read .sog (archive) at byte 0: found an archive without it");
+    meta(
+        "/quats/files/0",
+        json!("other.webp"),
+        "read .sog (archive) at byte 0: found an archive without the file",
+    );
     meta("/shN/bands", json!(4), "found 4 bands of harmonics, wanted 1 to 3");
-    meta("/shN/bands", json!(2), "found an image 192 pixels wide, wanted 512, for 2 bands");
+    meta("/shN/bands", json!(2), "found an image 192 pixels wide, wanted 512 pixels for 2 bands");
     meta(
         "/shN/count",
         json!(1),
@@ -175,7 +179,7 @@ fn errors_in_the_meta_file_name_their_place() {
     broken(&|scene| scene.meta["model"] = json!("2dgs"), "the model `2dgs` is not supported");
     broken(
         &|scene| drop(scene.meta.as_object_mut().unwrap().remove("version")),
-        "SOG of version 1 is not supported; convert it with a current splat-transform",
+        "SOG version 1 is not supported; convert it with a current splat-transform",
     );
     broken(&|scene| drop(scene.meta.as_object_mut().unwrap().remove("quats")), "found missing field `quats`");
 }
@@ -198,14 +202,14 @@ fn errors_in_images_name_their_part_and_place() {
         tags.as_flattened(),
         (2, 2),
         ColorType::Rgba8,
-        "read .sog (rotations) at byte 11: found 251 as the largest component of Gaussian 2, wanted 252 to 255",
+        "read .sog (rotations) at byte 11: found 251 for the largest component of Gaussian 2, wanted 252 to 255",
     );
     image(
         "labels.webp",
         &[1, 0, 0, 64, 0, 0, 0, 0, 0, 0, 0, 0],
         (2, 2),
         ColorType::Rgb8,
-        "at byte 3: found the label 64 of Gaussian 1, wanted one of 64 in the palette",
+        "at byte 3: found the label 64 of Gaussian 1, wanted a label below 64, the size of the palette",
     );
     broken(
         &|scene| drop(scene.images.insert("sh0.webp", b"RIFF".to_vec())),
