@@ -455,7 +455,7 @@ mod tests {
         let (taken, warning) = camera(&[500.0, 501.1, 480.0]).unwrap();
         assert_eq!(taken, view("", 500.0).camera);
         let warning = warning.unwrap().to_string();
-        assert!(warning.starts_with("2 views have another camera"), "{warning}");
+        assert!(warning.starts_with("2 views have a different camera"), "{warning}");
     }
 
     #[test]

@@ -107,12 +107,12 @@ impl BuildArgs {
         };
         summary.kept += settled;
         let faults = show_findings(&findings, console);
-        tell_end(&summary, started.elapsed().as_secs_f64(), console);
         if exit_kind(&summary) == ExitKind::Done && summary.made > 0 {
             console.say(
                 "`gs2e open` prints the paths of the files; `gs2e release --to DIR` writes them as a dataset",
             );
         }
+        tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(match exit_kind(&summary) {
             ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
             exit => exit,

@@ -36,7 +36,7 @@ impl OpenArgs {
                 if console.json {
                     console.result(&json!({ "step": name, "role": output.name, "path": place }));
                 } else {
-                    console.print(&format!("{name}\t{}\t{place}", output.name));
+                    console.print(&format!("{name}  {}  {place}", output.name));
                 }
                 shown += 1;
             }

@@ -126,7 +126,7 @@ mod tests {
             assert!(found.contains(wanted), "{id}: {found}");
         };
         t("", "empty part");
-        t("/etc/passwd", "root");
+        t("/etc/passwd", "starts with \"/\"");
         t("../x", "\"..\" leads out");
         t("a/./b", "\".\" leads out");
         t("a//b", "empty part");
@@ -136,7 +136,7 @@ mod tests {
         t("a b", "holds \" \"");
         t("é", "holds");
         t("a\u{202e}b", "holds");
-        t("a.", "cut");
+        t("a.", "Windows removes");
         t("x/NUL.txt", "device");
         t("com1", "device");
         t("LICENSES/x", "file of the release");

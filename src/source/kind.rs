@@ -138,7 +138,7 @@ mod tests {
             assert!(told.starts_with(wanted), "{told}");
         };
         t(&[], "DIR: found no capture, wanted a COLMAP model");
-        t(&[vec!["images.txt".to_owned()]], "DIR: nothing of a capture is in it");
+        t(&[vec!["images.txt".to_owned()]], "DIR: found no capture");
         t(
             &[vec!["transforms.json".to_owned()], model_in("sparse/0/")],
             "DIR: it holds a COLMAP model and a transforms.json: name",

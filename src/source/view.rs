@@ -146,7 +146,7 @@ mod tests {
         t("cx", json!(null), "`cx`: it is missing");
         t("R", json!([[1, 0, 0], [0, 1, 0]]), "`R`: [[1,0,0],[0,1,0]], wanted 3 rows of 3 numbers");
         t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, 2]]), "`R`: a rotation is not orthonormal");
-        t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]), "`R`: a rotation mirrors");
+        t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]), "`R`: a rotation contains a reflection");
         t("t", json!([1, 2]), "`t`: [1,2], wanted 3 numbers");
         t("frames", json!([]), "it contains no view");
     }

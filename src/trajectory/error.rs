@@ -82,7 +82,7 @@ pub enum TrajectoryError {
         source: SplineDiverged,
     },
     /// The requested number of poses is too large.
-    #[error("{count} poses were asked for, at most {MAX_POSES} are made")]
+    #[error("{count} poses, wanted at most {MAX_POSES}")]
     TooMany {
         /// The number, or a lower bound of it.
         count: u64,

@@ -284,9 +284,9 @@ mod tests {
         };
         t("0 0 0 0 0 0 0 1\n1 2 3\n", "line 2: found 3 fields, wanted 8");
         t("0 0 0 0 0 0 0 1\n\n", "line 2: found 0 fields, wanted 8");
-        t("0 0 nan 0 0 0 0 1\n", "line 1: ty: found `nan`, wanted a finite number");
-        t("0 0 1e999 0 0 0 0 1\n", "line 1: ty: found `1e999`, wanted a finite number");
-        t("0.5 0 0 0 0 0 0 1\n", "line 1: t_us: found `0.5`, wanted a whole number of microseconds");
+        t("0 0 nan 0 0 0 0 1\n", "line 1: ty is `nan`, wanted a finite number");
+        t("0 0 1e999 0 0 0 0 1\n", "line 1: ty is `1e999`, wanted a finite number");
+        t("0.5 0 0 0 0 0 0 1\n", "line 1: t_us is `0.5`, wanted a whole number of microseconds");
         t("3 0 0 0 0 0 0 1\n", "line 1: found stamp 3 us, wanted 0");
         t("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "line 2: found stamp 0 us, wanted more than 0");
         for bad in ["0 0 0 2", "0 0.6 0 -0.8", "0 0 0 0", "-1 0 0 0"] {

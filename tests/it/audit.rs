@@ -260,8 +260,8 @@ fn restricted_material_is_found() {
     faults.retain(|fault| fault.file.as_deref() != Some("index.parquet"));
     let count = |part: &str| faults.iter().filter(|fault| fault.message.contains(part)).count();
     assert!(faults.iter().all(|fault| fault.code.name() == "licence-forbidden"), "{faults:#?}");
-    assert_eq!(count("demands LicenseRef-DL3DV-10K-ToU"), 1);
-    assert_eq!(count("demands CC-BY-NC-4.0"), 1);
+    assert_eq!(count("requires LicenseRef-DL3DV-10K-ToU"), 1);
+    assert_eq!(count("requires CC-BY-NC-4.0"), 1);
     assert_eq!(count("must be gated"), 1);
     // Two event streams; per trajectory 6 and 10 sharp pictures, 1 and 2 blurred, 2 and 3 of depth,
     // 2 and 3 of flow, and two pictures of checks.

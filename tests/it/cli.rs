@@ -120,8 +120,8 @@ fn verbs_take_recipes_folders_and_ids() {
         assert!(told.contains("lab/other/base") && !told.contains("tiny"), "{words}: {told}");
     }
     let told = place.ok("open lab/other").stdout;
-    let events = told.lines().find(|line| line.starts_with("lab/other/base/events\tevents.h5\t")).unwrap();
-    assert!(place.path(events.rsplit('\t').next().unwrap()).is_file(), "{events}");
+    let events = told.lines().find(|line| line.starts_with("lab/other/base/events  events.h5  ")).unwrap();
+    assert!(place.path(events.rsplit("  ").next().unwrap()).is_file(), "{events}");
     let refused = place.gs2e("build no/such");
     assert_eq!(refused.code, 2);
     assert!(

@@ -252,7 +252,7 @@ fn an_invalid_stream_is_not_written() {
     let earlier = Event { t: Timestamp(4_999), ..later };
     let outside = Event { t: Timestamp(6_000), x: 640, ..later };
     let dir = tempfile::tempdir().unwrap();
-    for (bad, because) in [(earlier, "event 1:"), (outside, "event 1: pixel (640, 0) lies outside")] {
+    for (bad, because) in [(earlier, "event 1:"), (outside, "event 1: pixel (640, 0) is outside")] {
         let refused = |sink: &mut dyn EventSink| {
             let error = sink.append(&[later, bad]).unwrap_err().to_string();
             assert!(error.contains(because), "{error}");
@@ -337,7 +337,7 @@ fn faulty_labels_of_an_archive_are_named() {
     t("|u1", &[1, 0, 1], None);
     t("|u1", &[1, 2, 1], Some("`label`[1] is 2, wanted 0 or 1"));
     t("|u1", &[1, 0], Some("dataset `label`: 2 elements, wanted 3 as in `t`"));
-    t("|i1", &[1, 0, 1], Some("dataset `label`: an array of '|i1'"));
+    t("|i1", &[1, 0, 1], Some("dataset `label`: an array of type '|i1'"));
 }
 
 /// A part of an HDF5 file that is replaced by something else; the rest follows the layout.

@@ -194,7 +194,7 @@ fn faults_are_named_and_no_file_is_written() {
     let evt2 = raw("% evt 2.0\n% geometry 8x8\n% end\n", &words32(&turns));
     t("a.raw", &evt2, "", 1, "byte 4800031: t = 10307921510400000 us, wanted less than");
     t("a.raw", b"% evt 2.1\n% geometry 8x8\n% end\n", "", 1, "the format `2.1`, wanted EVT 2.0 or EVT 3.0");
-    t("a.raw", b"% evt 3.0\n% end\n", "", 1, "the header lacks the size of the sensor");
+    t("a.raw", b"% evt 3.0\n% end\n", "", 1, "the header lacks the sensor size");
     t("a.raw", b"% evt 3.0", "", 1, "the header has no end");
     t("a.txt", b"1 2 3 1\n", "", 1, "the file does not state the sensor's size: give --size WIDTHxHEIGHT");
     t("a.txt", b"1 2 3 1\n0 2 3 1\n", "--size 9x9", 1, "event 1: t = 0 us, earlier than the previous 1 us");

@@ -219,7 +219,7 @@ fn a_folder_that_is_no_release_is_refused() {
     let remove = |path: &str| fs::remove_file(place.path(path)).unwrap();
     t(
         &|| remove("new/tiny/scene.json"),
-        ["scene.json", "found no way to read it", "wanted what the release"],
+        ["scene.json", "found an unreadable file", "wanted the description of a scene"],
     );
     t(&|| place.write("new/tiny/scene.json", "{}"), ["scene.json", "found other JSON", "wanted"]);
     let raise = || edit(&place, "new/manifest.json", |manifest| manifest["format"] = json!(2));
@@ -228,7 +228,13 @@ fn a_folder_that_is_no_release_is_refused() {
         &|| place.write("new/manifest.json", "{"),
         ["new/manifest.json", "found other JSON", "wanted the manifest"],
     );
-    t(&|| remove("new/manifest.json"), ["new:", "found a folder without manifest.json", "wanted the folder"]);
-    t(&|| fs::remove_dir_all(place.path("new")).unwrap(), ["new:", "found nothing", "wanted the folder"]);
-    t(&|| place.write("new", "x"), ["new:", "found a file", "wanted the folder"]);
+    t(
+        &|| remove("new/manifest.json"),
+        ["new:", "found a folder without manifest.json", "wanted a release folder"],
+    );
+    t(
+        &|| fs::remove_dir_all(place.path("new")).unwrap(),
+        ["new:", "found nothing", "wanted a release folder"],
+    );
+    t(&|| place.write("new", "x"), ["new:", "found a file", "wanted a release folder"]);
 }

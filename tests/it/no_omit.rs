@@ -149,7 +149,7 @@ fn rates_and_soft_layers_are_the_same_bytes_too() {
 #[test]
 fn releases_differ_only_in_their_omissions() {
     let place = place("linear", "");
-    let told = place.ok("release --to omitted recipe.yaml").stderr;
+    let told = place.ok("release -v --to omitted recipe.yaml").stderr;
     assert!(told.contains("work skipped for given/base (output is byte-identical unless noted)\n"), "{told}");
     place.ok("release --no-omit --to whole recipe.yaml");
     let [mut omitted, mut whole] = ["omitted", "whole"].map(|name| tree(&place.path(name)));
@@ -190,7 +190,7 @@ fn saved_time_is_reported_for_long_paths_and_written_to_no_file() {
         TINY.replace("factor: 2", "factor: 250").replace("outputs: [events, sharp]", "outputs: [events]");
     place.write("long.yaml", long.replace("scene: tiny", "scene: long"));
     place.write("tiny.yaml", TINY);
-    let ended = place.ok("build --json long.yaml tiny.yaml");
+    let ended = place.ok("build -v --json long.yaml tiny.yaml");
     let steps: Vec<Value> = ended.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let step = |name: &str| steps.iter().find(|step| step["step"] == name).unwrap();
     let saving = &step("long/base/events")["saving"];

@@ -237,8 +237,8 @@ fn pictures_are_audited() {
             fs::write(base.join(name), bytes).unwrap();
         }
     };
-    t(&put("depth/000012.npy", 5, -1.0), "unreadable", "-1, which is no depth");
-    t(&put("flow/000012.npy", 5, f32::INFINITY), "unreadable", "inf, which is no flow");
+    t(&put("depth/000012.npy", 5, -1.0), "unreadable", "-1, which is not a valid depth");
+    t(&put("flow/000012.npy", 5, f32::INFINITY), "unreadable", "inf, which is not a valid flow");
     let shape = |base: &Path| {
         fs::copy(base.join("depth/000012.npy"), base.join("flow/000012.npy")).unwrap();
     };

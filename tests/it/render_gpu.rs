@@ -340,7 +340,7 @@ fn a_scene_without_room_is_an_error_that_states_the_sizes() {
             .and_then(|mut gpu| gpu.render(&view, ALL, &mut RenderedImages::default()));
         let error = rendered.unwrap_err();
         let RenderError::Gpu(GpuError::Memory { what, wanted, .. }) = &error else { panic!("{error}") };
-        assert!(*wanted > room && error.to_string().ends_with(&format!("{what}:  bytes are free{room}")));
+        assert!(*wanted > room && error.to_string().ends_with(&format!("{what}: {room} bytes are free")));
         *what
     };
     assert_ne!(told(1000), told(16 << 20));

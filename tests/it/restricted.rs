@@ -109,9 +109,9 @@ fn terms_other_than_those_of_the_upstream_need_evidence() {
         (format!("{UPSTREAM}, evidence: {{}} }}"), "granted_by"),
         (format!("{UPSTREAM}, {EVIDENCE} }}").replace("the project for this scene", "\" \""), "is empty"),
         (format!("{UPSTREAM}, {EVIDENCE} }}").replace("2025-06-01", "june"), "wanted a day"),
-        (format!("{UPSTREAM}, {EVIDENCE} }}").replace("CC-BY-4.0", "CC BY MIT"), "is no SPDX expression"),
+        (format!("{UPSTREAM}, {EVIDENCE} }}").replace("CC-BY-4.0", "CC BY MIT"), "is not an SPDX expression"),
         (format!("licence: {{ expression: CC0-1.0, holder: a test, {EVIDENCE} }}"), "is of nothing"),
-        ("licence: { expression: CC BY MIT, holder: a test }".to_owned(), "is no SPDX expression"),
+        ("licence: { expression: CC BY MIT, holder: a test }".to_owned(), "is not an SPDX expression"),
     ] {
         let ended = stating(&licence).gs2e("release --to tree recipes");
         assert_eq!(ended.code, 2, "{licence}: {}", ended.stderr);
@@ -136,7 +136,7 @@ fn a_known_program_has_its_own_terms() {
     let place = Workspace::new();
     for (licence, wanted) in [
         ("MIT", "3D Gaussian Splatting is under LicenseRef-Inria-MPII-3DGS (licence-forbidden)"),
-        ("CC BY MIT", "is no SPDX expression"),
+        ("CC BY MIT", "is not an SPDX expression"),
         // The recipe is sound, but its training data is not there.
         ("LicenseRef-Inria-MPII-3DGS", "capture"),
     ] {

@@ -176,7 +176,7 @@ fn invalid_splits_are_refused() {
         ("{ by: object, shares: { train: 0.8, test: 0.1 } }", "the shares sum to 0.9, wanted 1"),
         ("{ by: object, shares: { train: 1.5, test: -0.5 } }", "the share of test is -0.5"),
         ("{ by: object, shares: {} }", "there is no split"),
-        ("{ by: object, shares: { \"a/b\": 1 } }", "the split \"a/b\" is one which has more than one part"),
+        ("{ by: object, shares: { \"a/b\": 1 } }", "the split name is \"a/b\", which has more than one part"),
         ("{ shares: { train: 1 } }", "by"),
         ("{ by: object }", "shares"),
     ] {

@@ -292,12 +292,7 @@ fn mistakes_are_reported_and_leave_no_file() {
     t(
         [capture, "empty"],
         2,
-        &[
-            "cannot determine the layout of the capture",
-            "empty",
-            "nothing of a capture",
-            "wanted a COLMAP model",
-        ],
+        &["cannot determine the layout of the capture", "empty", "found no capture", "wanted a COLMAP model"],
     );
     t([capture, "empty/a.txt"], 2, &["cannot determine the layout of the capture", "wanted a COLMAP model"]);
     t([capture, "both"], 2, &["holds a transforms.json and a cameras.json: name the one"]);

@@ -6,7 +6,7 @@ use serde_json::Value;
 /// Recipes with one fault each: its name, the change of a sound recipe, and the words of the warning.
 const FAULTS: [(&str, &str, &str, &str); 4] = [
     ("a large step", "factor: 2", "frames: 3", "sampling: "),
-    ("one frame", "factor: 2", "frames: 1", "event_rate: one frame"),
+    ("one frame", "factor: 2", "frames: 1", "event_rate: there is only one frame"),
     ("no events", "on: 1.0, off: 1.0", "on: 80, off: 80", "event_rate: no events"),
     (
         "an empty view",

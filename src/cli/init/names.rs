@@ -33,10 +33,8 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
         let because = unsafe_because(stem);
         let owners = if because.is_some() {
             Vec::new()
-        } else if group.iter().all(|i| !files::is_there(&plain(*i))) {
-            vec![group[0]]
-        } else if group.len() == 1 && draft::scene_of(&plain(group[0])).is_none() {
-            // A recipe that cannot be read may be under work; it is left alone.
+        } else if group.len() == 1 || group.iter().all(|i| !files::is_there(&plain(*i))) {
+            // A scene without a rival keeps its file, whatever a person wrote into it.
             vec![group[0]]
         } else {
             // A file that exists and names none of these scenes has no owner: all of them get

@@ -21,7 +21,7 @@ pub struct ReleaseInfo {
     pub date_published: String,
     /// Citation; default `unpublished dataset made with gs2e`.
     pub cite_as: String,
-    /// Description; default `Synthetic event-camera sequences, rendered from 3D Gaussian splats.`
+    /// Description; default `Sequences with exact camera poses, rendered from 3D Gaussian splats.`
     pub description: String,
     /// Contact for questions and requests for removal. Optional.
     pub contact: Option<String>,
@@ -44,7 +44,7 @@ impl Default for ReleaseInfo {
             creator: "unstated".into(),
             date_published: "1970-01-01".into(),
             cite_as: "unpublished dataset made with gs2e".into(),
-            description: "Synthetic event-camera sequences, rendered from 3D Gaussian splats.".into(),
+            description: "Sequences with exact camera poses, rendered from 3D Gaussian splats.".into(),
             contact: None,
             purpose: None,
             funding: None,

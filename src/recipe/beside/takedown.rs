@@ -237,7 +237,7 @@ mod tests {
         ] {
             let told = read(&format!("# list\n{id} 2025-06-01\n")).unwrap_err();
             assert!(
-                told.starts_with("takedown.txt:2:1 ") && told.contains("can name no scene"),
+                told.starts_with("takedown.txt:2:1 ") && told.contains("is not a scene id"),
                 "{id}: {told}"
             );
         }

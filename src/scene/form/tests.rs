@@ -155,7 +155,7 @@ fn positions_have_as_many_bits_as_fit() {
     assert_eq!(error, "write .spz: found a coordinate of 8.388608e6, wanted less than 2^23");
     let error =
         SceneFormat::Splat.write(&Gaussians { log_scales: vec![[100.0; 3]], ..one([0.0; 3]) }).unwrap_err();
-    assert!(error.to_string().contains("1 Gaussians have a position or a scale beyond"), "{error}");
+    assert!(error.to_string().contains("1 Gaussians have a position or a scale out of"), "{error}");
 }
 
 /// Values out of range go to the nearest end, and the losses name them.

@@ -202,7 +202,7 @@ fn errors_in_images_name_their_part_and_place() {
         tags.as_flattened(),
         (2, 2),
         ColorType::Rgba8,
-        "read .sog (rotations) at byte 11: found 251 for the largest component of Gaussian 2, wanted 252 to 255",
+        "read .sog (rotations) at byte 11: found the tag 251 for the largest component of Gaussian 2, wanted 252 to 255",
     );
     image(
         "labels.webp",

@@ -59,7 +59,7 @@ fn rebuilt_scenes_have_the_same_bytes_and_changes_are_found() {
     fs::write(&recipe, RECIPE.replace("seed: 7", "seed: 9")).unwrap();
     let output = gs2e(folder.path(), &["audit", "out", "--rebuild", "2"]);
     assert_eq!(output.status.code(), Some(3));
-    assert!(said(&output).contains("its step base/events is made of other parameters"), "{}", said(&output));
+    assert!(said(&output).contains("its step base/events differs in its parameters"), "{}", said(&output));
 
     fs::remove_file(recipe).unwrap();
     let output = gs2e(folder.path(), &["audit", "out", "--rebuild", "2"]);

@@ -167,7 +167,7 @@ fn a_scene_that_contradicts_its_photos_does_not_enter_the_store() {
     for told in [
         "given/reconstruct: failed to compare the trained scene with its photos",
         "its mean PSNR over 1 views is ",
-        "dB, wanted at least 40; a trainer that moves",
+        "dB, wanted at least 40; configure the trainer not to move",
     ] {
         assert!(ended.stderr.contains(told), "{}", ended.stderr);
     }

@@ -96,7 +96,7 @@ fn licences_without_a_text_are_refused_in_the_recipe() {
         (long.as_str(), "311 bytes"),
         ("NOASSERTION", "NOASSERTION states no terms"),
         ("MIT OR NOASSERTION", "NOASSERTION states no terms"),
-        ("NONE", "is no SPDX expression"),
+        ("NONE", "is not an SPDX expression"),
         ("DocumentRef-x:LicenseRef-y", "defined in another document"),
     ];
     for (expression, words) in cases {
@@ -131,7 +131,9 @@ fn a_speed_of_many_terms_is_released_or_refused_at_once() {
         let speed = &scene["trajectories"][0]["parameters"]["speed"];
         assert_eq!(*speed, serde_json::json!({ "function": formula }));
     }
-    for (formula, words) in [(sum(251), "more than 250 deep"), (nested(101), "more than 100 deep")] {
+    for (formula, words) in
+        [(sum(251), "more than 250 levels deep"), (nested(101), "more than 100 levels deep")]
+    {
         write(&formula);
         refused(&place, "release --to other r.yaml", words);
     }

@@ -109,7 +109,7 @@ fn absent_and_damaged_scenes_and_views_are_reported() {
     t(["one.ply", "text.ply"], 1, &["failed to read the scene", "text.ply", "at byte 0"]);
     t(["one.ply", "empty"], 1, &["failed to read the scene", "empty"]);
     t(["camera.json", "gone.json"], 2, &["view: gone.json does not exist"]);
-    t(["camera.json", "empty"], 2, &["cannot determine the layout of the view", "nothing of a capture"]);
+    t(["camera.json", "empty"], 2, &["cannot determine the layout of the view", "found no capture"]);
     t(
         ["camera.json", "both"],
         2,
@@ -127,7 +127,7 @@ fn absent_and_damaged_scenes_and_views_are_reported() {
     t(["camera.json", "one.ply"], 1, &[view, "one.ply"]);
     t(["camera.json", "number.json"], 1, &[view, "`W`: it is missing"]);
     t(["camera.json", "part.json"], 1, &[view, "part.json: `H`: it is missing"]);
-    t(["camera.json", "mirror.json"], 1, &[view, "`R`: a rotation mirrors"]);
+    t(["camera.json", "mirror.json"], 1, &[view, "`R`: a rotation contains a reflection"]);
     t(["camera.json", "sheared.json"], 1, &[view, "`R`: a rotation is not orthonormal"]);
     t(["camera.json", "flat.json"], 1, &[view, "the focal length is 0"]);
     t(["camera.json", "infinite.json"], 1, &[view, "infinite.json: line 1", "out of range"]);

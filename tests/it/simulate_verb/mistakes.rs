@@ -68,7 +68,7 @@ fn mistakes_are_named_and_nothing_is_written() {
     };
     let (frames, stamps, both) = ("frames.npy", "stamps.npy", "frames.npy --stamps stamps.npy");
     t([frames, "gone.npy"], 2, "frames: gone.npy does not exist");
-    t([frames, "text.npy"], 1, "text.npy: no .npy that is read here");
+    t([frames, "text.npy"], 1, "text.npy: not a supported .npy file");
     t([frames, "cut.npy"], 1, "cut.npy: 9343 bytes, wanted 9344 according to its header");
     t([frames, "doubles.npy"], 1, "an array of float64 and shape [24, 16, 24], wanted uint8 or float32");
     t([frames, "flat.npy"], 1, "shape [24, 384], wanted the shape [N, H, W]");

@@ -131,11 +131,11 @@ fn a_camera_is_scaled_to_its_photo() {
     let (capture, warnings) = read(&one_frame(), 400, 300).unwrap();
     let halved = Camera { size: size(400, 300), fx: 250.0, fy: 250.5, cx: 200.0, cy: 150.0 };
     assert_eq!(capture.views[0].camera, halved);
-    assert!(warnings[0].to_string().contains("is 400x300, its camera says 800x600"), "{warnings:?}");
+    assert!(warnings[0].to_string().contains("is 400x300, but its camera states 800x600"), "{warnings:?}");
     assert!(capture.views[0].sha256.is_some());
 
     let error = read(&one_frame(), 400, 290).unwrap_err();
-    assert!(error.contains("`frames[0]`: the photo is 400x290, the camera says 800x600"), "{error}");
+    assert!(error.contains("`frames[0]`: the photo is 400x290, but the camera states 800x600"), "{error}");
     let (capture, _) = read(&one_frame_with(&json!({ "w": null, "h": null })), 640, 480).unwrap();
     assert_eq!(capture.views[0].camera.size, size(640, 480));
     let files = nerfstudio::source_files(&dir.path().join("transforms.json")).unwrap();
@@ -165,7 +165,7 @@ fn faults_of_a_transforms_file_are_named_with_their_place() {
         "`frames[0].transform_matrix[3]`: \"x\", wanted a list",
     );
     let mirror = json!([[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
-    t(framed("transform_matrix", mirror), "`frames[0].transform_matrix`: a rotation mirrors");
+    t(framed("transform_matrix", mirror), "`frames[0].transform_matrix`: a rotation contains a reflection");
     let scaled = json!([[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]);
     t(framed("transform_matrix", scaled), "`frames[0].transform_matrix`: a rotation is not orthonormal");
     let projective = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]]);
