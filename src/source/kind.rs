@@ -141,7 +141,7 @@ mod tests {
         t(&[vec!["images.txt".to_owned()]], "DIR: found no capture");
         t(
             &[vec!["transforms.json".to_owned()], model_in("sparse/0/")],
-            "DIR: it holds a COLMAP model and a transforms.json: name",
+            "DIR: it contains a COLMAP model and a transforms.json: name",
         );
         t(
             &[model_in("a/sparse/0/"), model_in("b/sparse/0/")],
