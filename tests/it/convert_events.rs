@@ -205,7 +205,7 @@ fn faults_are_named_and_no_file_is_written() {
         b"0.5 2 3 1\n",
         "--size 9x9",
         1,
-        "line 1: t = 0.5 has a fraction: --time-unit s, ms, us or ns",
+        "line 1: t = 0.5 has a fraction: give its unit with --time-unit s, ms, us or ns",
     );
     t("a.txt", b"1 2 3\n", "--size 9x9", 1, "line 1: 3 columns, but p is expected in column 4");
     t("a.txt", b"12 9\n1 2 3 1\n", "--size 9x9", 1, "line 1: a sensor of 12x9, but --size is 9x9");
