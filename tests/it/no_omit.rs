@@ -163,7 +163,7 @@ fn releases_differ_only_in_their_omissions() {
     let [a, b] = [manifest(&mut omitted), manifest(&mut whole)];
     for files in [&mut omitted, &mut whole] {
         let report = String::from_utf8(files.remove("report.html").unwrap()).unwrap();
-        let (before, rest) = report.split_once("<section id=\"left-out\">").unwrap();
+        let (before, rest) = report.split_once("<section id=\"skipped\">").unwrap();
         let (_, after) = rest.split_once("</section>").unwrap();
         files.insert("report.html".into(), format!("{before}{after}").into_bytes());
     }

@@ -170,7 +170,7 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
     // Two pictures are too few, and an empty picture cannot be registered.
     let few = &filmed.pictures[..2];
     let told = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
-    assert_eq!(told.unwrap_err(), "found 2 pictures, wanted at least 3");
+    assert_eq!(told.unwrap_err(), "there are 2 pictures, 3 are the fewest");
     let blank: Vec<TrajectoryPicture> =
         (0..4).map(|pose| TrajectoryPicture { pose, file: filmed.folder.path().join("blank") }).collect();
     let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);

@@ -26,7 +26,9 @@ fn texts(recipe: &str) -> String {
 }
 
 fn recipe(sensor: &str, outputs: &str) -> String {
-    let recipe = TINY.replace("outputs: [events, sharp]", &format!("outputs: [{outputs}]"));
+    // An exposure of the usual length is longer than this path.
+    let blur = if outputs.contains("blur") { "\nblur: { frames: 3 }" } else { "" };
+    let recipe = TINY.replace("outputs: [events, sharp]", &format!("outputs: [{outputs}]{blur}"));
     recipe
         .replace("  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }", &format!("  {sensor}"))
         .replace("sensor:\n  {", "sensor: {")

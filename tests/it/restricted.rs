@@ -110,7 +110,10 @@ fn terms_other_than_those_of_the_upstream_need_evidence() {
         (format!("{UPSTREAM}, {EVIDENCE} }}").replace("the project for this scene", "\" \""), "is empty"),
         (format!("{UPSTREAM}, {EVIDENCE} }}").replace("2025-06-01", "june"), "wanted a day"),
         (format!("{UPSTREAM}, {EVIDENCE} }}").replace("CC-BY-4.0", "CC BY MIT"), "is not an SPDX expression"),
-        (format!("licence: {{ expression: CC0-1.0, holder: a test, {EVIDENCE} }}"), "is of nothing"),
+        (
+            format!("licence: {{ expression: CC0-1.0, holder: a test, {EVIDENCE} }}"),
+            "is given without upstream",
+        ),
         ("licence: { expression: CC BY MIT, holder: a test }".to_owned(), "is not an SPDX expression"),
     ] {
         let ended = stating(&licence).gs2e("release --to tree recipes");
