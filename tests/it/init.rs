@@ -49,7 +49,7 @@ fn each_instance_gets_a_short_recipe_that_builds() {
     for line in ["speed: { flow: { px_s: 400 } }", "sampling: { tolerance: 0.1 }", "sharp: { every: 8 }"] {
         assert!(defaults.contains(line), "{line}: {defaults}");
     }
-    let defaults = defaults.replace("px_s: 400", "px_s: 100").replace("tolerance: 0.1", "rate: 2400")
+    let defaults = defaults.replace("px_s: 400", "px_s: 30").replace("tolerance: 0.1", "rate: 2400")
         + "camera: { width: 32, height: 18 }\n";
     place.write("recipes/defaults.yaml", defaults);
     let steps = place.build("recipes/0_00000000.yaml");

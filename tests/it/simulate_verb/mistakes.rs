@@ -101,7 +101,7 @@ fn mistakes_are_named_and_nothing_is_written() {
         2,
         "--rates applies to hermite, but the sensor interpolates with linear",
     );
-    t(["dvs346", "dvs346 --h5-filter blosc"], 2, "`blosc` is none of gzip[:0-9]");
+    t(["dvs346", "dvs346 --h5-filter blosc"], 2, "found `blosc`, wanted gzip[:0-9]");
     t(["e.txt", "e.dat"], 2, "e.dat: not an event format");
     t(["e.txt", "gone/e/e.txt"], 2, "is in a folder that does not exist");
     t(["e.txt", "frames.npy"], 2, "frames.npy is an input and would be overwritten");
