@@ -191,8 +191,8 @@ pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOp
     StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
 }
 
-/// The folder for the database of a store on a remote disk: in the user's cache, named after the store's path.
-/// `None` for a local store.
+/// The folder for the database of a store on a remote disk: in the user's cache, named after the
+/// store's path. `None` for a local store.
 fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
     // The store may not exist yet; its nearest existing ancestor is on the same file system.
