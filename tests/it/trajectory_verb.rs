@@ -295,7 +295,7 @@ fn mistakes_are_reported_and_leave_no_file() {
         &["cannot determine the layout of the capture", "empty", "found no capture", "wanted a COLMAP model"],
     );
     t([capture, "empty/a.txt"], 2, &["cannot determine the layout of the capture", "wanted a COLMAP model"]);
-    t([capture, "both"], 2, &["holds a transforms.json and a cameras.json: name the one"]);
+    t([capture, "both"], 2, &["contains a transforms.json and a cameras.json: name the one to use"]);
     t([capture, "broken"], 1, &["failed to read the capture", "transforms.json: line 1"]);
     t([capture, "bent.json"], 1, &["failed to read the capture", "`v2.jpg` is already used by"]);
     let refused =

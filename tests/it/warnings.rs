@@ -11,7 +11,7 @@ const FAULTS: [(&str, &str, &str, &str); 4] = [
     (
         "an empty view",
         "refine: { window: 2, factor: 2, curve: cubic }",
-        "orbit: { centre: [900, 0, 0], from: [990, 0, 0], up: [0, 1, 0], arc: 6, frames: 12 }",
+        "orbit: { centre: [990, 0, 0], from: [900, 0, 0], up: [0, 1, 0], arc: 6, frames: 12 }",
         "coverage: ",
     ),
 ];
