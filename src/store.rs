@@ -18,6 +18,7 @@ mod disk;
 pub mod fs;
 pub mod gc;
 mod hash;
+pub mod link_tree;
 mod lock;
 mod memo;
 mod publish;
@@ -310,6 +311,12 @@ impl Store {
             Err(source) if disk::is_absent(&source) => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
         }
+    }
+
+    /// Folder of the store.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
     }
 
     /// Path of a blob.

@@ -16,12 +16,14 @@ use crate::files::is_there;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, assess_plan};
 use crate::plan::past::past_costs;
-use crate::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipes};
+use crate::plan::survey::{PlanSurvey, SettledScene, SettledStep, plan_all, survey_recipes};
 use crate::recipe;
 use crate::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use crate::sensor::SensorChoice;
 use crate::stage::StepId;
 use crate::store::fs::FileStat;
+use crate::store::link_tree::{LinkError, LinkTree};
+use crate::store::record::StoredOutput;
 use crate::store::space::DiskSpace;
 use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use crate::units::Hertz;
@@ -34,6 +36,9 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 pub(super) struct BuildArgs {
     #[command(flatten)]
     targets: RecipeTargets,
+    /// Link every output into this folder, as SCENE/TRAJECTORY/STEP/FILE
+    #[arg(long, value_name = "DIR")]
+    to: Option<PathBuf>,
     #[command(flatten)]
     care: TrustOptions,
 }
@@ -95,6 +100,7 @@ impl BuildArgs {
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
         let mut findings = findings_of_settled(&settled, &store)?;
+        let mut outputs = outputs_of_settled(&settled);
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
             RunSummary::default()
@@ -103,14 +109,17 @@ impl BuildArgs {
             let request = BuildRequest { settled, targets, chosen: &chosen, common, care, console };
             let (plan, summary) = request.build(plan, &store)?;
             findings.extend(findings_of_run(&plan, &summary, &store)?);
+            outputs.extend(outputs_of_run(&plan, &summary));
             summary
         };
         summary.kept += settled;
         let faults = show_findings(&findings, console);
-        if exit_kind(&summary) == ExitKind::Done && summary.made > 0 {
-            console.say(
+        match &self.to {
+            Some(to) => link_outputs(to, &store, &outputs, console)?,
+            None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.say(
                 "`gs2e open` prints the paths of the files; `gs2e release --to DIR` writes them as a dataset",
-            );
+            ),
+            None => {}
         }
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(match exit_kind(&summary) {
@@ -118,6 +127,42 @@ impl BuildArgs {
             exit => exit,
         })
     }
+}
+
+/// Each step's name, as scene/trajectory/step, and its outputs.
+type StepOutputs = Vec<(String, Vec<StoredOutput>)>;
+
+fn outputs_of_settled(settled: &[SettledScene]) -> StepOutputs {
+    let of_scene = |scene: &SettledScene| {
+        let named = |step: &SettledStep| (format!("{}/{}", scene.scene, step.name), step.outputs.clone());
+        scene.steps.iter().map(named).collect::<Vec<_>>()
+    };
+    settled.iter().flat_map(of_scene).collect()
+}
+
+fn outputs_of_run(plan: &Plan, summary: &RunSummary) -> StepOutputs {
+    let products = summary.products.iter().map(|(id, product)| (&plan.steps()[id.0], product));
+    products
+        .map(|(step, product)| (format!("{}/{}", plan.scene_of(step), step.name), product.outputs.clone()))
+        .collect()
+}
+
+/// Makes the folder of links that the user asked for.
+fn link_outputs(to: &Path, store: &Store, outputs: &StepOutputs, console: &Console) -> Result<(), VerbError> {
+    let link = || {
+        let tree = LinkTree::new(store, to)?;
+        outputs.iter().try_for_each(|(name, outputs)| tree.link_step(name, outputs))
+    };
+    link().map_err(|e: LinkError| {
+        VerbError::failed("not-linked", format!("failed to link: {e}"))
+            .help("choose an empty folder, or one that an earlier `gs2e build --to` filled")
+    })?;
+    let files: usize = outputs.iter().map(|(_, outputs)| outputs.len()).sum();
+    console.say(&format!(
+        "{} has links to {files} files of the store: read them, and do not write to them",
+        escape::path(to)
+    ));
+    Ok(())
 }
 
 /// Names this program and its options that may change a key.

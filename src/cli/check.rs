@@ -135,15 +135,8 @@ fn show_findings(findings: &[Finding], console: &Console) {
     console.say(&count_line(findings));
 }
 
-/// Prints the findings that prevent a release; programs get one record per finding.
-pub(super) fn show_failed(findings: &[Finding], console: &Console) {
-    if console.json {
-        records(findings, console);
-    }
-    table(findings).iter().for_each(|line| console.insist(line));
-}
-
-fn records(findings: &[Finding], console: &Console) {
+/// Prints one record per finding, for programs.
+pub(super) fn records(findings: &[Finding], console: &Console) {
     for finding in findings {
         console.result(&serde_json::to_value(finding).expect("a finding is plain data"));
     }

@@ -235,7 +235,10 @@ fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
     let message = error.to_string();
     match error {
         ReleaseError::Checks(findings) => {
-            check::show_failed(&findings, console);
+            // People have seen these findings at the end of the build.
+            if console.json {
+                check::records(&findings, console);
+            }
             VerbError::fault("check-failed", format!("{message}; nothing was released"))
                 .help("fix it, or waive it in the recipe: checks: { waive: [{ check, because }] }")
         }

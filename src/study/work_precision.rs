@@ -18,6 +18,7 @@ pub mod errors;
 pub mod grid;
 pub mod pass;
 pub mod pick;
+pub mod recommend;
 pub mod report;
 mod voltage;
 

@@ -34,6 +34,7 @@ mod info;
 mod init;
 mod interruption;
 mod keys;
+mod linked_tree;
 mod loader;
 mod locks;
 mod manifest;

@@ -96,6 +96,11 @@ fn work_and_precision_of_a_built_scene() {
     let study = "study tiny.yaml --rates 600,1200,2400 --seconds 0.019";
     let told = place.ok(&format!("{study} --rules official,blended --to out")).stdout;
     assert!(told.starts_with("`official linear` at 2400 frames a second costs "), "{told}");
+    let (lines, because) = told.split_once("For the recipe:\n").unwrap().1.split_once("because ").unwrap();
+    assert!(because.contains("core-seconds"), "{because}");
+    let [above, below] = TINY.split_once("sampling: { rate: 2400, between: linear }\n").unwrap().into();
+    place.write("pasted.yaml", format!("{above}{lines}{below}").replace("scene: tiny", "scene: pasted"));
+    place.ok("plan pasted.yaml");
     let table = fs::read_to_string(place.path("out/work_precision.csv")).unwrap();
     let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let head = lines.next().unwrap();
@@ -143,6 +148,7 @@ fn work_and_precision_of_a_built_scene() {
     let json: Value = serde_json::from_str(&told).unwrap();
     assert_eq!(json["pictures"].as_array().map(Vec::len), Some(0));
     assert_eq!((json["noise"].as_bool(), json["rows"].as_array().unwrap().len()), (Some(true), 9));
+    assert!(json["recommended"]["recipe"].as_str().unwrap().starts_with("sampling: "), "{json}");
     assert!(place.path("study/tiny/summary.md").is_file());
 }
 

@@ -101,5 +101,6 @@ fn suggested_recipe(place: &Path, orbit: &SceneOrbit) -> Vec<String> {
             point(orbit.up)
         ),
         "    speed: { flow: { px_s: 400 } }".to_owned(),
+        "sampling: { tolerance: 0.1 }".to_owned(),
     ]
 }

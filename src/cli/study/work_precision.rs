@@ -13,6 +13,7 @@ use crate::seed::{Seed, StreamPurpose};
 use crate::sensor::noise::HotPixelNoise;
 use crate::sensor::voltmeter::{BetweenFrames, DriftGain, SamplerKind, VoltmeterModel};
 use crate::study::work_precision::pick::ErrorMeasure;
+use crate::study::work_precision::recommend::RecommendedSetting;
 use crate::study::work_precision::{StudyResult, chart, report};
 use lab::{FineWindow, StudyLab};
 use std::fs;
@@ -113,8 +114,17 @@ impl RuleSet {
     }
 }
 
+/// A study as one JSON object.
+#[derive(serde::Serialize)]
+struct StudyRecord<'a> {
+    #[serde(flatten)]
+    study: &'a StudyResult,
+    recommended: Option<RecommendedSetting>,
+}
+
 /// Default length of the window, s.
 const USUAL_S: f64 = 0.1;
+
 impl WorkPrecision {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.screen()?;
@@ -149,11 +159,18 @@ impl WorkPrecision {
         };
         let study = lab.study(&self, scene)?;
         write_study(&study, &to)?;
+        let linear_only = sensor.law != SamplerKind::Exact;
+        let recommended = RecommendedSetting::from_study(&study, linear_only);
         if console.json {
-            console.large_result(&study);
-        } else {
-            console.print(&report::conclusion_words(&study));
-            console.print(&format!("table, plots and text: {}", to.display()));
+            console.large_result(&StudyRecord { study: &study, recommended });
+            return Ok(ExitKind::Done);
+        }
+        console.print(&report::conclusion_words(&study));
+        console.print(&format!("table, plots and text: {}", to.display()));
+        if let Some(RecommendedSetting { recipe, because }) = recommended {
+            console.print("For the recipe:");
+            recipe.lines().for_each(|line| console.print(line));
+            console.print(&format!("because {because}"));
         }
         Ok(ExitKind::Done)
     }

@@ -337,6 +337,28 @@ fn the_papers_preset_is_what_the_paper_does() {
     assert_eq!(bare.trajectories.len(), 1 + 3);
 }
 
+/// The demo's recipe writes the paper's settings out. With the preset in their place, every step of
+/// a smaller demo is up to date: its keys, and so its bytes, are the same.
+#[test]
+fn the_papers_preset_has_the_bytes_of_the_demo() {
+    let smaller = [("gaussians: 20000, views: 30, arc: 20", "gaussians: 300, views: 6, arc: 6")];
+    let demo = include_str!("../../../recipes/demo.yaml");
+    let demo = smaller.iter().fold(demo.to_owned(), |text, (from, to)| text.replace(from, to));
+    let place = crate::support::workspace::Workspace::new();
+    place.write("r/demo.yaml", format!("{demo}camera: {{ width: 64, height: 48 }}\n"));
+    assert!(place.build("r/demo.yaml").len() >= 6);
+    let is_set = |line: &&str| {
+        ["speed:", "sampling:", "render:", "sensor:", "voltmeter:", "outputs:"]
+            .iter()
+            .any(|key| line.trim_start().starts_with(key))
+    };
+    let preset: Vec<&str> = demo.lines().filter(|line| !is_set(line)).collect();
+    let preset = preset.join("\n").replace("refine: { window: 2, factor: 5 }", "refine: {}");
+    assert!(!preset.contains("dvs346 ") && !preset.contains("0.25*sin"), "{preset}");
+    place.write("r/demo.yaml", format!("{preset}\ncamera: {{ width: 64, height: 48 }}\npreset: paper\n"));
+    assert_eq!(place.build("r/demo.yaml"), [""; 0]);
+}
+
 #[test]
 fn a_preset_stands_above_the_defaults_of_the_folder() {
     let place = crate::support::workspace::Workspace::new();
