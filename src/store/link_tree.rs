@@ -1,0 +1,97 @@
+//! A folder of symbolic links to stored files: one folder per step, one link per output.
+//!
+//! A link has the name of the output, so other programs know the file by its extension. Nothing but
+//! links into the same store is ever replaced or removed.
+
+use super::Store;
+use super::record::StoredOutput;
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+/// The reason why a step cannot be linked.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", path.display())]
+pub struct LinkError {
+    /// The link or the folder.
+    pub path: PathBuf,
+    /// The cause.
+    pub source: io::Error,
+}
+
+fn link_error(path: &Path) -> impl FnOnce(io::Error) -> LinkError {
+    move |source| LinkError { path: path.to_owned(), source }
+}
+
+/// A folder of links into one store.
+#[derive(Debug)]
+pub struct LinkTree<'a> {
+    store: &'a Store,
+    folder: PathBuf,
+    /// Absolute path of the store: the links have it in common.
+    target: PathBuf,
+}
+
+impl<'a> LinkTree<'a> {
+    /// The tree in `folder`, which need not exist.
+    ///
+    /// # Errors
+    /// The store's path cannot be resolved.
+    pub fn new(store: &'a Store, folder: &Path) -> Result<Self, LinkError> {
+        let root = store.root();
+        let target = fs::canonicalize(root).map_err(link_error(root))?;
+        Ok(Self { store, folder: folder.to_owned(), target })
+    }
+
+    /// Links the outputs of the step `name`, a path such as `scene/trajectory/events`. Links of an
+    /// earlier run that the step no longer has are removed.
+    ///
+    /// # Errors
+    /// A name is taken by something else than a link into the store, or a link cannot be made.
+    pub fn link_step(&self, name: &str, outputs: &[StoredOutput]) -> Result<(), LinkError> {
+        let folder = self.folder.join(name);
+        fs::create_dir_all(&folder).map_err(link_error(&folder))?;
+        let wanted: BTreeSet<PathBuf> = outputs.iter().map(|output| folder.join(&output.name)).collect();
+        for entry in fs::read_dir(&folder).map_err(link_error(&folder))? {
+            let path = entry.map_err(link_error(&folder))?.path();
+            if !wanted.contains(&path) && self.is_own(&path) {
+                fs::remove_file(&path).map_err(link_error(&path))?;
+            }
+        }
+        for (path, output) in outputs.iter().map(|output| (folder.join(&output.name), output)) {
+            self.link(&path, &self.blob_of(output))?;
+        }
+        Ok(())
+    }
+
+    fn blob_of(&self, output: &StoredOutput) -> PathBuf {
+        let blob = self.store.path_of(&output.digest);
+        blob.strip_prefix(self.store.root()).map_or_else(|_| blob.clone(), |inner| self.target.join(inner))
+    }
+
+    /// Returns true for a link into the store.
+    fn is_own(&self, path: &Path) -> bool {
+        fs::read_link(path).is_ok_and(|target| target.starts_with(&self.target))
+    }
+
+    fn link(&self, path: &Path, blob: &Path) -> Result<(), LinkError> {
+        if fs::read_link(path).is_ok_and(|target| target == blob) {
+            return Ok(());
+        }
+        if self.is_own(path) {
+            fs::remove_file(path).map_err(link_error(path))?;
+        }
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).map_err(link_error(parent))?;
+        }
+        symlink(blob, path).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => {
+                let what = "the name is taken by a file that is not a link into the store";
+                link_error(path)(io::Error::new(ErrorKind::AlreadyExists, what))
+            }
+            _ => link_error(path)(error),
+        })
+    }
+}
