@@ -27,6 +27,7 @@ mod removal;
 mod report;
 mod reuse;
 mod scene;
+pub mod signature;
 mod split;
 mod standing;
 pub mod summary;
@@ -36,6 +37,7 @@ mod work;
 
 pub use built::GatherError;
 pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
+pub use report::dataset::{CaptionedPicture, compose_dataset_page};
 pub use scene::SceneRecord;
 pub use split::SplitLeak;
 pub use target::{GuardedPath, ReleaseTarget, TargetClaim};

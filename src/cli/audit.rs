@@ -2,12 +2,16 @@
 
 mod rebuild;
 
-use super::CommonArgs;
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
+use super::verdicts::show_findings;
+use super::{CommonArgs, check};
+use crate::check::Verdict;
 use crate::recipe::TakedownList;
 use crate::release::audit::{self, AuditFault};
+use crate::release::recheck::recheck_tree;
+use crate::release::signature::PublisherKey;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -20,6 +24,12 @@ pub(super) struct AuditArgs {
     /// Takedown list; fail if a scene on it is present
     #[arg(long, value_name = "FILE")]
     takedown: Option<PathBuf>,
+    /// Verify the signature with this public key of minisign: a file, or its second line
+    #[arg(long, value_name = "KEY")]
+    public_key: Option<String>,
+    /// Also check the data as `gs2e check --tree` does, and rebuild every scene from the recipes
+    #[arg(long)]
+    full: bool,
     #[command(flatten)]
     again: rebuild::RebuildArgs,
 }
@@ -32,9 +42,22 @@ impl AuditArgs {
         }
         let takedown =
             self.takedown.as_ref().map(|file| TakedownList::read(std::slice::from_ref(file))).transpose()?;
+        let key = self.public_key.as_deref().map(PublisherKey::read).transpose();
+        let key = key.map_err(|e| VerbError::usage("public-key", e.to_string()))?;
         let mut report = audit::audit_against(&self.dir, takedown.as_ref())
             .map_err(|e| VerbError::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
-        if let Some(again) = self.again.run(&self.dir, common, console)? {
+        if let Some(key) = &key {
+            report.verify(&self.dir, key);
+        }
+        // Damaged files are reported by the audit; their data say nothing.
+        let faulty = if self.full && report.faults.is_empty() {
+            let findings = recheck_tree(&self.dir, &[]).map_err(|error| check::of_tree(&error))?;
+            show_findings(&findings, console);
+            findings.iter().filter(|finding| finding.verdict == Verdict::Fail).count()
+        } else {
+            0
+        };
+        if let Some(again) = self.again.run(&self.dir, self.full, common, console)? {
             console.say(&format!("rebuilt: {}", again.scenes.join(", ")));
             report.faults.extend(again.faults);
             report.made_again = again.scenes.len();
@@ -55,9 +78,10 @@ impl AuditArgs {
             console.result(&json!({
                 "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers,
                 "proved": proved, "unproved": unproved, "written_by": report.written_by,
+                "signed_by": report.signed_by, "verified": report.verified,
             }));
         }
-        Ok(if count == 0 { ExitKind::Done } else { ExitKind::Fault })
+        Ok(if count + faulty == 0 { ExitKind::Done } else { ExitKind::Fault })
     }
 }
 

@@ -1,4 +1,7 @@
-//! `gs2e check`: the verdicts of the validation passes on built scenes or on a release tree.
+//! `gs2e check`: the verdicts of the validation passes on built scenes, on a release tree, or on a
+//! dataset of another program.
+
+mod dataset;
 
 use super::build::store_options;
 use super::console::{Console, path};
@@ -26,6 +29,8 @@ pub(super) struct CheckArgs {
     /// Check the files of a release tree instead, without recipes or store
     #[arg(long, value_name = "DIR", conflicts_with = "recipes")]
     tree: Option<PathBuf>,
+    #[command(flatten)]
+    dataset: dataset::DatasetArgs,
     /// Count warnings as failed
     #[arg(long)]
     strict: bool,
@@ -36,16 +41,17 @@ pub(super) struct CheckArgs {
 
 impl CheckArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
-        if self.tree.is_none() {
+        if self.tree.is_none() && self.dataset.events.is_none() {
             self.take_paths();
         }
-        let findings = match &self.tree {
-            Some(tree) if !tree.is_dir() => {
+        let findings = match (&self.tree, &self.dataset.events) {
+            (_, Some(place)) => self.dataset.run(place, console)?.findings,
+            (Some(tree), None) if !tree.is_dir() => {
                 let what = format!("{} is not a folder", path(tree));
                 return Err(VerbError::usage("input-missing", what));
             }
-            Some(tree) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
-            None => self.of_built(common, console)?,
+            (Some(tree), None) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
+            (None, None) => self.of_built(common, console)?,
         };
         show_findings(&findings, console);
         let failed = self.failed(&findings);
@@ -97,7 +103,7 @@ impl CheckArgs {
     }
 }
 
-fn of_tree(error: &RecheckError) -> VerbError {
+pub(super) fn of_tree(error: &RecheckError) -> VerbError {
     match error {
         RecheckError::NoScene(_) => VerbError::usage("no-scene", error.to_string()),
         _ => VerbError::failed("unreadable", error.to_string()).help("run gs2e audit DIR"),

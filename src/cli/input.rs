@@ -2,6 +2,7 @@
 
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
+use crate::image::Size;
 use crate::source::SourceError;
 use std::io;
 use std::path::Path;
@@ -31,4 +32,16 @@ pub(super) fn no_source(what: &str, error: &SourceError, path: &Path) -> VerbErr
         }
         error => unreadable_file(what, error),
     }
+}
+
+/// Reads `640x480`.
+pub(super) fn parse_size(text: &str) -> Result<Size, String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, such as 640x480"))?;
+    let size = Size { width, height };
+    if size.pixels() == 0 {
+        return Err(format!("{text} is not a sensor size of 1 to 65536 columns and rows"));
+    }
+    size.check_sensor().map_err(|e| format!("a sensor of {e}"))?;
+    Ok(size)
 }

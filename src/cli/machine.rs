@@ -21,14 +21,13 @@ fn cpu_model(cpuinfo: &str) -> Option<String> {
     cpuinfo.lines().find_map(named).filter(|name| !name.is_empty())
 }
 
-/// Four fifths of the memory that is free now, in bytes: in the machine, or in the control group of
-/// this process if that has less. Unlimited if neither can be read.
+/// Four fifths of the memory that is free now, in bytes: in the machine, or in a control group of
+/// this process if one has less. Unlimited if none can be read.
 pub(super) fn free_memory() -> u64 {
     let machine = said("/proc/meminfo").and_then(|text| available_memory(&text));
-    let [limit, used] = ["memory.max", "memory.current"].map(cgroup_number);
-    let group = limit.map(|limit| limit.saturating_sub(used.unwrap_or(0)));
+    let groups = said("/proc/self/cgroup").and_then(|groups| free_in_groups(&groups, &said));
     // The division comes first, so that the product cannot overflow.
-    machine.into_iter().chain(group).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
+    machine.into_iter().chain(groups).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
 }
 
 /// `MemAvailable` of `/proc/meminfo`, bytes.
@@ -37,13 +36,21 @@ fn available_memory(meminfo: &str) -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
-/// A number of the control group of this process (version 2); `None` if there is no limit.
-fn cgroup_number(file: &str) -> Option<u64> {
-    let groups = said("/proc/self/cgroup")?;
+/// The least memory that is free in the control group of this process (version 2) and in those that
+/// contain it; `None` if none has a limit. `groups` is the text of `/proc/self/cgroup`.
+fn free_in_groups(groups: &str, read: &dyn Fn(&str) -> Option<String>) -> Option<u64> {
     // Version 2 has the hierarchy 0, and no list of controllers.
     let own = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
-    // Without a limit, `memory.max` holds the word `max`, which is no number.
-    said(&format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/')))?.trim().parse().ok()
+    let free = |group: &Path| {
+        // Without a limit, `memory.max` holds the word `max`, which is no number.
+        let number = |file: &str| {
+            let path = Path::new("/sys/fs/cgroup").join(group.strip_prefix("/").ok()?).join(file);
+            read(path.to_str()?)?.trim().parse::<u64>().ok()
+        };
+        Some(number("memory.max")?.saturating_sub(number("memory.current").unwrap_or(0)))
+    };
+    // A batch system limits the job, and the process is in a group below it.
+    Path::new(own).ancestors().filter_map(free).min()
 }
 
 /// The text of a system file.
@@ -114,6 +121,22 @@ mod tests {
         let text = "processor\t: 0\nmodel\t\t: 17\nmodel name\t: AMD EPYC\nflags : fpu\n";
         assert_eq!(cpu_model(text).as_deref(), Some("AMD EPYC"));
         assert_eq!(cpu_model("processor: 0\nmodel : 17\n"), None);
+    }
+
+    #[test]
+    fn limits_of_outer_groups_count() {
+        let files = [
+            ("/sys/fs/cgroup/job/step/memory.max", "max\n"),
+            ("/sys/fs/cgroup/job/step/memory.current", "10\n"),
+            ("/sys/fs/cgroup/job/memory.max", "1000\n"),
+            ("/sys/fs/cgroup/job/memory.current", "300\n"),
+            ("/sys/fs/cgroup/memory.max", "5000\n"),
+        ];
+        let read = |path: &str| Some(files.iter().find(|(name, _)| *name == path)?.1.to_owned());
+        assert_eq!(free_in_groups("1:cpu:/x\n0::/job/step\n", &read), Some(700));
+        assert_eq!(free_in_groups("0::/other\n", &read), Some(5000));
+        assert_eq!(free_in_groups("1:memory:/job\n", &read), None);
+        assert_eq!(free_in_groups("0::/job\n", &|_| None), None);
     }
 
     #[test]

@@ -7,9 +7,11 @@ use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, FULL, VerbError};
 use super::verdicts::{findings_of_run, show_findings};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
+use crate::escape;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, assess_plan};
 use crate::recipe::{self, Recipe, ReconstructMethod, SceneSource};
+use crate::release::signature::SigningKey;
 use crate::release::{
     self, BuiltPlan, GatherError, GuardedPath, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
     TargetClaim, WrittenRelease,
@@ -43,6 +45,9 @@ pub(super) struct ReleaseArgs {
     /// Alias of `--link copy`.
     #[arg(long, hide = true, conflicts_with = "link")]
     copy: bool,
+    /// Sign the release with this secret key of minisign
+    #[arg(long, value_name = "KEY")]
+    sign: Option<PathBuf>,
     #[command(flatten)]
     care: TrustOptions,
 }
@@ -68,6 +73,8 @@ impl ReleaseArgs {
         let (recipes, taken_down) = beside.takedown.keep(recipes);
         beside.taken_down = taken_down.scenes;
         super::takedown::show_takedown(taken_down, console);
+        // A wrong key or password is reported before hours of work.
+        let key = self.sign.as_deref().map(read_key).transpose()?;
         let started = Instant::now();
         let store = open_store(common, &self.care, console)?;
         let cancel = &on_interrupt()?;
@@ -100,7 +107,21 @@ impl ReleaseArgs {
         // From here on, `gc` keeps the steps of this release.
         store.write_root(&root(&target, &summary))?;
         self.tell(&written, &mut target, console);
+        if let Some(key) = key {
+            self.sign(&key, console)?;
+        }
         Ok(ExitKind::Done)
+    }
+
+    fn sign(&self, key: &SigningKey, console: &Console) -> Result<(), VerbError> {
+        let written = key.sign_release(&self.to).map_err(|e| VerbError::failed("sign", e.to_string()))?;
+        let (to, id) = (self.to.display(), key.id());
+        console.say(&if written {
+            format!("signed {to} with the key {id}")
+        } else {
+            format!("{to} is already signed with the key {id}")
+        });
+        Ok(())
     }
 
     fn linking(&self) -> LinkMode {
@@ -174,6 +195,18 @@ impl ReleaseArgs {
             }));
         }
     }
+}
+
+/// Reads a secret key, and asks for its password on the terminal if it has one.
+fn read_key(path: &Path) -> Result<SigningKey, VerbError> {
+    let mut password = || {
+        rpassword::prompt_password(format!("Password of {}: ", escape::path(path)))
+            .map_err(|e| format!("it has a password, and there is no terminal to ask on ({e})"))
+    };
+    SigningKey::read(path, &mut password).map_err(|e| {
+        VerbError::usage("sign", e.to_string())
+            .help("minisign -G makes a pair of keys; with -W the secret key has no password")
+    })
 }
 
 /// Returns true if `path` is `folder` or lies in it.

@@ -4,6 +4,8 @@ mod account;
 mod sensor;
 mod sequence;
 
+pub(super) use sequence::open_stack;
+
 use super::CommonArgs;
 use super::console::Console;
 use super::convert::events::RawCodec;

@@ -198,7 +198,10 @@ impl FolderFrames {
 }
 
 /// The size of an image from its header.
-fn image_size(path: &Path) -> Result<Size, FolderError> {
+///
+/// # Errors
+/// The header cannot be read, or states a size that no sensor has.
+pub fn image_size(path: &Path) -> Result<Size, FolderError> {
     let refusal = |because| FolderError::Content { path: path.to_owned(), because };
     let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| refusal(e.to_string()))?;
     let found = imagesize::reader_size(BufReader::new(file)).map_err(|e| refusal(e.to_string()))?;

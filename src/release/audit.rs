@@ -25,6 +25,7 @@ use super::layout;
 use super::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use super::published::PublishedScene;
 use super::scene::SceneRecord;
+use super::signature::{self, PublisherKey, ReleaseSignature};
 use crate::recipe::TakedownList;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -97,6 +98,8 @@ pub enum FaultCode {
     Unreadable,
     /// A scene that is made again from its recipe has other bytes.
     RebuiltDiffers,
+    /// The signature is absent, is not by the given key, or does not fit `SHA256SUMS`.
+    SignatureInvalid,
 }
 
 impl FaultCode {
@@ -133,6 +136,7 @@ impl FaultCode {
             Self::CheckFailedUnwaived => "check-failed-unwaived",
             Self::Unreadable => "unreadable",
             Self::RebuiltDiffers => "rebuilt-differs",
+            Self::SignatureInvalid => "signature-invalid",
         }
     }
 
@@ -144,6 +148,9 @@ impl FaultCode {
             }
             Self::RebuiltDiffers => {
                 "release it again; if all keys are the same, the program or the machine is not deterministic: report it"
+            }
+            Self::SignatureInvalid => {
+                "ask the publisher for the public key, or for an intact copy; gs2e release --sign KEY signs a release"
             }
             Self::Takedown => {
                 "release again with the list next to the recipes, and withdraw published copies"
@@ -224,9 +231,26 @@ pub struct AuditReport {
     pub scenes: usize,
     /// Number of scenes that were made again from their recipes and compared.
     pub made_again: usize,
+    /// Identifier of the key that the release is signed with, as the signature states it.
+    pub signed_by: Option<String>,
+    /// True if [`AuditReport::verify`] found the signature to be right.
+    pub verified: bool,
 }
 
 impl AuditReport {
+    /// Verifies the signature of the release in `dir`, and adds a fault if it is absent or wrong.
+    pub fn verify(&mut self, dir: &Path, key: &PublisherKey) {
+        self.covers.push("the signature of SHA256SUMS");
+        match key.verify_release(dir) {
+            Ok(()) => self.verified = true,
+            Err(because) => {
+                self.faults.push(AuditFault::of_file(FaultCode::SignatureInvalid, signature::NAME, because));
+                self.faults.sort();
+                self.faults.dedup();
+            }
+        }
+    }
+
     /// Returns the statements that the audit has proved, one sentence each.
     #[must_use]
     pub fn proved(&self) -> Vec<String> {
@@ -234,6 +258,8 @@ impl AuditReport {
             return vec!["The tree is damaged or inconsistent.".into()];
         }
         let mut proved = vec!["The tree is intact and consistent.".to_owned()];
+        let signer = self.signed_by.as_ref().filter(|_| self.verified);
+        proved.extend(signer.map(|key| format!("It is signed with the key {key}.")));
         proved.extend(self.written_by.as_ref().map(|tool| {
             format!(
                 "It was written by {tool}, and this is {}: the files that program composed were not compared.",
@@ -246,19 +272,27 @@ impl AuditReport {
     /// Returns the statements that no audit of a tree alone can prove, one sentence each.
     #[must_use]
     pub fn unproved(&self) -> Vec<String> {
-        let signed = "It is not signed: the publisher is unknown, and";
-        match (self.made_again, self.scenes) {
-            (0, _) => vec![format!(
-                "{signed} a consistent forgery is found only by `gs2e audit --rebuild` from the \
-                 recipes; `gs2e check --tree` finds some altered events and poses."
-            )],
-            (made, all) if made < all => vec![format!(
-                "{signed} a consistent forgery of the {} scenes that were not rebuilt is found only by `gs2e audit \
+        let publisher = match &self.signed_by {
+            _ if self.verified => {
+                "The signature shows who released it, not that the data are right:".to_owned()
+            }
+            Some(key) => format!(
+                "It claims a signature with the key {key}, which --public-key verifies: the publisher is unknown, and"
+            ),
+            None => "It is not signed: the publisher is unknown, and".to_owned(),
+        };
+        vec![match (self.made_again, self.scenes) {
+            (0, _) => format!(
+                "{publisher} a consistent forgery is found only by `gs2e audit --rebuild` from the \
+                 recipes; `gs2e check --tree` judges the events, frames and poses."
+            ),
+            (made, all) if made < all => format!(
+                "{publisher} a consistent forgery of the {} scenes that were not rebuilt is found only by `gs2e audit \
                  --rebuild {all}`.",
                 all - made
-            )],
-            _ => vec![format!("{signed} the recipes used for the comparison were not verified.")],
-        }
+            ),
+            _ => format!("{publisher} the recipes used for the comparison were not verified."),
+        }]
     }
 }
 
@@ -297,6 +331,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     let tree = walk::walk_tree(dir)?;
     let bytes = bytes::hash_files(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
+    let signed_by = read_signature(dir, &mut faults);
     // Without `SHA256SUMS` no file can be trusted, so none is opened.
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
         let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums) };
@@ -325,7 +360,30 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     let read = bytes.values().flatten();
     let covers = COVERS.into_iter().chain(takedown.map(|_| "scenes against the takedown list")).collect();
     let size = read.map(|hashes| hashes.size).sum();
-    Ok(AuditReport { faults, files: bytes.len(), bytes: size, covers, written_by, scenes, made_again: 0 })
+    let (made_again, verified) = (0, false);
+    let files = bytes.len();
+    Ok(AuditReport {
+        faults,
+        files,
+        bytes: size,
+        covers,
+        written_by,
+        scenes,
+        made_again,
+        signed_by,
+        verified,
+    })
+}
+
+/// The key that the signature of the release names, if there is a signature.
+fn read_signature(dir: &Path, faults: &mut Vec<AuditFault>) -> Option<String> {
+    let because = match ReleaseSignature::read(dir).transpose()? {
+        Ok(Ok(signature)) => return Some(signature.key_id()),
+        Ok(Err(because)) => because,
+        Err(error) => error.to_string(),
+    };
+    faults.push(AuditFault::of_file(FaultCode::SignatureInvalid, signature::NAME, because));
+    None
 }
 
 /// Reads and hashes every byte below `dir`, and returns the number of bytes. This is the first of

@@ -1,7 +1,7 @@
 //! The files of a release, and the step's output that each of them is. A file of any other name has
 //! no place in the tree.
 
-use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse};
+use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse, signature};
 use crate::artifact::EventStream;
 use crate::check;
 use crate::store::record::StoredOutput;
@@ -52,7 +52,7 @@ pub(super) fn licence_id(path: &str) -> Option<&str> {
 
 /// Returns true if a release may have a file of this path outside its scenes.
 pub(super) fn is_top(path: &str) -> bool {
-    TOP.contains(&path) || licence_id(path).is_some()
+    TOP.contains(&path) || licence_id(path).is_some() || path == signature::NAME
 }
 
 /// The files that every release has at its top, but for the texts of licences.

@@ -7,6 +7,7 @@
 
 mod check_pictures;
 mod curve;
+pub(super) mod dataset;
 mod detail;
 mod embed;
 mod findings;
@@ -75,7 +76,7 @@ pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: S
     let parts: Vec<SceneSection> =
         page.entries.par_iter().map(|entry| section::compose_section(&page, entry)).collect();
     HtmlFragment::whole_page(|html| {
-        html.within("head", &[], |html| page_head(html, page.info));
+        html.within("head", &[], |html| write_head_of(html, &format!("{} {}", info.name, info.version)));
         html.within("body", &[], |html| {
             overview::write_head(html, &page);
             html.within("main", &[], |html| {
@@ -105,14 +106,15 @@ fn write_each(html: &mut HtmlFragment, parts: &[SceneSection]) {
     });
 }
 
-fn page_head(html: &mut HtmlFragment, info: &ReleaseInfo) {
+/// Writes the content of a page's head.
+fn write_head_of(html: &mut HtmlFragment, title: &str) {
     html.empty("meta", &[("charset", "utf-8")]);
     // Before everything that it governs: a policy in a page holds for what follows it.
     html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
     html.empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);
     html.empty("meta", &[("name", "color-scheme"), ("content", "light dark")]);
     html.empty("meta", &[("name", "referrer"), ("content", "no-referrer")]);
-    html.leaf("title", &[], &format!("{} {}", info.name, info.version));
+    html.leaf("title", &[], title);
     html.style(STYLE);
 }
 

@@ -7,6 +7,7 @@
 
 use super::manifest::{self, ReleaseManifest};
 use super::removal::remove_ours;
+use super::signature::{self, ReleaseSignature};
 use super::{ReleaseError, checksum};
 use crate::files::{self, LinkRule, MAX_DOCUMENT};
 use crate::store::Digest;
@@ -193,7 +194,9 @@ fn list(folder: &Path, lists: &ReleaseLists) -> io::Result<(BTreeSet<String>, Ve
         let entry = entry?;
         let below = entry.path().strip_prefix(folder).expect("a walk stays below its root");
         let kind = entry.file_type();
-        match below.to_str().filter(|path| *path == checksum::NAME || lists.sums.contains_key(*path)) {
+        let listed =
+            |path: &&str| [checksum::NAME, signature::NAME].contains(path) || lists.sums.contains_key(*path);
+        match below.to_str().filter(listed) {
             _ if kind.is_dir() => {
                 if entry.path().read_dir()?.next().is_none() {
                     oddities.push(format!("{} is an empty folder", below.display()));
@@ -274,6 +277,10 @@ impl ReleaseLists {
         let is_stated = match path {
             // No list has its sum, but it was parsed in its one form.
             checksum::NAME => true,
+            // A signature that a person made stays theirs.
+            signature::NAME => ReleaseSignature::read(folder).is_ok_and(|read| {
+                read.is_some_and(|parsed| parsed.is_ok_and(|signature| signature.is_own()))
+            }),
             checksum::B3_NAME => self.sums.get(path) == Some(&hashes.sha256),
             _ => {
                 self.b3.get(path) == Some(&hashes.blake3.to_string())

@@ -26,7 +26,7 @@ pub(super) struct RebuildArgs {
     #[arg(long, value_name = "N")]
     rebuild: Option<usize>,
     /// Recipes from which the scenes are rebuilt
-    #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT, requires = "rebuild")]
+    #[arg(long, value_name = "RECIPE or DIR", default_value = RecipeTargets::DEFAULT)]
     recipes: Vec<PathBuf>,
     /// Seed of the draw
     #[arg(long, value_name = "SEED", default_value_t = 0, requires = "rebuild")]
@@ -41,14 +41,15 @@ pub(super) struct RebuildOutcome {
 }
 
 impl RebuildArgs {
-    /// Rebuilds the scenes; `None` if no rebuild is requested.
+    /// Rebuilds the scenes, or all if `full` is set; `None` if no rebuild is requested.
     pub(super) fn run(
         &self,
         dir: &Path,
+        full: bool,
         common: &CommonArgs,
         console: &Console,
     ) -> Result<Option<RebuildOutcome>, VerbError> {
-        let Some(count) = self.rebuild else { return Ok(None) };
+        let Some(count) = self.rebuild.or(full.then_some(usize::MAX)) else { return Ok(None) };
         let manifest = rebuilt::read_manifest(dir).map_err(|e| {
             VerbError::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display()))
         })?;

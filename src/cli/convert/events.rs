@@ -1,6 +1,7 @@
 //! Events in another file format.
 
 use crate::cli::console::{Console, path};
+use crate::cli::input;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::output::{self, write_beside};
 use crate::cli::problem::{ExitKind, VerbError};
@@ -38,7 +39,7 @@ pub(super) struct EventOptions {
 #[derive(Debug, clap::Args)]
 pub(in crate::cli) struct EventInputOptions {
     /// Size of the sensor, if an event file does not state it
-    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = input::parse_size)]
     size: Option<Size>,
     /// Unit of times with a fraction, in a .txt or .csv
     #[arg(long, value_enum, value_name = "UNIT")]
@@ -108,18 +109,6 @@ impl EventInputOptions {
         });
         ReadHints { size: self.size, unit }
     }
-}
-
-/// Reads `640x480`.
-fn parse_size(text: &str) -> Result<Size, String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, such as 640x480"))?;
-    let size = Size { width, height };
-    if size.pixels() == 0 {
-        return Err(format!("{text} is not a sensor size of 1 to 65536 columns and rows"));
-    }
-    size.check_sensor().map_err(|e| format!("a sensor of {e}"))?;
-    Ok(size)
 }
 
 /// A conversion of events from one file to another.

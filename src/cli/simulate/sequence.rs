@@ -158,6 +158,19 @@ fn open_frames(path: &Path) -> Result<FrameSource, VerbError> {
     FrameStack::open(path).map(FrameSource::Stack).map_err(|e| unreadable_array("frames", &e, path))
 }
 
+/// The frames of a `.npy` at their stamps. The frames decide the value of white.
+pub(in crate::cli) fn open_stack(
+    path: &Path,
+    stamps_us: &[i64],
+) -> Result<Box<dyn FrameSequence>, VerbError> {
+    let stack = FrameStack::open(path).map_err(|e| unreadable_array("frames", &e, path))?;
+    let full_scale = match stack.kind() {
+        SampleKind::Floats => decide_scale(path, &mut Vec::new())?,
+        SampleKind::Bytes => FullScale::Grey255,
+    };
+    Ok(Box::new(NpyFrames::new(stack, full_scale, stamps_us).map_err(|e| mismatched_frames(&e))?))
+}
+
 fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, VerbError> {
     let count = match source {
         FrameSource::Stack(stack) => stack.frames(),

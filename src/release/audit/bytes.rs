@@ -5,6 +5,7 @@ use super::walk::unsafe_because;
 use super::{AuditFault, FaultCode};
 use crate::release::checksum::{self, FileHashes};
 use crate::release::manifest::{self, ManifestFile, ReleaseManifest};
+use crate::release::signature;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -49,8 +50,9 @@ pub(super) fn compare_bytes(bytes: &Bytes, stated: &StatedBytes<'_>, faults: &mu
     for path in sums.keys().filter(|path| !bytes.contains_key(*path)) {
         faults.push(AuditFault::of_file(FaultCode::Missing, path, "SHA256SUMS lists it, but it is missing"));
     }
-    // `SHA256SUMS` cannot contain its own sum.
-    for (path, hashes) in bytes.iter().filter(|(path, _)| *path != checksum::NAME) {
+    // `SHA256SUMS` contains neither its own sum nor that of its signature.
+    let unlisted = [checksum::NAME, signature::NAME];
+    for (path, hashes) in bytes.iter().filter(|(path, _)| !unlisted.contains(&path.as_str())) {
         let Some(hashes) = hashes else {
             faults.push(AuditFault::of_file(FaultCode::Unreadable, path, "it cannot be read"));
             continue;

@@ -25,8 +25,9 @@ impl RecommendedSetting {
     #[must_use]
     pub fn from_study(study: &StudyResult, linear_only: bool) -> Option<Self> {
         let base = study.base()?;
-        let allowed =
-            |row: &&SettingRow| !linear_only || (row.between == BetweenFrames::Linear && !needs_tolerance(row));
+        let allowed = |row: &&SettingRow| {
+            !linear_only || (row.between == BetweenFrames::Linear && !needs_tolerance(row))
+        };
         let good = study.rows.iter().filter(allowed).filter(|row| is_as_good(row, base));
         let best = good.min_by(|a, b| a.core_s().total_cmp(&b.core_s()))?;
         Some(Self { recipe: recipe_lines(best), because: reason(best, base) })
@@ -95,7 +96,8 @@ mod tests {
 
     #[test]
     fn a_tolerance_is_not_below_the_error() {
-        let t = |error: f64, wanted: f64| assert_eq!(rounded_up(error).to_bits(), wanted.to_bits(), "{error}");
+        let t =
+            |error: f64, wanted: f64| assert_eq!(rounded_up(error).to_bits(), wanted.to_bits(), "{error}");
         t(0.00765, 0.0077);
         t(0.0100, 0.01);
         t(0.0999, 0.1);

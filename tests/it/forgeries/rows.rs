@@ -139,7 +139,7 @@ fn strangers() -> Vec<Forgery> {
         add(".git/hooks/post-checkout", stray),
         add(".gitattributes", stray),
         add("Makefile", stray),
-        add("SHA256SUMS.minisig", stray),
+        add("SHA256SUMS.minisig", Audit("signature-invalid")),
         add("LICENSES/MIT.py", stray),
         add("LICENSES/ISC.txt", Audit("licence-unused")),
         add("small/readme.txt", stray),

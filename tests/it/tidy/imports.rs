@@ -30,6 +30,7 @@ const ORDER: &[&str] = &[
     "reconstruct",
     "foreign",
     "check",
+    "dataset",
     "licence",
     // engine
     "store",

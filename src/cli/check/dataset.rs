@@ -1,0 +1,270 @@
+//! `gs2e check --events`: checks of a dataset that another program or a camera made.
+
+use crate::cli::console::Console;
+use crate::cli::output::{self, OutputFile};
+use crate::cli::problem::VerbError;
+use crate::cli::{input, simulate};
+use crate::dataset::layout::{DatasetLayout, DatasetPaths};
+use crate::dataset::npy_events::NpyEvents;
+use crate::dataset::{DatasetFrames, DatasetReport, EventDataset, check_dataset, text};
+use crate::event::evt::EvtVersion;
+use crate::event::file::{self, EventFormat, OpenEventFile, ReadHints};
+use crate::event::picture::WindowCounts;
+use crate::event::text::TextTimeUnit;
+use crate::event::{EventFileError, EventSink as _, EventSource};
+use crate::files;
+use crate::frames::FrameSequence as _;
+use crate::frames::folder::{FolderFrames, FolderListing, image_size};
+use crate::frames::npy;
+use crate::image::{Image, Size};
+use crate::release::{CaptionedPicture, compose_dataset_page};
+use crate::trajectory::Trajectory;
+use crate::units::Timestamp;
+use std::path::{Path, PathBuf};
+
+/// Options of `check --events`.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(super) struct DatasetArgs {
+    /// Check an event file that another program or a camera made; with --as, the folder of a sequence
+    #[arg(long, value_name = "FILE or DIR", conflicts_with_all = ["recipes", "tree", "scenes"])]
+    pub(super) events: Option<PathBuf>,
+    /// Layout of the sequence: where its events, frames, stamps and poses lie
+    #[arg(long = "as", value_name = "LAYOUT", requires = "events",
+          value_parser = clap::builder::PossibleValuesParser::new(DatasetLayout::NAMES))]
+    layout: Option<String>,
+    /// Frames of the same pixels: a folder of images, or a .npy
+    #[arg(long, value_name = "DIR or FILE", requires = "events")]
+    frames: Option<PathBuf>,
+    /// Stamps of the frames: a text with one per line, or a .npy of int64 microseconds
+    #[arg(long, value_name = "FILE", requires = "events")]
+    stamps: Option<PathBuf>,
+    /// Camera poses, one line each: time x y z qx qy qz qw
+    #[arg(long, value_name = "FILE", requires = "events")]
+    poses: Option<PathBuf>,
+    /// Size of the sensor, for files that do not state it [default: that of the frames]
+    #[arg(long, value_name = "WIDTHxHEIGHT", requires = "events", value_parser = input::parse_size)]
+    size: Option<Size>,
+    /// Write a page with pictures, plots and verdicts
+    #[arg(long, value_name = "FILE", requires = "events")]
+    report: Option<PathBuf>,
+}
+
+/// Length of the events in the page's picture, us.
+const PICTURE_US: i64 = 10_000;
+
+impl DatasetArgs {
+    /// Runs the checks, and writes the page if one is asked for. `place` is what `--events` names.
+    pub(super) fn run(&self, place: &Path, console: &Console) -> Result<DatasetReport, VerbError> {
+        let paths = self.paths(place);
+        output::screen_outputs(self.report.as_deref(), [paths.events.as_path()], console.json)?;
+        let frames = self.read_frames(&paths)?;
+        let hint = self.size.or(frames.as_ref().map(|frames| frames.size));
+        let poses = paths.poses.as_deref().map(read_poses).transpose()?;
+        let events = EventPlace { path: &paths.events, hint };
+        let (_, size) = events.open().map_err(|e| unreadable_events(&paths.events, &e))?;
+        let name =
+            place.file_name().map_or_else(|| ".".to_owned(), |name| name.to_string_lossy().into_owned());
+        let open = || events.open().map(|(source, _)| source);
+        let dataset =
+            EventDataset { name: &name, size, events: &open, frames: frames.as_ref(), poses: poses.as_ref() };
+        let report = check_dataset(&dataset).map_err(|e| unreadable_events(&paths.events, &e))?;
+        if let Some(to) = &self.report {
+            let pictures = pictures(&dataset, &report).map_err(|e| unreadable_events(&paths.events, &e))?;
+            let page = compose_dataset_page(&name, &report, &pictures);
+            output::write_outputs(&[OutputFile { path: to, fill: &|out| out.write_all(page.as_bytes()) }])?;
+        }
+        Ok(report)
+    }
+
+    /// The files: those of the layout, replaced by those that the user names.
+    fn paths(&self, place: &Path) -> DatasetPaths {
+        let layout = self.layout.as_deref().and_then(DatasetLayout::from_name);
+        let found = layout.map_or_else(
+            || DatasetPaths { events: place.to_owned(), ..DatasetPaths::default() },
+            |layout| layout.paths(place),
+        );
+        DatasetPaths {
+            events: found.events,
+            frames: self.frames.clone().or(found.frames),
+            stamps: self.stamps.clone().or(found.stamps),
+            poses: self.poses.clone().or(found.poses),
+        }
+    }
+
+    /// Reads the frames that the checks need.
+    fn read_frames(&self, paths: &DatasetPaths) -> Result<Option<DatasetFrames>, VerbError> {
+        let Some(place) = &paths.frames else { return Ok(None) };
+        if !place.is_dir() {
+            return read_stack(place, paths.stamps.as_deref()).map(Some);
+        }
+        let listing = FolderListing::list_folder(place).map_err(|e| input::unreadable_file("frames", &e))?;
+        let stamps_us = match (listing.stamps_us, &paths.stamps) {
+            (Some(own), None) => own,
+            (_, Some(file)) => read_stamps(file)?,
+            (None, None) => return Err(no_stamps(place)),
+        };
+        let found = listing.images.len();
+        if found != stamps_us.len() {
+            let what =
+                format!("{} has {found} images, and there are {} stamps", place.display(), stamps_us.len());
+            return Err(VerbError::usage("stamps", what));
+        }
+        let size = image_size(&listing.images[0]).map_err(|e| unreadable_frames(&e))?;
+        let mut kept = DatasetFrames::new(size, stamps_us);
+        let needed = kept.needed();
+        let of = |index: &usize| (listing.images[*index].clone(), kept.stamps_us[*index]);
+        let (images, stamps): (Vec<PathBuf>, Vec<i64>) = needed.iter().map(of).unzip();
+        let mut frames = FolderFrames::new(images, &stamps).map_err(|e| unreadable_frames(&e))?;
+        for index in needed {
+            // The sequence has as many frames as it was given images.
+            let Some(frame) = frames.next().map_err(|e| unreadable_frames(&e))? else { break };
+            kept.keep(index, frame.luminance);
+        }
+        Ok(Some(kept))
+    }
+}
+
+/// The frames of a `.npy`; every frame is read, and those that are needed stay.
+fn read_stack(place: &Path, stamps: Option<&Path>) -> Result<DatasetFrames, VerbError> {
+    let stamps_us = stamps.map_or_else(|| Err(no_stamps(place)), read_stamps)?;
+    let mut frames = simulate::open_stack(place, &stamps_us)?;
+    let mut kept = DatasetFrames::new(frames.size(), stamps_us);
+    let needed = kept.needed();
+    while let Some(frame) = frames.next().map_err(|e| unreadable_frames(&e))? {
+        if needed.binary_search(&frame.index).is_ok() {
+            kept.keep(frame.index, frame.luminance);
+        }
+    }
+    Ok(kept)
+}
+
+fn unreadable_frames(error: &dyn std::error::Error) -> VerbError {
+    input::unreadable_file("frames", error)
+}
+
+fn no_stamps(place: &Path) -> VerbError {
+    VerbError::usage("stamps", format!("no timestamps for {}", place.display()))
+        .help("pass --stamps with a text of one stamp per line")
+}
+
+fn read_stamps(path: &Path) -> Result<Vec<i64>, VerbError> {
+    if path.extension().is_some_and(|extension| extension == "npy") {
+        return npy::read_stamps(path).map_err(|e| input::unreadable_file("stamps", &e));
+    }
+    text::parse_stamps(&read_text(path)?)
+        .map_err(|e| VerbError::failed("input-unreadable", format!("{}: {e}", path.display())))
+}
+
+fn read_poses(path: &Path) -> Result<Trajectory, VerbError> {
+    text::parse_poses(&read_text(path)?)
+        .map_err(|e| VerbError::failed("input-unreadable", format!("{}: {e}", path.display())))
+}
+
+fn read_text(path: &Path) -> Result<String, VerbError> {
+    files::read_text(path, files::MAX_DOCUMENT).map_err(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => input::missing_file("file", path),
+        _ => VerbError::failed("input-unreadable", format!("{}: {e}", path.display())),
+    })
+}
+
+fn unreadable_events(path: &Path, error: &EventFileError) -> VerbError {
+    VerbError::failed("input-unreadable", format!("{}: {error}", path.display()))
+}
+
+/// Events on the clock of the dataset.
+struct EventPlace<'a> {
+    path: &'a Path,
+    hint: Option<Size>,
+}
+
+impl EventPlace<'_> {
+    fn open(&self) -> Result<(Box<dyn EventSource>, Size), EventFileError> {
+        if self.path.is_dir() {
+            let because = "the sensor's size is not known: give --size WIDTHxHEIGHT, or frames";
+            let size = self.hint.ok_or_else(|| EventFileError::Container(because.to_owned()))?;
+            return Ok((Box::new(NpyEvents::open(self.path)?), size));
+        }
+        let format = EventFormat::for_path(self.path, EvtVersion::Evt2).ok_or_else(|| {
+            EventFileError::Container(
+                "its name has no known extension: .h5, .npz, .raw, .aedat4, .txt, .csv".to_owned(),
+            )
+        })?;
+        let opened = open_known(self.path, format, self.hint)?;
+        let offset_us = opened.offset_us;
+        Ok((Box::new(AbsoluteEvents { source: opened.source, offset_us }), opened.header.size))
+    }
+}
+
+/// Opens a file of any format. What it states wins over `hint`: frames of another size are reported by
+/// the check. Times of a text with a fraction are in seconds.
+fn open_known(path: &Path, format: EventFormat, hint: Option<Size>) -> Result<OpenEventFile, EventFileError> {
+    let units: &[_] = match format {
+        EventFormat::Text(_) => &[None, Some(TextTimeUnit::Second)],
+        _ => &[None],
+    };
+    let hints = units.iter().flat_map(|unit| [None, hint].map(|size| ReadHints { size, unit: *unit }));
+    let mut first = None;
+    for hints in hints {
+        // A text shows the form of its times with its first events only.
+        let probe = file::open(path, format, hints)
+            .and_then(|mut opened| opened.source.next_chunk(&mut Vec::new()).map(drop));
+        match probe {
+            Ok(()) => return file::open(path, format, hints),
+            Err(error) => first = Some(error),
+        }
+    }
+    Err(first.expect("there is a hint to try"))
+}
+
+/// Events whose times include the origin that their file states.
+struct AbsoluteEvents {
+    source: Box<dyn EventSource>,
+    offset_us: i64,
+}
+
+impl EventSource for AbsoluteEvents {
+    fn next_chunk(&mut self, out: &mut Vec<crate::event::Event>) -> Result<bool, EventFileError> {
+        let more = self.source.next_chunk(out)?;
+        let shift = self.offset_us.saturating_mul(1000);
+        out.iter_mut().for_each(|event| event.t = Timestamp(event.t.0.saturating_add(shift)));
+        Ok(more)
+    }
+
+    fn untimed(&self) -> u64 {
+        self.source.untimed()
+    }
+}
+
+/// The frame nearest to the middle of the stream and the events around it, for the page.
+fn pictures(
+    dataset: &EventDataset<'_>,
+    report: &DatasetReport,
+) -> Result<Vec<CaptionedPicture>, EventFileError> {
+    let Some((first, last)) = report.survey.span else { return Ok(Vec::new()) };
+    let centre = first.floor_micros() + (last.0 - first.0) / 2000;
+    let near = dataset.frames.and_then(|frames| frames.shown.as_ref());
+    let middle = near.map_or(centre, |(stamp, _)| *stamp);
+    let window = middle - PICTURE_US / 2..middle + PICTURE_US / 2;
+    let too_large = |_| EventFileError::Container(format!("a sensor of {}", dataset.size));
+    let mut counts = WindowCounts::new(dataset.size, window).map_err(too_large)?;
+    let (mut source, mut chunk) = ((dataset.events)()?, Vec::new());
+    while source.next_chunk(&mut chunk)? {
+        counts.append(&chunk)?;
+    }
+    let mut pictures: Vec<CaptionedPicture> = Vec::new();
+    pictures.extend(near.map(|(stamp, image)| CaptionedPicture {
+        image: to_rgb(image),
+        caption: format!("Frame at {:.3} s", (stamp - first.floor_micros()) as f64 * 1e-6),
+    }));
+    pictures.push(CaptionedPicture {
+        image: counts.image(),
+        caption: "Events of 10 ms around it: red brighter, blue darker".to_owned(),
+    });
+    Ok(pictures)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a grey, clamped")]
+fn to_rgb(grey: &Image<f32>) -> Image<[u8; 3]> {
+    let byte = |v: &f32| [v.clamp(0.0, 255.0).round() as u8; 3];
+    Image::from_vec(grey.size(), grey.pixels().iter().map(byte).collect())
+}

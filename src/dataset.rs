@@ -1,0 +1,278 @@
+//! Checks of event datasets that other programs or cameras made: no recipe, no scene, an unknown
+//! sensor.
+//!
+//! ```text
+//! events ─┬─ passes over a stream (order, duplicates, rate, balance, hot pixels, structure)
+//!         ├─ stamps, pauses and isolated events of pixels         [`stream`]
+//!         └─ with frames: [`alignment`], thresholds and time offset [`response`]
+//! poses ──── continuity
+//! ```
+//! What a build states about its sensor is estimated here, with a standard error: the thresholds in
+//! the logarithm of brightness, the offset of the clocks, the resolution of the stamps, the dead time
+//! and the noise. An estimate has no limit and passes; only faults that no camera explains warn or
+//! fail.
+
+pub mod alignment;
+pub mod layout;
+pub mod npy_events;
+pub mod response;
+pub mod samples;
+pub mod stream;
+pub mod text;
+
+use crate::check::tally::{StreamObserver, TallyReference};
+use crate::check::{Finding, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use crate::event::survey::EventSurvey;
+use crate::event::{Event, EventFileError, EventSource};
+use crate::image::Size;
+use crate::se3::Se3;
+use crate::trajectory::Trajectory;
+use crate::units::{Hertz, Ratio, Timestamp};
+pub use alignment::AlignmentCurve;
+pub use samples::DatasetFrames;
+
+use alignment::Alignment;
+use response::SensorResponse;
+use stream::StreamFacts;
+
+/// Opens the events of a dataset from the start. They are read several times.
+pub type OpenEvents<'a> = &'a dyn Fn() -> Result<Box<dyn EventSource>, EventFileError>;
+
+/// A dataset on one clock, in microseconds with any origin.
+pub struct EventDataset<'a> {
+    /// Name in findings.
+    pub name: &'a str,
+    /// Size of the sensor.
+    pub size: Size,
+    /// The events.
+    pub events: OpenEvents<'a>,
+    /// Frames of the same pixels, if there are any.
+    pub frames: Option<&'a DatasetFrames>,
+    /// Camera poses with their stamps, if there are any.
+    pub poses: Option<&'a Trajectory>,
+}
+
+impl std::fmt::Debug for EventDataset<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("EventDataset")
+            .field("name", &self.name)
+            .field("size", &self.size)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What was found in a dataset.
+#[derive(Debug, Clone)]
+pub struct DatasetReport {
+    /// Verdicts and estimates.
+    pub findings: Vec<Finding>,
+    /// Counts of the stream.
+    pub survey: EventSurvey,
+    /// Events per millisecond-long or longer bin over the whole time, for a picture.
+    pub rate: RateCurve,
+    /// Correlation of events with frames over the time offset, if there are frames.
+    pub alignment: Option<AlignmentCurve>,
+}
+
+/// Number of events over time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RateCurve {
+    /// First event, us.
+    pub start_us: i64,
+    /// Length of a bin, us.
+    pub bin_us: i64,
+    /// Events per bin.
+    pub events: Vec<u64>,
+}
+
+/// Number of bins of a rate curve.
+const BINS: u16 = 200;
+/// Frame rate for the phases of a stream without frames. No statement depends on it.
+const RATE: u64 = 1000;
+
+/// Checks a dataset.
+///
+/// # Errors
+/// The events cannot be read.
+pub fn check_dataset(dataset: &EventDataset<'_>) -> Result<DatasetReport, EventFileError> {
+    let survey = EventSurvey::measure_stream(&mut *(dataset.events)()?)?;
+    let Some((first, last)) = survey.span else {
+        let finding =
+            finding(dataset, "event_rate", "", Verdict::Fail, "the stream has no events".to_owned());
+        let rate = RateCurve { start_us: 0, bin_us: 1, events: Vec::new() };
+        return Ok(DatasetReport { findings: vec![finding], survey, rate, alignment: None });
+    };
+    let span_us = [first.floor_micros(), last.floor_micros()];
+    let (rate, facts, mut findings) = read_stream(dataset, span_us)?;
+    findings.extend(facts.findings(dataset));
+    let sorted = survey.backward == 0;
+    findings.push(judge_order(dataset, &survey));
+    let aligned = match dataset.frames {
+        Some(frames) if sorted => align(dataset, frames, &mut findings)?,
+        Some(_) => {
+            let because = "the events are not sorted by time".to_owned();
+            findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
+            None
+        }
+        None => {
+            let because = "there are no frames; --frames names them".to_owned();
+            findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
+            None
+        }
+    };
+    Ok(DatasetReport { findings, survey, rate, alignment: aligned })
+}
+
+/// Order in time. The order within a microsecond is that of this program's files only.
+fn judge_order(dataset: &EventDataset<'_>, survey: &EventSurvey) -> Finding {
+    let backward = survey.backward;
+    let verdict = if backward > 0 { Verdict::Fail } else { Verdict::Pass };
+    let because = format!("{backward} of {} events are earlier than the event before them", survey.events);
+    let measured = (Some(backward as f64), Some(0.0), "1");
+    measured_finding(dataset, ("schema", "order"), verdict, measured, because)
+}
+
+/// The passes over the stream that need no sensor, its rate over time, and its facts.
+fn read_stream(
+    dataset: &EventDataset<'_>,
+    [start_us, end_us]: [i64; 2],
+) -> Result<(RateCurve, StreamFacts, Vec<Finding>), EventFileError> {
+    let trajectory = dataset_path(dataset, [start_us, end_us]);
+    let origin = trajectory.1;
+    let last_us = trajectory.0.stamps_us.last().copied().unwrap_or(0);
+    let rate = Hertz(Ratio::new(RATE, 1).expect("it is above 0"));
+    let mut observer = StreamObserver::new(dataset.size, rate, last_us, TallyReference::default());
+    let mut facts = StreamFacts::new(dataset.size);
+    let bin_us = ((end_us - start_us) / i64::from(BINS) + 1).max(1);
+    let mut curve = RateCurve { start_us, bin_us, events: vec![0; usize::from(BINS) + 1] };
+    let (mut source, mut chunk) = ((dataset.events)()?, Vec::new());
+    while source.next_chunk(&mut chunk)? {
+        for event in &mut chunk {
+            let t_us = event.t.floor_micros();
+            facts.see(event, t_us);
+            let bin = usize::try_from((t_us - start_us).div_euclid(bin_us)).unwrap_or(0);
+            if let Some(count) = curve.events.get_mut(bin) {
+                *count += 1;
+            }
+            // The passes count from the first stamp.
+            event.t = Timestamp::from_micros(t_us - origin);
+        }
+        observer.append(&chunk);
+    }
+    let tally = observer.finish();
+    let subject = TrajectorySubject {
+        name: dataset.name,
+        rate,
+        trajectory: &trajectory.0,
+        speed: None,
+        sensor: None,
+        account: None,
+        tally: Some(&tally),
+        resampled: None,
+        flow: None,
+        tolerance: None,
+        coverage: None,
+        doubtful_share: None,
+        foreign: None,
+        limits: &Limits::default(),
+    };
+    let wanted = |finding: &Finding| {
+        let of_poses = finding.check == "pose_continuity";
+        !finding.subject.ends_with("#order")
+            && (STREAM_PASSES.contains(&finding.check.as_str()) && finding.verdict != Verdict::NotRun)
+            || of_poses && dataset.poses.is_some()
+    };
+    let findings = judge_trajectory(&subject, &[subject]).into_iter().filter(wanted).collect();
+    Ok((curve, facts, findings))
+}
+
+/// Passes of a build that judge a stream without its sensor.
+const STREAM_PASSES: [&str; 6] =
+    ["schema", "duplicates", "event_rate", "polarity", "hot_pixels", "structure"];
+
+/// The poses from the first stamp of the dataset on, and that stamp. Without poses there are two,
+/// at the ends of the stream.
+fn dataset_path(dataset: &EventDataset<'_>, [start_us, end_us]: [i64; 2]) -> (Trajectory, i64) {
+    match dataset.poses {
+        Some(poses) => {
+            let first = poses.stamps_us.first().copied().unwrap_or(0);
+            let stamps_us = poses.stamps_us.iter().map(|t| t - first).collect();
+            (Trajectory { world_from_camera: poses.world_from_camera.clone(), stamps_us }, first)
+        }
+        None => {
+            let stamps_us = vec![0, (end_us - start_us).max(1)];
+            (Trajectory { world_from_camera: vec![Se3::IDENTITY; 2], stamps_us }, start_us)
+        }
+    }
+}
+
+/// Offset and thresholds from the frames.
+fn align(
+    dataset: &EventDataset<'_>,
+    frames: &DatasetFrames,
+    findings: &mut Vec<Finding>,
+) -> Result<Option<AlignmentCurve>, EventFileError> {
+    if let Err(because) = frames.require_change(dataset.size) {
+        findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
+        return Ok(None);
+    }
+    let alignment = Alignment::measure(dataset.events, frames)?;
+    findings.push(alignment.finding(dataset));
+    let Some(rough_us) = alignment.rough_offset() else {
+        let because = "events do not follow the frames".to_owned();
+        findings.push(finding(dataset, "time_offset", "", Verdict::NotRun, because));
+        return Ok(Some(alignment.curve));
+    };
+    let responses = SensorResponse::measure(dataset.events, frames, rough_us)?;
+    match responses.split_first() {
+        Some((best, others)) => findings.extend(best.findings(others.first(), dataset, frames)),
+        None => {
+            for check in ["event_frame", "time_offset"] {
+                let because = "too few pixels change steadily by a threshold from frame to frame".to_owned();
+                findings.push(finding(dataset, check, "", Verdict::NotRun, because));
+            }
+        }
+    }
+    Ok(Some(alignment.curve))
+}
+
+/// Standard error of a statistic, from its values without each part in turn (the jackknife).
+fn jackknife_error(parts: usize, without: &dyn Fn(usize) -> f64) -> f64 {
+    let values: Vec<f64> = (0..parts).map(without).filter(|value| value.is_finite()).collect();
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+    if values.len() < 2 { f64::INFINITY } else { (squares * (n - 1.0) / n).sqrt() }
+}
+
+/// A finding without a measured value.
+fn finding(
+    dataset: &EventDataset<'_>,
+    check: &str,
+    part: &str,
+    verdict: Verdict,
+    because: String,
+) -> Finding {
+    measured_finding(dataset, (check, part), verdict, (None, None, "1"), because)
+}
+
+/// A finding with its measured value, its limit and their unit.
+fn measured_finding(
+    dataset: &EventDataset<'_>,
+    (check, part): (&str, &str),
+    verdict: Verdict,
+    (measured, limit, unit): (Option<f64>, Option<f64>, &str),
+    because: String,
+) -> Finding {
+    let subject = if part.is_empty() { dataset.name.to_owned() } else { format!("{}#{part}", dataset.name) };
+    Finding { check: check.to_owned(), subject, verdict, measured, limit, unit: unit.to_owned(), because }
+}
+
+/// Calls `see` for each event, with its time in microseconds.
+fn for_each_event(events: OpenEvents<'_>, mut see: impl FnMut(&Event, i64)) -> Result<(), EventFileError> {
+    let (mut source, mut chunk) = (events()?, Vec::new());
+    while source.next_chunk(&mut chunk)? {
+        chunk.iter().for_each(|event| see(event, event.t.floor_micros()));
+    }
+    Ok(())
+}

@@ -1,0 +1,161 @@
+//! The page about a dataset that another program or a camera made.
+
+use super::curve::{PlotAxes, ReportCurve, draw_curves, stroke_path};
+use super::embed::EmbeddedPicture;
+use super::findings::{VerdictCount, write_table};
+use super::html::HtmlFragment;
+use crate::check::Finding;
+use crate::dataset::{AlignmentCurve, DatasetReport};
+use crate::image::Image;
+use crate::trajectory::picture::short_number;
+
+/// Width of a picture, px.
+const WIDTH: u32 = 640;
+/// Size of the plot of the correlation, px.
+const PLOT: [f64; 2] = [320.0, 150.0];
+
+/// A picture with its caption.
+#[derive(Debug, Clone)]
+pub struct CaptionedPicture {
+    /// The picture.
+    pub image: Image<[u8; 3]>,
+    /// The caption.
+    pub caption: String,
+}
+
+/// Composes the page. `name` is the dataset's name in its findings.
+#[must_use]
+pub fn compose_dataset_page(name: &str, report: &DatasetReport, pictures: &[CaptionedPicture]) -> String {
+    HtmlFragment::whole_page(|html| {
+        html.within("head", &[], |html| super::write_head_of(html, name));
+        html.within("body", &[], |html| {
+            html.within("header", &[], |html| {
+                html.leaf("h1", &[], name);
+                write_figures(html, report);
+                let count = VerdictCount::from_findings(&report.findings);
+                html.within("div", &[("class", "verdict-line")], |html| {
+                    count.bar(html);
+                    html.within("p", &[], |html| {
+                        html.text("Verdicts of checks: ");
+                        count.badges(html);
+                    });
+                });
+            });
+            html.within("main", &[], |html| {
+                write_pictures(html, pictures);
+                write_plots(html, report);
+                html.within("section", &[], |html| {
+                    html.leaf("h2", &[], "Checks and estimates");
+                    html.leaf(
+                        "p",
+                        &[],
+                        "The sensor is unknown. Thresholds, offsets, pauses and noise are estimates with a standard error; \
+                         they have no limit.",
+                    );
+                    write_table(html, name, &report.findings);
+                });
+            });
+        });
+    })
+}
+
+fn write_figures(html: &mut HtmlFragment, report: &DatasetReport) {
+    let survey = &report.survey;
+    let seconds = survey.span.map_or(0.0, |(first, last)| (last.0 - first.0) as f64 * 1e-9);
+    let measured = |check: &str, part: &str| {
+        let is_it = |finding: &&Finding| finding.check == check && finding.subject.ends_with(part);
+        report.findings.iter().find(is_it).and_then(|finding| finding.measured)
+    };
+    let mut figures = vec![
+        (short_number(survey.events as f64), "events"),
+        (short_number(seconds), "s"),
+        (short_number(survey.events as f64 / seconds.max(1e-6)), "events/s"),
+        (short_number(survey.on as f64 / survey.events.max(1) as f64), "share of ON events"),
+    ];
+    let estimates = [
+        (measured("time_offset", ""), "us later than the frames"),
+        (measured("event_frame", "#threshold-on"), "threshold of ON events"),
+        (measured("event_frame", "#threshold-off"), "threshold of OFF events"),
+        (measured("noise_floor", "#isolated"), "Hz of noise per pixel, at most"),
+    ];
+    figures.extend(estimates.into_iter().filter_map(|(value, what)| Some((short_number(value?), what))));
+    html.within("ul", &[("class", "figures-row")], |html| {
+        for (figure, what) in &figures {
+            html.within("li", &[], |html| {
+                html.leaf("strong", &[], figure);
+                html.text(&format!(" {what}"));
+            });
+        }
+    });
+}
+
+fn write_pictures(html: &mut HtmlFragment, pictures: &[CaptionedPicture]) {
+    html.within("section", &[("class", "gallery")], |html| {
+        for picture in pictures {
+            let Some(small) = EmbeddedPicture::from_image(&picture.image, WIDTH) else { continue };
+            let [width, height] = [small.width, small.height].map(|side| side.to_string());
+            html.within("figure", &[], |html| {
+                html.empty(
+                    "img",
+                    &[
+                        ("src", &small.address),
+                        ("width", &width),
+                        ("height", &height),
+                        ("alt", &picture.caption),
+                    ],
+                );
+                html.leaf("figcaption", &[], &picture.caption);
+            });
+        }
+    });
+}
+
+fn write_plots(html: &mut HtmlFragment, report: &DatasetReport) {
+    html.within("section", &[("class", "gallery")], |html| {
+        let rate = &report.rate;
+        let seconds = rate.bin_us as f64 * 1e-6;
+        let values: Vec<f64> = rate.events.iter().map(|count| *count as f64 / seconds).collect();
+        let curve = ReportCurve::new(&values, &vec![seconds; values.len()], values.len());
+        let axes = PlotAxes {
+            highest: curve.highest(),
+            unit: "events/s",
+            duration_ms: 1e3 * seconds * values.len() as f64,
+            labelled: true,
+        };
+        html.within("figure", &[], |html| {
+            draw_curves(html, axes, &[("a", &curve)]);
+            html.leaf("figcaption", &[], "Event rate over time");
+        });
+        if let Some(curve) = &report.alignment {
+            html.within("figure", &[], |html| {
+                draw_alignment(html, curve);
+                html.leaf("figcaption", &[], "Correlation of events and frames over the time offset");
+            });
+        }
+    });
+}
+
+/// The correlation from the lowest shift to the highest, with a line at 0.
+fn draw_alignment(html: &mut HtmlFragment, curve: &AlignmentCurve) {
+    let [width, height] = PLOT;
+    let (Some(first), Some(last)) = (curve.points.first(), curve.points.last()) else { return };
+    let span = (last.0 - first.0).max(1.0);
+    // The correlation is between -1 and 1.
+    let place = |(shift, value): &(f64, f64)| {
+        [8.0 + (shift - first.0) / span * (width - 16.0), height / 2.0 - value * (height / 2.0 - 22.0)]
+    };
+    let view = format!("0 0 {width:.0} {height:.0}");
+    html.within("svg", &[("class", "curve"), ("viewBox", &view), ("aria-hidden", "true")], |html| {
+        let axis = [[8.0, height / 2.0], [width - 8.0, height / 2.0]];
+        html.empty("path", &[("class", "grid"), ("d", &stroke_path(axis))]);
+        html.empty("path", &[("class", "a"), ("d", &stroke_path(curve.points.iter().map(place)))]);
+        let labels = [
+            (8.0, "start", format!("{} ms", short_number(first.0 * 1e-3))),
+            (width - 8.0, "end", format!("{} ms", short_number(last.0 * 1e-3))),
+        ];
+        for (x, anchor, words) in &labels {
+            let (x, y) = (format!("{x:.0}"), format!("{:.0}", height - 4.0));
+            html.leaf("text", &[("x", &x), ("y", &y), ("text-anchor", anchor)], words);
+        }
+    });
+}
