@@ -95,7 +95,7 @@ impl SensorResponse {
             );
             measured_finding(dataset, ("event_frame", part), Verdict::Pass, (Some(value), None, "1"), because)
         };
-        let other = other.map_or_else(String::new, |other| {
+        let other = other.filter(|other| other.uneven.is_finite()).map_or_else(String::new, |other| {
             format!(", and by {:.1} % in {}", 100.0 * other.uneven, other.decode.name())
         });
         let uneven = format!(
@@ -103,11 +103,17 @@ impl SensorResponse {
             100.0 * self.uneven,
             self.decode.name()
         );
-        let measured = (Some(self.uneven), None, "1");
+        let decode = if self.uneven.is_finite() {
+            let measured = (Some(self.uneven), None, "1");
+            measured_finding(dataset, ("event_frame", "decode"), Verdict::Pass, measured, uneven)
+        } else {
+            let because = "too few samples of dark, middle or bright pixels".to_owned();
+            finding(dataset, "event_frame", "decode", Verdict::NotRun, because)
+        };
         vec![
             state("threshold-on", "ON", self.on),
             state("threshold-off", "OFF", self.off),
-            measured_finding(dataset, ("event_frame", "decode"), Verdict::Pass, measured, uneven),
+            decode,
             self.judge_offset(dataset, frames),
             self.judge_drift(dataset, frames),
         ]
@@ -149,7 +155,10 @@ fn judge_time(
         let because = format!("{because}; this is too uncertain to judge");
         return finding(dataset, "time_offset", part, Verdict::NotRun, because);
     }
-    let verdict = if value.abs() > limit + SIGMAS * error { Verdict::Fail } else { Verdict::Pass };
+    let is_fault = value.abs() > limit + SIGMAS * error;
+    let verdict = if is_fault { Verdict::Fail } else { Verdict::Pass };
+    let cause = if is_fault { ": the clocks differ, or the pixels are slow" } else { "" };
+    let because = format!("{because}{cause}");
     measured_finding(dataset, ("time_offset", part), verdict, (Some(value), Some(limit), unit), because)
 }
 

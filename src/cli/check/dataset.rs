@@ -19,7 +19,6 @@ use crate::frames::npy;
 use crate::image::{Image, Size};
 use crate::release::{CaptionedPicture, compose_dataset_page};
 use crate::trajectory::Trajectory;
-use crate::units::Timestamp;
 use std::path::{Path, PathBuf};
 
 /// Options of `check --events`.
@@ -190,8 +189,7 @@ impl EventPlace<'_> {
             )
         })?;
         let opened = open_known(self.path, format, self.hint)?;
-        let offset_us = opened.offset_us;
-        Ok((Box::new(AbsoluteEvents { source: opened.source, offset_us }), opened.header.size))
+        Ok((opened.source, opened.header.size))
     }
 }
 
@@ -214,25 +212,6 @@ fn open_known(path: &Path, format: EventFormat, hint: Option<Size>) -> Result<Op
         }
     }
     Err(first.expect("there is a hint to try"))
-}
-
-/// Events whose times include the origin that their file states.
-struct AbsoluteEvents {
-    source: Box<dyn EventSource>,
-    offset_us: i64,
-}
-
-impl EventSource for AbsoluteEvents {
-    fn next_chunk(&mut self, out: &mut Vec<crate::event::Event>) -> Result<bool, EventFileError> {
-        let more = self.source.next_chunk(out)?;
-        let shift = self.offset_us.saturating_mul(1000);
-        out.iter_mut().for_each(|event| event.t = Timestamp(event.t.0.saturating_add(shift)));
-        Ok(more)
-    }
-
-    fn untimed(&self) -> u64 {
-        self.source.untimed()
-    }
 }
 
 /// The frame nearest to the middle of the stream and the events around it, for the page.
