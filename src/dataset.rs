@@ -143,8 +143,9 @@ fn read_stream(
     let rate = Hertz(Ratio::new(RATE, 1).expect("it is above 0"));
     let mut observer = StreamObserver::new(dataset.size, rate, last_us, TallyReference::default());
     let mut facts = StreamFacts::new(dataset.size);
-    let bin_us = ((end_us - start_us) / i64::from(BINS) + 1).max(1);
-    let mut curve = RateCurve { start_us, bin_us, events: vec![0; usize::from(BINS) + 1] };
+    // One more than a part, so that the last event lies in the last bin.
+    let bin_us = (end_us - start_us) / i64::from(BINS) + 1;
+    let mut curve = RateCurve { start_us, bin_us, events: vec![0; usize::from(BINS)] };
     let (mut source, mut chunk) = ((dataset.events)()?, Vec::new());
     while source.next_chunk(&mut chunk)? {
         for event in &mut chunk {

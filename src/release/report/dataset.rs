@@ -90,11 +90,11 @@ fn write_figures(html: &mut HtmlFragment, report: &DatasetReport) {
 }
 
 fn write_pictures(html: &mut HtmlFragment, pictures: &[CaptionedPicture]) {
-    html.within("section", &[("class", "gallery")], |html| {
+    html.within("section", &[("class", "row")], |html| {
         for picture in pictures {
             let Some(small) = EmbeddedPicture::from_image(&picture.image, WIDTH) else { continue };
             let [width, height] = [small.width, small.height].map(|side| side.to_string());
-            html.within("figure", &[], |html| {
+            html.within("figure", &[("class", "wide")], |html| {
                 html.empty(
                     "img",
                     &[
@@ -111,15 +111,15 @@ fn write_pictures(html: &mut HtmlFragment, pictures: &[CaptionedPicture]) {
 }
 
 fn write_plots(html: &mut HtmlFragment, report: &DatasetReport) {
-    html.within("section", &[("class", "gallery")], |html| {
+    html.within("section", &[("class", "row")], |html| {
         let rate = &report.rate;
-        let seconds = rate.bin_us as f64 * 1e-6;
-        let values: Vec<f64> = rate.events.iter().map(|count| *count as f64 / seconds).collect();
-        let curve = ReportCurve::new(&values, &vec![seconds; values.len()], values.len());
+        let ms = rate.bin_us as f64 * 1e-3;
+        let values: Vec<f64> = rate.events.iter().map(|count| *count as f64 / ms).collect();
+        let curve = ReportCurve::new(&values, &vec![ms; values.len()], values.len());
         let axes = PlotAxes {
             highest: curve.highest(),
-            unit: "events/s",
-            duration_ms: 1e3 * seconds * values.len() as f64,
+            unit: "events/ms",
+            duration_ms: ms * values.len() as f64,
             labelled: true,
         };
         html.within("figure", &[], |html| {
