@@ -10,23 +10,23 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Parses `[--long] [--minutes N] [--only NAME]... [--seed N]`; `names` are the names of the
+    /// Parses `[--long] [--seconds N] [--only NAME]... [--seed N]`; `names` are the names of the
     /// tests.
     pub(crate) fn parse(args: impl Iterator<Item = String>, names: &[&str]) -> Result<Self, String> {
-        let mut read = Self { size: Size { long: false, seed: 1, minutes: None }, only: Vec::new() };
+        let mut read = Self { size: Size { long: false, seed: 1, seconds: None }, only: Vec::new() };
         let mut args = args;
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or(format!("{arg} wants a value"));
             match arg.as_str() {
                 "--long" => read.size.long = true,
                 "--seed" => read.size.seed = value()?.parse().map_err(|e| format!("--seed: {e}"))?,
-                "--minutes" => {
-                    read.size.minutes = Some(value()?.parse().map_err(|e| format!("--minutes: {e}"))?);
+                "--seconds" => {
+                    read.size.seconds = Some(value()?.parse().map_err(|e| format!("--seconds: {e}"))?);
                 }
                 "--only" => read.only.push(value()?),
                 _ => {
                     return Err(format!(
-                        "unknown argument `{arg}`; there are --long, --minutes N, --only NAME, --seed N"
+                        "unknown argument `{arg}`; there are --long, --seconds N, --only NAME, --seed N"
                     ));
                 }
             }

@@ -1,6 +1,6 @@
 //! The fault tests: the engine is killed, cut off, starved and damaged, and must never be wrong.
 //!
-//! `cargo xtask faults [--long] [--minutes N] [--only NAME]... [--seed N]` runs them in release
+//! `cargo xtask faults [--long] [--seconds N] [--only NAME]... [--seed N]` runs them in release
 //! mode. Each prints a line with its name, seed, number of trials, number of wrong trials, and
 //! seconds, and the command that repeats it; a table ends it. Any wrong trial makes the exit code
 //! 1.
@@ -39,8 +39,8 @@ use tally::{Line, Tally};
 struct Size {
     long: bool,
     seed: u64,
-    /// Time after which no trial begins, minutes.
-    minutes: Option<u64>,
+    /// Time after which no trial of a test begins, seconds.
+    seconds: Option<u64>,
 }
 
 impl Size {
@@ -51,7 +51,7 @@ impl Size {
 
     /// The instant after which no trial begins. Called when the trials begin.
     fn end(self) -> Option<Instant> {
-        self.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes))
+        self.seconds.map(|seconds| Instant::now() + Duration::from_secs(seconds))
     }
 }
 

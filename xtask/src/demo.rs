@@ -7,16 +7,28 @@ use std::path::{Path, PathBuf};
 /// The README's first command, verbatim.
 const README_COMMAND: &str = "cargo run --release -- release --to out recipes/demo.yaml";
 
+/// The same command with the program that the tests have built.
+const DEV_COMMAND: &str = "cargo run -- release --to out recipes/demo.yaml";
+
 /// Runs the README's first command twice, into a temporary folder. The second run must find nothing
 /// to do.
 pub(crate) fn first_command_twice() -> Outcome {
+    twice(README_COMMAND)
+}
+
+/// [`first_command_twice`] without release mode.
+pub(crate) fn first_command_in_dev() -> Outcome {
+    twice(DEV_COMMAND)
+}
+
+fn twice(command: &str) -> Outcome {
     let readme = std::fs::read_to_string(root().join("README.md")).map_err(|e| format!("README.md: {e}"))?;
     if !readme.lines().any(|line| line == README_COMMAND) {
         return Err(format!("README.md has no line `{README_COMMAND}`"));
     }
     let folder = Folder::new("first-command")?;
-    release(&folder).run()?;
-    let second = release(&folder).capture()?;
+    release(command, &folder).run()?;
+    let second = release(command, &folder).capture()?;
     let told = String::from_utf8_lossy(&second.stderr);
     if !told.lines().any(|line| line.starts_with("made 0,")) {
         return Err(format!("the second run should have said `made 0, …`; it said:\n{told}"));
@@ -29,7 +41,7 @@ pub(crate) fn first_command_twice() -> Outcome {
 pub(crate) fn rewrite_manifest() -> Outcome {
     let folder = Folder::new("manifest")?;
     // The CPU back end gives the same bits on every machine.
-    release(&folder).args(["--backend", "cpu"]).run()?;
+    release(README_COMMAND, &folder).args(["--backend", "cpu"]).run()?;
     let (from, to) = (folder.path().join("out/manifest.json"), root().join("manifests/demo.json"));
     let fresh = std::fs::read(&from).map_err(|e| format!("{}: {e}", from.display()))?;
     let unchanged = std::fs::read(&to).is_ok_and(|committed| committed == fresh);
@@ -38,11 +50,10 @@ pub(crate) fn rewrite_manifest() -> Outcome {
     Ok(())
 }
 
-/// [`README_COMMAND`] with its `out` and its store in `folder`, as in a fresh clone without earlier
-/// builds.
-fn release(folder: &Folder) -> Task {
+/// The command with its `out` and its store in `folder`, as in a fresh clone without earlier builds.
+fn release(command: &str, folder: &Folder) -> Task {
     let (out, store) = (folder.path().join("out"), folder.path().join("store"));
-    let args = README_COMMAND.split(' ').skip(1).map(PathBuf::from);
+    let args = command.split(' ').skip(1).map(PathBuf::from);
     let args: Vec<PathBuf> =
         args.map(|arg| if arg == Path::new("out") { out.clone() } else { arg }).collect();
     cargo(&args).args([Path::new("--store"), &store])

@@ -1,8 +1,15 @@
-//! The fault tests of the engine, in release mode: they kill and damage many builds.
+//! The fault tests of the engine: they kill and damage many builds.
 
 use crate::command::{Outcome, cargo};
 
-/// Runs the tests; `args` are their own (`--long`, `--minutes N`, `--only NAME`, `--seed N`).
+/// Runs the tests in release mode; `args` are their own (`--long`, `--seconds N`, `--only NAME`,
+/// `--seed N`).
 pub(crate) fn run(args: &[String]) -> Outcome {
     cargo(&["test", "--quiet", "--release", "--test", "faults", "--"]).args(args).run()
+}
+
+/// Begins trials of each test for 8 s, with the program that the other tests have built: a build in
+/// release mode would take longer than the trials.
+pub(crate) fn short() -> Outcome {
+    cargo(&["test", "--quiet", "--test", "faults", "--", "--seconds", "8"]).run()
 }

@@ -20,9 +20,10 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask <task>
 
-  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, documentation, the README's first command
+  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, bombs, documentation, the README's first command;
+                     `--long` adds what takes a build in release mode: all fault tests, more fuzzing, builds beside ninja
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
-  faults [ARGS]...   kills, starves and damages the engine (`--long`, `--minutes N`, `--only NAME`, `--seed N`)
+  faults [ARGS]...   kills, starves and damages the engine (`--long`, `--seconds N` each, `--only NAME`, `--seed N`)
   fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
   bombs [ARGS]...    small files that ask for much memory, and the table of what the program takes for them (`--program FILE`;
                      NAMEs of bombs)
@@ -44,7 +45,8 @@ fn main() -> ExitCode {
     let task = args.next();
     let rest: Vec<String> = args.collect();
     let done = match (task.as_deref(), rest.as_slice()) {
-        (Some("ci"), []) => ci::run(),
+        (Some("ci"), []) => ci::run(false),
+        (Some("ci"), [long]) if long == "--long" => ci::run(true),
         (Some("test"), args) => suite::run(args),
         (Some("faults"), args) => faults::run(args),
         (Some("fuzz"), args) => fuzz::run(args),
