@@ -425,6 +425,36 @@ fn faults_of_an_hdf5_file_are_named() {
     assert!(read_h5(&path).is_err());
 }
 
+/// EventCV 1.0 writes times of 64 bits, and neither `ms_to_idx` nor `t_offset`.
+#[test]
+fn an_hdf5_file_of_four_columns_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("e.h5");
+    let write = |times: [i64; 2]| {
+        let file = rust_hdf5::H5File::create(&path).unwrap();
+        let events = file.create_group("events").unwrap();
+        events.new_dataset::<i64>().shape([2]).create("t").unwrap().write_raw(&times).unwrap();
+        for (name, values) in [("x", [3_u16, 4]), ("y", [5, 6])] {
+            events.new_dataset::<u16>().shape([2]).create(name).unwrap().write_raw(&values).unwrap();
+        }
+        events.new_dataset::<u8>().shape([2]).create("p").unwrap().write_raw(&[1_u8, 0]).unwrap();
+        file.close().unwrap();
+    };
+    let read = || {
+        let mut events = Vec::new();
+        h5::Reader::open(&path).unwrap().next_chunk(&mut events).map(|_| events)
+    };
+    write([7, 5_000_000_000]);
+    let found: Vec<(i64, u16, u16)> =
+        read().unwrap().iter().map(|e| (e.t.floor_micros(), e.x, e.y)).collect();
+    assert_eq!(found, [(7, 3, 5), (5_000_000_000, 4, 6)]);
+    let error = h5::Reader::open(&path).unwrap().verify_index().unwrap_err().to_string();
+    assert!(error.contains("dataset `ms_to_idx`: it is missing"), "{error}");
+    write([7, i64::MAX]);
+    let error = read().unwrap_err().to_string();
+    assert!(error.contains("`events/t`[1] is 9223372036854775807"), "{error}");
+}
+
 /// Compares `ms_to_idx` with its definition: entry k is the number of events with `t < 1000 k`.
 #[test]
 fn the_index_of_an_hdf5_file_is_as_defined() {

@@ -31,10 +31,22 @@ pub struct Reader {
     p: H5Dataset,
     t: H5Dataset,
     labels: Option<H5Dataset>,
-    ms_to_idx: H5Dataset,
+    /// Width of the times.
+    width: TimeWidth,
+    /// The index; `None` in files of programs that do not write one.
+    ms_to_idx: Option<H5Dataset>,
     count: usize,
     step: usize,
     next: usize,
+}
+
+/// Type of the times in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TimeWidth {
+    /// 32 bits without sign, as in DSEC and in this program's files.
+    Bits32,
+    /// 64 bits with sign, as other programs write them.
+    Bits64,
 }
 
 impl std::fmt::Debug for Reader {
@@ -65,24 +77,29 @@ impl Reader {
         outside::refuse_virtual(opened)?;
         let file = H5File::options().no_locking().open(path)?;
         outside::refuse_links(&file, &[X, Y, P, T, LABEL, MS_TO_IDX, T_OFFSET])?;
-        let (t, count) = open_column::<u32>(&file, T)?;
+        let (t, count, width) = open_times(&file)?;
         // The number of elements is a claim of the file, and memory is taken by it.
         if count as u64 > bytes.saturating_mul(MAX_PER_BYTE) {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
             return Err(EventFileError::Dataset { dataset: T, because });
         }
-        let labelled = file.dataset_names().iter().any(|name| name == LABEL);
+        let has = |wanted: &str| file.dataset_names().iter().any(|name| name == wanted);
+        let labelled = has(LABEL);
         let labels = labelled.then(|| column_of_length::<u8>(&file, LABEL, count)).transpose()?;
         let reader = Self {
             header: read_header(path)?.map(|header| StreamHeader { labelled, ..header }),
-            offset_us: read_offset(&file)?,
+            offset_us: if has(T_OFFSET) { read_offset(&file)? } else { 0 },
             x: column_of_length::<u16>(&file, X, count)?,
             y: column_of_length::<u16>(&file, Y, count)?,
             p: column_of_length::<u8>(&file, P, count)?,
             step: step_of(&t),
             t,
             labels,
-            ms_to_idx: open_column::<u64>(&file, MS_TO_IDX)?.0,
+            width,
+            ms_to_idx: has(MS_TO_IDX)
+                .then(|| open_column::<u64>(&file, MS_TO_IDX))
+                .transpose()?
+                .map(|of| of.0),
             count,
             next: 0,
         };
@@ -120,8 +137,8 @@ impl Reader {
     /// # Errors
     /// It has more entries than 32-bit times have milliseconds, or cannot be read.
     pub fn index(&self) -> Result<Vec<u64>, EventFileError> {
-        let entries = self.entries()?;
-        if entries == 0 { Ok(Vec::new()) } else { read_elements(&self.ms_to_idx, MS_TO_IDX, 0, entries) }
+        let (dataset, entries) = self.index_dataset()?;
+        if entries == 0 { Ok(Vec::new()) } else { read_elements(dataset, MS_TO_IDX, 0, entries) }
     }
 
     /// Makes the next chunk the one with event `number`; the end if there are fewer events.
@@ -131,15 +148,17 @@ impl Reader {
         self.next = if number == self.count { number } else { number - number % self.step };
     }
 
-    /// Length of `ms_to_idx`.
-    fn entries(&self) -> Result<usize, EventFileError> {
-        let entries = self.ms_to_idx.total_elements();
+    /// `ms_to_idx`, and its length.
+    fn index_dataset(&self) -> Result<(&H5Dataset, usize), EventFileError> {
+        let refusal = |because| EventFileError::Dataset { dataset: MS_TO_IDX, because };
+        let dataset = self.ms_to_idx.as_ref().ok_or_else(|| refusal("it is missing".to_owned()))?;
+        let entries = dataset.total_elements();
         if entries > MAX_ENTRIES {
             let because =
                 format!("{entries} entries, at most {MAX_ENTRIES} for times of 32 bits were wanted");
-            return Err(EventFileError::Dataset { dataset: MS_TO_IDX, because });
+            return Err(refusal(because));
         }
-        Ok(entries)
+        Ok((dataset, entries))
     }
 
     /// Compares `ms_to_idx` with its definition, in one pass over the times.
@@ -147,8 +166,8 @@ impl Reader {
     /// # Errors
     /// The first wrong entry; or the times are not sorted, so that no index is right.
     pub fn verify_index(&self) -> Result<(), EventFileError> {
-        let entries = self.entries()?;
-        let mut stored = StoredIndex { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
+        let (dataset, entries) = self.index_dataset()?;
+        let mut stored = StoredIndex { dataset, len: entries, at: 0, held: Vec::new() };
         let (mut index, mut last) = (MsIndex::default(), 0);
         for start in (0..self.count).step_by(self.step) {
             let times: Vec<u32> = read_elements(&self.t, T, start, self.step.min(self.count - start))?;
@@ -167,13 +186,26 @@ impl Reader {
         stored.expect(self.count as u64, rest)
     }
 
-    fn event(&self, number: usize, t: u32, x: u16, y: u16, p: u8) -> Result<Event, EventFileError> {
+    /// Times of some events, us, in the file's own clock.
+    fn times(&self, first: usize, count: usize) -> Result<Vec<i64>, EventFileError> {
+        Ok(match self.width {
+            TimeWidth::Bits32 => {
+                read_elements::<u32>(&self.t, T, first, count)?.into_iter().map(i64::from).collect()
+            }
+            TimeWidth::Bits64 => read_elements(&self.t, T, first, count)?,
+        })
+    }
+
+    fn event(&self, number: usize, t: i64, x: u16, y: u16, p: u8) -> Result<Event, EventFileError> {
         let polarity = match p {
             0 => Polarity::Off,
             1 => Polarity::On,
             p => return Err(wrong_value(P, number as u64, p, "0 or 1".to_owned())),
         };
-        let t = Timestamp::from_micros(self.offset_us + i64::from(t));
+        let us = self.offset_us.checked_add(t).filter(|us| OFFSETS_US.contains(us));
+        let wanted = "a time that fits in 64 bits of nanoseconds";
+        let us = us.ok_or_else(|| wrong_value(T, number as u64, t, wanted.to_owned()))?;
+        let t = Timestamp::from_micros(us);
         Ok(Event { t, x, y, polarity, label: EventLabel::Signal })
     }
 }
@@ -186,8 +218,7 @@ impl EventSource for Reader {
             return Ok(false);
         }
         let first = self.next;
-        let (t, p) =
-            (read_elements::<u32>(&self.t, T, first, count)?, read_elements::<u8>(&self.p, P, first, count)?);
+        let (t, p) = (self.times(first, count)?, read_elements::<u8>(&self.p, P, first, count)?);
         let (x, y) = (
             read_elements::<u16>(&self.x, X, first, count)?,
             read_elements::<u16>(&self.y, Y, first, count)?,
@@ -244,6 +275,17 @@ impl StoredIndex<'_> {
 
 fn wrong_value(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: String) -> EventFileError {
     EventFileError::Value { dataset, index, found: found.into(), wanted }
+}
+
+/// The times, with their number and width.
+fn open_times(file: &H5File) -> Result<(H5Dataset, usize, TimeWidth), EventFileError> {
+    let is_wide = file.dataset(T).is_ok_and(|t| t.datatype().is_ok_and(|found| found == i64::hdf5_type()));
+    let (width, opened) = if is_wide {
+        (TimeWidth::Bits64, open_column::<i64>(file, T)?)
+    } else {
+        (TimeWidth::Bits32, open_column::<u32>(file, T)?)
+    };
+    Ok((opened.0, opened.1, width))
 }
 
 /// A one-dimensional dataset of `T`, with its length.
