@@ -200,7 +200,9 @@ fn choose_spans(stamps_us: &[i64]) -> Vec<[usize; 2]> {
             let start = first + (whole - length) * number / (SPANS as i64 - 1);
             let from = stamps_us.partition_point(|t| *t < start);
             let to = stamps_us.partition_point(|t| *t < stamps_us[from] + length).max(from + 1);
-            (to < stamps_us.len()).then_some([from, to])
+            // Stamps are whole microseconds: the last span may end one beyond the last frame.
+            let to = to.min(stamps_us.len() - 1);
+            (to > from).then_some([from, to])
         })
         .collect();
     spans.dedup();
