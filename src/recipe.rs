@@ -54,12 +54,8 @@ use std::path::PathBuf;
 /// A scene and everything that is made of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// The recipe file and its defaults file.
-    pub file: RecipeFile,
-    /// Both files as they were before they were read.
-    pub seen: Vec<(PathBuf, StatSighting)>,
-    /// Places where the recipe names things that may turn out to be missing.
-    pub named_at: NamedAt,
+    /// The files that it was read from, and its full form.
+    pub meta: RecipeMeta,
     /// Scene id: the path of the scene in the release, `/`-separated.
     pub scene: String,
     /// Seed that all streams derive from.
@@ -100,6 +96,17 @@ pub struct Recipe {
     pub checks: Limits,
     /// The owner's part of the licence.
     pub licence: Option<LicenceChoice>,
+}
+
+/// Facts about a recipe that is read: they enter no key.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RecipeMeta {
+    /// The recipe file and its defaults file.
+    pub file: RecipeFile,
+    /// Both files as they were before they were read.
+    pub seen: Vec<(PathBuf, StatSighting)>,
+    /// Places where the recipe names things that may turn out to be missing.
+    pub named_at: NamedAt,
     /// The merged recipe in full with all defaults, as `scene.json` shows it. Paths are as written.
     pub merged: serde_json::Value,
 }

@@ -146,7 +146,7 @@ impl ReleaseArgs {
                 // A source that contains its recipe or the current folder may contain the release
                 // too: users often work inside their dataset.
                 let whole =
-                    !holds(&captured.path, &recipe.file.path) && !holds(&captured.path, Path::new("."));
+                    !holds(&captured.path, &recipe.meta.file.path) && !holds(&captured.path, Path::new("."));
                 guarded.push(guard("the source of a scene", &captured.path, whole));
             }
             let named = if is_there { named_by(recipe) } else { Vec::new() };
@@ -185,8 +185,8 @@ fn holds(folder: &Path, path: &Path) -> bool {
 /// The files and folders of a recipe: its own file, its defaults, the files of its source, and its
 /// Gaussians.
 fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
-    let mut named = vec![("a recipe", recipe.file.path.clone())];
-    named.extend(recipe.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
+    let mut named = vec![("a recipe", recipe.meta.file.path.clone())];
+    named.extend(recipe.meta.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
     if let SceneSource::Captured(captured, _) = &recipe.source {
         named.extend(captured.folders().into_iter().map(|path| ("files of a scene's source", path)));
     }

@@ -5,8 +5,7 @@ mod reconstruct;
 mod trajectory;
 
 use super::field::Field;
-use super::resolve::ResolvedRecipe;
-use super::{LicenceChoice, OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin, schema};
+use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, SceneSource, UpstreamOrigin, schema};
 use crate::licence::UpstreamGrant;
 use crate::render::AntialiasMode;
 use crate::sensor::noise::HotPixelNoise;
@@ -17,7 +16,7 @@ use serde_json::{Map, Value, json};
 
 /// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,
 /// formulae, a literal `k`.
-pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &ResolvedRecipe) -> Value {
+pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> Value {
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
@@ -88,7 +87,7 @@ fn licence_value(licence: &LicenceChoice) -> Value {
 }
 
 /// Returns the settings of blur, depth and flow pictures, if they are requested.
-fn picture_values(recipe: &ResolvedRecipe) -> impl Iterator<Item = (&'static str, Value)> {
+fn picture_values(recipe: &Recipe) -> impl Iterator<Item = (&'static str, Value)> {
     let said = [
         (OutputKind::Blur, "blur", json!(recipe.shutter)),
         (OutputKind::Depth, "depth", json!({ "every": recipe.every.depth })),
@@ -98,7 +97,7 @@ fn picture_values(recipe: &ResolvedRecipe) -> impl Iterator<Item = (&'static str
     asked.map(|(_, key, value)| (key, value))
 }
 
-fn sampling_value(recipe: &ResolvedRecipe) -> Value {
+fn sampling_value(recipe: &Recipe) -> Value {
     let mut out = json!({ "rate": ratio_value(recipe.rate.0), "law": recipe.law });
     let between = match recipe.tolerance {
         Some(tolerance) => {

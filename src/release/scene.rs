@@ -312,7 +312,7 @@ pub struct DepthQuantiles {
 /// A blob that must be hashed cannot be read.
 pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
-    let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let trajectories: Vec<TrajectoryPart> =
         scene.trajectories.iter().map(|t| trajectory::trajectory_part(recipe, t)).collect();
     Ok(SceneRecord {
@@ -322,12 +322,12 @@ pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneReco
         source: source_part(recipe),
         images: capture_images(scene),
         camera: camera_part(scene),
-        conventions: SceneConventions::for_brightness(&recipe.merged),
+        conventions: SceneConventions::for_brightness(&recipe.meta.merged),
         reconstruction: reconstruction_part(scene)?,
         licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
         seeds: draw_seeds(recipe),
-        recipe: recipe.merged.clone(),
+        recipe: recipe.meta.merged.clone(),
         recipe_sha256: super::checksum::sha256_hex(&compact),
         split: None,
         attributes: scene_attributes(

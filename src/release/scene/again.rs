@@ -25,7 +25,7 @@ use serde_json::Value;
 /// show.
 pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
-    let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);
     let trajectories: Vec<TrajectoryPart> =
         scene.paths().map(|(part, of)| trajectory(scene, part, &of.motion)).collect();
@@ -37,12 +37,12 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
         source: source_part(recipe),
         images: photos.cloned().collect(),
         camera: camera(recipe, &found.camera),
-        conventions: super::SceneConventions::for_brightness(&recipe.merged),
+        conventions: super::SceneConventions::for_brightness(&recipe.meta.merged),
         reconstruction: found.reconstruction.as_ref().map(|found| reconstruction(recipe, found)),
         licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
         seeds: draw_seeds(recipe),
-        recipe: recipe.merged.clone(),
+        recipe: recipe.meta.merged.clone(),
         recipe_sha256: checksum::sha256_hex(&compact),
         split: found.split.clone(),
         attributes: scene_attributes(recipe, &scene.licence, reports, &trajectories),

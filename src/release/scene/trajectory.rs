@@ -59,7 +59,7 @@ fn most_subframes(blurred: &BlurredFrames) -> Option<u32> {
 /// Frames per second, and the interpolation of brightness between frames, in full as in the recipe.
 /// For a tolerance also the choice that was made, and the expected and the measured error.
 pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&SimulationRecord>) -> Value {
-    let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
+    let between = recipe.meta.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
         // The recipe leaves the interpolation to the tolerance, so its own value is not the one
@@ -85,7 +85,7 @@ pub(super) fn parameter_values(recipe: &Recipe, asked: &TrajectoryRecipe) -> Val
 /// The speed as in the merged recipe, where a formula is text. Its syntax tree can nest deeper than
 /// readers of JSON follow.
 fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
-    let all = recipe.merged.get("trajectories").and_then(Value::as_array);
+    let all = recipe.meta.merged.get("trajectories").and_then(Value::as_array);
     let of_it = all.into_iter().flatten().find(|shown| shown["name"] == asked.written.as_str());
     of_it.map(|shown| shown["speed"].clone()).unwrap_or_default()
 }
