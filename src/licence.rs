@@ -152,25 +152,6 @@ impl Redistributability {
     }
 }
 
-/// Files of a scene that may always be redistributed: texts and numbers that show nothing of the
-/// scene.
-const METADATA: [&str; 8] = [
-    "scene.json",
-    "poses.txt",
-    "timestamps_us.txt",
-    "transforms.json",
-    "speed.json",
-    "trajectory.svg",
-    "trajectory.png",
-    "checks.json",
-];
-
-/// Returns true if a file of a scene's folder shows nothing of the scene.
-#[must_use]
-pub fn is_metadata(path: &str) -> bool {
-    METADATA.contains(&path.rsplit('/').next().unwrap_or(path))
-}
-
 /// The reason why a text is not a licence.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is not an SPDX licence expression: {because}")]
@@ -367,8 +348,6 @@ mod tests {
         t("colmap", None, Redistributability::Free);
         t("colmap", Some("a letter"), Redistributability::Free);
         assert!(compose_terms("dl3dv", Some("MIT"), Some("a letter")).gated);
-        assert!(is_metadata("a/b/base/poses.txt") && is_metadata("scene.json"));
-        assert!(!is_metadata("base/events.h5") && !is_metadata("base/sharp/000000.png"));
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod load;
 mod merge;
 mod names;
 mod nearest;
+mod output;
 mod preset;
 mod problem;
 mod reader;
@@ -30,6 +31,7 @@ pub use edits::{RecipeEdit, find_edits};
 pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
 pub use fragment::{TrajectoryFragment, read_fragment, read_sensor};
+pub use output::{OutputKind, PictureSpacing};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
@@ -237,32 +239,6 @@ pub struct TrajectoryRecipe {
     pub base: Option<String>,
     /// Speed along the path.
     pub speed: SpeedChoice,
-}
-
-/// A product of each trajectory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum OutputKind {
-    /// Event stream.
-    Events,
-    /// Sharp frames.
-    Sharp,
-    /// Blurred frames.
-    Blur,
-    /// Depth images.
-    Depth,
-    /// Images of optical flow.
-    Flow,
-}
-
-/// Number of poses per picture, for each kind of picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PictureSpacing {
-    /// Poses per sharp frame. Frames in the middle of an exposure are kept in addition.
-    pub sharp: u32,
-    /// Poses per depth image.
-    pub depth: u32,
-    /// Poses per image of optical flow.
-    pub flow: u32,
 }
 
 /// Scale of a scene, after the axes of the paper's appendix D.

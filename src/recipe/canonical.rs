@@ -29,8 +29,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
             "antialiased": antialiased_value(recipe.render.antialiased),
             "background": recipe.render.background,
         },
-        "outputs": recipe.outputs.iter().map(|o| output_name(*o)).collect::<Vec<_>>(),
-        "sharp": { "every": recipe.every.sharp },
+        "outputs": recipe.outputs,
         "checks": recipe.checks,
     });
     let mut add = |key: &str, value: Value| out[key] = value;
@@ -62,8 +61,10 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         }
         add("camera", sides);
     }
-    for (key, value) in picture_values(recipe) {
-        add(key, value);
+    for output in OutputKind::ALL {
+        if let Some(settings) = output.settings(recipe) {
+            add(output.name(), settings);
+        }
     }
     if let Some(scale) = recipe.scale {
         add("attributes", json!({ "scene_scale": scale.name() }));
@@ -84,17 +85,6 @@ fn licence_value(licence: &LicenceChoice) -> Value {
         value["evidence"] = json!({ "granted_by": granted_by, "url": url, "date": date });
     }
     value
-}
-
-/// Returns the settings of blur, depth and flow pictures, if they are requested.
-fn picture_values(recipe: &Recipe) -> impl Iterator<Item = (&'static str, Value)> {
-    let said = [
-        (OutputKind::Blur, "blur", json!(recipe.shutter)),
-        (OutputKind::Depth, "depth", json!({ "every": recipe.every.depth })),
-        (OutputKind::Flow, "flow", json!({ "every": recipe.every.flow })),
-    ];
-    let asked = said.into_iter().filter(|(output, ..)| recipe.outputs.contains(output));
-    asked.map(|(_, key, value)| (key, value))
 }
 
 fn sampling_value(recipe: &Recipe) -> Value {
@@ -229,15 +219,5 @@ fn antialiased_value(choice: AntialiasMode) -> Value {
         AntialiasMode::Auto => json!("auto"),
         AntialiasMode::On => json!(true),
         AntialiasMode::Off => json!(false),
-    }
-}
-
-fn output_name(output: OutputKind) -> &'static str {
-    match output {
-        OutputKind::Events => "events",
-        OutputKind::Sharp => "sharp",
-        OutputKind::Blur => "blur",
-        OutputKind::Depth => "depth",
-        OutputKind::Flow => "flow",
     }
 }

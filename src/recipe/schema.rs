@@ -31,6 +31,7 @@ pub(super) use trajectory::{
 
 use super::field::{Field, NumberLiteral, UnsupportedField};
 use crate::check::Limits;
+use crate::recipe::OutputKind;
 use crate::sensor::voltmeter::ConstantUnits;
 use crate::source::PoseFile;
 use serde::Deserialize;
@@ -73,7 +74,7 @@ pub(super) struct RecipeSchema {
     pub sensors: Field<BTreeMap<String, Field<SensorSection>>>,
     /// Products to make for each trajectory. Steps that no product needs do not run. Default:
     /// `[events, sharp]`.
-    pub outputs: Field<Vec<Field<OutputKey>>>,
+    pub outputs: Field<Vec<Field<OutputKind>>>,
     /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case.
     /// Default: `{}`.
     pub sharp: Field<EverySection>,
@@ -354,21 +355,6 @@ pub(super) enum InitialKey {
     Zero,
     /// As if every pixel had seen the first frame for a long time.
     Stationary,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum OutputKey {
-    /// The event stream of each sensor.
-    Events,
-    /// Sharp frames, 8-bit sRGB PNG.
-    Sharp,
-    /// Blurred frames, 8-bit sRGB PNG.
-    Blur,
-    /// Depth images, float32 `.npy`.
-    Depth,
-    /// Optical flow images, float32 `.npy`.
-    Flow,
 }
 
 /// Spacing of the pictures of `sharp`, `depth` or `flow`.

@@ -1,6 +1,7 @@
 //! Products of a build, gathered from the store for a release.
 
 use super::left_out::{self, OmissionRow};
+use super::products;
 use super::published;
 use crate::artifact::{
     Artifact, ArtifactError, ArtifactFiles, BlurredFrames, EventStream, EventStreams, SimulationRecord,
@@ -212,9 +213,9 @@ fn gather_trajectory(shelf: &BuiltProducts<'_>, name: &str) -> Result<BuiltTraje
     Ok(BuiltTrajectory {
         name: name.to_owned(),
         motion: shelf.open(&step("trajectory"))?,
-        events: shelf.open_optional(&step("events"))?,
+        events: shelf.open_optional(&step(products::EVENTS.name()))?,
         left_out: shelf.left_out(name)?,
-        blur: shelf.open_optional(&step("blur"))?,
+        blur: shelf.open_optional(&step(products::BLUR.name()))?,
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),
     })

@@ -1,13 +1,14 @@
 //! Facts about a release for card and datasheet, counted and gathered once, so that the two cannot
 //! differ.
 
+use super::products::{self, PICTURES, ReleaseProduct};
 use super::provenance::Provenance;
 use super::published::PublishedScene;
 use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
 use crate::escape;
 use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
-use crate::recipe::{ReconstructMethod, ReleaseInfo, SceneSource};
+use crate::recipe::{OutputKind, ReconstructMethod, ReleaseInfo, SceneSource};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
@@ -29,21 +30,28 @@ pub(super) struct ReleaseFacts<'a> {
 }
 
 /// Contents of the tree by number. Withheld files do not count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct FileCounts {
     pub(super) scenes: usize,
     pub(super) trajectories: usize,
     pub(super) poses: usize,
-    pub(super) streams: usize,
     pub(super) events: u64,
-    /// Sharp frames.
-    pub(super) frames: usize,
-    /// Blurred frames.
-    pub(super) blurred: usize,
-    /// Images of depth and of flow.
-    pub(super) geometry: [usize; 2],
+    /// Files of each product: its event streams, or its pictures.
+    files: BTreeMap<OutputKind, usize>,
     /// Scenes without any file that shows them, because the upstream forbids redistribution.
     pub(super) withheld: usize,
+}
+
+impl FileCounts {
+    /// Number of files of a product.
+    pub(super) fn files(&self, product: &ReleaseProduct) -> usize {
+        self.files.get(&product.output).copied().unwrap_or_default()
+    }
+
+    /// Returns true if the release has files of a product.
+    pub(super) fn has(&self, product: &ReleaseProduct) -> bool {
+        self.files(product) > 0
+    }
 }
 
 impl ReleaseFacts<'_> {
@@ -52,22 +60,22 @@ impl ReleaseFacts<'_> {
         let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
         // Of withheld scenes too: their poses are released, unlike their events and pictures.
         let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
-        let pictures = |kind: &str| -> usize {
+        let pictures = |product: &ReleaseProduct| -> usize {
             let of = |scene: &PublishedScene| -> usize {
                 let paths = scene.file.trajectories.iter();
-                paths.map(|part| scene.in_folder(&part.name, kind).count()).sum()
+                paths.map(|part| scene.in_folder(&part.name, product.name()).count()).sum()
             };
             shown().map(of).sum()
         };
+        let mut files: BTreeMap<OutputKind, usize> =
+            PICTURES.iter().map(|product| (product.output, pictures(product))).collect();
+        files.insert(products::EVENTS.output, streams().count());
         FileCounts {
             scenes: self.scenes.len(),
             trajectories: paths().count(),
             poses: paths().map(|part| part.poses).sum(),
-            streams: streams().count(),
             events: streams().filter_map(|counted| counted.events).sum(),
-            frames: pictures("sharp"),
-            blurred: pictures("blur"),
-            geometry: [pictures("depth"), pictures("flow")],
+            files,
             withheld: self.scenes.len() - shown().count(),
         }
     }
@@ -115,18 +123,13 @@ impl ReleaseFacts<'_> {
 
     /// The contents in words, each kind with its number: `12 events, 3 sharp frames`.
     pub(super) fn contents(&self) -> String {
-        let FileCounts { poses, streams, events, frames, blurred, geometry: [depth, flow], .. } =
-            self.counts();
-        let pictures = [
-            (frames, "sharp frames"),
-            (blurred, "blurred frames"),
-            (depth, "depth images"),
-            (flow, "flow images"),
-        ];
-        let pictures = pictures.into_iter().filter(|(count, _)| *count > 0);
-        let mut words = vec![format!("{poses} poses")];
-        words.extend((streams > 0).then(|| format!("{events} events in {streams} streams")));
-        words.extend(pictures.map(|(count, what)| format!("{count} {what}")));
+        let counts = self.counts();
+        let counted = |product: &ReleaseProduct| format!("{} {}", counts.files(product), product.noun);
+        let streams = [&products::EVENTS].into_iter().filter(|product| counts.has(product));
+        let pictures = PICTURES.into_iter().filter(|product| counts.has(product));
+        let mut words = vec![format!("{} poses", counts.poses)];
+        words.extend(streams.map(|product| format!("{} events in {}", counts.events, counted(product))));
+        words.extend(pictures.map(counted));
         words.join(", ")
     }
 

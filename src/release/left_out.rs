@@ -6,16 +6,14 @@
 //! the sensor or to the recipe.
 
 use crate::artifact::{ArtifactError, ArtifactFiles, EventStream, SimulationRecord};
+use crate::recipe::OutputKind;
 use crate::render::RenderWork;
 use crate::render::backend::Backend;
 use crate::scene::sh;
 use crate::sensor::SensorChoice;
 use crate::sensor::voltmeter::VoltmeterModel;
 use crate::stage::Stage as _;
-use crate::stage::blur::BlurStage;
 use crate::stage::events::EventsStage;
-use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
-use crate::stage::sharp::SharpStage;
 use serde::{Deserialize, Serialize};
 
 /// One kind of omitted work.
@@ -36,9 +34,11 @@ pub struct OmissionRow {
     pub proof: String,
 }
 
-/// The stages that render frames, and can leave work out.
-pub const RENDER: [&str; 5] =
-    [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
+/// Returns true if a stage renders frames, and can therefore leave work out: the stage of an output.
+#[must_use]
+pub fn is_rendering(stage: &str) -> bool {
+    OutputKind::ALL.iter().any(|output| output.name() == stage)
+}
 
 /// Proof of a row whose work does not change the output.
 const IDENTICAL: &str = "identical bytes";
@@ -55,7 +55,7 @@ pub fn of_step(
 ) -> Result<Vec<OmissionRow>, ArtifactError> {
     match stage {
         EventsStage::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
-        other if RENDER.contains(&other) => Ok(of_work(stage, &files.json("work.json")?, None)),
+        other if is_rendering(other) => Ok(of_work(stage, &files.json("work.json")?, None)),
         _ => Ok(Vec::new()),
     }
 }

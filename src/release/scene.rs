@@ -14,7 +14,7 @@ pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, UpstreamOrigin};
+use crate::recipe::{Recipe, ReconstructMethod, SceneSource, UpstreamOrigin};
 use crate::reconstruct::TrainerCommand;
 use crate::render::fidelity::PsnrFigures;
 use crate::seed::{Seed, StreamPurpose};
@@ -438,7 +438,7 @@ fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
             add(&asked.written, StreamPurpose::Keyframes, novel.keyframes_seed);
             add(&asked.written, StreamPurpose::Curve, novel.curve_seed);
         }
-        if recipe.outputs.contains(&OutputKind::Events) {
+        if recipe.has_events() {
             add(&asked.name, StreamPurpose::Sensor, sensor_seed(recipe, &asked.name));
         }
     }

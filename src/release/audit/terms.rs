@@ -3,7 +3,7 @@
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::files::{self, LinkRule};
-use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, SourceKind, is_metadata, ledger};
+use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, SourceKind, ledger};
 use crate::release::manifest::{FileOwners, ReleaseManifest};
 use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
 use crate::release::{datasheet, loader, reuse};

@@ -4,6 +4,7 @@ use super::{DatasheetEntry, UNKNOWN, UNSTATED};
 use crate::licence::LicenceObligation;
 use crate::recipe::{ReleaseInfo, SplitUnit};
 use crate::release::facts::{FileCounts, ReleaseFacts, plain_text};
+use crate::release::products::{ReleaseProduct, products};
 use crate::release::published::PublishedScene;
 use crate::release::{TOOL, croissant};
 use std::collections::BTreeMap;
@@ -72,34 +73,22 @@ impl AnswerContext<'_> {
         ]
     }
 
-    /// Words for the kinds of files of a trajectory, each if the release has it.
-    fn kinds(&self, words: [&'static str; 5]) -> Vec<&'static str> {
-        let FileCounts { streams, frames, blurred, geometry: [depth, flow], .. } = self.facts.counts();
-        let counts = [streams, frames, blurred, depth, flow];
-        counts.into_iter().zip(words).filter(|(count, _)| *count > 0).map(|(_, words)| words).collect()
+    /// Words for the products of a trajectory, each if the release has it.
+    fn kinds(&self, words: fn(&ReleaseProduct) -> &'static str) -> String {
+        let counts = self.facts.counts();
+        products()
+            .filter(|product| counts.has(product))
+            .map(|product| format!(", {}", words(product)))
+            .collect()
     }
 
     fn instances(&self) -> String {
-        let kinds = self.kinds([
-            "the events of a simulated sensor",
-            "sharp frames",
-            "blurred frames",
-            "depth images",
-            "optical flow",
-        ]);
-        let kinds = kinds.iter().map(|kind| format!(", {kind}")).collect::<String>();
+        let kinds = self.kinds(|product| product.instance);
         format!("Camera trajectories through static scenes of 3D Gaussians, each with exact poses{kinds}.")
     }
 
     fn each_instance(&self) -> String {
-        let kinds = self.kinds([
-            "events (time in microseconds, column, row, polarity)",
-            "8-bit sRGB frames",
-            "8-bit sRGB blurred frames with their exposures",
-            "float32 depth in scene units",
-            "float32 optical flow in px/s",
-        ]);
-        let kinds = kinds.iter().map(|kind| format!(", {kind}")).collect::<String>();
+        let kinds = self.kinds(|product| product.content);
         format!(
             "Poses, time stamps, a speed report, verdicts of checks{kinds}. `scene.json` has the scene's source, camera, \
              recipe, seeds and statistics."

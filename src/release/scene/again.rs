@@ -12,7 +12,7 @@ use super::{
 use crate::artifact::TrajectoryProduct;
 use crate::camera;
 use crate::image::Size;
-use crate::recipe::{OutputKind, Recipe};
+use crate::recipe::Recipe;
 use crate::reconstruct::TrainerCommand;
 use crate::release::checksum;
 use crate::release::published::PublishedScene;
@@ -85,7 +85,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     let size = Size { width: scene.file.camera.width, height: scene.file.camera.height };
     // A tolerance chooses the interpolation between frames, which is a parameter of some sensors.
     let chosen = recipe.tolerance.is_some();
-    let simulated = recipe.outputs.contains(&OutputKind::Events);
+    let simulated = recipe.has_events();
     let seed = sensor_seed(recipe, &found.name);
     let sensors = || recipe.sensors.iter().filter(|_| simulated);
     let one = sensors().find(|(name, _)| name.is_none());
@@ -114,7 +114,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
             found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor_value(seed, own))
         }),
         sensors: several.collect(),
-        blur: recipe.outputs.contains(&OutputKind::Blur).then(|| {
+        blur: recipe.exposed().map(|_| {
             blur_value(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))
         }),
         statistics: TrajectoryStatistics {

@@ -2,7 +2,8 @@
 
 use super::{QuantityExtent, TrajectoryPart};
 use crate::licence::{ComposedTerms, Redistributability};
-use crate::recipe::{OutputKind, Recipe, SceneScale, SceneSource};
+use crate::recipe::{Recipe, SceneScale, SceneSource};
+use crate::release::products::products;
 use crate::release::provenance::Provenance;
 use crate::source::kind::CaptureKind;
 use crate::speed::SpeedMeaning;
@@ -37,8 +38,7 @@ pub(super) fn scene_attributes<'r>(
     trajectories: &[TrajectoryPart],
 ) -> SceneAttributes {
     let shown = licence.passing != Redistributability::Withheld;
-    let has = |output| shown && recipe.outputs.contains(&output);
-    let data_type = [("sharp", has(OutputKind::Sharp)), ("blurry", has(OutputKind::Blur))];
+    let made = products().filter(|product| shown && recipe.outputs.contains(&product.output));
     // If the law varies the frame rate instead of the camera's speed, the speed is uniform by
     // definition.
     let is_uniform = |report: &SpeedReport| {
@@ -57,7 +57,7 @@ pub(super) fn scene_attributes<'r>(
     };
     let uniform = reports.all(is_uniform);
     SceneAttributes {
-        data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
+        data_type: made.filter_map(|product| product.data_type).map(str::to_owned).collect(),
         scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
