@@ -20,6 +20,7 @@ mod problem;
 mod reader;
 mod resolve;
 mod schema;
+mod source;
 mod text;
 mod tree;
 
@@ -32,18 +33,16 @@ pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
 pub use fragment::{TrajectoryFragment, read_fragment, read_sensor};
 pub use output::{OutputKind, PictureSpacing};
+pub use source::{SceneSource, UpstreamOrigin};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::licence::{UpstreamGrant, ledger};
+use crate::licence::UpstreamGrant;
 use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
 use crate::sampling::exposure::ShutterSettings;
-use crate::scene::procedural::StillLife;
 use crate::sensor::SensorSet;
-use crate::source::DiskCapture;
-use crate::source::kind::CaptureKind;
 use crate::speed::SpeedChoice;
 use crate::store::stat_cache::StatSighting;
 use crate::trajectory::path::CameraPath;
@@ -138,80 +137,6 @@ pub struct RecipePosition {
 impl fmt::Display for RecipePosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}:{}", self.file, self.line, self.column)
-    }
-}
-
-/// The source of poses. Paths are resolved against the recipe's folder.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SceneSource {
-    /// The built-in procedural scene.
-    Procedural(StillLife),
-    /// A capture on disk, with the recipe's statements about its origin.
-    Captured(DiskCapture, UpstreamOrigin),
-    /// No source: the recipe itself contains the trajectories, and the Gaussians come from a scene
-    /// file.
-    None,
-}
-
-impl SceneSource {
-    /// Kind of the source, as recipes and releases name it.
-    #[must_use]
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Procedural(_) => "procedural",
-            Self::Captured(captured, _) => captured.kind.name(),
-            Self::None => "none",
-        }
-    }
-
-    /// The kind of the source, and the id that the upstream gives to this capture.
-    #[must_use]
-    pub fn origin(&self) -> (&'static str, Option<&str>) {
-        match self {
-            Self::Captured(captured, upstream) => {
-                let kind = ledger::find_origin(captured.kind.name(), upstream.url.as_deref());
-                (kind, upstream.id.as_deref())
-            }
-            Self::Procedural(_) | Self::None => (self.kind(), None),
-        }
-    }
-
-    /// Returns true if the views of the source are photographs.
-    #[must_use]
-    pub fn has_photos(&self) -> bool {
-        matches!(self, Self::Captured(..))
-    }
-
-    /// Returns true if the source has views, and therefore a camera.
-    #[must_use]
-    pub fn has_views(&self) -> bool {
-        !matches!(self, Self::None)
-    }
-}
-
-/// Origin of a capture; unknown fields are `None`. It enters no key.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct UpstreamOrigin {
-    /// Id of the capture in the dataset.
-    pub id: Option<String>,
-    /// Address of the dataset.
-    pub url: Option<String>,
-    /// The date of the download, `YYYY-MM-DD`.
-    pub accessed: Option<String>,
-    /// True if the terms of the dataset were accepted.
-    pub terms_accepted: Option<bool>,
-}
-
-impl UpstreamOrigin {
-    /// Origin of a capture as far as the layout of its dataset reveals it.
-    #[must_use]
-    pub fn from_capture(captured: &DiskCapture) -> Self {
-        let url = match captured.kind {
-            CaptureKind::Mvimgnet => "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
-            CaptureKind::Dl3dv => "https://github.com/DL3DV-10K/Dataset",
-            CaptureKind::Colmap | CaptureKind::Nerfstudio | CaptureKind::Model => return Self::default(),
-        };
-        Self { id: captured.upstream_id(), url: Some(url.to_owned()), ..Self::default() }
     }
 }
 

@@ -10,6 +10,7 @@ pub mod colmap;
 mod dl3dv;
 pub mod inventory;
 pub mod kind;
+mod layout;
 pub mod lens;
 pub mod model;
 pub mod mvimgnet;
@@ -21,6 +22,7 @@ pub mod undistort;
 pub mod view;
 
 pub use captured::{DiskCapture, PoseFile, ViewSelection, check_pattern};
+pub use layout::SourceDataset;
 
 use crate::camera::Camera;
 use crate::files::{self, WalkError};

@@ -9,7 +9,7 @@ use super::verdicts::{findings_of_run, show_findings};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, assess_plan};
-use crate::recipe::{self, Recipe, ReconstructMethod, SceneSource};
+use crate::recipe::{self, Recipe, ReconstructMethod};
 use crate::release::{
     self, BuiltPlan, GatherError, GuardedPath, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
     TargetClaim, WrittenRelease,
@@ -142,7 +142,7 @@ impl ReleaseArgs {
         // What is not there yet holds nothing.
         let is_there = self.to.symlink_metadata().is_ok();
         for recipe in recipes {
-            if let SceneSource::Captured(captured, _) = &recipe.source {
+            if let Some(captured) = recipe.source.captured() {
                 // A source that contains its recipe or the current folder may contain the release
                 // too: users often work inside their dataset.
                 let whole =
@@ -187,7 +187,7 @@ fn holds(folder: &Path, path: &Path) -> bool {
 fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     let mut named = vec![("a recipe", recipe.meta.file.path.clone())];
     named.extend(recipe.meta.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
-    if let SceneSource::Captured(captured, _) = &recipe.source {
+    if let Some(captured) = recipe.source.captured() {
         named.extend(captured.folders().into_iter().map(|path| ("files of a scene's source", path)));
     }
     match &recipe.reconstruct {

@@ -5,14 +5,14 @@ mod reconstruct;
 mod trajectory;
 
 use super::field::Field;
-use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, SceneSource, UpstreamOrigin, schema};
+use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, schema};
 use crate::licence::UpstreamGrant;
 use crate::render::AntialiasMode;
 use crate::sensor::noise::HotPixelNoise;
 use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use crate::sensor::{SensorChoice, SensorSet};
 use crate::units::Ratio;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 /// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,
 /// formulae, a literal `k`.
@@ -21,7 +21,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         "version": 1,
         "scene": recipe.scene,
         "seed": recipe.seed,
-        "source": source_value(raw, &recipe.source),
+        "source": recipe.source.written(raw.source.given().map(|(source, _)| source)),
         "trajectories": trajectory::trajectory_values(raw, &recipe.trajectories),
         "sampling": sampling_value(recipe),
         "render": {
@@ -101,48 +101,6 @@ fn sampling_value(recipe: &Recipe) -> Value {
         out["between"] = json!(between);
     }
     out
-}
-
-fn source_value(raw: &schema::RecipeSchema, source: &SceneSource) -> Value {
-    match source {
-        SceneSource::Procedural(still_life) => {
-            // The fields of the still life have the names that recipes use.
-            let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
-            if let Ok(Value::Object(rest)) = serde_json::to_value(still_life) {
-                fields.extend(rest);
-            }
-            json!({ "procedural": fields })
-        }
-        SceneSource::Captured(captured, upstream) => {
-            let mut fields = Map::from_iter([("path".to_owned(), json!(source_path(raw)))]);
-            if let Ok(Value::Object(rest)) = serde_json::to_value(&captured.selection) {
-                fields.extend(rest);
-            }
-            let UpstreamOrigin { id, url, accessed, terms_accepted } = upstream;
-            let said = [
-                ("upstream_id", json!(id)),
-                ("upstream_url", json!(url)),
-                ("accessed", json!(accessed)),
-                ("terms_accepted", json!(terms_accepted)),
-            ];
-            let said = said.into_iter().filter(|(_, value)| !value.is_null());
-            fields.extend(said.map(|(key, value)| (key.to_owned(), value)));
-            json!({ captured.kind.name(): fields })
-        }
-        SceneSource::None => json!("none"),
-    }
-}
-
-/// Returns the path of a capture as written.
-fn source_path(raw: &schema::RecipeSchema) -> Option<&str> {
-    match raw.source.given()?.0 {
-        schema::SourceSection::Colmap(folder)
-        | schema::SourceSection::Nerfstudio(folder)
-        | schema::SourceSection::Mvimgnet(folder)
-        | schema::SourceSection::Dl3dv(folder)
-        | schema::SourceSection::Model(folder) => written_text(&folder.given()?.0.path),
-        schema::SourceSection::Procedural(_) | schema::SourceSection::None => None,
-    }
 }
 
 fn given_path(raw: &schema::RecipeSchema) -> Option<&str> {

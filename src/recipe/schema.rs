@@ -16,6 +16,7 @@
 
 mod reconstruct;
 mod sensor;
+mod source;
 mod trajectory;
 
 pub(super) use reconstruct::{CommandSection, CountSection, ReconstructSection};
@@ -23,6 +24,7 @@ pub(super) use sensor::{
     EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
     RefractorySection, ThresholdSection, V2eSection,
 };
+pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};
 pub(super) use trajectory::{
     BezierSection, CurveSection, EndsKey, FlowSection, GapsKey, KeyframesSection, ListSection, MeaningKey,
     MetricSection, NovelCurveSection, NovelSection, OrbitSection, OrderKey, PoseSection, RefineSection,
@@ -33,7 +35,6 @@ use super::field::{Field, NumberLiteral, UnsupportedField};
 use crate::check::Limits;
 use crate::recipe::OutputKind;
 use crate::sensor::voltmeter::ConstantUnits;
-use crate::source::PoseFile;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -95,82 +96,12 @@ pub(super) struct RecipeSchema {
     pub attributes: Field<AttributesSection>,
 }
 
-/// Kind of the source, with its parameters.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum PresetKey {
     /// The trajectories, frame rate, renderer and sensor of the paper (GS2E, arXiv 2505.15287). The
     /// picture moves by several pixels per frame, so events between frames are inexact.
     Paper,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum SourceSection {
-    /// The embedded scene, which needs no data: its own camera has 640x360 pixels.
-    Procedural(Field<ProceduralSection>),
-    /// A COLMAP model, binary or text.
-    Colmap(Field<FolderSection>),
-    /// A nerfstudio `transforms.json`.
-    Nerfstudio(Field<FolderSection>),
-    /// An instance of MVImgNet.
-    Mvimgnet(Field<FolderSection>),
-    /// A scene of DL3DV-10K.
-    Dl3dv(Field<FolderSection>),
-    /// A 3DGS model folder with a `cameras.json`.
-    Model(Field<FolderSection>),
-    /// No capture: `source: none`. The scene file, the camera, and an orbit or key poses come from
-    /// the recipe.
-    None,
-}
-
-/// Parameters of the embedded scene.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct ProceduralSection {
-    /// Embedded scene to use. Default: `still-life`.
-    pub kind: Field<KindKey>,
-    /// Number of Gaussians. Default: `20000`.
-    pub gaussians: Field<u64>,
-    /// Number of captured views. Default: `30`.
-    pub views: Field<u64>,
-    /// Extent of the capture's arc; beyond about 80 the outer views see the ends of the room. Unit:
-    /// degrees. Default: `20`.
-    pub arc: Field<f64>,
-    /// Seed of the scene and of its capture. Default: `1`.
-    pub seed: Field<u64>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum KindKey {
-    /// Fruit, flowers, books and brass on a table.
-    StillLife,
-}
-
-/// A capture on disk.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct FolderSection {
-    /// Folder or file of the capture, relative to the recipe. Required.
-    pub path: Field<String>,
-    /// Number of views to use, picked evenly in natural order of the image names. Default: all.
-    pub views: Field<u64>,
-    /// Glob patterns of photos to leave out, compared with the whole name and with its last part.
-    /// Default: `[]`, for `mvimgnet` `["*_bg_removed.png"]`.
-    pub exclude: Field<Vec<Field<String>>>,
-    /// Source of the poses; `dl3dv` only. Default: the COLMAP model if there is one.
-    pub poses: Field<PoseFile>,
-    /// Name of the scene in its dataset; enters `scene.json`, and no key. Default: read from the
-    /// folders for `mvimgnet` and `dl3dv`.
-    pub upstream_id: Field<String>,
-    /// Web address of the dataset; decides which upstream terms apply. Range: a URL. Default: known
-    /// for `mvimgnet` and `dl3dv`.
-    pub upstream_url: Field<String>,
-    /// Day of the download. Range: `YYYY-MM-DD`. Default: none.
-    pub accessed: Field<String>,
-    /// True if you accepted the dataset's terms; recorded in `scene.json`. Default: none.
-    pub terms_accepted: Field<bool>,
 }
 
 /// Camera of the renderings. With width and height alone it keeps the source's horizontal field of

@@ -196,7 +196,7 @@ pub(super) fn gather_scene<'a>(
     let photographed = photo_findings(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| gather_trajectory(&shelf, name)).collect::<Result<_, _>>()?;
-    let allowed = terms.get(recipe.source.kind()).map(|stated| stated.because.as_str());
+    let allowed = terms.get(recipe.source.kind().name()).map(|stated| stated.because.as_str());
     let licence = published::terms(recipe, allowed);
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }

@@ -16,8 +16,8 @@ use super::index;
 use super::products::{self, FileSet, products};
 use super::provenance::Provenance;
 use super::scene::SceneRecord;
-use crate::licence::SourceKind;
 use crate::recipe::{ReleaseInfo, SplitPlan};
+use crate::source::kind::SourceKind;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -123,7 +123,8 @@ const IMPACT: &str = "No impact is known beyond that of the sources and of metho
 
 /// The texts of [`RESPONSIBLE`], in the same order.
 fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
-    let made_up = |scene: &&SceneRecord| scene.source.kind == SourceKind::Procedural.name();
+    let made_up =
+        |scene: &&SceneRecord| SourceKind::by_name(&scene.source.kind).is_some_and(SourceKind::is_made_up);
     let provenance = Provenance::of(scenes.iter().copied());
     let personal = personal_words(scenes.iter().all(made_up));
     [

@@ -8,7 +8,7 @@ use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
 use crate::escape;
 use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
-use crate::recipe::{OutputKind, ReconstructMethod, ReleaseInfo, SceneSource};
+use crate::recipe::{OutputKind, ReconstructMethod, ReleaseInfo};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
@@ -82,7 +82,7 @@ impl ReleaseFacts<'_> {
 
     /// Number of scenes of each kind of source.
     pub(super) fn sources(&self) -> BTreeMap<&'static str, usize> {
-        tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind()))
+        tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind().name()))
     }
 
     /// Number of scenes in each split; empty if there are no splits.
@@ -174,7 +174,7 @@ impl ReleaseFacts<'_> {
 
     /// Returns true if every scene is procedural.
     pub(super) fn made_up(&self) -> bool {
-        self.scenes.iter().all(|scene| matches!(scene.recipe.source, SceneSource::Procedural(_)))
+        self.scenes.iter().all(|scene| scene.recipe.source.kind().is_made_up())
     }
 
     /// The ledger's rows on the material of this release, as a table.

@@ -2,6 +2,7 @@
 //! names a sensor, a picture or a source that the release does not have.
 
 use super::scene::{SceneRecord, SensorPart, TrajectoryPart};
+use crate::source::kind::SourceKind;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -32,7 +33,9 @@ impl Provenance {
             of = of.with_models(&scene.trajectories);
             let outputs = scene.recipe["outputs"].as_array().map_or(0, Vec::len);
             of.rendered |= outputs > 0;
-            of.captured |= !["procedural", "none"].contains(&scene.source.kind.as_str());
+            // A kind that this version does not know is taken for a capture.
+            let kind = SourceKind::by_name(&scene.source.kind);
+            of.captured |= kind.is_none_or(|kind| kind.captured().is_some());
             of.photos |= !scene.images.is_empty();
         }
         of

@@ -14,7 +14,7 @@ pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::recipe::{Recipe, ReconstructMethod, SceneSource, UpstreamOrigin};
+use crate::recipe::{Recipe, ReconstructMethod};
 use crate::reconstruct::TrainerCommand;
 use crate::render::fidelity::PsnrFigures;
 use crate::seed::{Seed, StreamPurpose};
@@ -341,12 +341,9 @@ pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneReco
 }
 
 fn source_part(recipe: &Recipe) -> SourcePart {
-    let upstream = match &recipe.source {
-        SceneSource::Captured(_, upstream) => upstream.clone(),
-        SceneSource::Procedural(_) | SceneSource::None => UpstreamOrigin::default(),
-    };
+    let upstream = recipe.source.upstream().cloned().unwrap_or_default();
     SourcePart {
-        kind: recipe.source.kind().into(),
+        kind: recipe.source.kind().name().into(),
         upstream_id: upstream.id,
         upstream_url: upstream.url,
         accessed: upstream.accessed,
@@ -411,10 +408,10 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
 
 /// Kind of the source of a recipe's Gaussians.
 fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
-    match (&recipe.source, training_command(recipe)) {
-        (SceneSource::Procedural(_), _) => "procedural",
-        (_, Some(_)) => "command",
-        (_, None) => "given",
+    match training_command(recipe) {
+        _ if recipe.source.kind().is_made_up() => recipe.source.kind().name(),
+        Some(_) => "command",
+        None => "given",
     }
 }
 

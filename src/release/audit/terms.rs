@@ -3,10 +3,11 @@
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::files::{self, LinkRule};
-use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, SourceKind, ledger};
+use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
 use crate::release::manifest::{FileOwners, ReleaseManifest};
 use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
 use crate::release::{datasheet, loader, reuse};
+use crate::source::kind::SourceKind;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io;

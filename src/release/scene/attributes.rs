@@ -2,10 +2,9 @@
 
 use super::{QuantityExtent, TrajectoryPart};
 use crate::licence::{ComposedTerms, Redistributability};
-use crate::recipe::{Recipe, SceneScale, SceneSource};
+use crate::recipe::{Recipe, SceneScale};
 use crate::release::products::products;
 use crate::release::provenance::Provenance;
-use crate::source::kind::CaptureKind;
 use crate::speed::SpeedMeaning;
 use crate::trajectory::report::SpeedReport;
 use serde::{Deserialize, Serialize};
@@ -45,16 +44,10 @@ pub(super) fn scene_attributes<'r>(
         report.meaning == SpeedMeaning::FrameRate
             || QuantityExtent::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
     };
-    let captured = match &recipe.source {
-        SceneSource::Captured(captured, _) => Some(captured.kind),
-        SceneSource::Procedural(_) | SceneSource::None => None,
-    };
     // Lengths of captures are arbitrary, so only the dataset indicates the size of objects.
-    let (scale, data_source) = match captured {
-        Some(CaptureKind::Mvimgnet) => ("object", "MVImgNet"),
-        Some(CaptureKind::Dl3dv) => ("large", "DL3DV-10K"),
-        _ => ("unknown", recipe.source.kind()),
-    };
+    let kind = recipe.source.kind();
+    let (scale, data_source) =
+        kind.dataset().map_or(("unknown", kind.name()), |dataset| (dataset.scale, dataset.name));
     let uniform = reports.all(is_uniform);
     SceneAttributes {
         data_type: made.filter_map(|product| product.data_type).map(str::to_owned).collect(),

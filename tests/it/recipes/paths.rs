@@ -227,7 +227,7 @@ fn a_scene_without_a_capture_writes_its_camera() {
              trajectories: [{{ name: b, orbit: {{ centre: [0, 0, 0], from: [0, 0, 4], up: [0, 1, 0] }} }}]\n"
         );
         let recipe = again(&yaml);
-        assert_eq!((&recipe.source, recipe.source.kind()), (&SceneSource::None, "none"));
+        assert_eq!((&recipe.source, recipe.source.kind().name()), (&SceneSource::None, "none"));
         let wanted = CameraChoice { width: 64, height: 48, intrinsics: Some(intrinsics) };
         assert_eq!(recipe.camera, Some(wanted), "{camera}");
     };
