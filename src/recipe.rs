@@ -10,6 +10,7 @@ mod field;
 mod find;
 mod forms;
 mod fragment;
+mod keys;
 mod load;
 mod merge;
 mod names;
@@ -167,13 +168,14 @@ pub struct TrajectoryRecipe {
 }
 
 /// Scale of a scene, after the axes of the paper's appendix D.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum SceneScale {
-    /// A single object.
+    /// One thing.
     Object,
-    /// A room, or a few objects.
+    /// A room, or a few things.
     Medium,
-    /// A building, a street or a landscape.
+    /// A building, a street, a landscape.
     Large,
 }
 

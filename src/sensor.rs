@@ -14,6 +14,7 @@ mod label;
 pub mod noise;
 mod own_events;
 mod pairs;
+mod parameters;
 pub mod screening;
 mod simulate;
 pub mod statistics;
@@ -23,6 +24,7 @@ pub mod voltmeter;
 mod window;
 
 pub use choice::{SensorChoice, SensorSet};
+pub use parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
 pub use simulate::{SensorChannel, SimulateError, simulate_all, simulate_one};
 
 use crate::event::EventSink;
@@ -35,8 +37,8 @@ use serde::{Deserialize, Serialize};
 /// White on the grey scale of luminance.
 pub(crate) const WHITE: f64 = 255.0;
 
-/// Parameters of a sensor.
-pub trait SensorModel {
+/// The law of a sensor.
+pub trait SensorModel: SensorParameters {
     /// Version of the law that draws the events. Raise it when the same parameters give other
     /// events.
     fn law_version(&self) -> u32;

@@ -262,7 +262,7 @@ impl LedgerAsset {
     /// Returns true if the asset is a dataset, whose terms bind.
     #[must_use]
     pub fn is_dataset(&self) -> bool {
-        matches!(self.role, AssetRole::Source(_))
+        self.role == AssetRole::Source
     }
 
     /// Returns its ids as one expression.

@@ -8,8 +8,7 @@ use super::field::Field;
 use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, schema};
 use crate::licence::UpstreamGrant;
 use crate::render::AntialiasMode;
-use crate::sensor::noise::HotPixelNoise;
-use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use crate::sensor::voltmeter::VoltmeterPreset;
 use crate::sensor::{SensorChoice, SensorSet};
 use crate::units::Ratio;
 use serde_json::{Value, json};
@@ -115,45 +114,18 @@ fn written_text(field: &Field<String>) -> Option<&str> {
 }
 
 fn sensor_value(raw: Option<&schema::SensorSection>, sensor: &SensorChoice) -> Value {
-    if let Some(schema::SensorSection::TwinOf(name)) = raw {
+    if let Some(name) = raw.and_then(schema::SensorSection::twin_of) {
         return json!({ "twin_of": written_text(name) });
     }
-    let fields = match sensor {
-        SensorChoice::Voltmeter(sensor) => voltmeter_value(raw, sensor),
-        // The serialized fields have the names that recipes use.
-        SensorChoice::Esim(sensor) => json!(sensor),
-        SensorChoice::V2e(sensor) => json!(sensor),
-    };
+    let mut fields = sensor.as_model().written();
+    if sensor.as_voltmeter().is_some() {
+        add_constants(raw.and_then(schema::SensorSection::voltmeter), &mut fields);
+    }
     json!({ sensor.name(): fields })
 }
 
-fn voltmeter_value(raw: Option<&schema::SensorSection>, voltmeter: &VoltmeterModel) -> Value {
-    let mut out = json!({
-        "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
-        "law": voltmeter.law,
-        "gain": voltmeter.gain,
-        "initial": voltmeter.initial,
-        "max_events_per_pixel_frame": voltmeter.max_events_per_pixel_frame,
-    });
-    if voltmeter.threshold_spread > 0.0 {
-        out["threshold"]["spread"] = json!(voltmeter.threshold_spread);
-    }
-    if voltmeter.hot_pixels != HotPixelNoise::default() {
-        out["hot_pixels"] = json!(voltmeter.hot_pixels);
-    }
-    if voltmeter.allow_cap {
-        out["allow_cap"] = json!(true);
-    }
-    if !voltmeter.front_end.is_plain() {
-        out["front_end"] = json!(voltmeter.front_end);
-    }
-    if voltmeter.labels {
-        out["labels"] = json!(true);
-    }
-    let raw = match raw {
-        Some(schema::SensorSection::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
-        _ => None,
-    };
+/// Adds the constants of a voltmeter as written, or the name of their preset.
+fn add_constants(raw: Option<&schema::VoltmeterSection>, out: &mut Value) {
     match raw.and_then(|raw| Some((raw.k.given()?.0, raw.units.given()?.0))) {
         Some((k, units)) => {
             out["k"] = k.iter().map(|k| json!(k.given().map(|(k, _)| *k))).collect();
@@ -164,7 +136,6 @@ fn voltmeter_value(raw: Option<&schema::SensorSection>, voltmeter: &VoltmeterMod
                 json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(VoltmeterPreset::Dvs346.name()))
         }
     }
-    out
 }
 
 /// Shows an integer as a number and any other ratio as `n/d`, which recipes may contain.

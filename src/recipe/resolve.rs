@@ -16,6 +16,7 @@ use super::reader::Problems;
 use super::text::TextSpan;
 use super::{Recipe, RecipeMeta, SceneScale, TrajectoryRecipe, names, schema};
 use crate::check::Limits;
+use crate::render::RenderRules;
 use crate::speed::SpeedChoice;
 use reconstruct::ReconstructContext;
 use std::path::PathBuf;
@@ -98,11 +99,7 @@ impl Resolver<'_> {
         let absent = schema::AttributesSection::default();
         let field = &self.section(field, &absent)?.scene_scale;
         let Some((scale, _)) = field.given() else { return field.is_absent().then_some(None) };
-        Some(Some(match scale {
-            schema::SceneScaleKey::Object => SceneScale::Object,
-            schema::SceneScaleKey::Medium => SceneScale::Medium,
-            schema::SceneScaleKey::Large => SceneScale::Large,
-        }))
+        Some(Some(*scale))
     }
 
     fn scene(&self, field: &Field<String>) -> Option<String> {
@@ -186,7 +183,7 @@ impl Resolver<'_> {
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of
 /// alpha (docs/design/numerics-sampling.md, "Jumps of the renderer"). Otherwise they are the rules
 /// of the reference implementation.
-fn usual_rules(sampling: &Field<schema::SamplingSection>) -> schema::RulesKey {
+fn usual_rules(sampling: &Field<schema::SamplingSection>) -> RenderRules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
-    if tolerant { schema::RulesKey::Soft } else { schema::RulesKey::Official }
+    if tolerant { RenderRules::Soft } else { RenderRules::Official }
 }

@@ -10,8 +10,7 @@ use crate::recipe::OutputKind;
 use crate::render::RenderWork;
 use crate::render::backend::Backend;
 use crate::scene::sh;
-use crate::sensor::SensorChoice;
-use crate::sensor::voltmeter::VoltmeterModel;
+use crate::sensor::QuietCells;
 use crate::stage::Stage as _;
 use crate::stage::events::EventsStage;
 use serde::{Deserialize, Serialize};
@@ -105,16 +104,10 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
     rows.extend(colour_row(simulation, class));
     for stream in &simulation.streams {
         let of = |what: &str| stream.name.as_ref().map_or(what.to_owned(), |name| format!("{what}, {name}"));
-        if let SensorChoice::Voltmeter(sensor) = &stream.sensor {
-            let cells = quiet_row(simulation, stream, sensor);
-            let proof = format!(
-                "error: misses an event with probability below e^-{} per cell",
-                VoltmeterModel::MISSED_LN
-            );
+        if let Some(QuietCells { quiet, all, missed_ln }) = quiet_cells(simulation, stream) {
+            let proof = format!("error: misses an event with probability below e^-{missed_ln} per cell");
             let what = of("time cells of pixels far from any threshold");
-            rows.extend(
-                cells.and_then(|[quiet, all]| omission_row(step, &what, (quiet, Some(all), "cells"), &proof)),
-            );
+            rows.extend(omission_row(step, &what, (quiet, Some(all), "cells"), &proof));
         }
         let (kept, capped) = (stream.account.events, stream.account.capped);
         let what = of("events beyond the cap");
@@ -142,13 +135,9 @@ fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow>
     omission_row(EventsStage::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
 }
 
-/// Number of cells of the pixels' clock that were not examined, and of all cells.
-fn quiet_row(
-    simulation: &SimulationRecord,
-    stream: &EventStream,
-    sensor: &VoltmeterModel,
-) -> Option<[u64; 2]> {
+/// Cells of the clock of a stream's pixels.
+fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<QuietCells> {
     let stamps = &simulation.brightness_stamps_us;
     let span_us = stamps.last()? - stamps.first()?;
-    sensor.quiet_cells(&stream.account, simulation.camera.size, span_us)
+    stream.sensor.as_model().quiet_cells(&stream.account, simulation.camera.size, span_us)
 }

@@ -15,7 +15,8 @@ pub use reprojection::ReprojectionStats;
 use super::layout::CaptureLayout;
 use super::photo::{self, PhotoInfo, PhotoScrutiny, SCALED};
 use super::{
-    Capture, CapturedView, FoundView, SourceError, SourcePlace, SourceWarning, UnusedPhoto, collect_views,
+    Capture, CapturedView, DiskCapture, FoundView, SourceError, SourcePlace, SourceWarning, UnusedPhoto,
+    collect_views,
 };
 use crate::camera::Camera;
 use crate::files::{FolderWalk, MAX_DEPTH, is_there};

@@ -54,10 +54,7 @@ impl Resolver<'_> {
                     .at(place),
             );
         }
-        let subframes = match self.or(&raw.subframes, schema::SubframesKey::Auto)? {
-            schema::SubframesKey::Auto => SubframeRule::Auto,
-            schema::SubframesKey::Literal => SubframeRule::Literal,
-        };
+        let subframes = self.or(&raw.subframes, SubframeRule::Auto)?;
         Some(ShutterSettings { frames: frames?, subframes })
     }
 }

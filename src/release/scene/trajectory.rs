@@ -10,7 +10,6 @@ use crate::render::flow::FlowQuantiles;
 use crate::seed::Seed;
 use crate::sensor::SensorChoice;
 use crate::sensor::twin::twin_of;
-use crate::sensor::voltmeter::VoltmeterModel;
 use crate::trajectory::CourseKind;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -108,33 +107,8 @@ pub(super) fn sensor_value(seed: Seed, sensor: &SensorChoice) -> Value {
         "model": sensor.name(), "law_version": model.law_version(), "c_on": c_on, "c_off": c_off,
         "seed": seed.0.to_string(),
     });
-    let parameters = match sensor {
-        SensorChoice::Voltmeter(v) => voltmeter_value(v),
-        SensorChoice::Esim(sensor) => json!(sensor),
-        SensorChoice::V2e(sensor) => json!(sensor),
-    };
-    if let (Value::Object(out), Value::Object(parameters)) = (&mut out, parameters) {
+    if let (Value::Object(out), Value::Object(parameters)) = (&mut out, model.released()) {
         out.extend(parameters);
-    }
-    out
-}
-
-fn voltmeter_value(v: &VoltmeterModel) -> Value {
-    let mut out = json!({
-        "law": v.law, "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
-        "theta_on": v.threshold_on, "theta_off": v.threshold_off,
-    });
-    if v.threshold_spread > 0.0 {
-        out["theta_spread"] = json!(v.threshold_spread);
-    }
-    if !v.hot_pixels.is_absent() {
-        out["hot_pixels"] = json!(v.hot_pixels);
-    }
-    if !v.front_end.is_plain() {
-        out["front_end"] = json!(v.front_end);
-    }
-    if v.labels {
-        out["labels"] = json!(true);
     }
     out
 }
