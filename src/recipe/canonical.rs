@@ -6,6 +6,7 @@ mod trajectory;
 
 use super::field::Field;
 use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, schema};
+use crate::camera::CameraChoice;
 use crate::licence::UpstreamGrant;
 use crate::render::AntialiasMode;
 use crate::sensor::voltmeter::VoltmeterPreset;
@@ -53,12 +54,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         Some(ReconstructMethod::Newest(_)) | None => {}
     }
     if let Some(camera) = recipe.camera {
-        let mut sides = json!({ "width": camera.width, "height": camera.height });
-        for (key, value) in ["fx", "fy", "cx", "cy"].into_iter().zip(camera.intrinsics.into_iter().flatten())
-        {
-            sides[key] = json!(value);
-        }
-        add("camera", sides);
+        add("camera", camera_value(camera));
     }
     for output in OutputKind::ALL {
         if let Some(settings) = output.settings(recipe) {
@@ -75,6 +71,14 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         add("licence", licence_value(licence));
     }
     out
+}
+
+fn camera_value(camera: CameraChoice) -> Value {
+    let mut sides = json!({ "width": camera.width, "height": camera.height });
+    for (key, value) in ["fx", "fy", "cx", "cy"].into_iter().zip(camera.intrinsics.into_iter().flatten()) {
+        sides[key] = json!(value);
+    }
+    sides
 }
 
 fn licence_value(licence: &LicenceChoice) -> Value {

@@ -14,8 +14,10 @@
 
 mod brief;
 pub mod chart;
+pub mod cost;
 pub mod errors;
 pub mod grid;
+pub mod lab;
 pub mod pass;
 pub mod pick;
 pub mod report;
