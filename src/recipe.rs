@@ -24,6 +24,7 @@ mod schema;
 mod source;
 mod text;
 mod tree;
+mod upstream;
 
 pub use beside::{
     RedistributionStatement, ReleaseInfo, SourceTerms, SplitPlan, SplitUnit, TakedownList, TakenDown,
@@ -34,7 +35,8 @@ pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
 pub use fragment::{TrajectoryFragment, read_fragment, read_sensor};
 pub use output::{OutputKind, PictureSpacing};
-pub use source::{SceneSource, UpstreamOrigin};
+pub use source::SceneSource;
+pub use upstream::UpstreamOrigin;
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;

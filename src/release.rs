@@ -19,6 +19,7 @@ mod layout;
 pub mod left_out;
 mod loader;
 mod manifest;
+mod markdown;
 mod path_picture;
 mod products;
 mod provenance;

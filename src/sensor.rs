@@ -16,6 +16,7 @@ mod own_events;
 mod pairs;
 mod parameters;
 pub mod screening;
+mod set;
 mod simulate;
 pub mod statistics;
 pub mod twin;
@@ -23,8 +24,9 @@ pub mod v2e;
 pub mod voltmeter;
 mod window;
 
-pub use choice::{SensorChoice, SensorSet};
+pub use choice::SensorChoice;
 pub use parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
+pub use set::SensorSet;
 pub use simulate::{SensorChannel, SimulateError, simulate_all, simulate_one};
 
 use crate::event::EventSink;

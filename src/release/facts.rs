@@ -1,22 +1,18 @@
 //! Facts about a release for card and datasheet, counted and gathered once, so that the two cannot
 //! differ.
 
-use super::products::{self, PICTURES, ReleaseProduct};
+mod counts;
+
+pub(super) use counts::FileCounts;
+
+use super::markdown::plain_text;
 use super::provenance::Provenance;
 use super::published::PublishedScene;
-use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
-use crate::escape;
 use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
-use crate::recipe::{OutputKind, ReconstructMethod, ReleaseInfo};
+use crate::recipe::{ReconstructMethod, ReleaseInfo};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-
-/// The streams of a trajectory, by their statistics.
-fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics> {
-    let one = part.sensor.iter().map(|_| &part.statistics);
-    one.chain(part.sensors.values().map(|sensor| &sensor.statistics))
-}
 
 /// A release, as described to people.
 #[derive(Debug, Clone, Copy)]
@@ -29,57 +25,7 @@ pub(super) struct ReleaseFacts<'a> {
     pub(super) licence: &'a ComposedTerms,
 }
 
-/// Contents of the tree by number. Withheld files do not count.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct FileCounts {
-    pub(super) scenes: usize,
-    pub(super) trajectories: usize,
-    pub(super) poses: usize,
-    pub(super) events: u64,
-    /// Files of each product: its event streams, or its pictures.
-    files: BTreeMap<OutputKind, usize>,
-    /// Scenes without any file that shows them, because the upstream forbids redistribution.
-    pub(super) withheld: usize,
-}
-
-impl FileCounts {
-    /// Number of files of a product.
-    pub(super) fn files(&self, product: &ReleaseProduct) -> usize {
-        self.files.get(&product.output).copied().unwrap_or_default()
-    }
-
-    /// Returns true if the release has files of a product.
-    pub(super) fn has(&self, product: &ReleaseProduct) -> bool {
-        self.files(product) > 0
-    }
-}
-
 impl ReleaseFacts<'_> {
-    pub(super) fn counts(&self) -> FileCounts {
-        let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
-        let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
-        // Of withheld scenes too: their poses are released, unlike their events and pictures.
-        let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
-        let pictures = |product: &ReleaseProduct| -> usize {
-            let of = |scene: &PublishedScene| -> usize {
-                let paths = scene.file.trajectories.iter();
-                paths.map(|part| scene.in_folder(&part.name, product.name()).count()).sum()
-            };
-            shown().map(of).sum()
-        };
-        let mut files: BTreeMap<OutputKind, usize> =
-            PICTURES.iter().map(|product| (product.output, pictures(product))).collect();
-        files.insert(products::EVENTS.output, streams().count());
-        FileCounts {
-            scenes: self.scenes.len(),
-            trajectories: paths().count(),
-            poses: paths().map(|part| part.poses).sum(),
-            events: streams().filter_map(|counted| counted.events).sum(),
-            files,
-            withheld: self.scenes.len() - shown().count(),
-        }
-    }
-
     /// Number of scenes of each kind of source.
     pub(super) fn sources(&self) -> BTreeMap<&'static str, usize> {
         tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind().name()))
@@ -119,18 +65,6 @@ impl ReleaseFacts<'_> {
     /// How the data were made.
     pub(super) fn provenance(&self) -> Provenance {
         Provenance::of(self.scenes.iter().map(|scene| &scene.file))
-    }
-
-    /// The contents in words, each kind with its number: `12 events, 3 sharp frames`.
-    pub(super) fn contents(&self) -> String {
-        let counts = self.counts();
-        let counted = |product: &ReleaseProduct| format!("{} {}", counts.files(product), product.noun);
-        let streams = [&products::EVENTS].into_iter().filter(|product| counts.has(product));
-        let pictures = PICTURES.into_iter().filter(|product| counts.has(product));
-        let mut words = vec![format!("{} poses", counts.poses)];
-        words.extend(streams.map(|product| format!("{} events in {}", counts.events, counted(product))));
-        words.extend(pictures.map(counted));
-        words.join(", ")
     }
 
     fn parts(&self) -> impl Iterator<Item = &HolderTerms> {
@@ -233,63 +167,4 @@ fn tally_names<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, us
         *counts.entry(name).or_default() += 1;
         counts
     })
-}
-
-/// Text of a user on one line of Markdown. Nothing in it acts as markup or is hidden, wherever it
-/// is put.
-pub(super) fn plain_text(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.trim().chars() {
-        match c {
-            c if breaks_line(c) || c == '\t' => out.push(' '),
-            // Two backslashes, which Markdown shows as one.
-            c if escape::is_hidden(c) => out.push_str(&format!("\\{}", c.escape_unicode())),
-            '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' | '|' | '~' | '&' | '$' => out.extend(['\\', c]),
-            c => out.push(c),
-        }
-    }
-    if let Some(at) = opens_block(&out) {
-        out.insert(at, '\\');
-    }
-    out
-}
-
-/// Returns true if readers of text take the character for the end of a line (Unicode UAX 14:
-/// mandatory breaks).
-pub(super) fn breaks_line(c: char) -> bool {
-    matches!(c, '\n' | '\r' | '\u{b}' | '\u{c}' | '\u{85}' | '\u{2028}' | '\u{2029}')
-}
-
-/// Position at which a backslash keeps a line from opening a block: before the sign of a heading, a
-/// list, a rule or an underline, or before the dot of `1. `.
-fn opens_block(line: &str) -> Option<usize> {
-    if line.starts_with(['#', '+', '-', '=']) {
-        return Some(0);
-    }
-    let digits = line.bytes().take_while(u8::is_ascii_digit).count();
-    let mut rest = line[digits..].chars();
-    let marks = digits > 0 && rest.next().is_some_and(|c| c == '.' || c == ')');
-    (marks && rest.next().is_none_or(char::is_whitespace)).then_some(digits)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texts_of_users_are_no_markup() {
-        let t = |text: &str, wanted: &str| assert_eq!(plain_text(text), wanted);
-        t("Example Lab, 2025", "Example Lab, 2025");
-        t(" a|b\n## Licence ", "a\\|b ## Licence");
-        t("<img src=x> [a](b) `c` **d**", "\\<img src=x\\> \\[a\\](b) \\`c\\` \\*\\*d\\*\\*");
-        t("~~~", "\\~\\~\\~");
-        t("# X", "\\# X");
-        t("- x", "\\- x");
-        t("1. x 2. y", "1\\. x 2. y");
-        t("12)", "12\\)");
-        t("1.2.0", "1.2.0");
-        t("===", "\\===");
-        t("_x_ &lt; $y$", "\\_x\\_ \\&lt; \\$y\\$");
-        t("a\r# X\u{2028}\u{1b}[31m\u{202e}", "a # X \\\\u{1b}\\[31m\\\\u{202e}");
-    }
 }

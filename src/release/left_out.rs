@@ -141,3 +141,19 @@ fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<Qu
     let span_us = stamps.last()? - stamps.first()?;
     stream.sensor.as_model().quiet_cells(&stream.account, simulation.camera.size, span_us)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::blur::BlurStage;
+    use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+    use crate::stage::sharp::SharpStage;
+
+    #[test]
+    fn the_stage_of_an_output_has_its_name() {
+        let stages =
+            [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
+        assert_eq!(OutputKind::ALL.map(OutputKind::name), stages);
+        assert!(!is_rendering("trajectory") && is_rendering("flow"));
+    }
+}

@@ -1,4 +1,4 @@
-//! The sensor of a recipe, one of a closed family, and the set of sensors that share one rendering.
+//! The sensor of a recipe, one of a closed family.
 
 use super::noise::{self, HotPixelNoise};
 use super::screening::{ScreenError, SensorScreening};
@@ -6,7 +6,6 @@ use super::voltmeter::{self, BetweenFrames};
 use super::{SensorFacts, SensorModel, SensorSettings, esim, v2e};
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// A sensor, as chosen by a recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,25 +99,5 @@ impl SensorChoice {
     /// The parameters make no usable stream.
     pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.as_model().screen(rate)
-    }
-}
-
-/// The sensors that share one rendering.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SensorSet {
-    /// One sensor, without a name.
-    One(SensorChoice),
-    /// Several sensors by name.
-    Named(BTreeMap<String, SensorChoice>),
-}
-
-impl SensorSet {
-    /// Each sensor with its name, if it has one, in the order of names.
-    pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &SensorChoice)> {
-        let (one, named) = match self {
-            Self::One(sensor) => (Some((None, sensor)), None),
-            Self::Named(sensors) => (None, Some(sensors.iter().map(|(name, s)| (Some(name.as_str()), s)))),
-        };
-        one.into_iter().chain(named.into_iter().flatten())
     }
 }

@@ -1,5 +1,5 @@
-//! What the rest of the program asks of any sensor's parameters. Each model answers in a file of
-//! its own, next to its law.
+//! Questions that the rest of the program asks of any sensor. Each model answers in a file of its
+//! own, next to its law.
 
 use super::front_end::FrontEnd;
 use super::noise::HotPixelNoise;

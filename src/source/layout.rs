@@ -1,4 +1,4 @@
-//! What a kind of capture on disk can do. Each kind is one file that implements [`CaptureLayout`];
+//! Tasks of a kind of capture on disk. Each kind is one file that implements [`CaptureLayout`];
 //! [`super::kind::CaptureKind`] is the list of them.
 
 use super::colmap::ColmapModel;

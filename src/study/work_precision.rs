@@ -22,6 +22,7 @@ pub mod pass;
 pub mod pick;
 pub mod report;
 mod voltage;
+pub mod window;
 
 use crate::image::{Image, Size};
 use crate::sampling::jitter::IntervalNoise;

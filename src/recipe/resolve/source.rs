@@ -48,11 +48,8 @@ impl Resolver<'_> {
         let (exclude, poses) = (self.exclude(kind, raw), self.pose_file(kind, raw));
         let (id, url) = (self.said(&raw.upstream_id), self.formed(&raw.upstream_url, forms::URL));
         let accessed = self.formed(&raw.accessed, forms::DAY);
-        let terms_accepted = match &raw.terms_accepted {
-            Field::Absent => Some(None),
-            Field::Bad => None,
-            Field::Given(accepted, _) => Some(Some(*accepted)),
-        };
+        let accepted = raw.terms_accepted.given().map(|(accepted, _)| *accepted);
+        let terms_accepted = (accepted.is_some() || raw.terms_accepted.is_absent()).then_some(accepted);
         let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
         let captured = DiskCapture { kind, path: path?, selection };
         // Statements of the recipe win over values that the folders reveal.

@@ -3,6 +3,7 @@
 use super::cost::{CostSampling, Measured, ProcessMeter, kept_at, measure_views};
 use super::grid::FrameGrid;
 use super::pass::{PassSetup, feed_settings};
+use super::window::FineWindow;
 use super::{
     OfRules, PicturePrecision, RuleCosts, SettingRow, StudyResult, finest_law as law_of, image_differences,
     judge_pass,
@@ -14,13 +15,11 @@ use crate::render::flow::PixelFlowMeter;
 use crate::render::{
     CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle,
 };
-use crate::sampling::path::SampledPath;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::SimulateError;
 use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use crate::trajectory::Trajectory;
-use crate::units::{Hertz, Ratio};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -92,46 +91,8 @@ pub enum LabError {
     Simulate(#[from] SimulateError),
 }
 
-/// A part of a path, and its finest frames.
-#[derive(Debug)]
-pub struct FineWindow {
-    /// The whole path.
-    pub path: SampledPath,
-    /// Begin of the window, s of the path.
-    pub start: f64,
-    /// Number of intervals between fine frames; even.
-    pub intervals: usize,
-    /// Fine frames per second.
-    pub finest: u32,
-}
-
-impl FineWindow {
-    fn stamp_us(&self, frame: usize) -> i64 {
-        let rate = Hertz(Ratio::new(self.finest.into(), 1).expect("it is a multiple of a rate above 0"));
-        rate.stamp_us(frame as u64)
-    }
-
-    fn seconds(&self) -> f64 {
-        self.stamp_us(self.intervals) as f64 * 1e-6
-    }
-
-    /// The view at a fine frame. Its time is the rounded stamp, so that poses and events have the
-    /// same time.
-    fn view(&self, camera: Camera, frame: usize) -> CameraView {
-        let at = self.start + self.stamp_us(frame) as f64 * 1e-6;
-        // A rounded stamp may lie beyond the end of the path.
-        let (pose, velocity) = self.path.at(at.min(self.path.seconds()));
-        CameraView { velocity, ..CameraView::at_rest(camera, pose) }
-    }
-
-    /// Up to `count` views, evenly spread.
-    fn views(&self, camera: Camera, count: usize) -> Vec<CameraView> {
-        let count = count.min(self.intervals);
-        (0..count).map(|k| self.view(camera, (2 * k + 1) * self.intervals / (2 * count))).collect()
-    }
-}
-
 /// The equipment of a study.
+#[expect(missing_debug_implementations, reason = "it holds closures")]
 pub struct StudyLab<'a> {
     /// The scene.
     pub gaussians: Arc<Gaussians>,

@@ -39,7 +39,7 @@ fn families() -> [Family; 3] {
             name: "sensors",
             enums: &["SensorChoice", "SensorSection"],
             members: SensorChoice::FAMILY.map(|facts| facts.name).to_vec(),
-            own: &["src/sensor/{}.rs"],
+            own: &["src/sensor/{}.rs", "src/recipe/schema/sensor/{}.rs"],
             quoted_in: &["src"],
             needed: &[
                 ("src/sensor/choice.rs", "the variant, and the one match over the family"),
@@ -107,7 +107,7 @@ impl Family {
         let variant = first + letters.as_str();
         let is_named = self.enums.iter().any(|name| names_variant(&source.code, name, &variant));
         let within = |place: &&str| source.path == **place || source.path.starts_with(&format!("{place}/"));
-        is_named || self.quoted_in.iter().any(|place| within(&place)) && quotes(source, member)
+        is_named || self.quoted_in.iter().any(|place| within(place)) && quotes(source, member)
     }
 }
 
