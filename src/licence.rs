@@ -14,49 +14,8 @@ pub use expression::LicenceExpression;
 pub use ledger::{LedgerAsset, LicenceObligation};
 pub use text::{is_listed, licence_text};
 
+use crate::source::kind::SourceKind;
 use serde::{Deserialize, Serialize};
-
-/// Kinds of sources of poses and photos.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum SourceKind {
-    /// The built-in procedural scene, which belongs to this program.
-    Procedural,
-    /// A COLMAP model of the owner.
-    Colmap,
-    /// A `transforms.json` of the owner.
-    Nerfstudio,
-    /// A 3DGS model folder of the owner.
-    Model,
-    /// No source: a scene file of the owner, and poses from the recipe.
-    None,
-    /// `MVImgNet`.
-    Mvimgnet,
-    /// `DL3DV-10K`.
-    Dl3dv,
-}
-
-impl SourceKind {
-    /// Returns the name of the kind in recipes and in `scene.json`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Procedural => "procedural",
-            Self::Colmap => "colmap",
-            Self::Nerfstudio => "nerfstudio",
-            Self::Model => "model",
-            Self::None => "none",
-            Self::Mvimgnet => "mvimgnet",
-            Self::Dl3dv => "dl3dv",
-        }
-    }
-
-    /// Returns the kind with this name.
-    #[must_use]
-    pub fn by_name(name: &str) -> Option<Self> {
-        let own = [Self::Procedural, Self::Colmap, Self::Nerfstudio, Self::Model, Self::None];
-        own.into_iter().chain([Self::Mvimgnet, Self::Dl3dv]).find(|kind| kind.name() == name)
-    }
-}
 
 /// The terms of a scene, or of several together.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -114,10 +73,10 @@ impl UpstreamGrant {
 }
 
 /// Statements of a recipe and of the files next to it about a scene's terms.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct StatedTerms<'a> {
-    /// Name of the kind of source.
-    pub kind: &'a str,
+    /// The kind of source.
+    pub kind: SourceKind,
     /// Address of the upstream dataset.
     pub url: Option<&'a str>,
     /// The owner's expression for the added part, and the holder of these rights.
@@ -152,25 +111,6 @@ impl Redistributability {
     }
 }
 
-/// Files of a scene that may always be redistributed: texts and numbers that show nothing of the
-/// scene.
-const METADATA: [&str; 8] = [
-    "scene.json",
-    "poses.txt",
-    "timestamps_us.txt",
-    "transforms.json",
-    "speed.json",
-    "trajectory.svg",
-    "trajectory.png",
-    "checks.json",
-];
-
-/// Returns true if a file of a scene's folder shows nothing of the scene.
-#[must_use]
-pub fn is_metadata(path: &str) -> bool {
-    METADATA.contains(&path.rsplit('/').next().unwrap_or(path))
-}
-
 /// The reason why a text is not a licence.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is not an SPDX licence expression: {because}")]
@@ -186,11 +126,10 @@ pub struct LicenceError {
 /// upstream. It does not permit redistribution; that still needs the releaser's reason.
 ///
 /// # Panics
-/// The kind is not a [`SourceKind`], or a text is not an expression. Recipes are validated for both
-/// when they are read.
+/// A text is not an expression. Recipes are validated for that when they are read.
 #[must_use]
 pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
-    let kind = SourceKind::by_name(stated.kind).expect("recipes are read with known sources");
+    let kind = stated.kind;
     // By address too: the terms of a dataset bind however its captures are read.
     let upstream = ledger::find_dataset(kind, stated.url);
     let mut warnings = Vec::new();
@@ -241,7 +180,7 @@ fn of_upstream(asset: &'static LedgerAsset, grant: Option<&UpstreamGrant>) -> Ho
 fn of_owner(kind: SourceKind, stated: &StatedTerms<'_>) -> HolderTerms {
     let (expression, holder) = match stated.owner {
         Some(owner) => owner,
-        None if kind == SourceKind::Procedural => ("CC0-1.0", ""),
+        None if kind.is_made_up() => ("CC0-1.0", ""),
         None => (text::UNSTATED, ""),
     };
     let parsed = LicenceExpression::parse(expression).expect("recipes are read with valid expressions");
@@ -284,18 +223,20 @@ mod tests {
 
     fn compose_terms(kind: &str, owner: Option<&str>, redistribution: Option<&str>) -> ComposedTerms {
         let owner = owner.map(|expression| (expression, "a test"));
-        super::compose_terms(&StatedTerms { kind, owner, redistribution, ..StatedTerms::default() })
+        super::compose_terms(&StatedTerms { owner, redistribution, ..silent(kind) })
+    }
+
+    /// No statements about a source of this kind.
+    fn silent(kind: &str) -> StatedTerms<'static> {
+        let kind = SourceKind::by_name(kind).unwrap();
+        StatedTerms { kind, url: None, owner: None, grant: None, redistribution: None }
     }
 
     #[test]
     fn an_address_binds_whatever_the_capture_is_read_as() {
         let url = Some("https://github.com/DL3DV-10K/Dataset");
-        let composed = super::compose_terms(&StatedTerms {
-            kind: "colmap",
-            url,
-            owner: Some(("MIT", "")),
-            ..StatedTerms::default()
-        });
+        let composed =
+            super::compose_terms(&StatedTerms { url, owner: Some(("MIT", "")), ..silent("colmap") });
         assert_eq!(composed.expression, "CC-BY-NC-4.0 AND LicenseRef-DL3DV-10K-ToU AND MIT");
         assert!(composed.gated && composed.passing == Redistributability::Withheld);
         assert!(composed.warnings[0].starts_with("colmap (DL3DV-10K) forbids"), "{:?}", composed.warnings);
@@ -309,12 +250,7 @@ mod tests {
             url: "https://example.org/letter".into(),
             date: "2025-06-01".into(),
         };
-        let stated = StatedTerms {
-            kind: "dl3dv",
-            owner: Some(("MIT", "")),
-            grant: Some(&grant),
-            ..StatedTerms::default()
-        };
+        let stated = StatedTerms { owner: Some(("MIT", "")), grant: Some(&grant), ..silent("dl3dv") };
         let composed = super::compose_terms(&stated);
         assert_eq!(composed.expression, "CC-BY-4.0 AND MIT");
         assert!(composed.gated && composed.passing == Redistributability::Withheld);
@@ -367,8 +303,6 @@ mod tests {
         t("colmap", None, Redistributability::Free);
         t("colmap", Some("a letter"), Redistributability::Free);
         assert!(compose_terms("dl3dv", Some("MIT"), Some("a letter")).gated);
-        assert!(is_metadata("a/b/base/poses.txt") && is_metadata("scene.json"));
-        assert!(!is_metadata("base/events.h5") && !is_metadata("base/sharp/000000.png"));
     }
 
     #[test]

@@ -10,17 +10,21 @@ mod field;
 mod find;
 mod forms;
 mod fragment;
+mod keys;
 mod load;
 mod merge;
 mod names;
 mod nearest;
+mod output;
 mod preset;
 mod problem;
 mod reader;
 mod resolve;
 mod schema;
+mod source;
 mod text;
 mod tree;
+mod upstream;
 
 pub use beside::{
     RedistributionStatement, ReleaseInfo, SourceTerms, SplitPlan, SplitUnit, TakedownList, TakenDown,
@@ -30,18 +34,18 @@ pub use edits::{RecipeEdit, find_edits};
 pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
 pub use fragment::{TrajectoryFragment, read_fragment, read_sensor};
+pub use output::{OutputKind, PictureSpacing};
+pub use source::SceneSource;
+pub use upstream::UpstreamOrigin;
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::licence::{UpstreamGrant, ledger};
+use crate::licence::UpstreamGrant;
 use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
 use crate::sampling::exposure::ShutterSettings;
-use crate::scene::procedural::StillLife;
 use crate::sensor::SensorSet;
-use crate::source::DiskCapture;
-use crate::source::kind::CaptureKind;
 use crate::speed::SpeedChoice;
 use crate::store::stat_cache::StatSighting;
 use crate::trajectory::path::CameraPath;
@@ -54,12 +58,8 @@ use std::path::PathBuf;
 /// A scene and everything that is made of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// The recipe file and its defaults file.
-    pub file: RecipeFile,
-    /// Both files as they were before they were read.
-    pub seen: Vec<(PathBuf, StatSighting)>,
-    /// Places where the recipe names things that may turn out to be missing.
-    pub named_at: NamedAt,
+    /// The files that it was read from, and its full form.
+    pub meta: RecipeMeta,
     /// Scene id: the path of the scene in the release, `/`-separated.
     pub scene: String,
     /// Seed that all streams derive from.
@@ -100,6 +100,17 @@ pub struct Recipe {
     pub checks: Limits,
     /// The owner's part of the licence.
     pub licence: Option<LicenceChoice>,
+}
+
+/// Facts about a recipe that is read: they enter no key.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RecipeMeta {
+    /// The recipe file and its defaults file.
+    pub file: RecipeFile,
+    /// Both files as they were before they were read.
+    pub seen: Vec<(PathBuf, StatSighting)>,
+    /// Places where the recipe names things that may turn out to be missing.
+    pub named_at: NamedAt,
     /// The merged recipe in full with all defaults, as `scene.json` shows it. Paths are as written.
     pub merged: serde_json::Value,
 }
@@ -132,80 +143,6 @@ impl fmt::Display for RecipePosition {
     }
 }
 
-/// The source of poses. Paths are resolved against the recipe's folder.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SceneSource {
-    /// The built-in procedural scene.
-    Procedural(StillLife),
-    /// A capture on disk, with the recipe's statements about its origin.
-    Captured(DiskCapture, UpstreamOrigin),
-    /// No source: the recipe itself contains the trajectories, and the Gaussians come from a scene
-    /// file.
-    None,
-}
-
-impl SceneSource {
-    /// Kind of the source, as recipes and releases name it.
-    #[must_use]
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Procedural(_) => "procedural",
-            Self::Captured(captured, _) => captured.kind.name(),
-            Self::None => "none",
-        }
-    }
-
-    /// The kind of the source, and the id that the upstream gives to this capture.
-    #[must_use]
-    pub fn origin(&self) -> (&'static str, Option<&str>) {
-        match self {
-            Self::Captured(captured, upstream) => {
-                let kind = ledger::find_origin(captured.kind.name(), upstream.url.as_deref());
-                (kind, upstream.id.as_deref())
-            }
-            Self::Procedural(_) | Self::None => (self.kind(), None),
-        }
-    }
-
-    /// Returns true if the views of the source are photographs.
-    #[must_use]
-    pub fn has_photos(&self) -> bool {
-        matches!(self, Self::Captured(..))
-    }
-
-    /// Returns true if the source has views, and therefore a camera.
-    #[must_use]
-    pub fn has_views(&self) -> bool {
-        !matches!(self, Self::None)
-    }
-}
-
-/// Origin of a capture; unknown fields are `None`. It enters no key.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct UpstreamOrigin {
-    /// Id of the capture in the dataset.
-    pub id: Option<String>,
-    /// Address of the dataset.
-    pub url: Option<String>,
-    /// The date of the download, `YYYY-MM-DD`.
-    pub accessed: Option<String>,
-    /// True if the terms of the dataset were accepted.
-    pub terms_accepted: Option<bool>,
-}
-
-impl UpstreamOrigin {
-    /// Origin of a capture as far as the layout of its dataset reveals it.
-    #[must_use]
-    pub fn from_capture(captured: &DiskCapture) -> Self {
-        let url = match captured.kind {
-            CaptureKind::Mvimgnet => "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
-            CaptureKind::Dl3dv => "https://github.com/DL3DV-10K/Dataset",
-            CaptureKind::Colmap | CaptureKind::Nerfstudio | CaptureKind::Model => return Self::default(),
-        };
-        Self { id: captured.upstream_id(), url: Some(url.to_owned()), ..Self::default() }
-    }
-}
-
 /// The source of the Gaussians.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReconstructMethod {
@@ -232,40 +169,15 @@ pub struct TrajectoryRecipe {
     pub speed: SpeedChoice,
 }
 
-/// A product of each trajectory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum OutputKind {
-    /// Event stream.
-    Events,
-    /// Sharp frames.
-    Sharp,
-    /// Blurred frames.
-    Blur,
-    /// Depth images.
-    Depth,
-    /// Images of optical flow.
-    Flow,
-}
-
-/// Number of poses per picture, for each kind of picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PictureSpacing {
-    /// Poses per sharp frame. Frames in the middle of an exposure are kept in addition.
-    pub sharp: u32,
-    /// Poses per depth image.
-    pub depth: u32,
-    /// Poses per image of optical flow.
-    pub flow: u32,
-}
-
 /// Scale of a scene, after the axes of the paper's appendix D.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum SceneScale {
-    /// A single object.
+    /// One thing.
     Object,
-    /// A room, or a few objects.
+    /// A room, or a few things.
     Medium,
-    /// A building, a street or a landscape.
+    /// A building, a street, a landscape.
     Large,
 }
 

@@ -19,7 +19,9 @@ mod layout;
 pub mod left_out;
 mod loader;
 mod manifest;
+mod markdown;
 mod path_picture;
+mod products;
 mod provenance;
 mod published;
 pub mod recheck;
@@ -45,7 +47,7 @@ pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
-use crate::licence::{ComposedTerms, Redistributability, is_metadata};
+use crate::licence::{ComposedTerms, Redistributability};
 use crate::plan::Plan;
 use crate::recipe::{self, RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
 use crate::run::RunSummary;
@@ -349,7 +351,8 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     }
     for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
-        let shown = |name: &str| scene.licence.passing != Redistributability::Withheld || is_metadata(name);
+        let shown =
+            |name: &str| scene.licence.passing != Redistributability::Withheld || products::is_metadata(name);
         for (name, content) in trajectory_files(scene, (trajectory, part), store) {
             if shown(&name) {
                 tree.add(at(&name), content);
@@ -378,7 +381,7 @@ fn trajectory_files(
     files.insert(layout::CHECKS.into(), FileContent::json(&trajectory.findings));
     let path = path_picture::compose_picture(&trajectory.motion).map(FileContent::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
-    let sharp: Vec<&str> = outputs("sharp").iter().map(|o| o.name.as_str()).collect();
+    let sharp: Vec<&str> = outputs(products::SHARP.name()).iter().map(|o| o.name.as_str()).collect();
     let transforms = transforms_of(&scene.camera(), part, &trajectory.motion, &sharp);
     files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
     files

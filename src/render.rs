@@ -23,16 +23,13 @@ use shared::MAX_EDGE;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RenderRules {
-    /// graphdeco-inria/diff-gaussian-rasterization: square extents of 3 sigma, rounded out to tiles
-    /// of 16x16 px.
+    /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles.
     Official,
-    /// Every pixel at which alpha reaches 1/255.
+    /// Every pixel at which a layer's opacity reaches 1/255.
     Exact,
-    /// nerfstudio-project/gsplat: its culling, its clamp of the projection's derivative, its stop,
-    /// and its extent per axis.
+    /// The conventions of gsplat.
     Gsplat,
-    /// As [`Self::Exact`], but a layer fades in between half a grey step and one and a half, where
-    /// the other rules cut it off at one. Opacity is then a continuous function of the view.
+    /// As `exact`, but layers fade in, so that opacity is a continuous function of the view.
     Soft,
 }
 
@@ -40,12 +37,10 @@ pub enum RenderRules {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LayerOrder {
-    /// By the depth of their means. Two layers that pass each other swap at once.
+    /// By the depth of their means.
     #[default]
     Depth,
-    /// As [`Self::Depth`], but two layers of nearly the same depth cover each other in part, so
-    /// that the image is a continuous function of the view. Made for references: it takes more than
-    /// twice the time.
+    /// Layers cover each other in part; with the rules `soft` only.
     Blended,
 }
 

@@ -4,6 +4,7 @@
 //! gives its consumers the same keys, and the wave of work stops. Two steps with one key run once.
 //! The clock is read here for durations only; no reading reaches a file of the release.
 
+pub mod backends;
 pub mod estimate;
 mod executor;
 mod job;

@@ -14,7 +14,9 @@ mod label;
 pub mod noise;
 mod own_events;
 mod pairs;
+mod parameters;
 pub mod screening;
+mod set;
 mod simulate;
 pub mod statistics;
 pub mod twin;
@@ -22,7 +24,9 @@ pub mod v2e;
 pub mod voltmeter;
 mod window;
 
-pub use choice::{SensorChoice, SensorSet};
+pub use choice::SensorChoice;
+pub use parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
+pub use set::SensorSet;
 pub use simulate::{SensorChannel, SimulateError, simulate_all, simulate_one};
 
 use crate::event::EventSink;
@@ -35,8 +39,8 @@ use serde::{Deserialize, Serialize};
 /// White on the grey scale of luminance.
 pub(crate) const WHITE: f64 = 255.0;
 
-/// Parameters of a sensor.
-pub trait SensorModel {
+/// The law of a sensor.
+pub trait SensorModel: SensorParameters {
     /// Version of the law that draws the events. Raise it when the same parameters give other
     /// events.
     fn law_version(&self) -> u32;

@@ -6,10 +6,13 @@
 //! [`SourceWarning`].
 
 mod captured;
+mod collect;
 pub mod colmap;
 mod dl3dv;
+mod error;
 pub mod inventory;
 pub mod kind;
+mod layout;
 pub mod lens;
 pub mod model;
 pub mod mvimgnet;
@@ -19,17 +22,21 @@ mod node;
 mod photo;
 pub mod undistort;
 pub mod view;
+mod warning;
 
 pub use captured::{DiskCapture, PoseFile, ViewSelection, check_pattern};
+pub use error::{SourceError, SourcePlace};
+pub use layout::SourceDataset;
+pub use warning::SourceWarning;
 
 use crate::camera::Camera;
-use crate::files::{self, WalkError};
-use crate::image::{MAX_PIXELS, Size};
+use crate::files;
+use crate::image::Size;
 use crate::se3::Se3;
+use collect::{FoundView, collect_views, screen_camera};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The content of a source: its views in capture order (natural order of the image file names).
 /// There is at least one view unless the scene has no source.
@@ -186,127 +193,6 @@ fn cameras_differ(a: &Camera, b: &Camera) -> bool {
     a.size != b.size || pairs.iter().any(|(a, b)| (a - b).abs() > 1.0)
 }
 
-/// A property of a source that the user should know and that does not stop a build.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SourceWarning {
-    /// Lens distortion that renderings do not have.
-    #[error(
-        "the photos are distorted by up to {most_px:.1} px, but renderings have no distortion: the scene must have been \
-         trained on undistorted photos"
-    )]
-    DistortionIgnored {
-        /// Largest displacement, px of the photo.
-        most_px: f64,
-    },
-    /// Views have different cameras.
-    #[error(
-        "{count} views have a different camera than `{taken}`, whose camera is used; the first is `{other}`"
-    )]
-    CamerasDiffer {
-        /// The view whose camera is used.
-        taken: String,
-        /// The first differing view.
-        other: String,
-        /// Number of differing views.
-        count: usize,
-    },
-    /// The binary and the text form of a model have different numbers of records.
-    #[error("{binary} holds {found} records, {text} holds {other}: the binary file is used")]
-    CountsDiffer {
-        /// Binary file.
-        binary: PathBuf,
-        /// Number of its records.
-        found: u64,
-        /// Text file.
-        text: PathBuf,
-        /// Number of its records.
-        other: u64,
-    },
-    /// The model was trained with colour transforms.
-    #[error("exposure was trained for {count} images; it is not applied")]
-    Exposure {
-        /// Number of images whose transform changes colours.
-        count: usize,
-    },
-    /// A rotation matrix deviates from a rotation by more than 1e-6.
-    #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is used")]
-    Projected {
-        /// The view.
-        image: String,
-        /// The deviation, see [`crate::se3::ScreenedRotation`].
-        deviation: f64,
-    },
-    /// Some photos of registered views are missing.
-    #[error("{count} of {of} photos are not in {}; the first is `{first}`", dir.display())]
-    PhotosMissing {
-        /// The folder of the photos.
-        dir: PathBuf,
-        /// Number of missing photos.
-        count: usize,
-        /// Number of all photos.
-        of: usize,
-        /// The first missing photo.
-        first: String,
-    },
-    /// The source has fewer views than the recipe asks for.
-    #[error("found {found} views in the source, wanted {wanted}: all are used")]
-    FewViews {
-        /// Number of views of the source.
-        found: usize,
-        /// Number of views that the recipe asks for.
-        wanted: u32,
-    },
-    /// The size of a photo differs from the size of its camera.
-    #[error("`{image}` is {photo}, but its camera states {stated}: {action}")]
-    PhotoSize {
-        /// The view.
-        image: String,
-        /// Size of the photo.
-        photo: Size,
-        /// Size of its camera.
-        stated: Size,
-        /// The program's reaction.
-        action: &'static str,
-    },
-}
-
-/// Error of reading a source.
-#[derive(Debug, thiserror::Error)]
-pub enum SourceError {
-    /// An operation on a file or folder failed.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
-    /// The source does not exist.
-    #[error("{}: {because}", dir.display())]
-    Absent {
-        /// Folder.
-        dir: PathBuf,
-        /// Description of the search.
-        because: String,
-    },
-    /// The content of a file cannot be used.
-    #[error("{}: {place}: {because}", path.display())]
-    Content {
-        /// File.
-        path: PathBuf,
-        /// Place in the file.
-        place: SourcePlace,
-        /// The found and the wanted content.
-        because: String,
-    },
-}
-
-impl From<WalkError> for SourceError {
-    fn from(WalkError { path, because }: WalkError) -> Self {
-        Self::Io { path, source: because }
-    }
-}
-
 /// Returns true if the path is a folder, and false if it is a regular file.
 ///
 /// # Errors
@@ -318,95 +204,6 @@ fn is_folder(path: &Path) -> Result<bool, SourceError> {
         files::open(path).map_err(SourceError::io_error(path))?;
     }
     Ok(is_folder)
-}
-
-/// A place in a file of a source.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum SourcePlace {
-    /// In a binary file.
-    Byte {
-        /// The record, in words.
-        record: String,
-        /// Offset from the file's start.
-        offset: usize,
-    },
-    /// Line of a text file, from 1.
-    Line(usize),
-    /// Field of a structured file.
-    Field(String),
-}
-
-impl fmt::Display for SourcePlace {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Byte { record, offset } => write!(f, "{record} at byte {offset}"),
-            Self::Line(line) => write!(f, "line {line}"),
-            Self::Field(field) => write!(f, "`{field}`"),
-        }
-    }
-}
-
-impl SourceError {
-    fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Io { path: path.to_owned(), source }
-    }
-}
-
-/// A view before it is collected, with its place in the source.
-struct FoundView {
-    view: CapturedView,
-    place: SourcePlace,
-}
-
-/// Collects views into a capture, sorted by name.
-///
-/// # Errors
-/// There are no views, or a name appears twice or has a control character.
-fn collect_views(path: &Path, mut found: Vec<FoundView>) -> Result<Capture, SourceError> {
-    if let Some(odd) = found.iter().find(|found| found.view.name.contains(char::is_control)) {
-        let because = format!("the image name {:?} holds a control character", odd.view.name);
-        return Err(SourceError::Content { path: path.to_owned(), place: odd.place.clone(), because });
-    }
-    found.sort_by(|a, b| natural::compare_names(&a.view.name, &b.view.name));
-    // The order is total, so equal names are neighbours.
-    if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
-        let because = format!("the image name `{}` is already used by {}", second.view.name, first.place);
-        return Err(SourceError::Content { path: path.to_owned(), place: second.place.clone(), because });
-    }
-    if found.is_empty() {
-        return Err(SourceError::Absent { dir: path.to_owned(), because: "it contains no view".to_owned() });
-    }
-    Ok(found.into_iter().map(|f| f.view).collect::<Vec<CapturedView>>().into())
-}
-
-/// Largest accepted side of a photo, px.
-const MAX_PIXELS_A_SIDE: f64 = 100_000.0;
-
-/// Checks the plausibility of a camera: sides from 1 to 100,000 pixels, focal lengths finite and
-/// positive, all other numbers finite.
-fn screen_camera(camera: &Camera, lens: &LensModel) -> Result<(), String> {
-    for side in [camera.size.width, camera.size.height] {
-        if !(1.0..=MAX_PIXELS_A_SIDE).contains(&f64::from(side)) {
-            return Err(format!(
-                "the image size is {}, wanted sides of 1 to {MAX_PIXELS_A_SIDE}",
-                camera.size
-            ));
-        }
-    }
-    // Both sides may be acceptable, and their product still be too large.
-    if camera.size.pixels() > MAX_PIXELS {
-        return Err(format!("the image size is {}, wanted at most {MAX_PIXELS} pixels", camera.size));
-    }
-    for f in [camera.fx, camera.fy] {
-        if !(f.is_finite() && f > 0.0) {
-            return Err(format!("the focal length is {f}, wanted a positive number of pixels"));
-        }
-    }
-    let rest = [camera.cx, camera.cy].into_iter().chain(lens.coefficients());
-    match rest.into_iter().find(|v| !v.is_finite()) {
-        Some(bad) => Err(format!("a camera parameter is {bad}, wanted a finite number")),
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -33,9 +33,9 @@ pub struct FlowSpeed {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpeedMeaning {
-    /// Large steps, at a constant frame rate.
+    /// Relative speed along the path.
     Speed,
-    /// Many frames: small steps in short times, at a constant speed.
+    /// Relative density of the frames, at a constant speed; not with `law: integral`.
     FrameRate,
 }
 

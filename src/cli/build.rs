@@ -6,7 +6,7 @@ use super::environment::Environment;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::progress::{EndSummary, Progress};
-use super::renderers::RendererChoice;
+use super::renderers::tell_gpu;
 use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
 use super::{
     CommonArgs, RecipeTargets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown,
@@ -18,6 +18,7 @@ use crate::plan::assess::{StepAction, StepAssessment, assess_plan};
 use crate::plan::past::past_costs;
 use crate::plan::survey::{PlanSurvey, SettledScene, SettledStep, plan_all, survey_recipes};
 use crate::recipe;
+use crate::run::backends::RendererChoice;
 use crate::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use crate::sensor::SensorChoice;
 use crate::stage::StepId;
@@ -274,7 +275,7 @@ impl BuildRequest<'_> {
     pub(super) fn build(&self, plan: Plan, store: &Store) -> Result<(Plan, RunSummary), VerbError> {
         let Self { common, console, chosen, .. } = self;
         let renderers = chosen.asking(store);
-        let mut plan = renderers.at_hand(plan)?;
+        let mut plan = renderers.opened(plan)?;
         // Missing or unreadable input is reported before anything runs, unless the user wants all
         // other steps done first.
         let mut idle = false;
@@ -286,7 +287,7 @@ impl BuildRequest<'_> {
         }
         if !idle {
             tell_sensors(&plan, console)?;
-            chosen.tell(console);
+            tell_gpu(chosen, console);
         }
         let mut summary = self.run(&plan, store)?;
         // A scene that the GPU failed has other keys on the CPU, so the plan is made again.

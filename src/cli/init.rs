@@ -13,8 +13,9 @@ use crate::files::is_there;
 use crate::recipe::draft::{self, CameraPace, RecipeDraft};
 use crate::source::inventory::{self, AcceptanceRules, InventoryScene};
 use crate::source::kind::CaptureKind;
-use crate::source::{DiskCapture, SourceWarning, ViewSelection, check_pattern, mvimgnet};
+use crate::source::{DiskCapture, SourceWarning, ViewSelection, check_pattern};
 use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use names::FileName;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -29,8 +30,8 @@ use std::path::{Path, PathBuf};
 )]
 pub(super) struct InitArgs {
     /// Layout of the dataset
-    #[arg(value_name = "FORMAT", value_enum)]
-    format: SourceFormat,
+    #[arg(value_name = "FORMAT", value_parser = kind_parser())]
+    format: CaptureKind,
     /// Folder of the dataset, or of a part of it
     #[arg(value_name = "DIR")]
     dir: PathBuf,
@@ -83,15 +84,6 @@ enum PresetArg {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum SourceFormat {
-    Colmap,
-    Mvimgnet,
-    Dl3dv,
-    Nerfstudio,
-    Model,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum TempoArg {
     Mild,
     Medium,
@@ -108,16 +100,10 @@ impl From<TempoArg> for CameraPace {
     }
 }
 
-impl From<SourceFormat> for CaptureKind {
-    fn from(format: SourceFormat) -> Self {
-        match format {
-            SourceFormat::Colmap => Self::Colmap,
-            SourceFormat::Mvimgnet => Self::Mvimgnet,
-            SourceFormat::Dl3dv => Self::Dl3dv,
-            SourceFormat::Nerfstudio => Self::Nerfstudio,
-            SourceFormat::Model => Self::Model,
-        }
-    }
+/// Parser of a kind of capture by its name.
+fn kind_parser() -> impl TypedValueParser<Value = CaptureKind> {
+    let names = PossibleValuesParser::new(CaptureKind::ALL.map(CaptureKind::name));
+    names.map(|name| CaptureKind::by_name(&name).expect("the parser accepts these names only"))
 }
 
 fn parse_glob(text: &str) -> Result<String, String> {
@@ -155,7 +141,7 @@ struct SceneCandidate {
 impl InitArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         common.limit_cores();
-        if !self.classes.is_empty() && self.format != SourceFormat::Mvimgnet {
+        if !self.classes.is_empty() && !self.format.dataset().is_some_and(|dataset| dataset.has_classes) {
             return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
         }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
@@ -169,11 +155,10 @@ impl InitArgs {
                 VerbError::usage("usage", what).help("change the speed there, or leave the option out")
             );
         }
-        let entries = inventory::take_inventory(self.format.into(), &self.dir, &self.rules())
+        let entries = inventory::take_inventory(self.format, &self.dir, &self.rules())
             .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
         if entries.is_empty() {
-            let what =
-                format!("found no {} scene in {}", CaptureKind::from(self.format).name(), self.dir.display());
+            let what = format!("found no {} scene in {}", self.format.name(), self.dir.display());
             return Err(
                 VerbError::usage("input-missing", what).help("gs2e init --help describes each layout")
             );
@@ -193,7 +178,7 @@ impl InitArgs {
         }
         let pattern = self.scene.as_deref();
         // A model folder contains Gaussians, and a reconstruction makes them.
-        let own = self.format == SourceFormat::Model || reconstructs == Some(true);
+        let own = self.format.has_gaussians() || reconstructs == Some(true);
         let pattern = pattern.or((!own).then_some(BESIDE));
         for candidate in chosen {
             self.write(candidate, pattern, &mut outcome)?;
@@ -214,14 +199,13 @@ impl InitArgs {
 
     /// The selection of the views.
     fn selection(&self) -> ViewSelection {
-        let known = (self.format == SourceFormat::Mvimgnet).then(|| mvimgnet::LEFTOVERS.to_owned());
-        let exclude = known.into_iter().chain(self.exclude.iter().cloned()).collect();
+        let exclude = self.format.leftovers().into_iter().chain(self.exclude.iter().cloned()).collect();
         ViewSelection { views: self.views, exclude, poses: None }
     }
 
     /// Returns the usable scenes, and rejects the others.
     fn candidates(&self, entries: Vec<InventoryScene>, outcome: &mut InitOutcome) -> Vec<SceneCandidate> {
-        let prefix = self.prefix.as_deref().unwrap_or(CaptureKind::from(self.format).name());
+        let prefix = self.prefix.as_deref().unwrap_or(self.format.name());
         let mut sound = Vec::new();
         for InventoryScene { name, path, verdict } in entries {
             let scene = format!("{prefix}/{name}");
@@ -281,7 +265,7 @@ impl InitArgs {
         let given = pattern.map(|pattern| filled_pattern(pattern, &path, &scene));
         outcome.without_scene.extend(given.iter().filter(|file| !is_there(file)).cloned());
         let way = |to: &Path| write::relative_path(folder, to);
-        let kind = self.format.into();
+        let kind = self.format;
         let mut selection = self.selection();
         if self.exclude.is_empty() {
             // A recipe without `exclude` already uses the dataset's own pattern. A written list

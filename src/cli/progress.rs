@@ -179,7 +179,7 @@ impl<'a> Progress<'a> {
         saving: Option<TimeSaved>,
     ) -> Option<OmissionTable> {
         let planned = &self.plan.steps()[step.0].step;
-        if !left_out::RENDER.contains(&planned.stage()) {
+        if !left_out::is_rendering(planned.stage()) {
             return None;
         }
         let files = ArtifactFiles::from_outputs(outputs, self.store);

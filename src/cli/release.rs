@@ -10,7 +10,7 @@ use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
 use crate::escape;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, assess_plan};
-use crate::recipe::{self, Recipe, ReconstructMethod, SceneSource};
+use crate::recipe::{self, Recipe, ReconstructMethod};
 use crate::release::signature::SigningKey;
 use crate::release::{
     self, BuiltPlan, GatherError, GuardedPath, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
@@ -163,11 +163,11 @@ impl ReleaseArgs {
         // What is not there yet holds nothing.
         let is_there = self.to.symlink_metadata().is_ok();
         for recipe in recipes {
-            if let SceneSource::Captured(captured, _) = &recipe.source {
+            if let Some(captured) = recipe.source.captured() {
                 // A source that contains its recipe or the current folder may contain the release
                 // too: users often work inside their dataset.
                 let whole =
-                    !holds(&captured.path, &recipe.file.path) && !holds(&captured.path, Path::new("."));
+                    !holds(&captured.path, &recipe.meta.file.path) && !holds(&captured.path, Path::new("."));
                 guarded.push(guard("the source of a scene", &captured.path, whole));
             }
             let named = if is_there { named_by(recipe) } else { Vec::new() };
@@ -218,9 +218,9 @@ fn holds(folder: &Path, path: &Path) -> bool {
 /// The files and folders of a recipe: its own file, its defaults, the files of its source, and its
 /// Gaussians.
 fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
-    let mut named = vec![("a recipe", recipe.file.path.clone())];
-    named.extend(recipe.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
-    if let SceneSource::Captured(captured, _) = &recipe.source {
+    let mut named = vec![("a recipe", recipe.meta.file.path.clone())];
+    named.extend(recipe.meta.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
+    if let Some(captured) = recipe.source.captured() {
         named.extend(captured.folders().into_iter().map(|path| ("files of a scene's source", path)));
     }
     match &recipe.reconstruct {

@@ -1,6 +1,6 @@
 //! `gs2e study`: measurements over one scene.
 
-mod cost;
+mod meter;
 mod subject;
 mod thresholds;
 mod work_precision;
@@ -10,6 +10,7 @@ use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use crate::sensor::SimulateError;
+use crate::study::work_precision::lab::LabError;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -42,6 +43,15 @@ impl StudyArgs {
 /// Stops a pass if the run was cancelled.
 fn go_unless(cancelled: &AtomicBool) -> ControlFlow<()> {
     if cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// The error for a study that ended early.
+fn lab_problem(error: LabError) -> VerbError {
+    match error {
+        LabError::Interrupted => interrupted_problem(),
+        LabError::Render(error) => not_rendered(&error),
+        LabError::Simulate(error) => end_problem(error),
+    }
 }
 
 /// The error for a pass that ended early.

@@ -30,7 +30,7 @@ impl RecipeTargets {
                 let what = format!("{word} is not a recipe, a folder, or a scene of {}", Self::DEFAULT);
                 VerbError::usage("no-scene", what).help("gs2e plan lists the scenes")
             })?;
-            path.clone_from(&recipe.file.path);
+            path.clone_from(&recipe.meta.file.path);
         }
         Ok(())
     }

@@ -52,7 +52,7 @@ impl WhyArgs {
 /// The edits of a recipe since its scene was last built; empty if that is not known.
 fn edits_since(recipe: &Recipe, store: &Store) -> Vec<RecipeEdit> {
     let last = store.last_recipe(&recipe.scene).and_then(|text| serde_json::from_str(&text).ok());
-    last.map(|last: Value| find_edits(&last, &recipe.merged)).unwrap_or_default()
+    last.map(|last: Value| find_edits(&last, &recipe.meta.merged)).unwrap_or_default()
 }
 
 /// Prints the edited values, and the steps that will or may run because of them.

@@ -5,7 +5,7 @@
 //! all terms. Unverified entries are marked as unverified wherever they are used. No entry relies
 //! on a paper that only repeats an upstream.
 
-use super::SourceKind;
+use crate::source::kind::{CaptureKind, SourceKind};
 use serde::{Deserialize, Serialize};
 
 /// Obligations of users and redistributors of the material.
@@ -59,9 +59,9 @@ impl LicenceObligation {
 /// Role of an asset for a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AssetRole {
-    /// A dataset. Its terms bind derived material. It is identified by the kind of source, if it
-    /// has one.
-    Source(Option<SourceKind>),
+    /// A dataset. Its terms bind derived material. It is identified by the kind of source whose
+    /// dataset has its name, if there is one.
+    Source,
     /// A program with these names. Its licence is reported but binds no scene.
     Tool(&'static [&'static str]),
 }
@@ -104,7 +104,7 @@ use LicenceObligation::{Attribution, DeletionOnRequest, Gating, NoRedistribution
 pub const LEDGER: [LedgerAsset; 8] = [
     LedgerAsset {
         name: "MVImgNet",
-        role: AssetRole::Source(Some(SourceKind::Mvimgnet)),
+        role: AssetRole::Source,
         addresses: &["gap-lab-cuhk-sz/mvimgnet", "gaplab.cuhk.edu.cn/projects/mvimgnet"],
         ids: &["LicenseRef-MVImgNet-ToU", "CC-BY-NC-4.0"],
         attribution: "MVImgNet (Yu et al., CVPR 2023)",
@@ -119,7 +119,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
     },
     LedgerAsset {
         name: "DL3DV-10K",
-        role: AssetRole::Source(Some(SourceKind::Dl3dv)),
+        role: AssetRole::Source,
         addresses: &["dl3dv"],
         ids: &["LicenseRef-DL3DV-10K-ToU", "CC-BY-NC-4.0"],
         attribution: "DL3DV-10K (Ling et al., CVPR 2024)",
@@ -135,7 +135,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
     },
     LedgerAsset {
         name: "Tanks and Temples",
-        role: AssetRole::Source(None),
+        role: AssetRole::Source,
         addresses: &["tanksandtemples.org"],
         ids: &["LicenseRef-TanksAndTemples"],
         attribution: "Tanks and Temples (Knapitsch et al., SIGGRAPH 2017)",
@@ -149,7 +149,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
     },
     LedgerAsset {
         name: "Mip-NeRF 360",
-        role: AssetRole::Source(None),
+        role: AssetRole::Source,
         addresses: &["jonbarron.info/mipnerf360", "storage.googleapis.com/gresearch/refraw360"],
         ids: &[super::text::UNSTATED],
         attribution: "Mip-NeRF 360 (Barron et al., CVPR 2022)",
@@ -221,7 +221,7 @@ pub const LEDGER: [LedgerAsset; 8] = [
 #[must_use]
 pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static LedgerAsset> {
     let url = url.unwrap_or_default().to_lowercase();
-    let by_kind = |asset: &&LedgerAsset| asset.role == AssetRole::Source(Some(kind));
+    let by_kind = |asset: &&LedgerAsset| kind.dataset().is_some_and(|dataset| dataset.name == asset.name);
     let by_address = |asset: &&LedgerAsset| asset.addresses.iter().any(|address| url.contains(address));
     // The stated kind decides first: a mirror of one dataset may have an address that mentions
     // another.
@@ -229,15 +229,13 @@ pub fn find_dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Ledg
     sources().find(by_kind).or_else(|| sources().find(by_address))
 }
 
-/// Returns the name of the source kind of a capture: the kind of the dataset at its address, or
+/// Returns the kind of source that a capture comes from: the kind of the dataset at its address, or
 /// otherwise the kind of its reader.
 #[must_use]
-pub fn find_origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
-    let asset = SourceKind::by_name(kind).and_then(|kind| find_dataset(kind, url));
-    match asset.map(|asset| asset.role) {
-        Some(AssetRole::Source(Some(kind))) => kind.name(),
-        _ => kind,
-    }
+pub fn find_origin(kind: SourceKind, url: Option<&str>) -> SourceKind {
+    let Some(asset) = find_dataset(kind, url) else { return kind };
+    let is_of = |kind: &CaptureKind| kind.dataset().is_some_and(|dataset| dataset.name == asset.name);
+    CaptureKind::ALL.into_iter().find(is_of).map_or(kind, SourceKind::Captured)
 }
 
 /// Returns the program with this name.
@@ -264,7 +262,7 @@ impl LedgerAsset {
     /// Returns true if the asset is a dataset, whose terms bind.
     #[must_use]
     pub fn is_dataset(&self) -> bool {
-        matches!(self.role, AssetRole::Source(_))
+        self.role == AssetRole::Source
     }
 
     /// Returns its ids as one expression.
@@ -308,24 +306,26 @@ mod tests {
 
     #[test]
     fn a_dataset_is_known_by_kind_and_by_address() {
-        let t = |kind, url, wanted: Option<&str>| {
+        let t = |kind: CaptureKind, url, wanted: Option<&str>| {
+            let kind = SourceKind::Captured(kind);
             assert_eq!(find_dataset(kind, url).map(|asset| asset.name), wanted, "{kind:?} {url:?}");
         };
-        t(SourceKind::Dl3dv, None, Some("DL3DV-10K"));
-        t(SourceKind::Colmap, None, None);
+        t(CaptureKind::Dl3dv, None, Some("DL3DV-10K"));
+        t(CaptureKind::Colmap, None, None);
         t(
-            SourceKind::Colmap,
+            CaptureKind::Colmap,
             Some("https://huggingface.co/datasets/DL3DV/DL3DV-ALL-480P"),
             Some("DL3DV-10K"),
         );
-        t(SourceKind::Mvimgnet, Some("https://mirror.example/dl3dv"), Some("MVImgNet"));
-        t(SourceKind::Colmap, Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet"), Some("MVImgNet"));
-        t(SourceKind::Nerfstudio, Some("https://jonbarron.info/mipnerf360/"), Some("Mip-NeRF 360"));
-        t(SourceKind::Colmap, Some("https://example.org/lab"), None);
-        assert_eq!(find_origin("colmap", Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet")), "mvimgnet");
-        assert_eq!(find_origin("colmap", Some("https://jonbarron.info/mipnerf360/")), "colmap");
+        t(CaptureKind::Mvimgnet, Some("https://mirror.example/dl3dv"), Some("MVImgNet"));
+        t(CaptureKind::Colmap, Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet"), Some("MVImgNet"));
+        t(CaptureKind::Nerfstudio, Some("https://jonbarron.info/mipnerf360/"), Some("Mip-NeRF 360"));
+        t(CaptureKind::Colmap, Some("https://example.org/lab"), None);
+        let origin = |url| find_origin(SourceKind::Captured(CaptureKind::Colmap), Some(url)).name();
+        assert_eq!(origin("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet"), "mvimgnet");
+        assert_eq!(origin("https://jonbarron.info/mipnerf360/"), "colmap");
         // A program is not a dataset.
-        t(SourceKind::Colmap, Some("https://github.com/graphdeco-inria/gaussian-splatting"), None);
+        t(CaptureKind::Colmap, Some("https://github.com/graphdeco-inria/gaussian-splatting"), None);
         assert_eq!(find_tool("3DGS").map(|asset| asset.name), Some("3D Gaussian Splatting"));
         assert!(find_tool("opensplat").is_none());
     }

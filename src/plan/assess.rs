@@ -284,7 +284,7 @@ pub(crate) fn describe_step(
 /// A file is absent or unreadable.
 pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<SourceFiles, PlanError> {
     let scene = || plan.scene_of(step).to_owned();
-    let places = &plan.scenes()[step.scene].named_at;
+    let places = &plan.scenes()[step.scene].meta.named_at;
     let named_at = || match step.step.stage() {
         CaptureStage::NAME => places.source.clone(),
         ReconstructStage::NAME => places.reconstruct.clone(),

@@ -163,17 +163,17 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
         if recipe.checks.asks_programs() {
             continue;
         }
-        store.note_recipe(&recipe.scene, &recipe.merged.to_string());
+        store.note_recipe(&recipe.scene, &recipe.meta.merged.to_string());
         let SceneState { steps, mut seen } = scene;
         // An edit of the recipe or of its defaults must unsettle the scene.
-        seen.extend(recipe.seen.iter().cloned());
+        seen.extend(recipe.meta.seen.iter().cloned());
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();
         let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
         let (kind, upstream_id) = recipe.source.origin();
         let source = (kind.to_owned(), upstream_id.map(str::to_owned));
         let settled = SettledScene { scene: recipe.scene.clone(), source, trajectories, steps };
-        store.remember(&recipe.file.name(), *tag, &seen, &blobs, settled);
+        store.remember(&recipe.meta.file.name(), *tag, &seen, &blobs, settled);
     }
 }
 

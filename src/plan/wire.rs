@@ -2,7 +2,7 @@
 //! without an output that uses its product.
 
 use super::{RendererPolicy, SceneWiring};
-use crate::artifact::{PictureSet, TrajectoryProduct};
+use crate::artifact::{EventStreams, PictureSet, TrajectoryProduct};
 use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
@@ -109,14 +109,13 @@ fn wire_trajectory(
     ground: SceneGround<'_>,
     wiring: &mut SceneWiring<'_>,
 ) -> StepTarget<TrajectoryProduct> {
-    let SceneGround { capture, gaussians, backend, omit, asking } = ground;
-    let backend = || backend.clone();
+    let SceneGround { capture, gaussians, asking, .. } = ground;
     let name = |step: &str| format!("{}/{step}", trajectory.name);
     // Only a speed in image flow needs renderings to make the trajectory.
     let seeing = matches!(trajectory.speed, SpeedChoice::Flow(_)).then(|| ViewingSetup {
         camera: recipe.camera,
         render: recipe.render,
-        backend: backend(),
+        backend: ground.backend.clone(),
     });
     // Without a capture, an orbit that leaves something open is laid about the scene.
     let framing = recipe.camera.filter(|_| trajectory.path.needs_views() && !recipe.source.has_views());
@@ -137,18 +136,11 @@ fn wire_trajectory(
         moving,
         (captured, base, gaussians.filter(|_| sees || framing.is_some())),
     );
-    let events = recipe.outputs.contains(&OutputKind::Events).then(|| {
-        // From names alone: a trajectory that is added changes no other one.
-        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &trajectory.name, StreamPurpose::Sensor);
-        let simulating = EventsStage {
-            omit,
-            backend: backend(),
-            tolerance: recipe.tolerance,
-            ..EventsStage::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
-        };
-        wiring.add(name("events"), simulating, (capture, gaussians.expect(RENDERED), motion))
-    });
-    let sharp = wire_pictures(recipe, &trajectory.name, motion, ground, wiring);
+    let mut made = MadeOutputs::default();
+    for output in &recipe.outputs {
+        wire_output(*output, (recipe, &trajectory.name), (motion, ground), &mut made, wiring);
+    }
+    let MadeOutputs { events, sharp } = made;
     let foreign =
         asking.map(|asking| wiring.add(name("foreign"), asking.clone(), (capture, motion, sharp, events)));
     let checking = ChecksStage { limits: recipe.checks.of_trajectory() };
@@ -156,34 +148,52 @@ fn wire_trajectory(
     motion
 }
 
-/// Adds the requested steps that render the pictures of a release. Other steps read the sharp ones.
-fn wire_pictures(
-    recipe: &Recipe,
-    trajectory: &str,
-    motion: StepTarget<TrajectoryProduct>,
-    ground: SceneGround<'_>,
+/// The outputs of a trajectory that other steps read.
+#[derive(Default)]
+struct MadeOutputs {
+    events: Option<StepTarget<EventStreams>>,
+    sharp: Option<StepTarget<PictureSet>>,
+}
+
+/// Adds the step of one output of a trajectory.
+fn wire_output(
+    output: OutputKind,
+    (recipe, trajectory): (&Recipe, &str),
+    (motion, ground): (StepTarget<TrajectoryProduct>, SceneGround<'_>),
+    made: &mut MadeOutputs,
     wiring: &mut SceneWiring<'_>,
-) -> Option<StepTarget<PictureSet>> {
+) {
     let SceneGround { capture, gaussians, backend, omit, .. } = ground;
-    let shot =
-        || ShotParameters { camera: recipe.camera, render: recipe.render, omit, backend: backend.clone() };
-    let name = |step: &str| format!("{trajectory}/{step}");
-    let inputs = || (capture, gaussians.expect(RENDERED), motion);
-    let asks = |output: OutputKind| recipe.outputs.contains(&output);
-    let sharp = asks(OutputKind::Sharp).then(|| {
-        // If every frame is kept, the middle frames of exposures are among them.
-        let exposed = (asks(OutputKind::Blur) && recipe.every.sharp > 1).then_some(recipe.shutter.frames);
-        let sharp = SharpStage { shot: shot(), every: recipe.every.sharp, exposed };
-        wiring.add(name("sharp"), sharp, inputs())
-    });
-    if asks(OutputKind::Blur) {
-        wiring.add(name("blur"), BlurStage { shot: shot(), shutter: recipe.shutter }, inputs());
+    let backend = || backend.clone();
+    let shot = || ShotParameters { camera: recipe.camera, render: recipe.render, omit, backend: backend() };
+    let name = format!("{trajectory}/{}", output.name());
+    let inputs = (capture, gaussians.expect(RENDERED), motion);
+    let every = recipe.every.poses(output);
+    match output {
+        OutputKind::Events => {
+            // From names alone: a trajectory that is added changes no other one.
+            let seed = Seed::for_stream(recipe.seed, &recipe.scene, trajectory, StreamPurpose::Sensor);
+            let simulating = EventsStage {
+                omit,
+                backend: backend(),
+                tolerance: recipe.tolerance,
+                ..EventsStage::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
+            };
+            made.events = Some(wiring.add(name, simulating, inputs));
+        }
+        OutputKind::Sharp => {
+            // If every frame is kept, the middle frames of exposures are among them.
+            let exposed = recipe.exposed().filter(|_| every > 1);
+            made.sharp = Some(wiring.add(name, SharpStage { shot: shot(), every, exposed }, inputs));
+        }
+        OutputKind::Blur => {
+            wiring.add(name, BlurStage { shot: shot(), shutter: recipe.shutter }, inputs);
+        }
+        OutputKind::Depth => {
+            wiring.add(name, GeometryStage::<DepthQuantity>::new(shot(), every), inputs);
+        }
+        OutputKind::Flow => {
+            wiring.add(name, GeometryStage::<FlowQuantity>::new(shot(), every), inputs);
+        }
     }
-    if asks(OutputKind::Depth) {
-        wiring.add(name("depth"), GeometryStage::<DepthQuantity>::new(shot(), recipe.every.depth), inputs());
-    }
-    if asks(OutputKind::Flow) {
-        wiring.add(name("flow"), GeometryStage::<FlowQuantity>::new(shot(), recipe.every.flow), inputs());
-    }
-    sharp
 }

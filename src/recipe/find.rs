@@ -23,7 +23,7 @@ pub(super) const SOURCES: &str = "sources.yaml";
 pub(super) const TAKEDOWN: &str = "takedown.txt";
 
 /// A recipe file that was found but not yet read.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct RecipeFile {
     /// The file, named as the user named it or its folder.
     pub path: PathBuf,
@@ -83,7 +83,9 @@ fn read_after(files: &[RecipeFile], mut faults: Vec<RecipeFault>) -> Result<Vec<
         }
     }
     // The path decides between equal ids, so that their fault is always on the same recipe.
-    read.sort_by(|a, b| (&a.recipe.scene, &a.recipe.file.path).cmp(&(&b.recipe.scene, &b.recipe.file.path)));
+    read.sort_by(|a, b| {
+        (&a.recipe.scene, &a.recipe.meta.file.path).cmp(&(&b.recipe.scene, &b.recipe.meta.file.path))
+    });
     faults.extend(find_clashes(&read));
     let recipes = read.into_iter().map(|read| read.recipe).collect();
     RecipeFaults::value_or(recipes, faults)

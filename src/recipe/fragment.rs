@@ -4,7 +4,7 @@
 use super::fault::{RecipeFault, RecipeFaults};
 use super::find::find_all;
 use super::load::{DefaultsLibrary, RecipeParts};
-use super::{RecipeFile, TrajectoryRecipe};
+use super::{RecipeFile, TrajectoryRecipe, keys};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
 use crate::sensor::{SensorChoice, SensorSet};
@@ -27,24 +27,11 @@ pub struct TrajectoryFragment {
     pub render: RenderChoice,
 }
 
-/// Keys of a recipe that do not affect trajectories. They are ignored, present or not.
-const OTHERS: [&str; 13] = [
-    "source",
-    "reconstruct",
-    "sensor",
-    "sensors",
-    "outputs",
-    "sharp",
-    "blur",
-    "depth",
-    "flow",
-    "checks",
-    "licence",
-    "release",
-    "attributes",
-];
+/// Keys of a recipe that affect trajectories. The others are ignored, present or not.
+const OF_TRAJECTORIES: [&str; 9] =
+    ["version", "scene", "preset", "seed", "group", "camera", "trajectories", "sampling", "render"];
 
-/// Replacement for these keys. A file without a scene id draws its key poses as a scene with this
+/// Replacement for the other keys. A file without a scene id draws its key poses as a scene with this
 /// name does.
 const STAND_IN: &str = "scene: trajectories\nsource: { procedural: {} }\n";
 
@@ -63,27 +50,10 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     read_trajectories(file).map_err(faulty)
 }
 
-/// Keys of a recipe that do not affect the sensor.
-const NOT_OF_THE_SENSOR: [&str; 16] = [
-    "scene",
-    "source",
-    "reconstruct",
-    "camera",
-    "trajectories",
-    "render",
-    "sensors",
-    "outputs",
-    "sharp",
-    "blur",
-    "depth",
-    "flow",
-    "checks",
-    "licence",
-    "release",
-    "attributes",
-];
+/// Keys of a recipe that affect the sensor.
+const OF_THE_SENSOR: [&str; 6] = ["version", "preset", "seed", "group", "sensor", "sampling"];
 
-/// Replacement for these keys. The check of the noise per frame interval needs an interval; it uses
+/// Replacement for the other keys. The check of the noise per frame interval needs an interval; it uses
 /// one microsecond here.
 const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural: {} }\n\
     trajectories: [{ name: base, refine: {} }]\nsampling: { rate: 1000000 }\n";
@@ -98,7 +68,7 @@ pub fn read_sensor(path: &Path) -> Result<SensorChoice, RecipeFaults> {
         let parts = RecipeParts::without_defaults(path)?;
         // The content of the key may stand alone in the file.
         let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
-        match parts.standing_in(&NOT_OF_THE_SENSOR, STAND_IN_FOR_THEM).resolved()?.sensors {
+        match parts.standing_in(&all_but(&OF_THE_SENSOR), STAND_IN_FOR_THEM).resolved()?.sensors {
             SensorSet::One(sensor) => Ok(sensor),
             SensorSet::Named(_) => unreachable!("`sensors` is left aside"),
         }
@@ -106,9 +76,14 @@ pub fn read_sensor(path: &Path) -> Result<SensorChoice, RecipeFaults> {
     read().map_err(|faults| RecipeFaults::value_or((), faults).expect_err("there are faults"))
 }
 
+/// The keys of a recipe without these.
+fn all_but(kept: &[&str]) -> Vec<&'static str> {
+    keys::recipe_keys().iter().copied().filter(|key| !kept.contains(key)).collect()
+}
+
 fn read_trajectories(file: &RecipeFile) -> Result<TrajectoryFragment, Vec<RecipeFault>> {
     let library = DefaultsLibrary::read_defaults(std::slice::from_ref(file));
-    let resolved = library.parts(file)?.standing_in(&OTHERS, STAND_IN).resolved()?;
+    let resolved = library.parts(file)?.standing_in(&all_but(&OF_TRAJECTORIES), STAND_IN).resolved()?;
     Ok(TrajectoryFragment {
         camera: resolved.camera,
         trajectories: resolved.trajectories,

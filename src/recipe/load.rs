@@ -6,10 +6,10 @@ use super::find::{RecipeFile, parent_folder};
 use super::merge::merge_nodes;
 use super::problem::FieldProblem;
 use super::reader::{Problems, TreeReader};
-use super::resolve::{ResolvedRecipe, Resolver};
+use super::resolve::Resolver;
 use super::text::{SourceText, TextSpan, Texts};
 use super::tree::{self, MAX_BYTES, MappingEntry, NodeKind, TreeNode};
-use super::{NamedAt, Recipe, RecipePosition, canonical, preset, schema};
+use super::{NamedAt, Recipe, RecipeMeta, RecipePosition, canonical, preset, schema};
 use crate::files;
 use crate::store::fs::FileStat;
 use crate::store::stat_cache::StatSighting;
@@ -149,12 +149,12 @@ impl RecipeParts {
         self
     }
 
-    /// Resolves the recipe, without its file and its merged form.
-    pub(super) fn resolved(&self) -> Result<ResolvedRecipe, Vec<RecipeFault>> {
+    /// Resolves the recipe, and leaves its meta data empty.
+    pub(super) fn resolved(&self) -> Result<Recipe, Vec<RecipeFault>> {
         Ok(self.read()?.1)
     }
 
-    fn read(&self) -> Result<(schema::RecipeSchema, ResolvedRecipe), Vec<RecipeFault>> {
+    fn read(&self) -> Result<(schema::RecipeSchema, Recipe), Vec<RecipeFault>> {
         match self.other_version() {
             Some(fault) => Err(vec![fault]),
             None => self.resolve(|raw: &schema::RecipeSchema, resolver| resolver.recipe(raw)),
@@ -182,7 +182,7 @@ impl RecipeParts {
     }
 
     fn recipe(self, file: &RecipeFile) -> Result<ReadRecipe, Vec<RecipeFault>> {
-        let (raw, resolved) = self.read()?;
+        let (raw, mut recipe) = self.read()?;
         let at = |field: Option<TextSpan>| field.map(|place| self.position(place));
         let named_at = NamedAt {
             scene: at(raw.scene.place()),
@@ -190,8 +190,8 @@ impl RecipeParts {
             reconstruct: at(raw.reconstruct.place()),
         };
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
-        let merged = canonical::canonical_recipe(&raw, &resolved);
-        let recipe = Recipe { seen: self.seen, ..assemble_recipe(file, named_at, resolved, merged) };
+        let merged = canonical::canonical_recipe(&raw, &recipe);
+        recipe.meta = RecipeMeta { file: file.clone(), seen: self.seen, named_at, merged };
         Ok(ReadRecipe { recipe, texts: self.texts, scene })
     }
 
@@ -220,38 +220,6 @@ impl RecipeParts {
         let text = &self.texts[place.file as usize];
         let (line, column) = text.position(place.start as usize);
         RecipePosition { file: shown_path(&text.path), line, column }
-    }
-}
-
-fn assemble_recipe(
-    file: &RecipeFile,
-    named_at: NamedAt,
-    resolved: ResolvedRecipe,
-    merged: serde_json::Value,
-) -> Recipe {
-    Recipe {
-        file: file.clone(),
-        seen: Vec::new(),
-        named_at,
-        scene: resolved.scene,
-        seed: resolved.seed,
-        source: resolved.source,
-        group: resolved.group,
-        reconstruct: resolved.reconstruct,
-        camera: resolved.camera,
-        trajectories: resolved.trajectories,
-        rate: resolved.rate,
-        law: resolved.law,
-        tolerance: resolved.tolerance,
-        render: resolved.render,
-        sensors: resolved.sensors,
-        outputs: resolved.outputs,
-        every: resolved.every,
-        shutter: resolved.shutter,
-        scale: resolved.scale,
-        checks: resolved.checks,
-        licence: resolved.licence,
-        merged,
     }
 }
 

@@ -1,18 +1,11 @@
 //! Merging of a recipe over `defaults.yaml`. Mappings merge deeply, and lists replace. In an
 //! enumeration, a different key replaces the whole mapping. Every value keeps its original place.
 
+use super::reader::{ChoiceNodes, Problems, TreeReader};
+use super::schema::RecipeSchema;
 use super::tree::{MappingEntry, NodeKind, TreeNode};
-
-/// Mappings with one chosen key; `*` matches any name. Lists replace, so mappings inside lists are
-/// not listed.
-const ENUMERATIONS: [&str; 6] = [
-    "source",
-    "reconstruct",
-    "sensor",
-    "sensors.*",
-    "sensor.*.front_end.luminance",
-    "sensors.*.*.front_end.luminance",
-];
+use serde::Deserialize as _;
+use std::collections::BTreeSet;
 
 /// Groups of mutually exclusive keys. A key of the recipe removes the other groups of the defaults.
 const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
@@ -23,17 +16,20 @@ const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
 
 /// Merges `over` with `under`; values of `over` win.
 pub(super) fn merge_nodes(over: TreeNode, under: &TreeNode) -> TreeNode {
-    merge_at("", over, under)
+    let (problems, choices) = (Problems::default(), ChoiceNodes::default());
+    // The faults are reported when the merged tree is read.
+    drop(RecipeSchema::deserialize(TreeReader::new(under, &problems).noting(&choices)));
+    merge_at("", over, under, &choices.into_inner())
 }
 
-fn merge_at(path: &str, over: TreeNode, under: &TreeNode) -> TreeNode {
+fn merge_at(path: &str, over: TreeNode, under: &TreeNode, choices: &BTreeSet<*const TreeNode>) -> TreeNode {
     // A value that is no mapping replaces the default as a whole.
     let TreeNode { place, kind: NodeKind::Map(entries) } = over else { return over };
     let NodeKind::Map(defaults) = &under.kind else {
         return TreeNode { place, kind: NodeKind::Map(entries) };
     };
     // A merge of two different choices would be neither of them.
-    if is_enumeration(path) && !same_key(&entries, defaults) {
+    if choices.contains(&std::ptr::from_ref(under)) && !same_key(&entries, defaults) {
         return TreeNode { place, kind: NodeKind::Map(entries) };
     }
     let mut merged: Vec<MappingEntry> = Vec::with_capacity(entries.len() + defaults.len());
@@ -41,7 +37,7 @@ fn merge_at(path: &str, over: TreeNode, under: &TreeNode) -> TreeNode {
         defaults.iter().filter(|d| !is_overruled(path, &d.key, &entries)).collect();
     for mut entry in entries {
         if let Some(default) = defaults.iter().find(|d| d.key == entry.key) {
-            entry.value = merge_at(&join_path(path, &entry.key), entry.value, &default.value);
+            entry.value = merge_at(&join_path(path, &entry.key), entry.value, &default.value, choices);
         }
         merged.push(entry);
     }
@@ -61,10 +57,6 @@ fn is_overruled(path: &str, key: &str, entries: &[MappingEntry]) -> bool {
     let in_group =
         EXCLUSIVE.iter().any(|(at, groups)| paths_match(at, path) && groups.iter().any(|g| g.contains(&key)));
     given(key) || in_group && others.iter().any(|group| group.iter().any(|k| given(k)))
-}
-
-fn is_enumeration(path: &str) -> bool {
-    ENUMERATIONS.iter().any(|pattern| paths_match(pattern, path))
 }
 
 fn paths_match(pattern: &str, path: &str) -> bool {

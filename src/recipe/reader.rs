@@ -12,6 +12,7 @@ use super::tree::{MappingEntry, NodeKind, TreeNode};
 use access::{EnumChoice, FieldAccess, ListItems, MapEntries};
 use serde::de::{Deserializer, Visitor};
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeSet;
 
 /// Faults found so far.
 pub(super) type Problems = RefCell<Vec<FieldProblem>>;
@@ -21,12 +22,21 @@ pub(super) type Problems = RefCell<Vec<FieldProblem>>;
 pub(super) struct TreeReader<'a> {
     node: &'a TreeNode,
     problems: &'a Problems,
+    choices: Option<&'a ChoiceNodes>,
 }
+
+/// Values that the schema reads as an enumeration, by their address.
+pub(super) type ChoiceNodes = RefCell<BTreeSet<*const TreeNode>>;
 
 impl<'a> TreeReader<'a> {
     /// Creates a reader of `node` that adds its faults to `problems`.
     pub(super) fn new(node: &'a TreeNode, problems: &'a Problems) -> Self {
-        Self { node, problems }
+        Self { node, problems, choices: None }
+    }
+
+    /// Returns the reader that also notes each value that is read as an enumeration.
+    pub(super) fn noting(self, choices: &'a ChoiceNodes) -> Self {
+        Self { choices: Some(choices), ..self }
     }
 
     fn report(self, problem: FieldProblem) {
@@ -242,6 +252,9 @@ impl<'de> Deserializer<'de> for TreeReader<'_> {
         variants: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, FieldProblem> {
+        if let Some(choices) = self.choices {
+            choices.borrow_mut().insert(self.node);
+        }
         visitor.visit_enum(self.choice(variants)?).map_err(self.here())
     }
 

@@ -14,21 +14,11 @@ use super::field::{Field, UnsupportedField};
 use super::problem::{FieldProblem, quote_text};
 use super::reader::Problems;
 use super::text::TextSpan;
-use super::{
-    LicenceChoice, OutputKind, PictureSpacing, ReconstructMethod, SceneScale, SceneSource, TrajectoryRecipe,
-    names, schema,
-};
-use crate::camera::CameraChoice;
+use super::{Recipe, RecipeMeta, SceneScale, TrajectoryRecipe, names, schema};
 use crate::check::Limits;
-use crate::render::RenderChoice;
-use crate::sampling::ErrorTolerance;
-use crate::sampling::exposure::ShutterSettings;
-use crate::sensor::SensorSet;
+use crate::render::RenderRules;
 use crate::speed::SpeedChoice;
-use crate::trajectory::sample::SummationRule;
-use crate::units::Hertz;
 use reconstruct::ReconstructContext;
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::TrajectoryContext;
 
@@ -42,31 +32,9 @@ pub(super) struct Resolver<'a> {
     pub root: TextSpan,
 }
 
-/// A resolved recipe without its file and its merged form.
-pub(super) struct ResolvedRecipe {
-    pub scene: String,
-    pub seed: u64,
-    pub source: SceneSource,
-    pub group: Option<String>,
-    pub reconstruct: Option<ReconstructMethod>,
-    pub camera: Option<CameraChoice>,
-    pub trajectories: Vec<TrajectoryRecipe>,
-    pub rate: Hertz,
-    pub law: SummationRule,
-    pub tolerance: Option<ErrorTolerance>,
-    pub render: RenderChoice,
-    pub sensors: SensorSet,
-    pub outputs: BTreeSet<OutputKind>,
-    pub every: PictureSpacing,
-    pub shutter: ShutterSettings,
-    pub scale: Option<SceneScale>,
-    pub checks: Limits,
-    pub licence: Option<LicenceChoice>,
-}
-
 impl Resolver<'_> {
-    /// Resolves a recipe; `None` after reporting a fault.
-    pub(super) fn recipe(&self, raw: &schema::RecipeSchema) -> Option<ResolvedRecipe> {
+    /// Resolves a recipe without its meta data; `None` after reporting a fault.
+    pub(super) fn recipe(&self, raw: &schema::RecipeSchema) -> Option<Recipe> {
         self.required(&raw.version, "version", self.root, "write version: 1");
         self.later(&raw.release, "this gs2e releases only the products");
         let scene = self.scene(&raw.scene);
@@ -104,7 +72,8 @@ impl Resolver<'_> {
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
-        Some(ResolvedRecipe {
+        Some(Recipe {
+            meta: RecipeMeta::default(),
             scene: scene?,
             seed: seed?,
             source: source?,
@@ -130,11 +99,7 @@ impl Resolver<'_> {
         let absent = schema::AttributesSection::default();
         let field = &self.section(field, &absent)?.scene_scale;
         let Some((scale, _)) = field.given() else { return field.is_absent().then_some(None) };
-        Some(Some(match scale {
-            schema::SceneScaleKey::Object => SceneScale::Object,
-            schema::SceneScaleKey::Medium => SceneScale::Medium,
-            schema::SceneScaleKey::Large => SceneScale::Large,
-        }))
+        Some(Some(*scale))
     }
 
     fn scene(&self, field: &Field<String>) -> Option<String> {
@@ -218,7 +183,7 @@ impl Resolver<'_> {
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of
 /// alpha (docs/design/numerics-sampling.md, "Jumps of the renderer"). Otherwise they are the rules
 /// of the reference implementation.
-fn usual_rules(sampling: &Field<schema::SamplingSection>) -> schema::RulesKey {
+fn usual_rules(sampling: &Field<schema::SamplingSection>) -> RenderRules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
-    if tolerant { schema::RulesKey::Soft } else { schema::RulesKey::Official }
+    if tolerant { RenderRules::Soft } else { RenderRules::Official }
 }

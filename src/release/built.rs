@@ -1,6 +1,7 @@
 //! Products of a build, gathered from the store for a release.
 
 use super::left_out::{self, OmissionRow};
+use super::products;
 use super::published;
 use crate::artifact::{
     Artifact, ArtifactError, ArtifactFiles, BlurredFrames, EventStream, EventStreams, SimulationRecord,
@@ -195,7 +196,7 @@ pub(super) fn gather_scene<'a>(
     let photographed = photo_findings(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| gather_trajectory(&shelf, name)).collect::<Result<_, _>>()?;
-    let allowed = terms.get(recipe.source.kind()).map(|stated| stated.because.as_str());
+    let allowed = terms.get(recipe.source.kind().name()).map(|stated| stated.because.as_str());
     let licence = published::terms(recipe, allowed);
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }
@@ -212,9 +213,9 @@ fn gather_trajectory(shelf: &BuiltProducts<'_>, name: &str) -> Result<BuiltTraje
     Ok(BuiltTrajectory {
         name: name.to_owned(),
         motion: shelf.open(&step("trajectory"))?,
-        events: shelf.open_optional(&step("events"))?,
+        events: shelf.open_optional(&step(products::EVENTS.name()))?,
         left_out: shelf.left_out(name)?,
-        blur: shelf.open_optional(&step("blur"))?,
+        blur: shelf.open_optional(&step(products::BLUR.name()))?,
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),
     })

@@ -13,10 +13,11 @@ pub(super) use records::{SPLITS, data_type};
 
 use super::checksum;
 use super::index;
+use super::products::{self, FileSet, products};
 use super::provenance::Provenance;
 use super::scene::SceneRecord;
-use crate::licence::SourceKind;
 use crate::recipe::{ReleaseInfo, SplitPlan};
+use crate::source::kind::SourceKind;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -70,40 +71,6 @@ pub(super) const ROOT: &str = "root";
 /// repository, marked by a media type of its own and this address.
 const ROOT_SUM: &str = "https://github.com/mlcommons/croissant/issues/80";
 
-/// Id of the set of all `scene.json`.
-const SCENE_FILES: &str = "scene-files";
-
-/// Sets of files: id, media type, pattern, and description. A release lists the sets that are not
-/// empty.
-const FILE_SETS: [(&str, &str, &str, &str); 12] = [
-    ("event-files", HDF5, "**/events.h5", "events of a trajectory, in DSEC's layout"),
-    ("sensor-event-files", HDF5, "**/events/*.h5", "events of one of several sensors, in DSEC's layout"),
-    ("picture-files", "image/png", "**/sharp/*.png", "sharp pictures, 8-bit sRGB"),
-    (
-        "blur-files",
-        "image/png",
-        "**/blur/*.png",
-        "blurred pictures, 8-bit sRGB: means over an exposure, in linear light",
-    ),
-    (
-        "depth-files",
-        NPY,
-        "**/depth/*.npy",
-        "depth, float32 [H, W], scene units along the optical axis; NaN: undefined",
-    ),
-    ("flow-files", NPY, "**/flow/*.npy", "optical flow, float32 [H, W, 2], px/s; NaN: undefined"),
-    ("pose-files", "text/plain", "**/poses.txt", "t_us tx ty tz qx qy qz qw, camera to world"),
-    ("transform-files", JSON, "**/transforms.json", "poses and camera in nerfstudio's form"),
-    ("speed-files", JSON, "**/speed.json", "requested and achieved speed of the camera"),
-    ("check-files", JSON, "**/checks.json", "verdicts of the checks"),
-    ("check-picture-files", "image/png", "**/checks/*.png", "pictures made by some checks"),
-    (SCENE_FILES, JSON, "**/scene.json", "source, camera, recipe, licence, seeds and statistics of a scene"),
-];
-
-const HDF5: &str = "application/x-hdf5";
-const NPY: &str = "application/x-npy";
-const JSON: &str = "application/json";
-
 /// Input of the file.
 #[derive(Debug)]
 pub(super) struct DescribedRelease<'a> {
@@ -137,7 +104,7 @@ pub(super) fn compose_croissant(of: &DescribedRelease<'_>) -> Value {
 }
 
 fn record_sets(splits: Option<&SplitPlan>) -> Vec<Value> {
-    let sets = [records::index_records(splits), records::scene_records(SCENE_FILES)];
+    let sets = [records::index_records(splits), records::scene_records(products::SCENE_FILES)];
     sets.into_iter().chain(splits.map(records::split_records)).collect()
 }
 
@@ -156,7 +123,8 @@ const IMPACT: &str = "No impact is known beyond that of the sources and of metho
 
 /// The texts of [`RESPONSIBLE`], in the same order.
 fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
-    let made_up = |scene: &&SceneRecord| scene.source.kind == SourceKind::Procedural.name();
+    let made_up =
+        |scene: &&SceneRecord| SourceKind::by_name(&scene.source.kind).is_some_and(SourceKind::is_made_up);
     let provenance = Provenance::of(scenes.iter().copied());
     let personal = personal_words(scenes.iter().all(made_up));
     [
@@ -208,15 +176,22 @@ fn distribution_entries(of: &DescribedRelease<'_>) -> Vec<Value> {
             "contentUrl": ".", "encodingFormat": "git+https", "sha256": ROOT_SUM,
         }),
     ];
-    for (id, media, glob, what) in FILE_SETS {
+    for FileSet { id, media, glob, description } in file_sets() {
         if of.paths.iter().any(|path| glob_matches(glob, path)) {
             nodes.push(json!({
-                "@type": "cr:FileSet", "@id": id, "name": id, "description": what, "encodingFormat": media,
+                "@type": "cr:FileSet", "@id": id, "name": id, "description": description, "encodingFormat": media,
                 "containedIn": { "@id": ROOT }, "includes": glob,
             }));
         }
     }
     nodes
+}
+
+/// The sets of files that a release can have.
+fn file_sets() -> impl Iterator<Item = &'static FileSet> {
+    let made = products().flat_map(|product| product.files);
+    let others = products::PATH.iter().chain(&products::CHECKS).chain(&products::SCENE);
+    made.chain(others).filter_map(|row| row.set.as_ref())
 }
 
 /// A length in the form that Croissant uses.

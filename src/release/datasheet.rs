@@ -4,7 +4,8 @@
 
 mod answers;
 
-use super::facts::{ReleaseFacts, plain_text};
+use super::facts::ReleaseFacts;
+use super::markdown::plain_text;
 use answers::AnswerContext;
 use std::fmt::Write as _;
 

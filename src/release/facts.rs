@@ -1,21 +1,18 @@
 //! Facts about a release for card and datasheet, counted and gathered once, so that the two cannot
 //! differ.
 
+mod counts;
+
+pub(super) use counts::FileCounts;
+
+use super::markdown::plain_text;
 use super::provenance::Provenance;
 use super::published::PublishedScene;
-use super::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::check::Verdict;
-use crate::escape;
 use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
-use crate::recipe::{ReconstructMethod, ReleaseInfo, SceneSource};
+use crate::recipe::{ReconstructMethod, ReleaseInfo};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-
-/// The streams of a trajectory, by their statistics.
-fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics> {
-    let one = part.sensor.iter().map(|_| &part.statistics);
-    one.chain(part.sensors.values().map(|sensor| &sensor.statistics))
-}
 
 /// A release, as described to people.
 #[derive(Debug, Clone, Copy)]
@@ -28,53 +25,10 @@ pub(super) struct ReleaseFacts<'a> {
     pub(super) licence: &'a ComposedTerms,
 }
 
-/// Contents of the tree by number. Withheld files do not count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct FileCounts {
-    pub(super) scenes: usize,
-    pub(super) trajectories: usize,
-    pub(super) poses: usize,
-    pub(super) streams: usize,
-    pub(super) events: u64,
-    /// Sharp frames.
-    pub(super) frames: usize,
-    /// Blurred frames.
-    pub(super) blurred: usize,
-    /// Images of depth and of flow.
-    pub(super) geometry: [usize; 2],
-    /// Scenes without any file that shows them, because the upstream forbids redistribution.
-    pub(super) withheld: usize,
-}
-
 impl ReleaseFacts<'_> {
-    pub(super) fn counts(&self) -> FileCounts {
-        let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
-        let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
-        // Of withheld scenes too: their poses are released, unlike their events and pictures.
-        let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
-        let pictures = |kind: &str| -> usize {
-            let of = |scene: &PublishedScene| -> usize {
-                let paths = scene.file.trajectories.iter();
-                paths.map(|part| scene.in_folder(&part.name, kind).count()).sum()
-            };
-            shown().map(of).sum()
-        };
-        FileCounts {
-            scenes: self.scenes.len(),
-            trajectories: paths().count(),
-            poses: paths().map(|part| part.poses).sum(),
-            streams: streams().count(),
-            events: streams().filter_map(|counted| counted.events).sum(),
-            frames: pictures("sharp"),
-            blurred: pictures("blur"),
-            geometry: [pictures("depth"), pictures("flow")],
-            withheld: self.scenes.len() - shown().count(),
-        }
-    }
-
     /// Number of scenes of each kind of source.
     pub(super) fn sources(&self) -> BTreeMap<&'static str, usize> {
-        tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind()))
+        tally_names(self.scenes.iter().map(|scene| scene.recipe.source.kind().name()))
     }
 
     /// Number of scenes in each split; empty if there are no splits.
@@ -111,23 +65,6 @@ impl ReleaseFacts<'_> {
     /// How the data were made.
     pub(super) fn provenance(&self) -> Provenance {
         Provenance::of(self.scenes.iter().map(|scene| &scene.file))
-    }
-
-    /// The contents in words, each kind with its number: `12 events, 3 sharp frames`.
-    pub(super) fn contents(&self) -> String {
-        let FileCounts { poses, streams, events, frames, blurred, geometry: [depth, flow], .. } =
-            self.counts();
-        let pictures = [
-            (frames, "sharp frames"),
-            (blurred, "blurred frames"),
-            (depth, "depth images"),
-            (flow, "flow images"),
-        ];
-        let pictures = pictures.into_iter().filter(|(count, _)| *count > 0);
-        let mut words = vec![format!("{poses} poses")];
-        words.extend((streams > 0).then(|| format!("{events} events in {streams} streams")));
-        words.extend(pictures.map(|(count, what)| format!("{count} {what}")));
-        words.join(", ")
     }
 
     fn parts(&self) -> impl Iterator<Item = &HolderTerms> {
@@ -171,7 +108,7 @@ impl ReleaseFacts<'_> {
 
     /// Returns true if every scene is procedural.
     pub(super) fn made_up(&self) -> bool {
-        self.scenes.iter().all(|scene| matches!(scene.recipe.source, SceneSource::Procedural(_)))
+        self.scenes.iter().all(|scene| scene.recipe.source.kind().is_made_up())
     }
 
     /// The ledger's rows on the material of this release, as a table.
@@ -230,63 +167,4 @@ fn tally_names<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, us
         *counts.entry(name).or_default() += 1;
         counts
     })
-}
-
-/// Text of a user on one line of Markdown. Nothing in it acts as markup or is hidden, wherever it
-/// is put.
-pub(super) fn plain_text(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.trim().chars() {
-        match c {
-            c if breaks_line(c) || c == '\t' => out.push(' '),
-            // Two backslashes, which Markdown shows as one.
-            c if escape::is_hidden(c) => out.push_str(&format!("\\{}", c.escape_unicode())),
-            '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' | '|' | '~' | '&' | '$' => out.extend(['\\', c]),
-            c => out.push(c),
-        }
-    }
-    if let Some(at) = opens_block(&out) {
-        out.insert(at, '\\');
-    }
-    out
-}
-
-/// Returns true if readers of text take the character for the end of a line (Unicode UAX 14:
-/// mandatory breaks).
-pub(super) fn breaks_line(c: char) -> bool {
-    matches!(c, '\n' | '\r' | '\u{b}' | '\u{c}' | '\u{85}' | '\u{2028}' | '\u{2029}')
-}
-
-/// Position at which a backslash keeps a line from opening a block: before the sign of a heading, a
-/// list, a rule or an underline, or before the dot of `1. `.
-fn opens_block(line: &str) -> Option<usize> {
-    if line.starts_with(['#', '+', '-', '=']) {
-        return Some(0);
-    }
-    let digits = line.bytes().take_while(u8::is_ascii_digit).count();
-    let mut rest = line[digits..].chars();
-    let marks = digits > 0 && rest.next().is_some_and(|c| c == '.' || c == ')');
-    (marks && rest.next().is_none_or(char::is_whitespace)).then_some(digits)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texts_of_users_are_no_markup() {
-        let t = |text: &str, wanted: &str| assert_eq!(plain_text(text), wanted);
-        t("Example Lab, 2025", "Example Lab, 2025");
-        t(" a|b\n## Licence ", "a\\|b ## Licence");
-        t("<img src=x> [a](b) `c` **d**", "\\<img src=x\\> \\[a\\](b) \\`c\\` \\*\\*d\\*\\*");
-        t("~~~", "\\~\\~\\~");
-        t("# X", "\\# X");
-        t("- x", "\\- x");
-        t("1. x 2. y", "1\\. x 2. y");
-        t("12)", "12\\)");
-        t("1.2.0", "1.2.0");
-        t("===", "\\===");
-        t("_x_ &lt; $y$", "\\_x\\_ \\&lt; \\$y\\$");
-        t("a\r# X\u{2028}\u{1b}[31m\u{202e}", "a # X \\\\u{1b}\\[31m\\\\u{202e}");
-    }
 }

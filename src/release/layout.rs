@@ -1,6 +1,7 @@
 //! The files of a release, and the step's output that each of them is. A file of any other name has
 //! no place in the tree.
 
+use super::products::{self, PICTURES};
 use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse, signature};
 use crate::artifact::EventStream;
 use crate::check;
@@ -21,10 +22,6 @@ pub(super) const TRANSFORMS: &str = "transforms.json";
 
 /// Files that the step of a path makes.
 pub(super) const MOTION: [&str; 4] = ["poses.txt", "speed.json", "timestamps_us.txt", "trajectory.svg"];
-
-/// Pictures of each kind: the step and folder, and the end of file names.
-pub(super) const PICTURES: [(&str, &str); 4] =
-    [("sharp", ".png"), ("blur", ".png"), ("depth", ".npy"), ("flow", ".npy")];
 
 /// Files at the top of every release, but for the texts of licences.
 const TOP: [&str; 10] = [
@@ -76,12 +73,14 @@ pub(super) fn made<'o>(
             .map(|o| (o.name.clone(), o)),
     );
     for name in streams {
-        let stored = outputs("events").iter().filter(|o| o.name == EventStream::stored_name(*name));
+        let stored =
+            outputs(products::EVENTS.name()).iter().filter(|o| o.name == EventStream::stored_name(*name));
         files.extend(stored.map(|o| (EventStream::released_name(*name), o)));
     }
-    for (kind, end) in PICTURES {
-        let pictures = outputs(kind).iter().filter(|o| o.name.ends_with(end));
-        files.extend(pictures.map(|o| (format!("{kind}/{}", o.name), o)));
+    for product in PICTURES {
+        let end = product.form.extension();
+        let pictures = outputs(product.name()).iter().filter(|o| o.name.ends_with(end));
+        files.extend(pictures.map(|o| (format!("{}/{}", product.name(), o.name), o)));
     }
     let seen = outputs("checks").iter().filter(|o| is_picture_of_check(&o.name, streams));
     files.extend(seen.map(|o| (format!("checks/{}", o.name), o)));

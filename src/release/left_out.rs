@@ -6,16 +6,13 @@
 //! the sensor or to the recipe.
 
 use crate::artifact::{ArtifactError, ArtifactFiles, EventStream, SimulationRecord};
+use crate::recipe::OutputKind;
 use crate::render::RenderWork;
 use crate::render::backend::Backend;
 use crate::scene::sh;
-use crate::sensor::SensorChoice;
-use crate::sensor::voltmeter::VoltmeterModel;
+use crate::sensor::QuietCells;
 use crate::stage::Stage as _;
-use crate::stage::blur::BlurStage;
 use crate::stage::events::EventsStage;
-use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
-use crate::stage::sharp::SharpStage;
 use serde::{Deserialize, Serialize};
 
 /// One kind of omitted work.
@@ -36,9 +33,11 @@ pub struct OmissionRow {
     pub proof: String,
 }
 
-/// The stages that render frames, and can leave work out.
-pub const RENDER: [&str; 5] =
-    [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
+/// Returns true if a stage renders frames, and can therefore leave work out: the stage of an output.
+#[must_use]
+pub fn is_rendering(stage: &str) -> bool {
+    OutputKind::ALL.iter().any(|output| output.name() == stage)
+}
 
 /// Proof of a row whose work does not change the output.
 const IDENTICAL: &str = "identical bytes";
@@ -55,7 +54,7 @@ pub fn of_step(
 ) -> Result<Vec<OmissionRow>, ArtifactError> {
     match stage {
         EventsStage::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
-        other if RENDER.contains(&other) => Ok(of_work(stage, &files.json("work.json")?, None)),
+        other if is_rendering(other) => Ok(of_work(stage, &files.json("work.json")?, None)),
         _ => Ok(Vec::new()),
     }
 }
@@ -105,16 +104,10 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
     rows.extend(colour_row(simulation, class));
     for stream in &simulation.streams {
         let of = |what: &str| stream.name.as_ref().map_or(what.to_owned(), |name| format!("{what}, {name}"));
-        if let SensorChoice::Voltmeter(sensor) = &stream.sensor {
-            let cells = quiet_row(simulation, stream, sensor);
-            let proof = format!(
-                "error: misses an event with probability below e^-{} per cell",
-                VoltmeterModel::MISSED_LN
-            );
+        if let Some(QuietCells { quiet, all, missed_ln }) = quiet_cells(simulation, stream) {
+            let proof = format!("error: misses an event with probability below e^-{missed_ln} per cell");
             let what = of("time cells of pixels far from any threshold");
-            rows.extend(
-                cells.and_then(|[quiet, all]| omission_row(step, &what, (quiet, Some(all), "cells"), &proof)),
-            );
+            rows.extend(omission_row(step, &what, (quiet, Some(all), "cells"), &proof));
         }
         let (kept, capped) = (stream.account.events, stream.account.capped);
         let what = of("events beyond the cap");
@@ -142,13 +135,25 @@ fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow>
     omission_row(EventsStage::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
 }
 
-/// Number of cells of the pixels' clock that were not examined, and of all cells.
-fn quiet_row(
-    simulation: &SimulationRecord,
-    stream: &EventStream,
-    sensor: &VoltmeterModel,
-) -> Option<[u64; 2]> {
+/// Cells of the clock of a stream's pixels.
+fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<QuietCells> {
     let stamps = &simulation.brightness_stamps_us;
     let span_us = stamps.last()? - stamps.first()?;
-    sensor.quiet_cells(&stream.account, simulation.camera.size, span_us)
+    stream.sensor.as_model().quiet_cells(&stream.account, simulation.camera.size, span_us)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::blur::BlurStage;
+    use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+    use crate::stage::sharp::SharpStage;
+
+    #[test]
+    fn the_stage_of_an_output_has_its_name() {
+        let stages =
+            [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
+        assert_eq!(OutputKind::ALL.map(OutputKind::name), stages);
+        assert!(!is_rendering("trajectory") && is_rendering("flow"));
+    }
 }

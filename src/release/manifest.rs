@@ -277,7 +277,7 @@ pub(super) fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -
     let omitted = built.trajectories.iter().map(|t| (t.name.clone(), t.left_out.clone()));
     ManifestScene {
         id: built.recipe.scene.clone(),
-        source: built.recipe.source.kind().to_owned(),
+        source: built.recipe.source.kind().name().to_owned(),
         licence: built.licence.expression.clone(),
         steps: built.steps.iter().map(manifest_step).collect(),
         checks: verdicts(findings.iter().copied()),

@@ -2,15 +2,10 @@
 //! names a sensor, a picture or a source that the release does not have.
 
 use super::scene::{SceneRecord, SensorPart, TrajectoryPart};
+use crate::sensor::SensorChoice;
+use crate::source::kind::SourceKind;
 use serde_json::Value;
 use std::collections::BTreeSet;
-
-/// Models of sensors: name in `scene.json`, name in texts, and publication.
-const MODELS: [(&str, &str, &str); 3] = [
-    ("voltmeter", "DVS-Voltmeter", "Lin et al., ECCV 2022"),
-    ("esim", "ESIM", "Rebecq et al., CoRL 2018"),
-    ("v2e", "v2e", "Hu et al., CVPRW 2021"),
-];
 
 /// What the trajectories of a release were made with.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -32,7 +27,9 @@ impl Provenance {
             of = of.with_models(&scene.trajectories);
             let outputs = scene.recipe["outputs"].as_array().map_or(0, Vec::len);
             of.rendered |= outputs > 0;
-            of.captured |= !["procedural", "none"].contains(&scene.source.kind.as_str());
+            // A kind that this version does not know is taken for a capture.
+            let kind = SourceKind::by_name(&scene.source.kind);
+            of.captured |= kind.is_none_or(|kind| kind.captured().is_some());
             of.photos |= !scene.images.is_empty();
         }
         of
@@ -45,8 +42,8 @@ impl Provenance {
 
     /// Each model of a sensor that was used, with its publication.
     pub(super) fn models(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
-        let used = MODELS.into_iter().filter(|(id, ..)| self.models.contains(*id));
-        used.map(|(_, name, publication)| (name, publication))
+        let used = SensorChoice::FAMILY.into_iter().filter(|facts| self.models.contains(facts.name));
+        used.map(|facts| (facts.title, facts.publication))
     }
 
     /// The simulated devices of a scene: `3DGS + DVS-Voltmeter`.

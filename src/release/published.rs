@@ -9,7 +9,7 @@ use super::scene::{SceneRecord, TrajectoryPart};
 use crate::artifact::TrajectoryProduct;
 use crate::check::Finding;
 use crate::licence::{self, ComposedTerms, Redistributability, StatedTerms};
-use crate::recipe::{Recipe, RecipeFaults, RecipeFile, SceneSource, read_files};
+use crate::recipe::{Recipe, RecipeFaults, RecipeFile, read_files};
 use crate::sampling::exposure;
 use crate::sensor::SensorChoice;
 use std::collections::BTreeMap;
@@ -119,13 +119,9 @@ pub(super) fn exposures(part: &TrajectoryPart, motion: &TrajectoryProduct) -> BT
 /// # Panics
 /// As [`licence::compose_terms`].
 pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTerms {
-    let url = match &recipe.source {
-        SceneSource::Captured(_, upstream) => upstream.url.as_deref(),
-        SceneSource::Procedural(_) | SceneSource::None => None,
-    };
     licence::compose_terms(&StatedTerms {
         kind: recipe.source.kind(),
-        url,
+        url: recipe.source.upstream().and_then(|upstream| upstream.url.as_deref()),
         owner: recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str())),
         grant: recipe.licence.as_ref().and_then(|l| l.grant.as_ref()),
         redistribution,

@@ -20,6 +20,10 @@ mod section;
 mod seen;
 mod trajectory;
 
+pub(super) use maps::{depth_picture, flow_picture};
+pub(super) use section::ReportTrajectory;
+pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
+
 use super::facts::ReleaseFacts;
 use super::published::StoredPlaces;
 use crate::check::Finding;

@@ -14,7 +14,7 @@ pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, UpstreamOrigin};
+use crate::recipe::{Recipe, ReconstructMethod};
 use crate::reconstruct::TrainerCommand;
 use crate::render::fidelity::PsnrFigures;
 use crate::seed::{Seed, StreamPurpose};
@@ -312,7 +312,7 @@ pub struct DepthQuantiles {
 /// A blob that must be hashed cannot be read.
 pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
-    let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let trajectories: Vec<TrajectoryPart> =
         scene.trajectories.iter().map(|t| trajectory::trajectory_part(recipe, t)).collect();
     Ok(SceneRecord {
@@ -322,12 +322,12 @@ pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneReco
         source: source_part(recipe),
         images: capture_images(scene),
         camera: camera_part(scene),
-        conventions: SceneConventions::for_brightness(&recipe.merged),
+        conventions: SceneConventions::for_brightness(&recipe.meta.merged),
         reconstruction: reconstruction_part(scene)?,
         licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
         seeds: draw_seeds(recipe),
-        recipe: recipe.merged.clone(),
+        recipe: recipe.meta.merged.clone(),
         recipe_sha256: super::checksum::sha256_hex(&compact),
         split: None,
         attributes: scene_attributes(
@@ -341,12 +341,9 @@ pub(super) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneReco
 }
 
 fn source_part(recipe: &Recipe) -> SourcePart {
-    let upstream = match &recipe.source {
-        SceneSource::Captured(_, upstream) => upstream.clone(),
-        SceneSource::Procedural(_) | SceneSource::None => UpstreamOrigin::default(),
-    };
+    let upstream = recipe.source.upstream().cloned().unwrap_or_default();
     SourcePart {
-        kind: recipe.source.kind().into(),
+        kind: recipe.source.kind().name().into(),
         upstream_id: upstream.id,
         upstream_url: upstream.url,
         accessed: upstream.accessed,
@@ -411,10 +408,10 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
 
 /// Kind of the source of a recipe's Gaussians.
 fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
-    match (&recipe.source, training_command(recipe)) {
-        (SceneSource::Procedural(_), _) => "procedural",
-        (_, Some(_)) => "command",
-        (_, None) => "given",
+    match training_command(recipe) {
+        _ if recipe.source.kind().is_made_up() => recipe.source.kind().name(),
+        Some(_) => "command",
+        None => "given",
     }
 }
 
@@ -438,7 +435,7 @@ fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
             add(&asked.written, StreamPurpose::Keyframes, novel.keyframes_seed);
             add(&asked.written, StreamPurpose::Curve, novel.curve_seed);
         }
-        if recipe.outputs.contains(&OutputKind::Events) {
+        if recipe.has_events() {
             add(&asked.name, StreamPurpose::Sensor, sensor_seed(recipe, &asked.name));
         }
     }

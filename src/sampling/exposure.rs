@@ -26,12 +26,13 @@ pub struct ShutterSettings {
 }
 
 /// The number of sub-frames per dense frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SubframeRule {
-    /// As many as keep the largest motion between two of them at a pixel.
+    /// An odd number per dense frame, at most 33, so that the picture moves by at most 1 px between
+    /// two. Motion beyond that draws a warning. It is measured at pixels with a depth.
     Auto,
-    /// None: the dense frames alone.
+    /// No sub-frames.
     Literal,
 }
 

@@ -20,6 +20,10 @@
 //! With thresholds drawn once and no hot pixels, the stream of a signal that is linear in `V` does
 //! not depend on the frame rate. With `mismatch: per-frame` it does.
 
+mod parameters;
+
+pub(super) use parameters::FACTS;
+
 use super::course::BrightnessCourse;
 use super::detector::{DetectorPixel, OwnEventKind};
 use super::front_end::FrontEnd;

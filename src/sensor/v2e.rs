@@ -30,8 +30,10 @@
 //! through the change of its rate between two frames (more with `euler`), and the jitter of the
 //! leak is drawn per frame.
 
+mod parameters;
 mod presets;
 
+pub(super) use parameters::FACTS;
 pub use presets::V2ePreset;
 
 use super::course::{BrightnessCourse, FilteredCourse};

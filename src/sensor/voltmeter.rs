@@ -28,6 +28,7 @@ mod leaf;
 mod line;
 mod noiseless;
 mod official;
+mod parameters;
 pub mod presets;
 mod screen;
 mod signal;
@@ -39,6 +40,7 @@ mod writer;
 
 pub(crate) use bridge::{Barriers, touch_time};
 pub(crate) use leaf::{ClockLeaf, EmitEvents, LeafSpan};
+pub(super) use parameters::FACTS;
 pub use presets::VoltmeterPreset;
 pub use units::ConstantUnits;
 
@@ -47,7 +49,7 @@ use super::front_end::FrontEnd;
 use super::noise::HotPixelNoise;
 use super::own_events::WithHot;
 use super::pairs::{EventCap, PairPixels};
-use super::{SensorError, SensorModel, SensorPixels, SimulationAccount, check_extent};
+use super::{SensorError, SensorModel, SensorPixels, check_extent};
 use crate::event::EventLabel;
 use crate::image::Size;
 use crate::seed::Seed;
@@ -96,7 +98,7 @@ pub struct VoltmeterModel {
 pub enum SamplerKind {
     /// First passages of the process, independent of the frame rate.
     Exact,
-    /// The published program's sampler, for comparisons. Its noise depends on the frame rate.
+    /// The published program's sampler, whose noise depends on the frame rate; for comparisons.
     Official,
 }
 
@@ -106,7 +108,7 @@ pub enum SamplerKind {
 pub enum DriftGain {
     /// `k1 ln(L + k2)`.
     Log,
-    /// The published program's midpoint form; for comparisons only.
+    /// The published program's midpoint form; for comparisons.
     Midpoint,
 }
 
@@ -114,9 +116,9 @@ pub enum DriftGain {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum InitialVoltage {
-    /// All zero, as published. Equal pixels then leak in step.
+    /// All zero, as published; equal pixels then leak in step.
     Zero,
-    /// The stationary state: every pixel has seen the first frame for a long time.
+    /// As if every pixel had seen the first frame for a long time.
     Stationary,
 }
 
@@ -124,11 +126,11 @@ pub enum InitialVoltage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BetweenFrames {
-    /// Linear in `ln(L + k2)`.
+    /// A straight line.
     Linear,
-    /// Cubic in `ln(L + k2)`, with slopes from the frames before and after.
+    /// A cubic through four frames.
     Catmull,
-    /// Cubic in `ln(L + k2)`, with slopes from the frames' rates of change.
+    /// A cubic through two frames and their rendered rates of change.
     Hermite,
 }
 
@@ -168,22 +170,6 @@ impl VoltmeterModel {
 }
 
 impl VoltmeterModel {
-    /// The number of clock cells that the law `exact` did not look into because no threshold was
-    /// within reach, and the number of all cells over a clip of this length. Cells are as long as
-    /// the longest leaf. `None` for sensors without this clock. The first number is a lower
-    /// bound: where leaves are shorter, more than one is counted per cell.
-    #[must_use]
-    pub fn quiet_cells(&self, account: &SimulationAccount, size: Size, span_us: i64) -> Option<[u64; 2]> {
-        let cells = u64::try_from(span_us).ok()? * 1000 / u64::from(tree::LEAF);
-        let all = cells * size.pixels() as u64;
-        let has_clock = self.law == SamplerKind::Exact && !drift::DriftProcess::new(self).is_noiseless();
-        has_clock.then(|| [all.saturating_sub(account.leaves), all])
-    }
-
-    /// Negative logarithm of the largest probability that a threshold is touched in a cell that is
-    /// not looked into.
-    pub const MISSED_LN: f64 = bridge::NEGLIGIBLE;
-
     /// Pixels of the law `exact`, with the hot pixels and the cap around them.
     fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn SensorPixels> {
         let cap = self.max_events_per_pixel_frame;
@@ -246,19 +232,6 @@ impl SensorModel for VoltmeterModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// 6 pixels for 1000 times the longest leaf of 8.192 us.
-    #[test]
-    fn cells_that_were_not_looked_into_are_what_the_leaves_leave_of_all() {
-        let size = Size { width: 3, height: 2 };
-        let account = SimulationAccount { leaves: 100, ..SimulationAccount::default() };
-        let noisy = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
-        assert_eq!(noisy.quiet_cells(&account, size, 8192), Some([5900, 6000]));
-        let official = VoltmeterModel { law: SamplerKind::Official, ..noisy };
-        assert_eq!(official.quiet_cells(&account, size, 8192), None);
-        let quiet = VoltmeterModel::new([1.0, 2.0, 0.0, 4.0, 5.0, 0.0]);
-        assert_eq!(quiet.quiet_cells(&account, size, 8192), None);
-    }
 
     /// A key from before these options existed stays the same.
     #[test]

@@ -3,10 +3,7 @@
 use super::colmap::ColmapModel;
 use super::kind::CaptureKind;
 use super::photo::PhotoScrutiny;
-use super::{
-    Capture, CapturedView, SourceError, SourceWarning, UnusedPhoto, UnusedReason, colmap, dl3dv, model,
-    mvimgnet, nerfstudio,
-};
+use super::{Capture, CapturedView, SourceError, SourceWarning, UnusedPhoto, UnusedReason};
 use glob::Pattern;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
@@ -65,17 +62,7 @@ impl DiskCapture {
     /// 64 hexadecimal digits.
     #[must_use]
     pub fn upstream_id(&self) -> Option<String> {
-        let mut names = self.path.iter().rev().map(|name| name.to_str());
-        let mut name = || names.next().flatten();
-        match self.kind {
-            CaptureKind::Mvimgnet => {
-                let (instance, class) = (name()?, name()?);
-                let known = mvimgnet::is_instance(instance) && mvimgnet::is_class(class);
-                known.then(|| format!("{class}/{instance}"))
-            }
-            CaptureKind::Dl3dv => name().filter(|name| dl3dv::is_scene(name)).map(str::to_owned),
-            CaptureKind::Colmap | CaptureKind::Nerfstudio | CaptureKind::Model => None,
-        }
+        self.kind.as_layout().upstream_id(&self.path)
     }
 
     /// Reads the capture.
@@ -95,13 +82,7 @@ impl DiskCapture {
     }
 
     fn look(&self, look: PhotoScrutiny) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
-        let (capture, mut warnings) = match self.kind {
-            CaptureKind::Colmap => colmap::look_at(&self.path, look),
-            CaptureKind::Nerfstudio => nerfstudio::look_at(&self.path, look),
-            CaptureKind::Model => model::read_capture(&self.path),
-            CaptureKind::Mvimgnet => mvimgnet::read_capture(&self.path, look),
-            CaptureKind::Dl3dv => dl3dv::read_capture(&self.path, self.selection.poses, look),
-        }?;
+        let (capture, mut warnings) = self.kind.as_layout().read(self, look)?;
         let capture = self.select(capture, &mut warnings)?;
         warnings.extend(capture.distortion());
         Ok((capture, warnings))
@@ -112,36 +93,19 @@ impl DiskCapture {
     /// # Errors
     /// The names of the photos are in a file that cannot be read; see [`DiskCapture::read`].
     pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        match self.kind {
-            CaptureKind::Colmap => colmap::source_files(&self.path),
-            CaptureKind::Nerfstudio => nerfstudio::source_files(&self.path),
-            CaptureKind::Model => model::source_files(&self.path),
-            CaptureKind::Mvimgnet => mvimgnet::source_files(&self.path),
-            CaptureKind::Dl3dv => dl3dv::source_files(&self.path, self.selection.poses),
-        }
+        self.kind.as_layout().files(self)
     }
 
     /// Returns the COLMAP model of its poses, if they come from a model.
     #[must_use]
     pub fn model(&self) -> Option<ColmapModel> {
-        match self.kind {
-            CaptureKind::Colmap => ColmapModel::find_model(&self.path).ok(),
-            CaptureKind::Mvimgnet => mvimgnet::instance_model(&self.path).ok(),
-            CaptureKind::Dl3dv => dl3dv::pose_model(&self.path, self.selection.poses),
-            CaptureKind::Nerfstudio | CaptureKind::Model => None,
-        }
+        self.kind.as_layout().model(self)
     }
 
     /// Returns the existing folders whose listing determines [`DiskCapture::files`].
     #[must_use]
     pub fn folders(&self) -> Vec<PathBuf> {
-        match self.kind {
-            CaptureKind::Colmap => colmap::source_folders(&self.path),
-            CaptureKind::Nerfstudio => nerfstudio::source_folders(&self.path),
-            CaptureKind::Model => model::source_folders(&self.path),
-            CaptureKind::Mvimgnet => mvimgnet::source_folders(&self.path),
-            CaptureKind::Dl3dv => dl3dv::source_folders(&self.path),
-        }
+        self.kind.as_layout().folders(self)
     }
 
     /// Moves views that are not selected to the unused photos.

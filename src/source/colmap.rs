@@ -12,9 +12,11 @@ pub mod write;
 
 pub use reprojection::ReprojectionStats;
 
+use super::layout::CaptureLayout;
 use super::photo::{self, PhotoInfo, PhotoScrutiny, SCALED};
 use super::{
-    Capture, CapturedView, FoundView, SourceError, SourcePlace, SourceWarning, UnusedPhoto, collect_views,
+    Capture, CapturedView, DiskCapture, FoundView, SourceError, SourcePlace, SourceWarning, UnusedPhoto,
+    collect_views,
 };
 use crate::camera::Camera;
 use crate::files::{FolderWalk, MAX_DEPTH, is_there};
@@ -268,6 +270,43 @@ pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
 pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
     let entries = FolderWalk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
+}
+
+/// COLMAP models.
+pub(super) struct ColmapLayout;
+
+impl CaptureLayout for ColmapLayout {
+    fn name(&self) -> &'static str {
+        "colmap"
+    }
+
+    fn words(&self) -> &'static str {
+        "a COLMAP model"
+    }
+
+    fn is_in(&self, folder: &Path) -> bool {
+        ColmapModel::model_near(folder).is_some()
+    }
+
+    fn read(
+        &self,
+        captured: &DiskCapture,
+        look: PhotoScrutiny,
+    ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        look_at(&captured.path, look)
+    }
+
+    fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
+        source_files(&captured.path)
+    }
+
+    fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
+        source_folders(&captured.path)
+    }
+
+    fn model(&self, captured: &DiskCapture) -> Option<ColmapModel> {
+        ColmapModel::find_model(&captured.path).ok()
+    }
 }
 
 /// Reads the model found in `dir` as a capture.

@@ -10,10 +10,13 @@
 //! one of them.
 
 use super::colmap::{self, ColmapModel, PhotoSizing};
+use super::inventory::{ScenePath, list_subfolders};
+use super::layout::CaptureLayout;
 use super::nerfstudio;
 use super::photo::{PhotoScrutiny, or_here};
-use super::{Capture, PoseFile, SourceError, SourceWarning};
+use super::{Capture, DiskCapture, PoseFile, SourceDataset, SourceError, SourceWarning};
 use crate::files::{MAX_DEPTH, is_there};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Possible folders of a scene's files, relative to the scene.
@@ -22,8 +25,63 @@ const HOMES: [&str; 3] = ["", "colmap", "nerfstudio"];
 /// Folders of photos, the largest first.
 const PHOTOS: [&str; 4] = ["images", "images_2", "images_4", "images_8"];
 
+static DATASET: SourceDataset = SourceDataset {
+    name: "DL3DV-10K",
+    url: "https://github.com/DL3DV-10K/Dataset",
+    scale: "large",
+    leftovers: &[],
+    has_classes: false,
+    has_two_poses: true,
+};
+
+/// Scenes of the dataset.
+pub(super) struct Dl3dvLayout;
+
+impl CaptureLayout for Dl3dvLayout {
+    fn name(&self) -> &'static str {
+        "dl3dv"
+    }
+
+    fn words(&self) -> &'static str {
+        "a scene of DL3DV"
+    }
+
+    fn read(
+        &self,
+        captured: &DiskCapture,
+        look: PhotoScrutiny,
+    ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        read_capture(&captured.path, captured.selection.poses, look)
+    }
+
+    fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
+        source_files(&captured.path, captured.selection.poses)
+    }
+
+    fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
+        source_folders(&captured.path)
+    }
+
+    fn model(&self, captured: &DiskCapture) -> Option<ColmapModel> {
+        pose_model(&captured.path, captured.selection.poses)
+    }
+
+    fn scenes(&self, root: &Path, _: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
+        hash_folders(root)
+    }
+
+    fn dataset(&self) -> Option<&'static SourceDataset> {
+        Some(&DATASET)
+    }
+
+    fn upstream_id(&self, path: &Path) -> Option<String> {
+        let name = path.iter().next_back()?.to_str()?;
+        is_scene(name).then(|| name.to_owned())
+    }
+}
+
 /// Returns true if the name of a folder is that of a scene: 64 hexadecimal digits.
-pub(super) fn is_scene(name: &str) -> bool {
+fn is_scene(name: &str) -> bool {
     name.len() == 64 && name.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
@@ -72,7 +130,7 @@ impl Dl3dvFiles {
     }
 }
 
-pub(super) fn read_capture(
+fn read_capture(
     scene: &Path,
     wanted: Option<PoseFile>,
     look: PhotoScrutiny,
@@ -91,10 +149,7 @@ pub(super) fn read_capture(
     Ok((capture, warnings))
 }
 
-pub(super) fn source_files(
-    scene: &Path,
-    wanted: Option<PoseFile>,
-) -> Result<Vec<(String, PathBuf)>, SourceError> {
+fn source_files(scene: &Path, wanted: Option<PoseFile>) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let Dl3dvFiles { poses, photos } = Dl3dvFiles::find_files(scene, wanted)?;
     match poses {
         PoseSource::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
@@ -103,17 +158,35 @@ pub(super) fn source_files(
 }
 
 /// Returns the COLMAP model of the poses, if they come from a model.
-pub(super) fn pose_model(scene: &Path, wanted: Option<PoseFile>) -> Option<ColmapModel> {
+fn pose_model(scene: &Path, wanted: Option<PoseFile>) -> Option<ColmapModel> {
     match Dl3dvFiles::find_files(scene, wanted).ok()?.poses {
         PoseSource::Colmap(model) => Some(model),
         PoseSource::Transforms(_) => None,
     }
 }
 
-pub(super) fn source_folders(scene: &Path) -> Vec<PathBuf> {
+fn source_folders(scene: &Path) -> Vec<PathBuf> {
     colmap::folders_below(scene, MAX_DEPTH).collect()
 }
 
 fn named_photos(photos: Option<&Path>) -> nerfstudio::PhotoLocation<'_> {
     photos.map_or(nerfstudio::PhotoLocation::AsNamed, nerfstudio::PhotoLocation::In)
+}
+
+/// Finds folders with a hash as their name, in the tree or one level below; other folders are
+/// ignored.
+fn hash_folders(root: &Path) -> Result<Vec<ScenePath>, SourceError> {
+    let mut found = Vec::new();
+    let mut add = |name: String, path| found.push(ScenePath { name, path, misnamed: None });
+    for (name, path) in list_subfolders(root)? {
+        if is_scene(&name) {
+            add(name, path);
+        } else {
+            list_subfolders(&path)?
+                .into_iter()
+                .filter(|(name, _)| is_scene(name))
+                .for_each(|(n, p)| add(n, p));
+        }
+    }
+    Ok(found)
 }

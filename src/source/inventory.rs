@@ -2,11 +2,7 @@
 //! cannot be used.
 
 use super::kind::CaptureKind;
-use super::{
-    Capture, DiskCapture, SourceError, SourceWarning, ViewSelection, colmap, dl3dv, model, mvimgnet, natural,
-    nerfstudio,
-};
-use crate::files::is_there;
+use super::{Capture, DiskCapture, SourceError, SourceWarning, ViewSelection, natural};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -96,15 +92,7 @@ pub fn take_inventory(
     root: &Path,
     rules: &AcceptanceRules,
 ) -> Result<Vec<InventoryScene>, SourceError> {
-    let mut found = match kind {
-        CaptureKind::Mvimgnet => instance_folders(root, &rules.classes)?,
-        CaptureKind::Dl3dv => hash_folders(root)?,
-        CaptureKind::Colmap => capture_folders(root, &|dir| colmap::ColmapModel::model_near(dir).is_some())?,
-        CaptureKind::Nerfstudio => {
-            capture_folders(root, &|dir| is_there(&nerfstudio::locate_transforms(dir)))?
-        }
-        CaptureKind::Model => capture_folders(root, &|dir| is_there(&model::locate_cameras(dir)))?,
-    };
+    let mut found = kind.as_layout().scenes(root, &rules.classes)?;
     // Scenes of the same name sort by path, so that the same one is kept on every machine.
     found.sort_by(|a, b| natural::compare_names(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
     let mut entries: Vec<InventoryScene> =
@@ -118,11 +106,12 @@ pub fn take_inventory(
 }
 
 /// A folder that may be a scene.
-struct ScenePath {
-    name: String,
-    path: PathBuf,
+pub(super) struct ScenePath {
+    /// Id within the dataset.
+    pub(super) name: String,
+    pub(super) path: PathBuf,
     /// The fault of its name, if there is one.
-    misnamed: Option<RejectionReason>,
+    pub(super) misnamed: Option<RejectionReason>,
 }
 
 impl ScenePath {
@@ -162,40 +151,11 @@ impl AcceptanceRules {
     }
 }
 
-/// Finds `class/instance` folders. Classes are numbers; other folders are ignored.
-fn instance_folders(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
-    let wanted = |class: &str| mvimgnet::is_class(class) && (classes.is_empty() || classes.contains(class));
-    let mut found = Vec::new();
-    for (class, dir) in list_subfolders(root)?.into_iter().filter(|(class, _)| wanted(class)) {
-        found.extend(list_subfolders(&dir)?.into_iter().map(|(instance, path)| {
-            let known = mvimgnet::is_instance(&instance);
-            let misnamed = (!known).then_some(RejectionReason::Name("8 hexadecimal digits"));
-            ScenePath { name: format!("{class}/{instance}"), path, misnamed }
-        }));
-    }
-    Ok(found)
-}
-
-/// Finds folders with a hash as their name, in the tree or one level below; other folders are
-/// ignored.
-fn hash_folders(root: &Path) -> Result<Vec<ScenePath>, SourceError> {
-    let mut found = Vec::new();
-    let mut add = |name: String, path| found.push(ScenePath { name, path, misnamed: None });
-    for (name, path) in list_subfolders(root)? {
-        if dl3dv::is_scene(&name) {
-            add(name, path);
-        } else {
-            list_subfolders(&path)?
-                .into_iter()
-                .filter(|(name, _)| dl3dv::is_scene(name))
-                .for_each(|(n, p)| add(n, p));
-        }
-    }
-    Ok(found)
-}
-
 /// Finds folders that contain a capture, without descending into them. The root itself may be one.
-fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<ScenePath>, SourceError> {
+pub(super) fn capture_folders(
+    root: &Path,
+    is_scene: &dyn Fn(&Path) -> bool,
+) -> Result<Vec<ScenePath>, SourceError> {
     // The walk below skips folders that cannot be read, but the root itself must be readable.
     std::fs::read_dir(root).map_err(SourceError::io_error(root))?;
     let mut found = Vec::new();
@@ -220,7 +180,7 @@ fn capture_folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<
 
 /// Lists the subfolders of a folder by name. Names that are not UTF-8 are skipped; no dataset has
 /// them.
-fn list_subfolders(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+pub(super) fn list_subfolders(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(dir).map_err(SourceError::io_error(dir))? {
         let path = entry.map_err(SourceError::io_error(dir))?.path();

@@ -1,29 +1,44 @@
-//! Layouts of captures on disk, and detection of the layout from the files at a path.
+//! The kinds of sources, and detection of the kind of a capture from the files at a path.
 
-use super::{Capture, DiskCapture, SourceError, SourceWarning, colmap, model, nerfstudio};
-use crate::files::is_there;
+use super::layout::CaptureLayout;
+use super::{Capture, DiskCapture, SourceDataset, SourceError, SourceWarning};
+use super::{colmap, dl3dv, model, mvimgnet, nerfstudio};
 use std::path::Path;
 
 /// The kinds of captures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CaptureKind {
     /// A COLMAP model.
     Colmap,
-    /// A nerfstudio `transforms.json`.
-    Nerfstudio,
-    /// A 3DGS model folder.
-    Model,
     /// An instance of `MVImgNet`. It is a COLMAP model, and is treated as one unless the kind is
     /// named.
     Mvimgnet,
     /// A scene of DL3DV-10K, treated likewise.
     Dl3dv,
+    /// A nerfstudio `transforms.json`.
+    Nerfstudio,
+    /// A 3DGS model folder.
+    Model,
 }
 
 const WANTED: &str = "wanted a COLMAP model (cameras and images, .bin or .txt, here or in sparse/0), a transforms.json, \
                       or a 3DGS model folder (cameras.json)";
 
 impl CaptureKind {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Colmap, Self::Mvimgnet, Self::Dl3dv, Self::Nerfstudio, Self::Model];
+
+    /// The implementation of the kind. Everything that differs between kinds is behind it.
+    pub(super) fn as_layout(self) -> &'static dyn CaptureLayout {
+        match self {
+            Self::Colmap => &colmap::ColmapLayout,
+            Self::Mvimgnet => &mvimgnet::MvimgnetLayout,
+            Self::Dl3dv => &dl3dv::Dl3dvLayout,
+            Self::Nerfstudio => &nerfstudio::NerfstudioLayout,
+            Self::Model => &model::ModelLayout,
+        }
+    }
+
     /// Detects the kind of the file or folder at `path`. Files in the folder itself or in its
     /// `sparse/0` take precedence over a COLMAP model further down.
     ///
@@ -32,57 +47,51 @@ impl CaptureKind {
     pub fn kind_of(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
         if !super::is_folder(path)? {
-            return Self::of_file(path)
-                .ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
+            let kind = Self::ALL.into_iter().find(|kind| kind.as_layout().is_file(path));
+            return kind.ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
-        // Folders of MVImgNet and DL3DV are read by their general layout, unless their kind is
-        // named.
-        let kinds = [
-            (Self::Colmap, colmap::ColmapModel::model_near(path).is_some()),
-            (Self::Nerfstudio, is_there(&nerfstudio::locate_transforms(path))),
-            (Self::Model, is_there(&model::locate_cameras(path))),
-        ];
-        let found: Vec<Self> = kinds.into_iter().filter_map(|(kind, is)| is.then_some(kind)).collect();
+        let found: Vec<Self> = Self::ALL.into_iter().filter(|kind| kind.as_layout().is_in(path)).collect();
         match found[..] {
             [kind] => Ok(kind),
             [] if colmap::ColmapModel::model_below(path)?.is_some() => Ok(Self::Colmap),
             [] => Err(absent(format!("found no capture, {WANTED}"))),
             _ => {
-                let names: Vec<&str> = found.iter().map(|kind| kind.words()).collect();
+                let names: Vec<&str> = found.iter().map(|kind| kind.as_layout().words()).collect();
                 Err(absent(format!("it contains {}: name the one to use", names.join(" and "))))
             }
-        }
-    }
-
-    /// Detects the kind of a file by its name. COLMAP models are folders.
-    fn of_file(path: &Path) -> Option<Self> {
-        let named = |name: &str| path.file_name().is_some_and(|found| found == name);
-        let json = path.extension().is_some_and(|extension| extension == "json");
-        // A `transforms.json` may have any name, for example `transforms_train.json`.
-        if named("cameras.json") { Some(Self::Model) } else { json.then_some(Self::Nerfstudio) }
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Self::Colmap => "a COLMAP model",
-            Self::Nerfstudio => "a transforms.json",
-            Self::Model => "a cameras.json",
-            Self::Mvimgnet => "an instance of MVImgNet",
-            Self::Dl3dv => "a scene of DL3DV",
         }
     }
 
     /// Name of the kind in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Colmap => "colmap",
-            Self::Nerfstudio => "nerfstudio",
-            Self::Model => "model",
-            Self::Mvimgnet => "mvimgnet",
-            Self::Dl3dv => "dl3dv",
-        }
+        self.as_layout().name()
+    }
+
+    /// The kind with this name.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// The dataset whose layout this kind is.
+    #[must_use]
+    pub fn dataset(self) -> Option<&'static SourceDataset> {
+        self.as_layout().dataset()
+    }
+
+    /// Returns true if a folder of this kind has the Gaussians of the scene, and no photos.
+    #[must_use]
+    pub fn has_gaussians(self) -> bool {
+        self.as_layout().has_gaussians()
+    }
+
+    /// Patterns of the names of photos that are no views, in a dataset of this kind.
+    #[must_use]
+    pub fn leftovers(self) -> Vec<String> {
+        let dataset = self.dataset().into_iter();
+        dataset.flat_map(|dataset| dataset.leftovers).map(|pattern| (*pattern).to_owned()).collect()
     }
 
     /// Reads the source at `path` as this kind, and adds a warning about its lenses.
@@ -91,6 +100,58 @@ impl CaptureKind {
     /// The reader of this kind fails.
     pub fn read(self, path: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
         DiskCapture::all_views(self, path.to_owned()).read()
+    }
+}
+
+/// The kinds of sources that recipes and releases name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SourceKind {
+    /// The built-in procedural scene, which belongs to this program.
+    Procedural,
+    /// A capture on disk: the owner's, or a dataset's.
+    Captured(CaptureKind),
+    /// No source: a scene file of the owner, and poses from the recipe.
+    None,
+}
+
+impl SourceKind {
+    /// Returns the name of the kind in recipes and in `scene.json`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Procedural => "procedural",
+            Self::Captured(kind) => kind.name(),
+            Self::None => "none",
+        }
+    }
+
+    /// Returns the kind with this name.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<Self> {
+        let others = [Self::Procedural, Self::None];
+        let all = CaptureKind::ALL.into_iter().map(Self::Captured).chain(others);
+        all.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Returns true for the procedural scene, which shows nothing that exists.
+    #[must_use]
+    pub fn is_made_up(self) -> bool {
+        self == Self::Procedural
+    }
+
+    /// The kind of capture, if the source is one.
+    #[must_use]
+    pub fn captured(self) -> Option<CaptureKind> {
+        match self {
+            Self::Captured(kind) => Some(kind),
+            Self::Procedural | Self::None => None,
+        }
+    }
+
+    /// The dataset whose layout this kind is.
+    #[must_use]
+    pub fn dataset(self) -> Option<&'static SourceDataset> {
+        self.captured().and_then(CaptureKind::dataset)
     }
 }
 

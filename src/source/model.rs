@@ -11,10 +11,12 @@
 //! of 3x4. It is read only to report that exposures were trained. `cfg_args` is Python text about
 //! the training without poses, and is not read.
 
+use super::layout::CaptureLayout;
 use super::node::{JsonNode, load_document};
-use super::photo::or_here;
+use super::photo::{PhotoScrutiny, or_here};
 use super::{
-    Capture, CapturedView, FoundView, LensModel, SourceError, SourceWarning, collect_views, screen_camera,
+    Capture, CapturedView, DiskCapture, FoundView, LensModel, SourceError, SourceWarning, collect_views,
+    screen_camera,
 };
 use crate::camera::Camera;
 use crate::files::is_there;
@@ -41,6 +43,52 @@ const NEAR: f64 = 4e-4;
 /// Returns the path of the camera file, given the file or its folder.
 pub(super) fn locate_cameras(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(CAMERAS) } else { path.to_owned() }
+}
+
+/// Returns true if a file has the name of the camera file.
+pub(super) fn is_cameras(file: &Path) -> bool {
+    file.file_name().is_some_and(|name| name == CAMERAS)
+}
+
+/// 3DGS model folders.
+pub(super) struct ModelLayout;
+
+impl CaptureLayout for ModelLayout {
+    fn name(&self) -> &'static str {
+        "model"
+    }
+
+    fn words(&self) -> &'static str {
+        "a cameras.json"
+    }
+
+    fn is_in(&self, folder: &Path) -> bool {
+        is_there(&locate_cameras(folder))
+    }
+
+    fn is_file(&self, file: &Path) -> bool {
+        is_cameras(file)
+    }
+
+    fn read(
+        &self,
+        captured: &DiskCapture,
+        _: PhotoScrutiny,
+    ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        read_capture(&captured.path)
+    }
+
+    fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
+        source_files(&captured.path)
+    }
+
+    fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
+        source_folders(&captured.path)
+    }
+
+    fn has_gaussians(&self) -> bool {
+        true
+    }
 }
 
 /// Reads a model folder, or its `cameras.json`, as a capture. The photos are not part of the

@@ -5,26 +5,82 @@
 //! views. Some instances have no model.
 
 use super::colmap::{self, ColmapModel, ModelPhotos, PhotoSizing};
+use super::inventory::{RejectionReason, ScenePath, list_subfolders};
+use super::layout::CaptureLayout;
 use super::photo::PhotoScrutiny;
-use super::{Capture, SourceError, SourceWarning};
+use super::{Capture, DiskCapture, SourceDataset, SourceError, SourceWarning};
 use crate::files::{MAX_DEPTH, is_there};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Pattern of the names of photos that are no views.
-pub const LEFTOVERS: &str = "*_bg_removed.png";
+static DATASET: SourceDataset = SourceDataset {
+    name: "MVImgNet",
+    url: "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
+    scale: "object",
+    leftovers: &["*_bg_removed.png"],
+    has_classes: true,
+    has_two_poses: false,
+};
+
+/// Instances of the dataset.
+pub(super) struct MvimgnetLayout;
+
+impl CaptureLayout for MvimgnetLayout {
+    fn name(&self) -> &'static str {
+        "mvimgnet"
+    }
+
+    fn words(&self) -> &'static str {
+        "an instance of MVImgNet"
+    }
+
+    fn read(
+        &self,
+        captured: &DiskCapture,
+        look: PhotoScrutiny,
+    ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        read_capture(&captured.path, look)
+    }
+
+    fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
+        source_files(&captured.path)
+    }
+
+    fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
+        source_folders(&captured.path)
+    }
+
+    fn model(&self, captured: &DiskCapture) -> Option<ColmapModel> {
+        instance_model(&captured.path).ok()
+    }
+
+    fn scenes(&self, root: &Path, classes: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
+        instance_folders(root, classes)
+    }
+
+    fn dataset(&self) -> Option<&'static SourceDataset> {
+        Some(&DATASET)
+    }
+
+    fn upstream_id(&self, path: &Path) -> Option<String> {
+        let mut names = path.iter().rev().map(|name| name.to_str());
+        let (instance, class) = (names.next()??, names.next()??);
+        (is_instance(instance) && is_class(class)).then(|| format!("{class}/{instance}"))
+    }
+}
 
 /// Returns true if the name of a folder is that of a class: a number.
-pub(super) fn is_class(name: &str) -> bool {
+fn is_class(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
 }
 
 /// Returns true if the name of a folder is that of an instance: 8 hexadecimal digits.
-pub(super) fn is_instance(name: &str) -> bool {
+fn is_instance(name: &str) -> bool {
     name.len() == 8 && name.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
 /// Returns the model of an instance.
-pub(super) fn instance_model(instance: &Path) -> Result<ColmapModel, SourceError> {
+fn instance_model(instance: &Path) -> Result<ColmapModel, SourceError> {
     std::fs::read_dir(instance).map_err(SourceError::io_error(instance))?;
     let dir = instance.join("sparse/0");
     ColmapModel::model_at(dir.clone()).ok_or_else(|| {
@@ -46,10 +102,7 @@ fn photo_folder(instance: &Path) -> PathBuf {
     instance.join("images")
 }
 
-pub(super) fn read_capture(
-    instance: &Path,
-    look: PhotoScrutiny,
-) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+fn read_capture(instance: &Path, look: PhotoScrutiny) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
     let folder = photo_folder(instance);
     colmap::read_model(
         &instance_model(instance)?,
@@ -57,15 +110,29 @@ pub(super) fn read_capture(
     )
 }
 
-pub(super) fn source_files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+fn source_files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     colmap::files_of(&instance_model(instance)?, Some(&photo_folder(instance)))
 }
 
-pub(super) fn source_folders(instance: &Path) -> Vec<PathBuf> {
+fn source_folders(instance: &Path) -> Vec<PathBuf> {
     let sparse = [instance.to_owned(), instance.join("sparse"), instance.join("sparse/0")];
     sparse
         .into_iter()
         .filter(|dir| dir.is_dir())
         .chain(colmap::folders_below(&photo_folder(instance), MAX_DEPTH))
         .collect()
+}
+
+/// Finds `class/instance` folders. Classes are numbers; other folders are ignored.
+fn instance_folders(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
+    let wanted = |class: &str| is_class(class) && (classes.is_empty() || classes.contains(class));
+    let mut found = Vec::new();
+    for (class, dir) in list_subfolders(root)?.into_iter().filter(|(class, _)| wanted(class)) {
+        found.extend(list_subfolders(&dir)?.into_iter().map(|(instance, path)| {
+            let known = is_instance(&instance);
+            let misnamed = (!known).then_some(RejectionReason::Name("8 hexadecimal digits"));
+            ScenePath { name: format!("{class}/{instance}"), path, misnamed }
+        }));
+    }
+    Ok(found)
 }

@@ -6,12 +6,15 @@
 //! half-integers, as in this program, unless the file has `pixel_center: 0`. `applied_transform` is
 //! already part of the poses; the world is that of the file.
 
+use super::layout::CaptureLayout;
 use super::node::{JsonNode, load_document};
 use super::photo::{self, PhotoInfo, PhotoScrutiny, SCALED};
 use super::{
-    Capture, CapturedView, FoundView, LensModel, SourceError, SourceWarning, collect_views, screen_camera,
+    Capture, CapturedView, DiskCapture, FoundView, LensModel, SourceError, SourceWarning, collect_views,
+    model, screen_camera,
 };
 use crate::camera::Camera;
+use crate::files::is_there;
 use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
@@ -21,6 +24,44 @@ use std::path::{Path, PathBuf};
 /// Returns the path of the file, given the file or its folder.
 pub(super) fn locate_transforms(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("transforms.json") } else { path.to_owned() }
+}
+
+/// Files `transforms.json`.
+pub(super) struct NerfstudioLayout;
+
+impl CaptureLayout for NerfstudioLayout {
+    fn name(&self) -> &'static str {
+        "nerfstudio"
+    }
+
+    fn words(&self) -> &'static str {
+        "a transforms.json"
+    }
+
+    fn is_in(&self, folder: &Path) -> bool {
+        is_there(&locate_transforms(folder))
+    }
+
+    fn is_file(&self, file: &Path) -> bool {
+        // The file may have any name, for example `transforms_train.json`.
+        file.extension().is_some_and(|extension| extension == "json") && !model::is_cameras(file)
+    }
+
+    fn read(
+        &self,
+        captured: &DiskCapture,
+        look: PhotoScrutiny,
+    ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+        look_at(&captured.path, look)
+    }
+
+    fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
+        source_files(&captured.path)
+    }
+
+    fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
+        source_folders(&captured.path)
+    }
 }
 
 /// Reads a `transforms.json`, or the one in a folder, as a capture.

@@ -14,13 +14,16 @@
 
 mod brief;
 pub mod chart;
+pub mod cost;
 pub mod errors;
 pub mod grid;
+pub mod lab;
 pub mod pass;
 pub mod pick;
 pub mod recommend;
 pub mod report;
 mod voltage;
+pub mod window;
 
 use crate::image::{Image, Size};
 use crate::sampling::jitter::IntervalNoise;

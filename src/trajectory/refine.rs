@@ -13,7 +13,7 @@ use crate::se3::rotation::same_hemisphere;
 use crate::se3::{ScreenedRotation, Se3, rotation_from_quaternion};
 use crate::units::Ratio;
 use glam::{DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Largest coordinate, units. Its square, and sums of these squares, stay finite.
 const FARTHEST: f64 = 1e100;
@@ -42,30 +42,30 @@ pub struct RefinePath {
 }
 
 /// Order of the views along the path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewOrder {
-    /// Natural order of the image file names.
+    /// Natural order of the image names.
     Name,
-    /// Greedy nearest neighbour from the first name.
+    /// Greedy nearest neighbour, from the first name.
     Nearest,
 }
 
 /// The mean of a window's rotations.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RotationMean {
     /// Karcher mean.
     Mean,
-    /// The literal reading of equation 8 of the paper.
+    /// The literal reading of the paper's equation 8.
     SlerpMidpoint,
 }
 
 /// Treatment of the path's ends in smoothing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndRule {
-    /// Windows are cut off, which pulls the ends in (the paper's definition).
+    /// Windows are cut off, which pulls the ends in; the paper's definition.
     Truncated,
     /// Windows shrink, which keeps both end poses.
     Pinned,
@@ -84,12 +84,12 @@ pub enum TranslationScale {
 }
 
 /// Treatment of gaps in the capture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GapRule {
-    /// Bridge it and record it.
+    /// Cross them, with a warning.
     Bridge,
-    /// Refuse the capture.
+    /// Fail.
     Refuse,
 }
 

@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SummationRule {
-    /// The paper's left sum over the poses.
+    /// A sum over the poses, as in the paper.
     Sum,
-    /// The integral of the law, which also includes speeds between the poses.
+    /// The integral of the law.
     Integral,
 }
 

@@ -129,7 +129,7 @@ const FIXED: [&str; 4] =
 #[test]
 fn a_field_rekeys_the_stages_that_read_it_and_no_other() {
     let base = parse(&recipe("tiny"));
-    let full = base.merged.clone();
+    let full = base.meta.merged.clone();
     let before = own_keys(base);
     assert_eq!(before, own_keys(parse(&full)), "a recipe with its defaults written out");
     for (field, value, stages) in table() {
@@ -145,7 +145,7 @@ fn a_field_rekeys_the_stages_that_read_it_and_no_other() {
 /// A field that is added to recipes needs its row.
 #[test]
 fn the_table_names_every_field() {
-    let full = parse(&recipe("tiny")).merged;
+    let full = parse(&recipe("tiny")).meta.merged;
     let rows: Vec<&str> = table().into_iter().map(|(field, ..)| field).chain(FIXED).collect();
     let mut leaves = Vec::new();
     walk("", &full, &mut leaves);

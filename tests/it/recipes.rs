@@ -5,7 +5,7 @@ mod meaning;
 mod mutations;
 mod paths;
 
-use gs2e::recipe::{Recipe, RecipeFaults, RecipeFile, read_all, read_release, read_sources};
+use gs2e::recipe::{Recipe, RecipeFaults, RecipeMeta, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
 
 const FIXTURES: &str = "tests/fixtures/recipes";
@@ -36,8 +36,8 @@ fn sound(more: &str) -> Recipe {
 
 /// The recipe without its file names, so that recipes can be compared by meaning.
 fn said(recipe: Recipe) -> Recipe {
-    let file = RecipeFile { path: PathBuf::new(), defaults: None };
-    Recipe { file, seen: Vec::new(), named_at: Default::default(), ..recipe }
+    let meta = RecipeMeta { merged: recipe.meta.merged.clone(), ..RecipeMeta::default() };
+    Recipe { meta, ..recipe }
 }
 
 fn snapshot(name: &str, text: &str) {

@@ -1,6 +1,7 @@
 //! The house rules, checked on the project's own sources. Checks of rustc and clippy are not
 //! repeated.
 
+mod families;
 mod imports;
 mod references;
 mod source;

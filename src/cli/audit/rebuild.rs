@@ -5,7 +5,6 @@ use crate::cli::build::{BuildRequest, TrustOptions, exit_kind};
 use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
-use crate::cli::renderers::{RendererChoice, RendererKind};
 use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
 use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
@@ -15,6 +14,7 @@ use crate::release::{
 };
 use crate::render::backend::Backend;
 use crate::render::gpu;
+use crate::run::backends::{RendererChoice, RendererKind};
 use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

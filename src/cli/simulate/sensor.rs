@@ -13,25 +13,7 @@ use std::path::Path;
 /// Chooses the sensor. Options override its file, except that `--allow-cap` and `--labels` only
 /// switch on.
 pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
-    let mut sensor = sensor_from(&asked.sensor)?;
-    match &mut sensor {
-        SensorChoice::Voltmeter(found) => {
-            found.law = asked.law.unwrap_or(found.law);
-            found.gain = asked.gain.unwrap_or(found.gain);
-            found.between = asked.between.unwrap_or(found.between);
-            found.initial = asked.initial.unwrap_or(found.initial);
-            found.allow_cap |= asked.allow_cap;
-            found.labels |= asked.labels;
-        }
-        SensorChoice::Esim(found) => {
-            found.allow_cap |= asked.allow_cap;
-            found.labels |= asked.labels;
-        }
-        SensorChoice::V2e(found) => {
-            found.allow_cap |= asked.allow_cap;
-            found.labels |= asked.labels;
-        }
-    }
+    let sensor = sensor_from(&asked.sensor)?;
     let of_voltmeter = [
         ("--law", asked.law.is_some()),
         ("--gain", asked.gain.is_some()),
@@ -40,28 +22,39 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
         ("--initial", asked.initial.is_some()),
     ];
     match of_voltmeter.into_iter().find(|(_, given)| *given) {
-        Some((option, _)) if !matches!(sensor, SensorChoice::Voltmeter(_)) => {
+        Some((option, _)) if sensor.as_voltmeter().is_none() => {
             let what =
                 format!("{option} applies to the sensor voltmeter, but this sensor is {}", sensor.name());
             Err(VerbError::usage("sensor", what).help("leave the option out"))
         }
-        _ => with_front_end(sensor, asked),
+        _ => with_settings(&with_law(sensor, asked), asked),
     }
 }
 
-/// Applies the front-end options to the sensor.
-fn with_front_end(mut sensor: SensorChoice, asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
-    let front_end = match &mut sensor {
-        SensorChoice::Voltmeter(found) => &mut found.front_end,
-        SensorChoice::Esim(found) => &mut found.front_end,
-        SensorChoice::V2e(found) => &mut found.front_end,
-    };
+/// Applies the options of the voltmeter to the sensor, if it is one.
+fn with_law(sensor: SensorChoice, asked: &SimulateArgs) -> SensorChoice {
+    let Some(found) = sensor.as_voltmeter() else { return sensor };
+    SensorChoice::from(VoltmeterModel {
+        law: asked.law.unwrap_or(found.law),
+        gain: asked.gain.unwrap_or(found.gain),
+        between: asked.between.unwrap_or(found.between),
+        initial: asked.initial.unwrap_or(found.initial),
+        ..found.clone()
+    })
+}
+
+/// Applies the options that concern every sensor.
+fn with_settings(sensor: &SensorChoice, asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
+    let mut settings = sensor.as_model().settings();
+    settings.allow_cap |= asked.allow_cap;
+    settings.labels |= asked.labels;
+    let front_end = &mut settings.front_end;
     front_end.luminance = asked.luminance.unwrap_or(front_end.luminance);
     front_end.decode = asked.decode.unwrap_or(front_end.decode);
     front_end.exposure = asked.exposure.unwrap_or(front_end.exposure);
     front_end.range = asked.range.unwrap_or(front_end.range);
     front_end.validate().map_err(|error| VerbError::usage("sensor", error.to_string()))?;
-    Ok(sensor)
+    Ok(sensor.as_model().with_settings(settings))
 }
 
 /// Reads the weights of the colours, by name or as three numbers.
@@ -93,7 +86,7 @@ fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
     let path = Path::new(name);
     // A preset is hidden by a file of its name, and not by a folder.
     if let Some(preset) = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
-        return Ok(SensorChoice::Voltmeter(VoltmeterModel::new(preset.k())));
+        return Ok(VoltmeterModel::new(preset.k()).into());
     }
     if is_there(path) {
         return Ok(read_sensor(path)?);

@@ -9,8 +9,8 @@ use crate::plan::Plan;
 use crate::plan::assess::{StepAssessment, assess_plan};
 use crate::recipe::{self, Recipe};
 use crate::scene::Gaussians;
+use crate::sensor::SensorSet;
 use crate::sensor::voltmeter::VoltmeterModel;
-use crate::sensor::{SensorChoice, SensorSet};
 use crate::source::Capture;
 use crate::store::{Store, StoreAccess};
 use std::path::Path;
@@ -42,11 +42,10 @@ pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<S
 /// The only sensor of the recipe, which must be a voltmeter.
 pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<VoltmeterModel, VerbError> {
     match &recipe.sensors {
-        SensorSet::One(SensorChoice::Voltmeter(sensor)) => Ok(sensor.clone()),
-        SensorSet::One(other) => {
-            let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, other.name());
-            Err(VerbError::usage("sensor", what))
-        }
+        SensorSet::One(sensor) => sensor.as_voltmeter().cloned().ok_or_else(|| {
+            let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, sensor.name());
+            VerbError::usage("sensor", what)
+        }),
         SensorSet::Named(_) => {
             let what = format!("{} has several sensors, wanted one", recipe.scene);
             Err(VerbError::usage("sensor", what).help("use a recipe with `sensor`"))

@@ -1,21 +1,23 @@
 //! `gs2e study`: measures error against run time.
 
-mod lab;
-
+use super::meter::OwnProcess;
 use super::subject::{self, StudySubject};
+use super::{go_unless, lab_problem};
 use crate::cli::console::Console;
+use crate::cli::machine;
 use crate::cli::output::{self, OutputFile};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
-use crate::render::{LayerOrder, RenderRules, RenderStyle};
+use crate::render::{LayerOrder, RenderRules};
 use crate::sampling::path::SampledPath;
 use crate::seed::{Seed, StreamPurpose};
 use crate::sensor::noise::HotPixelNoise;
 use crate::sensor::voltmeter::{BetweenFrames, DriftGain, SamplerKind, VoltmeterModel};
+use crate::study::work_precision::lab::{NamedRules, StudyLab, StudyMachine, StudyPlan};
 use crate::study::work_precision::pick::ErrorMeasure;
 use crate::study::work_precision::recommend::RecommendedSetting;
+use crate::study::work_precision::window::FineWindow;
 use crate::study::work_precision::{StudyResult, chart, report};
-use lab::{FineWindow, StudyLab};
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
@@ -92,25 +94,15 @@ enum RuleSet {
 }
 
 impl RuleSet {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Official => "official",
-            Self::Exact => "exact",
-            Self::Gsplat => "gsplat",
-            Self::Soft => "soft",
-            Self::Blended => "blended",
-        }
-    }
-
-    fn style(self, style: RenderStyle) -> RenderStyle {
-        let (rules, order) = match self {
-            Self::Official => (RenderRules::Official, LayerOrder::Depth),
-            Self::Exact => (RenderRules::Exact, LayerOrder::Depth),
-            Self::Gsplat => (RenderRules::Gsplat, LayerOrder::Depth),
-            Self::Soft => (RenderRules::Soft, LayerOrder::Depth),
-            Self::Blended => (RenderRules::Soft, LayerOrder::Blended),
+    fn named(self) -> NamedRules {
+        let (name, rules, order) = match self {
+            Self::Official => ("official", RenderRules::Official, LayerOrder::Depth),
+            Self::Exact => ("exact", RenderRules::Exact, LayerOrder::Depth),
+            Self::Gsplat => ("gsplat", RenderRules::Gsplat, LayerOrder::Depth),
+            Self::Soft => ("soft", RenderRules::Soft, LayerOrder::Depth),
+            Self::Blended => ("blended", RenderRules::Soft, LayerOrder::Blended),
         };
-        RenderStyle { rules, order, ..style }
+        NamedRules { name, rules, order }
     }
 }
 
@@ -142,8 +134,10 @@ impl WorkPrecision {
         let window = self.window(&subject)?;
         // A folder that cannot be created is reported before the measurements, which take long.
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
+        let cancelled = on_interrupt()?;
         let lab = StudyLab {
-            subject: &subject,
+            gaussians: subject.gaussians,
+            camera: subject.camera,
             window: &window,
             own: sensor.clone(),
             sensor: if self.noise {
@@ -154,10 +148,13 @@ impl WorkPrecision {
             seed,
             style,
             backend,
-            cancelled: on_interrupt()?,
-            console,
+            meter: &OwnProcess,
+            go_on: &|| go_unless(&cancelled),
+            say: &|line| console.say(line),
         };
-        let study = lab.study(&self, scene)?;
+        let machine =
+            StudyMachine { cores: machine::available_cores(), processor: machine::processor_name() };
+        let study = lab.study(&self.plan(), scene, machine).map_err(lab_problem)?;
         write_study(&study, &to)?;
         let linear_only = sensor.law != SamplerKind::Exact;
         let recommended = RecommendedSetting::from_study(&study, linear_only);
@@ -173,6 +170,18 @@ impl WorkPrecision {
             console.print(&format!("because {because}"));
         }
         Ok(ExitKind::Done)
+    }
+
+    fn plan(&self) -> StudyPlan {
+        StudyPlan {
+            rules: self.rules.iter().map(|rules| rules.named()).collect(),
+            rates: self.rates.clone(),
+            between: self.between(),
+            uniform: self.steps.contains(&SteppingArg::Uniform),
+            by_flow: self.steps.contains(&SteppingArg::Flow),
+            noise: self.noise,
+            pictures: !self.no_pictures,
+        }
     }
 
     fn screen(&self) -> Result<(), VerbError> {

@@ -4,8 +4,12 @@ use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::resolve::Resolver;
 use crate::recipe::text::TextSpan;
+use crate::source::kind::CaptureKind;
+use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::LazyLock;
 
 /// The publisher's statements by kind of source (`mvimgnet`, `dl3dv`, `colmap`, …).
 pub type SourceTerms = BTreeMap<String, RedistributionStatement>;
@@ -17,16 +21,40 @@ pub struct RedistributionStatement {
     pub because: String,
 }
 
-/// The file as written. Material of an unlisted source may be redistributed only if its licence
-/// says so.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct RawSources {
-    mvimgnet: Field<SourceEntry>,
-    dl3dv: Field<SourceEntry>,
-    colmap: Field<SourceEntry>,
-    nerfstudio: Field<SourceEntry>,
-    model: Field<SourceEntry>,
+/// The file as written: an entry per kind of capture. Material of an unlisted source may be
+/// redistributed only if its licence says so.
+#[derive(Debug, Default)]
+pub(super) struct RawSources(BTreeMap<String, Field<SourceEntry>>);
+
+/// Names of the kinds of captures: first the datasets, which have terms of their own.
+static KINDS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
+    let (datasets, others): (Vec<_>, Vec<_>) =
+        CaptureKind::ALL.into_iter().partition(|kind| kind.dataset().is_some());
+    datasets.into_iter().chain(others).map(CaptureKind::name).collect()
+});
+
+impl<'de> Deserialize<'de> for RawSources {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct SourcesVisitor;
+
+        impl<'de> Visitor<'de> for SourcesVisitor {
+            type Value = RawSources;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a mapping of sources")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<RawSources, A::Error> {
+                let mut sources = BTreeMap::new();
+                while let Some((name, entry)) = entries.next_entry()? {
+                    sources.insert(name, entry);
+                }
+                Ok(RawSources(sources))
+            }
+        }
+
+        deserializer.deserialize_struct("RawSources", &KINDS, SourcesVisitor)
+    }
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -45,18 +73,11 @@ enum RedistributeKey {
 
 /// Returns the statements of the file.
 pub(super) fn source_terms(raw: &RawSources, resolver: &Resolver<'_>) -> Option<SourceTerms> {
-    let sources = [
-        ("mvimgnet", &raw.mvimgnet),
-        ("dl3dv", &raw.dl3dv),
-        ("colmap", &raw.colmap),
-        ("nerfstudio", &raw.nerfstudio),
-        ("model", &raw.model),
-    ];
-    let given = sources.into_iter().filter(|(_, entry)| !entry.is_absent());
+    let given = raw.0.iter().filter(|(_, entry)| !entry.is_absent());
     let stated: Vec<Option<(String, RedistributionStatement)>> = given
         .map(|(name, entry)| {
             let (entry, place) = entry.given()?;
-            Some((name.to_owned(), redistribution_terms(entry, place, resolver)?))
+            Some((name.clone(), redistribution_terms(entry, place, resolver)?))
         })
         .collect();
     stated.into_iter().collect()

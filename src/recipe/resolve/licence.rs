@@ -1,7 +1,7 @@
 //! The owner's part of the licence, and the grant of an upstream.
 
 use super::Resolver;
-use crate::licence::{LedgerAsset, LicenceExpression, SourceKind, UpstreamGrant, ledger};
+use crate::licence::{LedgerAsset, LicenceExpression, UpstreamGrant, ledger};
 use crate::recipe::field::Field;
 use crate::recipe::problem::{FieldProblem, quote_text};
 use crate::recipe::text::TextSpan;
@@ -103,9 +103,5 @@ impl Resolver<'_> {
 
 /// Returns the dataset of a source.
 fn upstream_of(source: &SceneSource) -> Option<&'static LedgerAsset> {
-    let url = match source {
-        SceneSource::Captured(_, upstream) => upstream.url.as_deref(),
-        SceneSource::Procedural(_) | SceneSource::None => None,
-    };
-    ledger::find_dataset(SourceKind::by_name(source.kind())?, url)
+    ledger::find_dataset(source.kind(), source.upstream().and_then(|upstream| upstream.url.as_deref()))
 }

@@ -4,7 +4,6 @@ use super::Resolver;
 use super::number::WholeRange;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
-use crate::recipe::text::TextSpan;
 use crate::recipe::{OutputKind, PictureSpacing, schema};
 use crate::sampling::exposure::{FRAMES, ShutterSettings, SubframeRule};
 use crate::trajectory::MAX_POSES;
@@ -14,19 +13,16 @@ use std::collections::BTreeSet;
 const MAX_EXPOSED: u64 = 9_999;
 
 impl Resolver<'_> {
-    pub(super) fn outputs(
-        &self,
-        field: &Field<Vec<Field<schema::OutputKey>>>,
-    ) -> Option<BTreeSet<OutputKind>> {
+    pub(super) fn outputs(&self, field: &Field<Vec<Field<OutputKind>>>) -> Option<BTreeSet<OutputKind>> {
         let list = match field {
-            Field::Absent => return Some(BTreeSet::from([OutputKind::Events, OutputKind::Sharp])),
+            Field::Absent => return Some(BTreeSet::from(OutputKind::DEFAULT)),
             Field::Bad => return None,
             Field::Given(list, _) => list,
         };
-        let found: Vec<Option<(OutputKind, TextSpan)>> = list.iter().map(resolve_output).collect();
+        let found: Vec<_> = list.iter().map(Field::given).collect();
         let mut outputs = BTreeSet::new();
         for (output, place) in found.into_iter().collect::<Option<Vec<_>>>()? {
-            if !outputs.insert(output) {
+            if !outputs.insert(*output) {
                 self.report(FieldProblem::of_field("names an output twice").at(place));
             }
         }
@@ -38,8 +34,10 @@ impl Resolver<'_> {
         let every = |field: &Field<schema::EverySection>| {
             self.small(&self.section(field, &absent)?.every, 1, WholeRange::new(1, MAX_POSES))
         };
-        let (sharp, depth, flow) = (every(&raw.sharp), every(&raw.depth), every(&raw.flow));
-        Some(PictureSpacing { sharp: sharp?, depth: depth?, flow: flow? })
+        let every = PictureSpacing::sections(raw).map(|(output, field)| (output, every(field)));
+        // Every section reports its faults before the first faulty one ends this.
+        let every = every.into_iter().map(|(output, every)| Some((output, every?)));
+        Some(PictureSpacing::from_spacings(every.collect::<Option<_>>()?))
     }
 
     pub(super) fn shutter(&self, field: &Field<schema::BlurSection>) -> Option<ShutterSettings> {
@@ -56,22 +54,7 @@ impl Resolver<'_> {
                     .at(place),
             );
         }
-        let subframes = match self.or(&raw.subframes, schema::SubframesKey::Auto)? {
-            schema::SubframesKey::Auto => SubframeRule::Auto,
-            schema::SubframesKey::Literal => SubframeRule::Literal,
-        };
+        let subframes = self.or(&raw.subframes, SubframeRule::Auto)?;
         Some(ShutterSettings { frames: frames?, subframes })
     }
-}
-
-fn resolve_output(item: &Field<schema::OutputKey>) -> Option<(OutputKind, TextSpan)> {
-    let (output, place) = item.given()?;
-    let output = match output {
-        schema::OutputKey::Events => OutputKind::Events,
-        schema::OutputKey::Sharp => OutputKind::Sharp,
-        schema::OutputKey::Blur => OutputKind::Blur,
-        schema::OutputKey::Depth => OutputKind::Depth,
-        schema::OutputKey::Flow => OutputKind::Flow,
-    };
-    Some((output, place))
 }

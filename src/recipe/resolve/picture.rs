@@ -68,7 +68,7 @@ impl Resolver<'_> {
     pub(super) fn render(
         &self,
         field: &Field<schema::RenderSection>,
-        usual: schema::RulesKey,
+        usual: RenderRules,
     ) -> Option<RenderChoice> {
         let absent = schema::RenderSection::default();
         let raw = self.section(field, &absent)?;
@@ -77,12 +77,7 @@ impl Resolver<'_> {
         let antialiased = self.or(&raw.antialiased, schema::AntialiasedKey::Auto);
         let background = self.background(&raw.background);
         Some(RenderChoice {
-            rules: match rules? {
-                schema::RulesKey::Official => RenderRules::Official,
-                schema::RulesKey::Exact => RenderRules::Exact,
-                schema::RulesKey::Gsplat => RenderRules::Gsplat,
-                schema::RulesKey::Soft => RenderRules::Soft,
-            },
+            rules: rules?,
             order: order?,
             antialiased: match antialiased? {
                 schema::AntialiasedKey::Auto => AntialiasMode::Auto,
@@ -94,23 +89,15 @@ impl Resolver<'_> {
     }
 
     /// Resolves the order of the layers. Only the rules `soft` can blend them.
-    fn layering(
-        &self,
-        field: &Field<schema::LayeringKey>,
-        rules: Option<schema::RulesKey>,
-    ) -> Option<LayerOrder> {
-        match self.or(field, schema::LayeringKey::Depth)? {
-            schema::LayeringKey::Depth => Some(LayerOrder::Depth),
-            schema::LayeringKey::Blended if matches!(rules, None | Some(schema::RulesKey::Soft)) => {
-                Some(LayerOrder::Blended)
-            }
-            schema::LayeringKey::Blended => {
-                let place = field.given().map_or(self.root, |(_, place)| place);
-                let problem = FieldProblem::new("order: blended needs rules: soft")
-                    .help("write rules: soft, or leave `order` out");
-                self.refuse(problem.at(place))
-            }
+    fn layering(&self, field: &Field<LayerOrder>, rules: Option<RenderRules>) -> Option<LayerOrder> {
+        let order = self.or(field, LayerOrder::Depth)?;
+        if order == LayerOrder::Depth || matches!(rules, None | Some(RenderRules::Soft)) {
+            return Some(order);
         }
+        let place = field.given().map_or(self.root, |(_, place)| place);
+        let problem = FieldProblem::new("order: blended needs rules: soft")
+            .help("write rules: soft, or leave `order` out");
+        self.refuse(problem.at(place))
     }
 
     fn background(&self, field: &Field<[Field<f64>; 3]>) -> Option<[f64; 3]> {

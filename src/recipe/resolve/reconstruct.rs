@@ -6,7 +6,6 @@ use super::Resolver;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::{ReconstructMethod, SceneSource, schema};
-use crate::source::kind::CaptureKind;
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
@@ -32,9 +31,7 @@ impl Resolver<'_> {
             (Field::Bad, _) => None,
             // Without a rendering, only poses are needed.
             (Field::Absent, Some(_)) if !renders => Some(None),
-            (Field::Absent, Some(SceneSource::Captured(captured, _)))
-                if captured.kind == CaptureKind::Model =>
-            {
+            (Field::Absent, Some(SceneSource::Captured(captured, _))) if captured.kind.has_gaussians() => {
                 Some(Some(ReconstructMethod::Newest(captured.path.clone())))
             }
             (Field::Absent, Some(SceneSource::Captured(..))) => {
@@ -54,7 +51,7 @@ impl Resolver<'_> {
             (Field::Given(raw, place), source) => {
                 let reconstruct = self.reconstruction(raw, seed)?;
                 let without_photos = match source {
-                    Some(SceneSource::Captured(captured, _)) => captured.kind == CaptureKind::Model,
+                    Some(SceneSource::Captured(captured, _)) => captured.kind.has_gaussians(),
                     Some(SceneSource::None) => true,
                     Some(SceneSource::Procedural(_)) | None => false,
                 };

@@ -6,8 +6,8 @@ use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
 use crate::sampling::ErrorTolerance;
-use crate::sensor::voltmeter::{BetweenFrames, SamplerKind};
-use crate::sensor::{SensorChoice, SensorSet};
+use crate::sensor::SensorSet;
+use crate::sensor::voltmeter::BetweenFrames;
 use crate::trajectory::sample::SummationRule;
 use crate::trajectory::{MAX_RATE_HZ, MIN_RATE_HZ};
 use crate::units::Hertz;
@@ -28,12 +28,12 @@ impl Resolver<'_> {
         let absent = schema::SamplingSection::default();
         let raw = self.section(field, &absent)?;
         match (raw.law.given(), raw.tolerance.is_absent()) {
-            (Some((schema::SummationKey::Sum, at)), false) => {
+            (Some((SummationRule::Sum, at)), false) => {
                 let found = "is sum, which defines no speed between the poses, where tolerance puts frames";
                 self.refuse(FieldProblem::of_field(found).help("write law: integral, or leave it out").at(at))
             }
-            (Some((schema::SummationKey::Integral, _)), _) | (None, false) => Some(SummationRule::Integral),
-            (Some((schema::SummationKey::Sum, _)), true) => Some(SummationRule::Sum),
+            (Some((SummationRule::Integral, _)), _) | (None, false) => Some(SummationRule::Integral),
+            (Some((SummationRule::Sum, _)), true) => Some(SummationRule::Sum),
             (None, true) => raw.law.is_absent().then_some(SummationRule::Sum),
         }
     }
@@ -42,12 +42,7 @@ impl Resolver<'_> {
     /// if the recipe has none.
     pub(super) fn between(&self, field: &Field<schema::SamplingSection>) -> Option<BetweenFrames> {
         let absent = schema::SamplingSection::default();
-        match &self.section(field, &absent)?.between {
-            Field::Absent | Field::Given(schema::BetweenKey::Linear, _) => Some(BetweenFrames::Linear),
-            Field::Given(schema::BetweenKey::Catmull, _) => Some(BetweenFrames::Catmull),
-            Field::Given(schema::BetweenKey::Hermite, _) => Some(BetweenFrames::Hermite),
-            Field::Bad => None,
-        }
+        self.or(&self.section(field, &absent)?.between, BetweenFrames::Linear)
     }
 
     /// Resolves the error for which frames are chosen, if the recipe has one. It is defined for the
@@ -63,8 +58,7 @@ impl Resolver<'_> {
             return raw.tolerance.is_absent().then_some(None);
         };
         let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
-        let exact = |sensor: &SensorChoice| matches!(sensor, SensorChoice::Voltmeter(v) if v.law == SamplerKind::Exact);
-        if sensors?.iter().any(|(_, sensor)| !exact(sensor)) {
+        if sensors?.iter().any(|(_, sensor)| !sensor.as_model().takes_tolerance()) {
             let problem = FieldProblem::of_key("applies only to the sensor voltmeter with the law exact");
             return self.refuse(problem.help("remove it, and write a rate").at(place));
         }

@@ -71,11 +71,9 @@ impl Resolver<'_> {
             let sensor = if is_twin(field) { None } else { self.sensor(field, between, rate) };
             found.insert(name, named.and(sensor));
         }
-        let twins = sensors.iter().filter_map(|(name, field)| match field {
-            Field::Given(schema::SensorSection::TwinOf(of), _) => {
-                Some((name.as_str(), self.twin(name, of, sensors, &found)))
-            }
-            _ => None,
+        let twins = sensors.iter().filter_map(|(name, field)| {
+            let of = field.given()?.0.twin_of()?;
+            Some((name.as_str(), self.twin(name, of, sensors, &found)))
         });
         let twins: Vec<(&str, Option<SensorChoice>)> = twins.collect();
         found.extend(twins);
@@ -137,13 +135,13 @@ impl Resolver<'_> {
                 // Both are evaluated before a fault returns, so that both are reported.
                 let (linear, esim) = (self.only_linear(between, "the sensor esim", place), self.esim(raw));
                 linear?;
-                (SensorChoice::Esim(esim?), place)
+                (esim?.into(), place)
             }
             Field::Given(schema::SensorSection::V2e(raw), _) => {
                 let (raw, place) = raw.given()?;
                 let (linear, v2e) = (self.only_linear(between, "the sensor v2e", place), self.v2e(raw));
                 linear?;
-                (SensorChoice::V2e(v2e?), place)
+                (v2e?.into(), place)
             }
             Field::Given(schema::SensorSection::TwinOf(_), place) => {
                 let problem = FieldProblem::of_field("is a twin of another sensor, and there is no other");
@@ -165,7 +163,7 @@ impl Resolver<'_> {
         if let Some(at) = raw.law.place().filter(|_| voltmeter.law == SamplerKind::Official) {
             self.only_linear(between, "the law official", at)?;
         }
-        Some(SensorChoice::Voltmeter(voltmeter))
+        Some(voltmeter.into())
     }
 
     /// Returns true if the sensor produces a usable stream (docs/design/numerics-sensor.md,
@@ -181,9 +179,9 @@ impl Resolver<'_> {
     fn voltmeter(&self, raw: &schema::VoltmeterSection, place: TextSpan) -> Option<VoltmeterModel> {
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
-        let law = self.sampler(&raw.law);
-        let gain = self.or(&raw.gain, schema::GainKey::Log);
-        let initial = resolve_initial(&raw.initial);
+        let law = self.or(&raw.law, SamplerKind::Exact);
+        let gain = self.or(&raw.gain, DriftGain::Log);
+        let initial = self.or(&raw.initial, InitialVoltage::Zero);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
         let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
@@ -192,10 +190,7 @@ impl Resolver<'_> {
             threshold_on,
             threshold_off,
             law: law?,
-            gain: match gain? {
-                schema::GainKey::Log => DriftGain::Log,
-                schema::GainKey::Midpoint => DriftGain::Midpoint,
-            },
+            gain: gain?,
             initial: initial?,
             max_events_per_pixel_frame: cap?,
             allow_cap: allow_cap?,
@@ -251,24 +246,8 @@ impl Resolver<'_> {
         let spread = self.threshold_spread(&raw.spread, 0.0);
         Some([on?, off?, spread?])
     }
-
-    fn sampler(&self, field: &Field<schema::LawKey>) -> Option<SamplerKind> {
-        match field {
-            Field::Absent | Field::Given(schema::LawKey::Exact, _) => Some(SamplerKind::Exact),
-            Field::Given(schema::LawKey::Official, _) => Some(SamplerKind::Official),
-            Field::Bad => None,
-        }
-    }
 }
 
 fn is_twin(field: &Field<schema::SensorSection>) -> bool {
-    matches!(field, Field::Given(schema::SensorSection::TwinOf(_), _))
-}
-
-fn resolve_initial(field: &Field<schema::InitialKey>) -> Option<InitialVoltage> {
-    match field {
-        Field::Absent | Field::Given(schema::InitialKey::Zero, _) => Some(InitialVoltage::Zero),
-        Field::Given(schema::InitialKey::Stationary, _) => Some(InitialVoltage::Stationary),
-        Field::Bad => None,
-    }
+    field.given().is_some_and(|(raw, _)| raw.twin_of().is_some())
 }

@@ -8,7 +8,7 @@ use crate::recipe::text::TextSpan;
 use crate::recipe::{SceneSource, UpstreamOrigin, forms, schema};
 use crate::scene::procedural::StillLife;
 use crate::source::kind::CaptureKind;
-use crate::source::{self, DiskCapture, PoseFile, ViewSelection, mvimgnet};
+use crate::source::{self, DiskCapture, PoseFile, ViewSelection};
 use std::path::PathBuf;
 
 /// Maximum number of views that a recipe may ask for.
@@ -19,14 +19,10 @@ impl Resolver<'_> {
         let help = "write source: { procedural: { kind: still-life } }, or colmap, nerfstudio, model, mvimgnet or dl3dv with \
                     a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
-        match source {
-            schema::SourceSection::Procedural(raw) => self.still_life(raw).map(SceneSource::Procedural),
-            schema::SourceSection::None => Some(SceneSource::None),
-            schema::SourceSection::Colmap(raw) => self.captured(CaptureKind::Colmap, raw),
-            schema::SourceSection::Nerfstudio(raw) => self.captured(CaptureKind::Nerfstudio, raw),
-            schema::SourceSection::Model(raw) => self.captured(CaptureKind::Model, raw),
-            schema::SourceSection::Mvimgnet(raw) => self.captured(CaptureKind::Mvimgnet, raw),
-            schema::SourceSection::Dl3dv(raw) => self.captured(CaptureKind::Dl3dv, raw),
+        match (source, source.capture()) {
+            (_, Some((kind, raw))) => self.captured(kind, raw),
+            (schema::SourceSection::Procedural(raw), _) => self.still_life(raw).map(SceneSource::Procedural),
+            _ => Some(SceneSource::None),
         }
     }
 
@@ -52,11 +48,8 @@ impl Resolver<'_> {
         let (exclude, poses) = (self.exclude(kind, raw), self.pose_file(kind, raw));
         let (id, url) = (self.said(&raw.upstream_id), self.formed(&raw.upstream_url, forms::URL));
         let accessed = self.formed(&raw.accessed, forms::DAY);
-        let terms_accepted = match &raw.terms_accepted {
-            Field::Absent => Some(None),
-            Field::Bad => None,
-            Field::Given(accepted, _) => Some(Some(*accepted)),
-        };
+        let accepted = raw.terms_accepted.given().map(|(accepted, _)| *accepted);
+        let terms_accepted = (accepted.is_some() || raw.terms_accepted.is_absent()).then_some(accepted);
         let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
         let captured = DiskCapture { kind, path: path?, selection };
         // Statements of the recipe win over values that the folders reveal.
@@ -74,10 +67,7 @@ impl Resolver<'_> {
     /// are excluded.
     fn exclude(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Vec<String>> {
         let list = match &raw.exclude {
-            Field::Absent if kind == CaptureKind::Mvimgnet => {
-                return Some(vec![mvimgnet::LEFTOVERS.to_owned()]);
-            }
-            Field::Absent => return Some(Vec::new()),
+            Field::Absent => return Some(kind.leftovers()),
             Field::Bad => return None,
             Field::Given(list, _) => list,
         };
@@ -98,7 +88,9 @@ impl Resolver<'_> {
         match &raw.poses {
             Field::Absent => Some(None),
             Field::Bad => None,
-            Field::Given(poses, _) if kind == CaptureKind::Dl3dv => Some(Some(*poses)),
+            Field::Given(poses, _) if kind.dataset().is_some_and(|dataset| dataset.has_two_poses) => {
+                Some(Some(*poses))
+            }
             Field::Given(_, place) => {
                 let problem = FieldProblem::of_key(
                     "applies only to the source dl3dv, which may have two sets of poses",

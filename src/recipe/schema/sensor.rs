@@ -1,74 +1,43 @@
-//! Sensors other than the voltmeter, and the parts that sensors share, as written.
+//! Sensors as written, and the parts that they share.
+
+mod esim;
+mod v2e;
+mod voltmeter;
+
+pub(in crate::recipe) use esim::EsimSection;
+pub(in crate::recipe) use v2e::{LeakSection, V2eSection};
+pub(in crate::recipe) use voltmeter::VoltmeterSection;
 
 use crate::recipe::field::Field;
-use crate::sensor::esim::IntensityScale;
 use crate::sensor::front_end::ChannelDecode;
-use crate::sensor::noise::{RedrawRule, ReferenceRule};
-use crate::sensor::v2e::FilterSteps;
+use crate::sensor::noise::ReferenceRule;
 use serde::Deserialize;
 
-/// Brightness is `ln(eps + L/255)`, or `L/255`; thresholds are differences of it.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(in crate::recipe) struct EsimSection {
-    /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
-    pub threshold: Field<ThresholdSection>,
-    /// Time at which the thresholds of the pixels are drawn. Default: `per-sensor`.
-    pub mismatch: Field<RedrawRule>,
-    /// Scale of brightness. Default: `log`.
-    pub intensity: Field<IntensityScale>,
-    /// Offset added to `L/255` before the logarithm. Default: `0.001`.
-    pub eps: Field<f64>,
-    /// Dead time after an event. Default: `{ period_us: 0, reference: passing }`.
-    pub refractory: Field<RefractorySection>,
-    /// Pixels that fire by themselves. Default: none.
-    pub hot_pixels: Field<HotPixelsSection>,
-    /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
-    /// `1000`.
-    pub max_events_per_pixel_frame: Field<u64>,
-    /// True if events beyond that limit are dropped and counted, instead of failing the step.
-    /// Default: `false`.
-    pub allow_cap: Field<bool>,
-    /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
-    pub front_end: Field<FrontEndSection>,
-    /// True if each event has a label, signal (1) or noise (0). Default: `false`.
-    pub labels: Field<bool>,
+/// Model of the sensor, with its parameters; [sensors.md](sensors.md) describes the models.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(in crate::recipe) enum SensorSection {
+    /// The stochastic process of DVS-Voltmeter.
+    Voltmeter(Field<Box<VoltmeterSection>>),
+    /// The threshold model of ESIM.
+    Esim(Field<Box<EsimSection>>),
+    /// The pixel model of v2e.
+    V2e(Field<Box<V2eSection>>),
+    /// Name of another of `sensors`: the same sensor without its noise and its labels.
+    #[serde(rename = "twin_of")]
+    TwinOf(Field<String>),
 }
 
-/// Every key may differ from the preset. `clean` has a threshold spread of 0.02 and no noise;
-/// `noisy` has a spread of 0.05, a cutoff of 30 Hz, a leak of 0.1 Hz with jitter and cov 0.1, and
-/// shot noise of 5 Hz.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(in crate::recipe) struct V2eSection {
-    /// Named set of the keys below: `clean` or `noisy`. Default: `clean`.
-    pub preset: Field<String>,
-    /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the
-    /// preset's spread.
-    pub threshold: Field<ThresholdSection>,
-    /// Cutoff of the low-pass filter at white; 0 turns the filter off. Unit: Hz. Default: the
-    /// preset's.
-    pub cutoff: Field<f64>,
-    /// Response of the filter between two frames. Default: `exact`.
-    pub filter: Field<FilterSteps>,
-    /// Leak events, which are ON. Default: the preset's.
-    pub leak: Field<LeakSection>,
-    /// Rate of shot noise in darkness, both polarities together. Unit: Hz. Default: the preset's.
-    pub shot: Field<f64>,
-    /// Dead time after an event. Default: `{ period_us: 0, reference: at-event }`.
-    pub refractory: Field<RefractorySection>,
-    /// Pixels that fire by themselves. Default: none.
-    pub hot_pixels: Field<HotPixelsSection>,
-    /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
-    /// `1000`.
-    pub max_events_per_pixel_frame: Field<u64>,
-    /// True if events beyond that limit are dropped and counted, instead of failing the step.
-    /// Default: `false`.
-    pub allow_cap: Field<bool>,
-    /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
-    pub front_end: Field<FrontEndSection>,
-    /// True if each event has a label, signal (1) or noise (0). Default: `false`.
-    pub labels: Field<bool>,
+impl SensorSection {
+    /// Name of the sensor with noise, if this one is its twin.
+    pub(in crate::recipe) fn twin_of(&self) -> Option<&Field<String>> {
+        if let Self::TwinOf(name) = self { Some(name) } else { None }
+    }
+
+    /// The section of a voltmeter, if the sensor is one.
+    pub(in crate::recipe) fn voltmeter(&self) -> Option<&VoltmeterSection> {
+        if let Self::Voltmeter(raw) = self { Some(raw.given()?.0) } else { None }
+    }
 }
 
 /// Contrast thresholds. The unit is the sensor's.
@@ -81,18 +50,6 @@ pub(in crate::recipe) struct ThresholdSection {
     pub off: Field<f64>,
     /// Standard deviation over the pixels. Default: the sensor's.
     pub spread: Field<f64>,
-}
-
-/// Leak of the remembered level.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(in crate::recipe) struct LeakSection {
-    /// Number of leak events of a pixel per second. Unit: Hz. Default: the preset's.
-    pub rate: Field<f64>,
-    /// Standard deviation of the rate from frame to frame, as a share of it. Default: the preset's.
-    pub jitter: Field<f64>,
-    /// Standard deviation of the rate over the pixels. Unit: decades. Default: the preset's.
-    pub cov: Field<f64>,
 }
 
 /// Time after an event in which a pixel fires no other.

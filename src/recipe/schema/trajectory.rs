@@ -19,6 +19,8 @@
 //! ```
 
 use super::super::field::{Field, NumberLiteral};
+use crate::speed::SpeedMeaning;
+use crate::trajectory::refine::{EndRule, GapRule, RotationMean, ViewOrder};
 use serde::Deserialize;
 
 /// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md)
@@ -56,47 +58,20 @@ pub(in crate::recipe) struct RefineSection {
     /// Duration of the path. Unit: s. Default: from `factor`.
     pub duration: Field<NumberLiteral>,
     /// Order of the views along the path. Default: `name`.
-    pub order: Field<OrderKey>,
+    pub order: Field<ViewOrder>,
     /// Average of the rotations in a window. Default: `mean`.
-    pub rotation: Field<RotationSection>,
+    pub rotation: Field<RotationMean>,
     /// Smoothing at the ends of the path. Default: `truncated`.
-    pub ends: Field<EndsKey>,
+    pub ends: Field<EndRule>,
     /// Metric of the path length. Default: `{}`.
     pub metric: Field<MetricSection>,
     /// Treatment of gaps in the capture. Default: `bridge`.
-    pub gaps: Field<GapsKey>,
+    pub gaps: Field<GapRule>,
     /// Curve along the smoothed poses. Default: `cubic`.
     pub curve: Field<CurveSection>,
     /// True if the paper's chord lengths are used, without normalisation by the arc length of the
     /// curve. Default: `false`.
     pub literal: Field<bool>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum OrderKey {
-    /// Natural order of the image names.
-    Name,
-    /// Greedy nearest neighbour, from the first name.
-    Nearest,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum RotationSection {
-    /// Karcher mean.
-    Mean,
-    /// The literal reading of the paper's equation 8.
-    SlerpMidpoint,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum EndsKey {
-    /// Windows are cut off, which pulls the ends in; the paper's definition.
-    Truncated,
-    /// Windows shrink, which keeps both end poses.
-    Pinned,
 }
 
 /// The path length mixes rotation, in radians, and translation over this scale.
@@ -106,15 +81,6 @@ pub(in crate::recipe) struct MetricSection {
     /// Divisor of translation: `scene` for the median distance of the cameras to the point nearest
     /// to all optical axes, `none` for 1, or a number. Unit: scene units. Default: `scene`.
     pub scale: Field<NumberLiteral>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum GapsKey {
-    /// Cross them, with a warning.
-    Bridge,
-    /// Fail.
-    Refuse,
 }
 
 /// Kind of the curve.
@@ -258,16 +224,7 @@ pub(in crate::recipe) struct ListSection {
     /// differentiable. Default: `0.1`.
     pub blend: Field<f64>,
     /// Meaning of a level. Default: `speed`.
-    pub meaning: Field<MeaningKey>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum MeaningKey {
-    /// Relative speed along the path.
-    Speed,
-    /// Relative density of the frames, at a constant speed; not with `law: integral`.
-    FrameRate,
+    pub meaning: Field<SpeedMeaning>,
 }
 
 /// Speed of the picture: `flow: { px_s: 400 }`.

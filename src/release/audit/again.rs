@@ -9,7 +9,7 @@ use crate::release::manifest::{self, ManifestScene, ReleaseManifest};
 use crate::release::published::{self, PublishedScene, PublishedTrajectory};
 use crate::release::scene::{self, SceneRecord, TrajectoryPart};
 use crate::release::tree::FileContent;
-use crate::release::{checksum, layout, loader, path_picture};
+use crate::release::{checksum, layout, loader, path_picture, products};
 use crate::speed::SpeedChoice;
 use crate::trajectory::sample::PoseSchedule;
 use crate::trajectory::{Trajectory, picture};
@@ -145,10 +145,11 @@ fn trajectory(
     let file = &scene.file.camera;
     let size = crate::image::Size { width: file.width, height: file.height };
     let camera = crate::camera::Camera { size, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };
-    let sharp = scene.in_folder(&part.name, "sharp").filter_map(|path| path.rsplit('/').next());
+    let frames = products::SHARP.name();
+    let sharp = scene.in_folder(&part.name, frames).filter_map(|path| path.rsplit('/').next());
     // The tree lacks the frames of a withheld scene, but its `transforms.json` lists their poses.
     let planned = super::contents::pictures_planned(tree, &scene.file, part);
-    let planned = planned.iter().filter_map(|name| name.strip_prefix("sharp/"));
+    let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
     let transforms = crate::release::transforms_of(&camera, part, motion, &sharp);
     let mut wanted = vec![

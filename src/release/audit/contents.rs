@@ -11,6 +11,7 @@ use crate::check::{Finding, Verdict};
 use crate::image::Size;
 use crate::release::layout::{self, CHECKS};
 use crate::release::path_picture;
+use crate::release::products::{self, ReleaseProduct};
 use crate::release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -101,20 +102,20 @@ pub(super) fn pictures_planned(
     let poses = tree.path_of(&format!("{}/{}/poses.txt", scene.id, part.name));
     let lines = std::fs::metadata(poses).map_or(0, |file| file.len() / 16);
     let poses = part.poses.min(usize::try_from(lines).unwrap_or(usize::MAX));
-    pictures::wanted_names(poses, &scene.recipe, &|output| asks(scene, output))
+    pictures::wanted_names(poses, &scene.recipe, &|product| asks(scene, product))
 }
 
-/// Returns true if the recipe of a scene asks for an output.
-fn asks(scene: &SceneRecord, output: &str) -> bool {
+/// Returns true if the recipe of a scene asks for a product.
+fn asks(scene: &SceneRecord, product: &ReleaseProduct) -> bool {
     let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
-    outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output))
+    outputs.is_some_and(|outputs| outputs.iter().any(|output| output == product.name()))
 }
 
 /// Returns faults for the files that the scene's own description asks for and that are absent.
 fn missing_files(folder: &TrajectoryFolder<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let mut wanted: Vec<String> = layout::MOTION.map(str::to_owned).to_vec();
     wanted.extend([layout::TRANSFORMS, path_picture::NAME, CHECKS].map(str::to_owned));
-    if asks(scene, "events") && !scene.licence.withheld {
+    if asks(scene, &products::EVENTS) && !scene.licence.withheld {
         wanted.extend(stream_files(folder.part).into_iter().map(|(name, _)| name));
     }
     wanted.extend(pictures_wanted(folder.tree, scene, folder.part));

@@ -4,6 +4,7 @@
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::release::layout;
 use crate::release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
+use crate::release::products::PICTURES;
 use crate::release::published::stream_names;
 use crate::release::scene::{SceneRecord, TrajectoryPart};
 use crate::release::{checksum, path_picture};
@@ -67,7 +68,7 @@ fn of_trajectory(
     let pictures = super::contents::pictures_wanted(tree, scene, part);
     let composed = [layout::CHECKS, layout::TRANSFORMS, path_picture::NAME].into_iter().chain(layout::MOTION);
     let is_counted =
-        |name: &String| layout::PICTURES.iter().any(|(kind, _)| name.starts_with(&format!("{kind}/")));
+        |name: &String| PICTURES.iter().any(|product| name.starts_with(&format!("{}/", product.name())));
     // Poses and recipe give the number of pictures. Without poses every output of a step is
     // accepted.
     let uncounted = !tree.has(&format!("{}/{}/poses.txt", scene.id, part.name));

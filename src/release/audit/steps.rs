@@ -2,9 +2,9 @@
 //! the scene. Each file that a step made has the bytes of its output.
 
 use super::{AuditFault, FaultCode};
-use crate::licence::is_metadata;
 use crate::release::layout;
 use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifest};
+use crate::release::products::is_metadata;
 use crate::release::published::stream_names;
 use crate::release::scene::SceneRecord;
 use crate::store::Digest;

@@ -5,6 +5,7 @@ use crate::licence::ledger;
 use crate::recipe::TakedownList;
 use crate::release::manifest::ManifestScene;
 use crate::release::scene::SceneRecord;
+use crate::source::kind::SourceKind;
 
 /// Reports a scene that is on the list. It is found by its id, even if its own description cannot
 /// be read, and by the name that its upstream gives it. The message does not repeat the entry,
@@ -18,9 +19,9 @@ pub(super) fn takedown_fault(
     let url = scene.and_then(|scene| scene.source.upstream_url.as_deref());
     let own = scene.map_or(listed.source.as_str(), |scene| scene.source.kind.as_str());
     // A list can name the dataset where the scene names the reader of its files.
-    let since = [own, ledger::find_origin(own, url), &listed.source]
-        .into_iter()
-        .find_map(|kind| list.since(&listed.id, kind, upstream_id));
+    let origin = SourceKind::by_name(own).map_or(own, |kind| ledger::find_origin(kind, url).name());
+    let since =
+        [own, origin, &listed.source].into_iter().find_map(|kind| list.since(&listed.id, kind, upstream_id));
     let message = format!("it has been on the takedown list since {}", since?);
     Some(AuditFault::of_scene(FaultCode::Takedown, &listed.id, message))
 }

@@ -3,10 +3,12 @@
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::files::{self, LinkRule};
-use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, SourceKind, is_metadata, ledger};
+use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
 use crate::release::manifest::{FileOwners, ReleaseManifest};
+use crate::release::products::is_metadata;
 use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
 use crate::release::{datasheet, loader, reuse};
+use crate::source::kind::SourceKind;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io;

@@ -7,10 +7,10 @@
 use super::ReportPage;
 use super::curve::{self, PlotAxes, ReportCurve};
 use super::html::HtmlFragment;
-use super::maps;
 use super::path_views::{self, VIEW};
 use super::section::{ReportTrajectory, write_image};
 use super::seen::{self, ShownPicture, ShownStream};
+use crate::release::products;
 use crate::release::published::PublishedTrajectory;
 use crate::release::scene::{QuantityExtent, TrajectoryStatistics};
 use crate::trajectory::picture::{short_number, sketch};
@@ -72,29 +72,32 @@ fn write_figure(html: &mut HtmlFragment, class: &str, caption: &str, inside: imp
 }
 
 fn write_shown(html: &mut HtmlFragment, shown: Option<ShownPicture>) {
-    if let Some(ShownPicture { picture, words }) = shown {
-        write_figure(html, "", &words, |html| write_image(html, &picture, "", &words));
-    }
-}
-
-/// Writes what the camera sees at one moment: a sharp and a blurred frame, depth, and optical flow.
-fn write_camera(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
-    let (places, width) = (page.places, page.detail.picture);
-    if !page.detail.frames {
-        return;
-    }
-    write_shown(html, seen::sharp_picture(track, places, width));
-    write_shown(html, seen::blurred_picture(track, places, width));
-    write_shown(html, maps::depth_picture(track, places, width));
-    if let Some(ShownPicture { picture, words }) = maps::flow_picture(track, places, width) {
-        html.within("figure", &[], |html| {
+    match shown {
+        None => {}
+        Some(ShownPicture { picture, words, wheel: false }) => {
+            write_figure(html, "", &words, |html| write_image(html, &picture, "", &words));
+        }
+        Some(ShownPicture { picture, words, wheel: true }) => html.within("figure", &[], |html| {
             write_image(html, &picture, "", &words);
             html.within("figcaption", &[], |html| {
                 // The style sheet draws the colours of all directions.
                 html.leaf("span", &[("class", "wheel"), ("aria-hidden", "true")], "");
                 html.text(&words);
             });
-        });
+        }),
+    }
+}
+
+/// Writes what the camera sees at one moment: a picture of each product that has one.
+fn write_camera(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
+    let (places, width) = (page.places, page.detail.picture);
+    if !page.detail.frames {
+        return;
+    }
+    for product in products::products() {
+        if let Some(picture_of) = product.picture {
+            write_shown(html, picture_of(product, track, places, width));
+        }
     }
 }
 

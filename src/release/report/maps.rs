@@ -10,6 +10,7 @@ use super::section::ReportTrajectory;
 use super::seen::{ShownPicture, moment_us, sensor_size};
 use crate::files::{self, LinkRule};
 use crate::image::{Image, npy};
+use crate::release::products::ReleaseProduct;
 use crate::release::published::StoredPlaces;
 use crate::trajectory::picture::{scale_rgb, short_number};
 use std::io::BufReader;
@@ -20,12 +21,13 @@ const UNDEFINED: [u8; 3] = [150; 3];
 const BEYOND: f64 = 0.01;
 
 /// The depth nearest to the middle of the trajectory.
-pub(super) fn depth_picture(
+pub(in crate::release) fn depth_picture(
+    product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
-    let (number, depths) = read_map::<1>(track, places, "depth")?;
+    let (number, depths) = read_map::<1>(track, places, product)?;
     let (image, [near, far]) = colour_depths(&depths)?;
     let words = format!(
         "depth at {}, from {} (dark) to {} units (yellow)",
@@ -33,23 +35,24 @@ pub(super) fn depth_picture(
         short_number(near),
         short_number(far)
     );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words })
+    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
 }
 
 /// The optical flow nearest to the middle of the trajectory.
-pub(super) fn flow_picture(
+pub(in crate::release) fn flow_picture(
+    product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
-    let (number, flows) = read_map::<2>(track, places, "flow")?;
+    let (number, flows) = read_map::<2>(track, places, product)?;
     let (image, full) = colour_flows(&flows)?;
     let words = format!(
         "optical flow at {}: full colour is {} px/s, white is none; red moves right, green down, cyan left, violet up",
         moment_words(&track, number),
         short_number(full)
     );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words })
+    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: true })
 }
 
 /// The time of a pose, in words.
@@ -58,18 +61,17 @@ fn moment_words(track: &ReportTrajectory<'_>, number: usize) -> String {
     format!("{:.1} ms", us as f64 * 1e-3)
 }
 
-/// The array of a kind whose pose is nearest to the shown moment, with the number of this pose.
+/// The array of a product whose pose is nearest to the shown moment, with the number of this pose.
 /// Pixels have `N` numbers.
 fn read_map<const N: usize>(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
-    kind: &str,
+    product: &ReleaseProduct,
 ) -> Option<(usize, Image<[f32; N]>)> {
     let stamps = &track.published.motion.trajectory.stamps_us;
     let moment = moment_us(&track);
     let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
-    let arrays =
-        track.numbered(kind, ".npy").filter_map(|(number, path)| Some((away(number)?, number, path)));
+    let arrays = track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
     let (_, number, path) = arrays.min()?;
     let size = sensor_size(&track);
     // The size comes from a file.

@@ -10,6 +10,7 @@ use super::section::{
 use crate::check::{self, Finding, Verdict};
 use crate::release::TOOL;
 use crate::release::left_out::OmissionRow;
+use crate::release::products::{self, ReleaseProduct};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Maximum number of faults that are listed at the top of the page.
@@ -58,9 +59,9 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let parts = || page.entries.iter().flat_map(|entry| &entry.scene.file.trajectories);
     let streams = || page.entries.iter().flat_map(section::SceneEntry::counted);
     let sum = |values: &mut dyn Iterator<Item = u64>| thousands_number(values.sum());
-    let frames = |kind: &str| {
+    let frames = |product: &ReleaseProduct| {
         let paths = page.entries.iter().flat_map(|entry| entry.below(""));
-        paths.filter(|path| section::is_frame(path, kind)).count() as u64
+        thousands_number(paths.filter(|path| product.owns(path)).count() as u64)
     };
     let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
     let told = [
@@ -73,8 +74,8 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
             if page.trajectories() == 1 { "trajectory" } else { "trajectories" },
         ),
         (sum(&mut parts().map(|part| part.poses as u64)), "poses"),
-        (thousands_number(frames("sharp")), "sharp frames"),
-        (thousands_number(frames("blur")), "blurred frames"),
+        (frames(&products::SHARP), products::SHARP.noun),
+        (frames(&products::BLUR), products::BLUR.noun),
         (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
         (crate::trajectory::picture::short_number(seconds), "s of motion"),
         (number_span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events/px/s"),
@@ -82,7 +83,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     ];
     html.within("ul", &[("class", "figures-row")], |html| {
         for (figure, what) in
-            told.into_iter().filter(|(figure, what)| *what != "blurred frames" || figure != "0")
+            told.into_iter().filter(|(figure, what)| *what != products::BLUR.noun || figure != "0")
         {
             html.within("li", &[], |html| {
                 html.leaf("strong", &[], &figure);

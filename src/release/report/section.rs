@@ -6,6 +6,7 @@ use super::findings::{self, VerdictCount, WORST_FIRST};
 use super::html::{HtmlFragment, link_address};
 use super::trajectory;
 use crate::check::{Finding, Verdict};
+use crate::release::products::{self, ReleaseProduct};
 use crate::release::published::{PublishedScene, PublishedTrajectory};
 use crate::release::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use crate::trajectory::picture::short_number;
@@ -18,7 +19,7 @@ pub(super) struct SceneEntry<'a> {
 
 /// A trajectory of the page.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ReportTrajectory<'a> {
+pub(in crate::release) struct ReportTrajectory<'a> {
     pub(super) entry: SceneEntry<'a>,
     pub(super) part: &'a TrajectoryPart,
     pub(super) published: &'a PublishedTrajectory,
@@ -30,18 +31,12 @@ impl<'a> ReportTrajectory<'a> {
         format!("{}/{}/{name}", self.entry.id(), self.part.name)
     }
 
-    /// Its frames of a kind, `sharp` or `blur`: the number of the pose, and the path.
-    pub(super) fn frames(&self, kind: &str) -> impl Iterator<Item = (usize, &'a str)> + use<'a> {
-        self.numbered(kind, ".png")
-    }
-
-    /// Its files of a folder that are named by the number of a pose and end in `end`: the number,
-    /// and the path.
+    /// Its pictures of a product: the number of the pose, and the path.
     pub(super) fn numbered(
         &self,
-        folder: &str,
-        end: &'static str,
+        product: &ReleaseProduct,
     ) -> impl Iterator<Item = (usize, &'a str)> + use<'a> {
+        let (folder, end) = (product.name(), product.form.extension());
         let number = move |path: &str| path.rsplit('/').next()?.strip_suffix(end)?.parse().ok();
         let paths = self.entry.below(&format!("{}/{folder}/", self.part.name));
         paths.filter_map(move |path| Some((number(path)?, path)))
@@ -183,7 +178,7 @@ fn table_row(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<
         });
         let number = |html: &mut HtmlFragment, words: &str| html.leaf("td", &[("class", "n")], words);
         let poses: u64 = file.trajectories.iter().map(|t| t.poses as u64).sum();
-        let sharp = entry.below("").filter(|path| is_frame(path, "sharp")).count();
+        let sharp = entry.below("").filter(|path| products::SHARP.owns(path)).count();
         number(html, &file.trajectories.len().to_string());
         number(html, &thousands_number(poses));
         number(html, &thousands_number(sharp as u64));
@@ -202,17 +197,12 @@ fn table_row(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<
     });
 }
 
-/// Returns true if a file of a scene is a frame of this kind, `sharp` or `blur`.
-pub(super) fn is_frame(path: &str, kind: &str) -> bool {
-    path.ends_with(".png") && path.rsplit('/').nth(1) == Some(kind)
-}
-
 fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
     let sharp =
-        |track: ReportTrajectory<'_>| super::seen::sharp_picture(track, page.places, page.detail.thumbnail);
+        |track| super::seen::sharp_picture(&products::SHARP, track, page.places, page.detail.thumbnail);
     match entry.tracks().find_map(sharp) {
         Some(shown) => {
             write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))

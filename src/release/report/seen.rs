@@ -13,22 +13,25 @@ use crate::event::picture::WindowCounts as Balance;
 use crate::event::{EventSink as _, EventSource as _, h5};
 use crate::files;
 use crate::image::Size;
+use crate::release::products::{self, ReleaseProduct};
 use crate::release::published::{self, StoredPlaces};
 use std::ops::Range;
 use std::path::PathBuf;
 
 /// A picture and what it shows.
 #[derive(Debug)]
-pub(super) struct ShownPicture {
+pub(in crate::release) struct ShownPicture {
     pub(super) picture: EmbeddedPicture,
     pub(super) words: String,
+    /// True if the caption starts with the wheel of directions.
+    pub(super) wheel: bool,
 }
 
 /// The sharp frame nearest to the middle of the trajectory: its number and path.
 fn middle_frame<'a>(track: &ReportTrajectory<'a>) -> Option<(usize, &'a str)> {
     let middle = track.part.poses / 2;
     // Of two frames at one distance the first is shown, so that equal releases have equal pages.
-    track.frames("sharp").min_by_key(|(number, _)| (number.abs_diff(middle), *number))
+    track.numbered(&products::SHARP).min_by_key(|(number, _)| (number.abs_diff(middle), *number))
 }
 
 /// Time of that frame, or of the middle pose where there are no frames, us.
@@ -45,18 +48,20 @@ pub(super) fn tree_picture(path: &str, places: StoredPlaces<'_>, width: u32) -> 
 }
 
 /// The sharp frame nearest to the middle.
-pub(super) fn sharp_picture(
+pub(in crate::release) fn sharp_picture(
+    _: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
     let (number, path) = middle_frame(&track)?;
     let words = format!("sharp frame at pose {number}, {:.1} ms", moment_us(&track) as f64 * 1e-3);
-    Some(ShownPicture { picture: tree_picture(path, places, width)?, words })
+    Some(ShownPicture { picture: tree_picture(path, places, width)?, words, wheel: false })
 }
 
 /// The blurred frame whose exposure is nearest to that frame in time.
-pub(super) fn blurred_picture(
+pub(in crate::release) fn blurred_picture(
+    product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
@@ -66,11 +71,12 @@ pub(super) fn blurred_picture(
     // Twice the distance from the exposure's centre, which is a whole number.
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
     let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
-    let (_, path) = track.frames("blur").find(|(number, _)| number == pose)?;
+    let (_, path) = track.numbered(product).find(|(number, _)| number == pose)?;
     let [from, to] = times.map(|us| us as f64 * 1e-3);
     Some(ShownPicture {
         picture: tree_picture(path, places, width)?,
         words: format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"),
+        wheel: false,
     })
 }
 
@@ -174,7 +180,7 @@ pub(super) fn events_picture(
         "{of}{count} events from {} to {} ms: red is brighter, blue darker",
         window.start, window.end
     );
-    Some(ShownPicture { picture, words })
+    Some(ShownPicture { picture, words, wheel: false })
 }
 
 /// Number of pixels for each event that a picture should have.

@@ -12,7 +12,7 @@ use super::{
 use crate::artifact::TrajectoryProduct;
 use crate::camera;
 use crate::image::Size;
-use crate::recipe::{OutputKind, Recipe};
+use crate::recipe::Recipe;
 use crate::reconstruct::TrainerCommand;
 use crate::release::checksum;
 use crate::release::published::PublishedScene;
@@ -25,7 +25,7 @@ use serde_json::Value;
 /// show.
 pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
-    let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);
     let trajectories: Vec<TrajectoryPart> =
         scene.paths().map(|(part, of)| trajectory(scene, part, &of.motion)).collect();
@@ -37,12 +37,12 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
         source: source_part(recipe),
         images: photos.cloned().collect(),
         camera: camera(recipe, &found.camera),
-        conventions: super::SceneConventions::for_brightness(&recipe.merged),
+        conventions: super::SceneConventions::for_brightness(&recipe.meta.merged),
         reconstruction: found.reconstruction.as_ref().map(|found| reconstruction(recipe, found)),
         licence: licence::licence_part(recipe, &scene.licence),
         seed: recipe.seed,
         seeds: draw_seeds(recipe),
-        recipe: recipe.merged.clone(),
+        recipe: recipe.meta.merged.clone(),
         recipe_sha256: checksum::sha256_hex(&compact),
         split: found.split.clone(),
         attributes: scene_attributes(recipe, &scene.licence, reports, &trajectories),
@@ -85,7 +85,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     let size = Size { width: scene.file.camera.width, height: scene.file.camera.height };
     // A tolerance chooses the interpolation between frames, which is a parameter of some sensors.
     let chosen = recipe.tolerance.is_some();
-    let simulated = recipe.outputs.contains(&OutputKind::Events);
+    let simulated = recipe.has_events();
     let seed = sensor_seed(recipe, &found.name);
     let sensors = || recipe.sensors.iter().filter(|_| simulated);
     let one = sensors().find(|(name, _)| name.is_none());
@@ -114,7 +114,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
             found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor_value(seed, own))
         }),
         sensors: several.collect(),
-        blur: recipe.outputs.contains(&OutputKind::Blur).then(|| {
+        blur: recipe.exposed().map(|_| {
             blur_value(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))
         }),
         statistics: TrajectoryStatistics {

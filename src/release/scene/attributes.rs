@@ -2,9 +2,9 @@
 
 use super::{QuantityExtent, TrajectoryPart};
 use crate::licence::{ComposedTerms, Redistributability};
-use crate::recipe::{OutputKind, Recipe, SceneScale, SceneSource};
+use crate::recipe::{Recipe, SceneScale};
+use crate::release::products::products;
 use crate::release::provenance::Provenance;
-use crate::source::kind::CaptureKind;
 use crate::speed::SpeedMeaning;
 use crate::trajectory::report::SpeedReport;
 use serde::{Deserialize, Serialize};
@@ -37,27 +37,20 @@ pub(super) fn scene_attributes<'r>(
     trajectories: &[TrajectoryPart],
 ) -> SceneAttributes {
     let shown = licence.passing != Redistributability::Withheld;
-    let has = |output| shown && recipe.outputs.contains(&output);
-    let data_type = [("sharp", has(OutputKind::Sharp)), ("blurry", has(OutputKind::Blur))];
+    let made = products().filter(|product| shown && recipe.outputs.contains(&product.output));
     // If the law varies the frame rate instead of the camera's speed, the speed is uniform by
     // definition.
     let is_uniform = |report: &SpeedReport| {
         report.meaning == SpeedMeaning::FrameRate
             || QuantityExtent::from_values(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
     };
-    let captured = match &recipe.source {
-        SceneSource::Captured(captured, _) => Some(captured.kind),
-        SceneSource::Procedural(_) | SceneSource::None => None,
-    };
     // Lengths of captures are arbitrary, so only the dataset indicates the size of objects.
-    let (scale, data_source) = match captured {
-        Some(CaptureKind::Mvimgnet) => ("object", "MVImgNet"),
-        Some(CaptureKind::Dl3dv) => ("large", "DL3DV-10K"),
-        _ => ("unknown", recipe.source.kind()),
-    };
+    let kind = recipe.source.kind();
+    let (scale, data_source) =
+        kind.dataset().map_or(("unknown", kind.name()), |dataset| (dataset.scale, dataset.name));
     let uniform = reports.all(is_uniform);
     SceneAttributes {
-        data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
+        data_type: made.filter_map(|product| product.data_type).map(str::to_owned).collect(),
         scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),

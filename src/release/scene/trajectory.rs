@@ -10,7 +10,6 @@ use crate::render::flow::FlowQuantiles;
 use crate::seed::Seed;
 use crate::sensor::SensorChoice;
 use crate::sensor::twin::twin_of;
-use crate::sensor::voltmeter::VoltmeterModel;
 use crate::trajectory::CourseKind;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -59,7 +58,7 @@ fn most_subframes(blurred: &BlurredFrames) -> Option<u32> {
 /// Frames per second, and the interpolation of brightness between frames, in full as in the recipe.
 /// For a tolerance also the choice that was made, and the expected and the measured error.
 pub(super) fn sampling_value(recipe: &Recipe, simulation: Option<&SimulationRecord>) -> Value {
-    let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
+    let between = recipe.meta.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
         // The recipe leaves the interpolation to the tolerance, so its own value is not the one
@@ -85,7 +84,7 @@ pub(super) fn parameter_values(recipe: &Recipe, asked: &TrajectoryRecipe) -> Val
 /// The speed as in the merged recipe, where a formula is text. Its syntax tree can nest deeper than
 /// readers of JSON follow.
 fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
-    let all = recipe.merged.get("trajectories").and_then(Value::as_array);
+    let all = recipe.meta.merged.get("trajectories").and_then(Value::as_array);
     let of_it = all.into_iter().flatten().find(|shown| shown["name"] == asked.written.as_str());
     of_it.map(|shown| shown["speed"].clone()).unwrap_or_default()
 }
@@ -108,33 +107,8 @@ pub(super) fn sensor_value(seed: Seed, sensor: &SensorChoice) -> Value {
         "model": sensor.name(), "law_version": model.law_version(), "c_on": c_on, "c_off": c_off,
         "seed": seed.0.to_string(),
     });
-    let parameters = match sensor {
-        SensorChoice::Voltmeter(v) => voltmeter_value(v),
-        SensorChoice::Esim(sensor) => json!(sensor),
-        SensorChoice::V2e(sensor) => json!(sensor),
-    };
-    if let (Value::Object(out), Value::Object(parameters)) = (&mut out, parameters) {
+    if let (Value::Object(out), Value::Object(parameters)) = (&mut out, model.released()) {
         out.extend(parameters);
-    }
-    out
-}
-
-fn voltmeter_value(v: &VoltmeterModel) -> Value {
-    let mut out = json!({
-        "law": v.law, "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
-        "theta_on": v.threshold_on, "theta_off": v.threshold_off,
-    });
-    if v.threshold_spread > 0.0 {
-        out["theta_spread"] = json!(v.threshold_spread);
-    }
-    if !v.hot_pixels.is_absent() {
-        out["hot_pixels"] = json!(v.hot_pixels);
-    }
-    if !v.front_end.is_plain() {
-        out["front_end"] = json!(v.front_end);
-    }
-    if v.labels {
-        out["labels"] = json!(true);
     }
     out
 }

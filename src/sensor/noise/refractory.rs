@@ -15,6 +15,15 @@ pub struct RefractoryPeriod {
     pub reference: ReferenceRule,
 }
 
+impl RefractoryPeriod {
+    /// The dead time in whole microseconds. Stamps are rounded down, so two of them may be closer
+    /// than the period, but never by less than its whole microseconds.
+    #[expect(clippy::cast_possible_truncation, reason = "a thousand seconds at most")]
+    pub(in crate::sensor) fn whole_us(self) -> i64 {
+        self.period_us.floor() as i64
+    }
+}
+
 /// The brightness with which a pixel compares after its dead time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

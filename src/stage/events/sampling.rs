@@ -95,13 +95,7 @@ impl EventsStage {
 
     /// Returns these parameters with another interpolation of brightness.
     pub(super) fn between(&self, between: BetweenFrames) -> Self {
-        let with = |sensor: &SensorChoice| match sensor {
-            SensorChoice::Voltmeter(sensor) => {
-                SensorChoice::Voltmeter(VoltmeterModel { between, ..sensor.clone() })
-            }
-            // Only the voltmeter has this choice.
-            other => other.clone(),
-        };
+        let with = |sensor: &SensorChoice| sensor.as_model().with_between(between);
         Self {
             sensor: self.sensor.as_ref().map(with),
             sensors: self.sensors.iter().map(|(name, sensor)| (name.clone(), with(sensor))).collect(),
@@ -128,7 +122,7 @@ impl EventsStage {
         let front_ends = self.front_ends();
         let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
         let hidden = |stream: &EventStream| {
-            let SensorChoice::Voltmeter(sensor) = &stream.sensor else { return None };
+            let sensor = stream.sensor.as_voltmeter()?;
             let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end)?;
             let first = anchors.get(behind)?.images.first()?;
             let warning = lost_in_noise(chosen.tolerance, sensor, first, &stream.account, end_us)?;
@@ -139,10 +133,7 @@ impl EventsStage {
     }
 
     fn voltmeters(&self) -> impl Iterator<Item = &VoltmeterModel> {
-        self.sensors().filter_map(|(_, sensor)| match sensor {
-            SensorChoice::Voltmeter(sensor) => Some(sensor),
-            SensorChoice::Esim(_) | SensorChoice::V2e(_) => None,
-        })
+        self.sensors().filter_map(|(_, sensor)| sensor.as_voltmeter())
     }
 
     /// A suggestion to reduce jumps.

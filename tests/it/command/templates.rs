@@ -28,10 +28,13 @@ fn every_template_is_a_recipe() {
         let given = command.arguments.iter().any(|a| a.names("capture"));
         let out = command.arguments.iter().any(|a| a.names("out"));
         assert!(given && out, "it is given the capture, and told where to leave the scene: {block}");
-        place.write("merged.yaml", recipes[0].merged.to_string());
+        place.write("merged.yaml", recipes[0].meta.merged.to_string());
         let again = recipe::read_all(&[place.path("merged.yaml")]).map(|mut recipes| recipes.remove(0));
         let again = again.unwrap_or_else(|faults| panic!("{}", faults.render_text()));
-        assert_eq!((&again.reconstruct, &again.merged), (&recipes[0].reconstruct, &recipes[0].merged));
+        assert_eq!(
+            (&again.reconstruct, &again.meta.merged),
+            (&recipes[0].reconstruct, &recipes[0].meta.merged)
+        );
         programs.push(format!("{} {}", command.name(), command.licence));
     }
     let wanted = [

@@ -1,7 +1,7 @@
 //! A recipe with one key under test, and the loader's answer to it.
 
 use crate::support::workspace::Workspace;
-use gs2e::recipe::{self, NamedAt, Recipe};
+use gs2e::recipe::{self, Recipe, RecipeMeta};
 use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
@@ -115,15 +115,19 @@ pub(super) fn load(recipe: &Value) -> Result<Recipe, String> {
     place.write("probe.yaml", recipe.to_string());
     match recipe::read_all(&[place.path("probe.yaml")]) {
         Ok(mut recipes) => {
-            let found = recipes.remove(0);
+            let found: Recipe = recipes.remove(0);
             let base = place.path("").to_string_lossy().into_owned();
-            let mut found = Recipe { seen: Vec::new(), named_at: NamedAt::default(), ..found };
-            found.file.path = "probe.yaml".into();
+            let mut found = Recipe { meta: nowhere(found.meta), ..found };
             relative(&mut found, &base);
             Ok(found)
         }
         Err(faults) => Err(faults.to_string().replace("; ", ";\n")),
     }
+}
+
+/// The meta data without files and places.
+fn nowhere(meta: RecipeMeta) -> RecipeMeta {
+    RecipeMeta { merged: meta.merged, ..RecipeMeta::default() }
 }
 
 /// Makes paths below the temporary folder relative to it.

@@ -1,6 +1,6 @@
 //! The files that are read, their order, and their defaults.
 
-use gs2e::recipe::{Recipe, read_all, read_release, read_sources};
+use gs2e::recipe::{OutputKind, Recipe, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -43,12 +43,12 @@ fn a_recipe_takes_the_nearest_defaults_within_the_given_folder() {
     ]);
     let all = read(root.path(), &[""]);
     assert_eq!(seeds(&all), [("w", 1), ("x", 1), ("y", 0), ("z", 0)]);
-    let every: Vec<u32> = all.iter().map(|r| r.every.sharp).collect();
+    let every: Vec<u32> = all.iter().map(|r| r.every.poses(OutputKind::Sharp)).collect();
     assert_eq!(every, [1, 1, 2, 2]);
     // No defaults are read above the given folder; for a given file, only those in its own folder.
     assert_eq!(seeds(&read(root.path(), &["other"])), [("w", 0)]);
     assert_eq!(seeds(&read(root.path(), &["x.yaml", "other/w.yaml"])), [("w", 0), ("x", 1)]);
-    assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].every.sharp, 1);
+    assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].every.poses(OutputKind::Sharp), 1);
 }
 
 #[test]

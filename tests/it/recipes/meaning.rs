@@ -36,7 +36,7 @@ fn the_bundled_recipes_have_their_stated_meaning() {
     let recipes = read("recipes").unwrap_or_else(|faults| panic!("{}", faults.render_text()));
     for recipe in &recipes {
         let name = recipe.scene.replace('/', "-");
-        snapshot(&format!("merged-{name}"), &serde_json::to_string_pretty(&recipe.merged).unwrap());
+        snapshot(&format!("merged-{name}"), &serde_json::to_string_pretty(&recipe.meta.merged).unwrap());
     }
     let scenes: Vec<&str> = recipes.iter().map(|r| r.scene.as_str()).collect();
     assert_eq!(scenes, ["procedural/paper-scale", "procedural/still-life"]);
@@ -166,9 +166,9 @@ fn paths_start_at_the_file_that_names_them() {
     assert_eq!(recipes[1].source, whole(CaptureKind::Nerfstudio, "/abs/transforms.json".into()));
     assert_eq!(recipes[0].reconstruct, Some(ReconstructMethod::Given(root.path().join("scenes/a.ply"))));
     // The path is kept as written, so that a release is the same in every folder.
-    assert_eq!(recipes[0].merged["source"]["colmap"]["path"], "../capture");
-    assert_eq!(recipes[0].merged["reconstruct"]["given"]["path"], "scenes/a.ply");
-    let named = recipes[0].named_at.reconstruct.as_ref().unwrap();
+    assert_eq!(recipes[0].meta.merged["source"]["colmap"]["path"], "../capture");
+    assert_eq!(recipes[0].meta.merged["reconstruct"]["given"]["path"], "scenes/a.ply");
+    let named = recipes[0].meta.named_at.reconstruct.as_ref().unwrap();
     assert!(named.file.ends_with("/defaults.yaml"), "{named}");
     assert_eq!((named.line, named.column), (1, 14));
 }
@@ -183,7 +183,7 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
         licence: { expression: MIT OR LicenseRef-Own, holder: Example Lab }\n";
     for more in ["", everything] {
         let first = sound(more);
-        let again = recipe(&serde_json::to_string_pretty(&first.merged).unwrap())
+        let again = recipe(&serde_json::to_string_pretty(&first.meta.merged).unwrap())
             .unwrap_or_else(|faults| panic!("{}", faults.render_text()));
         assert_eq!(said(again), said(first));
     }
@@ -193,7 +193,7 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
 fn check_sensor(yaml: &str, wanted: SensorChoice) {
     let found = sound(&format!("sensor: {yaml}"));
     assert_eq!(found.sensors, SensorSet::One(wanted), "{yaml}");
-    let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
+    let again = recipe(&found.meta.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
     assert_eq!(said(again), said(found), "{yaml}");
 }
 
@@ -292,8 +292,8 @@ fn all_rules_of_rendering_are_read() {
         ("soft", RenderRules::Soft),
     ] {
         let found = sound(&format!("render: {{ rules: {word} }}"));
-        assert_eq!((found.render.rules, &found.merged["render"]["rules"]), (wanted, &word.into()));
-        let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
+        assert_eq!((found.render.rules, &found.meta.merged["render"]["rules"]), (wanted, &word.into()));
+        let again = recipe(&found.meta.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
         assert_eq!(said(again), said(found), "{word}");
     }
     assert_eq!(sound("").render.rules, RenderRules::Official);
@@ -304,7 +304,7 @@ fn all_ways_of_refining_are_read() {
     let refine = |text: &str| {
         let yaml = "version: 1\nscene: a\nsource: { procedural: {} }\ntrajectories: [{ name: b, refine: { REFINE } }]";
         let recipe = recipe(&yaml.replace("REFINE", text)).unwrap_or_else(|f| panic!("{}", f.render_text()));
-        let text = serde_json::to_string(&recipe.merged).unwrap();
+        let text = serde_json::to_string(&recipe.meta.merged).unwrap();
         assert_eq!(said(super::recipe(&text).unwrap()), said(recipe.clone()), "{text}");
         refined(&recipe).clone()
     };
@@ -369,7 +369,7 @@ fn a_preset_stands_above_the_defaults_of_the_folder() {
         "version: 1\nscene: b\nsource: { procedural: {} }\ntrajectories: [{ name: base, refine: {} }]\n",
     );
     let recipes = gs2e::recipe::read_all(&[place.path("r")]).unwrap();
-    let merged = |i: usize| &recipes[i].merged;
+    let merged = |i: usize| &recipes[i].meta.merged;
     assert_eq!(merged(0)["sampling"]["tolerance"], serde_json::Value::Null);
     assert_eq!(
         (&merged(0)["outputs"], &merged(0)["seed"]),

@@ -30,7 +30,7 @@ fn with(trajectories: &str) -> Recipe {
 /// The recipe of a text, whose merged form is checked to mean the same.
 fn again(yaml: &str) -> Recipe {
     let first = recipe(yaml).unwrap_or_else(|f| panic!("{yaml}\n{}", f.render_text()));
-    let merged = serde_json::to_string_pretty(&first.merged).unwrap();
+    let merged = serde_json::to_string_pretty(&first.meta.merged).unwrap();
     let second = recipe(&merged).unwrap_or_else(|f| panic!("{merged}\n{}", f.render_text()));
     assert_eq!(said(second), said(first.clone()), "{merged}");
     first
@@ -136,8 +136,8 @@ fn each_group_is_a_trajectory_and_all_share_the_draws() {
         assert_eq!(trajectory.path, CameraPath::Novel(wanted));
         assert_eq!((&trajectory.written[..], &trajectory.speed), ("mini", &SpeedChoice::Function(law("1"))));
     }
-    assert_eq!(recipe.merged["trajectories"].as_array().unwrap().len(), 3);
-    assert_eq!(recipe.merged["trajectories"][0]["novel"]["base"], "round");
+    assert_eq!(recipe.meta.merged["trajectories"].as_array().unwrap().len(), 3);
+    assert_eq!(recipe.meta.merged["trajectories"][0]["novel"]["base"], "round");
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn edits_are_reported_by_the_written_name() {
              {{ name: mini, novel: {{ groups: {groups} }} }}"
         ))
     };
-    let found = find_edits(&path(3, 0.0).merged, &path(4, 0.5).merged);
+    let found = find_edits(&path(3, 0.0).meta.merged, &path(4, 0.5).meta.merged);
     let paths: Vec<&str> = found.iter().map(|edit| edit.path.as_str()).collect();
     assert_eq!(paths, ["trajectories.base.keyframes.poses[0].position[0]", "trajectories.mini.novel.groups"]);
 }
@@ -227,7 +227,7 @@ fn a_scene_without_a_capture_writes_its_camera() {
              trajectories: [{{ name: b, orbit: {{ centre: [0, 0, 0], from: [0, 0, 4], up: [0, 1, 0] }} }}]\n"
         );
         let recipe = again(&yaml);
-        assert_eq!((&recipe.source, recipe.source.kind()), (&SceneSource::None, "none"));
+        assert_eq!((&recipe.source, recipe.source.kind().name()), (&SceneSource::None, "none"));
         let wanted = CameraChoice { width: 64, height: 48, intrinsics: Some(intrinsics) };
         assert_eq!(recipe.camera, Some(wanted), "{camera}");
     };

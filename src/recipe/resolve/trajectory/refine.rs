@@ -43,33 +43,21 @@ impl Resolver<'_> {
             literal: Some(&raw.literal),
         };
         let spread = self.spread(spread, usual.count, place, around);
-        let order = self.or(&raw.order, schema::OrderKey::Name);
-        let rotation = self.or(&raw.rotation, schema::RotationSection::Mean);
-        let ends = self.or(&raw.ends, schema::EndsKey::Truncated);
+        let order = self.or(&raw.order, ViewOrder::Name);
+        let rotation = self.or(&raw.rotation, RotationMean::Mean);
+        let ends = self.or(&raw.ends, EndRule::Truncated);
         let scale = self.scale(&raw.metric);
-        let gaps = self.or(&raw.gaps, schema::GapsKey::Bridge);
+        let gaps = self.or(&raw.gaps, GapRule::Bridge);
         let curve = self.curve(&raw.curve);
         let (count, literal) = spread?;
         Some(RefinePath {
             window: window?,
             count,
-            order: match order? {
-                schema::OrderKey::Name => ViewOrder::Name,
-                schema::OrderKey::Nearest => ViewOrder::Nearest,
-            },
-            rotation: match rotation? {
-                schema::RotationSection::Mean => RotationMean::Mean,
-                schema::RotationSection::SlerpMidpoint => RotationMean::SlerpMidpoint,
-            },
-            ends: match ends? {
-                schema::EndsKey::Truncated => EndRule::Truncated,
-                schema::EndsKey::Pinned => EndRule::Pinned,
-            },
+            order: order?,
+            rotation: rotation?,
+            ends: ends?,
             scale: scale?,
-            gaps: match gaps? {
-                schema::GapsKey::Bridge => GapRule::Bridge,
-                schema::GapsKey::Refuse => GapRule::Refuse,
-            },
+            gaps: gaps?,
             curve: curve?,
             literal,
         })

@@ -85,18 +85,14 @@ impl Resolver<'_> {
         )
     }
 
-    fn meaning(&self, field: &Field<schema::MeaningKey>, law: Option<SummationRule>) -> Option<SpeedMeaning> {
-        match (self.or(field, schema::MeaningKey::Speed)?, law) {
-            (schema::MeaningKey::Speed, _) => Some(SpeedMeaning::Speed),
-            (schema::MeaningKey::FrameRate, Some(SummationRule::Integral)) => {
-                let problem =
-                    FieldProblem::of_field("is frame-rate, which sums steps and cannot be integrated");
-                self.refuse(
-                    problem.help("write sampling: { law: sum }, without a tolerance").at(field.place()?),
-                )
-            }
-            (schema::MeaningKey::FrameRate, _) => Some(SpeedMeaning::FrameRate),
+    fn meaning(&self, field: &Field<SpeedMeaning>, law: Option<SummationRule>) -> Option<SpeedMeaning> {
+        let meaning = self.or(field, SpeedMeaning::Speed)?;
+        if meaning == SpeedMeaning::FrameRate && law == Some(SummationRule::Integral) {
+            let problem = FieldProblem::of_field("is frame-rate, which sums steps and cannot be integrated");
+            let help = "write sampling: { law: sum }, without a tolerance";
+            return self.refuse(problem.help(help).at(field.place()?));
         }
+        Some(meaning)
     }
 
     fn flow(&self, raw: &schema::FlowSection, place: TextSpan) -> Option<FlowSpeed> {

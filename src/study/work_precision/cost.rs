@@ -1,22 +1,21 @@
 //! The cost of rendering: time of all cores, elapsed time, and peak memory.
 
-use super::interrupted_problem;
-use super::not_rendered;
-use crate::cli::problem::VerbError;
-use crate::files;
+use super::lab::LabError;
+use super::{FrameCost, TimeSpent};
 use crate::image::{Image, luminance};
 use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
-use crate::study::work_precision::{FrameCost, TimeSpent};
-use rustix::time::{ClockId, Timespec, clock_gettime};
-use std::fs;
 use std::ops::ControlFlow;
-use std::path::Path;
 
-/// The time that this process has spent so far.
-pub(super) fn process_time() -> TimeSpent {
-    let seconds = |at: Timespec| at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9;
-    let [core_s, wall_s] = [ClockId::ProcessCPUTime, ClockId::Monotonic].map(|id| seconds(clock_gettime(id)));
-    TimeSpent { core_s, wall_s }
+/// Readings of this process. They come from outside, because a study reads no clock.
+pub trait ProcessMeter {
+    /// The time that the process has spent so far.
+    fn time(&self) -> TimeSpent;
+
+    /// Resets the peak memory. Where the system cannot do it, the peak stays that of the whole run.
+    fn forget_peak(&self);
+
+    /// Peak memory since the last reset, MB; `None` if the system does not state it.
+    fn peak_mb(&self) -> Option<f64>;
 }
 
 /// The cost of a kind of frames, and the luminance of the frames that were kept.
@@ -41,17 +40,20 @@ pub(super) fn measure_views(
     renderer: &mut dyn Renderer,
     views: &[CameraView],
     sampling: &CostSampling<'_>,
-    tap: &dyn Fn() -> ControlFlow<()>,
-) -> Result<Vec<Measured>, VerbError> {
+    (meter, tap): Taps<'_>,
+) -> Result<Vec<Measured>, LabError> {
     let mut kinds: Vec<CostKind> = Vec::new();
     for want in sampling.kinds {
-        kinds.push(CostKind::render_once(renderer, views, (*want, sampling.keep), tap)?);
+        kinds.push(CostKind::render_once(renderer, views, (*want, sampling.keep), (meter, tap))?);
     }
     for _ in 0..sampling.rounds {
-        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, tap))?;
+        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, (meter, tap)))?;
     }
     Ok(kinds.into_iter().map(|kind| (kind.cost(), kind.kept)).collect())
 }
+
+/// Readings of the process, and the way to stop.
+type Taps<'a> = (&'a dyn ProcessMeter, &'a dyn Fn() -> ControlFlow<()>);
 
 /// One kind of frames.
 struct CostKind {
@@ -71,20 +73,20 @@ impl CostKind {
         renderer: &mut dyn Renderer,
         views: &[CameraView],
         (want, keep): (ChannelSet, usize),
-        tap: &dyn Fn() -> ControlFlow<()>,
-    ) -> Result<Self, VerbError> {
+        (meter, tap): Taps<'_>,
+    ) -> Result<Self, LabError> {
         let (rendered, least, kept) = (RenderedImages::default(), Vec::new(), Vec::new());
         let mut kind = Self { want, rendered, least, blended: 0, peak_mb: None, kept };
-        forget_peak();
+        meter.forget_peak();
         for (number, view) in views.iter().enumerate() {
-            let (took, work) = kind.render(renderer, view, tap)?;
+            let (took, work) = kind.render(renderer, view, (meter, tap))?;
             kind.least.push(took);
             kind.blended += work.blended;
             if kept_at(views.len(), keep).any(|at| at == number) {
                 kind.kept.push(luminance_of(&kind.rendered));
             }
         }
-        kind.peak_mb = peak_mb();
+        kind.peak_mb = meter.peak_mb();
         Ok(kind)
     }
 
@@ -92,10 +94,10 @@ impl CostKind {
         &mut self,
         renderer: &mut dyn Renderer,
         views: &[CameraView],
-        tap: &dyn Fn() -> ControlFlow<()>,
-    ) -> Result<(), VerbError> {
+        (meter, tap): Taps<'_>,
+    ) -> Result<(), LabError> {
         for (number, view) in views.iter().enumerate() {
-            let (took, _) = self.render(renderer, view, tap)?;
+            let (took, _) = self.render(renderer, view, (meter, tap))?;
             // Core time decides, because elapsed time also depends on other processes.
             if took.core_s < self.least[number].core_s {
                 self.least[number] = took;
@@ -108,14 +110,14 @@ impl CostKind {
         &mut self,
         renderer: &mut dyn Renderer,
         view: &CameraView,
-        tap: &dyn Fn() -> ControlFlow<()>,
-    ) -> Result<(TimeSpent, RenderWork), VerbError> {
-        let before = process_time();
+        (meter, tap): Taps<'_>,
+    ) -> Result<(TimeSpent, RenderWork), LabError> {
+        let before = meter.time();
         // The announcement starts work on a GPU, so it is part of the time.
         renderer.expect(view, self.want);
-        let work = renderer.render(view, self.want, &mut self.rendered).map_err(|e| not_rendered(&e))?;
-        let took = process_time() - before;
-        if tap().is_break() { Err(interrupted_problem()) } else { Ok((took, work)) }
+        let work = renderer.render(view, self.want, &mut self.rendered)?;
+        let took = meter.time() - before;
+        if tap().is_break() { Err(LabError::Interrupted) } else { Ok((took, work)) }
     }
 
     fn cost(&self) -> FrameCost {
@@ -141,19 +143,4 @@ fn luminance_of(rendered: &RenderedImages) -> Image<f32> {
         }
         (None, None) => unreachable!("one of both is asked for"),
     }
-}
-
-/// Resets the peak memory of this process. Where the system cannot do it, the peak stays that of
-/// the whole run.
-fn forget_peak() {
-    // 5 resets the peak of the resident memory, and nothing else (proc(5)).
-    let _ = fs::write("/proc/self/clear_refs", "5");
-}
-
-/// Peak memory of this process, MB.
-fn peak_mb() -> Option<f64> {
-    let text = files::read_text(Path::new("/proc/self/status"), files::MAX_TEXT).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    // `/proc` states KiB.
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()? * 1024e-6)
 }

@@ -1,31 +1,27 @@
 //! The laboratory of a study: a window of a path, its frames by each rule set, and their costs.
 
-use super::{RuleSet, SteppingArg, WorkPrecision};
-use crate::camera::Camera;
-use crate::cli::console::Console;
-use crate::cli::machine;
-use crate::cli::problem::VerbError;
-use crate::cli::study::cost::{CostSampling, Measured, kept_at, measure_views, process_time};
-use crate::cli::study::subject::StudySubject;
-use crate::cli::study::{end_problem, go_unless, interrupted_problem, not_rendered};
-use crate::frames::rendered::RenderedFrames;
-use crate::render::backend::Backend;
-use crate::render::flow::PixelFlowMeter;
-use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderRules, RenderStyle};
-use crate::sampling::path::SampledPath;
-use crate::scene::Gaussians;
-use crate::seed::Seed;
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
-use crate::study::work_precision::grid::FrameGrid;
-use crate::study::work_precision::pass::{PassSetup, feed_settings};
-use crate::study::work_precision::{
+use super::cost::{CostSampling, Measured, ProcessMeter, kept_at, measure_views};
+use super::grid::FrameGrid;
+use super::pass::{PassSetup, feed_settings};
+use super::window::FineWindow;
+use super::{
     OfRules, PicturePrecision, RuleCosts, SettingRow, StudyResult, finest_law as law_of, image_differences,
     judge_pass,
 };
+use crate::camera::Camera;
+use crate::frames::rendered::RenderedFrames;
+use crate::render::backend::Backend;
+use crate::render::flow::PixelFlowMeter;
+use crate::render::{
+    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle,
+};
+use crate::scene::Gaussians;
+use crate::seed::Seed;
+use crate::sensor::SimulateError;
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use crate::trajectory::Trajectory;
-use crate::units::{Hertz, Ratio};
+use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// Number of frames of each kind whose cost is measured.
 const SAMPLE: usize = 12;
@@ -42,63 +38,103 @@ const VALUE: ChannelSet = ChannelSet { luminance: true, ..ChannelSet::NONE };
 const RATED: ChannelSet = ChannelSet { luminance_rate: true, ..VALUE };
 const RGB: ChannelSet = ChannelSet { rgb: true, luminance: false, ..VALUE };
 
-/// A part of a path, and its finest frames.
-pub(super) struct FineWindow {
-    pub(super) path: SampledPath,
-    pub(super) start: f64,
-    pub(super) intervals: usize,
-    pub(super) finest: u32,
+/// A rule set and an order of layers, under one name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NamedRules {
+    /// Name in the tables.
+    pub name: &'static str,
+    /// The rules.
+    pub rules: RenderRules,
+    /// The order of layers.
+    pub order: LayerOrder,
 }
 
-impl FineWindow {
-    fn stamp_us(&self, frame: usize) -> i64 {
-        let rate = Hertz(Ratio::new(self.finest.into(), 1).expect("it is a multiple of a rate above 0"));
-        rate.stamp_us(frame as u64)
-    }
+/// The settings that a study compares.
+#[derive(Debug)]
+pub struct StudyPlan {
+    /// Rule sets; the others are compared with the first.
+    pub rules: Vec<NamedRules>,
+    /// Frames per second, in increasing order.
+    pub rates: Vec<u32>,
+    /// Interpolations between frames.
+    pub between: Vec<BetweenFrames>,
+    /// True if frames are spaced evenly.
+    pub uniform: bool,
+    /// True if frames are spaced by the optical flow.
+    pub by_flow: bool,
+    /// True if the sensors have their noise.
+    pub noise: bool,
+    /// True if pictures are compared with the float64 renderer.
+    pub pictures: bool,
+}
 
-    fn seconds(&self) -> f64 {
-        self.stamp_us(self.intervals) as f64 * 1e-6
-    }
+/// The machine that a study runs on.
+#[derive(Debug)]
+pub struct StudyMachine {
+    /// Number of cores that the program may use.
+    pub cores: usize,
+    /// The machine's name of its processor, if known.
+    pub processor: Option<String>,
+}
 
-    /// The view at a fine frame. Its time is the rounded stamp, so that poses and events have the
-    /// same time.
-    fn view(&self, camera: Camera, frame: usize) -> CameraView {
-        let at = self.start + self.stamp_us(frame) as f64 * 1e-6;
-        // A rounded stamp may lie beyond the end of the path.
-        let (pose, velocity) = self.path.at(at.min(self.path.seconds()));
-        CameraView { velocity, ..CameraView::at_rest(camera, pose) }
-    }
-
-    /// Up to `count` views, evenly spread.
-    fn views(&self, camera: Camera, count: usize) -> Vec<CameraView> {
-        let count = count.min(self.intervals);
-        (0..count).map(|k| self.view(camera, (2 * k + 1) * self.intervals / (2 * count))).collect()
-    }
+/// The reason why a study ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum LabError {
+    /// The user stopped it.
+    #[error("interrupted")]
+    Interrupted,
+    /// A frame cannot be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A sensor cannot go on.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
 }
 
 /// The equipment of a study.
-pub(super) struct StudyLab<'a> {
-    pub(super) subject: &'a StudySubject,
-    pub(super) window: &'a FineWindow,
+#[expect(missing_debug_implementations, reason = "it holds closures")]
+pub struct StudyLab<'a> {
+    /// The scene.
+    pub gaussians: Arc<Gaussians>,
+    /// The camera.
+    pub camera: Camera,
+    /// The window.
+    pub window: &'a FineWindow,
     /// The sensor of the recipe.
-    pub(super) own: VoltmeterModel,
+    pub own: VoltmeterModel,
     /// The sensor that is fed with frames.
-    pub(super) sensor: VoltmeterModel,
-    pub(super) seed: Seed,
-    pub(super) style: RenderStyle,
-    pub(super) backend: Backend,
-    pub(super) cancelled: Arc<AtomicBool>,
-    pub(super) console: &'a Console,
+    pub sensor: VoltmeterModel,
+    /// Seed of the noise.
+    pub seed: Seed,
+    /// The style of the recipe, whose rules and order the study replaces.
+    pub style: RenderStyle,
+    /// The back end.
+    pub backend: Backend,
+    /// Readings of the process.
+    pub meter: &'a dyn ProcessMeter,
+    /// Breaks when the user stops the study.
+    pub go_on: &'a dyn Fn() -> ControlFlow<()>,
+    /// Takes a line on what is measured next.
+    pub say: &'a dyn Fn(&str),
 }
 
 impl StudyLab<'_> {
-    pub(super) fn study(&self, asked: &WorkPrecision, scene: String) -> Result<StudyResult, VerbError> {
+    /// Measures the costs and the errors of all settings.
+    ///
+    /// # Errors
+    /// A frame cannot be rendered, a sensor cannot go on, or the user stopped the study.
+    pub fn study(
+        &self,
+        asked: &StudyPlan,
+        scene: String,
+        machine: StudyMachine,
+    ) -> Result<StudyResult, LabError> {
         let grids = self.grids(asked)?;
         let mut study = StudyResult {
             scene,
-            size: self.subject.camera.size,
-            cores: machine::available_cores(),
-            processor: machine::processor_name(),
+            size: self.camera.size,
+            cores: machine.cores,
+            processor: machine.processor,
             seconds: self.window.seconds(),
             finest: self.window.finest,
             noise: asked.noise,
@@ -111,17 +147,17 @@ impl StudyLab<'_> {
         let mut costs = Vec::new();
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
-            self.console.say(&format!("{}: measuring the cost of frames", rules.name()));
-            let kinds: &[_] = if asked.no_pictures { &[VALUE, RATED] } else { &[VALUE, RATED, RGB] };
+            (self.say)(&format!("{}: measuring the cost of frames", rules.name));
+            let kinds: &[_] = if asked.pictures { &[VALUE, RATED, RGB] } else { &[VALUE, RATED] };
             let kinds = self.kinds(kinds, &backend, style)?;
             costs.push(RuleCosts { value: kinds[0].0, rated: kinds[1].0 });
-            if !asked.no_pictures {
+            if asked.pictures {
                 study.pictures.extend(self.pictures(*rules, (&backend, style), kinds)?);
             }
         }
         for (rules, costs) in asked.rules.iter().zip(costs) {
             let (backend, style) = self.of(*rules);
-            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between()), costs)?;
+            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between), costs)?;
             study.rules.push(of);
             study.rows.extend(rows);
         }
@@ -129,26 +165,26 @@ impl StudyLab<'_> {
     }
 
     /// The back end and the style of a rule set.
-    fn of(&self, rules: RuleSet) -> (Backend, RenderStyle) {
-        let style = rules.style(self.style);
+    fn of(&self, NamedRules { rules, order, .. }: NamedRules) -> (Backend, RenderStyle) {
+        let style = RenderStyle { rules, order, ..self.style };
         // Soft rules are rendered on the CPU, in both orders of layers. Only the blended order
         // requires it.
         let on_cpu = self.backend.takes_gpu() && style.rules == RenderRules::Soft;
         (if on_cpu { Backend::Cpu } else { self.backend.clone() }, style)
     }
 
-    fn grids(&self, asked: &WorkPrecision) -> Result<Vec<FrameGrid>, VerbError> {
+    fn grids(&self, asked: &StudyPlan) -> Result<Vec<FrameGrid>, LabError> {
         let FineWindow { intervals, finest, .. } = *self.window;
         let uniform: Vec<FrameGrid> =
             asked.rates.iter().map(|rate| FrameGrid::uniform_steps(*rate, finest, intervals)).collect();
         let mut grids = Vec::new();
-        if asked.steps.contains(&SteppingArg::Flow) {
-            self.console.say("measuring the optical flow");
+        if asked.by_flow {
+            (self.say)("measuring the optical flow");
             let flows = self.flows(asked.rules[0])?;
             grids.extend(uniform.iter().map(|uniform| FrameGrid::flow_steps(&flows, uniform)));
         }
         // Uniform grids come first in the table.
-        if asked.steps.contains(&SteppingArg::Uniform) {
+        if asked.uniform {
             grids.splice(0..0, uniform);
         }
         Ok(grids)
@@ -156,27 +192,27 @@ impl StudyLab<'_> {
 
     /// Motion of the picture in each fine interval, px: the faster of the two measured places
     /// around it.
-    fn flows(&self, rules: RuleSet) -> Result<Vec<f64>, VerbError> {
+    fn flows(&self, rules: NamedRules) -> Result<Vec<f64>, LabError> {
         let FineWindow { intervals, finest, .. } = *self.window;
         let (backend, style) = self.of(rules);
-        let gaussians = self.subject.gaussians.clone();
-        let renderer = backend.renderer(gaussians, style).map_err(|e| not_rendered(&e))?;
-        let mut meter = PixelFlowMeter::new(renderer, self.subject.camera);
+        let gaussians = self.gaussians.clone();
+        let renderer = backend.renderer(gaussians, style)?;
+        let mut meter = PixelFlowMeter::new(renderer, self.camera);
         let every = intervals.div_ceil(FLOWS);
         let mut measured = Vec::new();
         for place in 0..=intervals.div_ceil(every) {
-            let view = self.window.view(self.subject.camera, (place * every).min(intervals));
+            let view = self.window.view(self.camera, (place * every).min(intervals));
             let speed = meter.speed_px(&view.world_from_camera, view.velocity, FLOW_PERCENT);
             // A picture without depth does not move.
-            measured.push(speed.map_err(|e| not_rendered(&e))?.unwrap_or(0.0));
+            measured.push(speed?.unwrap_or(0.0));
             self.go_on()?;
         }
         let faster = |j: usize| measured[j / every].max(measured[j / every + 1]);
         Ok((0..intervals).map(|j| faster(j) / f64::from(finest)).collect())
     }
 
-    fn go_on(&self) -> Result<(), VerbError> {
-        if go_unless(&self.cancelled).is_break() { Err(interrupted_problem()) } else { Ok(()) }
+    fn go_on(&self) -> Result<(), LabError> {
+        if (self.go_on)().is_break() { Err(LabError::Interrupted) } else { Ok(()) }
     }
 
     /// Measures the costs of these kinds of frames.
@@ -185,10 +221,10 @@ impl StudyLab<'_> {
         kinds: &[ChannelSet],
         backend: &Backend,
         style: RenderStyle,
-    ) -> Result<Vec<Measured>, VerbError> {
-        let views = self.window.views(self.subject.camera, SAMPLE);
+    ) -> Result<Vec<Measured>, LabError> {
+        let views = self.window.views(self.camera, SAMPLE);
         let sampling = CostSampling { kinds, keep: PICTURES, rounds: ROUNDS };
-        self.measured((backend, style), &self.subject.gaussians, &views, &sampling)
+        self.measured((backend, style), &self.gaussians, &views, &sampling)
     }
 
     fn measured(
@@ -197,23 +233,23 @@ impl StudyLab<'_> {
         scene: &Arc<Gaussians>,
         views: &[CameraView],
         sampling: &CostSampling<'_>,
-    ) -> Result<Vec<Measured>, VerbError> {
-        let mut renderer = backend.renderer(scene.clone(), style).map_err(|e| not_rendered(&e))?;
+    ) -> Result<Vec<Measured>, LabError> {
+        let mut renderer = backend.renderer(scene.clone(), style)?;
         let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
         // The same promise as in a build, which renders known poses only.
-        renderer.keep_to(&self.subject.camera, &poses);
-        measure_views(&mut *renderer, views, sampling, &|| go_unless(&self.cancelled))
+        renderer.keep_to(&self.camera, &poses);
+        measure_views(&mut *renderer, views, sampling, (self.meter, self.go_on))
     }
 
     /// The differences from f64 of several ways to render, these kinds among them.
     fn pictures(
         &self,
-        rules: RuleSet,
+        rules: NamedRules,
         (backend, style): (&Backend, RenderStyle),
         kinds: Vec<Measured>,
-    ) -> Result<Vec<PicturePrecision>, VerbError> {
-        let whole = &self.subject.gaussians;
-        let views = self.window.views(self.subject.camera, SAMPLE);
+    ) -> Result<Vec<PicturePrecision>, LabError> {
+        let whole = &self.gaussians;
+        let views = self.window.views(self.camera, SAMPLE);
         let few: Vec<CameraView> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
         let once = CostSampling { kinds: &[VALUE], keep: PICTURES, rounds: 0 };
         let exactly = self.measured((&Backend::Reference, style), whole, &few, &once)?;
@@ -229,7 +265,7 @@ impl StudyLab<'_> {
         rendered.extend(exactly.into_iter().map(|found| ("luminance in f64".to_owned(), found)));
         let picture = |(what, (cost, images)): (String, Measured)| {
             let (psnr_db, worst_grey) = image_differences(&images, &reference);
-            PicturePrecision { rules: rules.name().to_owned(), what, cost, psnr_db, worst_grey }
+            PicturePrecision { rules: rules.name.to_owned(), what, cost, psnr_db, worst_grey }
         };
         Ok(rendered.into_iter().map(picture).collect())
     }
@@ -237,30 +273,30 @@ impl StudyLab<'_> {
     /// Makes the one pass over the fine frames of a rule set.
     fn pass(
         &self,
-        rules: RuleSet,
+        rules: NamedRules,
         (backend, style): (&Backend, RenderStyle),
         (grids, between): (&[FrameGrid], &[BetweenFrames]),
         costs: RuleCosts,
-    ) -> Result<(OfRules, Vec<SettingRow>), VerbError> {
-        let Self { subject, window, .. } = self;
+    ) -> Result<(OfRules, Vec<SettingRow>), LabError> {
+        let Self { window, camera, .. } = self;
         let frames = window.intervals + 1;
         let settings = grids.len() * between.len();
-        self.console.say(&format!("{}: {frames} frames for {settings} settings", rules.name()));
-        let views: Vec<CameraView> = (0..frames).map(|j| window.view(subject.camera, j)).collect();
+        (self.say)(&format!("{}: {frames} frames for {settings} settings", rules.name));
+        let views: Vec<CameraView> = (0..frames).map(|j| window.view(*camera, j)).collect();
         let trajectory = Trajectory {
             world_from_camera: views.iter().map(|view| view.world_from_camera).collect(),
             stamps_us: (0..frames).map(|j| window.stamp_us(j)).collect(),
         };
         let velocities: Vec<CameraVelocity> = views.iter().map(|view| view.velocity).collect();
-        let renderer = backend.renderer(subject.gaussians.clone(), style).map_err(|e| not_rendered(&e))?;
-        let mut fine = RenderedFrames::new(renderer, subject.camera, trajectory).with_rates(velocities);
+        let renderer = backend.renderer(self.gaussians.clone(), style)?;
+        let mut fine = RenderedFrames::new(renderer, *camera, trajectory).with_rates(velocities);
         let setup = PassSetup { sensor: &self.sensor, seed: self.seed, grids, between };
-        let passed = feed_settings(&setup, &mut fine, &process_time, &mut |_| go_unless(&self.cancelled))
-            .map_err(end_problem)?;
-        let rows = judge_pass(&passed, grids, rules.name(), &costs);
+        let clock = || self.meter.time();
+        let passed = feed_settings(&setup, &mut fine, &clock, &mut |_| (self.go_on)())?;
+        let rows = judge_pass(&passed, grids, rules.name, &costs);
         let (law, finest_s) = law_of(&rows);
         let of = OfRules {
-            rules: rules.name().to_owned(),
+            rules: rules.name.to_owned(),
             class: backend.class(),
             reference: passed.reference.len(),
             law,

@@ -1,0 +1,96 @@
+//! The products that a recipe asks for, each with its name and its settings. Other files loop over
+//! them: the steps are made in `plan::wire`, and the files described in `release::products`.
+
+use super::Recipe;
+use super::field::Field;
+use super::schema::{EverySection, RecipeSchema};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// A product of each trajectory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutputKind {
+    /// The event stream of each sensor.
+    Events,
+    /// Sharp frames, 8-bit sRGB PNG.
+    Sharp,
+    /// Blurred frames, 8-bit sRGB PNG.
+    Blur,
+    /// Depth images, float32 `.npy`.
+    Depth,
+    /// Optical flow images, float32 `.npy`.
+    Flow,
+}
+
+impl OutputKind {
+    /// All outputs, in the order of their steps.
+    pub const ALL: [Self; 5] = [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow];
+
+    /// Outputs of a recipe that names none.
+    pub(super) const DEFAULT: [Self; 2] = [Self::Events, Self::Sharp];
+
+    /// Name of the output in recipes. It is also the name of its step, and of its folder in the
+    /// release.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Events => "events",
+            Self::Sharp => "sharp",
+            Self::Blur => "blur",
+            Self::Depth => "depth",
+            Self::Flow => "flow",
+        }
+    }
+
+    /// The settings of this output in a recipe's full form, under the key of its name. A recipe
+    /// without the output shows none, except for sharp frames, whose settings are always shown.
+    pub(super) fn settings(self, recipe: &Recipe) -> Option<Value> {
+        let asked = recipe.outputs.contains(&self);
+        match self {
+            Self::Events => None,
+            Self::Blur => asked.then(|| json!(recipe.shutter)),
+            Self::Sharp | Self::Depth | Self::Flow => {
+                let shown = asked || self == Self::Sharp;
+                shown.then(|| json!({ "every": recipe.every.poses(self) }))
+            }
+        }
+    }
+}
+
+/// Number of poses per picture, for each kind of picture with a spacing. Sharp frames in the middle
+/// of an exposure are kept in addition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PictureSpacing(BTreeMap<OutputKind, u32>);
+
+impl PictureSpacing {
+    /// The sections of a recipe with a spacing.
+    pub(super) fn sections(raw: &RecipeSchema) -> [(OutputKind, &Field<EverySection>); 3] {
+        [(OutputKind::Sharp, &raw.sharp), (OutputKind::Depth, &raw.depth), (OutputKind::Flow, &raw.flow)]
+    }
+
+    pub(super) fn from_spacings(spacings: BTreeMap<OutputKind, u32>) -> Self {
+        Self(spacings)
+    }
+
+    /// Poses per picture; 1 for an output without a spacing.
+    #[must_use]
+    pub fn poses(&self, output: OutputKind) -> u32 {
+        self.0.get(&output).copied().unwrap_or(1)
+    }
+}
+
+impl Recipe {
+    /// Returns true if events are simulated.
+    #[must_use]
+    pub fn has_events(&self) -> bool {
+        self.outputs.contains(&OutputKind::Events)
+    }
+
+    /// Dense frames per exposure, if blurred frames are made.
+    #[must_use]
+    pub fn exposed(&self) -> Option<u32> {
+        self.outputs.contains(&OutputKind::Blur).then_some(self.shutter.frames)
+    }
+}

@@ -1,0 +1,40 @@
+//! DVS-Voltmeter as written.
+
+use super::{FrontEndSection, HotPixelsSection, ThresholdSection};
+use crate::recipe::field::Field;
+use crate::sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
+use serde::Deserialize;
+
+/// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a
+/// contrast in `ln(L + k2)`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct VoltmeterSection {
+    /// Named set of `k1` to `k6`: `dvs346`, `dvs240` or `gs2e-si`. Default: `dvs346`.
+    pub preset: Field<String>,
+    /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`,
+    /// `k6` at least 0; at most 1e12 in size. Default: the preset's.
+    pub k: Field<[Field<f64>; 6]>,
+    /// Units of `k`. Default: required with `k`, refused with a preset.
+    pub units: Field<ConstantUnits>,
+    /// Contrast thresholds, in units of the preset. Default: `{ on: 1, off: 1, spread: 0 }`.
+    pub threshold: Field<ThresholdSection>,
+    /// Sampler of the process. Default: `exact`.
+    pub law: Field<SamplerKind>,
+    /// Brightness that drives the drift. Default: `log`.
+    pub gain: Field<DriftGain>,
+    /// Voltages at the first frame. Default: `zero`.
+    pub initial: Field<InitialVoltage>,
+    /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
+    /// `1000`.
+    pub max_events_per_pixel_frame: Field<u64>,
+    /// True if events beyond that limit are dropped and counted, instead of failing the step.
+    /// Default: `false`.
+    pub allow_cap: Field<bool>,
+    /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
+    pub front_end: Field<FrontEndSection>,
+    /// Pixels that fire by themselves. Default: none.
+    pub hot_pixels: Field<HotPixelsSection>,
+    /// True if each event has a label, signal (1) or noise (0). Default: `false`.
+    pub labels: Field<bool>,
+}

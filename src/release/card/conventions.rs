@@ -1,0 +1,58 @@
+//! The section of the card on conventions: units, axes, polarity, and brightness.
+
+use super::built_trajectories;
+use crate::release::facts::ReleaseFacts;
+use std::fmt::Write as _;
+
+const CONVENTIONS: &str = "\
+## Conventions
+
+Times are integer microseconds from the first pose. Camera axes are those of OpenCV: x right, y down, z forward; only \
+`transforms.json` has those of OpenGL (y up, z back). The centre of pixel (i, j) is (i+0.5, j+0.5). Lengths are in the \
+unit of the source.
+";
+
+/// Conventions of events.
+const EVENT_CONVENTIONS: &str = "
+Polarity 1 is brighter, 0 is darker. Brightness is display-encoded (sRGB) luminance, 0.299 R + 0.587 G + 0.114 B, on \
+the grey scale 0..255.
+";
+
+/// Meaning of labels, for streams that have them.
+const LABELS: &str = "\
+`events/label`, where a stream has it, is 1 for signal and 0 for noise. An event is noise if it comes from a hot pixel or from shot \
+noise, or if the brightness moved by less than half a threshold in the event's direction since the \
+previous event of the pixel.
+";
+
+/// Conventions for reading the numbers, and the sensors that see another brightness than the
+/// others.
+pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
+    let scenes = facts.scenes;
+    let mut text = CONVENTIONS.to_owned();
+    if facts.provenance().has_events() {
+        text.push_str(EVENT_CONVENTIONS);
+    }
+    let streams = built_trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
+    if streams.into_iter().any(|(_, sensor)| sensor.as_model().labels()) {
+        text.push_str(LABELS);
+    }
+    let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
+    let others: Vec<String> = sensors
+        .map(|(scene, (name, sensor))| (scene.recipe.scene.clone(), name, sensor.as_model().front_end()))
+        .filter(|(.., front_end)| !front_end.is_plain())
+        .map(|(scene, name, front_end)| match name {
+            Some(name) => format!("| {scene} | {name} | {front_end} |\n"),
+            None => format!("| {scene} | | {front_end} |\n"),
+        })
+        .collect();
+    if !others.is_empty() {
+        let head = "| scene | sensor | brightness |\n|---|---|---|\n";
+        let _ = write!(
+            text,
+            "These sensors use a different brightness on the same scale:\n\n{head}{}",
+            others.concat()
+        );
+    }
+    text
+}

@@ -1,0 +1,194 @@
+//! The catalogue of a release's files: one row per product of a trajectory, and one per other file.
+//!
+//! Card, datasheet, Croissant file, index, report and audit read these rows, so a new output is one
+//! row of [`outputs`].
+
+mod outputs;
+mod plain;
+
+pub(super) use outputs::{BLUR, EVENTS, PICTURES, SHARP};
+pub(super) use plain::{CHECKS, PATH, SCENE, SCENE_FILES, TOP};
+
+use super::published::StoredPlaces;
+use super::report::{ReportTrajectory, ShownPicture};
+use crate::recipe::OutputKind;
+use crate::sampling::exposure;
+
+/// A product of a trajectory.
+#[derive(Debug)]
+pub(super) struct ReleaseProduct {
+    /// The output of recipes. Its name is that of the step, and of the folder.
+    pub(super) output: OutputKind,
+    /// Form of its files, which the audit reads.
+    pub(super) form: ProductForm,
+    /// Rows on its files, for card and Croissant file.
+    pub(super) files: &'static [FileRow],
+    /// Words for several of its files, after a number.
+    pub(super) noun: &'static str,
+    /// The product as the datasheet names it.
+    pub(super) instance: &'static str,
+    /// Content of its files as the datasheet states it.
+    pub(super) content: &'static str,
+    /// Lines of Python that load it.
+    pub(super) loading: &'static [&'static str],
+    /// Its value of `data_type` among the attributes of a scene.
+    pub(super) data_type: Option<&'static str>,
+    /// Its picture in the report, where the report shows one per trajectory.
+    pub(super) picture: Option<PictureMaker>,
+}
+
+/// Makes the picture of a product for the report, of at most this width.
+pub(super) type PictureMaker =
+    fn(&ReleaseProduct, ReportTrajectory<'_>, StoredPlaces<'_>, u32) -> Option<ShownPicture>;
+
+/// Form of a product's files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ProductForm {
+    /// Events in HDF5, one file per sensor.
+    Streams,
+    /// Pictures in 8-bit sRGB, PNG, one file per pose of the row.
+    Colours(PictureNumbers),
+    /// Arrays of float32, `.npy`, one file per pose of the row: numbers per pixel, and true if they
+    /// are positive. NaN marks a pixel without a value.
+    Numbers { channels: u64, positive: bool, poses: PictureNumbers },
+}
+
+/// The poses that have a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PictureNumbers {
+    /// The poses in the middle of the exposures.
+    Exposed,
+    /// Every n-th pose.
+    Spaced,
+    /// Every n-th pose, and those in the middle of the exposures.
+    SpacedAndExposed,
+}
+
+/// Files of one name or pattern.
+#[derive(Debug)]
+pub(super) struct FileRow {
+    /// Name in the card; several names are separated by `, `.
+    pub(super) name: &'static str,
+    /// Description in the card.
+    pub(super) content: &'static str,
+    /// Set of files in the Croissant file.
+    pub(super) set: Option<FileSet>,
+    /// Condition under which the card lists them.
+    pub(super) presence: FilePresence,
+    /// Permission to redistribute them.
+    pub(super) class: LicenceClass,
+}
+
+/// A set of files of the Croissant file. A release lists the sets that are not empty.
+#[derive(Debug)]
+pub(super) struct FileSet {
+    pub(super) id: &'static str,
+    pub(super) media: &'static str,
+    pub(super) glob: &'static str,
+    pub(super) description: &'static str,
+}
+
+/// Condition under which the card lists a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FilePresence {
+    /// The release has the product, or the file is no product's.
+    Always,
+    /// The release has events.
+    WithStreams,
+    /// A trajectory has several sensors.
+    WithSeveralSensors,
+}
+
+/// Permission to redistribute a file of a scene whose upstream forbids redistribution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LicenceClass {
+    /// It shows nothing of the scene, and may always be passed on.
+    Metadata,
+    /// It shows the scene.
+    Material,
+    /// It is a file of the whole release.
+    Release,
+}
+
+/// All products: the event streams, then the pictures.
+pub(super) fn products() -> impl Iterator<Item = &'static ReleaseProduct> {
+    [&EVENTS].into_iter().chain(PICTURES)
+}
+
+/// Returns true if a file of a scene's folder shows nothing of the scene.
+pub(super) fn is_metadata(path: &str) -> bool {
+    let last = |path: &'static str| path.rsplit('/').next().unwrap_or(path);
+    let rows = SCENE.iter().chain(&PATH).chain(&CHECKS);
+    let mut names = rows.filter(|row| row.class == LicenceClass::Metadata).map(|row| last(row.name));
+    names.any(|name| path.rsplit('/').next() == Some(name))
+}
+
+impl ReleaseProduct {
+    /// Name of the step and of the folder.
+    pub(super) fn name(&self) -> &'static str {
+        self.output.name()
+    }
+
+    /// Returns true if a file of a scene, by its path, is in the folder of this product.
+    pub(super) fn owns(&self, path: &str) -> bool {
+        path.ends_with(self.form.extension()) && path.rsplit('/').nth(1) == Some(self.name())
+    }
+
+    /// Names of its pictures of a trajectory with this number of poses. `every` is their spacing,
+    /// and `exposed` the number of frames per exposure, if there are exposures. A product without
+    /// pictures has none.
+    pub(super) fn picture_names(&self, poses: usize, every: u32, exposed: Option<u32>) -> Vec<String> {
+        let numbers = match self.form {
+            ProductForm::Streams => return Vec::new(),
+            ProductForm::Colours(numbers) | ProductForm::Numbers { poses: numbers, .. } => numbers,
+        };
+        let kept = match numbers {
+            PictureNumbers::Exposed => {
+                exposed.map_or(Vec::new(), |frames| exposure::exposure_centres(poses, frames))
+            }
+            PictureNumbers::Spaced => exposure::kept_poses(poses, every, None),
+            PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
+        };
+        let (folder, end) = (self.name(), self.form.extension());
+        kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).collect()
+    }
+}
+
+impl ProductForm {
+    /// End of the names of its files.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            Self::Streams => ".h5",
+            Self::Colours(_) => ".png",
+            Self::Numbers { .. } => ".npy",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_output_has_a_row() {
+        let rows: Vec<OutputKind> = products().map(|product| product.output).collect();
+        assert_eq!(rows, OutputKind::ALL);
+        for product in products() {
+            for row in product.files {
+                assert_eq!(row.class, LicenceClass::Material, "{}", row.name);
+                assert!(row.name.contains(product.name()), "{}", row.name);
+                assert!(row.name.ends_with(product.form.extension()), "{}", row.name);
+            }
+        }
+    }
+
+    #[test]
+    fn files_that_show_nothing_of_a_scene_are_known() {
+        for path in ["a/b/base/poses.txt", "scene.json", "a/checks.json", "a/base/trajectory.png"] {
+            assert!(is_metadata(path), "{path}");
+        }
+        for path in ["base/events.h5", "base/sharp/000000.png", "base/checks/motion.png", "README.md"] {
+            assert!(!is_metadata(path), "{path}");
+        }
+    }
+}

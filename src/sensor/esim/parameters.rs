@@ -1,0 +1,60 @@
+//! The answers of ESIM to what is asked of any sensor.
+
+use super::EsimModel;
+use crate::sensor::noise::RedrawRule;
+use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
+use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
+use crate::units::Hertz;
+use serde_json::{Value, json};
+
+pub(in crate::sensor) static FACTS: SensorFacts =
+    SensorFacts { name: "esim", title: "ESIM", publication: "Rebecq et al., CoRL 2018" };
+
+impl From<EsimModel> for SensorChoice {
+    fn from(model: EsimModel) -> Self {
+        Self::Esim(model)
+    }
+}
+
+impl SensorParameters for EsimModel {
+    fn facts(&self) -> &'static SensorFacts {
+        &FACTS
+    }
+
+    fn settings(&self) -> SensorSettings {
+        let Self { front_end, hot_pixels, allow_cap, labels, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels }
+    }
+
+    fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, ..self.clone() }.into()
+    }
+
+    fn with_between(&self, _: BetweenFrames) -> SensorChoice {
+        self.clone().into()
+    }
+
+    fn dead_us(&self) -> i64 {
+        self.refractory.whole_us()
+    }
+
+    fn without_noise(&self) -> SensorChoice {
+        // Hot pixels are its only noise.
+        self.clone().into()
+    }
+
+    fn without_idle(&self) -> SensorChoice {
+        let redrawn = if self.threshold.spread == 0.0 { RedrawRule::default() } else { self.mismatch };
+        Self { mismatch: redrawn, ..self.clone() }.into()
+    }
+
+    fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
+        Self::screen(self, rate)
+    }
+
+    fn released(&self) -> Value {
+        json!(self)
+    }
+}

@@ -1,0 +1,59 @@
+//! The answers of v2e to what is asked of any sensor.
+
+use super::{FilterSteps, LeakNoise, V2eModel};
+use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
+use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
+use crate::units::Hertz;
+use serde_json::{Value, json};
+
+pub(in crate::sensor) static FACTS: SensorFacts =
+    SensorFacts { name: "v2e", title: "v2e", publication: "Hu et al., CVPRW 2021" };
+
+impl From<V2eModel> for SensorChoice {
+    fn from(model: V2eModel) -> Self {
+        Self::V2e(model)
+    }
+}
+
+impl SensorParameters for V2eModel {
+    fn facts(&self) -> &'static SensorFacts {
+        &FACTS
+    }
+
+    fn settings(&self) -> SensorSettings {
+        let Self { front_end, hot_pixels, allow_cap, labels, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels }
+    }
+
+    fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, ..self.clone() }.into()
+    }
+
+    fn with_between(&self, _: BetweenFrames) -> SensorChoice {
+        self.clone().into()
+    }
+
+    fn dead_us(&self) -> i64 {
+        self.refractory.whole_us()
+    }
+
+    fn without_noise(&self) -> SensorChoice {
+        Self { leak: LeakNoise::default(), shot: 0.0, ..self.clone() }.into()
+    }
+
+    fn without_idle(&self) -> SensorChoice {
+        let leak = if self.leak.rate == 0.0 { LeakNoise::default() } else { self.leak };
+        let filter = if self.cutoff == 0.0 { FilterSteps::default() } else { self.filter };
+        Self { leak, filter, ..self.clone() }.into()
+    }
+
+    fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
+        Self::screen(self, rate)
+    }
+
+    fn released(&self) -> Value {
+        json!(self)
+    }
+}

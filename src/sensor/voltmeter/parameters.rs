@@ -1,0 +1,139 @@
+//! The answers of DVS-Voltmeter to what is asked of any sensor.
+
+use super::{BetweenFrames, SamplerKind, VoltmeterModel, bridge, drift, tree};
+use crate::image::Size;
+use crate::sensor::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
+use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::{SensorChoice, SimulationAccount};
+use crate::units::Hertz;
+use serde_json::{Value, json};
+
+pub(in crate::sensor) static FACTS: SensorFacts =
+    SensorFacts { name: "voltmeter", title: "DVS-Voltmeter", publication: "Lin et al., ECCV 2022" };
+
+impl From<VoltmeterModel> for SensorChoice {
+    fn from(model: VoltmeterModel) -> Self {
+        Self::Voltmeter(model)
+    }
+}
+
+impl SensorParameters for VoltmeterModel {
+    fn facts(&self) -> &'static SensorFacts {
+        &FACTS
+    }
+
+    fn settings(&self) -> SensorSettings {
+        let Self { front_end, hot_pixels, allow_cap, labels, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels }
+    }
+
+    fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, ..self.clone() }.into()
+    }
+
+    fn between(&self) -> BetweenFrames {
+        self.between
+    }
+
+    fn with_between(&self, between: BetweenFrames) -> SensorChoice {
+        Self { between, ..self.clone() }.into()
+    }
+
+    fn without_noise(&self) -> SensorChoice {
+        let [k1, k2, ..] = self.k;
+        // `k3` and `k6` are the noise, `k4` and `k5` the leak, which makes events without
+        // brightness.
+        Self { k: [k1, k2, 0.0, 0.0, 0.0, 0.0], ..self.clone() }.into()
+    }
+
+    fn without_idle(&self) -> SensorChoice {
+        self.clone().into()
+    }
+
+    fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
+        Self::screen(self, rate)
+    }
+
+    fn released(&self) -> Value {
+        let mut out = json!({
+            "law": self.law, "gain": self.gain, "k": self.k, "units": { "time": "us", "brightness": 255 },
+            "theta_on": self.threshold_on, "theta_off": self.threshold_off,
+        });
+        if self.threshold_spread > 0.0 {
+            out["theta_spread"] = json!(self.threshold_spread);
+        }
+        if !self.hot_pixels.is_absent() {
+            out["hot_pixels"] = json!(self.hot_pixels);
+        }
+        self.add_options(&mut out);
+        out
+    }
+
+    fn written(&self) -> Value {
+        let mut out = json!({
+            "threshold": { "on": self.threshold_on, "off": self.threshold_off },
+            "law": self.law,
+            "gain": self.gain,
+            "initial": self.initial,
+            "max_events_per_pixel_frame": self.max_events_per_pixel_frame,
+        });
+        if self.threshold_spread > 0.0 {
+            out["threshold"]["spread"] = json!(self.threshold_spread);
+        }
+        if self.hot_pixels != Default::default() {
+            out["hot_pixels"] = json!(self.hot_pixels);
+        }
+        if self.allow_cap {
+            out["allow_cap"] = json!(true);
+        }
+        self.add_options(&mut out);
+        out
+    }
+
+    fn takes_tolerance(&self) -> bool {
+        self.law == SamplerKind::Exact
+    }
+
+    /// Cells are as long as the longest leaf. The first number is a lower bound: where leaves are
+    /// shorter, more than one is counted per cell.
+    fn quiet_cells(&self, account: &SimulationAccount, size: Size, span_us: i64) -> Option<QuietCells> {
+        let cells = u64::try_from(span_us).ok()? * 1000 / u64::from(tree::LEAF);
+        let all = cells * size.pixels() as u64;
+        let has_clock = self.law == SamplerKind::Exact && !drift::DriftProcess::new(self).is_noiseless();
+        let quiet = all.saturating_sub(account.leaves);
+        has_clock.then_some(QuietCells { quiet, all, missed_ln: bridge::NEGLIGIBLE })
+    }
+}
+
+impl VoltmeterModel {
+    /// Adds the options that recipe and `scene.json` write in one way, if they are in use.
+    fn add_options(&self, out: &mut Value) {
+        if !self.front_end.is_plain() {
+            out["front_end"] = json!(self.front_end);
+        }
+        if self.labels {
+            out["labels"] = json!(true);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::voltmeter::VoltmeterPreset;
+
+    /// 6 pixels for 1000 times the longest leaf of 8.192 us.
+    #[test]
+    fn cells_that_were_not_looked_into_are_what_the_leaves_leave_of_all() {
+        let size = Size { width: 3, height: 2 };
+        let account = SimulationAccount { leaves: 100, ..SimulationAccount::default() };
+        let counted = |sensor: &VoltmeterModel| sensor.quiet_cells(&account, size, 8192);
+        let noisy = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
+        assert_eq!(counted(&noisy).map(|cells| (cells.quiet, cells.all)), Some((5900, 6000)));
+        let official = VoltmeterModel { law: SamplerKind::Official, ..noisy };
+        assert_eq!(counted(&official), None);
+        let quiet = VoltmeterModel::new([1.0, 2.0, 0.0, 4.0, 5.0, 0.0]);
+        assert_eq!(counted(&quiet), None);
+    }
+}
