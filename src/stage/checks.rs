@@ -36,7 +36,7 @@ pub struct ChecksStage {
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 7;
+    const REVISION: u32 = 8;
     type Inputs =
         (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
     type Output = VerdictsRecord;
@@ -82,6 +82,7 @@ impl Stage for ChecksStage {
             coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             foreign: foreign.as_ref(),
+            is_release: false,
             limits: &self.limits,
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);

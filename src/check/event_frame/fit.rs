@@ -5,6 +5,8 @@ mod lag;
 
 pub use lag::LagSums;
 
+use crate::check::alignment::places::{PlaceSums, PlaceWatch};
+use crate::check::completeness::intervals::{ChangeInterval, IntervalWatch, TileSums};
 use crate::check::drift::DriftLaw;
 use crate::check::tally::PixelCounts;
 use crate::frames::anchors::AnchorFrames;
@@ -19,6 +21,9 @@ const MAX_SHOWN: f64 = 1000.0;
 /// Largest uncertainty of a pixel's drift, in thresholds, for its use in an edge. With an edge that
 /// is sharp to 2 %, an error of the threshold of a tenth is still visible.
 const MAX_BLUR: f64 = 0.04;
+/// Largest error of a pixel's drift by the rounding of its frames, in thresholds. A pixel beyond it
+/// is left out: its frames do not determine its events.
+const MAX_ROUNDING: f64 = 0.5;
 
 /// The state of all pixels at one anchor, as statistics.
 ///
@@ -47,6 +52,11 @@ pub struct AnchorFit {
     /// Expected sum of `s` over pixels: the drift, in whole thresholds towards 0 if voltages start
     /// at 0, and exact on average if they start anywhere.
     pub expected: f64,
+    /// Pixels that are left out, because the frames do not determine their brightness closely
+    /// enough.
+    pub unknown: u64,
+    /// Mean number of events per compared pixel that noise makes, and that move its reference.
+    pub disturbed: f64,
 }
 
 /// Sums of `dv` and `s` over pixels.
@@ -60,6 +70,9 @@ pub struct SlopeSums {
     pub squares: f64,
     /// Sum of `|s|`.
     pub sizes: f64,
+    /// Sum of `|s|` times the further error of the pixel, by rounded frames and by thresholds that
+    /// differ between pixels.
+    pub errors: f64,
 }
 
 impl std::ops::Add for SlopeSums {
@@ -71,6 +84,7 @@ impl std::ops::Add for SlopeSums {
             products: self.products + o.products,
             squares: self.squares + o.squares,
             sizes: self.sizes + o.sizes,
+            errors: self.errors + o.errors,
         }
     }
 }
@@ -86,10 +100,11 @@ impl SlopeSums {
     /// `|dv - s| <= most`, `|factor - 1| <= most <|s|> / <s, s>`.
     #[must_use]
     pub fn allowance(&self, most: f64) -> f64 {
-        most * self.sizes / self.squares
+        (most * self.sizes + self.errors) / self.squares
     }
 
-    fn add(&mut self, s: f64, dv: f64) {
+    fn add(&mut self, s: f64, dv: f64, error: f64) {
+        self.errors += s.abs() * error;
         self.pixels += 1;
         self.products += s * dv;
         self.squares += s * s;
@@ -115,14 +130,52 @@ pub struct EventEdge {
 pub(in crate::check) struct DriftBalance<'a> {
     law: DriftLaw,
     anchors: &'a AnchorFrames,
-    first_logs: Vec<f64>,
+    first: Vec<f64>,
     exposure: Vec<f64>,
     /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
     /// whole interval.
     variance: Vec<f64>,
-    fits: Vec<AnchorFit>,
-    /// `dv - s` of each pixel at the last instant, in thresholds.
-    residuals: Vec<f32>,
+    found: FrameComparison,
+    intervals: IntervalWatch,
+    places: PlaceWatch,
+}
+
+/// The comparison of a stream with frames.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FrameComparison {
+    /// One per anchor after the first; empty if the sensor's law does not allow a comparison.
+    pub fits: Vec<AnchorFit>,
+    /// `dv - s` of each pixel at the last anchor, in thresholds; NaN if it is unknown.
+    pub residuals: Vec<f32>,
+    /// One per pair of neighbouring anchors.
+    pub intervals: Vec<ChangeInterval>,
+    /// Parts of the sensor, over all intervals.
+    pub tiles: Vec<TileSums>,
+    /// Correlation of events and changes at other places.
+    pub places: PlaceSums,
+}
+
+impl FrameComparison {
+    /// Largest share of pixels that are left out at an anchor.
+    #[must_use]
+    pub fn left_out(&self) -> f64 {
+        let most = self.fits.iter().map(|fit| fit.unknown).max().unwrap_or(0);
+        most as f64 / self.residuals.len().max(1) as f64
+    }
+}
+
+/// The brightness of all pixels at an anchor, and its neighbours in time.
+struct AnchorView<'a> {
+    first: &'a [f32],
+    before: &'a [f32],
+    now: &'a [f32],
+    /// Time since the anchor before, us.
+    step: f64,
+    /// Time since the first anchor, us.
+    total: f64,
+    leak_error: f64,
+    /// Duration to and luminance at the ends of the span whose middle this anchor is.
+    around: Option<[(i64, &'a [f32]); 2]>,
 }
 
 impl<'a> DriftBalance<'a> {
@@ -130,60 +183,133 @@ impl<'a> DriftBalance<'a> {
     pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a AnchorFrames) -> Option<Self> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
-        let first_logs = first.pixels().iter().map(|l| law.log_brightness(*l)).collect();
         let none = || vec![0.0; size.pixels()];
-        let (fits, residuals) = (Vec::new(), vec![0.0; size.pixels()]);
-        Some(Self { law, anchors, first_logs, exposure: none(), variance: none(), fits, residuals })
+        Some(Self {
+            law,
+            anchors,
+            first: first.pixels().iter().map(|l| law.brightness(*l)).collect(),
+            exposure: none(),
+            variance: none(),
+            found: FrameComparison { residuals: vec![0.0; size.pixels()], ..FrameComparison::default() },
+            intervals: IntervalWatch::new(size, law, anchors),
+            places: PlaceWatch::new(size, law.thresholds),
+        })
     }
 
     /// Stamp of the next anchor; `None` after the last.
     pub(in crate::check) fn next_us(&self) -> Option<i64> {
-        self.anchors.stamps_us.get(self.fits.len() + 1).copied()
+        self.anchors.stamps_us.get(self.found.fits.len() + 1).copied()
     }
 
-    /// The fits, and each pixel's residual drift at the last of them, in thresholds.
-    pub(in crate::check) fn finish(self) -> (Vec<AnchorFit>, Vec<f32>) {
-        (self.fits, self.residuals)
+    /// The comparison after the last anchor.
+    pub(in crate::check) fn finish(self) -> FrameComparison {
+        let (intervals, tiles) = self.intervals.finish();
+        FrameComparison { intervals, tiles, places: self.places.finish(), ..self.found }
     }
 
     /// Evaluates the next anchor.
     pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
         // There is one fit per anchor after the first, so the fits count the anchors.
-        let number = self.fits.len() + 1;
-        let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
-        let stamps = &self.anchors.stamps_us;
-        let (step, total) =
-            ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
-        let leak_error = self.law.leak_error(step, number);
+        let number = self.found.fits.len() + 1;
+        let view = self.view(number);
         // The noise of the noisiest luminance bounds that of every pixel.
-        let mut stock = FitSums::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
-        let span = self.anchors.spans.iter().find(|[_, middle, _]| *middle == number);
-        // A lag needs the drift on both sides of an instant, which only the middle of a span has.
-        let around =
-            span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
-        let at = stamps[number];
-        for i in 0..now.len() {
-            // The trapezoid rule is sufficient: anchors are close together.
-            self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
-            let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
-            let noise = [before[i], now[i]].map(|l| self.law.noise(f64::from(l), step));
-            self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
-            let blur = self.variance[i].sqrt() + leak_error;
-            let dv = self.law.drift(logs, total, self.exposure[i]);
-            let left = stock.add(dv, [counts.on[i], counts.off[i]], blur);
-            if let Some([(from, earlier), (to, later)]) = around {
-                // The ways select pixels and give their rate. The leak by luminance is too small
-                // for either.
-                let drift = |a: f32, b: f32, dt: i64| {
-                    self.law.drift(self.law.log_brightness(b) - self.law.log_brightness(a), dt as f64, 0.0)
-                };
-                let ways = [drift(earlier[i], now[i], at - from), drift(now[i], later[i], to - at)];
-                stock.lag.add(left, ways, (to - from) as f64, self.law.thresholds);
+        let slack = 6.0 * self.law.most_noise(view.total) + 2.0 * view.leak_error;
+        let mut stock = FitSums::new(&self.law, slack + 5.0 * self.law.between_error());
+        let is_last = number + 1 == self.anchors.images.len();
+        let placed = is_last || view.around.is_some();
+        for i in 0..view.now.len() {
+            let [on, off] = [counts.on[i], counts.off[i]];
+            let change = self.change(&view, i, [on, off]);
+            let left = stock.add(change, [on, off]);
+            if let (Some([from, to]), Some(left)) = (view.around, left) {
+                let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
+                stock.lag.add(left, ways, (to.0 - from.0) as f64, self.law.thresholds);
             }
-            self.residuals[i] = in_thresholds(left, self.law.thresholds);
+            let known = left.is_some().then_some(change.dv);
+            self.intervals.see(i, known, [on, off], change.error);
+            if placed {
+                self.places.see(i, known, change.s);
+            }
+            self.found.residuals[i] = left.map_or(f32::NAN, |left| in_thresholds(left, self.law.thresholds));
         }
-        self.fits.push(stock.fit(stamps[number]));
+        self.intervals.settle(number);
+        if placed {
+            self.places.settle();
+        }
+        self.found.fits.push(stock.fit(self.anchors.stamps_us[number]));
     }
+
+    fn view(&self, number: usize) -> AnchorView<'a> {
+        let AnchorFrames { stamps_us: stamps, images, spans } = self.anchors;
+        let of = |i: usize| images[i].pixels();
+        let [step, total] = [number - 1, 0].map(|from| (stamps[number] - stamps[from]) as f64);
+        let span = spans.iter().find(|[_, middle, _]| *middle == number);
+        AnchorView {
+            first: of(0),
+            before: of(number - 1),
+            now: of(number),
+            step,
+            total,
+            leak_error: self.law.leak_error(step, number),
+            // A lag needs the drift on both sides of an instant, which only the middle of a span
+            // has.
+            around: span
+                .map(|[from, _, to]| [*from, *to].map(|i| (stamps[i] - stamps[number], images[i].pixels()))),
+        }
+    }
+
+    /// The change of a pixel since the first anchor.
+    fn change(&mut self, view: &AnchorView<'_>, i: usize, counts: [u32; 2]) -> PixelChange {
+        let (law, [before, now]) = (&self.law, [view.before[i], view.now[i]]);
+        // The trapezoid rule is sufficient: anchors are close together.
+        self.exposure[i] += view.step * 0.5 * (f64::from(before.max(0.0)) + f64::from(now.max(0.0)));
+        let noise = [before, now].map(|l| law.noise(f64::from(l), view.step));
+        self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
+        let rounding = law.rounding_error(view.first[i]) + law.rounding_error(now);
+        // A uniform error has a standard deviation of its half-width over the root of 3.
+        let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
+        let [a, b] = law.thresholds;
+        // `max` would turn an unknown luminance into black.
+        let known = !(view.first[i].is_nan() || before.is_nan() || now.is_nan());
+        let dv = law.drift(law.brightness(now) - self.first[i], view.total, self.exposure[i]);
+        PixelChange {
+            dv: if known && rounding <= MAX_ROUNDING * law.least_threshold() { dv } else { f64::NAN },
+            s: a * f64::from(counts[0]) - b * f64::from(counts[1]),
+            blur: (self.variance[i] + others).sqrt() + view.leak_error,
+            error: rounding + law.spread_error(counts),
+            disturbed: law.disturbances(f64::from(now), view.total),
+        }
+    }
+
+    /// The drift from the first to the second of three luminances, and from there to the third. The
+    /// leak by luminance is too small for the use of this rate.
+    fn ways(&self, [from, now, to]: [(i64, f32); 3]) -> [f64; 2] {
+        let drift = |a: (i64, f32), b: (i64, f32)| {
+            let change = self.law.brightness(b.1) - self.law.brightness(a.1);
+            // An unknown luminance has no way; `brightness` would take it for black.
+            if a.1.is_nan() || b.1.is_nan() {
+                f64::NAN
+            } else {
+                self.law.drift(change, (b.0 - a.0) as f64, 0.0)
+            }
+        };
+        [drift(from, now), drift(now, to)]
+    }
+}
+
+/// A pixel at an anchor.
+#[derive(Debug, Clone, Copy)]
+struct PixelChange {
+    /// Drift since the first anchor; NaN if it is unknown.
+    dv: f64,
+    /// The drift according to the events.
+    s: f64,
+    /// Standard deviation of `dv`.
+    blur: f64,
+    /// Largest error of `dv - s` by rounded frames and by thresholds that differ.
+    error: f64,
+    /// Expected number of events that move the reference for no reason in the frames.
+    disturbed: f64,
 }
 
 /// Sums over pixels for a [`AnchorFit`].
@@ -201,6 +327,10 @@ struct FitSums {
     lag: LagSums,
     near: [Vec<[f32; 2]>; 2],
     expected: f64,
+    unknown: u64,
+    known: u64,
+    disturbed: f64,
+    spread: f64,
 }
 
 impl FitSums {
@@ -218,38 +348,49 @@ impl FitSums {
             lag: LagSums::default(),
             near: [Vec::new(), Vec::new()],
             expected: 0.0,
+            unknown: 0,
+            known: 0,
+            disturbed: 0.0,
+            spread: law.spread,
         }
     }
 
-    /// Adds a pixel, and returns its drift minus that of its events.
-    fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) -> f64 {
+    /// Adds a pixel, and returns its drift minus that of its events, if its drift is known.
+    fn add(&mut self, change: PixelChange, [on, off]: [u32; 2]) -> Option<f64> {
+        let PixelChange { dv, s, blur, error, disturbed } = change;
         let [a, b] = self.thresholds;
-        let s = a * f64::from(on) - b * f64::from(off);
+        if dv.is_nan() {
+            self.unknown += 1;
+            return None;
+        }
+        self.known += 1;
+        self.disturbed += disturbed;
         self.events += u64::from(on) + u64::from(off);
         let (side, threshold) = if dv > 0.0 { (0, a) } else { (1, b) };
         let steps = (dv.abs() / threshold).floor();
         self.expected += if self.from_zero { steps * threshold.copysign(dv) } else { dv };
         // Below a threshold, a residual alone may explain the drift.
         if dv.abs() > threshold {
-            self.slopes[side].add(s, dv);
-            self.possible += u64::from((dv - s).abs() <= self.most_residual);
+            self.slopes[side].add(s, dv, error);
+            self.possible += u64::from((dv - s).abs() <= self.most_residual + error);
         }
         // With two thresholds of drift, a residual hardly turns the sign of `s`.
         if dv.abs() > 2.0 * threshold {
             self.doubled[0] += 1;
             self.doubled[1] += u64::from(s * dv > 0.0);
-            self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual);
+            self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual + error);
         }
         // A pixel without half a threshold of drift is too far from its next event to show an edge.
-        if self.from_zero && dv.abs() > threshold / 2.0 && blur < MAX_BLUR * a.min(b) {
+        let sharp = self.from_zero && self.spread == 0.0 && blur < MAX_BLUR * a.min(b);
+        if sharp && dv.abs() > threshold / 2.0 {
             // The size of `s`, negative if the events have the wrong sign.
             self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
-        dv - s
+        Some(dv - s)
     }
 
     fn fit(self, t_us: i64) -> AnchorFit {
-        let Self { events, slopes, possible, doubled, silent, lag, near, expected, .. } = self;
+        let Self { events, slopes, possible, doubled, silent, lag, near, expected, unknown, .. } = self;
         AnchorFit {
             t_us,
             events,
@@ -260,6 +401,8 @@ impl FitSums {
             lag,
             edges: near.map(find_edge),
             expected,
+            unknown,
+            disturbed: self.disturbed / self.known.max(1) as f64,
         }
     }
 }

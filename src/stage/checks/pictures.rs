@@ -23,8 +23,8 @@ pub(super) fn write_pictures(
         let write = |file| png::write_image(image, BufWriter::new(file));
         File::create(&path).and_then(write).map_err(StageError::io_error(&path))
     };
-    if !tally.residuals.is_empty() {
-        save("event_frame", &residual_picture(tally.size, &tally.residuals))?;
+    if !tally.compared.residuals.is_empty() {
+        save("event_frame", &residual_picture(tally.size, &tally.compared.residuals))?;
     }
     if let Some([in_place, moved]) = &tally.window {
         save(

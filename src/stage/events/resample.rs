@@ -3,6 +3,7 @@
 use super::EventsStage;
 use crate::camera::Camera;
 use crate::check::drift::DriftLaw;
+use crate::sensor::esim::IntensityScale;
 use crate::check::sampling::ResampledIntervals;
 use crate::event::{Event, EventSink};
 use crate::frames::rendered::RenderedFrames;
@@ -102,7 +103,16 @@ impl EventsStage {
 
 /// Returns true if a sensor's noise does not depend on the frames, and it sees luminance only.
 fn is_comparable(sensor: &SensorChoice) -> bool {
-    DriftLaw::for_sensor(sensor).is_ok() && !sensor.as_model().front_end().needs_colour()
+    let steady = match sensor {
+        SensorChoice::Voltmeter(_) => DriftLaw::for_sensor(sensor).is_ok_and(|law| law.loose.is_none()),
+        SensorChoice::Esim(sensor) => {
+            let log = sensor.intensity == IntensityScale::Log;
+            log && sensor.threshold.spread == 0.0 && sensor.keeps_balance()
+        }
+        // Its leak is drawn per frame.
+        SensorChoice::V2e(_) => false,
+    };
+    steady && !sensor.as_model().front_end().needs_colour()
 }
 
 /// The stamps, and those halfway between them.

@@ -85,7 +85,7 @@ fn a_tree_is_checked_by_its_files() {
         found.unwrap_or_else(|| panic!("{check} {subject}"))["verdict"].as_str().unwrap().to_owned()
     };
     for (check, part) in
-        [("schema", "#order"), ("stamps", "#events"), ("pose_continuity", "#rotation"), ("speed", "#arc")]
+        [("schema", "#order"), ("stamps", "#events"), ("pose_continuity", "#rotation"), ("speed", "#length")]
     {
         assert_eq!(verdict(check, part), "pass", "{check}");
     }
