@@ -124,13 +124,18 @@ fn peak_along(places: &PlaceSums, best: [i64; 2], axis: [i64; 2]) -> f64 {
 }
 
 fn judge_orientation(subject: &TrajectorySubject<'_>, places: &PlaceSums, in_place: f64) -> Finding {
-    let turned = places.correlations.iter().filter(|(placement, _)| matches!(placement, Placement::Turned(_)));
+    let turned =
+        places.correlations.iter().filter(|(placement, _)| matches!(placement, Placement::Turned(_)));
     let Some((placement, r)) = turned.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {
         return subject.not_run(NAME, "orientation", "no other orientation was compared");
     };
     let r = r.abs();
     if in_place.max(r) < CHANCE {
-        return subject.not_run(NAME, "orientation", "no orientation of the events brings them to the frames");
+        return subject.not_run(
+            NAME,
+            "orientation",
+            "no orientation of the events brings them to the frames",
+        );
     }
     let limit = LimitSide::gate(MARGIN);
     let because = format!(

@@ -81,8 +81,7 @@ fn judge_least(
         );
         return subject.not_run(NAME, part, because);
     };
-    let limit =
-        LimitSide::limit_or(subject.limits.completeness.and_then(|l| l.min), LimitSide::gate(SHARE));
+    let limit = LimitSide::limit_or(subject.limits.completeness.and_then(|l| l.min), LimitSide::gate(SHARE));
     let because = format!(
         "{at}, the events of {} pixels show {:.3} of their brightness change, the least of {} {what}",
         sums.pixels,

@@ -292,7 +292,9 @@ fn of_esim(esim: &EsimModel) -> DriftLaw {
 /// Without its filter, a pixel of v2e moves like an ideal logarithm with a leak of `C+` per event.
 fn of_v2e(v2e: &V2eModel) -> Result<DriftLaw, &'static str> {
     if v2e.cutoff > 0.0 {
-        return Err("not applicable with a low-pass filter: events follow the frames with a delay of their own");
+        return Err(
+            "not applicable with a low-pass filter: events follow the frames with a delay of their own",
+        );
     }
     let loose = match v2e.hot_pixels.is_absent() {
         false => Some(HOT),

@@ -128,7 +128,8 @@ impl EventFramePass<'_> {
         if let Some(because) = self.too_disturbed() {
             return self.subject.not_run(NAME, part, because);
         }
-        let slopes = self.tally.compared.fits.iter().map(of).filter(|s| s.pixels >= MIN_PIXELS && s.squares > 0.0);
+        let slopes =
+            self.tally.compared.fits.iter().map(of).filter(|s| s.pixels >= MIN_PIXELS && s.squares > 0.0);
         let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
             return self.too_few(part);
         };
@@ -187,8 +188,12 @@ impl EventFramePass<'_> {
             return self.subject.not_run(NAME, "residual", because);
         }
         let limit = self.limits().residual.unwrap_or(RESIDUAL - 2.0 * self.disturbed());
-        let shares =
-            self.tally.compared.fits.iter().map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
+        let shares = self
+            .tally
+            .compared
+            .fits
+            .iter()
+            .map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
         self.share("residual", limit, shares, "have events that match it to within the thresholds")
     }
 

@@ -3,7 +3,9 @@
 
 use super::table::check_table;
 use super::{
-    NAMES, SCENE, affine, alignment, batching, capture, completeness, coverage, duplicates, event_frame, event_rate, hot_pixels, motion, noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback, recon_psnr, sampling, speed, structure, time_offset,
+    NAMES, SCENE, affine, alignment, batching, capture, completeness, coverage, duplicates, event_frame,
+    event_rate, hot_pixels, motion, noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv,
+    readback, recon_psnr, sampling, speed, structure, time_offset,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};

@@ -80,7 +80,8 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
     }
     let events = with + against;
     if events < MIN_EVENTS as f64 {
-        let because = format!("{events} events at steadily changing pixels are too few to judge their polarity");
+        let because =
+            format!("{events} events at steadily changing pixels are too few to judge their polarity");
         return subject.not_run(NAME, "contrary", because);
     }
     let asked = subject.limits.polarity.and_then(|l| l.contrary);

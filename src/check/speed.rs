@@ -52,7 +52,11 @@ impl ValidationPass for SpeedPass {
             let judged = Judgement { verdict: Verdict::Fail, ..Judgement::not_run(because) };
             return vec![judge_arc(subject, report), subject.finding(NAME, "chord", judged)];
         };
-        vec![judge_arc(subject, report), judge_chord(subject, &chords), judge_length(subject, report, &chords)]
+        vec![
+            judge_arc(subject, report),
+            judge_chord(subject, &chords),
+            judge_length(subject, report, &chords),
+        ]
     }
 }
 

@@ -70,9 +70,8 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
     for listed in manifest.scenes.iter().filter(|scene| is_wanted(&scene.id)) {
         findings.extend(of_scene(tree, &listed.id)?);
     }
-    findings.extend(
-        agreement::compare_files(dir, &manifest, &is_wanted).map_err(|e| unreadable_file(dir, e))?,
-    );
+    findings
+        .extend(agreement::compare_files(dir, &manifest, &is_wanted).map_err(|e| unreadable_file(dir, e))?);
     Ok(findings)
 }
 

@@ -125,7 +125,10 @@ mod tests {
             let blurred = png::to_bytes(&sum.mean());
             assert_eq!(mismatch(step, &blurred).share.to_bits(), 0, "{step}: {:?}", mismatch(step, &blurred));
             // A mean of display values, and a single frame.
-            let brighter = Image::from_vec(SIZE, blurred.pixels().iter().map(|rgb| rgb.map(|v| v.saturating_add(4))).collect());
+            let brighter = Image::from_vec(
+                SIZE,
+                blurred.pixels().iter().map(|rgb| rgb.map(|v| v.saturating_add(4))).collect(),
+            );
             assert!(mismatch(step, &brighter).share > 0.9, "{step}: {:?}", mismatch(step, &brighter));
         }
         assert!(mismatch(9.0, &png::to_bytes(&frame(0, 9.0))).share > 0.9);

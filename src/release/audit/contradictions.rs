@@ -1,7 +1,10 @@
 //! Faults of files that contradict each other or their formats. Every file is taken as it is: sums
 //! are not read.
 
-use super::{AuditFault, FaultCode, TrustedTree, bytes, claims, composed, contents, published, steps, top, walk, without_echoes};
+use super::{
+    AuditFault, FaultCode, TrustedTree, bytes, claims, composed, contents, published, steps, top, walk,
+    without_echoes,
+};
 use crate::release::layout;
 use crate::release::manifest::{FileOwners, ReleaseManifest};
 use crate::release::scene::SceneRecord;
@@ -23,10 +26,9 @@ pub(in crate::release) fn find_contradictions(
     let whole = manifest.scenes.iter().all(|scene| wanted(&scene.id));
     files.retain(|path| owners.of(path).is_none_or(|scene| wanted(&scene.id)));
     let hashes = bytes::hash_files(dir, &files);
-    let readable = |(path, hashes): (_, &Option<crate::release::checksum::FileHashes>)| {
-        Some((String::as_str(path), hashes.as_ref()?))
-    };
-    let intact = hashes.iter().filter_map(readable).map(|(path, hashes)| (path, hashes.sha256.as_str()));
+    let intact = hashes
+        .iter()
+        .filter_map(|(path, hashes)| Some((path.as_str(), hashes.as_ref()?.sha256.as_str())));
     let tree = &TrustedTree { dir, intact: intact.collect() };
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in manifest.scenes.iter().filter(|scene| wanted(&scene.id)) {

@@ -41,7 +41,7 @@ pub(super) fn compare_files(
             let subject = format!("{}/{trajectory}", scene.id);
             let parts = OF_TRAJECTORY.iter().map(|(part, what)| {
                 let is_of = |fault: &&AuditFault| place(scene, fault) == (Some(trajectory), *part);
-                finding(&subject, (part, what), own.iter().copied().filter(is_of))
+                finding(&subject, (*part, *what), own.iter().copied().filter(is_of))
             });
             findings.extend(parts);
         }
@@ -51,7 +51,7 @@ pub(super) fn compare_files(
     if manifest.scenes.iter().all(|scene| wanted(&scene.id)) {
         findings.extend(OF_RELEASE.iter().map(|(part, what)| {
             let is_of = |fault: &&AuditFault| fault.scene.is_none() && top_part(fault) == *part;
-            finding(&manifest.name, (part, what), faults.iter().filter(is_of))
+            finding(&manifest.name, (*part, *what), faults.iter().filter(is_of))
         }));
     }
     Ok(findings)

@@ -133,11 +133,7 @@ impl PictureFolder<'_> {
 
     /// Median image motion between neighbouring kept frames, px: from the flow, or else from the
     /// frames.
-    fn frame_motion(
-        &self,
-        there: &[usize],
-        steps_px: Option<FlowQuantiles>,
-    ) -> Result<f64, RecheckError> {
+    fn frame_motion(&self, there: &[usize], steps_px: Option<FlowQuantiles>) -> Result<f64, RecheckError> {
         let poses_per_frame = (there[there.len() - 1] - there[0]) as f64 / (there.len() - 1) as f64;
         if let Some(flow) = steps_px {
             return Ok(f64::from(flow.median) * poses_per_frame);
@@ -167,9 +163,11 @@ impl PictureFolder<'_> {
             let depth = self.depth(pose)?;
             if flows.is_empty() {
                 let view = self.view(pose);
-                moved_px.extend(self.neighbour(pose).into_iter().flat_map(|other| {
-                    flow_displacement(&depth, &view, &self.view(other)).into_pixels()
-                }));
+                moved_px.extend(
+                    self.neighbour(pose)
+                        .into_iter()
+                        .flat_map(|other| flow_displacement(&depth, &view, &self.view(other)).into_pixels()),
+                );
                 found.flows.push(FlowAt { t_us: self.stamp(pose), px_s: flow_rates(&depth, &view) });
             }
             covered.push((self.stamp(pose), depth));

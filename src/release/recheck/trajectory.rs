@@ -119,7 +119,8 @@ impl ReleasedTrajectory<'_> {
                 TallyReference { seen: law.zip(seen), flows: &measured.flows, dead_us: sensor.dead_us() };
             let observer = StreamObserver::new(self.camera.size, rate, end_us, against);
             let tally = count_stream(&path, observer).map_err(|e| self.tree.refusal(&events, e))?;
-            let name = stream.map_or_else(|| self.name.to_owned(), |stream| format!("{}/{stream}", self.name));
+            let name =
+                stream.map_or_else(|| self.name.to_owned(), |stream| format!("{}/{stream}", self.name));
             counted.push((name, sensor, tally));
         }
         Ok(counted)
@@ -133,8 +134,7 @@ impl ReleasedTrajectory<'_> {
         let frames = self.recipe.shutter.frames;
         let stated = self.part.blur.as_ref().and_then(|blur| blur["subframes"].as_u64());
         let subframes = stated.and_then(|n| u32::try_from(n).ok()).unwrap_or(u32::MAX);
-        let centres =
-            exposure::exposure_centres(pictures.motion.trajectory.world_from_camera.len(), frames);
+        let centres = exposure::exposure_centres(pictures.motion.trajectory.world_from_camera.len(), frames);
         let step = centres.len().div_ceil(EXPOSURES).max(1);
         let mut compared = Vec::new();
         for pose in centres.into_iter().step_by(step) {

@@ -3,13 +3,13 @@
 use super::EventsStage;
 use crate::camera::Camera;
 use crate::check::drift::DriftLaw;
-use crate::sensor::esim::IntensityScale;
 use crate::check::sampling::ResampledIntervals;
 use crate::event::{Event, EventSink};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameSequence as _};
 use crate::render::Renderer;
 use crate::sampling::path::SampledPath;
+use crate::sensor::esim::IntensityScale;
 use crate::sensor::voltmeter::BetweenFrames;
 use crate::sensor::{SensorChoice, SensorError, SensorModel};
 use crate::stage::{StageContext, StageError};

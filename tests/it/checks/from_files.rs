@@ -156,8 +156,7 @@ fn pictures_that_do_not_belong_to_the_events_are_found() {
     let tree = PlantedTree::new();
     let frames = tree.stamps().len();
     let name = |j: usize| format!("{BASE}/sharp/{j:06}.png");
-    let bytes: Vec<Vec<u8>> =
-        (0..frames).map(|j| fs::read(tree.path().join(name(j))).unwrap()).collect();
+    let bytes: Vec<Vec<u8>> = (0..frames).map(|j| fs::read(tree.path().join(name(j))).unwrap()).collect();
     for (j, bytes) in bytes.iter().rev().enumerate() {
         tree.write(&name(j), bytes);
     }
@@ -178,8 +177,7 @@ fn files_edited_without_the_others_are_found() {
     let poses = format!("{BASE}/poses.txt");
     let text = fs::read_to_string(tree.path().join(&poses)).unwrap();
     let first = text.lines().next().unwrap().split_once(' ').unwrap().1.to_owned();
-    let still: String =
-        tree.stamps().iter().map(|t_us| format!("{t_us} {first}\n")).collect();
+    let still: String = tree.stamps().iter().map(|t_us| format!("{t_us} {first}\n")).collect();
     tree.write(&poses, still.as_bytes());
     finds("a camera that stands still", &["speed#length", "records#poses"], &tree);
 
