@@ -32,13 +32,13 @@ pub struct Limits {
     pub shift: Option<f64>,
 }
 
-const CORRELATION: f64 = 0.3;
+const CORRELATION: f64 = 0.15;
 const SHIFT: f64 = 0.5;
 /// Minimum number of pixels with a change of a threshold. The correlation of as many independent
 /// pixels has a standard deviation of 0.05.
 const MIN_PIXELS: u64 = 400;
 /// Correlation below which the best placement is chance.
-const CHANCE: f64 = 0.2;
+const CHANCE: f64 = 0.1;
 /// Excess of a correlation over that in place which is chance.
 const MARGIN: f64 = 0.02;
 

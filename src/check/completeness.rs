@@ -1,8 +1,9 @@
 //! Events are there at all times and everywhere on the sensor. A gate.
 //!
-//! Between two neighbouring anchors, the events of a pixel whose drift is larger than both
-//! thresholds together must show that drift up to the voltage that remains at either end. The
+//! Between two neighbouring anchors, the events of a pixel whose drift is larger than one and a
+//! quarter thresholds must show that drift up to the voltage that remains at either end. The
 //! measured value is the sum of the drift by events over the sum of the drift, over these pixels.
+//! Sound streams show half of it or more; an interval without events shows nothing.
 //!
 //! - `time`: the smallest share over the intervals. It finds chunks, windows and halves of the
 //!   recording that are missing.
@@ -25,9 +26,9 @@ pub struct Limits {
     pub min: Option<f64>,
 }
 
-/// A pixel that changes by just more than both thresholds shows at least half of it if it was not
-/// about to fire the other way; most change by more.
-const SHARE: f64 = 0.6;
+/// Sound streams show 0.48 to 0.9: a change of one and a quarter thresholds leaves one event, or none
+/// where the pixel was about to fire the other way.
+const SHARE: f64 = 0.35;
 /// Minimum number of pixels in an interval, and in a part of the sensor.
 const MIN_PIXELS: u64 = 100;
 
@@ -77,7 +78,7 @@ fn judge_least(
     let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));
     let Some((sums, at)) = least else {
         let because = format!(
-            "in none of the {what} do {MIN_PIXELS} pixels change by more than both thresholds together"
+            "in none of the {what} do {MIN_PIXELS} pixels change by more than 1.25 thresholds"
         );
         return subject.not_run(NAME, part, because);
     };

@@ -9,7 +9,7 @@
 //!   a wrong logarithm, and lost halves.
 //! - `threshold-on`, `threshold-off`: the voltage at which events happen, see [`fit::EventEdge`].
 //!   The limit is 7 % from the stated threshold.
-//! - `residual`: the share of the pixels of `gain` with a possible residual, at least 0.99. It
+//! - `residual`: the share of the pixels of `gain` with a possible residual, at least 0.997. It
 //!   finds lost resets, dropped chunks, and offsets.
 //! - `sign`: the share of pixels with `|dv|` above two thresholds whose `s` has the sign of `dv`,
 //!   at least 0.995. It finds wrong polarity.
@@ -63,7 +63,7 @@ pub struct Limits {
 
 const THRESHOLD: f64 = 0.07;
 const GAIN: f64 = 0.1;
-const RESIDUAL: f64 = 0.99;
+const RESIDUAL: f64 = 0.997;
 const SIGN: f64 = 0.995;
 
 /// Smallest limit of the share of signs, for the noisiest of sensors.

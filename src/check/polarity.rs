@@ -9,7 +9,7 @@
 //! with more leak than noise starts anywhere between 0 and `A`, and its first events are ON.
 //!
 //! `contrary` is a gate: the share of events with the wrong polarity among those of pixels that
-//! brighten or darken by more than both thresholds together while the image moves by about a pixel.
+//! brighten or darken by more than 1.25 thresholds while the image moves by about a pixel.
 //! Such a pixel changes steadily, so that all of its events have one polarity.
 
 use super::event_frame::fit::AnchorFit;
@@ -39,6 +39,8 @@ const WIDTH: f64 = 0.15;
 const MIN_EVENTS: u64 = 400;
 /// Pixels at thin lines brighten and darken within a pixel of motion.
 const CONTRARY: f64 = 0.05;
+/// Minimum number of events for it: 200 have a standard deviation of 0.015.
+const MIN_STEADY: f64 = 200.0;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -79,7 +81,7 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
         noise += interval.sums.pixels as f64 * law.disturbances(0.0, (to - from) as f64);
     }
     let events = with + against;
-    if events < MIN_EVENTS as f64 {
+    if events < MIN_STEADY {
         let because =
             format!("{events} events at steadily changing pixels are too few to judge their polarity");
         return subject.not_run(NAME, "contrary", because);

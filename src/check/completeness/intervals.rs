@@ -4,10 +4,12 @@ use crate::check::drift::DriftLaw;
 use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
 
+/// Smallest change of a compared pixel, in thresholds. Much smaller ones may leave no event.
+const LEAST: f64 = 1.25;
 /// Parts of the sensor in each direction.
 const TILES: usize = 4;
 
-/// The events of one interval at the pixels that changed by more than two thresholds in it.
+/// The events of one interval at the pixels that changed by more than [`LEAST`] thresholds in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChangeInterval {
     /// Its ends, us.
@@ -18,7 +20,7 @@ pub struct ChangeInterval {
     pub short: bool,
 }
 
-/// Sums over pixels that changed by more than two thresholds.
+/// Sums over pixels that changed by more than [`LEAST`] thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TileSums {
     /// Number of pixels.
@@ -84,14 +86,15 @@ impl IntervalWatch {
         let before = std::mem::replace(&mut self.counts[pixel], counts);
         self.drift[pixel] = drift.unwrap_or(f64::NAN);
         let [a, b] = self.law.thresholds;
-        // A remaining voltage changes by less than this. Unknown changes fail the comparison.
-        if change.abs() > a + b + error {
+        // Unknown changes fail the comparison.
+        if change.abs() > LEAST * 0.5 * (a + b) + error {
             let [on, off] = [0, 1].map(|side| u64::from(counts[side] - before[side]));
             let shown = a * on as f64 - b * off as f64;
             let events = if change > 0.0 { [on, off] } else { [off, on] };
             let own = TileSums { pixels: 1, asked: change.abs(), shown: shown * change.signum(), events };
             self.sums.add(own);
-            self.tiles[self.tile(pixel)].add(own);
+            let tile = self.tile(pixel);
+            self.tiles[tile].add(own);
         }
     }
 
