@@ -4,8 +4,8 @@
 //! its events, at some instants of the recording. The same is done with the events of each pixel up
 //! to two columns and rows away, and with the sensor mirrored and turned.
 //!
-//! - `correlation`: the size of the correlation in place. It finds events that have nothing to do
-//!   with the frames: noise, another recording, another order of frames.
+//! - `correlation`: the correlation in place. It finds events that have nothing to do with the
+//!   frames (noise, another recording), and, by its sign, exchanged polarities.
 //! - `shift`: the place of the largest correlation among the shifts, to a part of a pixel. It finds
 //!   images that are moved by a pixel or half of one.
 //! - `orientation`: the largest correlation of a mirrored or turned sensor, less that in place.
@@ -67,7 +67,7 @@ impl ValidationPass for AlignmentPass {
             return vec![subject.not_run(NAME, "", because)];
         };
         vec![
-            judge_correlation(subject, in_place.abs()),
+            judge_correlation(subject, in_place),
             judge_shift(subject, places),
             judge_orientation(subject, places, in_place.abs()),
         ]
@@ -78,13 +78,16 @@ fn judge_correlation(subject: &TrajectorySubject<'_>, in_place: f64) -> Finding 
     let asked = subject.limits.alignment.and_then(|l| l.correlation);
     let limit = LimitSide::limit_or(asked, LimitSide::gate(CORRELATION));
     let because = format!(
-        "the events of the pixels correlate with the brightness change of the frames at {in_place:.3}; 0 means that they show something else"
+        "the events of the pixels correlate with the brightness change of the frames at {in_place:.3}; 0 means that they show something else, and -1 that ON and OFF are exchanged"
     );
     let judged = Judgement::from_value(limit.at_least(in_place), in_place, limit, "1", because);
     subject.finding(NAME, "correlation", judged)
 }
 
 fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Finding {
+    if let Err(because) = subject.compared_at_once() {
+        return subject.not_run(NAME, "shift", because);
+    }
     let shifts = places.correlations.iter().filter_map(|(placement, r)| match placement {
         Placement::Shifted(shift) => Some((*shift, r.abs())),
         Placement::Turned(_) => None,

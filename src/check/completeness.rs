@@ -44,7 +44,8 @@ impl ValidationPass for CompletenessPass {
     }
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        match subject.compared() {
+        let compared = subject.compared_at_once().and_then(|(tally, law)| law.loose.map_or(Ok(tally), Err));
+        match compared {
             Ok(tally) => vec![judge_time(subject, tally), judge_place(subject, tally)],
             Err(because) => vec![subject.not_run(NAME, "", because)],
         }
@@ -77,9 +78,8 @@ fn judge_least(
     let enough: Vec<(TileSums, String)> = parts.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
     let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));
     let Some((sums, at)) = least else {
-        let because = format!(
-            "in none of the {what} do {MIN_PIXELS} pixels change by more than 1.25 thresholds"
-        );
+        let because =
+            format!("in none of the {what} do {MIN_PIXELS} pixels change by more than 1.25 thresholds");
         return subject.not_run(NAME, part, because);
     };
     let limit = LimitSide::limit_or(subject.limits.completeness.and_then(|l| l.min), LimitSide::gate(SHARE));

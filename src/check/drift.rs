@@ -30,6 +30,8 @@ pub struct DriftLaw {
     /// The reason why events need not balance the drift, if there is one. Signs and places can
     /// still be compared.
     pub loose: Option<&'static str>,
+    /// True if events follow the frames with a delay of their own.
+    pub delayed: bool,
     /// The rounding of the frames, if they are pictures of 8 bits.
     pub rounding: Option<FrameRounding>,
 }
@@ -82,17 +84,15 @@ impl FrameRounding {
 
 impl DriftLaw {
     /// The law of a sensor.
-    ///
-    /// # Errors
-    /// The frames at two instants do not determine the drift between them; the text is the reason.
-    pub fn for_sensor(sensor: &SensorChoice) -> Result<Self, &'static str> {
+    #[must_use]
+    pub fn for_sensor(sensor: &SensorChoice) -> Self {
         let law = match sensor {
             SensorChoice::Voltmeter(voltmeter) => of_voltmeter(voltmeter),
             SensorChoice::Esim(esim) => of_esim(esim),
-            SensorChoice::V2e(v2e) => of_v2e(v2e)?,
+            SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
         let hot = sensor.hot_pixels();
-        Ok(Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law })
+        Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law }
     }
 
     /// The law for frames that are known to 8 bits only.
@@ -246,6 +246,7 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
         shots: None,
         hot: [0.0; 2],
         loose: None,
+        delayed: false,
         rounding: None,
     }
 }
@@ -270,6 +271,8 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
 }
 
 const HOT: &str = "not applicable with hot pixels: they fire without a brightness change";
+const DELAYED: &str =
+    "not applicable with a low-pass filter: events follow the frames with a delay of their own";
 const LOST: &str = "not applicable with a dead time, thresholds drawn per frame or an allowed cap: events need not match the brightness change";
 
 /// Without noise, the reference of a pixel moves like the voltage of a voltmeter with `k1 = 1` and
@@ -290,29 +293,27 @@ fn of_esim(esim: &EsimModel) -> DriftLaw {
 }
 
 /// Without its filter, a pixel of v2e moves like an ideal logarithm with a leak of `C+` per event.
-fn of_v2e(v2e: &V2eModel) -> Result<DriftLaw, &'static str> {
-    if v2e.cutoff > 0.0 {
-        return Err(
-            "not applicable with a low-pass filter: events follow the frames with a delay of their own",
-        );
-    }
-    let loose = match v2e.hot_pixels.is_absent() {
-        false => Some(HOT),
-        true => (v2e.refractory.period_us > 0.0 || v2e.allow_cap).then_some(LOST),
+fn of_v2e(v2e: &V2eModel) -> DriftLaw {
+    let delayed = v2e.cutoff > 0.0;
+    let loose = match (delayed, v2e.hot_pixels.is_absent()) {
+        (true, _) => Some(DELAYED),
+        (false, false) => Some(HOT),
+        (false, true) => (v2e.refractory.period_us > 0.0 || v2e.allow_cap).then_some(LOST),
     };
     let leak = v2e.leak;
     // A threshold per event, per microsecond.
     let k4 = 1e-6 * leak.rate * v2e.threshold.on;
     let k = [1.0, 0.0, 0.0, k4, 0.0, 0.0];
     let shots = ShotNoise { dark_hz: v2e.shot, leak_hz: leak.rate };
-    Ok(DriftLaw {
+    DriftLaw {
         spread: v2e.threshold.spread,
         // The rate is log-normal over the pixels, with this standard deviation of its logarithm.
         leak_spread: (leak.cov * std::f64::consts::LN_10).hypot(leak.jitter),
         shots: Some(shots),
         loose,
+        delayed,
         ..quiet_law(k, BrightnessScale::LinLog, [v2e.threshold.on, v2e.threshold.off])
-    })
+    }
 }
 
 /// Requires that a sensor's events balance the change of each pixel's brightness. The sensor's
@@ -373,10 +374,7 @@ mod tests {
         };
         let t = |sensor: SensorChoice, balance: bool, drift: bool| {
             assert_eq!(
-                (
-                    require_balance(&sensor).is_ok(),
-                    DriftLaw::for_sensor(&sensor).is_ok_and(|law| law.loose.is_none()),
-                ),
+                (require_balance(&sensor).is_ok(), DriftLaw::for_sensor(&sensor).loose.is_none(),),
                 (balance, drift),
                 "{sensor:?}"
             );
@@ -391,7 +389,7 @@ mod tests {
 
     #[test]
     fn an_ideal_logarithm_drifts_by_its_own() {
-        let law = DriftLaw::for_sensor(&SensorChoice::Esim(EsimModel::default())).unwrap();
+        let law = DriftLaw::for_sensor(&SensorChoice::Esim(EsimModel::default()));
         // ln(0.001 + 1) - ln(0.001), for any added constant.
         let logs = law.brightness(255.0) - law.brightness(0.0);
         assert!((law.drift(logs, 5.0, 1e3) - 6.908_754_779_3).abs() < 1e-9);
@@ -402,7 +400,7 @@ mod tests {
     fn a_step_of_eight_bits_costs_a_dark_pixel_most() {
         let sensor = SensorChoice::Esim(EsimModel::default());
         let front_end = FrontEnd::default();
-        let law = DriftLaw::for_sensor(&sensor).unwrap();
+        let law = DriftLaw::for_sensor(&sensor);
         assert_eq!(law.rounding_error(40.0).to_bits(), 0.0f64.to_bits());
         let law = law.with_rounding(FrameRounding { front_end, between: 0.0 });
         // ln(40.255 / 39.755), and ln(0.755 / 0.255) for black.
@@ -419,7 +417,7 @@ mod tests {
         use crate::sensor::v2e::{LeakNoise, V2ePreset};
         let leak = LeakNoise { rate: 4.0, jitter: 0.0, cov: 0.0 };
         let v2e = V2eModel { leak, ..V2eModel::from(V2ePreset::Clean) };
-        let law = DriftLaw::for_sensor(&SensorChoice::V2e(v2e)).unwrap();
+        let law = DriftLaw::for_sensor(&SensorChoice::V2e(v2e));
         // Half a second of four events per second, at thresholds of 0.2.
         assert!((law.drift(0.0, 5e5, 0.0) - 0.4).abs() < 1e-12);
         assert!((law.noise_events(128.0) - 4e-6).abs() < 1e-18);

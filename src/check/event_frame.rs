@@ -88,7 +88,7 @@ impl ValidationPass for EventFrame {
     }
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let (tally, law) = match subject.compared().and_then(|tally| Ok((tally, subject.drift_law()?))) {
+        let (tally, law) = match subject.compared_at_once() {
             Ok(both) => both,
             Err(because) => return vec![subject.not_run(NAME, "", because)],
         };

@@ -97,11 +97,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
 
 /// An upper bound of the events of a pixel of this grey by noise.
 fn most_noise_events(sensor: &SensorChoice, grey: f64, seconds: f64) -> f64 {
-    match (DriftLaw::for_sensor(sensor), sensor) {
-        (Ok(law), _) => law.most_noise_events(grey, 1e6 * seconds),
-        (Err(_), SensorChoice::V2e(sensor)) => sensor.noise(grey).total_hz * seconds,
-        (Err(_), _) => 0.0,
-    }
+    DriftLaw::for_sensor(sensor).most_noise_events(grey, 1e6 * seconds)
 }
 
 fn empty(seconds: f64) -> String {

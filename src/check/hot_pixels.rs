@@ -72,7 +72,7 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
 }
 
 fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
-    if let Err(because) = subject.compared() {
+    if let Err(because) = subject.compared_at_once() {
         return subject.not_run(NAME, "dead", because);
     }
     let share = |fit: &super::event_frame::fit::AnchorFit| fit.silent as f64 / fit.doubled[0] as f64;

@@ -146,7 +146,7 @@ impl PlantedWorld {
         let sensor = self.stated.clone().unwrap_or_else(|| SensorChoice::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
         let against = TallyReference {
-            seen: DriftLaw::for_sensor(&sensor).ok().map(|law| (law, &self.anchors)),
+            seen: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
         };

@@ -66,7 +66,7 @@ impl ValidationPass for OnShare {
 }
 
 fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
-    let (tally, law) = match subject.compared().and_then(|tally| Ok((tally, subject.drift_law()?))) {
+    let (tally, law) = match subject.compared_at_once() {
         Ok(both) => both,
         Err(because) => return subject.not_run(NAME, "contrary", because),
     };

@@ -64,7 +64,7 @@ impl TrajectorySubject<'_> {
 
     /// The law of the sensor's drift, or the reason for its absence.
     pub(super) fn drift_law(&self) -> Result<DriftLaw, &'static str> {
-        self.sensor.ok_or("there is no sensor").and_then(DriftLaw::for_sensor)
+        self.sensor.map(DriftLaw::for_sensor).ok_or("there is no sensor")
     }
 
     /// The stream's comparison with the frames, or the reason for its absence. Signs and places of
@@ -76,6 +76,15 @@ impl TrajectorySubject<'_> {
             (false, _) => Ok(tally),
             (true, true) => Err("there is only one frame, so nothing changes"),
             (true, false) => Err(NOT_SEEN),
+        }
+    }
+
+    /// As [`TrajectorySubject::compared`], for a law whose events follow the frames at once.
+    pub(super) fn compared_at_once(&self) -> Result<(&StreamTally, DriftLaw), &'static str> {
+        let (tally, law) = (self.compared()?, self.drift_law()?);
+        match law.loose.filter(|_| law.delayed) {
+            Some(because) => Err(because),
+            None => Ok((tally, law)),
         }
     }
 

@@ -26,9 +26,8 @@ pub(in crate::release) fn find_contradictions(
     let whole = manifest.scenes.iter().all(|scene| wanted(&scene.id));
     files.retain(|path| owners.of(path).is_none_or(|scene| wanted(&scene.id)));
     let hashes = bytes::hash_files(dir, &files);
-    let intact = hashes
-        .iter()
-        .filter_map(|(path, hashes)| Some((path.as_str(), hashes.as_ref()?.sha256.as_str())));
+    let intact =
+        hashes.iter().filter_map(|(path, hashes)| Some((path.as_str(), hashes.as_ref()?.sha256.as_str())));
     let tree = &TrustedTree { dir, intact: intact.collect() };
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in manifest.scenes.iter().filter(|scene| wanted(&scene.id)) {

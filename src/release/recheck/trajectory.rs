@@ -114,9 +114,12 @@ impl ReleasedTrajectory<'_> {
             let front_end = sensor.as_model().front_end();
             let seen = front_ends.iter().position(|other| *other == front_end).and_then(|i| anchors.get(i));
             let rounding = FrameRounding { front_end, between };
-            let law = DriftLaw::for_sensor(sensor).ok().map(|law| law.with_rounding(rounding));
-            let against =
-                TallyReference { seen: law.zip(seen), flows: &measured.flows, dead_us: sensor.dead_us() };
+            let law = DriftLaw::for_sensor(sensor).with_rounding(rounding);
+            let against = TallyReference {
+                seen: seen.map(|seen| (law, seen)),
+                flows: &measured.flows,
+                dead_us: sensor.dead_us(),
+            };
             let observer = StreamObserver::new(self.camera.size, rate, end_us, against);
             let tally = count_stream(&path, observer).map_err(|e| self.tree.refusal(&events, e))?;
             let name =

@@ -104,7 +104,7 @@ impl EventsStage {
 /// Returns true if a sensor's noise does not depend on the frames, and it sees luminance only.
 fn is_comparable(sensor: &SensorChoice) -> bool {
     let steady = match sensor {
-        SensorChoice::Voltmeter(_) => DriftLaw::for_sensor(sensor).is_ok_and(|law| law.loose.is_none()),
+        SensorChoice::Voltmeter(_) => DriftLaw::for_sensor(sensor).loose.is_none(),
         SensorChoice::Esim(sensor) => {
             let log = sensor.intensity == IntensityScale::Log;
             log && sensor.threshold.spread == 0.0 && sensor.keeps_balance()
