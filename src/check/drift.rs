@@ -203,6 +203,14 @@ impl DriftLaw {
         shots + self.hot[0] * (1e-6 * self.hot[1] * dt_us).min(1.0)
     }
 
+    /// Expected number of events of the hot pixels among `pixels` in `dt_us` microseconds, all of
+    /// them ON, and its standard deviation: the number of hot pixels is drawn.
+    #[must_use]
+    pub fn hot_events(&self, pixels: f64, dt_us: f64) -> [f64; 2] {
+        let [hot, each] = [self.hot[0] * pixels, 1e-6 * self.hot[1] * dt_us];
+        [hot * each, hot.sqrt() * each]
+    }
+
     /// An upper bound of the events of a pixel of constant luminance in `dt_us` microseconds. The
     /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`.
     #[must_use]

@@ -8,6 +8,8 @@
 //! and final voltage, so the width grows with the number of firing pixels divided by `N`. A sensor
 //! with more leak than noise starts anywhere between 0 and `A`, and its first events are ON.
 //!
+//! Hot pixels add ON events, whose expected share moves the prediction.
+//!
 //! `contrary` is a gate: the share of events with the wrong polarity among those of pixels that
 //! brighten or darken by more than 1.25 thresholds while the image moves by about a pixel.
 //! Such a pixel changes steadily, so that all of its events have one polarity.
@@ -100,8 +102,10 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64)
     let limits = subject.limits.polarity.unwrap_or_default();
     let predicted = predicted_share(subject, tally);
     // Without frames, half of the events are expected to be ON.
-    let center = predicted.unwrap_or(0.5);
-    let width = WIDTH + largest_shift(subject, tally);
+    let of_scene = predicted.unwrap_or(0.5);
+    let hot = hot_share(subject, tally);
+    let center = of_scene + (1.0 - of_scene) * hot[0];
+    let width = WIDTH + largest_shift(subject, tally) + 5.0 * (1.0 - of_scene) * hot[1];
     let least = LimitSide::limit_or(limits.min, LimitSide::warning((center - width).max(0.0)));
     let most = LimitSide::limit_or(limits.max, LimitSide::warning((center + width).min(1.0)));
     let (verdict, limit) = between_bounds(share, least, most);
@@ -114,6 +118,13 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64)
         "",
         Judgement { verdict, measured: Some(share), limit: Some(limit), unit: "1", because },
     )
+}
+
+/// Expected share of the events of hot pixels, which are all ON, and its standard deviation.
+fn hot_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> [f64; 2] {
+    let Ok(law) = subject.drift_law() else { return [0.0; 2] };
+    let hot = law.hot_events(tally.size.pixels() as f64, 1e6 * subject.seconds());
+    hot.map(|events| (events / tally.events as f64).min(1.0))
 }
 
 /// Largest shift of the share by voltages that start anywhere.

@@ -42,12 +42,12 @@ pub fn judge_blur(subject: &str, compared: &[(usize, ExposureMismatch)]) -> Find
     // A mean of kept frames is exact to rounding at every value.
     let limit = LimitSide::gate(if mismatch.is_exact { 0.0 } else { BLUR_SHARE });
     let because = format!(
-        "blur/{pose:06}.png differs from the mean of its sharp frames by more than {} allows at {:.4} of its values, \
-         by {:.2} steps of 8 bits at most; it is the worst of {} blurred frames",
-        if mismatch.is_exact { "rounding" } else { "the motion between them" },
+        "a share of {:.4} of the values of blur/{pose:06}.png, the worst of {}, differs from the mean of its sharp \
+         frames by more than {}; the largest difference is {:.2} steps of 8 bits",
         mismatch.share,
-        mismatch.worst,
-        compared.len()
+        compared.len(),
+        if mismatch.is_exact { "rounding" } else { "rounding and the motion between them" },
+        mismatch.worst
     );
     Judgement::from_value(limit.at_most(mismatch.share), mismatch.share, limit, "1", because)
         .finding(subject, NAME, "blur")
