@@ -6,8 +6,8 @@
 //!
 //! - `correlation`: the correlation in place. It finds events that have nothing to do with the
 //!   frames (noise, another recording), and, by its sign, exchanged polarities.
-//! - `shift`: the place of the largest correlation among the shifts, to a part of a pixel. It finds
-//!   images that are moved by a pixel or half of one.
+//! - `shift`: the place of the largest correlation among the shifts, to a part of a pixel, along the
+//!   worse axis. Another place must be better by 0.02. It finds images that are moved by a pixel.
 //! - `orientation`: the largest correlation of a mirrored or turned sensor, less that in place.
 //!
 //! A pixel that has drifted from 0 shows its drift in whole thresholds. The difference has no
@@ -88,16 +88,19 @@ fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Finding {
     if let Err(because) = subject.compared_at_once() {
         return subject.not_run(NAME, "shift", because);
     }
+    // A smooth image fits at several places nearly as well, so the right one has an advantage.
     let shifts = places.correlations.iter().filter_map(|(placement, r)| match placement {
+        Placement::Shifted([0, 0]) => Some(([0, 0], r.abs() + MARGIN)),
         Placement::Shifted(shift) => Some((*shift, r.abs())),
         Placement::Turned(_) => None,
     });
     let best = shifts.max_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((shift, r)) = best.filter(|(_, r)| *r >= CHANCE) else {
+    let Some((shift, r)) = best.filter(|(_, r)| *r >= CHANCE + MARGIN) else {
         return subject.not_run(NAME, "shift", "no shift of the events brings them to the frames");
     };
+    let r = if shift == [0, 0] { r - MARGIN } else { r };
     let at = [[1, 0], [0, 1]].map(|axis| peak_along(places, shift, axis));
-    let measured = at[0].hypot(at[1]);
+    let measured = at[0].abs().max(at[1].abs());
     let limit = LimitSide::limit_or(subject.limits.alignment.and_then(|l| l.shift), LimitSide::gate(SHIFT));
     let because = format!(
         "the events fit the frames best if they are taken from ({:.2}, {:.2}) px away, with a correlation of {r:.3}",
@@ -118,8 +121,8 @@ fn peak_along(places: &PlaceSums, best: [i64; 2], axis: [i64; 2]) -> f64 {
     match [at(-1), at(0), at(1)] {
         [Some(before), Some(top), Some(after)] => {
             let curve = before - 2.0 * top + after;
-            // A flat top has no peak between the pixels.
-            if curve < 0.0 { whole + 0.5 * (before - after) / curve } else { whole }
+            // A flat top has no peak between the pixels, and a slope has none near this one.
+            if curve < 0.0 { whole + (0.5 * (before - after) / curve).clamp(-0.5, 0.5) } else { whole }
         }
         // At the edge of the tried shifts.
         _ => whole,
