@@ -73,7 +73,7 @@ impl ValidationPass for MotionCompensation {
             )];
         }
         if tally.sharpness.is_empty() {
-            return vec![subject.not_run(NAME, "", "there is no depth map of a moving view")];
+            return vec![subject.not_run(NAME, "", "there is no depth or flow of a moving view")];
         }
         let telling = |s: &&WarpSharpness| s.moved_px >= MIN_MOVED && s.events >= MIN_EVENTS;
         let windows: Vec<&WarpSharpness> = tally.sharpness.iter().filter(telling).collect();

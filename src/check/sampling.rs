@@ -55,7 +55,7 @@ impl ValidationPass for SamplingPass {
             return vec![subject.not_run(
                 NAME,
                 "",
-                "there are no depth maps, so the optical flow is unknown",
+                "there is no depth or flow, so the image motion is unknown",
             )];
         };
         let asked = subject.limits.sampling.and_then(|l| l.max);

@@ -178,6 +178,11 @@ impl PictureFolder<'_> {
             #[expect(clippy::cast_possible_truncation, reason = "a duration for 32-bit speeds")]
             let step = step as f32;
             moved_px.extend(px_s.pixels().iter().map(|[u, v]| u.hypot(*v) * step));
+            if depths.is_empty() {
+                // Flow is NaN where depth is.
+                let along_x = px_s.pixels().iter().map(|[u, _]| *u).collect();
+                covered.push((self.stamp(pose), Image::from_vec(self.camera.size, along_x)));
+            }
             found.flows.push(FlowAt { t_us: self.stamp(pose), px_s });
         }
         found.steps_px = FlowQuantiles::from_values(moved_px);
