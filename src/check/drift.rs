@@ -30,8 +30,8 @@ pub struct DriftLaw {
     /// The reason why events need not balance the drift, if there is one. Signs and places can
     /// still be compared.
     pub loose: Option<&'static str>,
-    /// True if events follow the frames with a delay of their own.
-    pub delayed: bool,
+    /// Delay of the events of a pixel of medium brightness by a filter, us; 0 without a filter.
+    pub delay_us: f64,
     /// The rounding of the frames, if they are pictures of 8 bits.
     pub rounding: Option<FrameRounding>,
 }
@@ -254,7 +254,7 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
         shots: None,
         hot: [0.0; 2],
         loose: None,
-        delayed: false,
+        delay_us: 0.0,
         rounding: None,
     }
 }
@@ -278,6 +278,8 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
     }
 }
 
+/// The grey whose delay stands for all.
+const MEDIUM: f64 = 64.0;
 const HOT: &str = "not applicable with hot pixels: they fire without a brightness change";
 const DELAYED: &str =
     "not applicable with a low-pass filter: events follow the frames with a delay of their own";
@@ -319,7 +321,7 @@ fn of_v2e(v2e: &V2eModel) -> DriftLaw {
         leak_spread: (leak.cov * std::f64::consts::LN_10).hypot(leak.jitter),
         shots: Some(shots),
         loose,
-        delayed,
+        delay_us: if delayed { 1e6 * v2e.filter_seconds(MEDIUM) } else { 0.0 },
         ..quiet_law(k, BrightnessScale::LinLog, [v2e.threshold.on, v2e.threshold.off])
     }
 }

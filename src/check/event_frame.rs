@@ -66,8 +66,6 @@ const GAIN: f64 = 0.1;
 const RESIDUAL: f64 = 0.997;
 const SIGN: f64 = 0.995;
 
-/// Smallest limit of the share of signs, for the noisiest of sensors.
-const LEAST_SIGN: f64 = 0.9;
 /// Largest number of disturbing events per pixel.
 const MAX_DISTURBED: f64 = 0.2;
 
@@ -198,7 +196,10 @@ impl EventFramePass<'_> {
     }
 
     fn sign(&self) -> Finding {
-        let limit = self.limits().sign.unwrap_or((SIGN - 2.0 * self.disturbed()).max(LEAST_SIGN));
+        if let Some(because) = self.too_disturbed() {
+            return self.subject.not_run(NAME, "sign", because);
+        }
+        let limit = self.limits().sign.unwrap_or(SIGN - 2.0 * self.disturbed());
         let shares = self.tally.compared.fits.iter().map(|fit| (fit.doubled[1], fit.doubled[0]));
         self.share("sign", limit, shares, "have events of the same sign")
     }

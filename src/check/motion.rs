@@ -38,6 +38,9 @@ const MIN_MOVED: f64 = 3.0;
 const MIN_EVENTS: u64 = 1000;
 /// Maximum image motion between frames, px. Beyond it, events do not move with the image.
 const MAX_PER_FRAME: f32 = 2.0;
+/// Maximum image motion during the delay of a filter, px. Delays differ between dark and bright
+/// pixels by more than this delay itself.
+const MAX_DELAYED: f64 = 1.0;
 /// The grey at which the noise is taken.
 const GREY: f64 = 64.0;
 /// Distance of the median below 1, in standard deviations of noise, from which on it is a fault.
@@ -71,6 +74,12 @@ impl ValidationPass for MotionCompensation {
                 "",
                 "not applicable with hot pixels: their events do not move",
             )];
+        }
+        if let Some(px) = delayed_px(subject).filter(|px| *px > MAX_DELAYED) {
+            let because = format!(
+                "the sensor's low-pass filter delays events while the picture moves by {px:.1} px, so that they do not meet at their edges"
+            );
+            return vec![subject.not_run(NAME, "", because)];
         }
         if tally.sharpness.is_empty() {
             return vec![subject.not_run(NAME, "", "there is no depth or flow of a moving view")];
@@ -112,6 +121,12 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     subject.finding(NAME, "median", judged)
 }
 
+/// Image motion during the delay of a filter, px; `None` if one of both is unknown.
+fn delayed_px(subject: &TrajectorySubject<'_>) -> Option<f64> {
+    let per_us = f64::from(subject.flow?.median) * 1e-6 * subject.rate.to_f64();
+    Some(per_us * subject.drift_law().ok()?.delay_us)
+}
+
 /// Share of the usual gain in contrast that a sensor leaves. Noise does not move with the image: it
 /// adds to both variances. A low-pass filter delays the events of dark pixels more than others, so
 /// that they do not meet at one place.
@@ -119,7 +134,7 @@ fn sharp_share(subject: &TrajectorySubject<'_>) -> f64 {
     let (Ok(law), Some(tally)) = (subject.drift_law(), subject.tally) else { return 1.0 };
     let noise = law.noise_events(GREY) * 1e6 * subject.seconds() * tally.size.pixels() as f64;
     let signal = (1.0 - noise / tally.events.max(1) as f64).clamp(0.0, 1.0);
-    if law.delayed { 0.25 * signal } else { signal }
+    if law.delay_us > 0.0 { 0.25 * signal } else { signal }
 }
 
 fn judge_share(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Finding {

@@ -49,7 +49,9 @@ impl ValidationPass for NoiseFloor {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        if let Some(because) = subject.drift_law().ok().and_then(|law| law.loose.filter(|_| !law.delayed)) {
+        if let Some(because) =
+            subject.drift_law().ok().and_then(|law| law.loose.filter(|_| law.delay_us <= 0.0))
+        {
             return vec![subject.not_run(NAME, "", because)];
         }
         let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {

@@ -82,7 +82,7 @@ impl TrajectorySubject<'_> {
     /// As [`TrajectorySubject::compared`], for a law whose events follow the frames at once.
     pub(super) fn compared_at_once(&self) -> Result<(&StreamTally, DriftLaw), &'static str> {
         let (tally, law) = (self.compared()?, self.drift_law()?);
-        match law.loose.filter(|_| law.delayed) {
+        match law.loose.filter(|_| law.delay_us > 0.0) {
             Some(because) => Err(because),
             None => Ok((tally, law)),
         }

@@ -188,6 +188,13 @@ impl V2eModel {
         Ok(())
     }
 
+    /// Time constant of the low-pass filter at this constant luminance, seconds; infinite without a
+    /// filter.
+    #[must_use]
+    pub fn filter_seconds(&self, luminance: f64) -> f64 {
+        1.0 / (TAU * self.cutoff * rate_intensity(luminance))
+    }
+
     /// Shot noise of a pixel with nominal thresholds.
     fn shots_per_second(&self, luminance: f64) -> f64 {
         Self::shots_at(self.shot, luminance)

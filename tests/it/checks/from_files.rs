@@ -7,20 +7,28 @@ use gs2e::event::{Event, EventLabel, Polarity};
 use gs2e::units::Timestamp;
 use std::fs;
 
-/// Numbers from 0 to 1 of a fixed sequence (splitmix64).
+/// A fixed sequence of numbers (splitmix64).
 struct Draws(u64);
 
 impl Draws {
-    fn next(&mut self) -> f64 {
+    /// A number from 0 to below `n`.
+    fn below(&mut self, n: u64) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / 2f64.powi(53)
+        (z ^ (z >> 31)) % n
     }
 
-    fn below(&mut self, n: u16) -> u16 {
-        (self.next() * f64::from(n)) as u16
+    /// True once in `n` draws.
+    fn once_in(&mut self, n: u64) -> bool {
+        self.below(n) == 0
+    }
+
+    /// A pixel of the sensor.
+    fn pixel(&mut self) -> (u16, u16) {
+        let [x, y] = SIZE.map(|side| u16::try_from(self.below(side.into())).unwrap());
+        (x, y)
     }
 }
 
@@ -34,7 +42,6 @@ fn events(name: &str, wanted: &[&str], change: impl FnOnce(&mut Vec<Event>, &mut
 
 fn finds(name: &str, wanted: &[&str], tree: &PlantedTree) {
     let (code, faults) = tree.faults();
-    println!("{name}: exit {code:?}\n  {}", faults.join("\n  "));
     for check in wanted {
         assert!(faults.iter().any(|fault| fault.starts_with(check)), "{name}: {check} not in {faults:#?}");
     }
@@ -61,7 +68,7 @@ fn wrong_polarities_are_found() {
         events.iter_mut().for_each(|e| e.polarity = flipped(e.polarity));
     });
     events("one in ten flipped", &["polarity#contrary"], |events, draws, _| {
-        events.iter_mut().filter(|_| draws.next() < 0.1).for_each(|e| e.polarity = flipped(e.polarity));
+        events.iter_mut().filter(|_| draws.once_in(10)).for_each(|e| e.polarity = flipped(e.polarity));
     });
 }
 
@@ -95,7 +102,7 @@ fn wrong_times_are_found() {
     });
     events("shuffled", &["event_frame#residual"], |events, draws, _| {
         for i in (1..events.len()).rev() {
-            let j = (draws.next() * (i + 1) as f64) as usize;
+            let j = usize::try_from(draws.below(i as u64 + 1)).unwrap();
             (events[i].t, events[j].t) = (events[j].t, events[i].t);
         }
     });
@@ -116,10 +123,10 @@ fn missing_events_are_found() {
         events.retain(|e| !(12_000..17_000).contains(&at_us(e)));
     });
     events("a fifth", &["event_frame#residual", "records#events"], |events, draws, _| {
-        events.retain(|_| draws.next() >= 0.2);
+        events.retain(|_| !draws.once_in(5));
     });
     events("one in a hundred", &["event_frame#residual", "records#events"], |events, draws, _| {
-        events.retain(|_| draws.next() >= 0.01);
+        events.retain(|_| !draws.once_in(100));
     });
     events("all", &["event_rate#rate", "completeness#time"], |events, _, _| events.clear());
 }
@@ -128,17 +135,18 @@ fn missing_events_are_found() {
 fn events_of_another_origin_are_found() {
     events("uniform noise", &["alignment#correlation", "structure#"], |events, draws, end| {
         for event in events {
-            (event.x, event.y) = (draws.below(SIZE[0]), draws.below(SIZE[1]));
-            event.t = Timestamp::from_micros((draws.next() * end as f64) as i64);
+            (event.x, event.y) = draws.pixel();
+            let t_us = draws.below(end.try_into().unwrap());
+            event.t = Timestamp::from_micros(t_us.try_into().unwrap());
         }
     });
     events("one in a hundred twice", &["duplicates#share"], |events, draws, _| {
-        let twice: Vec<Event> = events.iter().filter(|_| draws.next() < 0.01).copied().collect();
+        let twice: Vec<Event> = events.iter().filter(|_| draws.once_in(100)).copied().collect();
         events.extend(twice);
     });
     events("hot pixels", &["hot_pixels#hot"], |events, draws, end| {
         for _ in 0..20 {
-            let (x, y) = (draws.below(SIZE[0]), draws.below(SIZE[1]));
+            let (x, y) = draws.pixel();
             events.extend((0..end).step_by(100).map(|t_us| {
                 let (t, polarity, label) = (Timestamp::from_micros(t_us), Polarity::On, EventLabel::Signal);
                 Event { t, x, y, polarity, label }
@@ -146,7 +154,7 @@ fn events_of_another_origin_are_found() {
         }
     });
     events("dead pixels", &["hot_pixels#dead"], |events, draws, _| {
-        let dead: Vec<bool> = (0..SIZE[0] * SIZE[1]).map(|_| draws.next() < 0.02).collect();
+        let dead: Vec<bool> = (0..SIZE[0] * SIZE[1]).map(|_| draws.once_in(50)).collect();
         events.retain(|e| !dead[usize::from(e.y * SIZE[0] + e.x)]);
     });
 }
