@@ -163,7 +163,7 @@ impl DriftLaw {
     #[must_use]
     pub fn spread_error(&self, [on, off]: [u32; 2]) -> f64 {
         // Without spread, the multiplication keeps it at exactly 0.
-        3.0 * self.spread * (1.0 + f64::from(on).hypot(f64::from(off)))
+        3.0 * self.spread * (1.0 + libm::hypot(f64::from(on), f64::from(off)))
     }
 
     /// Standard deviation of the voltage after `dt_us` microseconds at this luminance.
@@ -318,7 +318,7 @@ fn of_v2e(v2e: &V2eModel) -> DriftLaw {
     DriftLaw {
         spread: v2e.threshold.spread,
         // The rate is log-normal over the pixels, with this standard deviation of its logarithm.
-        leak_spread: (leak.cov * std::f64::consts::LN_10).hypot(leak.jitter),
+        leak_spread: libm::hypot(leak.cov * std::f64::consts::LN_10, leak.jitter),
         shots: Some(shots),
         loose,
         delay_us: if delayed { 1e6 * v2e.filter_seconds(MEDIUM) } else { 0.0 },

@@ -177,7 +177,7 @@ impl PictureFolder<'_> {
             let step = self.neighbour(pose).map_or(0.0, |other| (seconds[other] - seconds[pose]).abs());
             #[expect(clippy::cast_possible_truncation, reason = "a duration for 32-bit speeds")]
             let step = step as f32;
-            moved_px.extend(px_s.pixels().iter().map(|[u, v]| u.hypot(*v) * step));
+            moved_px.extend(px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt() * step));
             if depths.is_empty() {
                 // Flow is NaN where depth is.
                 let along_x = px_s.pixels().iter().map(|[u, _]| *u).collect();
@@ -250,7 +250,8 @@ fn edge_motion(from: &Image<f32>, to: &Image<f32>) -> f32 {
     let (a, b) = (from.pixels(), to.pixels());
     let inner = (width + 1)..a.len().saturating_sub(width + 1);
     let moved = inner.filter_map(|i| {
-        let slope = (0.5 * (a[i + 1] - a[i - 1])).hypot(0.5 * (a[i + width] - a[i - width]));
+        let [dx, dy] = [0.5 * (a[i + 1] - a[i - 1]), 0.5 * (a[i + width] - a[i - width])];
+        let slope = (dx * dx + dy * dy).sqrt();
         (slope > EDGE).then(|| (b[i] - a[i]).abs() / slope)
     });
     nearest_ranks(moved.collect(), [50]).map_or(0.0, |[median]| median)
