@@ -112,5 +112,7 @@ fn a_tree_of_altered_poses_fails() {
     assert_eq!(code, Some(3));
     let failed: Vec<&str> =
         records.iter().filter(|r| r["verdict"] == "fail").map(|r| r["check"].as_str().unwrap()).collect();
-    assert_eq!(failed, ["pose_continuity"], "{records:#?}");
+    for check in ["pose_continuity", "speed", "records"] {
+        assert!(failed.contains(&check), "{check}: {records:#?}");
+    }
 }
