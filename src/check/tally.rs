@@ -56,7 +56,7 @@ pub struct StreamTally {
     pub busy: BusyPixels,
     /// Pairs of events of one window that share a cell of the sensor.
     pub crowding: CrowdingSums,
-    /// Comparison of events and frames; empty if the sensor's law does not allow it.
+    /// Comparison of events and frames; empty without frames.
     pub compared: FrameComparison,
     /// Effect of moving events along the flow, per window.
     pub sharpness: Vec<WarpSharpness>,

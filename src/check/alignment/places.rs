@@ -92,8 +92,6 @@ pub struct PlaceSums {
     pub correlations: Vec<(Placement, f64)>,
     /// Pixels with a change of at least a threshold, over all compared instants.
     pub changed: u64,
-    /// Events of the compared pixels, over all compared instants.
-    pub events: f64,
 }
 
 impl PlaceSums {
@@ -144,7 +142,6 @@ impl PlaceWatch {
     pub(in crate::check) fn see(&mut self, pixel: usize, change: Option<f64>, shown: f64) {
         let cut = |v: f64| (v / self.threshold).clamp(-CUT, CUT) as f32;
         self.found.changed += u64::from(change.is_some_and(|change| change.abs() >= self.threshold));
-        self.found.events += (shown / self.threshold).abs();
         self.changes[pixel] = change.map_or(f32::NAN, cut);
         self.shown[pixel] = cut(shown);
     }

@@ -30,7 +30,7 @@ pub(in crate::check) struct DriftBalance<'a> {
 /// The comparison of a stream with frames.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FrameComparison {
-    /// One per anchor after the first; empty if the sensor's law does not allow a comparison.
+    /// One per anchor after the first; empty without frames.
     pub fits: Vec<AnchorFit>,
     /// `dv - s` of each pixel at the last anchor, in thresholds; NaN if it is unknown.
     pub residuals: Vec<f32>,
