@@ -109,6 +109,9 @@ macro_rules! names_of {
         /// The passes over trajectories, in the order of reports.
         pub const ALL: &[&dyn ValidationPass] = &[$($(&$pass,)?)+];
 
+        /// The checks of the files of a release, which no recipe can waive.
+        const TREE: &[&str] = &[$($(stringify!($tree),)?)+];
+
         /// The checks of a whole scene, in the order of reports.
         const SCENE: &[&str] = &[$($(stringify!($scene),)?)+];
     };
