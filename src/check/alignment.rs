@@ -39,6 +39,11 @@ const SHIFT: f64 = 0.5;
 const MIN_PIXELS: u64 = 400;
 /// Correlation below which the best placement is chance.
 const CHANCE: f64 = 0.1;
+/// Minimum length of a recording, in delays of the sensor's filter.
+const DELAYS: f64 = 2.0;
+/// Maximum number of events of a pixel that noise makes, and the grey at which it is taken.
+const MAX_NOISE: f64 = 2.0;
+const GREY: f64 = 64.0;
 /// Excess of a correlation over that in place which is chance.
 const MARGIN: f64 = 0.02;
 
@@ -58,6 +63,9 @@ impl ValidationPass for AlignmentPass {
             Ok(tally) => tally,
             Err(because) => return vec![subject.not_run(NAME, "", because)],
         };
+        if let Some(because) = hidden(subject) {
+            return vec![subject.not_run(NAME, "", because)];
+        }
         let places = &tally.compared.places;
         let Some(in_place) = places.in_place().filter(|_| places.changed >= MIN_PIXELS) else {
             let because = format!(
@@ -72,6 +80,17 @@ impl ValidationPass for AlignmentPass {
             judge_orientation(subject, places, in_place.abs()),
         ]
     }
+}
+
+/// The reason why the frames do not decide the events of most pixels, if there is one.
+fn hidden(subject: &TrajectorySubject<'_>) -> Option<&'static str> {
+    let law = subject.drift_law().ok()?;
+    let us = 1e6 * subject.seconds();
+    if DELAYS * law.delay_us > us {
+        return Some("the sensor's low-pass filter delays events by a large part of the recording");
+    }
+    let noisy = law.most_noise(us) > law.least_threshold() || law.disturbances(GREY, us) > MAX_NOISE;
+    noisy.then_some("the sensor's noise makes more events than the frames do")
 }
 
 fn judge_correlation(subject: &TrajectorySubject<'_>, in_place: f64) -> Finding {

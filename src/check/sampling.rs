@@ -93,10 +93,8 @@ impl ValidationPass for SamplingPass {
             return vec![subject.not_run(NAME, "twice", because)];
         };
         if tried.events < MIN_EVENTS {
-            let because = format!(
-                "{} events in {} intervals are too few to compare to compare",
-                tried.events, tried.intervals
-            );
+            let because =
+                format!("{} events in {} intervals are too few to compare", tried.events, tried.intervals);
             return vec![subject.not_run(NAME, "twice", because)];
         }
         vec![judge_count(subject, tried), judge_shift(subject, tried)]
