@@ -8,8 +8,10 @@
 
 mod advice;
 pub mod affine;
+pub mod alignment;
 pub mod batching;
 pub mod capture;
+pub mod completeness;
 pub mod coverage;
 pub mod drift;
 pub mod drift_identity;
@@ -26,6 +28,7 @@ pub mod pose_continuity;
 pub mod pose_opencv;
 pub mod readback;
 pub mod recon_psnr;
+pub mod records;
 pub mod refractory;
 pub mod sampling;
 mod scene_subject;
@@ -34,6 +37,7 @@ pub mod speed;
 pub mod stamps;
 pub mod structure;
 pub mod subject;
+mod table;
 pub mod tally;
 pub mod time_offset;
 
@@ -44,6 +48,7 @@ pub use subject::TrajectorySubject;
 pub use tally::StreamTally;
 
 use serde::{Deserialize, Serialize};
+use table::check_table;
 
 /// The verdict of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -95,33 +100,24 @@ pub struct Finding {
     pub because: String,
 }
 
-/// The names in a recipe's `checks:` and in the records.
-pub const NAMES: [&str; 24] = [
-    "schema",
-    "stamps",
-    "duplicates",
-    "coverage",
-    "event_rate",
-    "polarity",
-    "refractory",
-    "batching",
-    "hot_pixels",
-    "structure",
-    "event_frame",
-    "motion",
-    "time_offset",
-    "noise_floor",
-    "sampling",
-    "affine",
-    "drift_identity",
-    "readback",
-    "pose_continuity",
-    "pose_colmap",
-    "pose_opencv",
-    "speed",
-    "recon_psnr",
-    "capture",
-];
+macro_rules! names_of {
+    ($($name:ident ($($limits:tt)*) ($(scene $scene:ident)? $(tree $tree:ident)? $(pass $pass:path)?)
+        $advice:literal;)+) => {
+        /// The names in a recipe's `checks:` and in the records.
+        pub const NAMES: [&str; [$(stringify!($name)),+].len()] = [$(stringify!($name)),+];
+
+        /// The passes over trajectories, in the order of reports.
+        pub const ALL: &[&dyn ValidationPass] = &[$($(&$pass,)?)+];
+
+        /// The checks of the files of a release, which no recipe can waive.
+        const TREE: &[&str] = &[$($(stringify!($tree),)?)+];
+
+        /// The checks of a whole scene, in the order of reports.
+        const SCENE: &[&str] = &[$($(stringify!($scene),)?)+];
+    };
+}
+
+check_table!(names_of);
 
 /// A validation pass.
 pub trait ValidationPass: Sync {
@@ -141,32 +137,6 @@ pub trait ValidationPass: Sync {
         Vec::new()
     }
 }
-
-/// The passes over trajectories, in the order of reports.
-pub const ALL: [&dyn ValidationPass; 22] = [
-    &schema::SchemaPass,
-    &stamps::StampsPass,
-    &duplicates::DuplicatesPass,
-    &coverage::CoveragePass,
-    &event_rate::EventRate,
-    &polarity::OnShare,
-    &refractory::DeadTime,
-    &batching::BatchingPass,
-    &hot_pixels::HotPixelsPass,
-    &structure::StructurePass,
-    &event_frame::EventFrame,
-    &motion::MotionCompensation,
-    &time_offset::TimeOffset,
-    &noise_floor::NoiseFloor,
-    &sampling::SamplingPass,
-    &affine::AffinePass,
-    &drift_identity::DriftIdentity,
-    &readback::ReadbackPass,
-    &pose_continuity::PoseContinuity,
-    &pose_colmap::PoseColmap,
-    &pose_opencv::PoseOpencv,
-    &speed::SpeedPass,
-];
 
 /// Runs every pass over a trajectory and its streams. Faults that the recipe accepts become
 /// [`Verdict::Waived`]. Without a stream, the passes over streams get a subject without events.
@@ -188,9 +158,6 @@ pub fn judge_trajectory(
     }
     findings
 }
-
-/// The passes over a whole scene, in the order of reports.
-const SCENE: [&str; 2] = [capture::NAME, recon_psnr::NAME];
 
 /// Runs the passes over a scene, as [`judge_trajectory`] does for a trajectory.
 #[must_use]

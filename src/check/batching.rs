@@ -58,7 +58,7 @@ fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64
     let limit = LimitSide::limit_or(limits.unique_per_frame, LimitSide::gate(UNIQUE_PER_FRAME));
     let measured = tally.distinct_us as f64 / frames;
     let because = format!(
-        "{} events have {} distinct times in {frames} frames; about one per frame means that frames set the times; about one per frame means that frames set the times",
+        "{} events have {} distinct times in {frames} frames; about one per frame means that frames set the times",
         tally.events, tally.distinct_us
     );
     let verdict = limit.at_least(measured);

@@ -69,7 +69,7 @@ impl ValidationPass for CoveragePass {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(ViewCoverage { views, empty, least, at_us }) = subject.coverage else {
-            return vec![subject.not_run(NAME, "", "there are no depth maps")];
+            return vec![subject.not_run(NAME, "", "there is no depth or flow of any view")];
         };
         let limit =
             LimitSide::limit_or(subject.limits.coverage.and_then(|l| l.min), LimitSide::warning(MIN_SHARE));

@@ -22,7 +22,11 @@ impl ValidationPass for DriftIdentity {
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(account) = subject.account else {
-            return vec![subject.not_run(NAME, "", "the event counts of the simulation are not available")];
+            return vec![subject.not_run(
+                NAME,
+                "",
+                "the account of the simulation is not available: it stays in the store",
+            )];
         };
         let balanced = match subject.sensor.map_or(Ok(()), require_balance) {
             Ok(()) => judge_violations(subject, account.drift_violations, account.drift_worst),

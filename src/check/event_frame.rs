@@ -9,7 +9,7 @@
 //!   a wrong logarithm, and lost halves.
 //! - `threshold-on`, `threshold-off`: the voltage at which events happen, see [`fit::EventEdge`].
 //!   The limit is 7 % from the stated threshold.
-//! - `residual`: the share of the pixels of `gain` with a possible residual, at least 0.99. It
+//! - `residual`: the share of the pixels of `gain` with a possible residual, at least 0.997. It
 //!   finds lost resets, dropped chunks, and offsets.
 //! - `sign`: the share of pixels with `|dv|` above two thresholds whose `s` has the sign of `dv`,
 //!   at least 0.995. It finds wrong polarity.
@@ -24,7 +24,14 @@
 //!
 //! A residual is possible if `|dv - s| <= max(A, B)`, plus 2 %, six standard deviations of the
 //! noise and two of the leak. If voltages do not start at 0, the bound is `A + B`, and there is no
-//! edge.
+//! edge. If thresholds differ between pixels, the bound grows by three standard deviations of the
+//! thresholds of the pixel's events, and there is no edge either.
+//!
+//! Frames of 8 bits add the largest error of their rounding to the bound of each pixel. A pixel for
+//! which this is more than half of a threshold is left out, as is one with a channel at full scale,
+//! where the picture is clipped. Shots of noise move the reference of a pixel. The shares may be
+//! lower by twice the expected number of such events per pixel; if that is more than a fifth, the
+//! statements are not made.
 
 pub mod fit;
 
@@ -56,8 +63,11 @@ pub struct Limits {
 
 const THRESHOLD: f64 = 0.07;
 const GAIN: f64 = 0.1;
-const RESIDUAL: f64 = 0.99;
+const RESIDUAL: f64 = 0.997;
 const SIGN: f64 = 0.995;
+
+/// Largest number of disturbing events per pixel.
+const MAX_DISTURBED: f64 = 0.2;
 
 /// Minimum number of pixels for a statement.
 const MIN_PIXELS: u64 = 100;
@@ -76,20 +86,14 @@ impl ValidationPass for EventFrame {
     }
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
-        let law = match subject.drift_law() {
-            Ok(law) => law,
+        let (tally, law) = match subject.compared_at_once() {
+            Ok(both) => both,
             Err(because) => return vec![subject.not_run(NAME, "", because)],
         };
-        if tally.fits.is_empty() {
-            let single = subject.trajectory.stamps_us.len() < 2;
-            let because =
-                if single { "there is only one frame, so nothing changes" } else { super::subject::NOT_SEEN };
-            return vec![subject.not_run(NAME, "", because)];
-        }
         let pass = EventFramePass { subject, tally, law };
+        if let Some(because) = law.loose {
+            return vec![subject.not_run(NAME, "", because), pass.sign()];
+        }
         let all = |fit: &AnchorFit| fit.slopes[0] + fit.slopes[1];
         vec![
             pass.gain("gain", all),
@@ -119,7 +123,11 @@ impl EventFramePass<'_> {
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         // Instants differ in what residuals allow, so they are compared by the excess.
         let excess = |s: &SlopeSums| (s.factor() - 1.0).abs() - s.allowance(most);
-        let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= MIN_PIXELS && s.squares > 0.0);
+        if let Some(because) = self.too_disturbed() {
+            return self.subject.not_run(NAME, part, because);
+        }
+        let slopes =
+            self.tally.compared.fits.iter().map(of).filter(|s| s.pixels >= MIN_PIXELS && s.squares > 0.0);
         let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
             return self.too_few(part);
         };
@@ -138,6 +146,13 @@ impl EventFramePass<'_> {
     /// The largest threshold over the instants. A lower one may only mean that no pixel was about
     /// to fire, but no pixel can show a threshold that is too large.
     fn threshold(&self, part: &str, side: usize) -> Finding {
+        if self.law.spread > 0.0 {
+            return self.subject.not_run(
+                NAME,
+                part,
+                "the threshold cannot be measured, because each pixel has its own",
+            );
+        }
         if !self.law.from_zero {
             return self.subject.not_run(
                 NAME,
@@ -147,7 +162,7 @@ impl EventFramePass<'_> {
         }
         let stated = self.law.thresholds[side];
         let tolerance = self.limits().threshold.unwrap_or(THRESHOLD);
-        let edges = self.tally.fits.iter().filter_map(|fit| fit.edges[side]);
+        let edges = self.tally.compared.fits.iter().filter_map(|fit| fit.edges[side]);
         let usable = edges.filter(|edge| edge.reachable >= MIN_REACHABLE);
         let Some(edge) = usable.max_by(|a, b| a.shown.total_cmp(&b.shown)) else {
             return self.subject.not_run(
@@ -167,15 +182,25 @@ impl EventFramePass<'_> {
     }
 
     fn residual(&self) -> Finding {
-        let limit = self.limits().residual.unwrap_or(RESIDUAL);
-        let shares =
-            self.tally.fits.iter().map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
+        if let Some(because) = self.too_disturbed() {
+            return self.subject.not_run(NAME, "residual", because);
+        }
+        let limit = self.limits().residual.unwrap_or(RESIDUAL - 2.0 * self.disturbed());
+        let shares = self
+            .tally
+            .compared
+            .fits
+            .iter()
+            .map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
         self.share("residual", limit, shares, "have events that match it to within the thresholds")
     }
 
     fn sign(&self) -> Finding {
-        let limit = self.limits().sign.unwrap_or(SIGN);
-        let shares = self.tally.fits.iter().map(|fit| (fit.doubled[1], fit.doubled[0]));
+        if let Some(because) = self.too_disturbed() {
+            return self.subject.not_run(NAME, "sign", because);
+        }
+        let limit = self.limits().sign.unwrap_or(SIGN - 2.0 * self.disturbed());
+        let shares = self.tally.compared.fits.iter().map(|fit| (fit.doubled[1], fit.doubled[0]));
         self.share("sign", limit, shares, "have events of the same sign")
     }
 
@@ -191,12 +216,38 @@ impl EventFramePass<'_> {
         self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
     }
 
+    /// Number of events per pixel that move its reference although its brightness does not change.
+    fn disturbed(&self) -> f64 {
+        self.tally.compared.fits.iter().map(|fit| fit.disturbed).fold(0.0, f64::max)
+    }
+
+    fn too_disturbed(&self) -> Option<String> {
+        let disturbed = self.disturbed();
+        let because = || {
+            format!(
+                "the sensor's noise makes {disturbed:.2} events per pixel, and each moves the reference of its pixel"
+            )
+        };
+        (disturbed > MAX_DISTURBED).then(because)
+    }
+
     fn too_few(&self, part: &str) -> Finding {
         let because = format!("fewer than {MIN_PIXELS} pixels changed by more than their threshold");
         self.subject.not_run(NAME, part, because)
     }
 
-    fn finding(&self, part: &str, verdict: Verdict, measured: f64, limit: f64, because: String) -> Finding {
+    fn finding(
+        &self,
+        part: &str,
+        verdict: Verdict,
+        measured: f64,
+        limit: f64,
+        mut because: String,
+    ) -> Finding {
+        if self.tally.compared.left_out() > 0.0 {
+            let share = 100.0 * self.tally.compared.left_out();
+            because += &format!("; {share:.1} % of the pixels are too dark or clipped in 8-bit frames");
+        }
         let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
         self.subject.finding(NAME, part, judged)
     }

@@ -7,8 +7,10 @@
 //! nothing at all in a picture with softer edges, so it has no lower bound. A stream without events
 //! gets a warning for every sensor: it may be right, but it is of no use.
 
+use super::drift::DriftLaw;
 use super::subject::{Judgement, LimitSide, between_bounds};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
+use crate::sensor::SensorChoice;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -93,6 +95,11 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     )
 }
 
+/// An upper bound of the events of a pixel of this grey by noise.
+fn most_noise_events(sensor: &SensorChoice, grey: f64, seconds: f64) -> f64 {
+    DriftLaw::for_sensor(sensor).most_noise_events(grey, 1e6 * seconds)
+}
+
 fn empty(seconds: f64) -> String {
     format!("no events: no pixel crossed its threshold in {seconds:.4} s")
 }
@@ -101,12 +108,8 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if tally.events == 0 {
         return subject.not_run(NAME, "flow", empty(subject.seconds()));
     }
-    let (Some(flow), Ok(law)) = (subject.flow, subject.drift_law()) else {
-        return subject.not_run(
-            NAME,
-            "flow",
-            "there is no optical flow or no contrast threshold to compare the rate with",
-        );
+    let (Some(flow), Some(sensor)) = (subject.flow, subject.sensor) else {
+        return subject.not_run(NAME, "flow", "there is no optical flow to compare the rate with");
     };
     let steps = subject.trajectory.stamps_us.len().saturating_sub(1);
     let moved = f64::from(flow.median) * steps as f64;
@@ -117,12 +120,12 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
             format!("the picture moves by {moved:.2} px in total, which is less than 1 px"),
         );
     }
-    let [on, off] = law.contrast();
+    let (on, off) = sensor.as_model().contrast();
     let contrast = 0.5 * (on + off);
     let sensitivity = CONTRAST / contrast;
     // The luminance of each pixel is not known here, so the noisiest of some greys bounds the
     // noise.
-    let noise = GREYS.map(|grey| law.most_noise_events(grey, subject.seconds() * 1e6));
+    let noise = GREYS.map(|grey| most_noise_events(sensor, grey, subject.seconds()));
     let noise = noise.into_iter().fold(0.0, f64::max) / moved;
     let least = if contrast > INSENSITIVE { 0.0 } else { PER_FLOW[0] * sensitivity };
     let most = PER_FLOW[1] * sensitivity + noise;

@@ -7,7 +7,7 @@
 //! frames changed by more than two thresholds; this needs a law in which frames determine the
 //! drift.
 
-use super::subject::{Judgement, LimitSide, NOT_SEEN};
+use super::subject::{Judgement, LimitSide};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
@@ -72,14 +72,11 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
 }
 
 fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
-    if let Err(because) = subject.drift_law() {
+    if let Err(because) = subject.compared_at_once() {
         return subject.not_run(NAME, "dead", because);
     }
-    if tally.fits.is_empty() {
-        return subject.not_run(NAME, "dead", NOT_SEEN);
-    }
     let share = |fit: &super::event_frame::fit::AnchorFit| fit.silent as f64 / fit.doubled[0] as f64;
-    let enough = tally.fits.iter().filter(|fit| fit.doubled[0] >= MIN_PIXELS);
+    let enough = tally.compared.fits.iter().filter(|fit| fit.doubled[0] >= MIN_PIXELS);
     let Some(fit) = enough.max_by(|a, b| share(a).total_cmp(&share(b))) else {
         let because = format!("fewer than {MIN_PIXELS} pixels changed by more than two thresholds");
         return subject.not_run(NAME, "dead", because);
@@ -87,7 +84,7 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let limit =
         LimitSide::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), LimitSide::warning(SHARE));
     let because = format!(
-        "{} of {} pixels that changed by more than two thresholds have no eventss",
+        "{} of {} pixels that changed by more than two thresholds have no events",
         fit.silent, fit.doubled[0]
     );
     let measured = share(fit);

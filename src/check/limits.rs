@@ -1,36 +1,40 @@
 //! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted
 //! with a reason.
 
+use super::table::check_table;
 use super::{
-    NAMES, SCENE, affine, batching, capture, coverage, duplicates, event_frame, event_rate, hot_pixels,
-    motion, noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback, recon_psnr, sampling,
-    speed, structure, time_offset,
+    NAMES, SCENE, TREE, affine, alignment, batching, capture, completeness, coverage, duplicates,
+    event_frame, event_rate, hot_pixels, motion, noise_floor, polarity, pose_colmap, pose_continuity,
+    pose_opencv, readback, recon_psnr, sampling, speed, structure, time_offset,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 
-/// Declares the limits of the passes: one field and one key per pass, and the type of the key's
-/// value.
+/// Declares the limits of the checks: one field and one key per check that has any, and the type of
+/// the key's value.
 macro_rules! limits_of {
-    ($($pass:ident),+ $(,)?) => {
+    ($($name:ident ($(exact $exact:ident)? $(limits $limits:ident)?) ($($subject:tt)*) $advice:literal;)+) => {
         /// The `checks:` of a recipe: limits that differ from the defaults, and accepted faults.
         #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-        #[expect(missing_docs, reason = "each field is named like the pass whose limits it holds")]
+        #[expect(missing_docs, reason = "each field is named like the check whose limits it holds")]
         pub struct Limits {
-            $(#[serde(skip_serializing_if = "Option::is_none")] pub $pass: Option<$pass::Limits>,)+
+            $($(#[serde(skip_serializing_if = "Option::is_none")] pub $limits: Option<$limits::Limits>,)?)+
             /// Accepted faults, each with its reason.
             #[serde(skip_serializing_if = "Vec::is_empty")]
             pub waive: Vec<CheckWaiver>,
         }
 
         /// Keys of `checks:` that this version knows.
-        const KEYS: &[&str] = &[$(stringify!($pass),)+ "waive"];
+        const KEYS: &[&str] = &[$($(stringify!($limits),)?)+ "waive"];
+
+        /// Checks without limits: their results are right or wrong.
+        const EXACT: &[&str] = &[$($(stringify!($exact),)?)+];
 
         impl Limits {
             fn read<'de, A: MapAccess<'de>>(&mut self, key: &str, map: &mut A) -> Result<(), A::Error> {
                 match key {
-                    $(stringify!($pass) => self.$pass = Some(map.next_value()?),)+
+                    $($(stringify!($limits) => self.$limits = Some(map.next_value()?),)?)+
                     "waive" => self.waive = map.next_value()?,
                     other => return Err(refusal_message(other)),
                 }
@@ -40,28 +44,7 @@ macro_rules! limits_of {
     };
 }
 
-limits_of!(
-    duplicates,
-    coverage,
-    event_rate,
-    polarity,
-    batching,
-    hot_pixels,
-    structure,
-    event_frame,
-    motion,
-    time_offset,
-    noise_floor,
-    sampling,
-    affine,
-    pose_continuity,
-    pose_colmap,
-    pose_opencv,
-    readback,
-    speed,
-    recon_psnr,
-    capture,
-);
+check_table!(limits_of);
 
 /// An accepted fault.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -74,9 +57,6 @@ pub struct CheckWaiver {
     #[serde(deserialize_with = "parse_reason")]
     pub because: String,
 }
-
-/// Passes without limits: their results are right or wrong.
-const EXACT: [&str; 4] = ["schema", "stamps", "refractory", "drift_identity"];
 
 impl Limits {
     /// The limits of the passes over trajectories.
@@ -145,10 +125,11 @@ fn refusal_message<E: Error>(key: &str) -> E {
 fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let name = String::deserialize(deserializer)?;
     // A misspelt name would accept nothing, and not say so.
-    if NAMES.contains(&name.as_str()) {
+    let known: Vec<&str> = NAMES.into_iter().filter(|name| !TREE.contains(name)).collect();
+    if known.contains(&name.as_str()) {
         Ok(name)
     } else {
-        Err(D::Error::custom(format_args!("no check is named `{name}`; the checks are {}", NAMES.join(", "))))
+        Err(D::Error::custom(format_args!("no check is named `{name}`; the checks are {}", known.join(", "))))
     }
 }
 

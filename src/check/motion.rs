@@ -6,7 +6,8 @@
 //! come at that instant. The variances of both counts are compared. ON and OFF are counted
 //! separately, and places are rounded to whole pixels in both, so that neither image is smoother.
 //! Wrong depths, stamps or axes blur the moved image. A ratio below 1 by more than noise is a gate;
-//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning.
+//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. Where noise makes a
+//! share of the events, or a filter delays them, the median may be closer to 1.
 //!
 //! Events between two frames fade instead of moving. If the image moves by several px per frame,
 //! the pass makes no statement (see `sampling`).
@@ -37,6 +38,11 @@ const MIN_MOVED: f64 = 3.0;
 const MIN_EVENTS: u64 = 1000;
 /// Maximum image motion between frames, px. Beyond it, events do not move with the image.
 const MAX_PER_FRAME: f32 = 2.0;
+/// Maximum image motion during the delay of a filter, px. Delays differ between dark and bright
+/// pixels by more than this delay itself.
+const MAX_DELAYED: f64 = 1.0;
+/// The grey at which the noise is taken.
+const GREY: f64 = 64.0;
 /// Distance of the median below 1, in standard deviations of noise, from which on it is a fault.
 const CERTAIN: f64 = 4.5;
 
@@ -69,8 +75,14 @@ impl ValidationPass for MotionCompensation {
                 "not applicable with hot pixels: their events do not move",
             )];
         }
+        if let Some(px) = delayed_px(subject).filter(|px| *px > MAX_DELAYED) {
+            let because = format!(
+                "the sensor's low-pass filter delays events while the picture moves by {px:.1} px, so that they do not meet at their edges"
+            );
+            return vec![subject.not_run(NAME, "", because)];
+        }
         if tally.sharpness.is_empty() {
-            return vec![subject.not_run(NAME, "", "there is no depth map of a moving view")];
+            return vec![subject.not_run(NAME, "", "there is no depth or flow of a moving view")];
         }
         let telling = |s: &&WarpSharpness| s.moved_px >= MIN_MOVED && s.events >= MIN_EVENTS;
         let windows: Vec<&WarpSharpness> = tally.sharpness.iter().filter(telling).collect();
@@ -92,8 +104,8 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     // The median is at most as noisy as its noisiest window.
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
     let gate = LimitSide::gate(1.0 - CERTAIN * noise);
-    let wanted =
-        LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), LimitSide::warning(MEDIAN));
+    let default = LimitSide::warning(1.0 + (MEDIAN - 1.0) * sharp_share(subject));
+    let wanted = LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), default);
     // The gate holds even where the recipe asks for less.
     let (verdict, limit) = match gate.at_least(measured) {
         Verdict::Pass => (wanted.at_least(measured), wanted.value),
@@ -107,6 +119,22 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     );
     let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
     subject.finding(NAME, "median", judged)
+}
+
+/// Image motion during the delay of a filter, px; `None` if one of both is unknown.
+fn delayed_px(subject: &TrajectorySubject<'_>) -> Option<f64> {
+    let per_us = f64::from(subject.flow?.median) * 1e-6 * subject.rate.to_f64();
+    Some(per_us * subject.drift_law().ok()?.delay_us)
+}
+
+/// Share of the usual gain in contrast that a sensor leaves. Noise does not move with the image: it
+/// adds to both variances. A low-pass filter delays the events of dark pixels more than others, so
+/// that they do not meet at one place.
+fn sharp_share(subject: &TrajectorySubject<'_>) -> f64 {
+    let (Ok(law), Some(tally)) = (subject.drift_law(), subject.tally) else { return 1.0 };
+    let noise = law.noise_events(GREY) * 1e6 * subject.seconds() * tally.size.pixels() as f64;
+    let signal = (1.0 - noise / tally.events.max(1) as f64).clamp(0.0, 1.0);
+    if law.delay_us > 0.0 { 0.25 * signal } else { signal }
 }
 
 fn judge_share(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Finding {

@@ -9,7 +9,7 @@
 
 pub mod still;
 
-use super::subject::{Judgement, LimitSide, NOT_SEEN};
+use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 use still::StillPixelCounts;
@@ -30,6 +30,7 @@ const RHYTHM: f64 = 5.0;
 const MIN_PIXELS: u64 = 1000;
 /// Minimum number of events for a rhythm.
 const MIN_EVENTS: u64 = 400;
+const UNKNOWN: &str = "which pixels are static is unknown: there are too few frames, and no depth or flow";
 /// Number of mean intervals in a clip from which the start at 0 no longer matters.
 const SETTLED: f64 = 5.0;
 
@@ -48,9 +49,14 @@ impl ValidationPass for NoiseFloor {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
+        if let Some(because) =
+            subject.drift_law().ok().and_then(|law| law.loose.filter(|_| law.delay_us <= 0.0))
+        {
+            return vec![subject.not_run(NAME, "", because)];
+        }
         let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {
             let because = match subject.drift_law() {
-                Ok(_) if tally.still.is_none() => NOT_SEEN.to_owned(),
+                Ok(_) if tally.still.is_none() => UNKNOWN.to_owned(),
                 Ok(_) => format!("fewer than {MIN_PIXELS} pixels are static"),
                 Err(because) => because.to_owned(),
             };

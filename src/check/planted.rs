@@ -146,7 +146,7 @@ impl PlantedWorld {
         let sensor = self.stated.clone().unwrap_or_else(|| SensorChoice::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
         let against = TallyReference {
-            seen: DriftLaw::for_sensor(&sensor).ok().map(|law| (law, &self.anchors)),
+            seen: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
         };
@@ -169,6 +169,7 @@ impl PlantedWorld {
             coverage: self.coverage,
             doubtful_share: self.doubtful_share,
             foreign: Some(&self.foreign),
+            is_release: false,
             limits: &self.limits,
         };
         judge_trajectory(&subject, &[subject])
@@ -335,6 +336,10 @@ fn arc_poses(frames: usize) -> Vec<Se3> {
 }
 
 fn speed_report(frames: usize) -> SpeedReport {
+    // A step of the arc: its angle, and its chord in scale distances of 2.
+    let angle = 0.4 / frames as f64;
+    let step = angle + 2.0 * 2.0 * (angle / 2.0).sin() / 2.0;
+    let length = step * (frames - 1) as f64;
     let even = Some(FollowError { min: 1.0, max: 1.0, rms: 0.0, p95: 0.0 });
     SpeedReport {
         kind: CourseKind::Refine,
@@ -354,12 +359,12 @@ fn speed_report(frames: usize) -> SpeedReport {
         gamma: None,
         rate: "2400/1".into(),
         poses: frames,
-        length: 1.0,
+        length,
         length_ratio: Some(1.0),
         merged: Vec::new(),
         gaps: Vec::new(),
         u: vec![1.0; frames - 1],
-        s: Vec::new(),
+        s: (0..frames).map(|j| step * j as f64).collect(),
         mixed_ratio: even,
         mixed_chord_ratio: even,
         linear_ratio: even,

@@ -7,6 +7,12 @@
 //! If voltages do not start at 0, each firing pixel shifts `s` by up to `A + B` through its initial
 //! and final voltage, so the width grows with the number of firing pixels divided by `N`. A sensor
 //! with more leak than noise starts anywhere between 0 and `A`, and its first events are ON.
+//!
+//! Hot pixels add ON events, whose expected share moves the prediction.
+//!
+//! `contrary` is a gate: the share of events with the wrong polarity among those of pixels that
+//! brighten or darken by more than 1.25 thresholds while the image moves by about a pixel.
+//! Such a pixel changes steadily, so that all of its events have one polarity.
 
 use super::event_frame::fit::AnchorFit;
 use super::subject::{Judgement, LimitSide, between_bounds};
@@ -23,6 +29,9 @@ pub struct Limits {
     /// Largest share of ON events. Default: `WIDTH` above it.
     #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
+    /// Largest share of events whose polarity contradicts a steady change. Default: `CONTRARY`.
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
+    pub contrary: Option<f64>,
 }
 
 /// Largest distance of the share from its prediction.
@@ -30,6 +39,10 @@ const WIDTH: f64 = 0.15;
 /// Minimum number of events: with 400, the standard deviation of a share is at most 0.025, a sixth
 /// of the width.
 const MIN_EVENTS: u64 = 400;
+/// Pixels at thin lines brighten and darken within a pixel of motion.
+const CONTRARY: f64 = 0.05;
+/// Minimum number of events for it: 200 have a standard deviation of 0.015.
+const MIN_STEADY: f64 = 200.0;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -50,16 +63,49 @@ impl ValidationPass for OnShare {
             let because = format!("{} events are too few to measure the share of ON events", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         };
-        vec![judge_share(subject, tally, share)]
+        vec![judge_share(subject, tally, share), judge_contrary(subject)]
     }
+}
+
+fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
+    let (tally, law) = match subject.compared_at_once() {
+        Ok(both) => both,
+        Err(because) => return subject.not_run(NAME, "contrary", because),
+    };
+    let short = tally.compared.intervals.iter().filter(|interval| interval.short);
+    let [mut pixels, mut with, mut against, mut noise] = [0.0; 4];
+    for interval in short {
+        let [from, to] = interval.span_us;
+        pixels += interval.sums.pixels as f64;
+        with += interval.sums.events[0] as f64;
+        against += interval.sums.events[1] as f64;
+        // The darkest pixels have the most noise of this kind.
+        noise += interval.sums.pixels as f64 * law.disturbances(0.0, (to - from) as f64);
+    }
+    let events = with + against;
+    if events < MIN_STEADY {
+        let because =
+            format!("{events} events at steadily changing pixels are too few to judge their polarity");
+        return subject.not_run(NAME, "contrary", because);
+    }
+    let asked = subject.limits.polarity.and_then(|l| l.contrary);
+    let limit = LimitSide::limit_or(asked, LimitSide::gate(CONTRARY + noise / events));
+    let measured = against / events;
+    let because = format!(
+        "{against} of {events} events have the wrong polarity, at {pixels} pixels that brighten or darken steadily"
+    );
+    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "1", because);
+    subject.finding(NAME, "contrary", judged)
 }
 
 fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64) -> Finding {
     let limits = subject.limits.polarity.unwrap_or_default();
     let predicted = predicted_share(subject, tally);
     // Without frames, half of the events are expected to be ON.
-    let center = predicted.unwrap_or(0.5);
-    let width = WIDTH + largest_shift(subject, tally);
+    let of_scene = predicted.unwrap_or(0.5);
+    let hot = hot_share(subject, tally);
+    let center = of_scene + (1.0 - of_scene) * hot[0];
+    let width = WIDTH + largest_shift(subject, tally) + 5.0 * (1.0 - of_scene) * hot[1];
     let least = LimitSide::limit_or(limits.min, LimitSide::warning((center - width).max(0.0)));
     let most = LimitSide::limit_or(limits.max, LimitSide::warning((center + width).min(1.0)));
     let (verdict, limit) = between_bounds(share, least, most);
@@ -74,6 +120,13 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64)
     )
 }
 
+/// Expected share of the events of hot pixels, which are all ON, and its standard deviation.
+fn hot_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> [f64; 2] {
+    let Ok(law) = subject.drift_law() else { return [0.0; 2] };
+    let hot = law.hot_events(tally.size.pixels() as f64, 1e6 * subject.seconds());
+    hot.map(|events| (events / tally.events as f64).min(1.0))
+}
+
 /// Largest shift of the share by voltages that start anywhere.
 fn largest_shift(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> f64 {
     let anywhere = subject.drift_law().is_ok_and(|law| !law.from_zero);
@@ -82,7 +135,11 @@ fn largest_shift(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> f64 {
 
 /// The share of ON events predicted from the frames and the number of events.
 fn predicted_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Option<f64> {
-    let [a, b] = subject.drift_law().ok()?.thresholds;
-    let AnchorFit { expected, events, .. } = tally.fits.last()?;
+    // Events that need not match the drift do not follow from it.
+    let [a, b] = subject.drift_law().ok().filter(|law| law.loose.is_none())?.thresholds;
+    let AnchorFit { expected, events, .. } = tally.compared.fits.last()?;
+    if *events == 0 {
+        return None;
+    }
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
 }

@@ -55,7 +55,7 @@ impl ValidationPass for SamplingPass {
             return vec![subject.not_run(
                 NAME,
                 "",
-                "there are no depth maps, so the optical flow is unknown",
+                "there is no depth or flow, so the image motion is unknown",
             )];
         };
         let asked = subject.limits.sampling.and_then(|l| l.max);
@@ -93,10 +93,8 @@ impl ValidationPass for SamplingPass {
             return vec![subject.not_run(NAME, "twice", because)];
         };
         if tried.events < MIN_EVENTS {
-            let because = format!(
-                "{} events in {} intervals are too few to compare to compare",
-                tried.events, tried.intervals
-            );
+            let because =
+                format!("{} events in {} intervals are too few to compare", tried.events, tried.intervals);
             return vec![subject.not_run(NAME, "twice", because)];
         }
         vec![judge_count(subject, tried), judge_shift(subject, tried)]

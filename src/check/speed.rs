@@ -1,13 +1,15 @@
 //! Agreement of the path with its speed law.
 //!
 //! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a
-//! gate, which does not apply under `literal`, the paper's chords. Measured as chords between
-//! neighbouring poses, it follows the law within 3 %: a warning. Linear and angular speed need not
-//! follow it, and are reported.
+//! gate, which does not apply under `literal`, the paper's chords. The trajectory's report has this
+//! measure, because the poses alone do not determine the curve; a release does not make the
+//! statement. Measured as chords between neighbouring poses, the metric follows the law within 3 %:
+//! a warning. The sum of the chords is the length of the curve within 3 %: a gate. Both are measured
+//! from the poses. Linear and angular speed need not follow the law, and are reported.
 
 use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::trajectory::report::{FollowError, SpeedReport};
+use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
+use crate::trajectory::report::{ChordFollow, FollowError, SpeedReport};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -41,11 +43,44 @@ impl ValidationPass for SpeedPass {
         let Some(report) = subject.speed else {
             return vec![subject.not_run(NAME, "", "the trajectory has no speed report")];
         };
-        vec![judge_arc(subject, report), judge_chord(subject, report)]
+        let Some(chords) = report.measure_chords(&subject.trajectory.world_from_camera) else {
+            let because = format!(
+                "speed.json has {} steps for {} poses",
+                report.s.len().saturating_sub(1),
+                subject.trajectory.world_from_camera.len()
+            );
+            let judged = Judgement { verdict: Verdict::Fail, ..Judgement::not_run(because) };
+            return vec![judge_arc(subject, report), subject.finding(NAME, "chord", judged)];
+        };
+        vec![
+            judge_arc(subject, report),
+            judge_chord(subject, &chords),
+            judge_length(subject, report, &chords),
+        ]
     }
 }
 
+/// Compares the length of the chords with that of the curve.
+fn judge_length(subject: &TrajectorySubject<'_>, report: &SpeedReport, chords: &ChordFollow) -> Finding {
+    let Some(curve) = report.length_ratio.map(|ratio| ratio * report.length).filter(|length| *length > 0.0)
+    else {
+        return subject.not_run(NAME, "length", "the camera does not move");
+    };
+    let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::gate(CHORD));
+    let measured = (chords.length / curve - 1.0).abs();
+    let because = format!(
+        "the steps between the poses sum to {:.4} times the length of the curve in speed.json",
+        chords.length / curve
+    );
+    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "1", because);
+    subject.finding(NAME, "length", judged)
+}
+
 fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
+    if subject.is_release {
+        let because = "the fitted curve is not in a release; `chord` and `length` judge the poses";
+        return subject.not_run(NAME, "arc", because);
+    }
     if report.literal {
         return subject.not_run(
             NAME,
@@ -60,15 +95,15 @@ fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
     judge_follow(subject, "arc", follow, limit, "")
 }
 
-fn judge_chord(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
-    let Some(follow) = report.mixed_chord_ratio else {
+fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> Finding {
+    let Some(follow) = chords.mixed else {
         return subject.not_run(NAME, "chord", "the camera does not move");
     };
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::warning(CHORD));
     let told = |name: &str, follow: Option<FollowError>| {
         follow.map_or_else(String::new, |f| format!("; {name} speed {:.3} to {:.3}", f.min, f.max))
     };
-    let parts = told("linear", report.linear_ratio) + &told("angular", report.angular_ratio);
+    let parts = told("linear", chords.linear) + &told("angular", chords.angular);
     judge_follow(subject, "chord", follow, limit, &parts)
 }
 

@@ -11,9 +11,9 @@ use crate::trajectory::Trajectory;
 use crate::trajectory::report::SpeedReport;
 use crate::units::Hertz;
 
-/// The reason why a release tree does not allow a comparison with frames.
+/// The reason why a release tree may not allow a comparison with frames.
 pub(super) const NOT_SEEN: &str =
-    "the frames that the sensor saw are not available: a build keeps some of them, a release keeps no frames";
+    "there are fewer than two frames to compare with: the recipe asks for no sharp frames, or for too few";
 
 /// One trajectory and its products. Values that were not requested or not kept are `None`; the
 /// passes that need them say so.
@@ -45,6 +45,8 @@ pub struct TrajectorySubject<'a> {
     pub doubtful_share: Option<f64>,
     /// Reports of other programs, if the recipe requests them.
     pub foreign: Option<&'a ExternalReport>,
+    /// True if the files of a release are all that is known.
+    pub is_release: bool,
     /// The recipe's limits.
     pub limits: &'a Limits,
 }
@@ -62,7 +64,28 @@ impl TrajectorySubject<'_> {
 
     /// The law of the sensor's drift, or the reason for its absence.
     pub(super) fn drift_law(&self) -> Result<DriftLaw, &'static str> {
-        self.sensor.ok_or("there is no sensor").and_then(DriftLaw::for_sensor)
+        self.sensor.map(DriftLaw::for_sensor).ok_or("there is no sensor")
+    }
+
+    /// The stream's comparison with the frames, or the reason for its absence. Signs and places of
+    /// events can be compared for every law, and exact numbers only for one that is not loose.
+    pub(super) fn compared(&self) -> Result<&StreamTally, &'static str> {
+        let tally = self.tally.ok_or("there are no events")?;
+        self.drift_law()?;
+        match (tally.compared.fits.is_empty(), self.trajectory.stamps_us.len() < 2) {
+            (false, _) => Ok(tally),
+            (true, true) => Err("there is only one frame, so nothing changes"),
+            (true, false) => Err(NOT_SEEN),
+        }
+    }
+
+    /// As [`TrajectorySubject::compared`], for a law whose events follow the frames at once.
+    pub(super) fn compared_at_once(&self) -> Result<(&StreamTally, DriftLaw), &'static str> {
+        let (tally, law) = (self.compared()?, self.drift_law()?);
+        match law.loose.filter(|_| law.delay_us > 0.0) {
+            Some(because) => Err(because),
+            None => Ok((tally, law)),
+        }
     }
 
     /// A finding of `check`; `part` names the statement if the pass makes several.

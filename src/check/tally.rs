@@ -8,7 +8,7 @@ pub use busy::BusyPixels;
 pub use crowding::CrowdingSums;
 
 use super::drift::DriftLaw;
-use super::event_frame::fit::{AnchorFit, DriftBalance};
+use super::event_frame::fit::{DriftBalance, FrameComparison};
 use super::motion::warp::{FlowAt, WarpSharpness, WarpWindows};
 use super::noise_floor::still::{StillPixelCounts, StillPixelWatch};
 use crate::event::{Event, Polarity};
@@ -56,11 +56,8 @@ pub struct StreamTally {
     pub busy: BusyPixels,
     /// Pairs of events of one window that share a cell of the sensor.
     pub crowding: CrowdingSums,
-    /// Comparison of events and frames at each anchor after the first; empty if the sensor's law
-    /// does not allow it.
-    pub fits: Vec<AnchorFit>,
-    /// Residual drift of each pixel at the last anchor, in thresholds; empty if `fits` is.
-    pub residuals: Vec<f32>,
+    /// Comparison of events and frames; empty without frames.
+    pub compared: FrameComparison,
     /// Effect of moving events along the flow, per window.
     pub sharpness: Vec<WarpSharpness>,
     /// Events per pixel of one window, in place and moved.
@@ -173,7 +170,7 @@ impl<'a> StreamObserver<'a> {
         tally.busy = BusyPixels::from_counts(totals);
         tally.crowding = self.crowds.finish();
         if let Some(balance) = self.balance {
-            (tally.fits, tally.residuals) = balance.finish();
+            tally.compared = balance.finish();
         }
         (tally.sharpness, tally.window) = self.windows.finish();
         tally.still = self.watch.map(StillPixelWatch::finish);
@@ -272,8 +269,7 @@ impl StreamTally {
             too_soon: 0,
             busy: BusyPixels::default(),
             crowding: CrowdingSums::default(),
-            fits: Vec::new(),
-            residuals: Vec::new(),
+            compared: FrameComparison::default(),
             sharpness: Vec::new(),
             window: None,
             still: None,

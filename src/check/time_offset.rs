@@ -6,7 +6,7 @@
 //! frames, and is not run if noise hides an eighth of a step.
 
 use super::event_frame::fit::LagSums;
-use super::subject::{Judgement, LimitSide, NOT_SEEN};
+use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
@@ -44,15 +44,15 @@ impl ValidationPass for TimeOffset {
 
 fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     let not_run = |because: &str| subject.not_run(NAME, "", because);
-    let Some(tally) = subject.tally else { return not_run("there are no events") };
-    if let Err(because) = subject.drift_law() {
+    let tally = match subject.compared() {
+        Ok(tally) => tally,
+        Err(because) => return not_run(because),
+    };
+    if let Some(because) = subject.drift_law().ok().and_then(|law| law.loose) {
         return not_run(because);
     }
-    if tally.fits.is_empty() {
-        return not_run(NOT_SEEN);
-    }
-    let pixels: u64 = tally.fits.iter().map(|fit| fit.lag.pixels).sum();
-    let lag = LagSums::pooled_lag(tally.fits.iter().map(|fit| fit.lag));
+    let pixels: u64 = tally.compared.fits.iter().map(|fit| fit.lag.pixels).sum();
+    let lag = LagSums::pooled_lag(tally.compared.fits.iter().map(|fit| fit.lag));
     let Some([lag, deviation]) = lag.filter(|_| pixels >= MIN_PIXELS) else {
         return not_run(&format!(
             "{pixels} pixels change steadily by two thresholds, too few to measure an offset"

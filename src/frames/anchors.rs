@@ -39,6 +39,16 @@ impl AnchorChoice {
     /// span of twice `apart` frames, shortened to an eighth of the sequence if necessary.
     #[must_use]
     pub fn from_stamps(stamps_us: &[i64], apart: usize) -> Self {
+        let span = stamps_us.last().zip(stamps_us.first()).map_or(0, |(last, first)| last - first);
+        Self::in_parts(stamps_us, apart, (span / SPACING_US).max(2))
+    }
+
+    /// As [`AnchorChoice::from_stamps`], with this number of equal parts.
+    ///
+    /// # Panics
+    /// There are no parts.
+    #[must_use]
+    pub fn in_parts(stamps_us: &[i64], apart: usize, parts: i64) -> Self {
         let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else {
             return Self { frames: Vec::new(), spans: Vec::new() };
         };
@@ -49,7 +59,6 @@ impl AnchorChoice {
             let before = after.saturating_sub(1);
             if wanted - stamps_us[before] < stamps_us[after] - wanted { before } else { after }
         };
-        let parts = (span / SPACING_US).max(2);
         let mut frames: Vec<usize> = (0..=parts).map(|i| nearest(i, parts)).collect();
         // A span is twice `apart` long, hence the 2.
         let apart = apart.clamp(1, (stamps_us.len() / (2 * SPANS_IN)).max(1));

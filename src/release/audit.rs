@@ -9,6 +9,7 @@ mod again;
 mod bytes;
 mod claims;
 mod contents;
+pub(super) mod contradictions;
 mod croissant;
 mod index;
 mod names;

@@ -1,25 +1,26 @@
 //! The validation passes over a release tree: they read its own files, without the store that made
 //! them.
 //!
-//! Passes that need data that a release does not contain (the brightness that the sensor saw
-//! between the frames, depth, the account of the simulation) report that. The others judge the
-//! released bytes by the limits of the recipe in `scene.json`.
+//! Sharp frames stand for the brightness that the sensors saw, to the rounding of their 8 bits;
+//! flow or depth give the image motion; the sensors and the limits are those of the recipe in
+//! `scene.json`. Passes that need other data (the account of the simulation, the fitted curve of
+//! the path) report that. In addition, files that say the same thing are compared with each other:
+//! [`crate::check::records`].
+
+mod agreement;
+mod pictures;
+mod trajectory;
+mod tree;
 
 use super::published::{self, RecipeError};
 use super::{ReleaseManifest, SceneRecord};
-use crate::artifact::EventStream;
-use crate::check::tally::{StreamObserver, TallyReference};
-use crate::check::{Finding, StreamTally, TrajectorySubject, judge_trajectory};
-use crate::event::{EventSource, h5};
-use crate::files;
+use crate::camera::Camera;
+use crate::check::{Finding, records};
 use crate::image::Size;
 use crate::recipe::{Recipe, RecipeFaults};
-use crate::trajectory::Trajectory;
-use crate::trajectory::report::SpeedReport;
-use crate::units::{Hertz, Ratio};
-use serde::de::DeserializeOwned;
-use std::io;
 use std::path::{Path, PathBuf};
+use trajectory::ReleasedTrajectory;
+use tree::AuditedTree;
 
 /// Reason why a tree cannot be checked.
 #[derive(Debug, thiserror::Error)]
@@ -61,115 +62,36 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
     }
+    if manifest.scenes.is_empty() {
+        return Ok(vec![records::no_scenes(&manifest.name)]);
+    }
+    let is_wanted = |id: &str| scenes.is_empty() || scenes.iter().any(|wanted| wanted == id);
     let mut findings = Vec::new();
-    for listed in manifest.scenes.iter().filter(|scene| scenes.is_empty() || scenes.contains(&scene.id)) {
+    for listed in manifest.scenes.iter().filter(|scene| is_wanted(&scene.id)) {
         findings.extend(of_scene(tree, &listed.id)?);
     }
+    findings
+        .extend(agreement::compare_files(dir, &manifest, &is_wanted).map_err(|e| unreadable_file(dir, e))?);
     Ok(findings)
-}
-
-/// The files of a release that another party may have made. Nothing outside its folder is read.
-#[derive(Clone, Copy)]
-struct AuditedTree<'a> {
-    dir: &'a Path,
-}
-
-impl AuditedTree<'_> {
-    fn path_of(self, name: &str) -> PathBuf {
-        self.dir.join(name)
-    }
-
-    /// Reads a file. Its name may come from another file of the tree.
-    fn read(self, name: &str) -> Result<Vec<u8>, RecheckError> {
-        files::read_below(self.dir, Path::new(name), files::MAX_DOCUMENT)
-            .map_err(|e| unreadable_file(&self.path_of(name), e))
-    }
-
-    fn json<T: DeserializeOwned>(self, name: &str) -> Result<T, RecheckError> {
-        serde_json::from_slice(&self.read(name)?).map_err(|e| unreadable_file(&self.path_of(name), e))
-    }
-
-    /// Returns true for a regular file, and false if there is nothing of this name. Everything else
-    /// is an error.
-    fn has(self, name: &str) -> Result<bool, RecheckError> {
-        match files::open_below(self.dir, Path::new(name)) {
-            Ok(_) => Ok(true),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
-            Err(e) => Err(unreadable_file(&self.path_of(name), e)),
-        }
-    }
 }
 
 fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
     let scene: SceneRecord = tree.json(&format!("{id}/scene.json"))?;
     let recipe = recipe_of(&scene)?;
-    let size = Size { width: scene.camera.width, height: scene.camera.height };
+    let stated = &scene.camera;
+    let size = Size { width: stated.width, height: stated.height };
+    // The size is a claim of a tree that may be forged, and memory grows with it.
+    size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
+    let camera = Camera { size, fx: stated.fx, fy: stated.fy, cx: stated.cx, cy: stated.cy };
     let mut findings = Vec::new();
     for part in &scene.trajectories {
         let folder = format!("{id}/{}", part.name);
         let name = format!("{}/{}", scene.id, part.name);
-        findings.extend(of_trajectory((tree, &folder), &name, (&recipe, size))?);
+        let released =
+            ReleasedTrajectory { tree, folder: &folder, name: &name, recipe: &recipe, camera, part };
+        findings.extend(released.findings()?);
     }
     Ok(findings)
-}
-
-fn of_trajectory(
-    (tree, folder): (AuditedTree<'_>, &str),
-    name: &str,
-    (recipe, size): (&Recipe, Size),
-) -> Result<Vec<Finding>, RecheckError> {
-    let poses = format!("{folder}/poses.txt");
-    let trajectory = Trajectory::read_poses(tree.read(&poses)?.as_slice())
-        .map_err(|e| unreadable_file(&tree.path_of(&poses), e))?;
-    let speed = format!("{folder}/speed.json");
-    let report: SpeedReport = tree.json(&speed)?;
-    let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable_file(&tree.path_of(&speed), e))?);
-    let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
-    let mut counted = Vec::new();
-    for (stream, sensor) in recipe.sensors.iter() {
-        let events = format!("{folder}/{}", EventStream::released_name(stream));
-        // Also checks that no link leads out of the tree: the reader below opens by path.
-        if tree.has(&events)? {
-            let path = tree.path_of(&events);
-            // Without the simulation, the dead time is all that the stream can be compared with.
-            let against = TallyReference { dead_us: sensor.dead_us(), ..TallyReference::default() };
-            let tally = count_stream(&path, StreamObserver::new(size, rate, end_us, against))
-                .map_err(|e| unreadable_file(&path, e))?;
-            let name = stream.map_or_else(|| name.to_owned(), |stream| format!("{name}/{stream}"));
-            counted.push((name, sensor, tally));
-        }
-    }
-    // Fields without data in a release are `None`, and their passes report that they were not run.
-    let whole = TrajectorySubject {
-        name,
-        rate,
-        trajectory: &trajectory,
-        speed: Some(&report),
-        sensor: None,
-        account: None,
-        tally: None,
-        resampled: None,
-        foreign: None,
-        flow: None,
-        tolerance: None,
-        coverage: None,
-        doubtful_share: None,
-        limits: &recipe.checks.of_trajectory(),
-    };
-    let of =
-        |(name, sensor, tally)| TrajectorySubject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
-    let streams: Vec<TrajectorySubject<'_>> =
-        counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
-    Ok(judge_trajectory(&whole, &streams))
-}
-
-fn count_stream(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {
-    let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
-    let mut chunk = Vec::new();
-    while reader.next_chunk(&mut chunk).map_err(|e| e.to_string())? {
-        observer.append(&chunk);
-    }
-    Ok(observer.finish())
 }
 
 fn recipe_of(scene: &SceneRecord) -> Result<Recipe, RecheckError> {

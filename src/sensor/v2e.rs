@@ -113,7 +113,8 @@ const SHOT_FALL: f64 = 0.75;
 const NS: f64 = 1e9;
 
 /// The mapping of a grey to brightness.
-fn lin_log(luminance: f64) -> f64 {
+#[must_use]
+pub fn lin_log(luminance: f64) -> f64 {
     if luminance <= LINEAR { luminance * (libm::log(LINEAR) / LINEAR) } else { libm::log(luminance) }
 }
 
@@ -189,10 +190,23 @@ impl V2eModel {
         Ok(())
     }
 
+    /// Time constant of the low-pass filter at this constant luminance, seconds; infinite without a
+    /// filter.
+    #[must_use]
+    pub fn filter_seconds(&self, luminance: f64) -> f64 {
+        1.0 / (TAU * self.cutoff * rate_intensity(luminance))
+    }
+
     /// Shot noise of a pixel with nominal thresholds.
     fn shots_per_second(&self, luminance: f64) -> f64 {
+        Self::shots_at(self.shot, luminance)
+    }
+
+    /// Shot events per second at this luminance, of a pixel with `dark_hz` of them in the dark.
+    #[must_use]
+    pub fn shots_at(dark_hz: f64, luminance: f64) -> f64 {
         // The published rate would turn negative for greys far above white.
-        self.shot * (1.0 - SHOT_FALL * rate_intensity(luminance.min(WHITE)))
+        dark_hz * (1.0 - SHOT_FALL * rate_intensity(luminance.min(WHITE)))
     }
 
     /// The brightness of a pixel between two frames, without leak.

@@ -36,7 +36,7 @@ pub struct ChecksStage {
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 7;
+    const REVISION: u32 = 8;
     type Inputs =
         (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
     type Output = VerdictsRecord;
@@ -82,6 +82,7 @@ impl Stage for ChecksStage {
             coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             foreign: foreign.as_ref(),
+            is_release: false,
             limits: &self.limits,
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
@@ -101,7 +102,10 @@ impl Stage for ChecksStage {
             .collect();
         let findings = judge_trajectory(&whole, &streams);
         for (subject, tally) in streams.iter().zip(&tallies) {
-            pictures::write_pictures(subject.name, tally, cx)?;
+            let law = subject.sensor.map(DriftLaw::for_sensor);
+            // The colours of residuals need equal thresholds, and events that balance the drift.
+            let balanced = law.is_some_and(|law| law.loose.is_none() && law.spread <= 0.0);
+            pictures::write_pictures(subject.name, (tally, balanced), cx)?;
         }
         let verdicts =
             VerdictsRecord { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
@@ -149,7 +153,7 @@ fn count_streams(
     let flows = measured_flows(streams, motion);
     let count = |(stream, file): (&EventStream, &PathBuf)| {
         let against = TallyReference {
-            seen: DriftLaw::for_sensor(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream))),
+            seen: Some((DriftLaw::for_sensor(&stream.sensor), streams.seen_by(stream))),
             flows: &flows,
             dead_us: stream.sensor.dead_us(),
         };

@@ -35,6 +35,19 @@ pub struct FollowError {
     pub p95: f64,
 }
 
+/// Poses against the speeds that were asked of them, measured as chords between neighbours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChordFollow {
+    /// Sum of the chords, in the metric.
+    pub length: f64,
+    /// The mixed metric; `None` if the camera does not move.
+    pub mixed: Option<FollowError>,
+    /// Distances between centres; `None` if they do not move.
+    pub linear: Option<FollowError>,
+    /// Angles between poses; `None` if they do not turn.
+    pub angular: Option<FollowError>,
+}
+
 /// Jumps at the knots, where two pieces of a curve meet: the largest of each kind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -172,6 +185,25 @@ impl SpeedReport {
         })
     }
 
+    /// The path of these poses, measured as chords, against the speeds that were asked. `None` if
+    /// the number of steps does not fit.
+    #[must_use]
+    pub fn measure_chords(&self, poses: &[Se3]) -> Option<ChordFollow> {
+        let metric = MixedMetric { scale: self.scale_distance };
+        let steps = StepLengths::between_poses(poses, metric);
+        if self.s.len() != poses.len() {
+            return None;
+        }
+        let shares: Vec<f64> = self.asked_shares().collect();
+        let follow = |lengths: &[f64], weight| follow_shares(lengths, weight, &shares, self.length);
+        Some(ChordFollow {
+            length: NeumaierSum::sum_of(steps.mixed.iter().copied()),
+            mixed: follow(&steps.mixed, 1.0),
+            linear: follow(&steps.linear, metric.mix(0.0, 1.0)),
+            angular: follow(&steps.angular, metric.mix(1.0, 0.0)),
+        })
+    }
+
     /// Share of the path, in the metric, that was asked of each step.
     pub fn asked_shares(&self) -> impl Iterator<Item = f64> {
         self.s.windows(2).map(|w| (w[1] - w[0]) / self.length)
@@ -236,13 +268,18 @@ impl ReportInputs<'_> {
     /// Ratios of `lengths`, one per step, to the asked shares. `weight` converts lengths into the
     /// metric.
     fn follow(&self, lengths: &[f64], weight: f64) -> Option<FollowError> {
-        let total = NeumaierSum::sum_of(lengths.iter().copied());
-        let moves = total * weight > MIN_PART * self.course.length;
-        let asked = self.schedule.shares.windows(2).map(|w| w[1] - w[0]);
-        let ratios = lengths.iter().zip(asked).filter(|(_, asked)| *asked >= MIN_SHARE);
-        let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
-        (moves && !ratios.is_empty()).then(|| FollowError::from_ratios(ratios))
+        let asked: Vec<f64> = self.schedule.shares.windows(2).map(|w| w[1] - w[0]).collect();
+        follow_shares(lengths, weight, &asked, self.course.length)
     }
+}
+
+/// Ratios of `lengths` to the asked shares of a path of `length`; `None` if nothing moves.
+fn follow_shares(lengths: &[f64], weight: f64, asked: &[f64], length: f64) -> Option<FollowError> {
+    let total = NeumaierSum::sum_of(lengths.iter().copied());
+    let moves = total * weight > MIN_PART * length;
+    let ratios = lengths.iter().zip(asked).filter(|(_, asked)| **asked >= MIN_SHARE);
+    let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
+    (moves && !ratios.is_empty()).then(|| FollowError::from_ratios(ratios))
 }
 
 impl FollowError {

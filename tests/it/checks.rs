@@ -3,6 +3,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+mod from_files;
+mod planted_tree;
 mod sound;
 
 use crate::release::small::{gs2e, said};

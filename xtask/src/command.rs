@@ -66,6 +66,11 @@ impl Task {
         Err(format!("`{self}` ended with {}\n{out}{err}", output.status))
     }
 
+    /// Runs the command and keeps its stdout and stderr, whatever its exit code.
+    pub(crate) fn any_code(mut self) -> Outcome<Output> {
+        self.0.stdin(Stdio::null()).output().map_err(|e| self.not_started(&e))
+    }
+
     /// Returns true if the command runs and ends with 0. Prints nothing.
     pub(crate) fn succeeds(mut self) -> bool {
         let quiet = self.0.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

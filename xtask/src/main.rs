@@ -1,5 +1,5 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report | docs
-//! | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
+//! sound | docs | manifest`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -13,6 +13,7 @@ mod folder;
 mod fuzz;
 mod page;
 mod report;
+mod sound;
 mod suite;
 
 use std::process::ExitCode;
@@ -36,6 +37,8 @@ usage: cargo xtask <task>
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
+  sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
+                     `--program FILE`)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   manifest           builds the demo release and rewrites manifests/demo.json from it
 ";
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
         }
         (Some("report"), args) => report::run(args),
+        (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
         (Some("manifest"), []) => demo::rewrite_manifest(),
         _ => return usage(),

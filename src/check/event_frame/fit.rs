@@ -1,14 +1,15 @@
 //! Events against frames at one instant: the counts of each pixel, and the change of its brightness
 //! since the first frame.
 
+mod balance;
 mod lag;
 
+pub(in crate::check) use balance::DriftBalance;
+pub use balance::FrameComparison;
 pub use lag::LagSums;
 
 use crate::check::drift::DriftLaw;
-use crate::check::tally::PixelCounts;
-use crate::frames::anchors::AnchorFrames;
-use crate::image::Size;
+use balance::PixelChange;
 
 /// Minimum number of pixels near the threshold. An edge of fewer is not measured.
 const MIN_NEAR: usize = 1000;
@@ -47,6 +48,11 @@ pub struct AnchorFit {
     /// Expected sum of `s` over pixels: the drift, in whole thresholds towards 0 if voltages start
     /// at 0, and exact on average if they start anywhere.
     pub expected: f64,
+    /// Pixels that are left out, because the frames do not determine their brightness closely
+    /// enough.
+    pub unknown: u64,
+    /// Mean number of events per compared pixel that noise makes, and that move its reference.
+    pub disturbed: f64,
 }
 
 /// Sums of `dv` and `s` over pixels.
@@ -60,6 +66,9 @@ pub struct SlopeSums {
     pub squares: f64,
     /// Sum of `|s|`.
     pub sizes: f64,
+    /// Sum of `|s|` times the further error of the pixel, by rounded frames and by thresholds that
+    /// differ between pixels.
+    pub errors: f64,
 }
 
 impl std::ops::Add for SlopeSums {
@@ -71,6 +80,7 @@ impl std::ops::Add for SlopeSums {
             products: self.products + o.products,
             squares: self.squares + o.squares,
             sizes: self.sizes + o.sizes,
+            errors: self.errors + o.errors,
         }
     }
 }
@@ -86,10 +96,11 @@ impl SlopeSums {
     /// `|dv - s| <= most`, `|factor - 1| <= most <|s|> / <s, s>`.
     #[must_use]
     pub fn allowance(&self, most: f64) -> f64 {
-        most * self.sizes / self.squares
+        (most * self.sizes + self.errors) / self.squares
     }
 
-    fn add(&mut self, s: f64, dv: f64) {
+    fn add(&mut self, s: f64, dv: f64, error: f64) {
+        self.errors += s.abs() * error;
         self.pixels += 1;
         self.products += s * dv;
         self.squares += s * s;
@@ -110,82 +121,6 @@ pub struct EventEdge {
     pub reachable: f64,
 }
 
-/// Follows the drift of all pixels from anchor to anchor.
-#[derive(Debug)]
-pub(in crate::check) struct DriftBalance<'a> {
-    law: DriftLaw,
-    anchors: &'a AnchorFrames,
-    first_logs: Vec<f64>,
-    exposure: Vec<f64>,
-    /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
-    /// whole interval.
-    variance: Vec<f64>,
-    fits: Vec<AnchorFit>,
-    /// `dv - s` of each pixel at the last instant, in thresholds.
-    residuals: Vec<f32>,
-}
-
-impl<'a> DriftBalance<'a> {
-    /// Starts at the first anchor; `None` if there are fewer than two.
-    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a AnchorFrames) -> Option<Self> {
-        assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
-        let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
-        let first_logs = first.pixels().iter().map(|l| law.log_brightness(*l)).collect();
-        let none = || vec![0.0; size.pixels()];
-        let (fits, residuals) = (Vec::new(), vec![0.0; size.pixels()]);
-        Some(Self { law, anchors, first_logs, exposure: none(), variance: none(), fits, residuals })
-    }
-
-    /// Stamp of the next anchor; `None` after the last.
-    pub(in crate::check) fn next_us(&self) -> Option<i64> {
-        self.anchors.stamps_us.get(self.fits.len() + 1).copied()
-    }
-
-    /// The fits, and each pixel's residual drift at the last of them, in thresholds.
-    pub(in crate::check) fn finish(self) -> (Vec<AnchorFit>, Vec<f32>) {
-        (self.fits, self.residuals)
-    }
-
-    /// Evaluates the next anchor.
-    pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
-        // There is one fit per anchor after the first, so the fits count the anchors.
-        let number = self.fits.len() + 1;
-        let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
-        let stamps = &self.anchors.stamps_us;
-        let (step, total) =
-            ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
-        let leak_error = self.law.leak_error(step, number);
-        // The noise of the noisiest luminance bounds that of every pixel.
-        let mut stock = FitSums::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
-        let span = self.anchors.spans.iter().find(|[_, middle, _]| *middle == number);
-        // A lag needs the drift on both sides of an instant, which only the middle of a span has.
-        let around =
-            span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
-        let at = stamps[number];
-        for i in 0..now.len() {
-            // The trapezoid rule is sufficient: anchors are close together.
-            self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
-            let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
-            let noise = [before[i], now[i]].map(|l| self.law.noise(f64::from(l), step));
-            self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
-            let blur = self.variance[i].sqrt() + leak_error;
-            let dv = self.law.drift(logs, total, self.exposure[i]);
-            let left = stock.add(dv, [counts.on[i], counts.off[i]], blur);
-            if let Some([(from, earlier), (to, later)]) = around {
-                // The ways select pixels and give their rate. The leak by luminance is too small
-                // for either.
-                let drift = |a: f32, b: f32, dt: i64| {
-                    self.law.drift(self.law.log_brightness(b) - self.law.log_brightness(a), dt as f64, 0.0)
-                };
-                let ways = [drift(earlier[i], now[i], at - from), drift(now[i], later[i], to - at)];
-                stock.lag.add(left, ways, (to - from) as f64, self.law.thresholds);
-            }
-            self.residuals[i] = in_thresholds(left, self.law.thresholds);
-        }
-        self.fits.push(stock.fit(stamps[number]));
-    }
-}
-
 /// Sums over pixels for a [`AnchorFit`].
 struct FitSums {
     thresholds: [f64; 2],
@@ -201,6 +136,10 @@ struct FitSums {
     lag: LagSums,
     near: [Vec<[f32; 2]>; 2],
     expected: f64,
+    unknown: u64,
+    known: u64,
+    disturbed: f64,
+    spread: f64,
 }
 
 impl FitSums {
@@ -218,38 +157,49 @@ impl FitSums {
             lag: LagSums::default(),
             near: [Vec::new(), Vec::new()],
             expected: 0.0,
+            unknown: 0,
+            known: 0,
+            disturbed: 0.0,
+            spread: law.spread,
         }
     }
 
-    /// Adds a pixel, and returns its drift minus that of its events.
-    fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) -> f64 {
+    /// Adds a pixel, and returns its drift minus that of its events, if its drift is known.
+    fn add(&mut self, change: PixelChange, [on, off]: [u32; 2]) -> Option<f64> {
+        let PixelChange { dv, s, blur, error, disturbed } = change;
         let [a, b] = self.thresholds;
-        let s = a * f64::from(on) - b * f64::from(off);
+        if dv.is_nan() {
+            self.unknown += 1;
+            return None;
+        }
+        self.known += 1;
+        self.disturbed += disturbed;
         self.events += u64::from(on) + u64::from(off);
         let (side, threshold) = if dv > 0.0 { (0, a) } else { (1, b) };
         let steps = (dv.abs() / threshold).floor();
         self.expected += if self.from_zero { steps * threshold.copysign(dv) } else { dv };
         // Below a threshold, a residual alone may explain the drift.
         if dv.abs() > threshold {
-            self.slopes[side].add(s, dv);
-            self.possible += u64::from((dv - s).abs() <= self.most_residual);
+            self.slopes[side].add(s, dv, error);
+            self.possible += u64::from((dv - s).abs() <= self.most_residual + error);
         }
         // With two thresholds of drift, a residual hardly turns the sign of `s`.
         if dv.abs() > 2.0 * threshold {
             self.doubled[0] += 1;
             self.doubled[1] += u64::from(s * dv > 0.0);
-            self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual);
+            self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual + error);
         }
         // A pixel without half a threshold of drift is too far from its next event to show an edge.
-        if self.from_zero && dv.abs() > threshold / 2.0 && blur < MAX_BLUR * a.min(b) {
+        let sharp = self.from_zero && self.spread == 0.0 && blur < MAX_BLUR * a.min(b);
+        if sharp && dv.abs() > threshold / 2.0 {
             // The size of `s`, negative if the events have the wrong sign.
             self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
-        dv - s
+        Some(dv - s)
     }
 
     fn fit(self, t_us: i64) -> AnchorFit {
-        let Self { events, slopes, possible, doubled, silent, lag, near, expected, .. } = self;
+        let Self { events, slopes, possible, doubled, silent, lag, near, expected, unknown, .. } = self;
         AnchorFit {
             t_us,
             events,
@@ -260,6 +210,8 @@ impl FitSums {
             lag,
             edges: near.map(find_edge),
             expected,
+            unknown,
+            disturbed: self.disturbed / self.known.max(1) as f64,
         }
     }
 }

@@ -4,7 +4,6 @@ use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::FlowAt;
 use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
-use crate::sensor::statistics::RenewalProcess;
 
 /// Largest drift of a still pixel at all known instants, in thresholds.
 const STILL: f64 = 0.1;
@@ -15,6 +14,10 @@ const AROUND: [f64; 2] = [2.0, 24.0];
 const STANDS: f64 = 0.25;
 /// Numbers of bins of the summed rate; each is a time scale.
 const BINS: [usize; 3] = [64, 256, 1024];
+/// Minimum number of images that show which pixels are still where no flow is known.
+const WITHOUT_FLOW: usize = 8;
+/// Largest error of the brightness of a still pixel by rounded frames, in thresholds.
+const ROUNDED: f64 = 0.25;
 
 /// The statistics of still pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,7 +54,8 @@ impl StillPixelWatch {
         anchors: &AnchorFrames,
         flows: &[FlowAt],
     ) -> Option<Self> {
-        if anchors.images.len() < 2 || flows.is_empty() || end_us <= 0 {
+        let enough = anchors.images.len() >= if flows.is_empty() { WITHOUT_FLOW } else { 2 };
+        if !enough || end_us <= 0 {
             return None;
         }
         let still = find_still(size, end_us, law, anchors, flows);
@@ -60,7 +64,7 @@ impl StillPixelWatch {
             let sum: f64 = anchors.images.iter().map(|image| f64::from(image.pixels()[i].max(0.0))).sum();
             // A pixel is still to a tenth of a threshold, so its mean luminance determines its
             // noise.
-            expected += noise_process(law, sum / anchors.images.len() as f64).rate() * end_us as f64;
+            expected += law.noise_events(sum / anchors.images.len() as f64) * end_us as f64;
             pixels += 1;
         }
         let intervals = expected / pixels.max(1) as f64;
@@ -89,13 +93,6 @@ impl StillPixelWatch {
     }
 }
 
-/// The noise of a pixel of constant luminance, per microsecond.
-fn noise_process(law: &DriftLaw, luminance: f64) -> RenewalProcess {
-    let noise = law.noise(luminance, 1.0);
-    let [up, down] = law.thresholds;
-    RenewalProcess { drift: law.drift(0.0, 1.0, luminance), variance: noise * noise, up, down }
-}
-
 /// The pixels with constant brightness, in their neighbourhood too, at all instants, and with
 /// nothing moving behind them.
 fn find_still(
@@ -105,7 +102,7 @@ fn find_still(
     anchors: &AnchorFrames,
     flows: &[FlowAt],
 ) -> Vec<bool> {
-    let most = STILL * law.thresholds[0].min(law.thresholds[1]);
+    let most = STILL * law.least_threshold();
     let seconds = end_us as f64 * 1e-6;
     let standing = STANDS / seconds;
     let mut fastest = 0.0f64;
@@ -122,15 +119,20 @@ fn find_still(
     }
     // Every image is compared with the first, so that slow changes add up.
     let first = anchors.images[0].pixels();
+    let rounded = ROUNDED * law.least_threshold();
+    for (still, luminance) in still.iter_mut().zip(first) {
+        *still &= law.rounding_error(*luminance) <= rounded;
+    }
     for image in &anchors.images[1..] {
         for (i, now) in image.pixels().iter().enumerate() {
             // Only the light must be constant; the leak is part of the noise floor.
-            let way = law.drift(law.log_brightness(*now) - law.log_brightness(first[i]), 0.0, 0.0);
-            still[i] &= way.abs() <= most;
+            let way = law.drift(law.brightness(*now) - law.brightness(first[i]), 0.0, 0.0);
+            // An unknown luminance is NaN, which `brightness` takes for black.
+            still[i] &= way.abs() <= most && !now.is_nan() && !first[i].is_nan();
         }
     }
-    // Motion of the fastest pixel between two known instants.
-    let between = fastest * seconds / flows.len() as f64;
+    // Motion of the fastest pixel between two known instants; without flow, the largest radius.
+    let between = if flows.is_empty() { AROUND[1] } else { fastest * seconds / flows.len() as f64 };
     erode_mask(&mut still, size, between.clamp(AROUND[0], AROUND[1]));
     still
 }

@@ -11,10 +11,11 @@ const IMPOSSIBLE: f32 = 1.1;
 /// Maximum width of a picture, px.
 const WIDEST: u32 = 320;
 
-/// Writes the pictures of a stream. `name` is its suffix; empty for the only stream.
+/// Writes the pictures of a stream. `name` is its suffix; empty for the only stream. Residuals are
+/// drawn if they are `balanced`.
 pub(super) fn write_pictures(
     name: &str,
-    tally: &StreamTally,
+    (tally, balanced): (&StreamTally, bool),
     cx: &StageContext<'_>,
 ) -> Result<(), StageError> {
     let prefix = name.strip_prefix('/').map_or_else(String::new, |name| format!("{name}."));
@@ -23,8 +24,8 @@ pub(super) fn write_pictures(
         let write = |file| png::write_image(image, BufWriter::new(file));
         File::create(&path).and_then(write).map_err(StageError::io_error(&path))
     };
-    if !tally.residuals.is_empty() {
-        save("event_frame", &residual_picture(tally.size, &tally.residuals))?;
+    if balanced && !tally.compared.residuals.is_empty() {
+        save("event_frame", &residual_picture(tally.size, &tally.compared.residuals))?;
     }
     if let Some([in_place, moved]) = &tally.window {
         save(

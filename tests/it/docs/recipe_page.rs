@@ -216,10 +216,8 @@ impl<'c> Reference<'c> {
 
     /// Keys of limits, with the file that declares each.
     pub(super) fn limits(&self) -> Vec<(String, &'c Member, String)> {
-        let text = self.krate.text("src/check/limits.rs");
-        let list =
-            text.split_once("limits_of!(\n").and_then(|(_, rest)| rest.split_once(");")).expect("the list").0;
-        let passes = list.split(',').map(str::trim).filter(|pass| !pass.is_empty());
+        let rows = self.krate.text("src/check/table.rs").lines();
+        let passes = rows.filter_map(|row| row.split_once("(limits ")?.1.split(')').next());
         let keys = passes.flat_map(|pass| {
             let file = format!("src/check/{pass}.rs");
             let declared = self.krate.named("Limits", &file).expect("every pass has limits");

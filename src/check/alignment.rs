@@ -1,0 +1,171 @@
+//! Events and frames show the same pixels in the same places. Gates.
+//!
+//! For each pixel, the drift by the frames since the first of them is correlated with the drift by
+//! its events, at some instants of the recording. The same is done with the events of each pixel up
+//! to two columns and rows away, and with the sensor mirrored and turned.
+//!
+//! - `correlation`: the correlation in place. It finds events that have nothing to do with the
+//!   frames (noise, another recording), and, by its sign, exchanged polarities.
+//! - `shift`: the place of the largest correlation among the shifts, to a part of a pixel, along the
+//!   worse axis. Another place must be better by 0.02. It finds images that are moved by a pixel.
+//! - `orientation`: the largest correlation of a mirrored or turned sensor, less that in place.
+//!
+//! A pixel that has drifted from 0 shows its drift in whole thresholds. The difference has no
+//! preferred side, so that the correlation has its peak in place at any speed and contrast.
+
+pub mod places;
+
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use places::{PlaceSums, Placement};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; absent ones have their defaults.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Smallest correlation of events with the change of frames. Default: `CORRELATION`.
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
+    pub correlation: Option<f64>,
+    /// Largest shift between events and frames. Unit: px. Default: `SHIFT`.
+    #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
+    pub shift: Option<f64>,
+}
+
+const CORRELATION: f64 = 0.15;
+const SHIFT: f64 = 0.5;
+/// Minimum number of pixels with a change of a threshold. The correlation of as many independent
+/// pixels has a standard deviation of 0.05.
+const MIN_PIXELS: u64 = 400;
+/// Correlation below which the best placement is chance.
+const CHANCE: f64 = 0.1;
+/// Minimum length of a recording, in delays of the sensor's filter.
+const DELAYS: f64 = 2.0;
+/// Maximum number of events of a pixel that noise makes, and the grey at which it is taken.
+const MAX_NOISE: f64 = 2.0;
+const GREY: f64 = 64.0;
+/// Excess of a correlation over that in place which is chance.
+const MARGIN: f64 = 0.02;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct AlignmentPass;
+
+const NAME: &str = "alignment";
+
+impl ValidationPass for AlignmentPass {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+        let tally = match subject.compared() {
+            Ok(tally) => tally,
+            Err(because) => return vec![subject.not_run(NAME, "", because)],
+        };
+        if let Some(because) = hidden(subject) {
+            return vec![subject.not_run(NAME, "", because)];
+        }
+        let places = &tally.compared.places;
+        let Some(in_place) = places.in_place().filter(|_| places.changed >= MIN_PIXELS) else {
+            let because = format!(
+                "{} pixels change by a threshold between kept frames, too few to place the events",
+                places.changed
+            );
+            return vec![subject.not_run(NAME, "", because)];
+        };
+        vec![
+            judge_correlation(subject, in_place),
+            judge_shift(subject, places),
+            judge_orientation(subject, places, in_place.abs()),
+        ]
+    }
+}
+
+/// The reason why the frames do not decide the events of most pixels, if there is one.
+fn hidden(subject: &TrajectorySubject<'_>) -> Option<&'static str> {
+    let law = subject.drift_law().ok()?;
+    let us = 1e6 * subject.seconds();
+    if DELAYS * law.delay_us > us {
+        return Some("the sensor's low-pass filter delays events by a large part of the recording");
+    }
+    let noisy = law.most_noise(us) > law.least_threshold() || law.disturbances(GREY, us) > MAX_NOISE;
+    noisy.then_some("the sensor's noise makes more events than the frames do")
+}
+
+fn judge_correlation(subject: &TrajectorySubject<'_>, in_place: f64) -> Finding {
+    let asked = subject.limits.alignment.and_then(|l| l.correlation);
+    let limit = LimitSide::limit_or(asked, LimitSide::gate(CORRELATION));
+    let because = format!(
+        "the events of the pixels correlate with the brightness change of the frames at {in_place:.3}; 0 means that they show something else, and -1 that ON and OFF are exchanged"
+    );
+    let judged = Judgement::from_value(limit.at_least(in_place), in_place, limit, "1", because);
+    subject.finding(NAME, "correlation", judged)
+}
+
+fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Finding {
+    if let Err(because) = subject.compared_at_once() {
+        return subject.not_run(NAME, "shift", because);
+    }
+    // A smooth image fits at several places nearly as well, so the right one has an advantage.
+    let shifts = places.correlations.iter().filter_map(|(placement, r)| match placement {
+        Placement::Shifted([0, 0]) => Some(([0, 0], r.abs() + MARGIN)),
+        Placement::Shifted(shift) => Some((*shift, r.abs())),
+        Placement::Turned(_) => None,
+    });
+    let best = shifts.max_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((shift, r)) = best.filter(|(_, r)| *r >= CHANCE + MARGIN) else {
+        return subject.not_run(NAME, "shift", "no shift of the events brings them to the frames");
+    };
+    let r = if shift == [0, 0] { r - MARGIN } else { r };
+    let at = [[1, 0], [0, 1]].map(|axis| peak_along(places, shift, axis));
+    let measured = at[0].abs().max(at[1].abs());
+    let limit = LimitSide::limit_or(subject.limits.alignment.and_then(|l| l.shift), LimitSide::gate(SHIFT));
+    let because = format!(
+        "the events fit the frames best if they are taken from ({:.2}, {:.2}) px away, with a correlation of {r:.3}",
+        at[0], at[1]
+    );
+    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "px", because);
+    subject.finding(NAME, "shift", judged)
+}
+
+/// The peak of the parabola through the largest correlation and its two neighbours along an axis,
+/// as a coordinate on that axis.
+fn peak_along(places: &PlaceSums, best: [i64; 2], axis: [i64; 2]) -> f64 {
+    let whole = (best[0] * axis[0] + best[1] * axis[1]) as f64;
+    let at = |step: i64| {
+        let shift = [best[0] + step * axis[0], best[1] + step * axis[1]];
+        places.shifted(shift).map(f64::abs)
+    };
+    match [at(-1), at(0), at(1)] {
+        [Some(before), Some(top), Some(after)] => {
+            let curve = before - 2.0 * top + after;
+            // A flat top has no peak between the pixels, and a slope has none near this one.
+            if curve < 0.0 { whole + (0.5 * (before - after) / curve).clamp(-0.5, 0.5) } else { whole }
+        }
+        // At the edge of the tried shifts.
+        _ => whole,
+    }
+}
+
+fn judge_orientation(subject: &TrajectorySubject<'_>, places: &PlaceSums, in_place: f64) -> Finding {
+    let turned =
+        places.correlations.iter().filter(|(placement, _)| matches!(placement, Placement::Turned(_)));
+    let Some((placement, r)) = turned.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {
+        return subject.not_run(NAME, "orientation", "no other orientation was compared");
+    };
+    let r = r.abs();
+    if in_place.max(r) < CHANCE {
+        return subject.not_run(
+            NAME,
+            "orientation",
+            "no orientation of the events brings them to the frames",
+        );
+    }
+    let limit = LimitSide::gate(MARGIN);
+    let because = format!(
+        "the events fit the frames with a correlation of {in_place:.3} as they are, and of {r:.3} {placement}, the best of seven other orientations"
+    );
+    let judged = Judgement::from_value(limit.at_most(r - in_place), r - in_place, limit, "1", because);
+    subject.finding(NAME, "orientation", judged)
+}

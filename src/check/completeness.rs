@@ -1,0 +1,94 @@
+//! Events are there at all times and everywhere on the sensor. A gate.
+//!
+//! Between two neighbouring anchors, the events of a pixel whose drift is larger than one and a
+//! quarter thresholds must show that drift up to the voltage that remains at either end. The
+//! measured value is the sum of the drift by events over the sum of the drift, over these pixels.
+//! Sound streams show half of it or more; an interval without events shows nothing.
+//!
+//! - `time`: the smallest share over the intervals. It finds chunks, windows and halves of the
+//!   recording that are missing.
+//! - `place`: the smallest share over 4x4 parts of the sensor. It finds rows, columns and parts of
+//!   the sensor that are missing.
+
+pub mod intervals;
+
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
+use intervals::TileSums;
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; absent ones have their defaults.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Smallest share of the brightness change that events show. Default: `SHARE`.
+    #[serde(deserialize_with = "limits::parse_share", skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+}
+
+/// Sound streams show 0.48 to 0.9: a change of one and a quarter thresholds leaves one event, or none
+/// where the pixel was about to fire the other way.
+const SHARE: f64 = 0.35;
+/// Minimum number of pixels in an interval, and in a part of the sensor.
+const MIN_PIXELS: u64 = 100;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct CompletenessPass;
+
+const NAME: &str = "completeness";
+
+impl ValidationPass for CompletenessPass {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+        let compared = subject.compared_at_once().and_then(|(tally, law)| law.loose.map_or(Ok(tally), Err));
+        match compared {
+            Ok(tally) => vec![judge_time(subject, tally), judge_place(subject, tally)],
+            Err(because) => vec![subject.not_run(NAME, "", because)],
+        }
+    }
+}
+
+fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+    let intervals = &tally.compared.intervals;
+    let parts = intervals.iter().map(|interval| {
+        let [from, to] = interval.span_us;
+        (interval.sums, format!("between {from} and {to} us"))
+    });
+    judge_least(subject, "time", parts, "intervals between kept frames")
+}
+
+fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+    let side = tally.compared.tiles.len().isqrt().max(1);
+    let parts = tally.compared.tiles.iter().enumerate().map(|(i, sums)| {
+        (*sums, format!("in part ({}, {}) of {side}x{side} of the sensor", i % side, i / side))
+    });
+    judge_least(subject, "place", parts, "parts of the sensor")
+}
+
+fn judge_least(
+    subject: &TrajectorySubject<'_>,
+    part: &str,
+    parts: impl Iterator<Item = (TileSums, String)>,
+    what: &str,
+) -> Finding {
+    let enough: Vec<(TileSums, String)> = parts.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
+    let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));
+    let Some((sums, at)) = least else {
+        let because =
+            format!("in none of the {what} do {MIN_PIXELS} pixels change by more than 1.25 thresholds");
+        return subject.not_run(NAME, part, because);
+    };
+    let limit = LimitSide::limit_or(subject.limits.completeness.and_then(|l| l.min), LimitSide::gate(SHARE));
+    let because = format!(
+        "{at}, the events of {} pixels show {:.3} of their brightness change, the least of {} {what}",
+        sums.pixels,
+        sums.share(),
+        enough.len()
+    );
+    let judged = Judgement::from_value(limit.at_least(sums.share()), sums.share(), limit, "1", because);
+    subject.finding(NAME, part, judged)
+}

@@ -1,0 +1,117 @@
+//! The change that events show between neighbouring anchors, and in parts of the sensor.
+
+use crate::check::drift::DriftLaw;
+use crate::frames::anchors::AnchorFrames;
+use crate::image::Size;
+
+/// Smallest change of a compared pixel, in thresholds. Much smaller ones may leave no event.
+const LEAST: f64 = 1.25;
+/// Parts of the sensor in each direction.
+const TILES: usize = 4;
+
+/// The events of one interval at the pixels that changed by more than [`LEAST`] thresholds in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChangeInterval {
+    /// Its ends, us.
+    pub span_us: [i64; 2],
+    /// Sums over the pixels.
+    pub sums: TileSums,
+    /// True if the image moves by about a pixel: then a pixel that changes does so steadily.
+    pub short: bool,
+}
+
+/// Sums over pixels that changed by more than [`LEAST`] thresholds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TileSums {
+    /// Number of pixels.
+    pub pixels: u64,
+    /// Sum of the drift's size.
+    pub asked: f64,
+    /// Sum of the drift according to the events, in the direction of the drift.
+    pub shown: f64,
+    /// Number of events in the direction of the drift, and against it.
+    pub events: [u64; 2],
+}
+
+impl TileSums {
+    fn add(&mut self, other: Self) {
+        self.pixels += other.pixels;
+        self.asked += other.asked;
+        self.shown += other.shown;
+        self.events[0] += other.events[0];
+        self.events[1] += other.events[1];
+    }
+
+    /// Share of the change that events show; NaN without pixels.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.shown / self.asked
+    }
+}
+
+/// Follows the drift and the events of all pixels from anchor to anchor.
+#[derive(Debug)]
+pub(in crate::check) struct IntervalWatch {
+    size: Size,
+    law: DriftLaw,
+    stamps_us: Vec<i64>,
+    /// Longest interval that counts as short, us.
+    short_us: i64,
+    /// Drift at the last anchor; NaN if it is unknown.
+    drift: Vec<f64>,
+    counts: Vec<[u32; 2]>,
+    sums: TileSums,
+    intervals: Vec<ChangeInterval>,
+    tiles: Vec<TileSums>,
+}
+
+impl IntervalWatch {
+    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &AnchorFrames) -> Self {
+        let stamps_us = anchors.stamps_us.clone();
+        // Within half of a span the image moves by about a pixel.
+        let halves = anchors.spans.iter().map(|[from, middle, _]| stamps_us[*middle] - stamps_us[*from]);
+        let short_us = halves.max().map_or(0, |half| half + half / 2);
+        // Unknown at the first anchor is unknown at all of them.
+        let drift = vec![0.0; size.pixels()];
+        let counts = vec![[0; 2]; size.pixels()];
+        let (sums, intervals, tiles) =
+            (TileSums::default(), Vec::new(), vec![TileSums::default(); TILES * TILES]);
+        Self { size, law, stamps_us, short_us, drift, counts, sums, intervals, tiles }
+    }
+
+    /// Takes a pixel at the next anchor: its drift since the first, if it is known, its events
+    /// until now, and the error of their difference.
+    pub(in crate::check) fn see(&mut self, pixel: usize, drift: Option<f64>, counts: [u32; 2], error: f64) {
+        let change = drift.unwrap_or(f64::NAN) - self.drift[pixel];
+        let before = std::mem::replace(&mut self.counts[pixel], counts);
+        self.drift[pixel] = drift.unwrap_or(f64::NAN);
+        let [a, b] = self.law.thresholds;
+        // Unknown changes fail the comparison.
+        if change.abs() > LEAST * 0.5 * (a + b) + error {
+            let [on, off] = [0, 1].map(|side| u64::from(counts[side] - before[side]));
+            let shown = a * on as f64 - b * off as f64;
+            let events = if change > 0.0 { [on, off] } else { [off, on] };
+            let own = TileSums { pixels: 1, asked: change.abs(), shown: shown * change.signum(), events };
+            self.sums.add(own);
+            let tile = self.tile(pixel);
+            self.tiles[tile].add(own);
+        }
+    }
+
+    /// Ends the interval at the anchor of this number.
+    pub(in crate::check) fn settle(&mut self, number: usize) {
+        let span_us = [self.stamps_us[number - 1], self.stamps_us[number]];
+        let short = span_us[1] - span_us[0] <= self.short_us;
+        self.intervals.push(ChangeInterval { span_us, sums: std::mem::take(&mut self.sums), short });
+    }
+
+    pub(in crate::check) fn finish(self) -> (Vec<ChangeInterval>, Vec<TileSums>) {
+        (self.intervals, self.tiles)
+    }
+
+    fn tile(&self, pixel: usize) -> usize {
+        let (width, height) = (self.size.width as usize, self.size.height as usize);
+        let (column, row) = (pixel % width * TILES / width, pixel / width * TILES / height);
+        row * TILES + column
+    }
+}

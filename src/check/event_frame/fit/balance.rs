@@ -1,0 +1,200 @@
+//! The drift of all pixels from anchor to anchor, and their events.
+
+use super::{AnchorFit, FitSums, in_thresholds};
+use crate::check::alignment::places::{PlaceSums, PlaceWatch};
+use crate::check::completeness::intervals::{ChangeInterval, IntervalWatch, TileSums};
+use crate::check::drift::DriftLaw;
+use crate::check::tally::PixelCounts;
+use crate::frames::anchors::AnchorFrames;
+use crate::image::Size;
+
+/// Largest error of a pixel's drift by the rounding of its frames, in thresholds. A pixel beyond it
+/// is left out: its frames do not determine its events.
+const MAX_ROUNDING: f64 = 0.5;
+
+/// Follows the drift of all pixels from anchor to anchor.
+#[derive(Debug)]
+pub(in crate::check) struct DriftBalance<'a> {
+    law: DriftLaw,
+    anchors: &'a AnchorFrames,
+    first: Vec<f64>,
+    exposure: Vec<f64>,
+    /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
+    /// whole interval.
+    variance: Vec<f64>,
+    found: FrameComparison,
+    intervals: IntervalWatch,
+    places: PlaceWatch,
+}
+
+/// The comparison of a stream with frames.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FrameComparison {
+    /// One per anchor after the first; empty without frames.
+    pub fits: Vec<AnchorFit>,
+    /// `dv - s` of each pixel at the last anchor, in thresholds; NaN if it is unknown.
+    pub residuals: Vec<f32>,
+    /// One per pair of neighbouring anchors.
+    pub intervals: Vec<ChangeInterval>,
+    /// Parts of the sensor, over all intervals.
+    pub tiles: Vec<TileSums>,
+    /// Correlation of events and changes at other places.
+    pub places: PlaceSums,
+}
+
+impl FrameComparison {
+    /// Largest share of pixels that are left out at an anchor.
+    #[must_use]
+    pub fn left_out(&self) -> f64 {
+        let most = self.fits.iter().map(|fit| fit.unknown).max().unwrap_or(0);
+        most as f64 / self.residuals.len().max(1) as f64
+    }
+}
+
+/// The brightness of all pixels at an anchor, and its neighbours in time.
+struct AnchorView<'a> {
+    first: &'a [f32],
+    before: &'a [f32],
+    now: &'a [f32],
+    /// Time since the anchor before, us.
+    step: f64,
+    /// Time since the first anchor, us.
+    total: f64,
+    leak_error: f64,
+    /// Duration to and luminance at the ends of the span whose middle this anchor is.
+    around: Option<[(i64, &'a [f32]); 2]>,
+}
+
+impl<'a> DriftBalance<'a> {
+    /// Starts at the first anchor; `None` if there are fewer than two.
+    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a AnchorFrames) -> Option<Self> {
+        assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
+        let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
+        let none = || vec![0.0; size.pixels()];
+        Some(Self {
+            law,
+            anchors,
+            first: first.pixels().iter().map(|l| law.brightness(*l)).collect(),
+            exposure: none(),
+            variance: none(),
+            found: FrameComparison { residuals: vec![0.0; size.pixels()], ..FrameComparison::default() },
+            intervals: IntervalWatch::new(size, law, anchors),
+            places: PlaceWatch::new(size, law.thresholds),
+        })
+    }
+
+    /// Stamp of the next anchor; `None` after the last.
+    pub(in crate::check) fn next_us(&self) -> Option<i64> {
+        self.anchors.stamps_us.get(self.found.fits.len() + 1).copied()
+    }
+
+    /// The comparison after the last anchor.
+    pub(in crate::check) fn finish(self) -> FrameComparison {
+        let (intervals, tiles) = self.intervals.finish();
+        FrameComparison { intervals, tiles, places: self.places.finish(), ..self.found }
+    }
+
+    /// Evaluates the next anchor.
+    pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
+        // There is one fit per anchor after the first, so the fits count the anchors.
+        let number = self.found.fits.len() + 1;
+        let view = self.view(number);
+        // The noise of the noisiest luminance bounds that of every pixel.
+        let slack = 6.0 * self.law.most_noise(view.total) + 2.0 * view.leak_error;
+        let mut stock = FitSums::new(&self.law, slack + 5.0 * self.law.between_error());
+        let is_last = number + 1 == self.anchors.images.len();
+        let placed = is_last || view.around.is_some();
+        for i in 0..view.now.len() {
+            let [on, off] = [counts.on[i], counts.off[i]];
+            let change = self.change(&view, i, [on, off]);
+            let left = stock.add(change, [on, off]);
+            if let (Some([from, to]), Some(left)) = (view.around, left) {
+                let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
+                stock.lag.add(left, ways, (to.0 - from.0) as f64, self.law.thresholds);
+            }
+            let known = left.is_some().then_some(change.dv);
+            self.intervals.see(i, known, [on, off], change.error);
+            if placed {
+                self.places.see(i, known, change.s);
+            }
+            self.found.residuals[i] = left.map_or(f32::NAN, |left| in_thresholds(left, self.law.thresholds));
+        }
+        self.intervals.settle(number);
+        if placed {
+            self.places.settle();
+        }
+        self.found.fits.push(stock.fit(self.anchors.stamps_us[number]));
+    }
+
+    fn view(&self, number: usize) -> AnchorView<'a> {
+        let AnchorFrames { stamps_us: stamps, images, spans } = self.anchors;
+        let of = |i: usize| images[i].pixels();
+        let [step, total] = [number - 1, 0].map(|from| (stamps[number] - stamps[from]) as f64);
+        let span = spans.iter().find(|[_, middle, _]| *middle == number);
+        AnchorView {
+            first: of(0),
+            before: of(number - 1),
+            now: of(number),
+            step,
+            total,
+            leak_error: self.law.leak_error(step, number),
+            // A lag needs the drift on both sides of an instant, which only the middle of a span
+            // has.
+            around: span
+                .map(|[from, _, to]| [*from, *to].map(|i| (stamps[i] - stamps[number], images[i].pixels()))),
+        }
+    }
+
+    /// The change of a pixel since the first anchor.
+    fn change(&mut self, view: &AnchorView<'_>, i: usize, counts: [u32; 2]) -> PixelChange {
+        let (law, [before, now]) = (&self.law, [view.before[i], view.now[i]]);
+        // The trapezoid rule is sufficient: anchors are close together.
+        self.exposure[i] += view.step * 0.5 * (f64::from(before.max(0.0)) + f64::from(now.max(0.0)));
+        let noise = [before, now].map(|l| law.noise(f64::from(l), view.step));
+        self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
+        let rounding = law.rounding_error(view.first[i]) + law.rounding_error(now);
+        // A uniform error has a standard deviation of its half-width over the root of 3.
+        let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
+        let [a, b] = law.thresholds;
+        // `max` would turn an unknown luminance into black.
+        let known = !(view.first[i].is_nan() || before.is_nan() || now.is_nan());
+        let dv = law.drift(law.brightness(now) - self.first[i], view.total, self.exposure[i]);
+        PixelChange {
+            dv: if known && rounding <= MAX_ROUNDING * law.least_threshold() { dv } else { f64::NAN },
+            s: a * f64::from(counts[0]) - b * f64::from(counts[1]),
+            blur: (self.variance[i] + others).sqrt() + view.leak_error,
+            error: rounding + law.spread_error(counts),
+            disturbed: law.disturbances(f64::from(now), view.total),
+        }
+    }
+
+    /// The drift from the first to the second of three luminances, and from there to the third. The
+    /// leak by luminance is too small for the use of this rate.
+    fn ways(&self, [from, now, to]: [(i64, f32); 3]) -> [f64; 2] {
+        let drift = |a: (i64, f32), b: (i64, f32)| {
+            let change = self.law.brightness(b.1) - self.law.brightness(a.1);
+            // An unknown luminance has no way; `brightness` would take it for black.
+            if a.1.is_nan() || b.1.is_nan() {
+                f64::NAN
+            } else {
+                self.law.drift(change, (b.0 - a.0) as f64, 0.0)
+            }
+        };
+        [drift(from, now), drift(now, to)]
+    }
+}
+
+/// A pixel at an anchor.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PixelChange {
+    /// Drift since the first anchor; NaN if it is unknown.
+    pub(super) dv: f64,
+    /// The drift according to the events.
+    pub(super) s: f64,
+    /// Standard deviation of `dv`.
+    pub(super) blur: f64,
+    /// Largest error of `dv - s` by rounded frames and by thresholds that differ.
+    pub(super) error: f64,
+    /// Expected number of events that move the reference for no reason in the frames.
+    pub(super) disturbed: f64,
+}

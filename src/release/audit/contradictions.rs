@@ -1,0 +1,88 @@
+//! Faults of files that contradict each other or their formats. Every file is taken as it is: sums
+//! are not read.
+
+use super::{
+    AuditFault, FaultCode, TrustedTree, bytes, claims, composed, contents, published, steps, top, walk,
+    without_echoes,
+};
+use crate::release::layout;
+use crate::release::manifest::{FileOwners, ReleaseManifest};
+use crate::release::scene::SceneRecord;
+use std::io;
+use std::path::Path;
+
+/// Returns the contradictions in the scenes of a release that are `wanted`, sorted. The files at
+/// the top, which describe all scenes, are compared if all of them are.
+///
+/// # Errors
+/// The folder cannot be listed.
+pub(in crate::release) fn find_contradictions(
+    dir: &Path,
+    manifest: &ReleaseManifest,
+    wanted: &dyn Fn(&str) -> bool,
+) -> io::Result<Vec<AuditFault>> {
+    let owners = &FileOwners::new(manifest);
+    let mut files = walk::walk_tree(dir)?.files;
+    let whole = manifest.scenes.iter().all(|scene| wanted(&scene.id));
+    files.retain(|path| owners.of(path).is_none_or(|scene| wanted(&scene.id)));
+    let hashes = bytes::hash_files(dir, &files);
+    let intact =
+        hashes.iter().filter_map(|(path, hashes)| Some((path.as_str(), hashes.as_ref()?.sha256.as_str())));
+    let tree = &TrustedTree { dir, intact: intact.collect() };
+    let (mut faults, mut scenes) = (Vec::new(), Vec::new());
+    for listed in manifest.scenes.iter().filter(|scene| wanted(&scene.id)) {
+        let path = format!("{}/{}", listed.id, layout::SCENE);
+        if let Some(scene) = claims::parse_claims::<SceneRecord>(tree, &path, &mut faults) {
+            faults.extend(claims::audit_scene(manifest, listed, &scene));
+            faults.extend(contents::audit_scene(tree, &scene));
+            faults.extend(steps::audit(manifest, listed, &scene));
+            scenes.push(scene);
+        }
+    }
+    let published = published(tree, manifest, &scenes, &mut faults);
+    if whole {
+        faults.extend(top(tree, manifest, &scenes));
+        faults.extend(composed(tree, manifest, published.as_deref(), &faults));
+    }
+    faults.retain(|fault| is_contradiction(fault.code));
+    let mut faults: Vec<AuditFault> = faults.into_iter().map(|fault| fault.placed(owners)).collect();
+    faults.sort();
+    faults.dedup();
+    Ok(without_echoes(faults))
+}
+
+/// Returns true for faults that two files show together, or one by its format. Terms and stray
+/// files concern the audit alone; failed checks are judged again.
+fn is_contradiction(code: FaultCode) -> bool {
+    match code {
+        FaultCode::Missing
+        | FaultCode::ClaimsDisagree
+        | FaultCode::VersionDisagrees
+        | FaultCode::SplitLeak
+        | FaultCode::CroissantField
+        | FaultCode::CroissantSum
+        | FaultCode::CroissantFiles
+        | FaultCode::CroissantReference
+        | FaultCode::CroissantColumn
+        | FaultCode::NotComposed
+        | FaultCode::StepDisagrees
+        | FaultCode::SceneIncomplete
+        | FaultCode::Unreadable => true,
+        FaultCode::Altered
+        | FaultCode::Unlisted
+        | FaultCode::UnsafePath
+        | FaultCode::SumsDisagree
+        | FaultCode::LicenceMissing
+        | FaultCode::LicenceInvalid
+        | FaultCode::LicenceForbidden
+        | FaultCode::LicenceTextMissing
+        | FaultCode::LicenceUnused
+        | FaultCode::Takedown
+        | FaultCode::CardLicence
+        | FaultCode::CroissantUnknown
+        | FaultCode::CroissantLicence
+        | FaultCode::Stray
+        | FaultCode::CheckFailedUnwaived
+        | FaultCode::RebuiltDiffers => false,
+    }
+}

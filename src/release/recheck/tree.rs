@@ -1,0 +1,47 @@
+//! The files of a release that another party may have made.
+
+use super::{RecheckError, unreadable_file};
+use crate::files;
+use serde::de::DeserializeOwned;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A release tree. Nothing outside its folder is read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AuditedTree<'a> {
+    pub(super) dir: &'a Path,
+}
+
+impl AuditedTree<'_> {
+    pub(super) fn path_of(self, name: &str) -> PathBuf {
+        self.dir.join(name)
+    }
+
+    /// Reads a file. Its name may come from another file of the tree.
+    pub(super) fn read(self, name: &str) -> Result<Vec<u8>, RecheckError> {
+        files::read_below(self.dir, Path::new(name), files::MAX_DOCUMENT).map_err(|e| self.refusal(name, e))
+    }
+
+    pub(super) fn json<T: DeserializeOwned>(self, name: &str) -> Result<T, RecheckError> {
+        serde_json::from_slice(&self.read(name)?).map_err(|e| self.refusal(name, e))
+    }
+
+    /// Opens a file; `None` if there is nothing of this name. Everything else is an error.
+    pub(super) fn open(self, name: &str) -> Result<Option<File>, RecheckError> {
+        match files::open_below(self.dir, Path::new(name)) {
+            Ok(file) => Ok(Some(file)),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(self.refusal(name, e)),
+        }
+    }
+
+    /// Returns true for a regular file, and false if there is nothing of this name.
+    pub(super) fn has(self, name: &str) -> Result<bool, RecheckError> {
+        Ok(self.open(name)?.is_some())
+    }
+
+    pub(super) fn refusal(self, name: &str, because: impl std::fmt::Display) -> RecheckError {
+        unreadable_file(&self.path_of(name), because)
+    }
+}

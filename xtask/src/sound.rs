@@ -1,0 +1,177 @@
+//! Sound releases of many kinds, checked from their files: no check may warn or fail.
+//!
+//! Each release varies the sensor, the path, the size, the rate, the rules of rendering and the
+//! outputs. The table shows for each statement how often it passed, and the extremes of its
+//! measured value, so that a limit can be compared with what sound trees show.
+
+use crate::command::{Outcome, cargo, program, root, say};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Sensors. Each of them makes events in these scenes.
+const SENSORS: [(&str, &str); 20] = [
+    ("dvs346", "sensor: { voltmeter: { preset: dvs346 } }"),
+    ("esim", "sensor: { esim: {} }"),
+    ("v2e", "sensor: { v2e: { preset: clean } }"),
+    ("sensitive", "sensor: { voltmeter: { preset: dvs346, threshold: { on: 0.5, off: 0.5 } } }"),
+    ("noisy-v2e", "sensor: { v2e: { preset: noisy } }"),
+    ("uneven", "sensor: { voltmeter: { preset: dvs346, threshold: { on: 0.6, off: 0.9 } } }"),
+    ("stationary", "sensor: { voltmeter: { preset: dvs346, initial: stationary } }"),
+    ("dvs240", "sensor: { voltmeter: { preset: dvs240 } }"),
+    ("linear", "sensor: { esim: { intensity: linear, threshold: { on: 0.05, off: 0.05 } } }"),
+    ("spread", "sensor: { voltmeter: { preset: dvs346, threshold: { on: 0.8, off: 0.8, spread: 0.08 } } }"),
+    ("dead-time", "sensor: { esim: { refractory: { period_us: 300 } } }"),
+    ("unfiltered", "sensor: { v2e: { preset: noisy, cutoff: 0 } }"),
+    ("official", "sensor: { voltmeter: { preset: dvs346, law: official } }"),
+    ("hot", "sensor: { voltmeter: { preset: dvs346, hot_pixels: { share: 0.001, rate: 5000 } } }"),
+    ("esim-eps", "sensor: { esim: { eps: 0.05, threshold: { on: 0.15, off: 0.2 } } }"),
+    ("esim-spread", "sensor: { esim: { threshold: { on: 0.2, off: 0.2, spread: 0.03 } } }"),
+    (
+        "linear-light",
+        "sensor: { voltmeter: { preset: dvs346, front_end: { decode: srgb, luminance: rec709 } } }",
+    ),
+    ("exposed", "sensor: { esim: { front_end: { exposure: 2, range: { min: 4, max: 255 } } } }"),
+    ("dull", "sensor: { voltmeter: { preset: dvs346, threshold: { on: 1.4, off: 1.2 } } }"),
+    ("two", "sensors: { a: { voltmeter: { preset: dvs346 } }, b: { v2e: { preset: clean } } }"),
+];
+
+const PATHS: [(&str, &str); 6] = [
+    ("smooth", "{ name: base, refine: { window: 2, factor: 6 } }"),
+    (
+        "unsteady",
+        "{ name: base, refine: { window: 2, factor: 6 }, speed: { function: \"0.25*sin(t) + 1.1\" } }",
+    ),
+    ("corners", "{ name: base, refine: { window: 2, factor: 6, curve: slerp-lerp } }"),
+    (
+        "orbit",
+        "{ name: base, orbit: { centre: [0.12, -0.56, 0.12], from: [-0.3, -1.7, -4], up: [0, -1, 0], arc: 10, frames: 80 } }",
+    ),
+    ("faster", "{ name: base, refine: { window: 1, factor: 6 }, speed: { function: \"1 + 2*t\" } }"),
+    (
+        "novel",
+        "{ name: base, refine: { window: 2, factor: 5 } }, { name: mini, novel: { groups: 1, keyframes: 5, frames: 70 } }",
+    ),
+];
+
+const SIZES: [&str; 5] = [
+    "{ width: 200, height: 150 }",
+    "{ width: 240, height: 136 }",
+    "{ width: 128, height: 128 }",
+    "{ width: 320, height: 180 }",
+    "{ width: 173, height: 91 }",
+];
+
+const RATES: [&str; 3] = ["2400", "1000", "240"];
+
+const OUTPUTS: [&str; 4] = [
+    "outputs: [events, sharp, blur, depth, flow]\ndepth: { every: 4 }\nflow: { every: 4 }\nblur: { frames: 5, subframes: literal }",
+    "outputs: [events, sharp]",
+    "outputs: [events, sharp, depth]\nsharp: { every: 2 }\ndepth: { every: 3 }",
+    "outputs: [events, sharp, blur, flow]\nflow: { every: 8 }\nblur: { frames: 7 }",
+];
+
+const RENDER: [&str; 4] = [
+    "{ rules: official }",
+    "{ rules: soft }",
+    "{ rules: exact, antialiased: true }",
+    "{ rules: official, background: [0.5, 0.4, 0.9] }",
+];
+
+const ARCS: [&str; 4] = ["8", "4", "12", "16"];
+
+/// Name and recipe of a release.
+fn recipe(i: usize) -> (String, String) {
+    // The lists have different lengths, so the combinations differ for a long time.
+    let (sensor_name, sensor) = SENSORS[i % SENSORS.len()];
+    let (path_name, path) = PATHS[(i + i / 20) % PATHS.len()];
+    let of = |list: &[&'static str], salt: usize| list[(i * salt + i / 7) % list.len()];
+    let name = format!("{i:03}-{sensor_name}-{path_name}");
+    let text = format!(
+        "version: 1\nscene: sound/{name}\nseed: {i}\n\
+         source: {{ procedural: {{ kind: still-life, gaussians: {}, views: 12, arc: {}, seed: {i} }} }}\n\
+         camera: {}\ntrajectories: [{path}]\nsampling: {{ rate: {} }}\nrender: {}\n{sensor}\n{}\n",
+        4000 + 3000 * (i % 4),
+        of(&ARCS, 3),
+        of(&SIZES, 2),
+        of(&RATES, 1),
+        of(&RENDER, 3),
+        of(&OUTPUTS, 1),
+    );
+    (name, text)
+}
+
+/// Counts and extremes of one statement.
+#[derive(Default)]
+struct Statement {
+    verdicts: BTreeMap<String, usize>,
+    extent: Option<[f64; 2]>,
+}
+
+/// Makes and checks releases: `--scenes N` (60), `--first N` (0), `--program FILE` (built in release
+/// mode).
+pub(crate) fn run(args: &[String]) -> Outcome {
+    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
+    let number = |name: &str, default: usize| {
+        value(name).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{name} takes a number")))
+    };
+    let (scenes, first) = (number("--scenes", 60)?, number("--first", 0)?);
+    let gs2e = match value("--program") {
+        Some(path) => PathBuf::from(path),
+        None => {
+            cargo(&["build", "--release", "--quiet"]).run()?;
+            root().join("target/release/gs2e")
+        }
+    };
+    let folder = root().join("target/sound");
+    let (mut table, mut alarms) = (BTreeMap::new(), 0);
+    for i in first..first + scenes {
+        let (name, text) = recipe(i);
+        for line in checked(&gs2e, &folder, &text)?.lines() {
+            let [check, subject, verdict, because] =
+                ["check", "subject", "verdict", "because"].map(|key| field(line, key));
+            let part = subject.split_once('#').map_or("", |(_, part)| part);
+            if ["warn", "fail"].contains(&verdict.as_str()) {
+                alarms += 1;
+                say(&format!("{name}: {verdict} {check}#{part}: {because}"));
+            }
+            let statement: &mut Statement = table.entry(format!("{check}#{part}")).or_default();
+            *statement.verdicts.entry(verdict).or_default() += 1;
+            if let Ok(measured) = field(line, "measured").parse::<f64>() {
+                let [low, high] = statement.extent.unwrap_or([measured; 2]);
+                statement.extent = Some([low.min(measured), high.max(measured)]);
+            }
+        }
+    }
+    for (name, Statement { verdicts, extent }) in &table {
+        let counts: Vec<String> = verdicts.iter().map(|(verdict, n)| format!("{n} {verdict}")).collect();
+        let extent = extent.map_or_else(String::new, |[low, high]| format!("{low:.4} to {high:.4}"));
+        say(&format!("{name:28} {:40} {extent}", counts.join(", ")));
+    }
+    say(&format!("{scenes} sound releases, {alarms} alarms"));
+    if alarms == 0 { Ok(()) } else { Err("a check raised an alarm on a sound release".to_owned()) }
+}
+
+/// Makes a release, and returns the records of its check.
+fn checked(gs2e: &Path, folder: &Path, recipe: &str) -> Outcome<String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    if folder.exists() {
+        fs::remove_dir_all(folder).map_err(failed)?;
+    }
+    fs::create_dir_all(folder).map_err(failed)?;
+    let at = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    fs::write(at("recipe.yaml"), recipe).map_err(failed)?;
+    let [store, out, recipe] = ["store", "out", "recipe.yaml"].map(at);
+    program(gs2e.as_os_str(), &["release", "--copy", "--store", &store, "--to", &out, &recipe]).capture()?;
+    let checked = program(gs2e.as_os_str(), &["check", "--json", "--tree", &out]).any_code()?;
+    Ok(String::from_utf8_lossy(&checked.stdout).into_owned())
+}
+
+/// The text of a value of a flat JSON object; empty if it is absent.
+fn field(line: &str, key: &str) -> String {
+    let Some((_, rest)) = line.split_once(&format!("\"{key}\":")) else { return String::new() };
+    match rest.strip_prefix('"') {
+        Some(text) => text.split('"').next().unwrap_or_default().to_owned(),
+        None => rest.split([',', '}']).next().unwrap_or_default().to_owned(),
+    }
+}
