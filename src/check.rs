@@ -11,15 +11,20 @@ pub mod affine;
 pub mod batching;
 pub mod capture;
 pub mod coverage;
+pub mod depth_consistency;
 pub mod drift;
 pub mod drift_identity;
 pub mod duplicates;
 pub mod event_frame;
 pub mod event_rate;
+pub mod event_times;
+pub mod flow_projection;
+pub mod geometry;
 pub mod hot_pixels;
 pub mod limits;
 pub mod motion;
 pub mod noise_floor;
+pub mod photometric;
 pub mod polarity;
 pub mod pose_colmap;
 pub mod pose_continuity;
@@ -93,10 +98,31 @@ pub struct Finding {
     pub unit: String,
     /// One sentence for people with the measured value and the limit.
     pub because: String,
+    /// The smallest fault that this pass would have found in this subject, if it states one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detects: Option<DetectableFault>,
+}
+
+/// The power of a pass: a fault of this size is found with a probability of at least 95 %.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DetectableFault {
+    /// Size of the fault.
+    pub size: f64,
+    /// Its unit, which may differ from that of the measured value.
+    pub unit: String,
+}
+
+impl DetectableFault {
+    /// A fault of `size` in `unit`.
+    #[must_use]
+    pub fn new(size: f64, unit: &str) -> Self {
+        Self { size, unit: unit.to_owned() }
+    }
 }
 
 /// The names in a recipe's `checks:` and in the records.
-pub const NAMES: [&str; 24] = [
+pub const NAMES: [&str; 28] = [
     "schema",
     "stamps",
     "duplicates",
@@ -110,12 +136,16 @@ pub const NAMES: [&str; 24] = [
     "event_frame",
     "motion",
     "time_offset",
+    "event_times",
     "noise_floor",
     "sampling",
     "affine",
     "drift_identity",
     "readback",
     "pose_continuity",
+    "photometric",
+    "depth_consistency",
+    "flow_projection",
     "pose_colmap",
     "pose_opencv",
     "speed",
@@ -143,7 +173,7 @@ pub trait ValidationPass: Sync {
 }
 
 /// The passes over trajectories, in the order of reports.
-pub const ALL: [&dyn ValidationPass; 22] = [
+pub const ALL: [&dyn ValidationPass; 26] = [
     &schema::SchemaPass,
     &stamps::StampsPass,
     &duplicates::DuplicatesPass,
@@ -157,12 +187,16 @@ pub const ALL: [&dyn ValidationPass; 22] = [
     &event_frame::EventFrame,
     &motion::MotionCompensation,
     &time_offset::TimeOffset,
+    &event_times::EventTimes,
     &noise_floor::NoiseFloor,
     &sampling::SamplingPass,
     &affine::AffinePass,
     &drift_identity::DriftIdentity,
     &readback::ReadbackPass,
     &pose_continuity::PoseContinuity,
+    &photometric::PhotometricPass,
+    &depth_consistency::DepthConsistency,
+    &flow_projection::FlowProjection,
     &pose_colmap::PoseColmap,
     &pose_opencv::PoseOpencv,
     &speed::SpeedPass,

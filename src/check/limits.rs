@@ -75,8 +75,18 @@ pub struct CheckWaiver {
     pub because: String,
 }
 
-/// Passes without limits: their results are right or wrong.
-const EXACT: [&str; 4] = ["schema", "stamps", "refractory", "drift_identity"];
+/// Passes without limits to set: their results are right or wrong, or their limits follow from the
+/// data.
+const WITHOUT_LIMITS: [&str; 8] = [
+    "schema",
+    "stamps",
+    "refractory",
+    "drift_identity",
+    "event_times",
+    "photometric",
+    "depth_consistency",
+    "flow_projection",
+];
 
 impl Limits {
     /// The limits of the passes over trajectories.
@@ -135,8 +145,8 @@ impl<'de> Visitor<'de> for LimitsVisitor {
 
 fn refusal_message<E: Error>(key: &str) -> E {
     // The name is known, so the message for unknown fields would mislead.
-    if EXACT.contains(&key) {
-        E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
+    if WITHOUT_LIMITS.contains(&key) {
+        E::custom(format_args!("the check `{key}` has no limit to set: it is exact, or its limits follow from the data"))
     } else {
         E::unknown_field(key, KEYS)
     }
@@ -243,7 +253,7 @@ mod tests {
     fn every_name_is_a_key_or_an_exact_pass() {
         for name in NAMES {
             let message = parse(&format!(r#"{{"{name}": {{"nonsense": 1}}}}"#)).unwrap_err();
-            let expected = if EXACT.contains(&name) { "has no limit" } else { "unknown field `nonsense`" };
+            let expected = if WITHOUT_LIMITS.contains(&name) { "has no limit" } else { "unknown field `nonsense`" };
             assert!(message.contains(expected), "{name}: {message}");
         }
     }

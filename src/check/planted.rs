@@ -168,6 +168,9 @@ impl PlantedWorld {
             tolerance: self.tolerance,
             coverage: self.coverage,
             doubtful_share: self.doubtful_share,
+            views: Some(30),
+            geometry: None,
+            crossings: None,
             foreign: Some(&self.foreign),
             limits: &self.limits,
         };

@@ -5,19 +5,28 @@
 //! between the frames, depth, the account of the simulation) report that. The others judge the
 //! released bytes by the limits of the recipe in `scene.json`.
 
+mod crossings;
+mod geometry;
+mod pictures;
+
 use super::published::{self, RecipeError};
+use super::scene::CameraPart;
 use super::{ReleaseManifest, SceneRecord};
-use crate::artifact::EventStream;
+use crate::artifact::{EventStream, TrajectoryProduct};
+use crate::camera::Camera;
 use crate::check::tally::{StreamObserver, TallyReference};
 use crate::check::{Finding, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
 use crate::files;
 use crate::image::Size;
-use crate::recipe::{Recipe, RecipeFaults};
-use crate::trajectory::Trajectory;
+use crate::recipe::{Recipe, RecipeFaults, SceneSource};
+use crate::trajectory::{CourseKind, Trajectory};
 use crate::trajectory::report::SpeedReport;
 use crate::units::{Hertz, Ratio};
 use serde::de::DeserializeOwned;
+use crossings::measure_crossings;
+use geometry::measure_geometry;
+use pictures::ReleasedPictures;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -103,12 +112,14 @@ impl AuditedTree<'_> {
 fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
     let scene: SceneRecord = tree.json(&format!("{id}/scene.json"))?;
     let recipe = recipe_of(&scene)?;
-    let size = Size { width: scene.camera.width, height: scene.camera.height };
+    let CameraPart { width, height, fx, fy, cx, cy, .. } = scene.camera;
+    let camera = Camera { size: Size { width, height }, fx, fy, cx, cy };
+    let photos = scene.images.iter().filter(|image| image.used).count();
     let mut findings = Vec::new();
     for part in &scene.trajectories {
         let folder = format!("{id}/{}", part.name);
         let name = format!("{}/{}", scene.id, part.name);
-        findings.extend(of_trajectory((tree, &folder), &name, (&recipe, size))?);
+        findings.extend(of_trajectory((tree, &folder), &name, (&recipe, camera, photos))?);
     }
     Ok(findings)
 }
@@ -116,7 +127,7 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
 fn of_trajectory(
     (tree, folder): (AuditedTree<'_>, &str),
     name: &str,
-    (recipe, size): (&Recipe, Size),
+    (recipe, camera, photos): (&Recipe, Camera, usize),
 ) -> Result<Vec<Finding>, RecheckError> {
     let poses = format!("{folder}/poses.txt");
     let trajectory = Trajectory::read_poses(tree.read(&poses)?.as_slice())
@@ -124,6 +135,10 @@ fn of_trajectory(
     let speed = format!("{folder}/speed.json");
     let report: SpeedReport = tree.json(&speed)?;
     let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable_file(&tree.path_of(&speed), e))?);
+    let motion = TrajectoryProduct { trajectory, report };
+    let (trajectory, report) = (&motion.trajectory, &motion.report);
+    let released = ReleasedPictures { tree, folder, camera, motion: &motion };
+    let geometry = measure_geometry(&released)?;
     let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
     let mut counted = Vec::new();
     for (stream, sensor) in recipe.sensors.iter() {
@@ -133,22 +148,26 @@ fn of_trajectory(
             let path = tree.path_of(&events);
             // Without the simulation, the dead time is all that the stream can be compared with.
             let against = TallyReference { dead_us: sensor.dead_us(), ..TallyReference::default() };
-            let tally = count_stream(&path, StreamObserver::new(size, rate, end_us, against))
+            let tally = count_stream(&path, StreamObserver::new(camera.size, rate, end_us, against))
                 .map_err(|e| unreadable_file(&path, e))?;
             let name = stream.map_or_else(|| name.to_owned(), |stream| format!("{name}/{stream}"));
-            counted.push((name, sensor, tally));
+            let crossings = measure_crossings(&released, &path, (sensor, recipe))?;
+            counted.push((name, sensor, tally, crossings));
         }
     }
     // Fields without data in a release are `None`, and their passes report that they were not run.
     let whole = TrajectorySubject {
         name,
         rate,
-        trajectory: &trajectory,
-        speed: Some(&report),
+        trajectory,
+        speed: Some(report),
         sensor: None,
         account: None,
         tally: None,
         resampled: None,
+        views: views_of(recipe, report.kind, photos),
+        geometry: Some(&geometry),
+        crossings: None,
         foreign: None,
         flow: None,
         tolerance: None,
@@ -156,11 +175,26 @@ fn of_trajectory(
         doubtful_share: None,
         limits: &recipe.checks.of_trajectory(),
     };
-    let of =
-        |(name, sensor, tally)| TrajectorySubject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
-    let streams: Vec<TrajectorySubject<'_>> =
-        counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
+    let streams: Vec<TrajectorySubject<'_>> = counted
+        .iter()
+        .map(|(name, sensor, tally, crossings)| TrajectorySubject {
+            name,
+            sensor: Some(sensor),
+            tally: Some(tally),
+            crossings: Some(crossings),
+            ..whole
+        })
+        .collect();
     Ok(judge_trajectory(&whole, &streams))
+}
+
+/// Number of views or key poses that a path of this kind follows, if the files say so.
+fn views_of(recipe: &Recipe, kind: CourseKind, photos: usize) -> Option<usize> {
+    match (&recipe.source, kind) {
+        (_, CourseKind::Orbit | CourseKind::Novel | CourseKind::Keyframes) => None,
+        (SceneSource::Procedural(procedural), CourseKind::Refine) => usize::try_from(procedural.views).ok(),
+        (_, CourseKind::Refine) => Some(photos).filter(|n| *n > 0),
+    }
 }
 
 fn count_stream(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {

@@ -81,6 +81,9 @@ impl Stage for ChecksStage {
             tolerance: simulation.and_then(|s| Some(s.chosen.as_ref()?.tolerance)),
             coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
+            views: None,
+            geometry: None,
+            crossings: None,
             foreign: foreign.as_ref(),
             limits: &self.limits,
         };
