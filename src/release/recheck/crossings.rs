@@ -11,7 +11,7 @@ use crate::image::GreyImage;
 use crate::recipe::Recipe;
 use crate::sensor::front_end::FrontEnd;
 use crate::sensor::voltmeter::BetweenFrames;
-use crate::sensor::{SensorChoice, SensorModel as _};
+use crate::sensor::SensorChoice;
 use crate::units::Timestamp;
 use std::path::Path;
 
@@ -31,7 +31,7 @@ pub(super) fn measure_crossings(
         let because = format!("{frames} of {} poses have a sharp frame, and the sensor saw them all", stamps.len());
         return Ok(Err(because));
     }
-    let front_end = sensor.front_end();
+    let front_end = sensor.as_model().front_end();
     let seen = |pose: usize| Ok(seen_frame(of.frame(pose)?, stamps[pose], &front_end));
     let mut observer = CrossingObserver::new(law, seen(0)?, stamps[frames - 1]);
     let mut next = 1;
