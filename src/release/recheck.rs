@@ -20,7 +20,8 @@ use crate::event::{EventSource, h5};
 use crate::files;
 use crate::image::Size;
 use crate::recipe::{Recipe, RecipeFaults, SceneSource};
-use crate::trajectory::{CourseKind, Trajectory};
+use crate::trajectory::Trajectory;
+use crate::trajectory::path::CameraPath;
 use crate::trajectory::report::SpeedReport;
 use crate::units::{Hertz, Ratio};
 use serde::de::DeserializeOwned;
@@ -165,7 +166,7 @@ fn of_trajectory(
         account: None,
         tally: None,
         resampled: None,
-        views: views_of(recipe, report.kind, photos),
+        views: views_of(recipe, folder.rsplit('/').next().unwrap_or(folder), photos),
         geometry: Some(&geometry),
         crossings: None,
         foreign: None,
@@ -188,12 +189,15 @@ fn of_trajectory(
     Ok(judge_trajectory(&whole, &streams))
 }
 
-/// Number of views or key poses that a path of this kind follows, if the files say so.
-fn views_of(recipe: &Recipe, kind: CourseKind, photos: usize) -> Option<usize> {
-    match (&recipe.source, kind) {
-        (_, CourseKind::Orbit | CourseKind::Novel | CourseKind::Keyframes) => None,
-        (SceneSource::Procedural(procedural), CourseKind::Refine) => usize::try_from(procedural.views).ok(),
-        (_, CourseKind::Refine) => Some(photos).filter(|n| *n > 0),
+/// Number of views or key poses that the path of a trajectory follows, if the files say so.
+fn views_of(recipe: &Recipe, name: &str, photos: usize) -> Option<usize> {
+    let path = &recipe.trajectories.iter().find(|trajectory| trajectory.name == name)?.path;
+    match (path, &recipe.source) {
+        (CameraPath::Keyframes(path), _) => Some(path.poses.len()),
+        (CameraPath::Refine(_), SceneSource::Procedural(scene)) => usize::try_from(scene.views).ok(),
+        (CameraPath::Refine(_), _) => Some(photos).filter(|n| *n > 0),
+        // An orbit follows no views; a novel trajectory's report has its key poses.
+        (CameraPath::Orbit(_) | CameraPath::Novel(_), _) => None,
     }
 }
 
