@@ -413,7 +413,7 @@ mod tests {
         // A plane does not show a shift along itself, but it shows a turn.
         b.world_from_camera = pose(0.08, 0.02);
         let turned = align_pair(quantity, &CAMERA, [&a, &b]).unwrap();
-        assert!(turned.left_px > 0.1, "{turned:?}");
+        assert!(turned.left_px > 4.0 * sound.left_px.max(0.01), "{turned:?}");
     }
 
     #[test]
