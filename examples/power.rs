@@ -4,6 +4,7 @@
 //! `cargo run --release --example power -- RELEASE...` prints the tables of docs/checks.md. Faults are
 //! planted in copies. Only trajectories with sharp frames, depth and events at every pose count.
 
+use glam::{DQuat, DVec3};
 use gs2e::check::{Finding, Verdict};
 use gs2e::event::h5::{self, H5Options};
 use gs2e::event::{Event, EventSink as _, EventSource as _};
@@ -11,7 +12,6 @@ use gs2e::release::recheck::recheck_tree;
 use gs2e::se3::Se3;
 use gs2e::trajectory::Trajectory;
 use gs2e::units::Timestamp;
-use glam::{DQuat, DVec3};
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -71,7 +71,8 @@ struct TrajectoryCopy {
 impl TrajectoryCopy {
     fn new(release: &Path, id: &str, name: &str) -> Result<Self, Failure> {
         let folder = tempfile::tempdir()?;
-        let mut manifest: serde_json::Value = serde_json::from_slice(&fs::read(release.join("manifest.json"))?)?;
+        let mut manifest: serde_json::Value =
+            serde_json::from_slice(&fs::read(release.join("manifest.json"))?)?;
         let scenes = manifest["scenes"].as_array_mut().ok_or("a manifest without scenes")?;
         scenes.retain(|scene| scene["id"] == id);
         fs::write(folder.path().join("manifest.json"), serde_json::to_vec(&manifest)?)?;
@@ -245,8 +246,11 @@ impl PowerTables {
         self.sound.add(sound.iter().any(|f| f.verdict == Verdict::Fail));
         let detects = motion.detects.as_ref().map_or(0.0, |d| d.size);
         self.powers[3].push(detects);
-        let apart: f64 =
-            motion.because.split(' ').find_map(|word| word.parse().ok()).ok_or("the pass states no distance")?;
+        let apart: f64 = motion
+            .because
+            .split(' ')
+            .find_map(|word| word.parse().ok())
+            .ok_or("the pass states no distance")?;
         let record: serde_json::Value =
             serde_json::from_slice(&fs::read(place.folder.path().join(&place.id).join("scene.json"))?)?;
         let focal = record["camera"]["fx"].as_f64().ok_or("a camera without fx")?;
@@ -262,8 +266,7 @@ impl PowerTables {
         // A slow turn moves the picture by at least the focal length times its angle.
         for axis in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y] {
             let turn = detects / focal / apart;
-            let found =
-                plant(&|j, pose| pose.rotation *= DQuat::from_axis_angle(axis, turn * j as f64))?;
+            let found = plant(&|j, pose| pose.rotation *= DQuat::from_axis_angle(axis, turn * j as f64))?;
             self.stated[3].add(found);
         }
         place.write_poses(&clean)
@@ -279,10 +282,18 @@ impl PowerTables {
         let head = |name: &str| println!("\n| {name} | found | trials |\n|---|---|---|");
         head("fault");
         row("none".to_owned(), self.sound);
-        OFFSETS_US.iter().zip(self.offsets).for_each(|(size, share)| row(format!("offset of {size} us"), share));
+        OFFSETS_US
+            .iter()
+            .zip(self.offsets)
+            .for_each(|(size, share)| row(format!("offset of {size} us"), share));
         NOISE.iter().zip(self.noise).for_each(|(size, share)| row(format!("noise of {size} steps"), share));
-        FACTORS.iter().zip(self.factors).for_each(|(size, share)| row(format!("translation times {size}"), share));
-        println!("\n| fault of the stated size | unit | median size | found | trials |\n|---|---|---|---|---|");
+        FACTORS
+            .iter()
+            .zip(self.factors)
+            .for_each(|(size, share)| row(format!("translation times {size}"), share));
+        println!(
+            "\n| fault of the stated size | unit | median size | found | trials |\n|---|---|---|---|---|"
+        );
         let names = [
             ("`event_times#offset`", "us"),
             ("`event_times#scale`", "1"),

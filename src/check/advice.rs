@@ -24,7 +24,9 @@ pub fn advice(check: &str) -> &'static str {
             "use more frames: `sampling: { tolerance: 0.1 }`; then compare sharp/ with the events in report.html"
         }
         "motion" => "slow the path down or use more frames, so that events follow the image motion",
-        "event_times" => "compare the clock of the events with that of the frames; write event times in microseconds",
+        "event_times" => {
+            "compare the clock of the events with that of the frames; write event times in microseconds"
+        }
         "photometric" | "depth_consistency" | "flow_projection" => {
             "compare poses, depth and frames: their order, axes, direction and scale; `gs2e audit --rebuild` makes them again"
         }

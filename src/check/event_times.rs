@@ -73,7 +73,8 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
     let step = 1e6 / subject.rate.to_f64();
     // NaN is unsure.
     if !(limit.value <= UNSURE * step) {
-        let because = format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
+        let because =
+            format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
         return subject.not_run(NAME, "offset", because);
     }
     let detects = limit.value + POWER * deviation;

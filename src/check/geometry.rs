@@ -3,6 +3,7 @@
 
 use super::flow_projection::FlowDifference;
 use super::photometric::align::PairAlignment;
+use super::photometric::order::FrameTriple;
 
 /// A measurement, or the reason for its absence.
 pub type Measured<T> = Result<T, String>;
@@ -12,6 +13,8 @@ pub type Measured<T> = Result<T, String>;
 pub struct GeometryMeasures {
     /// Frames against frames.
     pub pictures: Measured<AlignedPairs>,
+    /// Differences of frames in a row.
+    pub order: Measured<Vec<FrameTriple>>,
     /// Depth images against depth images.
     pub depths: Measured<AlignedPairs>,
     /// Flow images against the flow of depth and poses, one per image.

@@ -146,7 +146,9 @@ impl<'de> Visitor<'de> for LimitsVisitor {
 fn refusal_message<E: Error>(key: &str) -> E {
     // The name is known, so the message for unknown fields would mislead.
     if WITHOUT_LIMITS.contains(&key) {
-        E::custom(format_args!("the check `{key}` has no limit to set: it is exact, or its limits follow from the data"))
+        E::custom(format_args!(
+            "the check `{key}` has no limit to set: it is exact, or its limits follow from the data"
+        ))
     } else {
         E::unknown_field(key, KEYS)
     }
@@ -253,7 +255,8 @@ mod tests {
     fn every_name_is_a_key_or_an_exact_pass() {
         for name in NAMES {
             let message = parse(&format!(r#"{{"{name}": {{"nonsense": 1}}}}"#)).unwrap_err();
-            let expected = if WITHOUT_LIMITS.contains(&name) { "has no limit" } else { "unknown field `nonsense`" };
+            let expected =
+                if WITHOUT_LIMITS.contains(&name) { "has no limit" } else { "unknown field `nonsense`" };
             assert!(message.contains(expected), "{name}: {message}");
         }
     }

@@ -9,11 +9,13 @@
 //!   another order.
 //! - `frames`: the worst pair of neighbours. The limit is a quarter of the motion, three standard
 //!   errors and 0.02 px. It finds single frames and poses in another place.
+//! - `order`: the order of the frames, which needs no depth, see [`order`].
 //!
 //! The standard error of a pair is that of a jackknife over 16 parts of the picture. In small
 //! pictures of few Gaussians it is as large as the motion; the limit and the stated power follow it.
 
 pub mod align;
+pub mod order;
 
 use super::geometry::{AlignedPairs, Measured};
 use super::subject::{Judgement, LimitSide};
@@ -50,7 +52,10 @@ impl ValidationPass for PhotometricPass {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let shares = PairShares { apart: SHARE, neighbours: NEIGHBOUR_SHARE };
-        judge_pairs(subject, NAME, subject.geometry.map(|g| &g.pictures), shares, "pictures")
+        let mut findings =
+            judge_pairs(subject, NAME, subject.geometry.map(|g| &g.pictures), shares, "pictures");
+        findings.extend(subject.geometry.map(|g| order::judge_order(subject, &g.order)));
+        findings
     }
 }
 
@@ -71,9 +76,8 @@ impl PairShares {
 /// Returns true if the typical pair is left with more than the pass allows.
 #[must_use]
 pub fn disagrees(pairs: &[PairAlignment], share: f64) -> bool {
-    typical(pairs).is_some_and(|pair| {
-        pair.left_px > PairShares { apart: share, neighbours: share }.limit_px(&pair)
-    })
+    typical(pairs)
+        .is_some_and(|pair| pair.left_px > PairShares { apart: share, neighbours: share }.limit_px(&pair))
 }
 
 /// The share that the pass over frames allows for pairs apart.
@@ -92,7 +96,10 @@ pub(super) fn judge_pairs(
         None => not_run("it needs the released pictures: `gs2e check --tree` reads them"),
         Some(Err(because)) => not_run(because),
         Some(Ok(pairs)) => {
-            vec![judge_motion(subject, name, pairs, shares, what), judge_frames(subject, name, pairs, shares, what)]
+            vec![
+                judge_motion(subject, name, pairs, shares, what),
+                judge_frames(subject, name, pairs, shares, what),
+            ]
         }
     }
 }
@@ -133,11 +140,17 @@ fn judge_frames(
     what: &str,
 ) -> Finding {
     let Some(usual) = typical(&pairs.neighbours) else {
-        return subject.not_run(name, "frames", format!("no two neighbouring {what} share enough of the scene"));
+        return subject.not_run(
+            name,
+            "frames",
+            format!("no two neighbouring {what} share enough of the scene"),
+        );
     };
     let limit_px = |pair: &PairAlignment| {
         // Where the camera rests for a moment, its usual motion counts.
-        shares.neighbours * pair.motion_px.max(usual.motion_px) + SURE * pair.deviation_px + NEIGHBOUR_FLOOR_PX
+        shares.neighbours * pair.motion_px.max(usual.motion_px)
+            + SURE * pair.deviation_px
+            + NEIGHBOUR_FLOOR_PX
     };
     let excess = |pair: &PairAlignment| pair.left_px / limit_px(pair);
     let worst = pairs.neighbours.iter().max_by(|a, b| excess(a).total_cmp(&excess(b)));

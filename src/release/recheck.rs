@@ -24,10 +24,10 @@ use crate::trajectory::Trajectory;
 use crate::trajectory::path::CameraPath;
 use crate::trajectory::report::SpeedReport;
 use crate::units::{Hertz, Ratio};
-use serde::de::DeserializeOwned;
 use crossings::measure_crossings;
 use geometry::measure_geometry;
 use pictures::ReleasedPictures;
+use serde::de::DeserializeOwned;
 use std::io;
 use std::path::{Path, PathBuf};
 

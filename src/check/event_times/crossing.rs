@@ -221,7 +221,8 @@ impl CrossingObserver {
     /// Returns true for a residual that no lost event explains. Where voltages start anywhere, a
     /// pixel's own level is up to a threshold off, and only the noise around it counts.
     fn is_usable(&self, left: f64, threshold: f64) -> bool {
-        left.abs() < if self.law.from_zero { MOST * threshold } else { (1.0 + MOST) * self.law.most_residual() }
+        left.abs()
+            < if self.law.from_zero { MOST * threshold } else { (1.0 + MOST) * self.law.most_residual() }
     }
 
     /// The clock over all events.
@@ -239,12 +240,15 @@ impl CrossingObserver {
         }
         let filled: Vec<LineSums> = parts.into_iter().filter(|part| part.n > 0.0).collect();
         let all = filled.iter().fold(LineSums::default(), |sum, part| sum.plus(*part, 1.0));
-        let too_few = || format!("{} events in {} parts of the picture do not determine the clock", all.n, filled.len());
+        let too_few = || {
+            format!("{} events in {} parts of the picture do not determine the clock", all.n, filled.len())
+        };
         if filled.len() < MIN_PARTS {
             return Err(too_few());
         }
         let found = all.solve().ok_or_else(too_few)?;
-        let without: Option<Vec<[f64; 2]>> = filled.iter().map(|part| all.plus(*part, -1.0).solve()).collect();
+        let without: Option<Vec<[f64; 2]>> =
+            filled.iter().map(|part| all.plus(*part, -1.0).solve()).collect();
         let without = without.ok_or_else(too_few)?;
         let n = filled.len() as f64;
         let deviation = |i: usize| {

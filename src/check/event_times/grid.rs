@@ -36,7 +36,11 @@ impl GridCounter {
     }
 
     /// Counts the time of an event; repeated times count once.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a remainder of a small modulus")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a remainder of a small modulus"
+    )]
     pub(in crate::check) fn see(&mut self, t_us: i64) {
         if t_us == self.last_us && self.stamps > 0 {
             return;

@@ -146,14 +146,23 @@ struct PairWarp<'a> {
 }
 
 impl<'a> PairWarp<'a> {
-    fn new(quantity: AlignedQuantity, camera: &'a Camera, from: &'a PosedPicture, to: &'a PosedPicture) -> Self {
+    fn new(
+        quantity: AlignedQuantity,
+        camera: &'a Camera,
+        from: &'a PosedPicture,
+        to: &'a PosedPicture,
+    ) -> Self {
         let to_from_world = to.world_from_camera.rotation_matrix().transpose();
         let turn = to_from_world * from.world_from_camera.rotation_matrix();
         // Centres are subtracted first: far from the world's origin, products would cancel.
         let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
         let mut depths: Vec<f32> = from.depth.pixels().iter().copied().filter(|z| z.is_finite()).collect();
         let middle = depths.len() / 2;
-        let unit = if depths.is_empty() { 1.0 } else { f64::from(*depths.select_nth_unstable_by(middle, f32::total_cmp).1) };
+        let unit = if depths.is_empty() {
+            1.0
+        } else {
+            f64::from(*depths.select_nth_unstable_by(middle, f32::total_cmp).1)
+        };
         Self { quantity, camera, from, to, turn, shift, unit }
     }
 

@@ -9,9 +9,9 @@ use crate::event::{EventSource, h5};
 use crate::frames::DenseFrame;
 use crate::image::GreyImage;
 use crate::recipe::Recipe;
+use crate::sensor::SensorChoice;
 use crate::sensor::front_end::FrontEnd;
 use crate::sensor::voltmeter::BetweenFrames;
-use crate::sensor::SensorChoice;
 use crate::units::Timestamp;
 use std::path::Path;
 
@@ -28,7 +28,8 @@ pub(super) fn measure_crossings(
     let stamps = &of.motion.trajectory.stamps_us;
     let frames = of.poses_with("sharp", "png")?.len();
     if frames < stamps.len() || frames < 2 {
-        let because = format!("{frames} of {} poses have a sharp frame, and the sensor saw them all", stamps.len());
+        let because =
+            format!("{frames} of {} poses have a sharp frame, and the sensor saw them all", stamps.len());
         return Ok(Err(because));
     }
     let front_end = sensor.as_model().front_end();
@@ -56,13 +57,15 @@ fn law_of_crossings(sensor: &SensorChoice, recipe: &Recipe) -> Result<DriftLaw, 
         return Err("with `tolerance`, the sensor saw other frames than those at the poses");
     }
     match sensor {
-        SensorChoice::Voltmeter(voltmeter) if voltmeter.between != BetweenFrames::Linear => {
-            Err("brightness is not linear between frames (`sampling.between`), so crossing times are not known well")
-        }
+        SensorChoice::Voltmeter(voltmeter) if voltmeter.between != BetweenFrames::Linear => Err(
+            "brightness is not linear between frames (`sampling.between`), so crossing times are not known well",
+        ),
         SensorChoice::Voltmeter(voltmeter) if voltmeter.threshold_spread > 0.0 => {
             Err("the thresholds of the pixels differ (`threshold.spread`)")
         }
-        SensorChoice::V2e(_) => Err("not applicable to v2e, whose filter and thresholds move the times of events"),
+        SensorChoice::V2e(_) => {
+            Err("not applicable to v2e, whose filter and thresholds move the times of events")
+        }
         _ => DriftLaw::for_sensor(sensor),
     }
 }

@@ -7,7 +7,9 @@ use crate::check::geometry::{AlignedPairs, GeometryMeasures, Measured};
 use crate::check::photometric::align::{
     AlignedQuantity, PairAlignment, PosedPicture, align_pair, smooth_picture,
 };
+use crate::check::photometric::order::FrameTriple;
 use crate::check::photometric::{FRAME_SHARE, disagrees};
+use crate::image::Image;
 use crate::render::CameraView;
 use crate::render::flow::flow_rates;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
@@ -33,6 +35,7 @@ pub(super) fn measure_geometry(of: &ReleasedPictures<'_>) -> Result<GeometryMeas
     };
     Ok(GeometryMeasures {
         pictures: PictureAligner { of, quantity: AlignedQuantity::Brightness }.measure(&both(&frames))?,
+        order: measure_order(of, &frames)?,
         depths: PictureAligner { of, quantity: AlignedQuantity::Depth }.measure(&depths)?,
         flows: measure_flows(of, &both(&flows))?,
     })
@@ -123,14 +126,40 @@ impl PictureAligner<'_> {
             !pairs.is_empty() && !disagrees(&pairs, FRAME_SHARE)
         };
         let named = readings.iter().find(|(_, read)| explains(*read)).map(|(name, _)| (*name).to_owned());
-        let scaled = |factor: f64| {
-            move |pose: &Se3, _: usize| Se3 { translation: factor * pose.translation, ..*pose }
-        };
+        let scaled =
+            |factor: f64| move |pose: &Se3, _: usize| Se3 { translation: factor * pose.translation, ..*pose };
         named.or_else(|| {
             let factor = FACTORS.into_iter().find(|factor| explains(&scaled(*factor)))?;
             Some(format!("translations {factor:.2} times as large, or depths {:.2} times", 1.0 / factor))
         })
     }
+}
+
+fn measure_order(
+    of: &ReleasedPictures<'_>,
+    frames: &[usize],
+) -> Result<Measured<Vec<FrameTriple>>, RecheckError> {
+    if frames.len() < 3 {
+        return Ok(Err("there are fewer than three sharp frames".to_owned()));
+    }
+    let read = |pose: usize| Ok(smooth_picture(&of.frame(pose)?.luminance));
+    let (mut first, mut second) = (read(frames[0])?, read(frames[1])?);
+    let mut before = difference(&first, &second);
+    let mut triples = Vec::new();
+    for poses in frames.windows(3) {
+        let third = read(poses[2])?;
+        let after = difference(&second, &third);
+        let outer = difference(&first, &third);
+        triples.push(FrameTriple { poses: [poses[0], poses[1], poses[2]], inner: [before, after], outer });
+        (first, second, before) = (second, third, after);
+    }
+    Ok(Ok(triples))
+}
+
+/// Root mean square difference of two images of one size.
+fn difference(a: &Image<f32>, b: &Image<f32>) -> f64 {
+    let squares = a.pixels().iter().zip(b.pixels()).map(|(a, b)| f64::from(a - b) * f64::from(a - b));
+    (squares.sum::<f64>() / a.pixels().len().max(1) as f64).sqrt()
 }
 
 fn measure_flows(
