@@ -22,7 +22,7 @@ const ONWARD: f64 = 1.5;
 /// smoothing.
 const LEAST_GREY: f64 = 0.5;
 /// Difference of neighbouring frames that a still camera cannot see, greys.
-const MOST_STILL_GREY: f64 = 1.0;
+const MOST_STILL_GREY: f64 = 0.2;
 /// Minimum number of triples.
 const LEAST_TRIPLES: usize = 3;
 

@@ -53,8 +53,9 @@ pub(super) fn path_noise(points: &[PathPoint], floor: f64) -> Option<PathNoise> 
     let mut found = PathNoise { size: 0.0, pose: 0, detects: f64::INFINITY, ends };
     for (of, more) in orders.iter().flat_map(|of| MORE.map(|more| (of, more))) {
         for pose in of.centres(more) {
-            let size = if of.is_noise(pose, more) { of.size_at(pose) } else { 0.0 };
-            if size > found.size.max(floor) {
+            // The part itself must be above the floor: rounding has the ratio of noise everywhere.
+            let size = if of.noise_at(pose, more) > floor { of.size_at(pose) } else { 0.0 };
+            if size > found.size {
                 (found.size, found.pose) = (size, pose);
             }
         }
@@ -120,14 +121,16 @@ impl OrderSquares {
         [of(1, self.half(more)), of(2, self.wide(more))]
     }
 
-    /// Returns true if the part around a pose is noise.
-    fn is_noise(&self, pose: usize, more: usize) -> bool {
+    /// Noise of the part around a pose; 0 if it is not noise.
+    fn noise_at(&self, pose: usize, more: usize) -> f64 {
         let [near, far] = self.squares_at(pose, more);
-        far < NOISE_RATIO * near
+        // A single pose makes all squares of its own part; noise makes each.
+        let count = if more == 0 { 1.0 } else { (2 * self.half(more) + 1) as f64 };
+        if far < NOISE_RATIO * near { (near / (count * self.gain)).sqrt() } else { 0.0 }
     }
 
-    /// Size of the noise around a pose: the displacement of this pose if it makes more than half of
-    /// all squares in its neighbourhood, or else the standard deviation of all.
+    /// Size of the noise around a pose: the displacement of this pose if it makes nearly all
+    /// squares in its neighbourhood, or else the standard deviation of all.
     fn size_at(&self, pose: usize) -> f64 {
         let sums = &self.sums[0];
         let middle = pose - self.order / 2;
@@ -136,7 +139,7 @@ impl OrderSquares {
             ((sums[end] - sums[first]).max(0.0), (end - first) as f64)
         };
         let ((own, _), (all, count)) = (between(self.half(0)), between(self.half(MORE[2])));
-        (if own > 0.5 * all { own } else { all / count } / self.gain).sqrt()
+        (if own > 0.8 * all { own } else { all / count } / self.gain).sqrt()
     }
 
     /// Displacement of this pose that would be found whatever its direction. It adds `f^2` to both
