@@ -229,7 +229,8 @@ impl PowerTables {
             }
         }
         for sign in [1.0, -1.0] {
-            place.write_events(|t| t + (sign * offset.size).round() as i64)?;
+            // Away from 0, because times are whole microseconds.
+            place.write_events(|t| t + sign as i64 * offset.size.ceil() as i64)?;
             self.stated[0].add(is_found(&place.check()?, "event_times", "offset"));
             place.write_events(|t| ((1.0 + sign * scale.size) * t as f64).round() as i64)?;
             self.stated[1].add(is_found(&place.check()?, "event_times", "scale"));

@@ -77,7 +77,8 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
             format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
         return subject.not_run(NAME, "offset", because);
     }
-    let detects = limit.value + POWER * deviation;
+    // The present value may work against a fault.
+    let detects = limit.value + value.abs().min(limit.value) + POWER * deviation;
     let side = if value < 0.0 { "earlier" } else { "later" };
     let because = format!(
         "events happen {:.2} us {side} than the frames predict (standard error {deviation:.2} us, {} events); an offset above {detects:.1} us would be seen",
@@ -96,7 +97,7 @@ fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
             format!("the time scale can be measured only to {deviation:.4}, from {} events", fit.events);
         return subject.not_run(NAME, "scale", because);
     }
-    let detects = limit.value + POWER * deviation;
+    let detects = limit.value + value.abs().min(limit.value) + POWER * deviation;
     let because = format!(
         "the times of the events are {:.5} times those that the frames predict (standard error {deviation:.5}); a scale beyond 1 +- {detects:.4} would be seen",
         1.0 + value

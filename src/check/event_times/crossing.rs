@@ -21,7 +21,11 @@ use crate::image::{Image, Size};
 /// Parts of the picture in each direction.
 const PARTS: usize = 8;
 /// Largest residual that is used, thresholds. A lost or an added event leaves a whole one.
-const MOST: f64 = 0.4;
+const SMALL: f64 = 0.4;
+/// The same for an offset of a frame or more, which leaves large residuals at fast pixels.
+const LARGE: f64 = 4.0;
+/// Offset from which on large residuals count, us: there, small ones are only those of slow pixels.
+const FAR_US: f64 = 50.0;
 /// Minimum number of parts with events for a jackknife.
 const MIN_PARTS: usize = 8;
 
@@ -73,7 +77,9 @@ pub struct CrossingObserver {
     brightness: Vec<f32>,
     /// Voltage of the events of each pixel.
     levels: Vec<f64>,
-    sums: Vec<LineSums>,
+    /// Sums over the events of each pixel: with small residuals, and with all that a lag of some
+    /// frames explains.
+    sums: Vec<[LineSums; 2]>,
 }
 
 /// Sums over the events of a pixel: of `x = rate`, `y = rate (t - m)` and the residual `r`.
@@ -136,6 +142,13 @@ impl LineSums {
     }
 }
 
+impl CrossingFit {
+    /// Returns true for an offset that leaves large residuals, and is certain.
+    fn is_far(&self) -> bool {
+        self.offset_us.value.abs() > FAR_US.max(5.0 * self.offset_us.deviation)
+    }
+}
+
 impl CrossingObserver {
     /// Starts at the first frame of a clip that ends at `end_us`.
     #[must_use]
@@ -156,7 +169,7 @@ impl CrossingObserver {
             stamps_us: [t_us; 2],
             brightness: brightness.into_pixels(),
             levels: vec![0.0; pixels],
-            sums: vec![LineSums::default(); pixels],
+            sums: vec![[LineSums::default(); 2]; pixels],
         }
     }
 
@@ -213,16 +226,16 @@ impl CrossingObserver {
         let t = event.t.floor_micros() as f64 + 0.5;
         let left = from + rate * (t - start) - self.levels[pixel];
         // An event against the drift is noise, or comes from another interval. NaN is left out.
-        if rate * jump > 0.0 && self.is_usable(left, threshold) {
-            self.sums[pixel].add([rate, rate * (t - self.middle_us)], left);
+        if rate * jump > 0.0 {
+            // Where voltages start anywhere, a pixel's own level is up to a threshold off, and only
+            // the noise around it counts.
+            let own = if self.law.from_zero { 0.0 } else { self.law.most_residual() };
+            for (sums, most) in self.sums[pixel].iter_mut().zip([SMALL, LARGE]) {
+                if left.abs() < own + most * threshold {
+                    sums.add([rate, rate * (t - self.middle_us)], left);
+                }
+            }
         }
-    }
-
-    /// Returns true for a residual that no lost event explains. Where voltages start anywhere, a
-    /// pixel's own level is up to a threshold off, and only the noise around it counts.
-    fn is_usable(&self, left: f64, threshold: f64) -> bool {
-        left.abs()
-            < if self.law.from_zero { MOST * threshold } else { (1.0 + MOST) * self.law.most_residual() }
     }
 
     /// The clock over all events.
@@ -230,12 +243,19 @@ impl CrossingObserver {
     /// # Errors
     /// The events do not determine it; the text is the reason.
     pub fn finish(self) -> Result<CrossingFit, String> {
+        match (self.fit(0), self.fit(1)) {
+            (_, Ok(far)) if far.is_far() => Ok(far),
+            (near, _) => near,
+        }
+    }
+
+    fn fit(&self, width: usize) -> Result<CrossingFit, String> {
         let height = (self.levels.len() / self.width.max(1)).max(1);
         let mut parts = [LineSums::default(); PARTS * PARTS];
         for (pixel, sums) in self.sums.iter().enumerate() {
             let (x, y) = (pixel % self.width, pixel / self.width);
             let part = y * PARTS / height * PARTS + x * PARTS / self.width;
-            let sums = if self.law.from_zero { *sums } else { sums.centred() };
+            let sums = if self.law.from_zero { sums[width] } else { sums[width].centred() };
             parts[part] = parts[part].plus(sums, 1.0);
         }
         let filled: Vec<LineSums> = parts.into_iter().filter(|part| part.n > 0.0).collect();
