@@ -5,6 +5,13 @@
 //! planted in copies. Only trajectories with sharp frames, depth and events at every pose count.
 
 use glam::{DQuat, DVec3};
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::cast_possible_truncation,
+    reason = "an example that prints tables of rounded numbers"
+)]
+
 use gs2e::check::{Finding, Verdict};
 use gs2e::event::h5::{self, H5Options};
 use gs2e::event::{Event, EventSink as _, EventSource as _};

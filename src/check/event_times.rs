@@ -71,8 +71,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
     let ErrorBar { value, deviation } = fit.offset_us;
     let limit = LimitSide::gate(OFFSET_US + SURE * deviation);
     let step = 1e6 / subject.rate.to_f64();
-    // NaN is unsure.
-    if !(limit.value <= UNSURE * step) {
+    if limit.value.is_nan() || limit.value > UNSURE * step {
         let because =
             format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
         return subject.not_run(NAME, "offset", because);
@@ -92,7 +91,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
 fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
     let ErrorBar { value, deviation } = fit.scale;
     let limit = LimitSide::gate(SCALE + SURE * deviation);
-    if !(limit.value <= UNSURE_SCALE) {
+    if limit.value.is_nan() || limit.value > UNSURE_SCALE {
         let because =
             format!("the time scale can be measured only to {deviation:.4}, from {} events", fit.events);
         return subject.not_run(NAME, "scale", because);

@@ -61,8 +61,8 @@ impl GridCounter {
             return StampGrid { step_us: self.common, ..none };
         }
         let of = |(modulus, counts): (&u64, &Vec<u64>)| {
-            let steps = (2..=*modulus).rev().filter(|step| modulus % step == 0);
-            steps.filter_map(|step| self.on_grid(counts, step)).next()
+            let mut steps = (2..=*modulus).rev().filter(|step| modulus % step == 0);
+            steps.find_map(|step| self.on_grid(counts, step))
         };
         let found = MODULI.iter().zip(&self.remainders).filter_map(of);
         found.max_by_key(|grid| grid.step_us).unwrap_or(none)

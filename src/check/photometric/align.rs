@@ -291,16 +291,14 @@ impl TwistFit {
 
     fn add(&mut self, row: &WarpRow, weight: f64) {
         self.add_square(&row.response, weight);
-        for i in 0..6 {
-            self.right[i] -= weight * row.response[i] * row.residual;
+        for (right, response) in self.right.iter_mut().zip(row.response) {
+            *right -= weight * response * row.residual;
         }
     }
 
     fn add_square(&mut self, row: &[f64; 6], weight: f64) {
-        for i in 0..6 {
-            for j in 0..6 {
-                self.matrix[i][j] += weight * row[i] * row[j];
-            }
+        for (line, a) in self.matrix.iter_mut().zip(row) {
+            line.iter_mut().zip(row).for_each(|(sum, b)| *sum += weight * a * b);
         }
     }
 
@@ -338,11 +336,9 @@ impl TwistFit {
 fn sum_parts(parts: &[TwistFit], left_out: Option<usize>) -> TwistFit {
     let mut sum = TwistFit::EMPTY;
     for (_, part) in parts.iter().enumerate().filter(|(i, _)| Some(*i) != left_out) {
-        for i in 0..6 {
-            sum.right[i] += part.right[i];
-            for j in 0..6 {
-                sum.matrix[i][j] += part.matrix[i][j];
-            }
+        sum.right.iter_mut().zip(part.right).for_each(|(sum, right)| *sum += right);
+        for (sums, line) in sum.matrix.iter_mut().zip(part.matrix) {
+            sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += value);
         }
     }
     sum

@@ -25,6 +25,9 @@ const PAIRS_APART: usize = 12;
 /// Factors of the translation that are tried where frames and poses disagree.
 const FACTORS: [f64; 8] = [0.5, 0.8, 1.0 / 1.1, 1.0 / 1.05, 1.05, 1.1, 1.25, 2.0];
 
+/// A pose as it may be meant, from the pose and its number.
+type PoseReading<'a> = &'a dyn Fn(&Se3, usize) -> Se3;
+
 /// Compares the pictures of a trajectory.
 pub(super) fn measure_geometry(of: &ReleasedPictures<'_>) -> Result<GeometryMeasures, RecheckError> {
     let [frames, depths, flows] = [("sharp", "png"), ("depth", "npy"), ("flow", "npy")]
@@ -62,7 +65,7 @@ impl PictureAligner<'_> {
         // The first distance with enough motion; without motion, the largest.
         let apart = (1..=most).find(|n| *n as f64 * motion >= APART_PX).unwrap_or(most);
         let pictures = self.pairs_apart(poses, apart)?;
-        let align = |read: &dyn Fn(&Se3, usize) -> Se3| -> Vec<PairAlignment> {
+        let align = |read: PoseReading<'_>| -> Vec<PairAlignment> {
             let pair = |[a, b]: &[PosedPicture; 2]| {
                 let [a, b] = [a, b].map(|picture| PosedPicture {
                     world_from_camera: read(&picture.world_from_camera, picture.pose),
@@ -108,20 +111,17 @@ impl PictureAligner<'_> {
     }
 
     /// The first usual mistake that explains the frames.
-    fn other_reading(
-        &self,
-        align: &dyn Fn(&dyn Fn(&Se3, usize) -> Se3) -> Vec<PairAlignment>,
-    ) -> Option<String> {
+    fn other_reading(&self, align: &dyn Fn(PoseReading<'_>) -> Vec<PairAlignment>) -> Option<String> {
         let poses = &self.of.motion.trajectory.world_from_camera;
         let flip = DQuat::from_mat3(&DMat3::from_diagonal(OPENCV_FROM_OPENGL));
         let opengl = |pose: &Se3, _: usize| Se3 { rotation: pose.rotation * flip, ..*pose };
-        let readings: [(&str, &dyn Fn(&Se3, usize) -> Se3); 4] = [
+        let readings: [(&str, PoseReading<'_>); 4] = [
             ("poses from world to camera, inverted", &|pose, _| pose.inverse()),
             ("camera axes of OpenGL", &opengl),
             ("the poses, or the frames, in reverse order", &|_, at| poses[poses.len() - 1 - at]),
             ("a camera that stands still", &|_, _| poses[0]),
         ];
-        let explains = |read: &dyn Fn(&Se3, usize) -> Se3| {
+        let explains = |read: PoseReading<'_>| {
             let pairs = align(read);
             !pairs.is_empty() && !disagrees(&pairs, FRAME_SHARE)
         };
