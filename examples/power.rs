@@ -4,7 +4,6 @@
 //! `cargo run --release --example power -- RELEASE...` prints the tables of docs/checks.md. Faults are
 //! planted in copies. Only trajectories with sharp frames, depth and events at every pose count.
 
-use glam::{DQuat, DVec3};
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -12,6 +11,7 @@ use glam::{DQuat, DVec3};
     reason = "an example that prints tables of rounded numbers"
 )]
 
+use glam::{DQuat, DVec3};
 use gs2e::check::{Finding, Verdict};
 use gs2e::event::h5::{self, H5Options};
 use gs2e::event::{Event, EventSink as _, EventSource as _};
