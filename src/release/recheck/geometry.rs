@@ -65,7 +65,7 @@ impl PictureAligner<'_> {
         // The first distance with enough motion; without motion, the largest.
         let apart = (1..=most).find(|n| *n as f64 * motion >= APART_PX).unwrap_or(most);
         let pictures = self.pairs_apart(poses, apart)?;
-        let align = |read: PoseReading<'_>| -> Vec<PairAlignment> {
+        let align = |read: &dyn Fn(&Se3, usize) -> Se3| -> Vec<PairAlignment> {
             let pair = |[a, b]: &[PosedPicture; 2]| {
                 let [a, b] = [a, b].map(|picture| PosedPicture {
                     world_from_camera: read(&picture.world_from_camera, picture.pose),
@@ -121,7 +121,7 @@ impl PictureAligner<'_> {
             ("the poses, or the frames, in reverse order", &|_, at| poses[poses.len() - 1 - at]),
             ("a camera that stands still", &|_, _| poses[0]),
         ];
-        let explains = |read: PoseReading<'_>| {
+        let explains = |read: &dyn Fn(&Se3, usize) -> Se3| {
             let pairs = align(read);
             !pairs.is_empty() && !disagrees(&pairs, FRAME_SHARE)
         };
