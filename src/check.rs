@@ -13,15 +13,20 @@ pub mod batching;
 pub mod capture;
 pub mod completeness;
 pub mod coverage;
+pub mod depth_consistency;
 pub mod drift;
 pub mod drift_identity;
 pub mod duplicates;
 pub mod event_frame;
 pub mod event_rate;
+pub mod event_times;
+pub mod flow_projection;
+pub mod geometry;
 pub mod hot_pixels;
 pub mod limits;
 pub mod motion;
 pub mod noise_floor;
+pub mod photometric;
 pub mod polarity;
 pub mod pose_colmap;
 pub mod pose_continuity;
@@ -98,6 +103,27 @@ pub struct Finding {
     pub unit: String,
     /// One sentence for people with the measured value and the limit.
     pub because: String,
+    /// The smallest fault that this pass would have found in this subject, if it states one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detects: Option<DetectableFault>,
+}
+
+/// The power of a pass: a fault of this size is found with a probability of at least 95 %.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DetectableFault {
+    /// Size of the fault.
+    pub size: f64,
+    /// Its unit, which may differ from that of the measured value.
+    pub unit: String,
+}
+
+impl DetectableFault {
+    /// A fault of `size` in `unit`.
+    #[must_use]
+    pub fn new(size: f64, unit: &str) -> Self {
+        Self { size, unit: unit.to_owned() }
+    }
 }
 
 macro_rules! names_of {

@@ -170,6 +170,10 @@ fn read_stream(
         account: None,
         tally: Some(&tally),
         resampled: None,
+        views: None,
+        geometry: None,
+        crossings: None,
+        is_release: true,
         flow: None,
         tolerance: None,
         coverage: None,
@@ -266,7 +270,16 @@ fn measured_finding(
     because: String,
 ) -> Finding {
     let subject = if part.is_empty() { dataset.name.to_owned() } else { format!("{}#{part}", dataset.name) };
-    Finding { check: check.to_owned(), subject, verdict, measured, limit, unit: unit.to_owned(), because }
+    Finding {
+        check: check.to_owned(),
+        subject,
+        verdict,
+        measured,
+        limit,
+        unit: unit.to_owned(),
+        because,
+        detects: None,
+    }
 }
 
 /// Calls `see` for each event, with its time in microseconds.

@@ -6,7 +6,7 @@ use crate::sensor::esim::{EsimModel, IntensityScale};
 use crate::sensor::front_end::{ChannelDecode, FrontEnd};
 use crate::sensor::statistics::RenewalProcess;
 use crate::sensor::v2e::{V2eModel, lin_log};
-use crate::sensor::voltmeter::{DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
+use crate::sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
 /// microseconds and greys, with `f(L) = ln(L + k2)` or another brightness scale.
@@ -93,6 +93,33 @@ impl DriftLaw {
         };
         let hot = sensor.hot_pixels();
         Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law }
+    }
+
+    /// The law by which frames predict the times of single events.
+    ///
+    /// # Errors
+    /// The frames do not determine these times; the text is the reason.
+    pub fn for_crossings(sensor: &SensorChoice) -> Result<Self, &'static str> {
+        match sensor {
+            SensorChoice::Voltmeter(voltmeter) if voltmeter.between != BetweenFrames::Linear => Err(
+                "brightness is not linear between frames (`sampling.between`), so crossing times are not known well",
+            ),
+            SensorChoice::Esim(esim) if esim.intensity == IntensityScale::Linear => {
+                Err("not applicable to `intensity: linear`: the check needs a log-brightness sensor")
+            }
+            SensorChoice::V2e(_) => {
+                Err("not applicable to v2e, whose filter and thresholds move the times of events")
+            }
+            _ if !sensor.hot_pixels().is_absent() => {
+                Err("not applicable with hot pixels: they fire without a brightness change")
+            }
+            SensorChoice::Voltmeter(_) | SensorChoice::Esim(_) => {
+                let law = Self::for_sensor(sensor);
+                let unequal =
+                    (law.spread > 0.0).then_some("the thresholds of the pixels differ (`threshold.spread`)");
+                law.loose.or(unequal).map_or(Ok(law), Err)
+            }
+        }
     }
 
     /// The law for frames that are known to 8 bits only.
@@ -256,6 +283,20 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
         loose: None,
         delay_us: 0.0,
         rounding: None,
+    }
+}
+
+/// Returns true if the noise of a sensor does not depend on the frames.
+#[must_use]
+pub fn is_frame_independent(sensor: &SensorChoice) -> bool {
+    match sensor {
+        SensorChoice::Voltmeter(_) => DriftLaw::for_sensor(sensor).loose.is_none(),
+        SensorChoice::Esim(sensor) => {
+            let log = sensor.intensity == IntensityScale::Log;
+            log && sensor.threshold.spread == 0.0 && sensor.keeps_balance()
+        }
+        // Its leak is drawn per frame.
+        SensorChoice::V2e(_) => false,
     }
 }
 

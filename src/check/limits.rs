@@ -116,7 +116,9 @@ impl<'de> Visitor<'de> for LimitsVisitor {
 fn refusal_message<E: Error>(key: &str) -> E {
     // The name is known, so the message for unknown fields would mislead.
     if EXACT.contains(&key) {
-        E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
+        E::custom(format_args!(
+            "the check `{key}` has no limit to set: it is exact, or its limits follow from the data"
+        ))
     } else {
         E::unknown_field(key, KEYS)
     }

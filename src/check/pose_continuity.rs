@@ -6,11 +6,22 @@
 //! is at least half of it), and a smooth path stays near 1. A larger value for one or two steps is
 //! a jump. The default limit is 3. Translation and rotation are judged separately, each in the
 //! trajectory's mixed metric. A step below a quarter of the median mixed step is not a jump.
+//!
+//! `noise-translation` and `noise-rotation` find what no smooth or cornered path has between its
+//! knots: noise, swapped poses, and a single displaced or turned pose, see [`noise`]. Their limit is
+//! a thousandth of the median step. They need a path of two poses per view, and of four where the
+//! path has corners.
+
+mod noise;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::se3::rotation::relative_angle;
+use crate::se3::rotation::{relative_angle, same_hemisphere};
 use crate::stats::mean_median;
+use crate::trajectory::CourseKind;
+use crate::trajectory::curve::CurveKind;
+use crate::units::Ratio;
+use noise::{PathNoise, PathPoint, path_noise};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -48,8 +59,106 @@ impl ValidationPass for PoseContinuity {
         }
         let floor = FLOOR * steps.median_mixed();
         let part = |part, steps| judge_steps(subject, part, steps, floor);
-        vec![part("translation", &steps.linear), part("rotation", &steps.angular)]
+        let mut findings = vec![part("translation", &steps.linear), part("rotation", &steps.angular)];
+        findings.extend(judge_noise(subject));
+        findings
     }
+}
+
+/// Fewest poses per view or key pose where a path is smooth, and where it has corners. Corners at
+/// every second or third pose have the spectrum of noise.
+const PER_VIEW: [f64; 2] = [2.0, 4.0];
+
+fn judge_noise(subject: &TrajectorySubject<'_>) -> [Finding; 2] {
+    let parts = ["noise-translation", "noise-rotation"];
+    if let Err(because) = is_sampled_densely(subject) {
+        return parts.map(|part| subject.not_run(NAME, part, because.clone()));
+    }
+    let scale = subject.speed.map_or(1.0, |r| r.scale_distance);
+    let poses = &subject.trajectory.world_from_camera;
+    let centres = poses.iter().map(|pose| (pose.translation / scale).extend(0.0).to_array());
+    // Twice the quaternion, on which a small turn moves by its angle.
+    let turns = poses.iter().scan(None, |before, pose| {
+        let q = same_hemisphere(pose.rotation, before.unwrap_or(pose.rotation));
+        *before = Some(q);
+        Some(q.to_array().map(|part| 2.0 * part))
+    });
+    let (centres, turns): (Vec<PathPoint>, Vec<PathPoint>) = (centres.collect(), turns.collect());
+    let length = |w: &[PathPoint]| w[0].iter().zip(w[1]).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+    let steps = centres.windows(2).zip(turns.windows(2)).map(|(c, t)| length(c) + length(t));
+    let step = mean_median(steps.collect()).unwrap_or(0.0);
+    let judge = |part, points: &[PathPoint], shown: NoiseUnit| {
+        let found = path_noise(points, noise::FLOOR * step).filter(|_| step > 0.0);
+        found.map_or_else(
+            || subject.not_run(NAME, part, "the camera stands still, or there are fewer than 11 poses"),
+            |found| noise_finding(subject, part, found, (step, shown)),
+        )
+    };
+    [
+        judge(parts[0], &centres, NoiseUnit { factor: scale, name: "scene units" }),
+        judge(parts[1], &turns, NoiseUnit { factor: 1f64.to_degrees(), name: "degrees" }),
+    ]
+}
+
+/// The unit of a noise in messages, and its factor.
+#[derive(Clone, Copy)]
+struct NoiseUnit {
+    factor: f64,
+    name: &'static str,
+}
+
+fn noise_finding(
+    subject: &TrajectorySubject<'_>,
+    part: &str,
+    found: PathNoise,
+    (step, unit): (f64, NoiseUnit),
+) -> Finding {
+    let limit = LimitSide::gate(noise::FLOOR);
+    let measured = found.size / step;
+    let absolute = |size: f64| format!("{:.2e} {}", unit.factor * size, unit.name);
+    let because = if measured > 0.0 {
+        format!(
+            "around pose {} the poses are off a smooth path by {measured:.3} of a median step ({}): noise, or poses in another order",
+            found.pose,
+            absolute(found.size)
+        )
+    } else {
+        format!(
+            "the path explains the differences of its poses; a pose that is off by {} would be seen, except for the {} at either end",
+            absolute(found.detects),
+            found.ends
+        )
+    };
+    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "steps", because);
+    subject.finding(NAME, part, judged).detecting(found.detects / step, "steps")
+}
+
+/// Requires enough poses between the views that a path follows, where it is fastest.
+fn is_sampled_densely(subject: &TrajectorySubject<'_>) -> Result<(), String> {
+    let Some(report) = subject.speed else {
+        return Err("the trajectory has no speed report, which states its curve".to_owned());
+    };
+    let poses = subject.trajectory.world_from_camera.len() as f64;
+    let gamma = report.gamma.as_ref().and_then(|gamma| gamma.parse::<Ratio>().ok());
+    let views = match report.kind {
+        CourseKind::Orbit => return Ok(()),
+        CourseKind::Novel => Some(report.keyframes.len()),
+        CourseKind::Refine | CourseKind::Keyframes => subject.views,
+    };
+    let per_view = gamma.map(|g| g.numerator() as f64 / g.denominator() as f64);
+    let Some(per_view) = per_view.or(views.map(|n| poses / n.max(1) as f64)) else {
+        return Err("the number of views that the path follows is not known here".to_owned());
+    };
+    // Where the speed law is fast, a view has fewer poses.
+    let fastest = report.asked_shares().fold(0.0, f64::max) * (poses - 1.0);
+    let least = if report.curve == Some(CurveKind::SlerpLerp) { PER_VIEW[1] } else { PER_VIEW[0] };
+    let per_view = if fastest > 1.0 { per_view / fastest } else { per_view };
+    if per_view >= least {
+        return Ok(());
+    }
+    Err(format!(
+        "where the path is fastest, it has {per_view:.1} poses per view; from {least} on, noise and the path can be told apart"
+    ))
 }
 
 fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {

@@ -63,5 +63,5 @@ fn wrong_count(subject: &TrajectorySubject<'_>, part: &str, count: u64, because:
     let unit = if part == "poses" { "stamps" } else { "events" };
     let verdict = LimitSide::gate(0.0).at_most(count as f64);
     let (measured, limit) = (Some(count as f64), Some(0.0));
-    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit, because })
+    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit, because }).detecting(1.0, unit)
 }

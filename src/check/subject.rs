@@ -2,8 +2,10 @@
 
 use super::coverage::ViewCoverage;
 use super::drift::DriftLaw;
+use super::event_times::crossing::CrossingFit;
+use super::geometry::GeometryMeasures;
 use super::sampling::ResampledIntervals;
-use super::{Finding, Limits, StreamTally, Verdict};
+use super::{DetectableFault, Finding, Limits, StreamTally, Verdict};
 use crate::foreign::ExternalReport;
 use crate::render::flow::FlowQuantiles;
 use crate::sensor::{SensorChoice, SimulationAccount};
@@ -43,6 +45,13 @@ pub struct TrajectorySubject<'a> {
     pub coverage: Option<ViewCoverage>,
     /// The share of the image from Gaussians too deep for their distance.
     pub doubtful_share: Option<f64>,
+    /// Number of views or key poses that the path follows, if known.
+    pub views: Option<usize>,
+    /// Released pictures compared by the poses, if they were read.
+    pub geometry: Option<&'a GeometryMeasures>,
+    /// Times of the events compared with those that the released frames predict, if they were
+    /// read. An error is the reason why they cannot be compared.
+    pub crossings: Option<&'a Result<CrossingFit, String>>,
     /// Reports of other programs, if the recipe requests them.
     pub foreign: Option<&'a ExternalReport>,
     /// True if the files of a release are all that is known.
@@ -132,7 +141,17 @@ impl Judgement {
         let subject = if part.is_empty() { name.to_owned() } else { format!("{name}#{part}") };
         let Self { verdict, measured, limit, unit, because } = self;
         let unit = unit.to_owned();
-        Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because }
+        let detects = None;
+        Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because, detects }
+    }
+}
+
+impl Finding {
+    /// This finding with the smallest fault that it would have shown.
+    pub(super) fn detecting(self, size: f64, unit: &str) -> Self {
+        // Infinity is not a number in JSON, and states nothing.
+        let detects = size.is_finite().then(|| DetectableFault::new(size, unit));
+        Self { detects, ..self }
     }
 }
 

@@ -40,6 +40,8 @@ macro_rules! check_table {
                 "slow the path down or use more frames, so that events follow the image motion";
             time_offset (limits time_offset) (pass time_offset::TimeOffset)
                 "compare the time stamps of the frames with those of the events";
+            event_times (exact event_times) (pass event_times::EventTimes)
+                "compare the clock of the events with that of the frames; write event times in microseconds";
             noise_floor (limits noise_floor) (pass noise_floor::NoiseFloor)
                 "set the sensor's noise parameters to those of your camera: docs/sensors.md";
             sampling (limits sampling) (pass sampling::SamplingPass)
@@ -52,6 +54,12 @@ macro_rules! check_table {
                 "check the report of the named program; the files may be damaged";
             pose_continuity (limits pose_continuity) (pass pose_continuity::PoseContinuity)
                 "smooth the path: a larger `refine.window`, or fewer keyframes";
+            photometric (exact photometric) (pass photometric::PhotometricPass)
+                "compare poses, depth and frames: their order, axes, direction and scale; `gs2e audit --rebuild` makes them again";
+            depth_consistency (exact depth_consistency) (pass depth_consistency::DepthConsistency)
+                "compare poses, depth and frames: their order, axes, direction and scale; `gs2e audit --rebuild` makes them again";
+            flow_projection (exact flow_projection) (pass flow_projection::FlowProjection)
+                "compare poses, depth and frames: their order, axes, direction and scale; `gs2e audit --rebuild` makes them again";
             pose_colmap (limits pose_colmap) (pass pose_colmap::PoseColmap)
                 "compare the poses and the camera of the source with those of the photos";
             pose_opencv (limits pose_opencv) (pass pose_opencv::PoseOpencv)

@@ -9,6 +9,7 @@ pub use crowding::CrowdingSums;
 
 use super::drift::DriftLaw;
 use super::event_frame::fit::{DriftBalance, FrameComparison};
+use super::event_times::grid::{GridCounter, StampGrid};
 use super::motion::warp::{FlowAt, WarpSharpness, WarpWindows};
 use super::noise_floor::still::{StillPixelCounts, StillPixelWatch};
 use crate::event::{Event, Polarity};
@@ -44,6 +45,8 @@ pub struct StreamTally {
     pub pairs: u64,
     /// Different times, in microseconds.
     pub distinct_us: u64,
+    /// The grid on which the times lie.
+    pub grid: StampGrid,
     /// Largest number of events in one millisecond.
     pub peak_per_ms: u64,
     /// Pixels with at least one event.
@@ -102,6 +105,7 @@ pub struct StreamObserver<'a> {
     /// Number of events directly before the latest one at its pixel and in its microsecond.
     together: u64,
     millisecond: (i64, u64),
+    grid: GridCounter,
     counts: PixelCounts,
     crowds: CrowdingCounter,
     /// Time of each pixel's last event, us; empty without a dead time.
@@ -137,6 +141,7 @@ impl<'a> StreamObserver<'a> {
             previous: None,
             together: 0,
             millisecond: (0, 0),
+            grid: GridCounter::new(),
             counts: PixelCounts { on: vec![0; pixels], off: vec![0; pixels] },
             crowds: CrowdingCounter::new(size, end_us),
             // Half of the smallest number, so that the difference to a first event does not
@@ -166,6 +171,7 @@ impl<'a> StreamObserver<'a> {
         tally.peak_per_ms = tally.peak_per_ms.max(self.millisecond.1);
         let totals: Vec<u32> =
             self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
+        tally.grid = self.grid.finish();
         tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
         tally.busy = BusyPixels::from_counts(totals);
         tally.crowding = self.crowds.finish();
@@ -182,6 +188,7 @@ impl<'a> StreamObserver<'a> {
         // First, because the counts of an anchor must not contain this event.
         self.settle_until(t_us);
         self.count_neighbours(event);
+        self.grid.see(t_us);
         self.count_time(t_us);
         let tally = &mut self.tally;
         tally.events += 1;
@@ -263,6 +270,7 @@ impl StreamTally {
             contrary: 0,
             pairs: 0,
             distinct_us: 0,
+            grid: GridCounter::new().finish(),
             peak_per_ms: 0,
             active_pixels: 0,
             phases: [0; PHASES],

@@ -6,7 +6,7 @@ mod dataset;
 use super::build::store_options;
 use super::console::{Console, path};
 use super::problem::{ExitKind, VerbError};
-use super::verdicts::{count_line, findings_of_step};
+use super::verdicts::{count_line, findings_of_step, short_number};
 use super::{CommonArgs, RecipeTargets, is_recipe_path};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
@@ -53,7 +53,7 @@ impl CheckArgs {
             (Some(tree), None) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
             (None, None) => self.of_built(common, console)?,
         };
-        show_findings(&findings, console);
+        show_findings(&findings, common.verbose, console);
         let failed = self.failed(&findings);
         for line in &failed {
             console.insist(&format!("error: {line}"));
@@ -133,11 +133,11 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
 
 /// Prints findings as the result: one record per finding for programs, or else a table with the
 /// faults first.
-fn show_findings(findings: &[Finding], console: &Console) {
+fn show_findings(findings: &[Finding], verbose: bool, console: &Console) {
     if console.json {
         return records(findings, console);
     }
-    table(findings).iter().for_each(|line| console.print(line));
+    table(findings, verbose).iter().for_each(|line| console.print(line));
     console.say(&count_line(findings));
 }
 
@@ -148,8 +148,9 @@ pub(super) fn records(findings: &[Finding], console: &Console) {
     }
 }
 
-/// One line per finding, the faults first.
-fn table(findings: &[Finding]) -> Vec<String> {
+/// One line per finding, the faults first; with `verbose`, also the smallest fault that each would
+/// have found.
+fn table(findings: &[Finding], verbose: bool) -> Vec<String> {
     let mut sorted: Vec<&Finding> = findings.iter().collect();
     let rank = |verdict| match verdict {
         Verdict::Fail => 0,
@@ -168,7 +169,11 @@ fn table(findings: &[Finding]) -> Vec<String> {
             Verdict::NotRun => "not run",
             Verdict::Pass => "pass",
         };
-        format!("{verdict:7}  {:15}  {}: {}", f.check, f.subject, f.because)
+        let power = f.detects.as_ref().filter(|_| verbose).map_or_else(String::new, |fault| {
+            let unit = if fault.unit == "1" { String::new() } else { format!(" {}", fault.unit) };
+            format!(" (detects {}{unit})", short_number(fault.size))
+        });
+        format!("{verdict:7}  {:15}  {}: {}{power}", f.check, f.subject, f.because)
     };
     sorted.iter().map(line).collect()
 }

@@ -124,7 +124,7 @@ fn to_message(finding: &Finding) -> UserMessage {
 }
 
 /// A number with about four digits.
-fn short_number(value: f64) -> String {
+pub(super) fn short_number(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         let text = format!("{value:.4}");
         text.trim_end_matches('0').trim_end_matches('.').to_owned()

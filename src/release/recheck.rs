@@ -8,9 +8,12 @@
 //! [`crate::check::records`].
 
 mod agreement;
+mod crossings;
+mod geometry;
 mod pictures;
 mod trajectory;
 mod tree;
+mod views;
 
 use super::published::{self, RecipeError};
 use super::{ReleaseManifest, SceneRecord};
@@ -83,12 +86,13 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
     // The size is a claim of a tree that may be forged, and memory grows with it.
     size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
     let camera = Camera { size, fx: stated.fx, fy: stated.fy, cx: stated.cx, cy: stated.cy };
+    let photos = scene.images.iter().filter(|image| image.used).count();
     let mut findings = Vec::new();
     for part in &scene.trajectories {
         let folder = format!("{id}/{}", part.name);
         let name = format!("{}/{}", scene.id, part.name);
         let released =
-            ReleasedTrajectory { tree, folder: &folder, name: &name, recipe: &recipe, camera, part };
+            ReleasedTrajectory { tree, folder: &folder, name: &name, recipe: &recipe, camera, part, photos };
         findings.extend(released.findings()?);
     }
     Ok(findings)

@@ -45,6 +45,7 @@ mod no_omit;
 mod other_programs;
 mod paths;
 mod pictures;
+mod planted_geometry;
 mod programs;
 mod progress;
 mod provenance;

@@ -83,6 +83,7 @@ fn is_contradiction(code: FaultCode) -> bool {
         | FaultCode::CroissantLicence
         | FaultCode::Stray
         | FaultCode::CheckFailedUnwaived
-        | FaultCode::RebuiltDiffers => false,
+        | FaultCode::RebuiltDiffers
+        | FaultCode::SignatureInvalid => false,
     }
 }

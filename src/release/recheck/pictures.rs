@@ -100,7 +100,7 @@ impl PictureFolder<'_> {
         front_ends: &[FrontEnd],
         steps_px: Option<FlowQuantiles>,
     ) -> Result<Vec<AnchorFrames>, RecheckError> {
-        let there = self.present("sharp", ".png", self.recipe.every.sharp)?;
+        let there = self.present("sharp", ".png", self.recipe.every.poses(OutputKind::Sharp))?;
         if there.len() < 2 || front_ends.is_empty() {
             return Ok(Vec::new());
         }
@@ -154,8 +154,8 @@ impl PictureFolder<'_> {
 
     /// The image motion at some instants: by `flow/`, or else by `depth/` and the poses.
     pub(super) fn measured_motion(&self) -> Result<MeasuredMotion, RecheckError> {
-        let flows = self.present("flow", ".npy", self.recipe.every.flow)?;
-        let depths = self.present("depth", ".npy", self.recipe.every.depth)?;
+        let flows = self.present("flow", ".npy", self.recipe.every.poses(OutputKind::Flow))?;
+        let depths = self.present("depth", ".npy", self.recipe.every.poses(OutputKind::Depth))?;
         let mut found = MeasuredMotion::default();
         let (mut moved_px, mut covered) = (Vec::new(), Vec::new());
         let seconds = self.motion.seconds();

@@ -1,21 +1,26 @@
 //! The passes over one trajectory of a release.
 
+use super::crossings::measure_crossings;
+use super::geometry::measure_geometry;
 use super::pictures::{MeasuredMotion, PictureFolder};
+use super::views::ReleasedPictures;
 use super::{AuditedTree, RecheckError};
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::check::drift::{DriftLaw, FrameRounding};
+use crate::check::event_times::crossing::CrossingFit;
 use crate::check::records;
 use crate::check::records::exposure::{ExposureMean, ExposureMismatch};
 use crate::check::tally::{StreamObserver, TallyReference};
 use crate::check::{Finding, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
-use crate::recipe::{OutputKind, Recipe};
+use crate::recipe::{OutputKind, Recipe, SceneSource};
 use crate::release::scene::TrajectoryPart;
 use crate::sampling::exposure;
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end;
 use crate::trajectory::Trajectory;
+use crate::trajectory::path::CameraPath;
 use crate::units::{Hertz, Ratio};
 use std::path::Path;
 
@@ -33,6 +38,18 @@ pub(super) struct ReleasedTrajectory<'a> {
     pub(super) recipe: &'a Recipe,
     pub(super) camera: Camera,
     pub(super) part: &'a TrajectoryPart,
+    /// Number of photos that the scene was made from.
+    pub(super) photos: usize,
+}
+
+/// A stream of the tree, counted.
+struct CountedStream<'a> {
+    /// `scene/trajectory`, with the sensor's name if there are several.
+    name: String,
+    sensor: &'a SensorChoice,
+    tally: StreamTally,
+    /// Times of the events against those that the frames predict, or the reason for their absence.
+    crossings: Result<CrossingFit, String>,
 }
 
 impl ReleasedTrajectory<'_> {
@@ -48,7 +65,10 @@ impl ReleasedTrajectory<'_> {
             camera: self.camera,
         };
         let measured = pictures.measured_motion()?;
-        let counted = self.count_streams(Hertz(rate), &pictures, &measured)?;
+        let views =
+            ReleasedPictures { tree: self.tree, folder: self.folder, camera: self.camera, motion: &motion };
+        let geometry = measure_geometry(&views)?;
+        let counted = self.count_streams(Hertz(rate), (&pictures, &views), &measured)?;
         // Fields without data in a release are `None`, and their passes report that they were not
         // run.
         let whole = TrajectorySubject {
@@ -60,6 +80,9 @@ impl ReleasedTrajectory<'_> {
             account: None,
             tally: None,
             resampled: None,
+            views: self.key_views(),
+            geometry: Some(&geometry),
+            crossings: None,
             foreign: None,
             flow: measured.steps_px,
             tolerance: self.recipe.tolerance.map(|asked| asked.rms),
@@ -68,14 +91,16 @@ impl ReleasedTrajectory<'_> {
             is_release: true,
             limits: &self.recipe.checks.of_trajectory(),
         };
-        let of = |(name, sensor, tally)| TrajectorySubject {
-            name,
-            sensor: Some(sensor),
-            tally: Some(tally),
-            ..whole
-        };
-        let streams: Vec<TrajectorySubject<'_>> =
-            counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
+        let streams: Vec<TrajectorySubject<'_>> = counted
+            .iter()
+            .map(|CountedStream { name, sensor, tally, crossings }| TrajectorySubject {
+                name,
+                sensor: Some(sensor),
+                tally: Some(tally),
+                crossings: Some(crossings),
+                ..whole
+            })
+            .collect();
         let mut findings = judge_trajectory(&whole, &streams);
         findings.push(self.blur(&pictures)?);
         Ok(findings)
@@ -91,13 +116,26 @@ impl ReleasedTrajectory<'_> {
         Ok(TrajectoryProduct { trajectory, report: self.tree.json(&format!("{}/speed.json", self.folder))? })
     }
 
+    /// Number of views or key poses that the path follows, if the files say so.
+    fn key_views(&self) -> Option<usize> {
+        let trajectory =
+            self.recipe.trajectories.iter().find(|trajectory| trajectory.name == self.part.name)?;
+        match (&trajectory.path, &self.recipe.source) {
+            (CameraPath::Keyframes(path), _) => Some(path.poses.len()),
+            (CameraPath::Refine(_), SceneSource::Procedural(scene)) => usize::try_from(scene.views).ok(),
+            (CameraPath::Refine(_), _) => Some(self.photos).filter(|n| *n > 0),
+            // An orbit follows no views; a novel trajectory's report has its key poses.
+            (CameraPath::Orbit(_) | CameraPath::Novel(_), _) => None,
+        }
+    }
+
     /// Counts each stream that is in the tree, with its name.
     fn count_streams<'s>(
         &'s self,
         rate: Hertz,
-        pictures: &PictureFolder<'_>,
+        (pictures, views): (&PictureFolder<'_>, &ReleasedPictures<'_>),
         measured: &MeasuredMotion,
-    ) -> Result<Vec<(String, &'s SensorChoice, StreamTally)>, RecheckError> {
+    ) -> Result<Vec<CountedStream<'s>>, RecheckError> {
         let models = || self.recipe.sensors.iter().map(|(_, sensor)| sensor.as_model());
         let front_ends = front_end::distinct_front_ends(models());
         let anchors = pictures.anchors(&front_ends, measured.steps_px)?;
@@ -124,7 +162,8 @@ impl ReleasedTrajectory<'_> {
             let tally = count_stream(&path, observer).map_err(|e| self.tree.refusal(&events, e))?;
             let name =
                 stream.map_or_else(|| self.name.to_owned(), |stream| format!("{}/{stream}", self.name));
-            counted.push((name, sensor, tally));
+            let crossings = measure_crossings(views, &path, (sensor, self.recipe))?;
+            counted.push(CountedStream { name, sensor, tally, crossings });
         }
         Ok(counted)
     }

@@ -128,6 +128,7 @@ pub(super) fn write_table<'a>(
                 ("measured", "n"),
                 ("limit", "n"),
                 ("unit", ""),
+                ("detects", "n"),
                 ("explanation", ""),
             ],
         );
@@ -170,6 +171,14 @@ pub(super) fn write_list<'a>(
     });
 }
 
+/// The smallest fault that would have been found; empty if the pass states none.
+fn detects_text(finding: &Finding) -> String {
+    finding.detects.as_ref().map_or_else(String::new, |fault| {
+        let unit = if fault.unit == "1" { "" } else { &fault.unit };
+        format!("{} {unit}", short_number(fault.size)).trim_end().to_owned()
+    })
+}
+
 /// The unit; empty for pure numbers.
 fn unit_text(finding: &Finding) -> &str {
     if finding.unit == "1" { "" } else { &finding.unit }
@@ -195,6 +204,7 @@ fn write_row(html: &mut HtmlFragment, finding: &Finding, prefix: &str) {
         html.leaf("td", &[("class", "n")], &number(finding.measured));
         html.leaf("td", &[("class", "n")], &number(finding.limit));
         html.leaf("td", &[], unit_text(finding));
+        html.leaf("td", &[("class", "n")], &detects_text(finding));
         html.prose_leaf("td", &[], &finding.because);
     });
 }
@@ -219,6 +229,7 @@ pub(super) mod tests {
             limit: None,
             unit: "1".to_owned(),
             because: "a reason".to_owned(),
+            detects: None,
         }
     }
 

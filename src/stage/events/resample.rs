@@ -2,14 +2,13 @@
 
 use super::EventsStage;
 use crate::camera::Camera;
-use crate::check::drift::DriftLaw;
+use crate::check::drift;
 use crate::check::sampling::ResampledIntervals;
 use crate::event::{Event, EventSink};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameSequence as _};
 use crate::render::Renderer;
 use crate::sampling::path::SampledPath;
-use crate::sensor::esim::IntensityScale;
 use crate::sensor::voltmeter::BetweenFrames;
 use crate::sensor::{SensorChoice, SensorError, SensorModel};
 use crate::stage::{StageContext, StageError};
@@ -103,16 +102,7 @@ impl EventsStage {
 
 /// Returns true if a sensor's noise does not depend on the frames, and it sees luminance only.
 fn is_comparable(sensor: &SensorChoice) -> bool {
-    let steady = match sensor {
-        SensorChoice::Voltmeter(_) => DriftLaw::for_sensor(sensor).loose.is_none(),
-        SensorChoice::Esim(sensor) => {
-            let log = sensor.intensity == IntensityScale::Log;
-            log && sensor.threshold.spread == 0.0 && sensor.keeps_balance()
-        }
-        // Its leak is drawn per frame.
-        SensorChoice::V2e(_) => false,
-    };
-    steady && !sensor.as_model().front_end().needs_colour()
+    drift::is_frame_independent(sensor) && !sensor.as_model().front_end().needs_colour()
 }
 
 /// The stamps, and those halfway between them.

@@ -1,0 +1,29 @@
+//! Depth images against depth images, by the poses. A gate.
+//!
+//! As [`photometric`](super::photometric), with the depth of both views in place of the brightness.
+//! Depth of soft edges is a mixture that moves by itself: on sound scenes, up to 0.45 of the motion is
+//! left. The limit is 0.7 of it. Depth images in another order, of another path, or of a camera that
+//! stands still leave at least all of it.
+
+use super::photometric::{PairShares, judge_pairs};
+use super::{Finding, TrajectorySubject, ValidationPass};
+
+/// Largest motion that may be left, as a share of the motion.
+const SHARE: f64 = 0.7;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthConsistency;
+
+const NAME: &str = "depth_consistency";
+
+impl ValidationPass for DepthConsistency {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+        let shares = PairShares { apart: SHARE, neighbours: SHARE };
+        judge_pairs(subject, NAME, subject.geometry.map(|g| &g.depths), shares, "depth images")
+    }
+}

@@ -1,0 +1,34 @@
+//! Measurements on released pictures by their poses: the input of the passes `photometric`,
+//! `depth_consistency` and `flow_projection`.
+
+use super::flow_projection::FlowDifference;
+use super::photometric::align::PairAlignment;
+use super::photometric::order::FrameTriple;
+
+/// A measurement, or the reason for its absence.
+pub type Measured<T> = Result<T, String>;
+
+/// The measurements on the pictures of a trajectory.
+#[derive(Debug, Clone)]
+pub struct GeometryMeasures {
+    /// Frames against frames.
+    pub pictures: Measured<AlignedPairs>,
+    /// Differences of frames in a row.
+    pub order: Measured<Vec<FrameTriple>>,
+    /// Depth images against depth images.
+    pub depths: Measured<AlignedPairs>,
+    /// Flow images against the flow of depth and poses, one per image.
+    pub flows: Measured<Vec<FlowDifference>>,
+}
+
+/// Alignments of some pairs of pictures.
+#[derive(Debug, Clone, Default)]
+pub struct AlignedPairs {
+    /// Pairs far enough apart for a motion of about a pixel, spread over the trajectory.
+    pub apart: Vec<PairAlignment>,
+    /// Neighbouring pictures.
+    pub neighbours: Vec<PairAlignment>,
+    /// The reading of the poses or depths that the pictures agree with, where they do not agree
+    /// with the stated one; for example `poses from world to camera`.
+    pub agrees_with: Option<String>,
+}

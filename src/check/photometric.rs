@@ -1,0 +1,182 @@
+//! Frames against frames, by depth and poses. A gate.
+//!
+//! A frame is warped into another by its depth and the relative pose, and the motion that is left
+//! between both is measured, see [`align`]. With the right geometry it is a few percent of the
+//! motion between the frames: depth at soft edges is a mixture, and colours depend on the view.
+//!
+//! - `motion`: the median over pairs about a pixel apart. The limit is a tenth of the motion, three
+//!   standard errors and 0.01 px. It finds poses, depths or axes of another convention or scale, and
+//!   another order.
+//! - `frames`: the worst pair of neighbours. The limit is a quarter of the motion, three standard
+//!   errors and 0.02 px. It finds single frames and poses in another place.
+//! - `order`: the order of the frames, which needs no depth, see [`order`].
+//!
+//! The standard error of a pair is that of a jackknife over 16 parts of the picture. In small
+//! pictures of few Gaussians it is as large as the motion; the limit and the stated power follow it.
+
+pub mod align;
+pub mod order;
+
+use super::geometry::{AlignedPairs, Measured};
+use super::subject::{Judgement, LimitSide};
+use super::{Finding, TrajectorySubject, ValidationPass};
+use crate::stats::mean_median;
+use align::PairAlignment;
+
+/// Largest motion that may be left, as a share of the motion.
+pub(super) const SHARE: f64 = 0.1;
+/// The same for a single pair of neighbours.
+const NEIGHBOUR_SHARE: f64 = 0.25;
+/// Motion below which nothing is judged, px: rounding of colours to 8 bits leaves about as much
+/// between two frames.
+const FLOOR_PX: f64 = 0.01;
+/// The same for a single pair of neighbours, of which the worst of many counts.
+const NEIGHBOUR_FLOOR_PX: f64 = 0.02;
+/// Smallest motion of pairs apart that says something, px.
+const MIN_MOTION_PX: f64 = 0.05;
+/// Number of standard errors in a limit.
+const SURE: f64 = 3.0;
+/// Standard errors between a fault's size and a limit that it exceeds in 95 % of trials.
+const POWER: f64 = 1.645;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotometricPass;
+
+const NAME: &str = "photometric";
+
+impl ValidationPass for PhotometricPass {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+        let shares = PairShares { apart: SHARE, neighbours: NEIGHBOUR_SHARE };
+        let mut findings =
+            judge_pairs(subject, NAME, subject.geometry.map(|g| &g.pictures), shares, "pictures");
+        findings.extend(subject.geometry.map(|g| order::judge_order(subject, &g.order)));
+        findings
+    }
+}
+
+/// Shares of the motion that may be left.
+#[derive(Clone, Copy)]
+pub(super) struct PairShares {
+    pub(super) apart: f64,
+    pub(super) neighbours: f64,
+}
+
+impl PairShares {
+    /// Largest motion that may be left between the pictures of a pair apart, px.
+    fn limit_px(self, pair: &PairAlignment) -> f64 {
+        self.apart * pair.motion_px + SURE * pair.deviation_px + FLOOR_PX
+    }
+}
+
+/// Returns true if the typical pair is left with more than the pass allows.
+#[must_use]
+pub fn disagrees(pairs: &[PairAlignment], share: f64) -> bool {
+    typical(pairs)
+        .is_some_and(|pair| pair.left_px > PairShares { apart: share, neighbours: share }.limit_px(&pair))
+}
+
+/// The share that the pass over frames allows for pairs apart.
+pub const FRAME_SHARE: f64 = SHARE;
+
+/// The findings on the pairs of one kind of picture.
+pub(super) fn judge_pairs(
+    subject: &TrajectorySubject<'_>,
+    name: &str,
+    measured: Option<&Measured<AlignedPairs>>,
+    shares: PairShares,
+    what: &str,
+) -> Vec<Finding> {
+    let not_run = |because: &str| vec![subject.not_run(name, "", because)];
+    match measured {
+        None => not_run("it needs the released pictures: `gs2e check --tree` reads them"),
+        Some(Err(because)) => not_run(because),
+        Some(Ok(pairs)) => {
+            vec![
+                judge_motion(subject, name, pairs, shares, what),
+                judge_frames(subject, name, pairs, shares, what),
+            ]
+        }
+    }
+}
+
+fn judge_motion(
+    subject: &TrajectorySubject<'_>,
+    name: &str,
+    pairs: &AlignedPairs,
+    shares: PairShares,
+    what: &str,
+) -> Finding {
+    let Some(pair) = typical(&pairs.apart) else {
+        return subject.not_run(name, "motion", format!("no two {what} share enough of the scene"));
+    };
+    let PairAlignment { left_px, motion_px, deviation_px, poses: [from, to], .. } = pair;
+    let limit = LimitSide::gate(shares.limit_px(&pair));
+    if left_px <= limit.value && motion_px < MIN_MOTION_PX {
+        let because = format!("the picture moves by {motion_px:.3} px over {} poses, too little", to - from);
+        return subject.not_run(name, "motion", because);
+    }
+    // Both may point in opposite directions.
+    let detects = limit.value + left_px.min(limit.value) + POWER * deviation_px;
+    let hint = pairs.agrees_with.as_ref().map_or_else(String::new, |of| format!("; they agree with {of}"));
+    let because = format!(
+        "{what} {} poses apart move by {motion_px:.2} px by depth and poses, and by {left_px:.3} px otherwise (median of {} pairs, standard error {deviation_px:.3} px){hint}",
+        to - from,
+        pairs.apart.len()
+    );
+    let judged = Judgement::from_value(limit.at_most(left_px), left_px, limit, "px", because);
+    subject.finding(name, "motion", judged).detecting(detects, "px")
+}
+
+fn judge_frames(
+    subject: &TrajectorySubject<'_>,
+    name: &str,
+    pairs: &AlignedPairs,
+    shares: PairShares,
+    what: &str,
+) -> Finding {
+    let Some(usual) = typical(&pairs.neighbours) else {
+        return subject.not_run(
+            name,
+            "frames",
+            format!("no two neighbouring {what} share enough of the scene"),
+        );
+    };
+    let limit_px = |pair: &PairAlignment| {
+        // Where the camera rests for a moment, its usual motion counts.
+        shares.neighbours * pair.motion_px.max(usual.motion_px)
+            + SURE * pair.deviation_px
+            + NEIGHBOUR_FLOOR_PX
+    };
+    let excess = |pair: &PairAlignment| pair.left_px / limit_px(pair);
+    let worst = pairs.neighbours.iter().max_by(|a, b| excess(a).total_cmp(&excess(b)));
+    let worst = worst.expect("a typical pair is one of them");
+    let limit = LimitSide::gate(limit_px(worst));
+    let detects = limit_px(&usual) + usual.left_px + POWER * usual.deviation_px;
+    let because = format!(
+        "between poses {} and {}, the {what} move by {:.2} px by depth and poses, and by {:.3} px otherwise: the worst of {} pairs",
+        worst.poses[0],
+        worst.poses[1],
+        worst.motion_px,
+        worst.left_px,
+        pairs.neighbours.len()
+    );
+    let judged = Judgement::from_value(limit.at_most(worst.left_px), worst.left_px, limit, "px", because);
+    subject.finding(name, "frames", judged).detecting(detects, "px")
+}
+
+/// The medians of all pairs, with the poses of the first.
+fn typical(pairs: &[PairAlignment]) -> Option<PairAlignment> {
+    let first = pairs.first()?;
+    let median = |of: fn(&PairAlignment) -> f64| mean_median(pairs.iter().map(of).collect()).unwrap_or(0.0);
+    Some(PairAlignment {
+        motion_px: median(|p| p.motion_px),
+        left_px: median(|p| p.left_px),
+        deviation_px: median(|p| p.deviation_px),
+        ..*first
+    })
+}
