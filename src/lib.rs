@@ -29,8 +29,8 @@
 //!   [`mod@image`], [`se3`]: the foundation. Pure values, visible text, memory budgets, and the
 //!   only access to files and to other programs.
 //! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`frames`],
-//!   [`event`], [`sensor`], [`sampling`], [`reconstruct`], [`foreign`], [`check`], [`licence`]: the
-//!   domain. Values and models, with readers and writers of their own formats. No store, and no
+//!   [`event`], [`sensor`], [`sampling`], [`reconstruct`], [`training`], [`foreign`], [`check`],
+//!   [`licence`]: the domain. Values and models, with readers and writers of their own formats. No store, and no
 //!   threads except rayon's.
 //! - [`store`]: blobs, records, descriptions, stat fields, memos. It knows no other room except
 //!   [`files`].
@@ -101,5 +101,6 @@ pub mod stage;
 pub mod stats;
 pub mod store;
 pub mod study;
+pub mod training;
 pub mod trajectory;
 pub mod units;
