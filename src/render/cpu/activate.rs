@@ -50,7 +50,8 @@ const MIN_NORM: f64 = 1e-12;
 impl GaussianBlock {
     /// The Gaussian of a lane.
     pub(super) fn lane(&self, lane: usize) -> ActivatedGaussian {
-        let axes = self.axes.each_ref().map(|axis| axis.each_ref().map(|values| values[lane]));
+        let axis = |k: usize| [self.axes[k][0][lane], self.axes[k][1][lane], self.axes[k][2][lane]];
+        let axes = [axis(0), axis(1), axis(2)];
         ActivatedGaussian { axes, opacity: self.opacity[lane] }
     }
 
@@ -111,26 +112,30 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
         return [[f32::NAN; 3]; 3];
     }
     let rotation = stored_rotation(scene.rotations[i]);
-    [0, 1, 2].map(|k| {
+    let axis = |k: usize| {
         // By `libm` and in 64 bits, so that the bits do not depend on the platform.
         let deviation = libm::exp(f64::from(scene.log_scales[i][k]));
         (rotation.col(k) * deviation).as_vec3().to_array()
-    })
+    };
+    [axis(0), axis(1), axis(2)]
 }
 
 /// The gradient by a stored quaternion, from the gradients by the scaled axes in world axes. Only its component across the quaternion turns, so a stored length does not matter;
 /// a zero quaternion has the gradient 0.
 pub(super) fn rotation_gradient(stored: [f32; 4], axes: [[f32; 3]; 3], by_axes: [[f32; 3]; 3]) -> [f32; 4] {
-    let norm = stored.iter().map(|c| c * c).sum::<f32>().sqrt();
+    let [w, x, y, z] = stored;
+    let norm = (w * w + x * x + y * y + z * z).sqrt();
     if f64::from(norm) <= MIN_NORM {
         return [0.0; 4];
     }
-    let [w, x, y, z] = stored.map(|c| c / norm);
+    let [w, x, y, z] = [w / norm, x / norm, y / norm, z / norm];
     // `d[k]` is the gradient by column `k` of the rotation.
-    let d: [[f32; 3]; 3] = std::array::from_fn(|k| {
-        let deviation = axes[k].iter().map(|v| v * v).sum::<f32>().sqrt();
-        by_axes[k].map(|g| g * deviation)
-    });
+    let column = |k: usize| {
+        let [a, b, c] = axes[k];
+        let deviation = (a * a + b * b + c * c).sqrt();
+        [by_axes[k][0] * deviation, by_axes[k][1] * deviation, by_axes[k][2] * deviation]
+    };
+    let d = [column(0), column(1), column(2)];
     let by_unit = [
         2.0 * (z * (d[0][1] - d[1][0]) + y * (d[2][0] - d[0][2]) + x * (d[1][2] - d[2][1])),
         2.0 * (y * (d[1][0] + d[0][1]) + z * (d[2][0] + d[0][2]) - 2.0 * x * (d[1][1] + d[2][2])
@@ -141,8 +146,9 @@ pub(super) fn rotation_gradient(stored: [f32; 4], axes: [[f32; 3]; 3], by_axes: 
             + w * (d[0][1] - d[1][0])),
     ];
     let unit = [w, x, y, z];
-    let along: f32 = unit.iter().zip(by_unit).map(|(q, g)| q * g).sum();
-    std::array::from_fn(|k| (by_unit[k] - along * unit[k]) / norm)
+    let along = w * by_unit[0] + x * by_unit[1] + y * by_unit[2] + z * by_unit[3];
+    let across = |k: usize| (by_unit[k] - along * unit[k]) / norm;
+    [across(0), across(1), across(2), across(3)]
 }
 
 fn is_finite(scene: &Gaussians, i: usize) -> bool {

@@ -21,15 +21,13 @@ use super::bin::{self, OrderedSplats, TileGrid, TileLists};
 use super::eye::ViewTransform;
 use super::project::{CHUNK, ProjectedChunk, ProjectionInput};
 use super::raster::{PIXELS, RasterInput, TRACED_PLANES, raster_traced};
-use super::resolve::{self, BlendedTiles};
 use super::sort::DepthSorter;
 use super::splat::{Splat, SplatRates};
 use super::unseen;
-use crate::image::Image;
+use crate::image::{Image, Size};
 use crate::render::shared::TILE;
 use crate::render::{
     CameraView, ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
-    RenderedImages,
 };
 use crate::scene::{Gaussians, sh};
 use chain::ProjectionChain;
@@ -97,7 +95,7 @@ pub struct GradientRenderer {
     lists: TileLists,
     /// The traced tiles of the last view, and what they were made of.
     tiles: Vec<f32>,
-    images: RenderedImages,
+    image: Image<[f32; 3]>,
     seen: Option<(ViewTransform, TileGrid)>,
     pairs: Vec<SplatMoments>,
     sums: Vec<SplatMoments>,
@@ -131,7 +129,7 @@ impl GradientRenderer {
             sorter: DepthSorter::default(),
             lists: TileLists::new(bin::BUDGET),
             tiles: Vec::new(),
-            images: RenderedImages::default(),
+            image: Image::from_vec(Size { width: 0, height: 0 }, Vec::new()),
             seen: None,
             pairs: Vec::new(),
             sums: Vec::new(),
@@ -208,9 +206,6 @@ impl GradientRenderer {
     ///
     /// # Errors
     /// The view cannot be rendered.
-    ///
-    /// # Panics
-    /// Never: colour is always rendered.
     pub fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
         crate::render::check_view(view)?;
         let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
@@ -238,10 +233,12 @@ impl GradientRenderer {
                 tiles,
             );
         });
-        let blended = BlendedTiles { tiles: &self.tiles, features: 3, grid };
-        resolve::resolve_tiles(blended, COLOUR, background, &mut self.images);
+        if self.image.size() != grid.size {
+            self.image = Image::filled(grid.size, [0.0; 3]);
+        }
+        show_tiles(&self.tiles, grid, background, &mut self.image);
         self.seen = Some((eye, grid));
-        Ok((self.images.rgb.as_ref().expect("colour was asked for"), work))
+        Ok((&self.image, work))
     }
 
     /// The gradients of a loss on the last rendered view. `by_pixel` is the gradient by the colour
@@ -306,6 +303,21 @@ impl GradientRenderer {
             part.par_iter_mut().with_min_len(LANES).enumerate().for_each(|(i, g)| each((first + i, g)));
         });
     }
+}
+
+/// Writes the image of traced tiles: the arithmetic of `resolve`, row by row.
+fn show_tiles(tiles: &[f32], grid: TileGrid, [r, g, b]: [f32; 3], image: &mut Image<[f32; 3]>) {
+    let stride = TRACED_PLANES * PIXELS;
+    image.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {
+        let tiles = &tiles[y / TILE * grid.columns * stride..];
+        for (tile, run) in tiles.chunks_exact(stride).zip(row.chunks_mut(TILE)) {
+            let plane = |n: usize| &tile[n * PIXELS + y % TILE * TILE..][..run.len()];
+            let (red, green, blue, rest) = (plane(0), plane(1), plane(2), plane(3));
+            for (x, to) in run.iter_mut().enumerate() {
+                *to = [red[x] + rest[x] * r, green[x] + rest[x] * g, blue[x] + rest[x] * b];
+            }
+        }
+    });
 }
 
 /// The moments of all entries of a band's lists, one tile after the other.

@@ -23,7 +23,6 @@ use crate::render::cpu::splat::Splat;
 use crate::render::dual::{cross_product, dot_product};
 use crate::render::shared::COMPENSATION_FLOOR;
 use crate::scene::{Gaussians, sh};
-use std::array::from_fn;
 use std::f32::consts::LN_2;
 
 /// The Gaussians of a view, as the forward pass projected them.
@@ -33,6 +32,12 @@ pub(super) struct ProjectionChain<'a> {
     pub(super) eye: ViewTransform,
     pub(super) sh_degree: u8,
     pub(super) antialiased: bool,
+}
+
+/// An array of three values. The array functions of the standard library may stay calls.
+#[inline(always)]
+fn three(value: impl Fn(usize) -> f32) -> [f32; 3] {
+    [value(0), value(1), value(2)]
 }
 
 /// `dL` by the entries of the covariance: `dL = xx dSxx + 2 xy dSxy + yy dSyy`.
@@ -69,7 +74,7 @@ impl ProjectionChain<'_> {
         let on_image = self.image_gradient(active, slopes, depth, (splat, moments));
         // Moving the point by d changes u = x/z by (dx - u dz) / z.
         let [du, dv] = on_image.slopes;
-        let [u, v] = slopes.map(|s| s as f32);
+        let [u, v] = [slopes[0] as f32, slopes[1] as f32];
         let seen = [du / depth, dv / depth, on_image.depth - (du * u + dv * v) / depth];
         let direction = ray.normalize();
         let direction = [direction.x as f32, direction.y as f32, direction.z as f32];
@@ -78,10 +83,11 @@ impl ProjectionChain<'_> {
         // Only the component across the ray turns it.
         let along = dot_product(direction, turned);
         let position = self.to_world(seen);
-        let axes = on_image.axes.map(|axis| self.to_world(axis));
+        let [a, b, c] = on_image.axes;
+        let axes = [self.to_world(a), self.to_world(b), self.to_world(c)];
         GaussianGradient {
-            position: from_fn(|k| position[k] + (turned[k] - direction[k] * along) / length),
-            log_scale: from_fn(|k| dot_product(axes[k], active.axes[k])),
+            position: three(|k| position[k] + (turned[k] - direction[k] * along) / length),
+            log_scale: three(|k| dot_product(axes[k], active.axes[k])),
             rotation: activate::rotation_gradient(self.scene.rotations[i], active.axes, axes),
             logit: moments.total() * (1.0 - active.opacity),
             colour,
@@ -93,7 +99,7 @@ impl ProjectionChain<'_> {
     /// A gradient by camera axes as one by world axes.
     fn to_world(&self, g: [f32; 3]) -> [f32; 3] {
         let rows = &self.eye.rows;
-        from_fn(|k| rows[0][k] * g[0] + rows[1][k] * g[1] + rows[2][k] * g[2])
+        three(|k| rows[0][k] * g[0] + rows[1][k] * g[1] + rows[2][k] * g[2])
     }
 
     /// From the image plane to slopes, depth and scaled axes, in camera axes.
@@ -108,18 +114,20 @@ impl ProjectionChain<'_> {
         let [w1, w2, w3] = splat.w;
         let [v1, v2] = moments.first();
         let mean = [2.0 * LN_2 * w1 * v1, 2.0 * LN_2 * (w2 * v1 + w3 * v2)];
-        let focal = eye.focal.map(|f| f as f32);
-        let clamped: [f64; 2] = from_fn(|k| slopes[k].clamp(eye.slack[k][0], eye.slack[k][1]));
-        let scale = focal.map(|f| f / depth);
-        let axes = active.axes.map(|axis| from_fn::<f32, 3, _>(|k| dot_product(eye.rows[k], axis)));
-        let row = |k: usize| axes.map(|axis| scale[k] * (axis[k] - clamped[k] as f32 * axis[2]));
+        let focal = [eye.focal[0] as f32, eye.focal[1] as f32];
+        let clamp = |k: usize| slopes[k].clamp(eye.slack[k][0], eye.slack[k][1]);
+        let clamped = [clamp(0), clamp(1)];
+        let scale = [focal[0] / depth, focal[1] / depth];
+        let turned = |n: usize| three(|k| dot_product(eye.rows[k], active.axes[n]));
+        let axes = [turned(0), turned(1), turned(2)];
+        let row = |k: usize| three(|n| scale[k] * (axes[n][k] - clamped[k] as f32 * axes[n][2]));
         let rows = [row(0), row(1)];
         let mut by_rows = CovarianceGradient::new(splat.w, moments.second()).by_rows(rows);
         if self.antialiased {
             let more = compensation_gradient(rows, moments.total());
-            by_rows = from_fn(|r| from_fn(|k| by_rows[r][k] + more[r][k]));
+            by_rows = [three(|k| by_rows[0][k] + more[0][k]), three(|k| by_rows[1][k] + more[1][k])];
         }
-        let along = axes.map(|axis| axis[2]);
+        let along = three(|n| axes[n][2]);
         let by_slope = |k: usize| {
             // At its bound, the slope of the derivative is constant.
             let free = eye.slack[k][0] < slopes[k] && slopes[k] < eye.slack[k][1];
@@ -145,7 +153,7 @@ impl ProjectionChain<'_> {
         direction: [f32; 3],
         (splat, by_colour): (&Splat, [f32; 3]),
     ) -> ([f32; 3], [f32; 3]) {
-        let colour = from_fn(|c| if splat.features[c] > 0.0 { by_colour[c] } else { 0.0 });
+        let colour = three(|c| if splat.features[c] > 0.0 { by_colour[c] } else { 0.0 });
         let mut weights = [0.0; sh::MAX_LEN];
         let coefficients = &self.scene.sh_of(i)[..sh::function_count(self.sh_degree)];
         for (weight, coefficients) in weights.iter_mut().zip(coefficients) {
@@ -159,8 +167,8 @@ impl CovarianceGradient {
     /// `dL` by the rows `a0, a1`: the covariance is `a0.a0, a0.a1, a1.a1` and the dilation.
     fn by_rows(&self, [a0, a1]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
         [
-            from_fn(|k| 2.0 * (self.xx * a0[k] + self.xy * a1[k])),
-            from_fn(|k| 2.0 * (self.xy * a0[k] + self.yy * a1[k])),
+            three(|k| 2.0 * (self.xx * a0[k] + self.xy * a1[k])),
+            three(|k| 2.0 * (self.xy * a0[k] + self.yy * a1[k])),
         ]
     }
 }
@@ -188,7 +196,7 @@ fn compensation_gradient([a0, a1]: [[f32; 3]; 2], total: f32) -> [[f32; 3]; 2] {
     let by_squares = -0.5 * total * d / det;
     let (n0, n1) = (cross_product(a1, n), cross_product(n, a0));
     [
-        from_fn(|k| 2.0 * (by_det0 * n0[k] + by_squares * a0[k])),
-        from_fn(|k| 2.0 * (by_det0 * n1[k] + by_squares * a1[k])),
+        three(|k| 2.0 * (by_det0 * n0[k] + by_squares * a0[k])),
+        three(|k| 2.0 * (by_det0 * n1[k] + by_squares * a1[k])),
     ]
 }

@@ -14,11 +14,15 @@ pub(super) fn add_by_splat(lists: &TileLists, pairs: &[SplatMoments], sums: &mut
     let part = sums.len().div_ceil(rayon::current_num_threads()).max(1);
     sums.par_chunks_mut(part).enumerate().for_each(|(k, sums)| {
         let first = k * part;
-        let places = lists.band().flat_map(|tile| lists.of(tile)).flatten();
-        for (&place, moments) in places.zip(pairs) {
-            // A place below `first` wraps to a large number and is in no part.
-            if let Some(sum) = sums.get_mut((place as usize).wrapping_sub(first)) {
-                *sum += moments;
+        let mut pairs = pairs;
+        for run in lists.band().flat_map(|tile| lists.of(tile)) {
+            let (own, rest) = pairs.split_at(run.len());
+            pairs = rest;
+            for (&place, moments) in run.iter().zip(own) {
+                // A place below `first` wraps to a large number and is in no part.
+                if let Some(sum) = sums.get_mut((place as usize).wrapping_sub(first)) {
+                    *sum += moments;
+                }
             }
         }
     });

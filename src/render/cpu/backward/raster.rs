@@ -68,6 +68,7 @@ impl SplatMoments {
 }
 
 impl AddAssign<&Self> for SplatMoments {
+    #[inline(always)]
     fn add_assign(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, v)| *sum += v);
     }
@@ -82,7 +83,7 @@ pub(super) struct BackwardInput<'a> {
     pub(super) size: Size,
     /// `dL/dcolour` of each pixel, row by row.
     pub(super) gradient: &'a [[f32; 3]],
-    /// A value per pixel of which each splat gets its share.
+    /// A value per pixel that is shared out among its splats.
     pub(super) score: &'a [f32],
 }
 
@@ -200,7 +201,11 @@ fn open_masks(mut masks: [u64; BLOCKS], first: usize, block_last: &[usize; BLOCK
 /// The blocks that layer `i` of a batch may touch: bit `b` belongs to block `b`.
 #[inline(always)]
 fn blocks_of(masks: &[u64; BLOCKS], i: usize) -> u32 {
-    masks.iter().enumerate().fold(0, |blocks, (b, mask)| blocks | ((mask >> i & 1) as u32) << b)
+    let mut blocks = 0;
+    for (b, mask) in masks.iter().enumerate() {
+        blocks |= ((mask >> i & 1) as u32) << b;
+    }
+    blocks
 }
 
 /// A layer that is taken away.
@@ -272,15 +277,27 @@ impl BackwardLayer<'_> {
                 *sum += more;
             }
         }
-        SplatMoments(sums.map(lane_sum))
+        let mut moments = SplatMoments::default();
+        // Loops and no closures over arrays in this file: the compiler may leave those as calls, around
+        // which all registers are saved.
+        for (moment, sum) in moments.0.iter_mut().zip(sums) {
+            *moment = lane_sum(sum);
+        }
+        moments
     }
 }
 
 /// The sum of the lanes, by halves: the same order for every instruction set.
 #[inline(always)]
 fn lane_sum<S: Simd>(lanes: f32x16<S>) -> f32 {
-    let v = lanes.as_slice();
-    let eight: [f32; 8] = std::array::from_fn(|i| v[i] + v[i + 8]);
-    let four: [f32; 4] = std::array::from_fn(|i| eight[i] + eight[i + 4]);
-    (four[0] + four[2]) + (four[1] + four[3])
+    let mut v = [0.0; LANES];
+    lanes.store_slice(&mut v);
+    let mut half = LANES / 2;
+    while half > 0 {
+        for i in 0..half {
+            v[i] += v[i + half];
+        }
+        half /= 2;
+    }
+    v[0]
 }

@@ -4,10 +4,9 @@
 
 use super::*;
 use crate::camera::Camera;
-use crate::image::Size;
 use crate::render::cpu::CpuRenderer;
 use crate::render::reference::ReferenceRenderer;
-use crate::render::{CameraView, Renderer as _};
+use crate::render::{CameraView, RenderedImages, Renderer as _};
 use crate::scene::SceneScreening;
 use crate::se3::Se3;
 use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};

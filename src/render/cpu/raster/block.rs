@@ -13,7 +13,7 @@ use crate::render::cpu::exp2::exp2_neg;
 use crate::render::cpu::splat::{Splat, SplatRates};
 use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
 use crate::render::{RenderRules, RenderWork};
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x16, i32x16};
+use fearless_simd::{Bytes as _, Select as _, Simd, SimdBase as _, SimdMask as _, f32x16, i32x16, u32x16};
 use std::f32::consts::LN_2;
 
 /// One value for each pixel of a tile, block by block, each block row by row.
@@ -249,7 +249,9 @@ impl<S: Simd, const N: usize> BlockState<S, N> {
             // `Tdot (1 - alpha) - T alphadot` is `Tdot` minus the rate of the weight.
             self.light_rate -= weight_rate;
         }
-        let finished = f32x16::from_bits(self.light.to_bits() | SIGN);
+        // Not `from_bits`: see `exp2_neg`.
+        let bits: u32x16<S> = self.light.bitcast();
+        let finished: f32x16<S> = (bits | SIGN).bitcast();
         self.light = goes_on.select(after, finished);
         let is_blended = weight.simd_gt(zero);
         if TRACE {
