@@ -28,7 +28,7 @@ pub use judge::{HeldOutFigures, HeldOutView};
 use crate::image::Size;
 use crate::render::cpu::backward::{GradientRenderer, MAX_GAUSSIANS, ViewGradients};
 use crate::render::shared::least_alpha;
-use crate::render::{LayerOrder, RenderError, RenderRules, RenderStyle};
+use crate::render::{LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::source::colmap::ColmapPoint;
@@ -61,15 +61,29 @@ pub struct TrainingSettings {
     pub background: [f32; 3],
 }
 
+impl Default for TrainingSettings {
+    fn default() -> Self {
+        Self {
+            gaussians: 200_000,
+            iterations: 7000,
+            resolution: 640,
+            seed: 0,
+            hold_out: 8,
+            rules: RenderRules::Soft,
+            antialiased: false,
+            background: [0.0; 3],
+        }
+    }
+}
+
 impl TrainingSettings {
-    /// Default number of Gaussians.
-    pub const GAUSSIANS: u32 = 200_000;
-    /// Default number of iterations.
-    pub const ITERATIONS: u32 = 7000;
-    /// Default width of the photos, px.
-    pub const RESOLUTION: u32 = 640;
-    /// Default distance between held-out views.
-    pub const HOLD_OUT: u32 = 8;
+    /// The same training of another rendering.
+    #[must_use]
+    pub fn with_render(self, render: &RenderChoice) -> Self {
+        // A scene that is trained says nothing yet, so `auto` is off.
+        let RenderStyle { rules, antialiased, background, .. } = render.resolve(None);
+        Self { rules, antialiased, background, ..self }
+    }
 
     fn style(&self) -> RenderStyle {
         RenderStyle {
@@ -172,7 +186,7 @@ pub struct TrainingReport {
     pub gaussians: usize,
 }
 
-/// Who watches a training.
+/// Callbacks of a training, and its checkpoint.
 pub struct TrainingWatch<'a> {
     /// Asked before every iteration. The training stops when it returns false.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
@@ -230,7 +244,7 @@ pub fn train(
     settings: &TrainingSettings,
     watch: TrainingWatch<'_>,
 ) -> Result<TrainedGaussians, TrainingError> {
-    let mut trainer = Trainer::new(views, points, settings)?;
+    let mut trainer = SceneTrainer::new(views, points, settings)?;
     let TrainingWatch { goes_on, report, checkpoint } = watch;
     let key = checkpoint::training_key(views, settings, trainer.renderer.scene());
     if let Some(path) = checkpoint {
@@ -254,7 +268,7 @@ pub fn train(
 }
 
 /// A training between two iterations.
-struct Trainer<'a> {
+struct SceneTrainer<'a> {
     views: &'a TrainingViews,
     settings: TrainingSettings,
     schedule: TrainingSchedule,
@@ -270,7 +284,7 @@ struct Trainer<'a> {
     found: ViewGradients,
 }
 
-impl<'a> Trainer<'a> {
+impl<'a> SceneTrainer<'a> {
     fn new(
         views: &'a TrainingViews,
         points: &[ColmapPoint],

@@ -5,15 +5,13 @@ use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input, machine};
-use crate::camera::Camera;
-use crate::image::Size;
 use crate::reconstruct::model_points;
 use crate::render::RenderRules;
 use crate::scene::ply::write_ply;
 use crate::source::colmap::ColmapModel;
 use crate::source::kind::CaptureKind;
 use crate::source::{Capture, DiskCapture};
-use crate::training::photos::TrainingViews;
+use crate::training::photos::{TrainingViews, trained_size};
 use crate::training::{
     self, TrainedGaussians, TrainingError, TrainingReport, TrainingSettings, TrainingWatch,
 };
@@ -35,19 +33,19 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Number of Gaussians, at most
-    #[arg(long, value_name = "N", default_value_t = TrainingSettings::GAUSSIANS, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().gaussians, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     gaussians: u32,
     /// Number of iterations; each shows one photo
-    #[arg(long, value_name = "N", default_value_t = TrainingSettings::ITERATIONS, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().iterations, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     iterations: u32,
     /// Width of the photos in pixels; wider ones are scaled down
-    #[arg(long, value_name = "PX", default_value_t = TrainingSettings::RESOLUTION, value_parser = clap::value_parser!(u32).range(16..=16_384))]
+    #[arg(long, value_name = "PX", default_value_t = TrainingSettings::default().resolution, value_parser = clap::value_parser!(u32).range(16..=16_384))]
     resolution: u32,
     /// Seed of all draws
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Hold out every N-th photo, the first included, and judge the scene by them; 0 holds out none
-    #[arg(long, value_name = "N", default_value_t = TrainingSettings::HOLD_OUT)]
+    #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().hold_out)]
     hold_out: u32,
     /// Conventions of the renderings that are trained
     #[arg(long, value_enum, default_value_t = TrainedRule::Soft)]
@@ -139,7 +137,7 @@ impl TrainArgs {
 
     /// Refuses a training that needs more memory than is free.
     fn refuse_memory(&self, capture: &Capture) -> Result<(), VerbError> {
-        let sizes = capture.views.iter().map(|view| trained_size(&view.camera, self.resolution));
+        let sizes = capture.views.iter().map(|view| trained_size(view.camera.size, self.resolution));
         let (needed, free) = (training::memory_needed(self.gaussians, sizes), machine::free_memory());
         if needed <= free {
             return Ok(());
@@ -158,8 +156,7 @@ impl TrainArgs {
             seed: self.seed,
             hold_out: self.hold_out,
             rules: self.rule.into(),
-            antialiased: false,
-            background: [0.0; 3],
+            ..TrainingSettings::default()
         }
     }
 
@@ -233,12 +230,4 @@ impl TrainArgs {
             }));
         }
     }
-}
-
-/// The size at which a photo is trained on.
-fn trained_size(camera: &Camera, width: u32) -> Size {
-    let Size { width: own, height } = camera.size;
-    let width = width.min(own);
-    let height = (u64::from(height) * u64::from(width)).div_ceil(u64::from(own.max(1)));
-    Size { width, height: u32::try_from(height).unwrap_or(u32::MAX) }
 }

@@ -150,7 +150,7 @@ impl AdamMeans {
     }
 }
 
-/// What the steps of a range have in common.
+/// Common parameters of the steps of a range.
 struct StepSizes<'a> {
     rates: &'a LearningRates,
     degree: u8,
@@ -243,6 +243,8 @@ fn direction(g: f32, m: &mut f32, v: &mut f32, [by_mean, by_root]: [f32; 2]) -> 
 fn is_finite(g: &GaussianGradient) -> bool {
     // A sum is NaN or infinite if one of its terms is; finite terms of a gradient are far from
     // overflow.
-    let all = g.position.iter().chain(&g.log_scale).chain(&g.rotation).chain(&g.colour);
-    (all.sum::<f32>() + g.logit).is_finite()
+    let three = |v: [f32; 3]| v[0] + v[1] + v[2];
+    let [w, x, y, z] = g.rotation;
+    let sum = three(g.position) + three(g.log_scale) + three(g.colour) + (w + x + y + z) + g.logit;
+    sum.is_finite()
 }

@@ -16,7 +16,7 @@
 //! iteration, so none are kept.
 
 use super::photos::TrainingViews;
-use super::{AdamMeans, Trainer, TrainingError, TrainingSettings};
+use super::{AdamMeans, SceneTrainer, TrainingError, TrainingSettings};
 use crate::files;
 use crate::scene::Gaussians;
 use glam::DVec3;
@@ -52,7 +52,7 @@ fn push_floats(bytes: &mut Vec<u8>, values: &[f32]) {
     values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
 }
 
-impl Trainer<'_> {
+impl SceneTrainer<'_> {
     /// Writes a checkpoint.
     pub(super) fn save(&self, path: &Path, key: blake3::Hash) -> Result<(), TrainingError> {
         let bytes = self.to_bytes(key);

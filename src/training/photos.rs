@@ -112,13 +112,6 @@ impl TrainingView {
         let (camera, photo) = &self.levels[level.min(self.levels.len() - 1)];
         (CameraView::at_rest(*camera, self.world_from_camera), photo)
     }
-
-    /// A view of a given photo.
-    #[cfg(test)]
-    pub(super) fn of_photo(name: &str, view: CameraView, photo: TrainingPhoto) -> Self {
-        let levels = vec![(view.camera, photo)];
-        Self { name: name.to_owned(), index: 0, world_from_camera: view.world_from_camera, levels }
-    }
 }
 
 /// A photo scaled down to `width`, with the camera that sees it.
@@ -134,6 +127,15 @@ fn scaled(
     (rescaled(camera, size), TrainingPhoto { colours, counted })
 }
 
+/// The size at which a photo is trained on.
+#[must_use]
+pub fn trained_size(photo: Size, width: u32) -> Size {
+    let width = width.min(photo.width);
+    // As `shrink::to_width` has it: the height is rounded up.
+    let height = (u64::from(photo.height) * u64::from(width)).div_ceil(u64::from(photo.width.max(1)));
+    Size { width, height: u32::try_from(height).unwrap_or(u32::MAX) }
+}
+
 /// The camera of the same view at another size. The height of a smaller photo is rounded up, so both
 /// axes have a factor of their own.
 fn rescaled(camera: &Camera, size: Size) -> Camera {
@@ -146,9 +148,8 @@ fn rescaled(camera: &Camera, size: Size) -> Camera {
 fn shrunk_mask(counted: &Image<bool>, to: Size) -> Image<bool> {
     let from = counted.size();
     let range = |at: u32, to: u32, from: u32| {
-        let [at, to, from] = [at, to, from].map(u64::from);
-        let [first, end] = [at * from / to, ((at + 1) * from).div_ceil(to)];
-        first as usize..end as usize
+        let [at, to, from] = [at, to, from].map(|n| n as usize);
+        at * from / to..((at + 1) * from).div_ceil(to)
     };
     let all = |x: u32, y: u32| {
         range(y, to.height, from.height).all(|row| {

@@ -61,7 +61,7 @@ fn draw_parents(scene: &Gaussians, scores: &[f32], wanted: usize, draws: &Traini
     let key = |i: usize| libm::log(draws.of_gaussian(i)) / f64::from(scores[i]);
     let candidates = (0..scene.len()).filter(|&i| scores[i] > 0.0 && !is_dead(scene, i));
     let mut keyed: Vec<(f64, usize)> = candidates.map(|i| (key(i), i)).collect();
-    // Ties, of which equal scores make none, would go by the index.
+    // Draws differ, so keys hardly tie; the index decides all the same.
     keyed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     keyed.truncate(wanted);
     keyed.into_iter().map(|(_, i)| i).collect()
@@ -164,9 +164,9 @@ mod tests {
         assert_eq!(place_gaussians(&mut scene, &mut means, &mut scores, 13, &draws), 5);
         assert_eq!((scene.len(), means.ages.len(), scores.len()), (13, 13, 13));
         assert!((0..13).all(|i| !is_dead(&scene, i)));
-        // Ten Gaussians made of five parents; the parents without a split keep their age.
+        // Ten Gaussians made of five parents. The first one erred nowhere and keeps its age.
         assert_eq!(means.ages.iter().filter(|age| **age == 0).count(), 10);
-        assert_eq!(means.ages[0], 7, "nobody saw it err");
+        assert_eq!(means.ages[0], 7);
     }
 
     /// Parents by a score of 3 to 1: the share of the first among single draws is 3/4.

@@ -26,7 +26,7 @@ const EXTENT_FACTOR: f64 = 1.1;
 /// Largest coordinate, in extents, that 32 bits keep well without an origin.
 const FAR: f64 = 100.0;
 
-/// Where the cameras are.
+/// Positions of the cameras.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CameraSpread {
     /// Mean of the centres.
