@@ -74,6 +74,7 @@ mod support;
 mod takedown;
 mod tidy;
 mod tolerance;
+mod training;
 mod trajectories;
 mod trajectory_verb;
 mod tree;
