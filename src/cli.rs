@@ -36,6 +36,7 @@ mod study;
 mod supervise;
 mod takedown;
 mod targets;
+mod train;
 mod trajectory;
 mod verdicts;
 mod why;
@@ -105,6 +106,8 @@ enum VerbCommand {
     Stress(stress::StressArgs),
     /// Measure the error and the run time of sampling settings on a scene
     Study(study::StudyArgs),
+    /// Train a scene on the photos of a capture
+    Train(train::TrainArgs),
     /// Compute the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::TrajectoryArgs),
 }
@@ -257,7 +260,21 @@ pub fn command_line() -> clap::Command {
 /// can pass one set of options; the help of a verb lists its own.
 const RELEVANT: [(&str, &[&str]); 9] = [
     ("store", &["build", "plan", "why", "check", "release", "open", "gc", "study", "info"]),
-    ("jobs", &["build", "plan", "release", "audit", "render", "simulate", "stress", "study", "trajectory"]),
+    (
+        "jobs",
+        &[
+            "build",
+            "plan",
+            "release",
+            "audit",
+            "render",
+            "simulate",
+            "stress",
+            "study",
+            "train",
+            "trajectory",
+        ],
+    ),
     ("keep_going", &["build", "release"]),
     ("backend", RENDERING),
     ("gpu", RENDERING),
@@ -432,6 +449,7 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Simulate(verb) => verb.run(common, console),
         VerbCommand::Stress(verb) => verb.run(common, console),
         VerbCommand::Study(verb) => verb.run(common, console),
+        VerbCommand::Train(verb) => verb.run(common, console),
         VerbCommand::Trajectory(verb) => verb.run(common, console),
     }
 }

@@ -29,7 +29,8 @@
 //!   [`mod@image`], [`se3`]: the foundation. Pure values, visible text, memory budgets, and the
 //!   only access to files and to other programs.
 //! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`frames`],
-//!   [`event`], [`sensor`], [`sampling`], [`reconstruct`], [`foreign`], [`check`], [`dataset`],
+//!   [`event`], [`sensor`], [`sampling`], [`reconstruct`], [`training`], [`foreign`], [`check`],
+//!   [`dataset`],
 //!   [`licence`]: the domain. Values and models, with readers and writers of their own formats. No store, and no
 //!   threads except rayon's.
 //! - [`store`]: blobs, records, descriptions, stat fields, memos. It knows no other room except
@@ -102,5 +103,6 @@ pub mod stage;
 pub mod stats;
 pub mod store;
 pub mod study;
+pub mod training;
 pub mod trajectory;
 pub mod units;

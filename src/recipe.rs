@@ -48,6 +48,7 @@ use crate::sampling::exposure::ShutterSettings;
 use crate::sensor::SensorSet;
 use crate::speed::SpeedChoice;
 use crate::store::stat_cache::StatSighting;
+use crate::training::TrainingSettings;
 use crate::trajectory::path::CameraPath;
 use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
@@ -152,6 +153,8 @@ pub enum ReconstructMethod {
     Newest(PathBuf),
     /// A program that trains the scene on the source's photos.
     Command(Box<TrainerCommand>),
+    /// Training on the source's photos. The rendering is that of the recipe.
+    Builtin(TrainingSettings),
 }
 
 /// One trajectory.

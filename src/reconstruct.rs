@@ -13,5 +13,5 @@ mod trained;
 
 pub use argument::{ArgumentError, ArgumentTemplate};
 pub use command::{ArgumentPlaces, TrainError, TrainedScene, TrainerCommand, TrainingWorkspace};
-pub use layout::{LAYOUT, LayoutError, photo_memory};
+pub use layout::{LAYOUT, LayoutError, find_photo, model_points, photo_memory};
 pub use trained::GaussianCount;

@@ -229,7 +229,7 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
         Some(ReconstructMethod::Command(command)) => {
             named.extend(command.files.values().map(|path| ("a file of a training", path.clone())));
         }
-        None => {}
+        Some(ReconstructMethod::Builtin(_)) | None => {}
     }
     named
 }

@@ -34,7 +34,7 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
     let gaussians = wire_gaussians(recipe).map(|reconstructing| {
         // An input enters the key. A scene file that is given must not be read again when the
         // capture changes.
-        let trained_on = matches!(reconstructing, ReconstructStage::Command(_)).then_some(capture);
+        let trained_on = reconstructing.is_trained().then_some(capture);
         wiring.add("reconstruct".into(), reconstructing, trained_on)
     });
     let ground = SceneGround { capture, gaussians, backend, omit, asking: asking.as_ref() };
@@ -59,6 +59,9 @@ fn wire_gaussians(recipe: &Recipe) -> Option<ReconstructStage> {
         (Some(ReconstructMethod::Newest(model)), _) => Some(ReconstructStage::newest_of(model)),
         (Some(ReconstructMethod::Command(command)), _) => {
             Some(ReconstructStage::from_command(command, capture_stage(recipe), recipe.render))
+        }
+        (Some(ReconstructMethod::Builtin(training)), _) => {
+            Some(ReconstructStage::builtin(training.with_render(&recipe.render), capture_stage(recipe)))
         }
         (None, SceneSource::Procedural(still_life)) => Some(ReconstructStage::procedural(still_life)),
         (None, _) => None,

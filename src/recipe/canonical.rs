@@ -51,6 +51,9 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         Some(ReconstructMethod::Command(command)) => {
             add("reconstruct", json!({ "command": reconstruct::command_value(raw, command) }));
         }
+        Some(ReconstructMethod::Builtin(training)) => {
+            add("reconstruct", json!({ "builtin": reconstruct::builtin_value(training) }));
+        }
         Some(ReconstructMethod::Newest(_)) | None => {}
     }
     if let Some(camera) = recipe.camera {

@@ -113,15 +113,21 @@ pub(super) fn lay_out(
     Ok(LaidOutCapture { without_photo })
 }
 
-/// Returns the photo of a view, if it exists.
-fn find_photo<'f>(view: &CapturedView, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
+/// Returns the photo of a view, if it exists. `files` are the files of a source, by their names in
+/// the source.
+#[must_use]
+pub fn find_photo<'f>(view: &CapturedView, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
     // COLMAP sources list their photos below `images`, the others under the name of the view.
     let is_its = |name: &str| name == view.name || name.strip_prefix("images/") == Some(&view.name);
     files.iter().find(|(name, _)| is_its(name)).map(|(_, path)| path.as_path())
 }
 
-/// Returns the points of the source's COLMAP model, if it has one.
-fn model_points(files: &[(String, PathBuf)]) -> Result<Vec<ColmapPoint>, SourceError> {
+/// Returns the points of the source's COLMAP model, if it has one. `files` are the files of the
+/// source, by their names in the source.
+///
+/// # Errors
+/// The file of the points cannot be read.
+pub fn model_points(files: &[(String, PathBuf)]) -> Result<Vec<ColmapPoint>, SourceError> {
     let file = files.iter().find(|(name, _)| ["points3D.bin", "points3D.txt"].contains(&name.as_str()));
     file.map(|(_, path)| read_points(path)).transpose().map(Option::unwrap_or_default)
 }

@@ -96,6 +96,9 @@ impl ReleaseFacts<'_> {
                 Some(ReconstructMethod::Command(command)) => {
                     how.insert(format!("{} {} ({})", command.name(), command.version, command.licence));
                 }
+                Some(ReconstructMethod::Builtin(_)) => {
+                    how.insert(format!("gs2e {}", env!("CARGO_PKG_VERSION")));
+                }
                 Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) => {
                     how.insert("a program that the scene files do not name".to_owned());
                 }

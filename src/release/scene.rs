@@ -398,7 +398,7 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
         sh_degree: summary.sh_degree,
         antialiased: summary.antialiased,
         dropped: summary.screening.non_finite,
-        iterations: command.and_then(|command| command.iterations),
+        iterations: training_iterations(scene.recipe),
         command: command.map(TrainerCommand::written),
         psnr: fidelity.and_then(|fidelity| fidelity.psnr()),
         ssim: fidelity.and_then(|fidelity| fidelity.ssim()),
@@ -408,10 +408,20 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
 
 /// Kind of the source of a recipe's Gaussians.
 fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
-    match training_command(recipe) {
+    match &recipe.reconstruct {
         _ if recipe.source.kind().is_made_up() => recipe.source.kind().name(),
-        Some(_) => "command",
-        None => "given",
+        Some(ReconstructMethod::Command(_)) => "command",
+        Some(ReconstructMethod::Builtin(_)) => "builtin",
+        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => "given",
+    }
+}
+
+/// Number of training iterations, if the recipe states it.
+fn training_iterations(recipe: &Recipe) -> Option<u64> {
+    match &recipe.reconstruct {
+        Some(ReconstructMethod::Command(command)) => command.iterations,
+        Some(ReconstructMethod::Builtin(training)) => Some(training.iterations.into()),
+        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => None,
     }
 }
 
@@ -419,7 +429,7 @@ fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
 fn training_command(recipe: &Recipe) -> Option<&TrainerCommand> {
     match &recipe.reconstruct {
         Some(ReconstructMethod::Command(command)) => Some(command),
-        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => None,
+        Some(_) | None => None,
     }
 }
 

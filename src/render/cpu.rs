@@ -7,6 +7,7 @@
 //! therefore the same on every machine and with any number of threads.
 
 pub(super) mod activate;
+pub mod backward;
 mod bin;
 mod exp2;
 mod extent;
@@ -52,6 +53,7 @@ pub struct CpuRenderer {
     omit: OmissionPolicy,
     instructions: InstructionSet,
     splats: Vec<Splat>,
+    numbers: Vec<u32>,
     rates: Vec<SplatRates>,
     chunks: Vec<ProjectedChunk>,
     sorter: DepthSorter,
@@ -93,6 +95,7 @@ impl CpuRenderer {
             omit: OmissionPolicy::default(),
             instructions: InstructionSet::widest_set(),
             splats: Vec::new(),
+            numbers: Vec::new(),
             rates: Vec::new(),
             chunks: Vec::new(),
             sorter: DepthSorter::default(),
@@ -153,7 +156,7 @@ impl CpuRenderer {
             want: asked,
             level: self.instructions.level,
         };
-        projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
+        projection.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
         let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();

@@ -64,6 +64,15 @@ impl ReferenceRenderer {
         Ok(pixels.iter().map(ReferencePixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
     }
 
+    /// Colour of every pixel, row by row, in f64, and the counts of the rendering.
+    ///
+    /// # Errors
+    /// The view cannot be rendered.
+    pub fn colours(&self, view: &CameraView) -> Result<(Vec<[f64; 3]>, RenderWork), RenderError> {
+        let (pixels, work) = self.pixels(view)?;
+        Ok((pixels.iter().map(|pixel| pixel.colour.map(|c| c.value)).collect(), work))
+    }
+
     /// All pixels, row by row, and the counts of Gaussians.
     fn pixels(&self, view: &CameraView) -> Result<(Vec<ReferencePixel>, RenderWork), RenderError> {
         super::check_view(view)?;

@@ -69,19 +69,24 @@ fn bilinear_colour(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
     let (x, y) = (u - 0.5, v - 0.5);
     let (left, top) = (x.floor(), y.floor());
     let (to_right, to_bottom) = (x - left, y - top);
-    let [a, b] =
-        [top, top + 1.0].map(|row| [left, left + 1.0].map(|column| pixel_colour(photo, [column, row])));
-    std::array::from_fn(|channel| {
+    // Plain arrays and not the array functions: this runs for every pixel of every photo, and the
+    // compiler may leave those as calls.
+    let at = |column: f64, row: f64| pixel_colour(photo, [column, row]);
+    let a = [at(left, top), at(left + 1.0, top)];
+    let b = [at(left, top + 1.0), at(left + 1.0, top + 1.0)];
+    let blended = |channel: usize| {
         let between = |[l, r]: [[u8; 3]; 2]| {
             f64::from(l[channel]) * (1.0 - to_right) + f64::from(r[channel]) * to_right
         };
         round_byte(between(a) * (1.0 - to_bottom) + between(b) * to_bottom)
-    })
+    };
+    [blended(0), blended(1), blended(2)]
 }
 
 /// Returns the colour of the pixel in this column and row, both whole numbers. The result is black
 /// outside the photo, and at a pole of the lens, where the position is NaN.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers within the photo")]
+#[inline(always)]
 fn pixel_colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
     let Size { width, height } = photo.size();
     let inside = (0.0..f64::from(width)).contains(&column) && (0.0..f64::from(height)).contains(&row);
@@ -90,6 +95,7 @@ fn pixel_colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
 
 /// Rounds a value to the nearest byte; NaN becomes 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 255.5")]
+#[inline(always)]
 fn round_byte(value: f64) -> u8 {
     (value + 0.5) as u8
 }

@@ -7,7 +7,7 @@ use crate::scene::procedural::{self, StillLife};
 use crate::source::colmap::ColmapModel;
 use crate::source::{Capture, DiskCapture};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Parameters: the source. Paths stay out of the key; the content of the files enters it.
 #[derive(Debug, Clone, Serialize)]
@@ -54,6 +54,16 @@ impl CaptureStage {
 }
 
 impl CaptureStage {
+    /// The photos, and the points of its model. Its poses come with the capture.
+    ///
+    /// # Errors
+    /// The source cannot be listed.
+    pub(super) fn photos_and_points(&self) -> Result<Vec<SourceFile>, StageError> {
+        let mut files = self.sources()?;
+        files.retain(|file| !holds_poses(&file.path));
+        Ok(files)
+    }
+
     /// The COLMAP model from which its poses come, if there is one.
     pub(super) fn model(&self) -> Option<ColmapModel> {
         match self {
@@ -101,4 +111,11 @@ impl Stage for CaptureStage {
         let out = cx.out.join("capture.json");
         write_json(&out, &capture).map_err(StageError::io_error(&out))
     }
+}
+
+/// Returns true if the capture contains everything that a file of a source says.
+fn holds_poses(file: &Path) -> bool {
+    let is = |name: &str| file.file_name().is_some_and(|found| found == name);
+    let is_json = file.extension().is_some_and(|extension| extension == "json");
+    is_json || ["cameras.bin", "cameras.txt", "images.bin", "images.txt"].into_iter().any(is)
 }

@@ -1,8 +1,10 @@
-//! Stage `reconstruct`: obtains the Gaussians from a scene file, from the embedded scene, or from a
-//! training program.
+//! Stage `reconstruct`: obtains the Gaussians from a scene file, from the embedded scene, from a
+//! training program, or by training.
 
+mod builtin;
 mod command;
 
+pub use builtin::BuiltinStage;
 pub use command::TrainingStage;
 
 use super::capture::CaptureStage;
@@ -15,6 +17,7 @@ use crate::scene::ply::write_ply;
 use crate::scene::procedural::{self, StillLife};
 use crate::scene::{self, Gaussians};
 use crate::source::{Capture, model};
+use crate::training::TrainingSettings;
 use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -41,6 +44,8 @@ pub enum ReconstructStage {
     },
     /// A program that trains on the capture.
     Command(Box<TrainingStage>),
+    /// Training on the capture.
+    Builtin(Box<BuiltinStage>),
 }
 
 /// Location of a scene file.
@@ -85,6 +90,18 @@ impl ReconstructStage {
         Self::Given { form: None, file: SceneLocation::NewestOf(model.to_owned()) }
     }
 
+    /// The scene that is trained on the photos of a source.
+    #[must_use]
+    pub fn builtin(settings: TrainingSettings, source: CaptureStage) -> Self {
+        Self::Builtin(Box::new(BuiltinStage::new(settings, source)))
+    }
+
+    /// Returns true if the scene is trained on the capture.
+    #[must_use]
+    pub fn is_trained(&self) -> bool {
+        matches!(self, Self::Command(_) | Self::Builtin(_))
+    }
+
     /// The scene that a program trains on the photos of a source.
     #[must_use]
     pub fn from_command(command: &TrainerCommand, source: CaptureStage, render: RenderChoice) -> Self {
@@ -104,6 +121,7 @@ impl Stage for ReconstructStage {
             Self::Procedural { .. } => Vec::new(),
             Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.find()? }],
             Self::Command(training) => training.sources()?,
+            Self::Builtin(training) => training.sources()?,
         })
     }
 
@@ -111,31 +129,36 @@ impl Stage for ReconstructStage {
         match self {
             Self::Given { file: SceneLocation::NewestOf(path), .. } => model::scene_folders(path),
             Self::Command(training) => training.source_folders(),
+            Self::Builtin(training) => training.source_folders(),
             Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
         }
     }
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        let capture = files.first().filter(|_| matches!(self, Self::Command(_)));
-        match capture.and_then(|files| Capture::open(files).ok()) {
-            // Trainings use the GPU one after another.
-            Some(capture) => {
+        let capture = files.first().filter(|_| self.is_trained());
+        match (self, capture.and_then(|files| Capture::open(files).ok())) {
+            (Self::Builtin(training), Some(capture)) => training.need(&capture),
+            // Trainings of programs use the GPU one after another.
+            (_, Some(capture)) => {
                 StepNeed { gpu: true, ..StepNeed::for_parts([reconstruct::photo_memory(&capture)]) }
             }
-            None => StepNeed::for_parts([small_stage_memory(files)]),
+            (_, None) => StepNeed::for_parts([small_stage_memory(files)]),
         }
     }
 
     fn programs(&self) -> Vec<String> {
         match self {
             Self::Command(training) => training.programs(),
-            Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
+            Self::Given { .. } | Self::Procedural { .. } | Self::Builtin(_) => Vec::new(),
         }
     }
 
     fn run(&self, capture: Option<Capture>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let gaussians = match self {
             Self::Command(training) => {
+                training.run(&capture.expect("a training is wired to the capture"), cx)?
+            }
+            Self::Builtin(training) => {
                 training.run(&capture.expect("a training is wired to the capture"), cx)?
             }
             Self::Procedural { gaussians, seed } => {

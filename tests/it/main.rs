@@ -78,6 +78,7 @@ mod support;
 mod takedown;
 mod tidy;
 mod tolerance;
+mod training;
 mod trajectories;
 mod trajectory_verb;
 mod tree;

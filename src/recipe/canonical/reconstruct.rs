@@ -1,7 +1,8 @@
-//! Canonical form of a program that trains a scene.
+//! Canonical form of a training.
 
 use crate::recipe::schema;
 use crate::reconstruct::{ArgumentTemplate, TrainerCommand};
+use crate::training::TrainingSettings;
 use serde_json::{Map, Value, json};
 
 /// Returns all known fields; file paths are as written.
@@ -28,6 +29,16 @@ pub(super) fn command_value(raw: &schema::RecipeSchema, command: &TrainerCommand
     add("environment", (!command.environment.is_empty()).then(|| json!(command.environment)));
     add("files", (!command.files.is_empty()).then(|| files_value(raw)));
     out
+}
+
+/// Returns the settings of a training inside the program. The rendering is in the recipe's own
+/// section.
+pub(super) fn builtin_value(training: &TrainingSettings) -> Value {
+    let TrainingSettings { gaussians, iterations, resolution, seed, hold_out, .. } = training;
+    json!({
+        "gaussians": gaussians, "iterations": iterations, "resolution": resolution, "seed": seed,
+        "hold_out": hold_out,
+    })
 }
 
 fn files_value(raw: &schema::RecipeSchema) -> Value {

@@ -3,9 +3,11 @@
 mod command;
 
 use super::Resolver;
+use super::number::WholeRange;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::{ReconstructMethod, SceneSource, schema};
+use crate::training::TrainingSettings;
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
@@ -55,13 +57,34 @@ impl Resolver<'_> {
                     Some(SceneSource::None) => true,
                     Some(SceneSource::Procedural(_)) | None => false,
                 };
-                if without_photos && matches!(reconstruct, ReconstructMethod::Command(_)) {
+                let is_trained =
+                    matches!(reconstruct, ReconstructMethod::Command(_) | ReconstructMethod::Builtin(_));
+                if without_photos && is_trained {
                     let problem = FieldProblem::of_key("trains on photos, and this source has none");
                     return self.refuse(problem.help(GIVEN).at(*place));
                 }
                 Some(Some(reconstruct))
             }
         }
+    }
+
+    /// The settings of a training, with the rendering left at its default: the recipe's is filled in
+    /// when the step is wired.
+    fn builtin(&self, raw: &schema::BuiltinSection, seed: Option<u64>) -> Option<TrainingSettings> {
+        let plain = TrainingSettings::default();
+        let gaussians = self.small(&raw.gaussians, plain.gaussians, WholeRange::new(1, 1 << 24));
+        let iterations = self.small(&raw.iterations, plain.iterations, WholeRange::new(1, 1_000_000));
+        let resolution = self.small(&raw.resolution, plain.resolution, WholeRange::new(16, 16_384));
+        let own = self.whole(&raw.seed, seed.unwrap_or_default(), WholeRange::new(0, u64::MAX));
+        let hold_out = self.small(&raw.hold_out, plain.hold_out, WholeRange::new(0, 1_000_000));
+        Some(TrainingSettings {
+            gaussians: gaussians?,
+            iterations: iterations?,
+            resolution: resolution?,
+            seed: own?,
+            hold_out: hold_out?,
+            ..plain
+        })
     }
 
     fn reconstruction(
@@ -79,9 +102,9 @@ impl Resolver<'_> {
                 let (raw, place) = field.given()?;
                 self.command(raw, place, seed).map(|command| ReconstructMethod::Command(Box::new(command)))
             }
-            schema::ReconstructSection::Builtin(later) => {
-                self.later(later, &format!("this gs2e takes a given scene file: {GIVEN}, {TRAINED}"));
-                None
+            schema::ReconstructSection::Builtin(field) => {
+                let absent = schema::BuiltinSection::default();
+                self.builtin(self.section(field, &absent)?, seed).map(ReconstructMethod::Builtin)
             }
         }
     }

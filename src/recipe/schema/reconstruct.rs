@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 pub(in crate::recipe) enum ReconstructSection {
     /// A trained scene file.
     Given(Field<GivenSection>),
-    /// Training inside the program.
-    Builtin(Field<UnsupportedField>),
+    /// Training on the photos, inside the program. See [training.md](training.md).
+    Builtin(Field<BuiltinSection>),
     /// A program that trains the scene; runs only with `--allow-commands`. See
     /// [trainers.md](trainers.md).
     Command(Field<Box<CommandSection>>),
@@ -25,6 +25,23 @@ pub(in crate::recipe) struct GivenSection {
     pub path: Field<String>,
     /// True if the scene was trained on undistorted photos. Default: none.
     pub undistorted: Field<UnsupportedField>,
+}
+
+/// The training fits what `render` renders: its rules, antialiasing and background.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct BuiltinSection {
+    /// Number of Gaussians, at most. Default: `200000`.
+    pub gaussians: Field<u64>,
+    /// Number of iterations; each shows one photo. Default: `7000`.
+    pub iterations: Field<u64>,
+    /// Width of the photos; wider ones are scaled down to it. Unit: px. Default: `640`.
+    pub resolution: Field<u64>,
+    /// Seed of all draws. Default: the recipe's `seed`.
+    pub seed: Field<u64>,
+    /// Spacing of the photos that are held out from training: every n-th view, the first included;
+    /// 0 holds out none. Default: `8`.
+    pub hold_out: Field<u64>,
 }
 
 /// Arguments, `probe` and `program` may contain names in braces; [trainers.md](trainers.md) lists

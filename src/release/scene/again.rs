@@ -7,7 +7,7 @@ use super::trajectory::{
 use super::{
     CameraPart, QuantityExtent, ReconstructionPart, SceneRecord, SensorPart, TrajectoryPart,
     TrajectoryStatistics, draw_seeds, kind_of_gaussians, licence, scene_attributes, sensor_seed, source_part,
-    training_command,
+    training_command, training_iterations,
 };
 use crate::artifact::TrajectoryProduct;
 use crate::camera;
@@ -71,7 +71,7 @@ fn reconstruction(recipe: &Recipe, found: &ReconstructionPart) -> Reconstruction
     let command = training_command(recipe);
     ReconstructionPart {
         kind: kind_of_gaussians(recipe).into(),
-        iterations: command.and_then(|command| command.iterations),
+        iterations: training_iterations(recipe),
         command: command.map(TrainerCommand::written),
         ..found.clone()
     }

@@ -47,6 +47,29 @@ pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedG
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
 const MIN_NORM: f64 = 1e-12;
 
+impl GaussianBlock {
+    /// The Gaussian of a lane.
+    pub(super) fn lane(&self, lane: usize) -> ActivatedGaussian {
+        let axis = |k: usize| [self.axes[k][0][lane], self.axes[k][1][lane], self.axes[k][2][lane]];
+        let axes = [axis(0), axis(1), axis(2)];
+        ActivatedGaussian { axes, opacity: self.opacity[lane] }
+    }
+
+    /// Activates the Gaussian of a lane again, after a change in the scene.
+    pub(super) fn refresh(&mut self, scene: &Gaussians, rules: RenderRules, lane: usize) {
+        let i = self.numbers[lane] as usize;
+        let ActivatedGaussian { axes, opacity } = activate_one(scene, i);
+        self.opacity[lane] = opacity;
+        self.reach[lane] = extent::opacity_reach(rules, opacity);
+        for (to, from) in self.positions.iter_mut().zip(scene.positions[i]) {
+            to[lane] = from;
+        }
+        for (to, from) in self.axes.as_flattened_mut().iter_mut().zip(axes.as_flattened()) {
+            to[lane] = *from;
+        }
+    }
+}
+
 /// Applies the activations to the Gaussians with these indices.
 pub(super) fn activate_all(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Vec<GaussianBlock> {
     numbers.par_chunks(LANES).map(|numbers| activate_block(scene, rules, numbers)).collect()
@@ -77,17 +100,8 @@ fn activate_block(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Gau
         reach: zero,
     };
     for (lane, &number) in numbers.iter().enumerate() {
-        let i = number as usize;
-        let ActivatedGaussian { axes, opacity } = activate_one(scene, i);
         block.numbers[lane] = number;
-        block.opacity[lane] = opacity;
-        block.reach[lane] = extent::opacity_reach(rules, opacity);
-        for (to, from) in block.positions.iter_mut().zip(scene.positions[i]) {
-            to[lane] = from;
-        }
-        for (to, from) in block.axes.as_flattened_mut().iter_mut().zip(axes.as_flattened()) {
-            to[lane] = *from;
-        }
+        block.refresh(scene, rules, lane);
     }
     block
 }
@@ -98,11 +112,43 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
         return [[f32::NAN; 3]; 3];
     }
     let rotation = stored_rotation(scene.rotations[i]);
-    [0, 1, 2].map(|k| {
+    let axis = |k: usize| {
         // By `libm` and in 64 bits, so that the bits do not depend on the platform.
         let deviation = libm::exp(f64::from(scene.log_scales[i][k]));
         (rotation.col(k) * deviation).as_vec3().to_array()
-    })
+    };
+    [axis(0), axis(1), axis(2)]
+}
+
+/// The gradient by a stored quaternion, from the gradients by the scaled axes in world axes. Only its component across the quaternion turns, so a stored length does not matter;
+/// a zero quaternion has the gradient 0.
+pub(super) fn rotation_gradient(stored: [f32; 4], axes: [[f32; 3]; 3], by_axes: [[f32; 3]; 3]) -> [f32; 4] {
+    let [w, x, y, z] = stored;
+    let norm = (w * w + x * x + y * y + z * z).sqrt();
+    if f64::from(norm) <= MIN_NORM {
+        return [0.0; 4];
+    }
+    let [w, x, y, z] = [w / norm, x / norm, y / norm, z / norm];
+    // `d[k]` is the gradient by column `k` of the rotation.
+    let column = |k: usize| {
+        let [a, b, c] = axes[k];
+        let deviation = (a * a + b * b + c * c).sqrt();
+        [by_axes[k][0] * deviation, by_axes[k][1] * deviation, by_axes[k][2] * deviation]
+    };
+    let d = [column(0), column(1), column(2)];
+    let by_unit = [
+        2.0 * (z * (d[0][1] - d[1][0]) + y * (d[2][0] - d[0][2]) + x * (d[1][2] - d[2][1])),
+        2.0 * (y * (d[1][0] + d[0][1]) + z * (d[2][0] + d[0][2]) - 2.0 * x * (d[1][1] + d[2][2])
+            + w * (d[1][2] - d[2][1])),
+        2.0 * (x * (d[1][0] + d[0][1]) + z * (d[2][1] + d[1][2]) - 2.0 * y * (d[0][0] + d[2][2])
+            + w * (d[2][0] - d[0][2])),
+        2.0 * (x * (d[2][0] + d[0][2]) + y * (d[2][1] + d[1][2]) - 2.0 * z * (d[0][0] + d[1][1])
+            + w * (d[0][1] - d[1][0])),
+    ];
+    let unit = [w, x, y, z];
+    let along = w * by_unit[0] + x * by_unit[1] + y * by_unit[2] + z * by_unit[3];
+    let across = |k: usize| (by_unit[k] - along * unit[k]) / norm;
+    [across(0), across(1), across(2), across(3)]
 }
 
 fn is_finite(scene: &Gaussians, i: usize) -> bool {

@@ -1,6 +1,6 @@
 //! `2^-q` for the opacity of a layer: the same bits on every machine and for any number of lanes.
 
-use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f32x16};
+use fearless_simd::{Bytes as _, Simd, SimdBase as _, f32x16, u32x16};
 
 /// Minimax polynomial of `2^f` over [-1/2, 1/2] with constant term 1: coefficients of `f` to `f^5`,
 /// each rounded to 32 bits before the next was fitted. Relative error 9.2e-8 before rounding.
@@ -27,7 +27,10 @@ pub(super) fn exp2_neg<S: Simd>(simd: S, q: f32x16<S>) -> f32x16<S> {
     let p = all(1.0) - g * (all(c1) - g * (all(c2) - g * (all(c3) - g * (all(c4) - g * c5))));
     // The integer in the low bits of `shifted` is `-round(q)`. Added to the exponent, it multiplies
     // by a power of two; [`MAX_EXPONENT`] keeps the result a normal number.
-    f32x16::from_bits(p.to_bits() + (shifted.to_bits() << 23))
+    // `bitcast` and not `from_bits`, which the compiler may leave as a call: all registers would be
+    // saved around it.
+    let [p, shifted]: [u32x16<S>; 2] = [p.bitcast(), shifted.bitcast()];
+    (p + (shifted << 23)).bitcast()
 }
 
 /// [`exp2_neg`] for one value.

@@ -18,13 +18,13 @@ const TO_BINARY: f32 = 0.849_321_8;
 pub(super) struct ViewTransform {
     pub(super) camera_from_world: DMat3,
     /// `camera_from_world`, rounded to `f32`, by rows.
-    rows: [[f32; 3]; 3],
+    pub(super) rows: [[f32; 3]; 3],
     /// The scene's local origin minus the camera's centre, in world axes.
     origin: DVec3,
-    focal: [f64; 2],
+    pub(super) focal: [f64; 2],
     centre: [f64; 2],
     /// [`slope_bounds`] of the camera.
-    slack: [[f64; 2]; 2],
+    pub(super) slack: [[f64; 2]; 2],
     /// Size of the image, px.
     pub(super) size: [f32; 2],
     /// Velocity of the camera, in its own axes.

@@ -61,6 +61,9 @@ pub(super) struct ProjectedChunk {
     pub(super) work: RenderWork,
 }
 
+/// The splats of a chunk, and their indices in the scene.
+type DrawnSplats<'a> = (&'a mut [Splat], &'a mut [u32]);
+
 /// A number, or a number with its rate, stored as one array per block.
 trait LaneValue: RealNumber<Plain = f32> {
     /// The array for a block.
@@ -131,28 +134,32 @@ struct ProjectedBlock<S: LaneValue> {
 
 impl ProjectionInput<'_> {
     /// Projects all Gaussians. The splats of chunk `k` start at `splats[k * CHUNK]`, in file order.
-    /// The same holds for `rates`, if a channel needs rates.
+    /// The same holds for `numbers`, their indices in the scene, and for `rates`, if a channel needs
+    /// rates.
     pub(super) fn run(
         &self,
         splats: &mut Vec<Splat>,
+        numbers: &mut Vec<u32>,
         rates: &mut Vec<SplatRates>,
         chunks: &mut Vec<ProjectedChunk>,
     ) {
         let count = self.blocks.iter().map(|block| block.len).sum();
         splats.resize(count, Splat::default());
+        numbers.resize(count, 0);
         // All blocks but the last are full, so these chunks of blocks and of splats hold the same
         // Gaussians.
-        let parts = self.blocks.par_chunks(CHUNK / LANES).zip(splats.par_chunks_mut(CHUNK));
+        let drawn = splats.par_chunks_mut(CHUNK).zip(numbers.par_chunks_mut(CHUNK));
+        let parts = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
         if self.want.luminance_rate {
             rates.resize(count, SplatRates::default());
             let parts = parts.zip(rates.par_chunks_mut(CHUNK));
-            let project = |((blocks, splats), rates): (
-                (&[GaussianBlock], &mut [Splat]),
+            let project = |((blocks, drawn), rates): (
+                (&[GaussianBlock], DrawnSplats<'_>),
                 &mut [SplatRates],
-            )| dispatch!(self.level, _simd => self.chunk::<DualNumber<f32>>(blocks, splats, rates));
+            )| dispatch!(self.level, _simd => self.chunk::<DualNumber<f32>>(blocks, drawn, rates));
             parts.map(project).collect_into_vec(chunks);
         } else {
-            let project = |(blocks, splats): (&[GaussianBlock], &mut [Splat])| dispatch!(self.level, _simd => self.chunk::<f32>(blocks, splats, &mut []));
+            let project = |(blocks, drawn): (&[GaussianBlock], DrawnSplats<'_>)| dispatch!(self.level, _simd => self.chunk::<f32>(blocks, drawn, &mut []));
             parts.map(project).collect_into_vec(chunks);
         }
     }
@@ -163,13 +170,13 @@ impl ProjectionInput<'_> {
     fn chunk<S: LaneValue>(
         &self,
         blocks: &[GaussianBlock],
-        splats: &mut [Splat],
+        mut drawn: DrawnSplats<'_>,
         rates: &mut [SplatRates],
     ) -> ProjectedChunk {
         let mut done = ProjectedChunk::default();
         let mut seen = ProjectedBlock::<S>::new();
         for block in blocks {
-            self.block(block, &mut seen, &mut done, splats, rates);
+            self.block(block, &mut seen, &mut done, &mut drawn, rates);
         }
         done
     }
@@ -180,7 +187,7 @@ impl ProjectionInput<'_> {
         block: &GaussianBlock,
         seen: &mut ProjectedBlock<S>,
         done: &mut ProjectedChunk,
-        splats: &mut [Splat],
+        (splats, numbers): &mut DrawnSplats<'_>,
         rates: &mut [SplatRates],
     ) {
         seen.locate(&self.eye, self.style.rules, block);
@@ -210,6 +217,7 @@ impl ProjectionInput<'_> {
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
             splats[done.drawn] = seen.splat(i, self.features(value, seen, i));
+            numbers[done.drawn] = block.numbers[i];
             if S::MOVING {
                 let rate = [colour[0].rate(), colour[1].rate(), colour[2].rate()];
                 rates[done.drawn] = seen.rates(i, luminance(value), luminance(rate));

@@ -19,8 +19,8 @@
 //! the image is the same on every machine.
 
 mod blended;
-mod block;
-mod cover;
+pub(super) mod block;
+pub(super) mod cover;
 
 use super::bin::{TileGrid, TileLists};
 use super::splat::{Splat, SplatRates};
@@ -39,14 +39,14 @@ pub(super) const PIXELS: usize = TILE * TILE;
 const SIDE: usize = 4;
 
 /// Pixels of a block.
-const LANES: usize = SIDE * SIDE;
+pub(super) const LANES: usize = SIDE * SIDE;
 
 /// Blocks of a tile.
-const BLOCKS: usize = PIXELS / LANES;
+pub(super) const BLOCKS: usize = PIXELS / LANES;
 
 /// Number of splats in a batch: the bits of a mask. A tile checks after each batch whether all its
 /// pixels are finished.
-const BATCH: usize = 64;
+pub(super) const BATCH: usize = 64;
 
 /// The input of the pass.
 #[derive(Debug, Clone, Copy)]
@@ -83,6 +83,45 @@ pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
     out: &mut Vec<f32>,
 ) -> RenderWork {
     let stride = plane_count(N, RATE) * PIXELS;
+    let blend = |index: usize, out: &mut [f32]| match (frame.order, RATE) {
+        (LayerOrder::Depth, _) => {
+            dispatch!(frame.level, simd => blend_tile::<_, N, SOFT, RATE, false>(simd, frame, index, out))
+        }
+        (LayerOrder::Blended, false) => {
+            dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, f32, N>(simd, frame, index, out))
+        }
+        (LayerOrder::Blended, true) => {
+            dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, DualNumber<f32>, N>(simd, frame, index, out))
+        }
+    };
+    each_tile(frame, stride, out, blend)
+}
+
+/// Planes of a traced tile: the three colours, the transmittance, and the number of entries of the
+/// tile's list up to the last one that was blended at the pixel.
+pub(super) const TRACED_PLANES: usize = 5;
+
+/// [`raster_tiles`] of three colours in order of depth, with the same bits, and the trace that the
+/// gradients need ([`TRACED_PLANES`]).
+pub(super) fn raster_traced(frame: RasterInput<'_>, out: &mut Vec<f32>) -> RenderWork {
+    let soft = frame.rules == RenderRules::Soft;
+    let blend = |index: usize, out: &mut [f32]| {
+        if soft {
+            dispatch!(frame.level, simd => blend_tile::<_, 3, true, false, true>(simd, frame, index, out))
+        } else {
+            dispatch!(frame.level, simd => blend_tile::<_, 3, false, false, true>(simd, frame, index, out))
+        }
+    };
+    each_tile(frame, TRACED_PLANES * PIXELS, out, blend)
+}
+
+/// Blends every tile of the band. A tile's part of `out` has `stride` values.
+fn each_tile(
+    frame: RasterInput<'_>,
+    stride: usize,
+    out: &mut Vec<f32>,
+    blend: impl Fn(usize, &mut [f32]) -> RenderWork + Sync + Send,
+) -> RenderWork {
     // Every tile of a band is stored as a whole, so old values need no clearing.
     out.resize(frame.grid.len() * stride, 0.0);
     let band = frame.lists.band();
@@ -90,17 +129,7 @@ pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
         .enumerate()
         .skip(band.start)
         .take(band.len())
-        .map(|(index, out)| match (frame.order, RATE) {
-            (LayerOrder::Depth, _) => {
-                dispatch!(frame.level, simd => blend_tile::<_, N, SOFT, RATE>(simd, frame, index, out))
-            }
-            (LayerOrder::Blended, false) => {
-                dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, f32, N>(simd, frame, index, out))
-            }
-            (LayerOrder::Blended, true) => {
-                dispatch!(frame.level, simd => blended::blend_tile_smoothly::<_, DualNumber<f32>, N>(simd, frame, index, out))
-            }
-        })
+        .map(|(index, out)| blend(index, out))
         // The counts are integers, so the order in which tasks are joined does not show.
         .reduce(RenderWork::default, |mut a, b| {
             a += b;
@@ -110,6 +139,8 @@ pub(super) fn raster_tiles<const N: usize, const SOFT: bool, const RATE: bool>(
 
 /// The next splats of a tile, copied out of the frame's array.
 struct SplatBatch {
+    /// Place of the first one in the tile's list.
+    first: usize,
     splats: [Splat; BATCH],
     rates: [SplatRates; BATCH],
     shapes: BatchEllipses,
@@ -136,7 +167,7 @@ impl SplatBatch {
 /// Blends one tile. This function and all that it calls are inlined into one copy per instruction
 /// set.
 #[inline(always)]
-fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
+fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool, const TRACE: bool>(
     simd: S,
     frame: RasterInput<'_>,
     index: usize,
@@ -145,6 +176,7 @@ fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
     let corner = [index % frame.grid.columns * TILE, index / frame.grid.columns * TILE];
     let mut pixels = TilePixels::<N>::new(corner, frame.grid.size, frame.rules);
     let mut batch = SplatBatch {
+        first: 0,
         splats: [Splat::default(); BATCH],
         rates: [SplatRates::default(); BATCH],
         shapes: BatchEllipses::default(),
@@ -158,18 +190,20 @@ fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
             // Nothing behind an opaque tile can change it, so the rest of the list is only counted.
             if pixels.is_finished() && !whole {
                 work.hidden += places.len() as u64;
+                batch.first += places.len();
                 continue;
             }
             batch.fill::<RATE>(frame, places);
             let masks = batch.shapes.cover::<S>(simd, corner);
             for (b, &mask) in masks.iter().enumerate() {
                 if mask != 0 && (whole || pixels.is_open(b)) {
-                    pixels.blend::<S, SOFT, RATE>(simd, b, &batch, mask);
+                    pixels.blend::<S, SOFT, RATE, TRACE>(simd, b, &batch, mask);
                 }
             }
+            batch.first += places.len();
         }
     }
-    pixels.store(out);
+    pixels.store::<TRACE>(out);
     pixels.count(&mut work);
     work
 }

@@ -11,7 +11,7 @@ use crate::stage::capture::CaptureStage;
 use crate::stage::fidelity::{measure_fidelity, views_taken};
 use crate::stage::{SourceFile, Stage, StageContext, StageError};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Parameters: the program, and the form in which it gets the capture.
@@ -35,15 +35,8 @@ impl TrainingStage {
         Self { command: command.clone(), layout: LAYOUT, source, render }
     }
 
-    /// The photos and points of the source. Its poses come with the capture.
-    fn given(&self) -> Result<Vec<SourceFile>, StageError> {
-        let mut files = self.source.sources()?;
-        files.retain(|file| !holds_poses(&file.path));
-        Ok(files)
-    }
-
     pub(super) fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
-        let mut files = self.given()?;
+        let mut files = self.source.photos_and_points()?;
         for (name, path) in &self.command.files {
             if !is_there(path) {
                 return Err(StageError::Missing { path: path.clone() });
@@ -69,7 +62,12 @@ impl TrainingStage {
         let folder = cx.out.join("training");
         std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
         let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
-        let files = self.given()?.into_iter().map(|file| (file.name, file.path)).collect::<Vec<_>>();
+        let files = self
+            .source
+            .photos_and_points()?
+            .into_iter()
+            .map(|file| (file.name, file.path))
+            .collect::<Vec<_>>();
         let desk = TrainingWorkspace {
             folder: &folder,
             log: &log,
@@ -104,13 +102,6 @@ impl TrainingStage {
         let held = fidelity.hold(self.command.min_psnr);
         held.map_err(StageError::work_failed("compare the trained scene with its photos"))
     }
-}
-
-/// Returns true if the capture contains everything that a file of a source says.
-fn holds_poses(file: &Path) -> bool {
-    let is = |name: &str| file.file_name().is_some_and(|found| found == name);
-    let is_json = file.extension().is_some_and(|extension| extension == "json");
-    is_json || ["cameras.bin", "cameras.txt", "images.bin", "images.txt"].into_iter().any(is)
 }
 
 fn stage_failure(error: TrainError) -> StageError {

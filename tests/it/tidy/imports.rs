@@ -28,6 +28,7 @@ const ORDER: &[&str] = &[
     "sensor",
     "sampling",
     "reconstruct",
+    "training",
     "foreign",
     "check",
     "dataset",

@@ -13,7 +13,7 @@ use crate::render::cpu::exp2::exp2_neg;
 use crate::render::cpu::splat::{Splat, SplatRates};
 use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
 use crate::render::{RenderRules, RenderWork};
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x16, i32x16};
+use fearless_simd::{Bytes as _, Select as _, Simd, SimdBase as _, SimdMask as _, f32x16, i32x16, u32x16};
 use std::f32::consts::LN_2;
 
 /// One value for each pixel of a tile, block by block, each block row by row.
@@ -42,6 +42,8 @@ pub(super) struct TilePixels<const N: usize> {
     light_rate: Plane,
     /// Rate of the luminance.
     grey_rate: Plane,
+    /// Number of entries of the tile's list up to the last one that was blended.
+    last: Plane,
     /// Bit `b` is set while block `b` has a pixel that goes on.
     open: u64,
     /// Pixels of the tile that lie outside the image.
@@ -51,7 +53,7 @@ pub(super) struct TilePixels<const N: usize> {
 
 /// Column and row within the tile of the `i`-th value of a plane.
 #[inline(always)]
-fn pixel_place(i: usize) -> [usize; 2] {
+pub(in crate::render::cpu) fn pixel_place(i: usize) -> [usize; 2] {
     let across = TILE / SIDE;
     let (block, lane) = (i / LANES, i % LANES);
     [block % across * SIDE + lane % SIDE, block / across * SIDE + lane / SIDE]
@@ -75,6 +77,7 @@ impl<const N: usize> TilePixels<N> {
             sums: [nothing; N],
             light_rate: nothing,
             grey_rate: nothing,
+            last: nothing,
             open: 0,
             outside: 0,
             blended: 0,
@@ -108,7 +111,7 @@ impl<const N: usize> TilePixels<N> {
 
     /// Blends over a block, front to back, the splats of a batch whose bits are set in `mask`.
     #[inline(always)]
-    pub(super) fn blend<S: Simd, const SOFT: bool, const RATE: bool>(
+    pub(super) fn blend<S: Simd, const SOFT: bool, const RATE: bool, const TRACE: bool>(
         &mut self,
         simd: S,
         block: usize,
@@ -129,12 +132,15 @@ impl<const N: usize> TilePixels<N> {
             blended: i32x16::splat(simd, 0),
             light_rate: load(&self.light_rate),
             grey_rate: load(&self.grey_rate),
+            last: load(&self.last),
         };
         while mask != 0 {
             // Bits are in order of depth, so the lowest one comes first.
             let i = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            state.blend::<SOFT, RATE>(simd, &batch.splats[i], &batch.rates[i], self.limits);
+            // The place in the list, counted from 1: 0 means that nothing was blended.
+            let place = if TRACE { (batch.first + i + 1) as f32 } else { 0.0 };
+            state.blend::<SOFT, RATE, TRACE>(simd, (&batch.splats[i], &batch.rates[i]), place, self.limits);
         }
         let store = |value: f32x16<S>, plane: &mut Plane| value.store_slice(&mut plane[range.clone()]);
         store(state.light, &mut self.light);
@@ -145,6 +151,9 @@ impl<const N: usize> TilePixels<N> {
             store(state.light_rate, &mut self.light_rate);
             store(state.grey_rate, &mut self.grey_rate);
         }
+        if TRACE {
+            store(state.last, &mut self.last);
+        }
         self.blended += state.blended.as_slice().iter().map(|&v| u64::from(v.cast_unsigned())).sum::<u64>();
         let is_open = state.light.simd_gt(0.0).to_bitmask() != 0;
         self.open &= !(u64::from(!is_open) << block);
@@ -152,7 +161,7 @@ impl<const N: usize> TilePixels<N> {
 
     /// Writes the planes, row by row.
     #[inline(always)]
-    pub(super) fn store(&self, out: &mut [f32]) {
+    pub(super) fn store<const TRACE: bool>(&self, out: &mut [f32]) {
         let mut light = self.light;
         for light in &mut light {
             *light = light.abs();
@@ -161,6 +170,7 @@ impl<const N: usize> TilePixels<N> {
             let plane = match n.checked_sub(N) {
                 None => &self.sums[n],
                 Some(0) => &light,
+                Some(1) if TRACE => &self.last,
                 Some(1) => &self.grey_rate,
                 Some(_) => &self.light_rate,
             };
@@ -189,17 +199,18 @@ struct BlockState<S: Simd, const N: usize> {
     blended: i32x16<S>,
     light_rate: f32x16<S>,
     grey_rate: f32x16<S>,
+    last: f32x16<S>,
 }
 
 impl<S: Simd, const N: usize> BlockState<S, N> {
     /// Blends one layer over the block. Rates follow by the product rule from the rates of mean,
     /// conic and opacity.
     #[inline(always)]
-    fn blend<const SOFT: bool, const RATE: bool>(
+    fn blend<const SOFT: bool, const RATE: bool, const TRACE: bool>(
         &mut self,
         simd: S,
-        splat: &Splat,
-        rates: &SplatRates,
+        (splat, rates): (&Splat, &SplatRates),
+        place: f32,
         limits: BlendLimits,
     ) {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
@@ -238,10 +249,16 @@ impl<S: Simd, const N: usize> BlockState<S, N> {
             // `Tdot (1 - alpha) - T alphadot` is `Tdot` minus the rate of the weight.
             self.light_rate -= weight_rate;
         }
-        let finished = f32x16::from_bits(self.light.to_bits() | SIGN);
+        // Not `from_bits`: see `exp2_neg`.
+        let bits: u32x16<S> = self.light.bitcast();
+        let finished: f32x16<S> = (bits | SIGN).bitcast();
         self.light = goes_on.select(after, finished);
+        let is_blended = weight.simd_gt(zero);
+        if TRACE {
+            self.last = is_blended.select(f32x16::splat(simd, place), self.last);
+        }
         // A true lane is -1 as an integer.
-        self.blended -= weight.simd_gt(zero).to_vector();
+        self.blended -= is_blended.to_vector();
         for (sums, feature) in self.sums.iter_mut().zip(splat.features) {
             *sums += weight * feature;
         }
@@ -252,7 +269,7 @@ impl<S: Simd, const N: usize> BlockState<S, N> {
 /// and a half. A layer then fades in where the other rules cut it off, so brightness does not jump
 /// as the camera moves.
 #[inline(always)]
-fn soft_ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
+pub(in crate::render::cpu) fn soft_ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);
     (u * u * (f32x16::splat(simd, 3.0) - u * 2.0), u * (6.0 * 255.0) * (f32x16::splat(simd, 1.0) - u))
 }

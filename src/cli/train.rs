@@ -1,0 +1,233 @@
+//! `gs2e train`: trains a scene on the photos of a capture.
+
+use super::console::{Console, path};
+use super::message::{MessageLevel, UserMessage};
+use super::output::{self, OutputFile};
+use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, input, machine};
+use crate::reconstruct::model_points;
+use crate::render::RenderRules;
+use crate::scene::ply::write_ply;
+use crate::source::colmap::ColmapModel;
+use crate::source::kind::CaptureKind;
+use crate::source::{Capture, DiskCapture};
+use crate::training::photos::{TrainingViews, trained_size};
+use crate::training::{
+    self, TrainedGaussians, TrainingError, TrainingReport, TrainingSettings, TrainingWatch,
+};
+use crate::units::format_amount;
+use clap::ValueEnum;
+use serde_json::json;
+use std::io;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Arguments of `train`.
+#[derive(Debug, clap::Args)]
+pub(super) struct TrainArgs {
+    /// Capture with photos: a COLMAP model or a transforms.json
+    #[arg(long, value_name = "FILE or DIR")]
+    capture: PathBuf,
+    /// File for the scene: a .ply
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Number of Gaussians, at most
+    #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().gaussians, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    gaussians: u32,
+    /// Number of iterations; each shows one photo
+    #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().iterations, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    iterations: u32,
+    /// Width of the photos in pixels; wider ones are scaled down
+    #[arg(long, value_name = "PX", default_value_t = TrainingSettings::default().resolution, value_parser = clap::value_parser!(u32).range(16..=16_384))]
+    resolution: u32,
+    /// Seed of all draws
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Hold out every N-th photo, the first included, and judge the scene by them; 0 holds out none
+    #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().hold_out)]
+    hold_out: u32,
+    /// Conventions of the renderings that are trained
+    #[arg(long, value_enum, default_value_t = TrainedRule::Soft)]
+    rule: TrainedRule,
+    /// File that keeps the state: an interrupted training goes on from it
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+}
+
+/// The rule sets that can be trained.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TrainedRule {
+    /// Layers fade in: opacity is a continuous function of the view
+    Soft,
+    /// Published CUDA rasteriser: 3-sigma extents, rounded out to tiles
+    Official,
+    /// Every pixel where a layer's opacity reaches 1/255
+    Exact,
+    /// Conventions of gsplat
+    Gsplat,
+}
+
+impl From<TrainedRule> for RenderRules {
+    fn from(rule: TrainedRule) -> Self {
+        match rule {
+            TrainedRule::Soft => Self::Soft,
+            TrainedRule::Official => Self::Official,
+            TrainedRule::Exact => Self::Exact,
+            TrainedRule::Gsplat => Self::Gsplat,
+        }
+    }
+}
+
+impl TrainArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        output::screen_outputs([self.out.as_path()], [self.capture.as_path()], console.json)?;
+        self.check_names()?;
+        common.limit_cores();
+        let stop = super::on_interrupt()?;
+        let began = Instant::now();
+        let disk = self.disk()?;
+        let (capture, warnings) = disk.read().map_err(|e| input::unreadable_file("capture", &e))?;
+        // The photos are straightened here, so the warning about their distortion does not apply.
+        let is_ignored = |warning: &crate::source::SourceWarning| {
+            !matches!(warning, crate::source::SourceWarning::DistortionIgnored { .. })
+        };
+        warnings.iter().filter(|w| is_ignored(w)).for_each(|w| console.say(&format!("warning: {w}")));
+        self.refuse_memory(&capture)?;
+        let files = disk.files().map_err(|e| input::unreadable_file("capture", &e))?;
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        let views = TrainingViews::read(&capture, &files, (self.resolution, self.hold_out), &goes_on);
+        let views = views.map_err(|e| self.told(e))?;
+        let points = model_points(&files).map_err(|e| input::unreadable_file("points", &e))?;
+        console.say(&format!(
+            "{} photos to train on, {} held out, {} points",
+            views.shown.len(),
+            views.held_out.len(),
+            points.len()
+        ));
+        let trained = self.train(&views, &points, (console, &stop), began)?;
+        let fill = |out: &mut dyn io::Write| write_ply(&trained.scene, out);
+        output::write_outputs(&[OutputFile { path: &self.out, fill: &fill }])?;
+        self.tell(&trained, began, console);
+        Ok(ExitKind::Done)
+    }
+
+    fn check_names(&self) -> Result<(), VerbError> {
+        if self.out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
+            let what = format!("{}: a trained scene is written as .ply", self.out.display());
+            return Err(VerbError::usage("format", what).help("gs2e convert writes other formats"));
+        }
+        let Some(checkpoint) = &self.checkpoint else { return Ok(()) };
+        output::screen_outputs([self.out.as_path(), checkpoint.as_path()], [], false)
+    }
+
+    /// The capture on disk. A COLMAP model comes before a transforms.json, because it has points.
+    fn disk(&self) -> Result<DiskCapture, VerbError> {
+        let place = &self.capture;
+        let kind = match ColmapModel::find_model(place) {
+            Ok(_) => CaptureKind::Colmap,
+            Err(_) => CaptureKind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?,
+        };
+        if kind == CaptureKind::Model {
+            let what = format!("{} is a 3DGS model folder, which has no photos", place.display());
+            return Err(VerbError::usage("no-photos", what).help("pass the capture that it was trained on"));
+        }
+        Ok(DiskCapture::all_views(kind, place.clone()))
+    }
+
+    /// Refuses a training that needs more memory than is free.
+    fn refuse_memory(&self, capture: &Capture) -> Result<(), VerbError> {
+        let sizes = capture.views.iter().map(|view| trained_size(view.camera.size, self.resolution));
+        let (needed, free) = (training::memory_needed(self.gaussians, sizes), machine::free_memory());
+        if needed <= free {
+            return Ok(());
+        }
+        let amount = |bytes| format_amount(bytes, "B");
+        let what =
+            format!("the training needs about {} of memory, and {} are free", amount(needed), amount(free));
+        Err(VerbError::usage("memory", what).help("lower --gaussians or --resolution"))
+    }
+
+    fn settings(&self) -> TrainingSettings {
+        TrainingSettings {
+            gaussians: self.gaussians,
+            iterations: self.iterations,
+            resolution: self.resolution,
+            seed: self.seed,
+            hold_out: self.hold_out,
+            rules: self.rule.into(),
+            ..TrainingSettings::default()
+        }
+    }
+
+    fn train(
+        &self,
+        views: &TrainingViews,
+        points: &[crate::source::colmap::ColmapPoint],
+        (console, stop): (&Console, &AtomicBool),
+        began: Instant,
+    ) -> Result<TrainedGaussians, VerbError> {
+        let mut report = |r: &TrainingReport| {
+            let psnr = r.psnr.map_or_else(String::new, |psnr| format!(", held out {psnr:.2} dB"));
+            let (TrainingReport { iteration, iterations, loss, gaussians, .. }, past) = (*r, began.elapsed());
+            let left = past.as_secs_f64() / f64::from(iteration) * f64::from(iterations - iteration);
+            console.say(&format!(
+                "{iteration}/{iterations}: loss {loss:.4}{psnr}, {gaussians} Gaussians, about {left:.0} s left"
+            ));
+        };
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        let watch =
+            TrainingWatch { goes_on: &goes_on, report: &mut report, checkpoint: self.checkpoint.as_deref() };
+        training::train(views, points, &self.settings(), watch).map_err(|e| self.told(e))
+    }
+
+    fn told(&self, error: TrainingError) -> VerbError {
+        let new = |exit, code, what: &str, because: Option<String>| {
+            let message = UserMessage::new(MessageLevel::Error, code, what);
+            VerbError::from_message(exit, because.into_iter().fold(message, UserMessage::because))
+        };
+        let because = error.to_string();
+        match error {
+            TrainingError::Stopped => {
+                let kept = match &self.checkpoint {
+                    Some(file) => format!("the same command goes on from {}", file.display()),
+                    None => "nothing was written; --checkpoint keeps the state".to_owned(),
+                };
+                new(ExitKind::Interrupted, "interrupted", &format!("interrupted: {kept}"), None)
+            }
+            TrainingError::FewViews { .. }
+            | TrainingError::PointsUnseen { .. }
+            | TrainingError::NoCommonView { .. } => {
+                VerbError::usage("capture", format!("failed to {because}"))
+            }
+            TrainingError::Photo { .. } => {
+                VerbError::failed("input-unreadable", format!("failed to {because}"))
+            }
+            TrainingError::Settings(_) => VerbError::usage("training", format!("failed to {because}")),
+            TrainingError::Checkpoint { .. } => {
+                VerbError::failed("checkpoint", format!("failed to {because}"))
+            }
+            TrainingError::NotFinite { .. } | TrainingError::Render { .. } => {
+                VerbError::failed("step-failed", format!("failed to {because}"))
+            }
+        }
+    }
+
+    fn tell(&self, trained: &TrainedGaussians, began: Instant, console: &Console) {
+        let TrainedGaussians { scene, figures } = trained;
+        let out = self.out.display();
+        let seconds = began.elapsed().as_secs_f64();
+        let means = figures.means();
+        let held = means.map_or_else(String::new, |[psnr, ssim]| {
+            format!("; {} held-out photos: {psnr:.2} dB, SSIM {ssim:.4}", figures.views.len())
+        });
+        console.say(&format!("{out}: {} Gaussians in {seconds:.0} s{held}", scene.len()));
+        if console.json {
+            let [psnr, ssim] = means.map_or([None; 2], |means| means.map(Some));
+            console.result(&json!({
+                "file": path(&self.out), "gaussians": scene.len(), "iterations": self.iterations,
+                "seconds": seconds, "psnr": psnr, "ssim": ssim, "held_out": figures.views,
+            }));
+        }
+    }
+}

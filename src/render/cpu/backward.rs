@@ -1,0 +1,350 @@
+//! Gradients: the derivative of a loss on the image by every parameter of the scene.
+//!
+//! The passes of the forward direction run as always, and leave a trace per pixel. Then `raster`
+//! takes the layers of each tile away, back to front; `gather` adds the sums of each splat over its
+//! tiles; `chain` takes them back through the projection. The forward pass keeps its bits, and the
+//! gradients have the same bits with any number of threads and any instruction set.
+//!
+//! The gradient is that of the image as it is rendered: a layer that the rules cut off, a capped
+//! opacity and a stopped pixel have no part in it. Depths decide the order of layers, and the order
+//! has no gradient.
+
+mod chain;
+mod gather;
+mod raster;
+#[cfg(test)]
+mod tests;
+
+use super::InstructionSet;
+use super::activate::{self, GaussianBlock, LANES};
+use super::bin::{self, OrderedSplats, TileGrid, TileLists};
+use super::eye::ViewTransform;
+use super::project::{CHUNK, ProjectedChunk, ProjectionInput};
+use super::raster::{PIXELS, RasterInput, TRACED_PLANES, raster_traced};
+use super::sort::DepthSorter;
+use super::splat::{Splat, SplatRates};
+use super::unseen;
+use crate::image::{Image, Size};
+use crate::render::shared::TILE;
+use crate::render::{
+    CameraView, ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
+};
+use crate::scene::{Gaussians, sh};
+use chain::ProjectionChain;
+use fearless_simd::dispatch;
+use raster::{BackwardInput, SplatMoments, backward_tile};
+use rayon::prelude::*;
+
+/// Colour is the only channel with gradients.
+const COLOUR: ChannelSet = ChannelSet { rgb: true, ..ChannelSet::NONE };
+
+/// Largest number of Gaussians. Places in the list of a tile are kept as 32-bit floats, which are
+/// exact up to here.
+pub const MAX_GAUSSIANS: usize = 1 << 24;
+
+/// The gradients of one Gaussian: the loss by its stored parameters.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct GaussianGradient {
+    /// By its position.
+    pub position: [f32; 3],
+    /// By the logarithms of its scales.
+    pub log_scale: [f32; 3],
+    /// By its stored quaternion, `w x y z`.
+    pub rotation: [f32; 4],
+    /// By the logit of its opacity.
+    pub logit: f32,
+    /// By its colour before the clamp at 0. The gradient by the coefficients of a harmonic is this
+    /// times the harmonic's value in `direction`.
+    pub colour: [f32; 3],
+    /// Unit direction from the camera, in world axes.
+    pub direction: [f32; 3],
+    /// Its share of the score: the sum of its blended weight times the pixel's score.
+    pub score: f32,
+}
+
+impl GaussianGradient {
+    /// Values of the harmonics of degree 0 to `degree` in the direction of view.
+    #[must_use]
+    pub fn harmonics(&self, degree: u8) -> [f32; sh::MAX_LEN] {
+        sh::basis_values(degree, self.direction)
+    }
+}
+
+/// The gradients of the Gaussians that a view draws.
+#[derive(Debug, Clone, Default)]
+pub struct ViewGradients {
+    /// Indices of the drawn Gaussians in the scene, ascending.
+    pub numbers: Vec<u32>,
+    /// Their gradients.
+    pub gradients: Vec<GaussianGradient>,
+}
+
+/// A scene that is rendered with gradients and changed between renderings.
+#[derive(Debug)]
+pub struct GradientRenderer {
+    scene: Gaussians,
+    blocks: Vec<GaussianBlock>,
+    style: RenderStyle,
+    sh_degree: u8,
+    instructions: InstructionSet,
+    splats: Vec<Splat>,
+    numbers: Vec<u32>,
+    rates: Vec<SplatRates>,
+    chunks: Vec<ProjectedChunk>,
+    sorter: DepthSorter,
+    lists: TileLists,
+    /// The traced tiles of the last view, and what they were made of.
+    tiles: Vec<f32>,
+    image: Image<[f32; 3]>,
+    seen: Option<(ViewTransform, TileGrid)>,
+    pairs: Vec<SplatMoments>,
+    sums: Vec<SplatMoments>,
+}
+
+impl GradientRenderer {
+    /// Prepares a scene.
+    ///
+    /// # Errors
+    /// The scene has more than [`MAX_GAUSSIANS`], or the style has no gradients.
+    pub fn new(scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
+        crate::render::check_style(&style)?;
+        if scene.len() > MAX_GAUSSIANS {
+            let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
+            return Err(RenderError::Scene(because));
+        }
+        if style.order == LayerOrder::Blended {
+            return Err(RenderError::Style("a blended order has no gradients".to_owned()));
+        }
+        let blocks = activate::activate_all(&scene, style.rules, &unseen::all_indices(&scene));
+        Ok(Self {
+            sh_degree: scene.sh_degree,
+            scene,
+            blocks,
+            style,
+            instructions: InstructionSet::widest_set(),
+            splats: Vec::new(),
+            numbers: Vec::new(),
+            rates: Vec::new(),
+            chunks: Vec::new(),
+            sorter: DepthSorter::default(),
+            lists: TileLists::new(bin::BUDGET),
+            tiles: Vec::new(),
+            image: Image::from_vec(Size { width: 0, height: 0 }, Vec::new()),
+            seen: None,
+            pairs: Vec::new(),
+            sums: Vec::new(),
+        })
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Gaussians {
+        &self.scene
+    }
+
+    /// Returns the scene and drops the rest.
+    #[must_use]
+    pub fn into_scene(self) -> Gaussians {
+        self.scene
+    }
+
+    /// Sets the highest degree of harmonics that is evaluated. Higher ones count as zero.
+    pub fn set_degree(&mut self, degree: u8) {
+        self.sh_degree = degree.min(self.scene.sh_degree);
+    }
+
+    /// The highest degree of harmonics that is evaluated.
+    #[must_use]
+    pub fn degree(&self) -> u8 {
+        self.sh_degree
+    }
+
+    /// Sets the instruction set: the same bits at another speed.
+    pub fn set_instructions(&mut self, instructions: InstructionSet) {
+        self.instructions = instructions;
+    }
+
+    /// Sets the maximum number of (Gaussian, tile) pairs that are listed at once: the same bits with
+    /// more or less memory.
+    pub fn set_list_budget(&mut self, pairs: usize) {
+        self.lists = TileLists::new(pairs);
+        self.seen = None;
+    }
+
+    /// Changes parameters of the Gaussians with these indices, ascending. The number of Gaussians
+    /// stays.
+    ///
+    /// # Panics
+    /// The change adds or removes Gaussians.
+    pub fn change<T>(&mut self, numbers: &[u32], change: impl FnOnce(&mut Gaussians) -> T) -> T {
+        let count = self.scene.len();
+        let changed = change(&mut self.scene);
+        assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
+        let (scene, rules) = (&self.scene, self.style.rules);
+        self.blocks.par_iter_mut().enumerate().for_each(|(k, block)| {
+            let end = |lane: usize| numbers.partition_point(|&number| (number as usize) < k * LANES + lane);
+            for &number in &numbers[end(0)..end(LANES)] {
+                block.refresh(scene, rules, number as usize - k * LANES);
+            }
+        });
+        self.seen = None;
+        changed
+    }
+
+    /// Changes the scene in any way.
+    pub fn rebuild<T>(&mut self, change: impl FnOnce(&mut Gaussians) -> T) -> T {
+        let changed = change(&mut self.scene);
+        // Freed first, so that the old and the new blocks do not exist at once.
+        self.blocks = Vec::new();
+        self.blocks =
+            activate::activate_all(&self.scene, self.style.rules, &unseen::all_indices(&self.scene));
+        self.seen = None;
+        changed
+    }
+
+    /// Renders a view and keeps the trace for [`Self::gradients`].
+    ///
+    /// # Errors
+    /// The view cannot be rendered.
+    pub fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
+        crate::render::check_view(view)?;
+        let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
+        let level = self.instructions.level;
+        let projection = ProjectionInput {
+            scene: &self.scene,
+            blocks: &self.blocks,
+            sh_degree: self.sh_degree,
+            style: self.style,
+            eye,
+            want: COLOUR,
+            level,
+        };
+        projection.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
+        let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
+        self.chunks.iter().for_each(|chunk| work += chunk.work);
+        let order = self.sorter.run(&self.splats, &self.chunks);
+        let grid = TileGrid::new(view.camera.size);
+        let (splats, rates, tiles) = (&self.splats, &self.rates, &mut self.tiles);
+        let RenderStyle { rules, order: layers, background, .. } = self.style;
+        work.tile_pairs = self.lists.run(OrderedSplats { order, splats, grid }, |lists| {
+            let omit = OmissionPolicy::Needless;
+            work += raster_traced(
+                RasterInput { splats, rates, lists, grid, rules, order: layers, omit, level },
+                tiles,
+            );
+        });
+        if self.image.size() != grid.size {
+            self.image = Image::filled(grid.size, [0.0; 3]);
+        }
+        show_tiles(&self.tiles, grid, background, &mut self.image);
+        self.seen = Some((eye, grid));
+        Ok((&self.image, work))
+    }
+
+    /// The gradients of a loss on the last rendered view. `by_pixel` is the gradient by the colour
+    /// of each pixel, row by row, and `score` a value per pixel that is shared out among its layers.
+    ///
+    /// # Panics
+    /// No view was rendered since the last change of the scene, or there is not one value per pixel.
+    pub fn gradients(&mut self, by_pixel: &[[f32; 3]], score: &[f32], out: &mut ViewGradients) {
+        let (eye, grid) = self.seen.expect("a view was rendered");
+        let pixels = grid.size.pixels();
+        assert_eq!((by_pixel.len(), score.len()), (pixels, pixels), "one value per pixel");
+        let input = BackwardInput {
+            splats: &self.splats,
+            rules: self.style.rules,
+            background: self.style.background,
+            size: grid.size,
+            gradient: by_pixel,
+            score,
+        };
+        self.sums.clear();
+        self.sums.resize(self.splats.len(), SplatMoments::default());
+        let (pairs, sums, tiles) = (&mut self.pairs, &mut self.sums, &self.tiles);
+        let level = self.instructions.level;
+        let mut back = |lists: &TileLists| {
+            backward_band(lists, grid, (&input, tiles), level, pairs);
+            gather::add_by_splat(lists, pairs, sums);
+        };
+        // If all tiles were one band, their lists are still there.
+        if self.lists.band() == (0..grid.len()) {
+            back(&self.lists);
+        } else {
+            let order = self.sorter.run(&self.splats, &self.chunks);
+            self.lists.run(OrderedSplats { order, splats: &self.splats, grid }, |lists| back(lists));
+        }
+        let chain = ProjectionChain {
+            scene: &self.scene,
+            eye,
+            sh_degree: self.sh_degree,
+            antialiased: self.style.antialiased,
+        };
+        self.collect(&chain, out);
+    }
+
+    /// The gradients of the drawn Gaussians, in order of the scene.
+    fn collect(&self, chain: &ProjectionChain<'_>, out: &mut ViewGradients) {
+        let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
+        out.numbers.clear();
+        out.gradients.resize(drawn, GaussianGradient::default());
+        let mut rest = out.gradients.as_mut_slice();
+        let mut parts = Vec::with_capacity(self.chunks.len());
+        for (k, chunk) in self.chunks.iter().enumerate() {
+            // The splats of a chunk begin at a multiple of `CHUNK`.
+            out.numbers.extend_from_slice(&self.numbers[k * CHUNK..][..chunk.drawn]);
+            parts.push((k * CHUNK, rest.split_off_mut(..chunk.drawn).expect("as many as are drawn")));
+        }
+        let each = |(place, gradient): (usize, &mut GaussianGradient)| {
+            let number = self.numbers[place] as usize;
+            let active = self.blocks[number / LANES].lane(number % LANES);
+            *gradient = chain.gradient(number, &active, (&self.splats[place], &self.sums[place]));
+        };
+        parts.into_par_iter().for_each(|(first, part)| {
+            part.par_iter_mut().with_min_len(LANES).enumerate().for_each(|(i, g)| each((first + i, g)));
+        });
+    }
+}
+
+/// Writes the image of traced tiles: the arithmetic of `resolve`, row by row.
+fn show_tiles(tiles: &[f32], grid: TileGrid, [r, g, b]: [f32; 3], image: &mut Image<[f32; 3]>) {
+    let stride = TRACED_PLANES * PIXELS;
+    image.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {
+        let tiles = &tiles[y / TILE * grid.columns * stride..];
+        for (tile, run) in tiles.chunks_exact(stride).zip(row.chunks_mut(TILE)) {
+            let plane = |n: usize| &tile[n * PIXELS + y % TILE * TILE..][..run.len()];
+            let (red, green, blue, rest) = (plane(0), plane(1), plane(2), plane(3));
+            for (x, to) in run.iter_mut().enumerate() {
+                *to = [red[x] + rest[x] * r, green[x] + rest[x] * g, blue[x] + rest[x] * b];
+            }
+        }
+    });
+}
+
+/// The moments of all entries of a band's lists, one tile after the other.
+fn backward_band(
+    lists: &TileLists,
+    grid: TileGrid,
+    (input, tiles): (&BackwardInput<'_>, &[f32]),
+    level: fearless_simd::Level,
+    pairs: &mut Vec<SplatMoments>,
+) {
+    let runs: Vec<Vec<&[u32]>> = lists.band().map(|tile| lists.of(tile).collect()).collect();
+    let lengths: Vec<usize> = runs.iter().map(|runs| runs.iter().map(|run| run.len()).sum()).collect();
+    // Entries that nothing blends keep their zeros.
+    pairs.clear();
+    pairs.resize(lengths.iter().sum(), SplatMoments::default());
+    let mut rest = pairs.as_mut_slice();
+    let parts = lengths.iter().map(|&n| rest.split_off_mut(..n).expect("the sum of all lengths"));
+    let parts: Vec<&mut [SplatMoments]> = parts.collect();
+    let soft = input.rules == RenderRules::Soft;
+    parts.into_par_iter().zip(&runs).zip(lists.band()).for_each(|((out, runs), tile)| {
+        let corner = [tile % grid.columns * TILE, tile / grid.columns * TILE];
+        let stride = TRACED_PLANES * PIXELS;
+        let from = (runs.as_slice(), &tiles[tile * stride..][..stride]);
+        if soft {
+            dispatch!(level, simd => backward_tile::<_, true>(simd, input, corner, from, out));
+        } else {
+            dispatch!(level, simd => backward_tile::<_, false>(simd, input, corner, from, out));
+        }
+    });
+}

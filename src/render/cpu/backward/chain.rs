@@ -1,0 +1,202 @@
+//! From the moments of a splat to the gradients of its Gaussian: the projection backwards.
+//!
+//! With `W` the Cholesky form of the splat, `ln alpha = ln o - ln 2 |W d|^2` and
+//! `Sigma^-1 = 2 ln 2 W^T W`, so with the moments of `e = W d`
+//!
+//! ```text
+//! dL/dmean  = 2 ln 2 W^T (sum a e)
+//! dL/dSigma = 2 (ln 2)^2 W^T (sum a e e^T) W
+//! ```
+//!
+//! The covariance goes back through the rows `a0, a1` of the projection's derivative times the
+//! scaled axes, as the forward pass computes it (`eye.rs`): no entry of the covariance is divided by
+//! its determinant. The clamp of the derivative's slopes, the floor of the antialiased rule, the cap
+//! of the opacity and the clamp of a colour at 0 are constant where they hold.
+
+#![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
+
+use super::GaussianGradient;
+use super::raster::SplatMoments;
+use crate::render::cpu::activate::{self, ActivatedGaussian};
+use crate::render::cpu::eye::ViewTransform;
+use crate::render::cpu::splat::Splat;
+use crate::render::dual::{cross_product, dot_product};
+use crate::render::shared::COMPENSATION_FLOOR;
+use crate::scene::{Gaussians, sh};
+use std::f32::consts::LN_2;
+
+/// The Gaussians of a view, as the forward pass projected them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ProjectionChain<'a> {
+    pub(super) scene: &'a Gaussians,
+    pub(super) eye: ViewTransform,
+    pub(super) sh_degree: u8,
+    pub(super) antialiased: bool,
+}
+
+/// An array of three values. The array functions of the standard library may stay calls.
+#[inline(always)]
+fn three(value: impl Fn(usize) -> f32) -> [f32; 3] {
+    [value(0), value(1), value(2)]
+}
+
+/// `dL` by the entries of the covariance: `dL = xx dSxx + 2 xy dSxy + yy dSyy`.
+struct CovarianceGradient {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+}
+
+impl CovarianceGradient {
+    fn new([w1, w2, w3]: [f32; 3], [m11, m12, m22]: [f32; 3]) -> Self {
+        let k = 2.0 * LN_2 * LN_2;
+        Self {
+            xx: k * w1 * w1 * m11,
+            xy: k * w1 * (w2 * m11 + w3 * m12),
+            yy: k * (w2 * w2 * m11 + 2.0 * w2 * w3 * m12 + w3 * w3 * m22),
+        }
+    }
+}
+
+impl ProjectionChain<'_> {
+    /// The gradients of Gaussian `i`, drawn as `splat`.
+    pub(super) fn gradient(
+        &self,
+        i: usize,
+        active: &ActivatedGaussian,
+        (splat, moments): (&Splat, &SplatMoments),
+    ) -> GaussianGradient {
+        let eye = &self.eye;
+        let ray = eye.ray(self.scene.positions[i]);
+        let point = eye.camera_from_world * ray;
+        let slopes = [point.x / point.z, point.y / point.z];
+        let depth = point.z as f32;
+        let on_image = self.image_gradient(active, slopes, depth, (splat, moments));
+        // Moving the point by d changes u = x/z by (dx - u dz) / z.
+        let [du, dv] = on_image.slopes;
+        let [u, v] = [slopes[0] as f32, slopes[1] as f32];
+        let seen = [du / depth, dv / depth, on_image.depth - (du * u + dv * v) / depth];
+        let direction = ray.normalize();
+        let direction = [direction.x as f32, direction.y as f32, direction.z as f32];
+        let (colour, turned) = self.colour_gradient(i, direction, (splat, moments.colour()));
+        let length = ray.length() as f32;
+        // Only the component across the ray turns it.
+        let along = dot_product(direction, turned);
+        let position = self.to_world(seen);
+        let [a, b, c] = on_image.axes;
+        let axes = [self.to_world(a), self.to_world(b), self.to_world(c)];
+        GaussianGradient {
+            position: three(|k| position[k] + (turned[k] - direction[k] * along) / length),
+            log_scale: three(|k| dot_product(axes[k], active.axes[k])),
+            rotation: activate::rotation_gradient(self.scene.rotations[i], active.axes, axes),
+            logit: moments.total() * (1.0 - active.opacity),
+            colour,
+            direction,
+            score: moments.score(),
+        }
+    }
+
+    /// A gradient by camera axes as one by world axes.
+    fn to_world(&self, g: [f32; 3]) -> [f32; 3] {
+        let rows = &self.eye.rows;
+        three(|k| rows[0][k] * g[0] + rows[1][k] * g[1] + rows[2][k] * g[2])
+    }
+
+    /// From the image plane to slopes, depth and scaled axes, in camera axes.
+    fn image_gradient(
+        &self,
+        active: &ActivatedGaussian,
+        slopes: [f64; 2],
+        depth: f32,
+        (splat, moments): (&Splat, &SplatMoments),
+    ) -> ImageGradient {
+        let eye = &self.eye;
+        let [w1, w2, w3] = splat.w;
+        let [v1, v2] = moments.first();
+        let mean = [2.0 * LN_2 * w1 * v1, 2.0 * LN_2 * (w2 * v1 + w3 * v2)];
+        let focal = [eye.focal[0] as f32, eye.focal[1] as f32];
+        let clamp = |k: usize| slopes[k].clamp(eye.slack[k][0], eye.slack[k][1]);
+        let clamped = [clamp(0), clamp(1)];
+        let scale = [focal[0] / depth, focal[1] / depth];
+        let turned = |n: usize| three(|k| dot_product(eye.rows[k], active.axes[n]));
+        let axes = [turned(0), turned(1), turned(2)];
+        let row = |k: usize| three(|n| scale[k] * (axes[n][k] - clamped[k] as f32 * axes[n][2]));
+        let rows = [row(0), row(1)];
+        let mut by_rows = CovarianceGradient::new(splat.w, moments.second()).by_rows(rows);
+        if self.antialiased {
+            let more = compensation_gradient(rows, moments.total());
+            by_rows = [three(|k| by_rows[0][k] + more[0][k]), three(|k| by_rows[1][k] + more[1][k])];
+        }
+        let along = three(|n| axes[n][2]);
+        let by_slope = |k: usize| {
+            // At its bound, the slope of the derivative is constant.
+            let free = eye.slack[k][0] < slopes[k] && slopes[k] < eye.slack[k][1];
+            let clamped = if free { -scale[k] * dot_product(by_rows[k], along) } else { 0.0 };
+            focal[k] * mean[k] + clamped
+        };
+        let shrink = dot_product(by_rows[0], rows[0]) + dot_product(by_rows[1], rows[1]);
+        let axis = |k: usize| {
+            let [x, y] = [scale[0] * by_rows[0][k], scale[1] * by_rows[1][k]];
+            [x, y, -(clamped[0] as f32 * x + clamped[1] as f32 * y)]
+        };
+        ImageGradient {
+            slopes: [by_slope(0), by_slope(1)],
+            depth: -shrink / depth,
+            axes: [axis(0), axis(1), axis(2)],
+        }
+    }
+
+    /// `dL` by the colour before its clamp at 0, and by the direction of view.
+    fn colour_gradient(
+        &self,
+        i: usize,
+        direction: [f32; 3],
+        (splat, by_colour): (&Splat, [f32; 3]),
+    ) -> ([f32; 3], [f32; 3]) {
+        let colour = three(|c| if splat.features[c] > 0.0 { by_colour[c] } else { 0.0 });
+        let mut weights = [0.0; sh::MAX_LEN];
+        let coefficients = &self.scene.sh_of(i)[..sh::function_count(self.sh_degree)];
+        for (weight, coefficients) in weights.iter_mut().zip(coefficients) {
+            *weight = dot_product(*coefficients, colour);
+        }
+        (colour, sh::direction_gradient(self.sh_degree, direction, &weights))
+    }
+}
+
+impl CovarianceGradient {
+    /// `dL` by the rows `a0, a1`: the covariance is `a0.a0, a0.a1, a1.a1` and the dilation.
+    fn by_rows(&self, [a0, a1]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+        [
+            three(|k| 2.0 * (self.xx * a0[k] + self.xy * a1[k])),
+            three(|k| 2.0 * (self.xy * a0[k] + self.yy * a1[k])),
+        ]
+    }
+}
+
+/// `dL` by slopes, depth and scaled axes.
+struct ImageGradient {
+    slopes: [f32; 2],
+    depth: f32,
+    axes: [[f32; 3]; 3],
+}
+
+/// `dL` by the rows through the factor of the antialiased rule, `sqrt(det0 / det)`, with `total` =
+/// `dL/d ln opacity`. With `n = a0 x a1`: `det0 = |n|^2`, `det = det0 + 0.3 (|a0|^2 + |a1|^2) +
+/// 0.09`, so nothing cancels where the undilated determinant nearly vanishes.
+fn compensation_gradient([a0, a1]: [[f32; 3]; 2], total: f32) -> [[f32; 3]; 2] {
+    let d = crate::render::shared::DILATION;
+    let n = cross_product(a0, a1);
+    let det0 = dot_product(n, n);
+    let det = det0 + d * (dot_product(a0, a0) + dot_product(a1, a1)) + d * d;
+    if det0 / det <= COMPENSATION_FLOOR {
+        return [[0.0; 3]; 2];
+    }
+    // Half of `d ln det0 - d ln det`, by `det0` and by the sum of squares.
+    let by_det0 = 0.5 * total * (1.0 / det0 - 1.0 / det);
+    let by_squares = -0.5 * total * d / det;
+    let (n0, n1) = (cross_product(a1, n), cross_product(n, a0));
+    [
+        three(|k| 2.0 * (by_det0 * n0[k] + by_squares * a0[k])),
+        three(|k| 2.0 * (by_det0 * n1[k] + by_squares * a1[k])),
+    ]
+}

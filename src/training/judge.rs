@@ -1,0 +1,89 @@
+//! Held-out views: renderings against the photos that the training does not see.
+
+use super::TrainingError;
+use super::loss::TrainingPhoto;
+use super::photos::TrainingView;
+use crate::image::Image;
+use crate::image::likeness::{mean_square, psnr_db, ssim};
+use crate::render::cpu::backward::GradientRenderer;
+use serde::Serialize;
+
+/// The views that were held out, each with its figures.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct HeldOutFigures {
+    /// In order of the capture.
+    pub views: Vec<HeldOutView>,
+}
+
+/// One view and its figures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HeldOutView {
+    /// Name of the view.
+    pub name: String,
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// SSIM.
+    pub ssim: f64,
+}
+
+impl HeldOutFigures {
+    /// Mean PSNR, dB, and mean SSIM; `None` without views.
+    #[must_use]
+    pub fn means(&self) -> Option<[f64; 2]> {
+        let count = self.views.len() as f64;
+        let sums = self.views.iter().fold([0.0; 2], |[p, s], view| [p + view.psnr, s + view.ssim]);
+        (count > 0.0).then(|| sums.map(|sum| sum / count))
+    }
+}
+
+/// Mean PSNR of views, dB; `None` without views.
+pub(super) fn mean_psnr(
+    renderer: &mut GradientRenderer,
+    views: &[TrainingView],
+) -> Result<Option<f64>, TrainingError> {
+    let mut sum = 0.0;
+    for view in views {
+        let (shown, wanted, counted) = pictures(renderer, view)?;
+        sum += psnr_db(counted * mean_square(&shown, &wanted));
+    }
+    Ok((!views.is_empty()).then(|| sum / views.len() as f64))
+}
+
+/// PSNR and SSIM of every view.
+pub(super) fn held_out_figures(
+    renderer: &mut GradientRenderer,
+    views: &[TrainingView],
+) -> Result<HeldOutFigures, TrainingError> {
+    let mut figures = HeldOutFigures::default();
+    for view in views {
+        let (shown, wanted, counted) = pictures(renderer, view)?;
+        let psnr = psnr_db(counted * mean_square(&shown, &wanted));
+        figures.views.push(HeldOutView { name: view.name.clone(), psnr, ssim: ssim(&shown, &wanted) });
+    }
+    Ok(figures)
+}
+
+/// The rendering of a view, clipped to 0..1, and its photo, equal where the photo does not count;
+/// and the factor that leaves those pixels out of a mean.
+fn pictures(
+    renderer: &mut GradientRenderer,
+    view: &TrainingView,
+) -> Result<(Image<[f32; 3]>, Image<[f32; 3]>, f64), TrainingError> {
+    let (at, TrainingPhoto { colours, counted }) = view.at_level(0);
+    let rendered = renderer.render(&at);
+    let failed = |cause| TrainingError::Render { view: view.name.clone(), cause };
+    let mut shown = rendered.map_err(failed)?.0.clone();
+    let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
+    shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
+    let wanted = colours.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
+    let mut wanted = Image::from_vec(colours.size(), wanted);
+    let mut pixels = colours.size().pixels();
+    if let Some(counted) = counted {
+        pixels = counted.pixels().iter().filter(|counted| **counted).count().max(1);
+        let both = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
+        for ((shown, wanted), _) in both.zip(counted.pixels()).filter(|(_, counted)| !**counted) {
+            (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
+        }
+    }
+    Ok((shown, wanted, colours.size().pixels() as f64 / pixels as f64))
+}

@@ -1,0 +1,153 @@
+//! Rates, sizes of the photos, degrees of the harmonics and numbers of Gaussians in the course of a
+//! training.
+//!
+//! Rates are those of B. Kerbl et al. 2023 (GitHub graphdeco-inria/gaussian-splatting,
+//! `arguments/__init__.py`) for 30,000 iterations, and larger for fewer: `docs/training.md` has the
+//! trials.
+
+use crate::scene::sh;
+
+/// Number of levels of the photos: full, half and quarter size.
+pub(super) const LEVELS: usize = 3;
+/// Shares of the training at which half and full size begin.
+const LEVEL_STARTS: [f64; LEVELS - 1] = [0.15, 0.45];
+/// Shares of the training between which Gaussians are placed, and at which the budget is reached.
+const PLACE_FROM: f64 = 0.02;
+const PLACE_UNTIL: f64 = 0.85;
+const BUDGET_AT: f64 = 0.5;
+/// Iterations between two placements, at most.
+const PLACE_EVERY: u32 = 100;
+/// Largest growth of one placement.
+const MAX_GROWTH: f64 = 1.2;
+/// Iterations after which the harmonics get another degree, at most.
+const DEGREE_EVERY: u32 = 1000;
+/// Iterations of a short training, for which the rates below were found.
+const SHORT: f64 = 2000.0;
+/// Least factor on the rates: that of the published ones.
+const LEAST_FACTOR: f64 = 1.0 / 6.0;
+/// Factor by which the rate of positions falls over the training.
+const POSITION_FALL: f64 = 0.01;
+
+/// Step sizes of Adam, by group of parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LearningRates {
+    /// Positions, scene units.
+    pub(super) position: f32,
+    /// Logarithms of scales.
+    pub(super) log_scale: f32,
+    /// Quaternions.
+    pub(super) rotation: f32,
+    /// Logits of opacities.
+    pub(super) logit: f32,
+    /// Harmonic of degree 0.
+    pub(super) colour: f32,
+    /// Higher harmonics.
+    pub(super) harmonics: f32,
+}
+
+/// The course of a training.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TrainingSchedule {
+    /// Number of iterations.
+    pub(super) iterations: u32,
+    /// Number of Gaussians at the start, and at most.
+    pub(super) gaussians: [usize; 2],
+    /// Scene units in which positions are measured: 1.1 times the largest distance of a camera from
+    /// the cameras' mean.
+    pub(super) extent: f64,
+}
+
+impl TrainingSchedule {
+    /// Share of the training that is over at an iteration.
+    fn share(&self, iteration: u32) -> f64 {
+        f64::from(iteration) / f64::from(self.iterations)
+    }
+
+    /// The level of the photos: 0 is full size.
+    pub(super) fn level(&self, iteration: u32) -> usize {
+        let share = self.share(iteration);
+        LEVEL_STARTS.iter().filter(|start| share < **start).count()
+    }
+
+    /// The highest degree of harmonics that is fitted.
+    pub(super) fn degree(&self, iteration: u32) -> u8 {
+        let every = (self.iterations / 10).clamp(1, DEGREE_EVERY);
+        u8::try_from(iteration / every).unwrap_or(u8::MAX).min(sh::MAX_DEGREE)
+    }
+
+    /// The step sizes.
+    #[expect(clippy::cast_possible_truncation, reason = "rounded once, after the arithmetic")]
+    pub(super) fn rates(&self, iteration: u32) -> LearningRates {
+        let factor = libm::sqrt(SHORT / f64::from(self.iterations)).clamp(LEAST_FACTOR, 1.0);
+        let fall = libm::pow(POSITION_FALL, self.share(iteration));
+        LearningRates {
+            position: (1.28e-3 * factor * self.extent * fall) as f32,
+            log_scale: (0.03 * factor) as f32,
+            rotation: (0.006 * factor) as f32,
+            logit: (0.1 * factor) as f32,
+            colour: (0.015 * factor) as f32,
+            harmonics: (0.001 * factor) as f32,
+        }
+    }
+
+    /// Returns true if Gaussians are placed after this many iterations.
+    pub(super) fn places(&self, iteration: u32) -> bool {
+        let every = (self.iterations / 40).clamp(1, PLACE_EVERY);
+        let share = self.share(iteration);
+        iteration.is_multiple_of(every) && (PLACE_FROM..PLACE_UNTIL).contains(&share)
+    }
+
+    /// The number of Gaussians after the placement at this iteration, where `count` were before.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the budget")]
+    pub(super) fn count_after(&self, iteration: u32, count: usize) -> usize {
+        let [start, budget] = self.gaussians.map(|n| n.max(1) as f64);
+        let done = (self.share(iteration) / BUDGET_AT).min(1.0);
+        let wanted = start * libm::pow(budget / start, done);
+        let wanted = wanted.min(MAX_GROWTH * count as f64).min(budget).round() as usize;
+        wanted.max(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn schedule(iterations: u32) -> TrainingSchedule {
+        TrainingSchedule { iterations, gaussians: [5000, 40_000], extent: 2.0 }
+    }
+
+    #[test]
+    fn photos_grow_and_harmonics_follow() {
+        let s = schedule(1000);
+        let levels = [0, 149, 150, 449, 450, 999].map(|i| s.level(i));
+        assert_eq!(levels, [2, 2, 1, 1, 0, 0]);
+        assert_eq!([0, 99, 100, 300, 999].map(|i| s.degree(i)), [0, 0, 1, 3, 3]);
+        assert_eq!(schedule(30_000).degree(2999), 2);
+    }
+
+    #[test]
+    fn the_budget_is_reached_in_the_middle_and_never_exceeded() {
+        for iterations in [1000, 2000, 10_000] {
+            let s = schedule(iterations);
+            let mut count = 5000;
+            for i in (0..iterations).filter(|i| s.places(*i)) {
+                let after = s.count_after(i, count);
+                assert!(after >= count && after as f64 <= 1.2 * count as f64 + 0.5 && after <= 40_000);
+                count = after;
+                if i >= iterations * 11 / 20 {
+                    assert_eq!(count, 40_000, "{iterations}: at {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn long_trainings_have_the_published_rates() {
+        let r = schedule(100_000).rates(0);
+        // `arguments/__init__.py`: 0.005, 0.001, 0.0025; positions 1.6e-4 times the extent.
+        assert!((r.log_scale - 0.005).abs() < 1e-8 && (r.rotation - 0.001).abs() < 1e-9);
+        assert!((r.colour - 0.0025).abs() < 1e-9);
+        let [first, last] = [0, 2000].map(|i| schedule(2000).rates(i).position);
+        assert!((first / last - 100.0).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,250 @@
+//! `gs2e train`, and training as a step, on photos of a known scene.
+
+use crate::support::absent::not_run;
+use crate::support::given::{self, GIVEN};
+use crate::support::workspace::Workspace;
+use gs2e::image::likeness::{mean_square, psnr_db};
+use gs2e::image::{Image, png};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::{
+    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
+};
+use gs2e::scene::{self, Gaussians};
+use gs2e::source::{Capture, nerfstudio};
+use serde_json::{Value, json};
+use std::fs;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Number of photos, and the distance between those that are held out.
+const VIEWS: u32 = 9;
+const HOLD_OUT: usize = 4;
+
+/// Photos of the row of Gaussians from an arc of half a radian, with their poses.
+fn photographed() -> Workspace {
+    let place = Workspace::new();
+    let frame = |i: u32| {
+        let (sin, cos) = (0.06 * f64::from(i) - 0.24).sin_cos();
+        let rows = [
+            [cos, 0.0, sin, 4.0 * sin],
+            [0.0, 1.0, 0.0, 0.0],
+            [-sin, 0.0, cos, 4.0 * cos],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        json!({ "file_path": format!("images/{i:03}.png"), "transform_matrix": rows })
+    };
+    let frames: Vec<Value> = (0..VIEWS).map(frame).collect();
+    let transforms =
+        json!({ "w": 64, "h": 48, "fl_x": 60.0, "fl_y": 60.0, "cx": 32.0, "cy": 24.0, "frames": frames });
+    place.write("transforms.json", transforms.to_string());
+    place.write("truth.ply", given::ply(|_, value| value));
+    let truth = scene::read_file(&place.path("truth.ply")).unwrap();
+    let capture = capture(&place);
+    for (view, picture) in capture.views.iter().zip(renderings(truth, &capture)) {
+        let mut bytes = Vec::new();
+        png::write_image(&png::to_bytes(&picture), &mut bytes).unwrap();
+        place.write(&view.name, bytes);
+    }
+    place
+}
+
+fn capture(place: &Workspace) -> Capture {
+    nerfstudio::read_capture(&place.path("transforms.json")).unwrap().0
+}
+
+/// Pictures of all views by the renderer that users have, clipped as files are.
+fn renderings(scene: Gaussians, capture: &Capture) -> Vec<Image<[f32; 3]>> {
+    let style = RenderStyle {
+        rules: RenderRules::Soft,
+        order: LayerOrder::Depth,
+        antialiased: false,
+        background: [0.0; 3],
+    };
+    let mut renderer = CpuRenderer::new(Arc::new(scene), style).unwrap();
+    let mut picture = |at: &CameraView| {
+        let mut out = RenderedImages::default();
+        renderer.render(at, ChannelSet { rgb: true, ..ChannelSet::NONE }, &mut out).unwrap();
+        let mut rgb = out.rgb.unwrap();
+        rgb.pixels_mut().as_flattened_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
+        rgb
+    };
+    capture.views.iter().map(|v| picture(&CameraView::at_rest(v.camera, v.world_from_camera))).collect()
+}
+
+/// The photos as they are on disk.
+fn photos(place: &Workspace, capture: &Capture) -> Vec<Image<[f32; 3]>> {
+    let read = |name: &str| {
+        let bytes = fs::read(place.path(name)).unwrap();
+        let photo = png::read_rgb(std::io::Cursor::new(bytes)).unwrap();
+        let pixels = photo.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
+        Image::from_vec(photo.size(), pixels)
+    };
+    capture.views.iter().map(|view| read(&view.name)).collect()
+}
+
+const TRAIN: &str = "train --capture transforms.json --gaussians 300 --iterations 120 --hold-out 4 --seed 3";
+
+/// The floor is a picture that knows the photos and ignores the pose: the mean of those trained on.
+/// A scene that is 3 dB above it has half its error. The figures of a view agree with the
+/// renderer and the photo.
+#[test]
+fn held_out_photos_are_shown_better_than_by_the_mean_photo() {
+    let place = photographed();
+    let ended = place.ok(&format!("{TRAIN} --out trained.ply --json"));
+    let report: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let capture = capture(&place);
+    let photos = photos(&place, &capture);
+    let trained = scene::read_file(&place.path("trained.ply")).unwrap();
+    assert!(trained.len() <= 300 && report["gaussians"] == trained.len(), "{report}");
+    let shown = renderings(trained, &capture);
+    let is_held = |i: &usize| i.is_multiple_of(HOLD_OUT);
+    let others: Vec<&Image<[f32; 3]>> =
+        (0..photos.len()).filter(|i| !is_held(i)).map(|i| &photos[i]).collect();
+    let mean_at = |k: usize| {
+        let sum = others
+            .iter()
+            .fold([0.0; 3], |sum: [f32; 3], photo| std::array::from_fn(|c| sum[c] + photo.pixels()[k][c]));
+        sum.map(|v| v / others.len() as f32)
+    };
+    let size = photos[0].size();
+    let mean = Image::from_vec(size, (0..size.pixels()).map(mean_at).collect());
+    let held: Vec<usize> = (0..photos.len()).filter(is_held).collect();
+    for (report, i) in report["held_out"].as_array().unwrap().iter().zip(&held) {
+        let psnr = psnr_db(mean_square(&shown[*i], &photos[*i]));
+        // Both are f64 sums over the same 32-bit pictures.
+        assert!((report["psnr"].as_f64().unwrap() - psnr).abs() < 1e-9, "{report}, {psnr}");
+        assert_eq!(report["name"], json!(capture.views[*i].name));
+    }
+    let mean_psnr = |error: &dyn Fn(usize) -> f64| {
+        held.iter().map(|i| psnr_db(error(*i))).sum::<f64>() / held.len() as f64
+    };
+    let found = mean_psnr(&|i| mean_square(&shown[i], &photos[i]));
+    let floor = mean_psnr(&|i| mean_square(&mean, &photos[i]));
+    assert!(found > floor + 3.0, "{found} dB, the mean photo has {floor} dB");
+    assert!((report["psnr"].as_f64().unwrap() - found).abs() < 1e-9);
+}
+
+#[test]
+fn threads_and_interruptions_leave_no_trace() {
+    let place = photographed();
+    place.ok(&format!("{TRAIN} --out one.ply -j 1"));
+    let whole = fs::read(place.path("one.ply")).unwrap();
+    place.ok(&format!("{TRAIN} --out two.ply -j 2"));
+    assert!(whole == fs::read(place.path("two.ply")).unwrap(), "one thread and two");
+    // Killed as soon as there is a checkpoint, long before the end.
+    let command = format!("{TRAIN} --out three.ply --checkpoint state");
+    let mut child = place.spawn(&command);
+    while !place.path("state").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended without a checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!place.path("three.ply").exists(), "it ended before it was killed");
+    let again = place.ok(&command);
+    assert!(!again.stderr.contains("\n6/120"), "it started again: {}", again.stderr);
+    assert!(whole == fs::read(place.path("three.ply")).unwrap(), "killed and resumed");
+
+    // Another training does not go on from it, and neither does a damaged one.
+    let other =
+        place.gs2e(&format!("{} --out four.ply --checkpoint state", TRAIN.replace("seed 3", "seed 4")));
+    assert!(other.code == 1 && other.stderr.contains("it belongs to another training"), "{}", other.stderr);
+    let mut bytes = fs::read(place.path("state")).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    place.write("state", bytes);
+    let damaged = place.gs2e(&command);
+    assert!(damaged.code == 1 && damaged.stderr.contains("it is damaged"), "{}", damaged.stderr);
+}
+
+#[test]
+fn unusable_captures_are_named() {
+    let place = photographed();
+    let t = |args: &str, code: i32, wanted: &str| {
+        let ended = place.gs2e(args);
+        assert_eq!((ended.code, ended.stdout.as_str()), (code, ""), "{args}: {}", ended.stderr);
+        assert!(ended.stderr.contains(wanted), "{args}: {}", ended.stderr);
+        assert!(!place.path("x.ply").exists(), "{args}");
+    };
+    let train = TRAIN.replace("--hold-out 4", "");
+    t(&format!("{train} --out x.spz"), 2, "a trained scene is written as .ply");
+    t(&format!("{train} --out x.ply --hold-out 1"), 2, "of 9 views, 0 have no photo and 9 are held out");
+    t("train --capture nothing --out x.ply", 2, "nothing does not exist");
+
+    // Colmap models with a world of their own: all points behind every camera, and no points.
+    let capture = capture(&place);
+    let mut images = String::new();
+    for (i, view) in capture.views.iter().enumerate() {
+        let (q, c) = (view.world_from_camera.rotation.conjugate(), view.world_from_camera.translation);
+        let t = -(q * c);
+        let name = view.name.trim_start_matches("images/");
+        images += &format!("{} {} {} {} {} {} {} {} 1 {name}\n\n", i + 1, q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+        place.write(&format!("behind/{}", view.name), fs::read(place.path(&view.name)).unwrap());
+    }
+    place.write("behind/sparse/0/images.txt", images);
+    place.write("behind/sparse/0/cameras.txt", "1 PINHOLE 64 48 60 60 32 24\n");
+    place.write("behind/sparse/0/points3D.txt", "1 0 0 90 200 100 50 0.5\n2 1 0 95 200 100 50 0.5\n");
+    t("train --capture behind --out x.ply", 2, "none of 2 points is in any photo");
+
+    // A photo of another size, then photos that are gone.
+    let mut bytes = Vec::new();
+    let small = gs2e::image::Size { width: 32, height: 24 };
+    png::write_image(&Image::filled(small, [9_u8; 3]), &mut bytes).unwrap();
+    place.write("images/002.png", &bytes);
+    t(&format!("{train} --out x.ply"), 1, "images/002.png");
+    (0..7).for_each(|i| fs::remove_file(place.path(&format!("images/{i:03}.png"))).unwrap());
+    t(&format!("{train} --out x.ply"), 2, "of 9 views, 7 have no photo");
+}
+
+#[test]
+fn a_budget_larger_than_the_memory_is_refused() {
+    let meminfo = fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
+    // The largest budget takes 22 GB; a training may take four fifths of the free memory.
+    if kib.is_none_or(|kib| kib > 25_000_000) {
+        return not_run("this machine has more memory than the largest budget needs");
+    }
+    let place = photographed();
+    let ended = place.gs2e("train --capture transforms.json --out x.ply --gaussians 16777216 --iterations 1");
+    assert!(ended.code == 2 && ended.stderr.contains("the training needs about"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("lower --gaussians"), "{}", ended.stderr);
+}
+
+/// As a step: trained once, judged by the photos, named in the release.
+#[test]
+fn a_recipe_trains_its_scene() {
+    let place = photographed();
+    let recipe = GIVEN
+        .replace(
+            "reconstruct: { given: { path: scene.ply } }",
+            "reconstruct: { builtin: { gaussians: 200, iterations: 60, hold_out: 4 } }",
+        )
+        .replace(
+            "outputs: [events, sharp]",
+            "outputs: []\nrender: { rules: soft }\nlicence: { expression: CC0-1.0, holder: a test }",
+        );
+    place.write("recipe.yaml", &recipe);
+    let made = place.build("recipe.yaml");
+    assert!(made.contains(&"given/reconstruct".to_owned()), "{made:?}");
+    assert!(place.stale("recipe.yaml").is_empty());
+
+    // A limit of a check trains nothing; a seed does.
+    place.write("limit.yaml", recipe.clone() + "checks: { recon_psnr: { mean: 12 } }\n");
+    assert!(!place.stale("limit.yaml").contains(&"given/reconstruct".to_owned()));
+    let seed = recipe.replace("hold_out: 4", "hold_out: 4, seed: 8");
+    place.write("seed.yaml", seed);
+    assert!(place.stale("seed.yaml").contains(&"given/reconstruct".to_owned()));
+
+    let lenient = "checks: { recon_psnr: { drop: 40 } }\n";
+    place.write("recipe.yaml", recipe + lenient);
+    place.ok("release --to tree recipe.yaml");
+    place.ok("audit tree");
+    let text = fs::read(place.path("tree/given/scene.json")).unwrap();
+    let of = &serde_json::from_slice::<Value>(&text).unwrap()["reconstruction"];
+    assert_eq!(
+        (&of["kind"], &of["iterations"], &of["command"]),
+        (&json!("builtin"), &json!(60), &Value::Null)
+    );
+    assert!(of["psnr"]["held_out"].as_f64().unwrap() > 12.0, "{of}");
+}
