@@ -373,7 +373,7 @@ mod tests {
             let centre = world_from_camera.translation;
             // Along the ray to z = wall(x, y); each round halves the error at least.
             let wall = |p: DVec3| 4.0 + 0.3 * p.x + 0.2 * p.y + 0.15 * (2.0 * p.x).sin() * (2.0 * p.y).cos();
-            let t = (0..60).fold(4.0, |t, _| (wall(centre + t * ray) - centre.z) / ray.z);
+            let t = (0..60).fold(4.0f64, |t, _| (wall(centre + t * ray) - centre.z) / ray.z);
             let at = centre + t * ray;
             let wave = (5.0 * at.x).sin() * (4.0 * at.y + 1.0).cos() + (2.3 * at.x - 3.1 * at.y).sin();
             values.push((120.0 + 50.0 * wave) as f32);

@@ -54,7 +54,9 @@ pub(super) fn path_noise(points: &[PathPoint], floor: f64) -> Option<PathNoise> 
     for (of, more) in orders.iter().flat_map(|of| MORE.map(|more| (of, more))) {
         for pose in of.centres(more) {
             // The part itself must be above the floor: rounding has the ratio of noise everywhere.
-            let size = if of.noise_at(pose, more) > floor { of.size_at(pose) } else { 0.0 };
+            let is_noise = of.noise_at(pose, more) > floor;
+            // A part above the floor is a fault, even if it is less in its neighbourhood.
+            let size = if is_noise { of.size_at(pose).max(1.01 * floor) } else { 0.0 };
             if size > found.size {
                 (found.size, found.pose) = (size, pose);
             }
