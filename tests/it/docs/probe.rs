@@ -138,7 +138,7 @@ fn relative(found: &mut Recipe, base: &str) {
     }
     match &mut found.reconstruct {
         Some(recipe::ReconstructMethod::Given(path) | recipe::ReconstructMethod::Newest(path)) => short(path),
-        Some(recipe::ReconstructMethod::Command(_)) | None => {}
+        Some(recipe::ReconstructMethod::Command(_) | recipe::ReconstructMethod::Builtin(_)) | None => {}
     }
 }
 
