@@ -11,6 +11,7 @@ const CONTEXTS: [(&str, &str); 22] = [
     ("source.colmap", CAPTURE),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
     ("reconstruct.given", "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply } } }"),
+    ("reconstruct.builtin", "{ source: { colmap: { path: c } }, reconstruct: { builtin: {} } }"),
     (
         "reconstruct.command",
         "{ source: { colmap: { path: c } }, reconstruct: { command: { program: p, version: '1', licence: MIT } } }",
