@@ -396,7 +396,7 @@ fn reserve(scene: &mut Gaussians, count: usize) {
 }
 
 /// The scene without Gaussians that are not finite, or below the smallest opacity of the rules.
-fn without_invisible(scene: Gaussians, rules: RenderRules) -> Gaussians {
+fn without_invisible(mut scene: Gaussians, rules: RenderRules) -> Gaussians {
     let least = f64::from(least_alpha(rules));
     let opacity = |logit: f32| 1.0 / (1.0 + libm::exp(-f64::from(logit)));
     let is_finite = |i: usize| {
@@ -405,13 +405,13 @@ fn without_invisible(scene: Gaussians, rules: RenderRules) -> Gaussians {
     };
     let kept: Vec<usize> =
         (0..scene.len()).filter(|&i| opacity(scene.opacity_logits[i]) >= least && is_finite(i)).collect();
-    Gaussians {
-        positions: kept.iter().map(|&i| scene.positions[i]).collect(),
-        log_scales: kept.iter().map(|&i| scene.log_scales[i]).collect(),
-        rotations: kept.iter().map(|&i| scene.rotations[i]).collect(),
-        opacity_logits: kept.iter().map(|&i| scene.opacity_logits[i]).collect(),
-        sh: kept.iter().flat_map(|&i| scene.sh_of(i)).copied().collect(),
-        screening: crate::scene::SceneScreening { read: kept.len() as u64, ..scene.screening },
-        ..scene
-    }
+    let functions = scene.sh_len();
+    scene.positions = kept.iter().map(|&i| scene.positions[i]).collect();
+    scene.log_scales = kept.iter().map(|&i| scene.log_scales[i]).collect();
+    scene.rotations = kept.iter().map(|&i| scene.rotations[i]).collect();
+    scene.opacity_logits = kept.iter().map(|&i| scene.opacity_logits[i]).collect();
+    let harmonics = kept.iter().flat_map(|&i| &scene.sh[i * functions..(i + 1) * functions]);
+    scene.sh = harmonics.copied().collect();
+    scene.screening.read = kept.len() as u64;
+    scene
 }

@@ -97,7 +97,7 @@ impl TrainArgs {
         let files = disk.files().map_err(|e| input::unreadable_file("capture", &e))?;
         let goes_on = || !stop.load(Ordering::Relaxed);
         let views = TrainingViews::read(&capture, &files, (self.resolution, self.hold_out), &goes_on);
-        let views = views.map_err(|e| self.told(e))?;
+        let views = views.map_err(|e| self.told(&e))?;
         let points = model_points(&files).map_err(|e| input::unreadable_file("points", &e))?;
         console.say(&format!(
             "{} photos to train on, {} held out, {} points",
@@ -178,10 +178,10 @@ impl TrainArgs {
         let goes_on = || !stop.load(Ordering::Relaxed);
         let watch =
             TrainingWatch { goes_on: &goes_on, report: &mut report, checkpoint: self.checkpoint.as_deref() };
-        training::train(views, points, &self.settings(), watch).map_err(|e| self.told(e))
+        training::train(views, points, &self.settings(), watch).map_err(|e| self.told(&e))
     }
 
-    fn told(&self, error: TrainingError) -> VerbError {
+    fn told(&self, error: &TrainingError) -> VerbError {
         let new = |exit, code, what: &str, because: Option<String>| {
             let message = UserMessage::new(MessageLevel::Error, code, what);
             VerbError::from_message(exit, because.into_iter().fold(message, UserMessage::because))

@@ -44,18 +44,17 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
             );
         }
     }
-    match &recipe.reconstruct {
-        Some(ReconstructMethod::Given(_)) => {
-            add("reconstruct", json!({ "given": { "path": given_path(raw) } }))
-        }
+    let reconstruct = match &recipe.reconstruct {
+        Some(ReconstructMethod::Given(_)) => Some(json!({ "given": { "path": given_path(raw) } })),
         Some(ReconstructMethod::Command(command)) => {
-            add("reconstruct", json!({ "command": reconstruct::command_value(raw, command) }));
+            Some(json!({ "command": reconstruct::command_value(raw, command) }))
         }
         Some(ReconstructMethod::Builtin(training)) => {
-            add("reconstruct", json!({ "builtin": reconstruct::builtin_value(training) }));
+            Some(json!({ "builtin": reconstruct::builtin_value(training) }))
         }
-        Some(ReconstructMethod::Newest(_)) | None => {}
-    }
+        Some(ReconstructMethod::Newest(_)) | None => None,
+    };
+    reconstruct.into_iter().for_each(|value| add("reconstruct", value));
     if let Some(camera) = recipe.camera {
         add("camera", camera_value(camera));
     }

@@ -43,8 +43,7 @@ pub(super) fn mean_psnr(
 ) -> Result<Option<f64>, TrainingError> {
     let mut sum = 0.0;
     for view in views {
-        let (shown, wanted, counted) = pictures(renderer, view)?;
-        sum += psnr_db(counted * mean_square(&shown, &wanted));
+        sum += PicturePair::new(renderer, view)?.psnr();
     }
     Ok((!views.is_empty()).then(|| sum / views.len() as f64))
 }
@@ -56,34 +55,45 @@ pub(super) fn held_out_figures(
 ) -> Result<HeldOutFigures, TrainingError> {
     let mut figures = HeldOutFigures::default();
     for view in views {
-        let (shown, wanted, counted) = pictures(renderer, view)?;
-        let psnr = psnr_db(counted * mean_square(&shown, &wanted));
-        figures.views.push(HeldOutView { name: view.name.clone(), psnr, ssim: ssim(&shown, &wanted) });
+        let pair = PicturePair::new(renderer, view)?;
+        let (psnr, ssim) = (pair.psnr(), ssim(&pair.shown, &pair.wanted));
+        figures.views.push(HeldOutView { name: view.name.clone(), psnr, ssim });
     }
     Ok(figures)
 }
 
-/// The rendering of a view, clipped to 0..1, and its photo, equal where the photo does not count;
-/// and the factor that leaves those pixels out of a mean.
-fn pictures(
-    renderer: &mut GradientRenderer,
-    view: &TrainingView,
-) -> Result<(Image<[f32; 3]>, Image<[f32; 3]>, f64), TrainingError> {
-    let (at, TrainingPhoto { colours, counted }) = view.at_level(0);
-    let rendered = renderer.render(&at);
-    let failed = |cause| TrainingError::Render { view: view.name.clone(), cause };
-    let mut shown = rendered.map_err(failed)?.0.clone();
-    let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
-    shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
-    let wanted = colours.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
-    let mut wanted = Image::from_vec(colours.size(), wanted);
-    let mut pixels = colours.size().pixels();
-    if let Some(counted) = counted {
-        pixels = counted.pixels().iter().filter(|counted| **counted).count().max(1);
-        let both = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
-        for ((shown, wanted), _) in both.zip(counted.pixels()).filter(|(_, counted)| !**counted) {
-            (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
+/// The rendering of a view, clipped to 0..1, and its photo; both are black where the photo does not
+/// count.
+struct PicturePair {
+    shown: Image<[f32; 3]>,
+    wanted: Image<[f32; 3]>,
+    /// Number of all pixels per pixel that counts.
+    part: f64,
+}
+
+impl PicturePair {
+    fn new(renderer: &mut GradientRenderer, view: &TrainingView) -> Result<Self, TrainingError> {
+        let (at, TrainingPhoto { colours, counted }) = view.at_level(0);
+        let rendered = renderer.render(&at);
+        let failed = |cause| TrainingError::Render { view: view.name.clone(), cause };
+        let mut shown = rendered.map_err(failed)?.0.clone();
+        let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
+        shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
+        let wanted = colours.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
+        let mut wanted = Image::from_vec(colours.size(), wanted);
+        let mut pixels = colours.size().pixels();
+        if let Some(counted) = counted {
+            pixels = counted.pixels().iter().filter(|counted| **counted).count().max(1);
+            let both = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
+            for ((shown, wanted), _) in both.zip(counted.pixels()).filter(|(_, counted)| !**counted) {
+                (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
+            }
         }
+        Ok(Self { shown, wanted, part: colours.size().pixels() as f64 / pixels as f64 })
     }
-    Ok((shown, wanted, colours.size().pixels() as f64 / pixels as f64))
+
+    /// PSNR over the pixels that count, dB.
+    fn psnr(&self) -> f64 {
+        psnr_db(self.part * mean_square(&self.shown, &self.wanted))
+    }
 }

@@ -313,6 +313,7 @@ impl PhotoPair<'_> {
     /// `dL/da` of a row, and the sum of its absolute differences.
     #[inline(always)]
     #[expect(clippy::cast_precision_loss, reason = "a scale, rounded once")]
+    #[expect(clippy::float_cmp, reason = "only equal values have no slope")]
     fn row_gradient(&self, (a, b): (&[f32], &[f32]), means: &[Vec<f32>; 3], out: &mut [f32]) -> f64 {
         let count = (self.size.pixels() * CHANNELS) as f32;
         let (near, alike) = ((1.0 - SIMILARITY_SHARE) / count, SIMILARITY_SHARE / count);
@@ -386,6 +387,7 @@ mod tests {
     use crate::image::png;
 
     /// Pictures with edges and gentle slopes, larger than a band.
+    #[expect(clippy::cast_possible_truncation, reason = "pictures hold 32 bits")]
     fn picture(size: Size, phase: f64) -> Image<[f32; 3]> {
         let at = |k: usize| {
             let (x, y) = ((k % size.width as usize) as f64, (k / size.width as usize) as f64);
@@ -488,7 +490,12 @@ mod tests {
         let mut loss = ImageLoss::default();
         let first = loss.compare(&picture(size, 0.0), &photo);
         let counted = photo.counted.as_ref().unwrap().pixels();
-        assert!(loss.gradient.iter().zip(counted).all(|(g, counted)| *counted || *g == [0.0; 3]));
+        assert!(
+            loss.gradient
+                .iter()
+                .zip(counted)
+                .all(|(g, counted)| *counted || g.iter().all(|v| v.to_bits() == 0))
+        );
         let mut other = picture(size, 0.0);
         for (pixel, counted) in other.pixels_mut().iter_mut().zip(counted) {
             if !counted {

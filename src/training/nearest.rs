@@ -99,6 +99,7 @@ mod tests {
 
     /// Every pair, sorted.
     #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "points hold 32 bits")]
     fn distances_are_those_of_all_pairs() {
         let mut draws = Seed(4).draws(SeedCell { x: 0, y: 0, level: 0, index: 0 }, DrawSpace::Choice);
         for count in [1, 2, 4, 9, 300] {

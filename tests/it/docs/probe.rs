@@ -6,11 +6,12 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 22] = [
+const CONTEXTS: [(&str, &str); 23] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
     ("reconstruct.given", "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply } } }"),
+    ("reconstruct.builtin", "{ source: { colmap: { path: c } }, reconstruct: { builtin: {} } }"),
     (
         "reconstruct.command",
         "{ source: { colmap: { path: c } }, reconstruct: { command: { program: p, version: '1', licence: MIT } } }",

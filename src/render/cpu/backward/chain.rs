@@ -82,9 +82,9 @@ impl ProjectionChain<'_> {
         let length = ray.length() as f32;
         // Only the component across the ray turns it.
         let along = dot_product(direction, turned);
-        let position = self.to_world(seen);
+        let position = self.world_gradient(seen);
         let [a, b, c] = on_image.axes;
-        let axes = [self.to_world(a), self.to_world(b), self.to_world(c)];
+        let axes = [self.world_gradient(a), self.world_gradient(b), self.world_gradient(c)];
         GaussianGradient {
             position: three(|k| position[k] + (turned[k] - direction[k] * along) / length),
             log_scale: three(|k| dot_product(axes[k], active.axes[k])),
@@ -97,7 +97,7 @@ impl ProjectionChain<'_> {
     }
 
     /// A gradient by camera axes as one by world axes.
-    fn to_world(&self, g: [f32; 3]) -> [f32; 3] {
+    fn world_gradient(&self, g: [f32; 3]) -> [f32; 3] {
         let rows = &self.eye.rows;
         three(|k| rows[0][k] * g[0] + rows[1][k] * g[1] + rows[2][k] * g[2])
     }
