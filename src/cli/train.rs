@@ -8,7 +8,6 @@ use super::{CommonArgs, input, machine};
 use crate::reconstruct::model_points;
 use crate::render::RenderRules;
 use crate::scene::ply::write_ply;
-use crate::source::colmap::ColmapModel;
 use crate::source::kind::CaptureKind;
 use crate::source::{Capture, DiskCapture};
 use crate::training::photos::{TrainingViews, trained_size};
@@ -121,17 +120,14 @@ impl TrainArgs {
         output::screen_outputs([self.out.as_path(), checkpoint.as_path()], [], false)
     }
 
-    /// The capture on disk. A COLMAP model comes before a transforms.json, because it has points.
+    /// The capture on disk.
     fn disk(&self) -> Result<DiskCapture, VerbError> {
         let place = &self.capture;
-        let kind = match ColmapModel::find_model(place) {
-            Ok(_) => CaptureKind::Colmap,
-            Err(_) => CaptureKind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?,
-        };
-        if kind == CaptureKind::Model {
+        let kind = CaptureKind::with_photos(place).map_err(|e| input::no_source("capture", &e, place))?;
+        let Some(kind) = kind else {
             let what = format!("{} is a 3DGS model folder, which has no photos", place.display());
             return Err(VerbError::usage("no-photos", what).help("pass the capture that it was trained on"));
-        }
+        };
         Ok(DiskCapture::all_views(kind, place.clone()))
     }
 

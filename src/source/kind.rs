@@ -63,6 +63,18 @@ impl CaptureKind {
         }
     }
 
+    /// Detects the kind of a capture with photos; `None` for one that has poses only. A COLMAP model
+    /// comes before any other kind, because it has points.
+    ///
+    /// # Errors
+    /// As [`Self::kind_of`].
+    pub fn with_photos(path: &Path) -> Result<Option<Self>, SourceError> {
+        if colmap::ColmapModel::find_model(path).is_ok() {
+            return Ok(Some(Self::Colmap));
+        }
+        Self::kind_of(path).map(|kind| Some(kind).filter(|kind| *kind != Self::Model))
+    }
+
     /// Name of the kind in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
