@@ -157,7 +157,7 @@ impl CrossingObserver {
         let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
         let first_logs: Vec<f64> = brightness.pixels().iter().zip(&cut).map(log).collect();
         let (width, pixels) = (brightness.size().width as usize, first_logs.len());
-        let start: Vec<f64> = first_logs.iter().map(|log| log - log).collect();
+        let start: Vec<f64> = first_logs.iter().map(|log| 0.0 * log).collect();
         Self {
             law,
             width,

@@ -36,11 +36,7 @@ impl GridCounter {
     }
 
     /// Counts the time of an event; repeated times count once.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a remainder of a small modulus"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "a remainder of a small modulus")]
     pub(in crate::check) fn see(&mut self, t_us: i64) {
         if t_us == self.last_us && self.stamps > 0 {
             return;
@@ -50,7 +46,7 @@ impl GridCounter {
         self.stamps += 1;
         self.common = divisor_of_both(self.common, t_us.abs_diff(first));
         for (modulus, counts) in MODULI.iter().zip(&mut self.remainders) {
-            counts[t_us.rem_euclid(*modulus as i64) as usize] += 1;
+            counts[t_us.rem_euclid(*modulus as i64).unsigned_abs() as usize] += 1;
         }
     }
 

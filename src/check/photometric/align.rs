@@ -319,9 +319,8 @@ impl TwistFit {
         for k in 0..6 {
             for i in k + 1..6 {
                 let factor = m[i][k] / m[k][k];
-                for j in k..6 {
-                    m[i][j] -= factor * m[k][j];
-                }
+                let pivot = m[k];
+                m[i].iter_mut().zip(pivot).skip(k).for_each(|(value, above)| *value -= factor * above);
                 x[i] -= factor * x[k];
             }
         }
@@ -365,6 +364,7 @@ mod tests {
 
     /// The picture of a wavy wall that is tilted against the camera, and its depth. Independent of
     /// the code under test: each ray meets the wall.
+    #[expect(clippy::cast_possible_truncation, reason = "pictures have 32 bits")]
     fn view(pose: usize, world_from_camera: Se3) -> PosedPicture {
         let (mut values, mut depth) = (Vec::new(), Vec::new());
         for i in 0..CAMERA.size.pixels() {

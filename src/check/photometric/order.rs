@@ -23,6 +23,8 @@ const ONWARD: f64 = 1.5;
 const LEAST_GREY: f64 = 0.5;
 /// Difference of neighbouring frames that a still camera cannot see, greys.
 const MOST_STILL_GREY: f64 = 0.2;
+/// Distance of poses that are the same but for rounding, in the mixed metric.
+const SAME: f64 = 1e-9;
 /// Minimum number of triples.
 const LEAST_TRIPLES: usize = 3;
 
@@ -48,7 +50,7 @@ pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Ve
     let scale = subject.speed.map_or(1.0, |report| report.scale_distance);
     let apart = |a: usize, b: usize| mixed_distance(&poses[a], &poses[b], scale);
     let seen = mean_median(triples.iter().map(|t| t.inner[0]).collect()).unwrap_or(0.0);
-    if poses.iter().all(|pose| mixed_distance(pose, &poses[0], scale) <= 0.0) && !triples.is_empty() {
+    if poses.iter().all(|pose| mixed_distance(pose, &poses[0], scale) <= SAME) && !triples.is_empty() {
         return judge_still(subject, seen);
     }
     let judged: Vec<&FrameTriple> = triples

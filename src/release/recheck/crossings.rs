@@ -61,7 +61,7 @@ fn law_of_crossings(sensor: &SensorChoice, recipe: &Recipe) -> Result<DriftLaw, 
 /// A frame of the release as the sensor sees it.
 fn seen_frame(GreyImage { luminance, colours }: GreyImage, t_us: i64, front_end: &FrontEnd) -> SeenFrame {
     // Colours beyond black and white are cut off in 8 bits, and not for the sensor.
-    let is_cut = |value: f32| value < 0.5 || value > 254.5;
+    let is_cut = |value: f32| !(0.5..=254.5).contains(&value);
     let cut = match &colours {
         Some(colours) => colours.pixels().iter().map(|rgb| rgb.iter().any(|v| is_cut(*v))).collect(),
         None => luminance.pixels().iter().map(|v| is_cut(*v)).collect(),
