@@ -19,7 +19,7 @@ macro_rules! check_table {
             coverage (limits coverage) (pass coverage::CoveragePass)
                 "check the views along the path in report.html; change its centre, distance or arc so that it faces the scene";
             event_rate (limits event_rate) (pass event_rate::EventRate)
-                "compare the thresholds with the contrast of the frames (`gs2e study thresholds`), and check the views along the path in report.html";
+                "check the number of frames, the thresholds against the contrast of the frames (`gs2e study thresholds`), and the views along the path in report.html";
             polarity (limits polarity) (pass polarity::OnShare)
                 "check for a brightness change along the path, and for ON and OFF thresholds that differ by mistake";
             refractory (exact refractory) (pass refractory::DeadTime)
@@ -45,7 +45,7 @@ macro_rules! check_table {
             noise_floor (limits noise_floor) (pass noise_floor::NoiseFloor)
                 "set the sensor's noise parameters to those of your camera: docs/sensors.md";
             sampling (limits sampling) (pass sampling::SamplingPass)
-                "let gs2e choose the number of frames: `sampling: { tolerance: 0.1 }`, or slow the path down: `speed: { flow: { px_s: 400 } }`";
+                "use more frames: a higher `sampling.rate`, or `sampling: { tolerance: 0.1 }` for the sensor voltmeter; or slow the path down: `speed: { flow: { px_s: 400 } }`";
             affine (limits affine) (pass affine::AffinePass)
                 "keep the path away from large Gaussians near the camera: use a larger distance, or another arc";
             drift_identity (exact drift_identity) (pass drift_identity::DriftIdentity)

@@ -70,7 +70,8 @@ impl AuditArgs {
         }
         let (files, mb) = (report.files, report.bytes as f64 * 1e-6);
         let count = report.faults.len();
-        console.say(&format!("{count} faults in {files} files, {mb:.1} MB"));
+        let faults = if count == 1 { "fault" } else { "faults" };
+        console.say(&format!("{count} {faults} in {files} files, {mb:.1} MB"));
         console.say(&format!("this audit covers: {}", report.covers.join("; ")));
         let (proved, unproved) = (report.proved(), report.unproved());
         proved.iter().chain(&unproved).for_each(|sentence| console.say(sentence));

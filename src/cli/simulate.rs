@@ -144,6 +144,10 @@ impl SimulateArgs {
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
+        if account.events == 0 {
+            let what = "no events: the frames change less than the thresholds, or --full-scale is wrong";
+            console.tell(&UserMessage::new(MessageLevel::Warning, "no-events", what));
+        }
         SimulateReport { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }
             .tell(console)?;
         Ok(ExitKind::Done)

@@ -128,7 +128,7 @@ impl SensorResponse {
             self.samples
         );
         let limit = MAX_INTERVALS * frames.interval_us() as f64;
-        judge_time(dataset, "", self.offset_us, (limit, "us"), because)
+        judge_time(dataset, "", self.offset_us, (limit, "us"), &because)
     }
 
     fn judge_drift(&self, dataset: &EventDataset<'_>, frames: &DatasetFrames) -> Finding {
@@ -138,7 +138,7 @@ impl SensorResponse {
         let whole =
             frames.stamps_us.last().zip(frames.stamps_us.first()).map_or(1, |(last, first)| last - first);
         let limit = MAX_INTERVALS * frames.interval_us() as f64 / whole as f64;
-        judge_time(dataset, "drift", self.drift, (limit, "1"), because)
+        judge_time(dataset, "drift", self.drift, (limit, "1"), &because)
     }
 }
 
@@ -148,14 +148,16 @@ fn judge_time(
     part: &str,
     [value, error]: [f64; 2],
     (limit, unit): (f64, &str),
-    because: String,
+    because: &str,
 ) -> Finding {
     // An error of several limits could hide any offset.
     if error.is_nan() || error >= 4.0 * limit {
         let because = format!("{because}; this is too uncertain to judge");
         return finding(dataset, "time_offset", part, Verdict::NotRun, because);
     }
-    let is_fault = value.abs() > limit + SIGMAS * error;
+    // The limit that is stated holds for the estimate, with its error.
+    let limit = limit + SIGMAS * error;
+    let is_fault = value.abs() > limit;
     let verdict = if is_fault { Verdict::Fail } else { Verdict::Pass };
     let cause = if is_fault { ": the clocks differ, or the pixels are slow" } else { "" };
     let because = format!("{because}{cause}");

@@ -78,8 +78,11 @@ impl AuditReport {
     /// Returns the statements that the audit has proved, one sentence each.
     #[must_use]
     pub fn proved(&self) -> Vec<String> {
-        if !self.faults.is_empty() {
+        if self.faults.iter().any(|fault| fault.code != FaultCode::SignatureInvalid) {
             return vec!["The tree is damaged or inconsistent.".into()];
+        }
+        if !self.faults.is_empty() {
+            return vec!["The tree is intact and consistent, but not signed as required.".into()];
         }
         let mut proved = vec!["The tree is intact and consistent.".to_owned()];
         let signer = self.signed_by.as_ref().filter(|_| self.verified);

@@ -2,6 +2,7 @@
 
 use crate::support::absent::not_run;
 use crate::support::workspace::{TINY, Workspace};
+use ct_codecs::{Base64, Encoder as _};
 use minisign::KeyPair;
 use serde_json::Value;
 use std::fs;
@@ -109,6 +110,19 @@ fn files_that_are_no_signatures_are_faults() {
     assert!(ended.stderr.contains("SHA256SUMS.minisig"), "{}", ended.stderr);
 }
 
+/// minisign 0.11 writes no checksum into a key without a password.
+#[test]
+fn a_key_without_a_checksum_signs() {
+    let place = place();
+    let mut bytes = KeyPair::generate_unencrypted_keypair().unwrap().sk.to_bytes();
+    let end = bytes.len();
+    bytes[end - 32..].fill(0);
+    let key = Base64::encode_to_string(&bytes).unwrap();
+    place.write("plain.key", format!("untrusted comment: minisign encrypted secret key\n{key}\n"));
+    place.ok("release --to out --sign plain.key tiny.yaml");
+    assert_eq!(audit(&place, "").2["signed_by"].as_str().map(str::len), Some(16));
+}
+
 #[test]
 fn wrong_keys_are_refused_before_anything_runs() {
     let place = place();
@@ -121,6 +135,8 @@ fn wrong_keys_are_refused_before_anything_runs() {
     };
     t("gone.key", "gone.key");
     t("junk.key", "is not a usable secret key of minisign");
+    place.write("short.key", "untrusted comment: x\nRWQAAEIy\n");
+    t("short.key", "is not a usable secret key of minisign");
     t("a.pub", "is not a usable secret key of minisign");
     place.ok("release --to out --sign a.key tiny.yaml");
     let ended = place.gs2e("audit out --public-key a.key");

@@ -14,8 +14,8 @@ fn thresholds_are_swept_over_a_built_scene() {
     let sweep = "study thresholds tiny.yaml --span 0,5 --csv t.csv --picture t.png";
     let told = place.ok(sweep).stdout;
     assert!(told.starts_with("tiny/base: 12 frames, 4.6 ms, rendered with two rules"), "{told}");
-    assert!(told.lines().last().unwrap().starts_with("recommended: "), "{told}");
-    let fragment = told.split_once("For the recipe:\n").unwrap().1.split("recommended: ").next().unwrap();
+    let (said, fragment) = told.split_once("For the recipe:\n").unwrap();
+    assert!(said.lines().last().unwrap().starts_with("recommended: "), "{told}");
     place.write(
         "pasted.yaml",
         format!(

@@ -92,7 +92,8 @@ fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
         return Ok(read_sensor(path)?);
     }
     let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name).join(", ");
-    Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
+    Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}"))
+        .help("for esim and v2e, write a file with one line: sensor: { esim: {} }"))
 }
 
 /// Checks that rates are given exactly if the interpolation needs them.

@@ -167,10 +167,10 @@ impl ThresholdsArgs {
         console.print(
             "previous event; other: late or early after a jump, or under a slow difference of the renderings",
         );
-        console.print("For the recipe:");
-        found.recipe_fragment().lines().for_each(|line| console.print(line));
         let recommended = recommended.map_or_else(|| "none".to_owned(), |threshold| threshold.to_string());
         console.print(&format!("recommended: {recommended}: {because}"));
+        console.print("For the recipe:");
+        found.recipe_fragment().lines().for_each(|line| console.print(line));
     }
 }
 

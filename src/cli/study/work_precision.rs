@@ -132,6 +132,7 @@ impl WorkPrecision {
         let subject = StudySubject::open_subject(recipe, &name, common)?;
         let style = render.resolve(subject.gaussians.antialiased);
         let window = self.window(&subject)?;
+        let whole = subject.motion.seconds().last().copied().unwrap_or(0.0);
         // A folder that cannot be created is reported before the measurements, which take long.
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
         let cancelled = on_interrupt()?;
@@ -168,6 +169,10 @@ impl WorkPrecision {
             console.print("For the recipe:");
             recipe.lines().for_each(|line| console.print(line));
             console.print(&format!("because {because}"));
+            console.print(&format!(
+                "another rate changes the speed of a path with `frames` or `factor`; `duration: {whole:.6} s` in their place \
+                 keeps it"
+            ));
         }
         Ok(ExitKind::Done)
     }

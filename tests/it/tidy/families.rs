@@ -107,7 +107,7 @@ impl Family {
         let variant = first + letters.as_str();
         let is_named = self.enums.iter().any(|name| names_variant(&source.code, name, &variant));
         let within = |place: &&str| source.path == **place || source.path.starts_with(&format!("{place}/"));
-        is_named || self.quoted_in.iter().any(|place| within(place)) && quotes(source, member)
+        is_named || self.quoted_in.iter().any(within) && quotes(source, member)
     }
 }
 
