@@ -433,10 +433,10 @@ fn names_of_failed_checks_are_on_stderr() {
     }
     let refused = place.gs2e("release --to out tiny.yaml");
     assert_eq!((refused.code, refused.stdout.as_str()), (3, ""), "{}", refused.stderr);
-    assert!(refused.stderr.contains("FAIL     event_rate"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("error: tiny/base#rate: event_rate: "), "{}", refused.stderr);
     let refused = place.gs2e("release --json --to out tiny.yaml");
     assert!(objects(&refused).iter().any(|object| object["check"] == "event_rate"), "{}", refused.stdout);
-    assert!(refused.stderr.contains("FAIL     event_rate"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("error: tiny/base#rate: event_rate: "), "{}", refused.stderr);
 }
 
 #[test]
