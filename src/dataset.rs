@@ -61,7 +61,7 @@ impl std::fmt::Debug for EventDataset<'_> {
     }
 }
 
-/// What was found in a dataset.
+/// The findings on a dataset, with what a page shows of it.
 #[derive(Debug, Clone)]
 pub struct DatasetReport {
     /// Verdicts and estimates.

@@ -30,9 +30,8 @@
 //!   only access to files and to other programs.
 //! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`frames`],
 //!   [`event`], [`sensor`], [`sampling`], [`reconstruct`], [`training`], [`foreign`], [`check`],
-//!   [`dataset`],
-//!   [`licence`]: the domain. Values and models, with readers and writers of their own formats. No store, and no
-//!   threads except rayon's.
+//!   [`dataset`], [`licence`]: the domain. Values and models, with readers and writers of their own
+//!   formats. No store, and no threads except rayon's.
 //! - [`store`]: blobs, records, descriptions, stat fields, memos. It knows no other room except
 //!   [`files`].
 //! - [`artifact`]: the only connection between domain formats and the store.

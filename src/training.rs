@@ -77,7 +77,7 @@ impl Default for TrainingSettings {
 }
 
 impl TrainingSettings {
-    /// The same training of another rendering.
+    /// This training, of another rendering.
     #[must_use]
     pub fn with_render(self, render: &RenderChoice) -> Self {
         // A scene that is trained says nothing yet, so `auto` is off.

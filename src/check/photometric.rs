@@ -25,12 +25,12 @@ use align::PairAlignment;
 
 /// Largest motion that may be left, as a share of the motion.
 pub(super) const SHARE: f64 = 0.1;
-/// The same for a single pair of neighbours.
+/// Limit for a single pair of neighbours.
 const NEIGHBOUR_SHARE: f64 = 0.25;
 /// Motion below which nothing is judged, px: rounding of colours to 8 bits leaves about as much
 /// between two frames.
 const FLOOR_PX: f64 = 0.01;
-/// The same for a single pair of neighbours, of which the worst of many counts.
+/// Limit for a single pair of neighbours: the worst of many counts.
 const NEIGHBOUR_FLOOR_PX: f64 = 0.02;
 /// Smallest motion of pairs apart that says something, px.
 const MIN_MOTION_PX: f64 = 0.05;

@@ -145,8 +145,10 @@ impl SimulateArgs {
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
         if account.events == 0 {
-            let what = "no events: the frames change less than the thresholds, or --full-scale is wrong";
-            console.tell(&UserMessage::new(MessageLevel::Warning, "no-events", what));
+            // A note, so that programs get one object.
+            console.say(
+                "warning: no events: the frames change less than the thresholds, or --full-scale is wrong",
+            );
         }
         SimulateReport { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }
             .tell(console)?;

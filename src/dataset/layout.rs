@@ -1,4 +1,4 @@
-//! Where the files of known datasets lie.
+//! Places of the files of known datasets.
 
 use crate::files::is_there;
 use std::path::{Path, PathBuf};

@@ -62,7 +62,7 @@ impl ReleaseFacts<'_> {
         self.parts().flat_map(|part| part.obligations.iter().copied()).collect()
     }
 
-    /// How the data were made.
+    /// The making of the data.
     pub(super) fn provenance(&self) -> Provenance {
         Provenance::of(self.scenes.iter().map(|scene| &scene.file))
     }

@@ -7,7 +7,7 @@ use crate::source::kind::SourceKind;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// What the trajectories of a release were made with.
+/// The means by which the trajectories of a release were made.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Provenance {
     /// Models of the sensors whose events were simulated, as in `scene.json`.
@@ -58,7 +58,7 @@ impl Provenance {
         self
     }
 
-    /// How the data came to be.
+    /// The origin of the data.
     pub(super) fn collection(&self) -> String {
         let making = if self.has_events() {
             "Events are simulated: a scene of 3D Gaussians is rendered along a dense camera path, and the model of an event \

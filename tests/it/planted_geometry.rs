@@ -71,7 +71,10 @@ fn with_verdict(records: &[Value], verdict: &str) -> Vec<String> {
         let subject = record["subject"].as_str().unwrap().replace("lab/base", "");
         format!("{}{subject}", record["check"].as_str().unwrap())
     };
-    records.iter().filter(|record| record["verdict"] == verdict).map(named).collect()
+    // A fault that is planted in some files makes them disagree with the others, and so does an absent
+    // folder. These tests ask what the pictures and the poses show by themselves.
+    let others = records.iter().filter(|record| record["check"] != "records");
+    others.filter(|record| record["verdict"] == verdict).map(named).collect()
 }
 
 fn poses(folder: &Path, change: impl FnOnce(&mut Vec<Se3>)) {

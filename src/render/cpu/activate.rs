@@ -120,8 +120,9 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
     [axis(0), axis(1), axis(2)]
 }
 
-/// The gradient by a stored quaternion, from the gradients by the scaled axes in world axes. Only its component across the quaternion turns, so a stored length does not matter;
-/// a zero quaternion has the gradient 0.
+/// The gradient by a stored quaternion, from the gradients by the scaled axes in world axes. Only its
+/// component across the quaternion turns, so a stored length does not matter; a zero quaternion has
+/// the gradient 0.
 pub(super) fn rotation_gradient(stored: [f32; 4], axes: [[f32; 3]; 3], by_axes: [[f32; 3]; 3]) -> [f32; 4] {
     let [w, x, y, z] = stored;
     let norm = (w * w + x * x + y * y + z * z).sqrt();

@@ -80,7 +80,10 @@ fn families() -> [Family; 3] {
                 ("src/plan/wire.rs", "its step"),
                 ("src/release/products/outputs.rs", "its row in the catalogue of a release"),
             ],
-            special: &[("src/recipe/canonical/trajectory.rs", "`flow` is also a form of speed")],
+            special: &[
+                ("src/recipe/canonical/trajectory.rs", "`flow` is also a form of speed"),
+                ("src/release/recheck", "checks of a release read its pictures"),
+            ],
         },
     ]
 }
