@@ -17,6 +17,7 @@ mod datasets;
 mod datasheet;
 mod determinism;
 mod diff;
+mod disk_space;
 mod docs;
 mod event_pictures;
 mod event_statistics;
