@@ -8,8 +8,8 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     cargo(&["test", "--quiet", "--release", "--test", "faults", "--"]).args(args).run()
 }
 
-/// Begins trials of each test for 8 s, with the program that the other tests have built: a build in
+/// Begins trials of each test for 4 s, with the program that the other tests have built: a build in
 /// release mode would take longer than the trials.
 pub(crate) fn short() -> Outcome {
-    cargo(&["test", "--quiet", "--test", "faults", "--", "--seconds", "8"]).run()
+    cargo(&["test", "--quiet", "--test", "faults", "--", "--seconds", "4"]).run()
 }

@@ -9,8 +9,8 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     cargo(&["test", "--quiet", "--test", "fuzz", "--"]).args(args).run()
 }
 
-/// Runs every reader for 5 s over the committed corpus, two at a time. The seed is always the same, so
+/// Runs every reader for 4 s over the committed corpus, two at a time. The seed is always the same, so
 /// that a change is not blamed for a fault that only another draw would have found.
 pub(crate) fn short() -> Outcome {
-    run(&["--seconds", "5", "--jobs", "2"].map(str::to_owned))
+    run(&["--seconds", "4", "--jobs", "2"].map(str::to_owned))
 }
