@@ -8,7 +8,7 @@
 //! trajectory's mixed metric. A step below a quarter of the median mixed step is not a jump.
 //!
 //! `noise-translation` and `noise-rotation` find what no smooth or cornered path has between its
-//! knots: noise, swapped poses, and a single displaced or turned pose, see [`noise`]. Their limit is
+//! knots: noise, swapped poses, and a single displaced or turned pose, see `noise`. Their limit is
 //! a thousandth of the median step. They need a path of two poses per view, and of four where the
 //! path has corners.
 

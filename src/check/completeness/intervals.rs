@@ -9,7 +9,7 @@ const LEAST: f64 = 1.25;
 /// Parts of the sensor in each direction.
 const TILES: usize = 4;
 
-/// The events of one interval at the pixels that changed by more than [`LEAST`] thresholds in it.
+/// The events of one interval at the pixels that changed by more than `LEAST` thresholds in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChangeInterval {
     /// Its ends, us.
@@ -20,7 +20,7 @@ pub struct ChangeInterval {
     pub short: bool,
 }
 
-/// Sums over pixels that changed by more than [`LEAST`] thresholds.
+/// Sums over pixels that changed by more than `LEAST` thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TileSums {
     /// Number of pixels.
