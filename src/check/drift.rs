@@ -319,7 +319,7 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
     }
 }
 
-/// The grey whose delay stands for all.
+/// The grey whose delay represents all greys.
 const MEDIUM: f64 = 64.0;
 const HOT: &str = "not applicable with hot pixels: they fire without a brightness change";
 const DELAYED: &str =

@@ -8,7 +8,7 @@
 //! d = C_on (N_on + u) - C_off (N_off + w) + lag (rate_b - rate_a) + r
 //! ```
 //!
-//! where `u` is half of the number of rising ends, the later counted as 1 and the earlier as -1, `w`
+//! where `u` is half the number of rising ends, the later counted as 1 and the earlier as -1, `w`
 //! the same for falling ends, and `r` has the mean 0. The events depend on `r`, so least squares would
 //! be biased. Three sums over samples that depend on the frames alone give three equations: over all
 //! with `d > 0`, over all with `d < 0`, and weighted with `rate_b - rate_a`.

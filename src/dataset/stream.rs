@@ -4,7 +4,7 @@
 //! - **Grid**: the coarsest of some steps of time to which all stamps are multiples. A camera stamps
 //!   each microsecond; a program that simulates from frames may stamp each frame.
 //! - **Pause**: the interval between two events of one pixel that one interval in a thousand is
-//!   shorter than. Below a dead time there are none.
+//!   shorter than. No interval is shorter than the dead time.
 //! - **Isolated events**: events without another in their 3x3 pixels in the 5 ms before them (Delbruck,
 //!   "Frame-free dynamic digital vision", 2008: the background activity filter). Their rate is an upper
 //!   bound of the noise, because a slow edge makes some as well.

@@ -207,7 +207,7 @@ pub(super) struct ReleaseSignature {
 }
 
 impl ReleaseSignature {
-    /// Reads the signature of the release in `dir`: `None` if there is none, the inner error if it
+    /// Reads the signature of the release in `dir`: `None` if it is absent, the inner error if it
     /// is not in the form of minisign.
     pub(super) fn read(dir: &Path) -> Result<Option<Result<Self, String>>, SignatureError> {
         let path = dir.join(NAME);

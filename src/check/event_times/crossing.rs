@@ -129,7 +129,7 @@ impl LineSums {
         }
     }
 
-    /// Coefficients of `x` and `y`; `None` if they cannot be told apart.
+    /// Coefficients of `x` and `y`; `None` if they cannot be separated.
     fn solve(self) -> Option<[f64; 2]> {
         let determinant = self.xx * self.yy - self.xy * self.xy;
         // Rounding leaves about 1e-16 of the product where both columns are parallel.

@@ -6,7 +6,7 @@
 //! alignment: Irani and Anandan, Vision Algorithms 1999; Kerl et al., ICRA 2013). The least squares
 //! over the picture, with the weights of a Cauchy error, give `x`. The size of the fault is the root
 //! mean square of `J x` over the pixels, in px: it is well determined even where rotation and
-//! translation can hardly be told apart. Faults of scale, depth, order and convention all move the
+//! translation can hardly be separated. Faults of scale, depth, order and convention all move the
 //! picture; those of more than about 2 px are measured too small, but still as large.
 //!
 //! Depth images are aligned in the same way, by `(depth_to(q) - z) / z`, `z` the depth of the point
@@ -68,7 +68,7 @@ pub struct PosedPicture {
     pub world_from_camera: Se3,
     /// Brightness, or depth again.
     pub values: Image<f32>,
-    /// Depth along the optical axis; NaN where there is none.
+    /// Depth along the optical axis; NaN where no depth is known.
     pub depth: Image<f32>,
 }
 
