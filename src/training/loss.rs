@@ -26,21 +26,16 @@
 //! value are three places apart. Every loop runs along a row, so it becomes vector code, and every
 //! sum has a fixed order: the bits do not depend on the number of threads.
 
+mod window;
+
 use crate::image::{Image, Size};
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
+use window::{CHANNELS, PaddedRow, REACH, RowRing, window_weights};
 
 /// Share of SSIM in the loss.
 pub const SIMILARITY_SHARE: f32 = 0.2;
 
-/// Pixels of the window on each side of its centre.
-const REACH: usize = 5;
-/// Rows of the window.
-const EDGE: usize = 2 * REACH + 1;
-/// Values of a pixel.
-const CHANNELS: usize = 3;
-/// Zeros before and after a row, for windows beyond the border.
-const PAD: usize = REACH * CHANNELS;
 /// Rows of a band. Each band computes the rows of its windows beyond its ends again.
 const BAND: usize = 40;
 /// `(K1 L)^2` and `(K2 L)^2` with `K1 = 0.01`, `K2 = 0.03`, `L = 1`.
@@ -66,14 +61,6 @@ pub struct ImageLoss {
     pub gradient: Vec<[f32; 3]>,
     /// Mean over the channels of `|a - b|` at every pixel.
     pub residual: Vec<f32>,
-}
-
-/// The weights of the window from its centre outwards; both sides together have the sum 1.
-#[expect(clippy::cast_possible_truncation, reason = "rounded once, after the arithmetic")]
-fn window_weights() -> [f32; REACH + 1] {
-    let weight = |k: usize| libm::exp(-0.5 * (k as f64 / 1.5) * (k as f64 / 1.5));
-    let sum = 1.0 + 2.0 * (1..=REACH).map(weight).sum::<f64>();
-    std::array::from_fn(|k| (weight(k) / sum) as f32)
 }
 
 impl ImageLoss {
@@ -117,80 +104,6 @@ struct PhotoPair<'a> {
     photo: &'a TrainingPhoto,
     size: Size,
     weights: [f32; REACH + 1],
-}
-
-/// The values of a row with zeros at both ends.
-struct PaddedRow(Vec<f32>);
-
-impl PaddedRow {
-    fn new(len: usize) -> Self {
-        Self(vec![0.0; len + 2 * PAD])
-    }
-
-    #[inline(always)]
-    fn inner(&self) -> &[f32] {
-        &self.0[PAD..self.0.len() - PAD]
-    }
-
-    #[inline(always)]
-    fn inner_mut(&mut self) -> &mut [f32] {
-        let end = self.0.len() - PAD;
-        &mut self.0[PAD..end]
-    }
-
-    /// The weighted mean around each value, along the row.
-    #[inline(always)]
-    fn mean_into(&self, w: &[f32; REACH + 1], out: &mut [f32]) {
-        let n = out.len();
-        // Slices of one length, so that the loop has no check of bounds.
-        let at = |k: usize| &self.0[k * CHANNELS..][..n];
-        let (a, b, c, d, e, f) = (at(0), at(1), at(2), at(3), at(4), at(5));
-        let (g, h, i, j, k) = (at(6), at(7), at(8), at(9), at(10));
-        for x in 0..n {
-            out[x] = w[0] * f[x]
-                + w[1] * (e[x] + g[x])
-                + w[2] * (d[x] + h[x])
-                + w[3] * (c[x] + i[x])
-                + w[4] * (b[x] + j[x])
-                + w[5] * (a[x] + k[x]);
-        }
-    }
-}
-
-/// The horizontal means of `N` quantities over the rows of a window.
-struct RowRing<const N: usize> {
-    rows: Vec<[Vec<f32>; N]>,
-}
-
-impl<const N: usize> RowRing<N> {
-    fn new(len: usize) -> Self {
-        Self { rows: (0..EDGE).map(|_| std::array::from_fn(|_| vec![0.0; len])).collect() }
-    }
-
-    /// The place of a row. Rows above the image have no place of their own; the ring begins with
-    /// zeros, which stand for them.
-    #[inline(always)]
-    fn place(&mut self, row: usize) -> &mut [Vec<f32>; N] {
-        &mut self.rows[row % EDGE]
-    }
-
-    /// The weighted mean of quantity `q` over the window around row `y`.
-    #[inline(always)]
-    fn mean_into(&self, q: usize, y: usize, w: &[f32; REACH + 1], out: &mut [f32]) {
-        let n = out.len();
-        // `y + k` is `y + k - EDGE` in the ring, and below zero for no `k`.
-        let at = |k: usize| &self.rows[(y + EDGE + k - REACH) % EDGE][q][..n];
-        let (a, b, c, d, e, f) = (at(0), at(1), at(2), at(3), at(4), at(5));
-        let (g, h, i, j, k) = (at(6), at(7), at(8), at(9), at(10));
-        for x in 0..n {
-            out[x] = w[0] * f[x]
-                + w[1] * (e[x] + g[x])
-                + w[2] * (d[x] + h[x])
-                + w[3] * (c[x] + i[x])
-                + w[4] * (b[x] + j[x])
-                + w[5] * (a[x] + k[x]);
-        }
-    }
 }
 
 impl PhotoPair<'_> {
