@@ -147,7 +147,7 @@ impl TrajectoryCopy {
 }
 
 fn part<'a>(findings: &'a [Finding], check: &str, part: &str) -> Option<&'a Finding> {
-    findings.iter().find(|f| f.check == check && f.subject.ends_with(&format!("#{part}")))
+    findings.iter().find(|f| f.check == check && f.subject.statement == part)
 }
 
 fn is_found(findings: &[Finding], check: &str, name: &str) -> bool {

@@ -401,24 +401,21 @@ pub struct VerdictsRecord {
 impl VerdictsRecord {
     /// The findings on a scene, with its id.
     #[must_use]
-    pub fn findings_of_scene(mut self, scene: &str) -> Vec<Finding> {
-        for finding in &mut self.findings {
-            // Findings are stored with the suffix only, because the scene's id is not part of the
-            // step.
-            finding.subject.insert_str(0, scene);
-        }
-        self.findings
+    pub fn findings_of_scene(self, scene: &str) -> Vec<Finding> {
+        // Findings are stored without the scene's id, because it is not part of the step.
+        findings_below(scene, self.findings)
     }
 
     /// The findings, with the trajectory as their subject.
     #[must_use]
-    pub fn findings_of(mut self, scene: &str, trajectory: &str) -> Vec<Finding> {
-        for finding in &mut self.findings {
-            // The names of scene and trajectory are not part of the step either.
-            finding.subject.insert_str(0, &format!("{scene}/{trajectory}"));
-        }
-        self.findings
+    pub fn findings_of(self, scene: &str, trajectory: &str) -> Vec<Finding> {
+        // The names of scene and trajectory are not part of the step either.
+        findings_below(&format!("{scene}/{trajectory}"), self.findings)
     }
+}
+
+fn findings_below(place: &str, findings: Vec<Finding>) -> Vec<Finding> {
+    findings.into_iter().map(|found| Finding { subject: found.subject.below(place), ..found }).collect()
 }
 
 impl Artifact for VerdictsRecord {

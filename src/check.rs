@@ -20,6 +20,7 @@ pub mod duplicates;
 pub mod event_frame;
 pub mod event_rate;
 pub mod event_times;
+mod finding_subject;
 pub mod flow_projection;
 pub mod geometry;
 pub mod hot_pixels;
@@ -47,6 +48,7 @@ pub mod tally;
 pub mod time_offset;
 
 pub use advice::advice;
+pub use finding_subject::FindingSubject;
 pub use limits::{CheckWaiver, Limits};
 pub use scene_subject::{CapturePhotos, SceneSubject};
 pub use subject::TrajectorySubject;
@@ -91,8 +93,8 @@ impl Verdict {
 pub struct Finding {
     /// Name of the pass, see [`NAMES`].
     pub check: String,
-    /// The subject: `scene/trajectory`, with a suffix if a pass makes several statements.
-    pub subject: String,
+    /// The subject: the trajectory, and the statement if a pass makes several.
+    pub subject: FindingSubject,
     /// The verdict.
     pub verdict: Verdict,
     /// The measured value, in `unit`; `None` if nothing could be measured.

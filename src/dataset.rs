@@ -21,7 +21,7 @@ pub mod stream;
 pub mod text;
 
 use crate::check::tally::{StreamObserver, TallyReference};
-use crate::check::{Finding, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use crate::check::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
 use crate::event::survey::EventSurvey;
 use crate::event::{Event, EventFileError, EventSource};
 use crate::image::Size;
@@ -183,7 +183,7 @@ fn read_stream(
     };
     let wanted = |finding: &Finding| {
         let of_poses = finding.check == "pose_continuity";
-        !finding.subject.ends_with("#order")
+        finding.subject.statement != "order"
             && (STREAM_PASSES.contains(&finding.check.as_str()) && finding.verdict != Verdict::NotRun)
             || of_poses && dataset.poses.is_some()
     };
@@ -269,10 +269,9 @@ fn measured_finding(
     (measured, limit, unit): (Option<f64>, Option<f64>, &str),
     because: String,
 ) -> Finding {
-    let subject = if part.is_empty() { dataset.name.to_owned() } else { format!("{}#{part}", dataset.name) };
     Finding {
         check: check.to_owned(),
-        subject,
+        subject: FindingSubject::new(dataset.name, part),
         verdict,
         measured,
         limit,

@@ -191,7 +191,7 @@ mod tests {
             fidelity: Some(&PhotoFidelity::default()),
             limits: &limits,
         };
-        let found = judge_scene(&subject).into_iter().find(|f| f.subject == format!("s#{part}")).unwrap();
+        let found = judge_scene(&subject).into_iter().find(|f| f.subject.statement == part).unwrap();
         (found.verdict, found.measured.unwrap(), found.because)
     }
 

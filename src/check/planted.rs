@@ -11,7 +11,7 @@ use super::drift::DriftLaw;
 use super::motion::warp::FlowAt;
 use super::sampling::ResampledIntervals;
 use super::tally::{StreamObserver, TallyReference};
-use super::{Finding, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use super::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
 use crate::event::{Event, EventLabel, Polarity};
 use crate::foreign::{ExternalReport, colmap, opencv, readback};
 use crate::frames::DenseFrame;
@@ -181,16 +181,18 @@ impl PlantedWorld {
     /// `check#part` of the findings that are neither passed nor not run.
     pub(super) fn faults(&self) -> Vec<String> {
         let unsound = |f: &Finding| !matches!(f.verdict, Verdict::Pass | Verdict::NotRun);
-        let name = |f: Finding| format!("{}{}", f.check, f.subject.trim_start_matches("world/base"));
+        let name = |f: Finding| match f.subject.text_without("world/base").as_str() {
+            "" => f.check,
+            part => format!("{}#{part}", f.check),
+        };
         self.findings().into_iter().filter(unsound).map(name).collect()
     }
 
     /// The finding `check#part`.
     pub(super) fn finding(&self, name: &str) -> Finding {
         let (check, part) = name.split_once('#').unwrap_or((name, ""));
-        let part = if part.is_empty() { String::new() } else { format!("#{part}") };
         let found = self.findings();
-        let wanted = |f: &&Finding| f.check == check && f.subject == format!("world/base{part}");
+        let wanted = |f: &&Finding| f.check == check && f.subject == FindingSubject::new("world/base", part);
         found.iter().find(wanted).unwrap_or_else(|| panic!("{name} not in {found:#?}")).clone()
     }
 }

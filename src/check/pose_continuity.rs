@@ -157,7 +157,7 @@ fn is_sampled_densely(subject: &TrajectorySubject<'_>) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "where the path is fastest, it has {per_view:.1} poses per view; from {least} on, noise and the path can be told apart"
+        "where the path is fastest, it has {per_view:.1} poses per view; noise can be separated from the path from {least} on"
     ))
 }
 

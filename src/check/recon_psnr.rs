@@ -123,7 +123,7 @@ mod tests {
             fidelity: Some(&fidelity),
             limits: &limits,
         };
-        judge_scene(&subject).into_iter().find(|f| f.subject == format!("s#{part}")).unwrap()
+        judge_scene(&subject).into_iter().find(|f| f.subject.statement == part).unwrap()
     }
 
     #[test]

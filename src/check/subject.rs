@@ -5,7 +5,7 @@ use super::drift::DriftLaw;
 use super::event_times::crossing::CrossingFit;
 use super::geometry::GeometryMeasures;
 use super::sampling::ResampledIntervals;
-use super::{DetectableFault, Finding, Limits, StreamTally, Verdict};
+use super::{DetectableFault, Finding, FindingSubject, Limits, StreamTally, Verdict};
 use crate::foreign::ExternalReport;
 use crate::render::flow::FlowQuantiles;
 use crate::sensor::{SensorChoice, SimulationAccount};
@@ -138,7 +138,7 @@ impl Judgement {
 
     /// The finding of `name`; `part` names the statement if a pass makes several.
     pub(super) fn finding(self, name: &str, check: &str, part: &str) -> Finding {
-        let subject = if part.is_empty() { name.to_owned() } else { format!("{name}#{part}") };
+        let subject = FindingSubject::new(name, part);
         let Self { verdict, measured, limit, unit, because } = self;
         let unit = unit.to_owned();
         let detects = None;

@@ -87,7 +87,8 @@ fn checks_section(scenes: &[PublishedScene]) -> String {
     );
     for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
         // Names of photos and the reasons for waivers are texts of users.
-        let [subject, because] = [&finding.subject, &finding.because].map(|text| plain_text(text));
+        let [subject, because] =
+            [finding.subject.to_string(), finding.because.clone()].map(|text| plain_text(&text));
         let _ = writeln!(text, "- {} `{}` {subject}: {because}", finding.verdict.name(), finding.check);
     }
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {

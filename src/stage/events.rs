@@ -17,7 +17,9 @@ use crate::image::{Image, Size, npy};
 use crate::render::backend::Backend;
 use crate::render::doubt::BlendDoubt;
 use crate::render::flow::{self, FlowQuantiles};
-use crate::render::{CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderedImages, Renderer};
+use crate::render::{
+    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderedImages, Renderer,
+};
 use crate::sampling::ErrorTolerance;
 use crate::sampling::path::SampledPath;
 use crate::scene::Gaussians;
@@ -115,13 +117,8 @@ impl Stage for EventsStage {
         let own = chosen_own.as_ref().unwrap_or(self);
         let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
         let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
-        let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
-        if own.sensors().any(|(_, sensor)| sensor.between() == BetweenFrames::Hermite) {
-            frames = frames.with_rates(velocities);
-        }
-        if self.sees_colour() {
-            frames.want_colour();
-        }
+        let mut frames =
+            own.with_inputs(RenderedFrames::new(renderer, camera, trajectory.clone()), velocities);
         if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
             cx.saving = frames.saving(clock).map_err(StageError::work_failed("render"))?;
         }
@@ -161,6 +158,16 @@ impl Stage for EventsStage {
 }
 
 impl EventsStage {
+    /// The frames with all that the sensors read: rates for [`BetweenFrames::Hermite`], and colour.
+    fn with_inputs(&self, frames: RenderedFrames, velocities: Vec<CameraVelocity>) -> RenderedFrames {
+        let needs_rates = self.sensors().any(|(_, sensor)| sensor.between() == BetweenFrames::Hermite);
+        let mut frames = if needs_rates { frames.with_rates(velocities) } else { frames };
+        if self.sees_colour() {
+            frames.want_colour();
+        }
+        frames
+    }
+
     /// The parameters for these sensors.
     #[must_use]
     pub fn new(

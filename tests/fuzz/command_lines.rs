@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 /// Lines that succeed in the folder that [`furnish`] makes.
-const SOUND: [&str; 39] = [
+const SOUND: [&str; 42] = [
     "--help",
     "--version",
     "build --help",
@@ -33,6 +33,9 @@ const SOUND: [&str; 39] = [
     "release --json --to out --no-build --sync batch tiny.yaml",
     "audit --json out",
     "audit out --takedown takedown.txt",
+    "check --events few.csv --size 346x260 --report page.html",
+    "check --json --events out/tiny/base --as release --require event_rate --strict",
+    "train --help --capture data/one/transforms.json --out trained.ply --gaussians 10 --iterations 2 --checkpoint kept.bin",
     "diff --json out out",
     "convert --json --lossy --size 346x260 few.csv few.h5",
     "convert --lossy --size 346x260 --codec evt3 few.csv few.raw",

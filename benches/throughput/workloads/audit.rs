@@ -2,12 +2,15 @@
 //!
 //! The sums alone are the first of the audit's two passes: it reads and hashes every byte, by
 //! SHA-256 and BLAKE3 at once. The second opens events, poses and pictures, and composes again
-//! every file that follows from others. "From the disk" means that every page of the tree is given
-//! back to the system before each run.
+//! every file that follows from others. Its rival is the same tree with another program's version in
+//! `manifest.json`, of which nothing is composed: the ratio is the cost of the comparisons. "From the
+//! disk" means that every page of the tree is given back to the system before each run.
 
 use super::amount;
 use crate::measure::{Amount, Run, Workload, timed};
 use gs2e::release::audit::{audit_release, read_tree};
+use sha2::Digest as _;
+use std::fs;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -19,6 +22,8 @@ struct Given {
     /// Keeps the folder alive: dropping it removes the folder.
     _folder: tempfile::TempDir,
     tree: PathBuf,
+    /// The same tree, as another version would have written it.
+    foreign: PathBuf,
     files: Vec<PathBuf>,
     bytes: usize,
 }
@@ -47,7 +52,12 @@ pub(super) fn workloads() -> Vec<Workload> {
     } else {
         eprintln!("not run: b3sum is absent");
     }
+    let contents = |given: &Given| {
+        let report = audit_release(&given.foreign).expect("it can be read");
+        assert!(report.written_by.is_some(), "nothing is composed for another version");
+    };
     all.push(work("sums, contents and comparisons, from the page cache", false, false, whole));
+    all.push(work("sums and contents without comparisons, from the page cache", true, false, contents));
     all
 }
 
@@ -65,7 +75,30 @@ fn release() -> Given {
     let files: Vec<PathBuf> = entries.filter(|e| e.file_type().is_file()).map(|e| e.into_path()).collect();
     let size = |path: &PathBuf| path.metadata().map_or(0, |about| about.len());
     let bytes = usize::try_from(files.iter().map(size).sum::<u64>()).expect("a demo fits into memory");
-    Given { _folder: folder, tree, files, bytes }
+    let foreign = folder.path().join("foreign");
+    copy_as_foreign(&tree, &files, &foreign);
+    Given { _folder: folder, tree, foreign, files, bytes }
+}
+
+/// Copies a release, states another version as its author, and corrects the sums.
+fn copy_as_foreign(tree: &Path, files: &[PathBuf], to: &Path) {
+    for file in files {
+        let copy = to.join(file.strip_prefix(tree).expect("it is below the tree"));
+        fs::create_dir_all(copy.parent().expect("it has a folder")).expect("it can be made");
+        fs::copy(file, copy).expect("it can be copied");
+    }
+    let version = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
+    let mut edits = vec![(version.to_owned(), "gs2e 0.0.0".to_owned())];
+    let sha256 = |bytes: &[u8]| sha2::Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect();
+    // Each file lists the sums of those before it.
+    for name in ["manifest.json", "B3SUMS", "SHA256SUMS"] {
+        let old = fs::read_to_string(to.join(name)).expect("it is text");
+        let new = edits.iter().fold(old.clone(), |text, (from, to)| text.replace(from, to));
+        fs::write(to.join(name), &new).expect("it can be written");
+        edits.push((sha256(old.as_bytes()), sha256(new.as_bytes())));
+        let blake3 = |text: &str| blake3::hash(text.as_bytes()).to_hex().to_string();
+        edits.push((blake3(&old), blake3(&new)));
+    }
 }
 
 fn done(given: &Given, run: fn(&Given)) -> Run {

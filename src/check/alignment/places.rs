@@ -118,7 +118,7 @@ pub(in crate::check) struct PlaceWatch {
     moments: Vec<Moments>,
     /// Change of each pixel in thresholds; NaN if it is unknown.
     changes: Vec<f32>,
-    /// The same by its events.
+    /// Change of each pixel by its events, in thresholds.
     shown: Vec<f32>,
     found: PlaceSums,
 }

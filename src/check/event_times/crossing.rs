@@ -22,7 +22,8 @@ use crate::image::{Image, Size};
 const PARTS: usize = 8;
 /// Largest residual that is used, thresholds. A lost or an added event leaves a whole one.
 const SMALL: f64 = 0.4;
-/// The same for an offset of a frame or more, which leaves large residuals at fast pixels.
+/// Largest residual that is used for an offset of a frame or more, thresholds. Fast pixels then have
+/// large residuals.
 const LARGE: f64 = 4.0;
 /// Offset from which on large residuals count, us: there, small ones are only those of slow pixels.
 const FAR_US: f64 = 50.0;

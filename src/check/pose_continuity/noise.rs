@@ -98,7 +98,7 @@ impl OrderSquares {
         self.order / 2 + more
     }
 
-    /// The same at stride 2: wide enough that whatever touches a difference at stride 1 is in.
+    /// Number of differences at stride 2, so that it holds every pose of a difference at stride 1.
     fn wide(&self, more: usize) -> usize {
         self.half(more) + self.order / 2 + 1
     }

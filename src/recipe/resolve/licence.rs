@@ -10,7 +10,7 @@ use crate::recipe::{LicenceChoice, SceneSource, forms, schema};
 const HELP: &str = "write licence: { expression: CC0-1.0, holder: Example Lab }";
 
 const GRANTED: &str = "remove upstream:, or write evidence: { granted_by: who granted what, url: where it can be read, \
-                       date: 2025-06-01 } beside it";
+                       date: 2025-06-01 } next to it";
 
 impl Resolver<'_> {
     pub(super) fn licence(

@@ -145,7 +145,7 @@ fn photo_faults(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> 
         };
     }
     let (findings, mut faults) = read_checks(tree, &path);
-    let mean = |f: &&Finding| f.check == "recon_psnr" && f.subject.ends_with("#mean");
+    let mean = |f: &&Finding| f.check == "recon_psnr" && f.subject.statement == "mean";
     let found = findings.iter().find(mean).and_then(|finding| finding.measured);
     let reconstruction = scene.reconstruction.as_ref();
     let stated = reconstruction.and_then(|it| it.psnr.as_ref()).map(|psnr| psnr.mean);

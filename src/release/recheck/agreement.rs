@@ -14,8 +14,9 @@ const OF_TRAJECTORY: [(&str, &str); 3] = [
     ("events", "the counts, size, order and times of the events"),
     ("pictures", "the pictures, by number, size and form,"),
 ];
-/// The same of a scene, and of the release.
+/// The kind of files of a scene.
 const OF_SCENE: (&str, &str) = ("description", "scene.json and the steps of manifest.json");
+/// Kinds of files at the top of the release.
 const OF_RELEASE: [(&str, &str); 3] = [
     ("index", "the rows of index.parquet"),
     ("catalogue", "the statements of croissant.json"),

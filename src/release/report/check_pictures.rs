@@ -35,9 +35,7 @@ impl<'a> CheckPicture<'a> {
     /// Returns true if a finding is of this check, on this sensor where the picture is of one of
     /// several.
     fn concerns(&self, finding: &Finding) -> bool {
-        let stream = finding.subject.split('#').next().unwrap_or_default();
-        let is_of_sensor = |sensor| stream.strip_suffix(sensor).is_some_and(|rest: &str| rest.ends_with('/'));
-        finding.check == self.check && self.sensor.is_none_or(is_of_sensor)
+        finding.check == self.check && self.sensor.is_none_or(|sensor| finding.subject.is_of_sensor(sensor))
     }
 
     /// The worst verdict on what the picture shows.

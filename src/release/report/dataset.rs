@@ -63,7 +63,7 @@ fn write_figures(html: &mut HtmlFragment, report: &DatasetReport) {
     let survey = &report.survey;
     let seconds = survey.span.map_or(0.0, |(first, last)| (last.0 - first.0) as f64 * 1e-9);
     let measured = |check: &str, part: &str| {
-        let is_it = |finding: &&Finding| finding.check == check && finding.subject.ends_with(part);
+        let is_it = |finding: &&Finding| finding.check == check && finding.subject.statement == part;
         report.findings.iter().find(is_it).and_then(|finding| finding.measured)
     };
     let mut figures = vec![
@@ -74,9 +74,9 @@ fn write_figures(html: &mut HtmlFragment, report: &DatasetReport) {
     ];
     let estimates = [
         (measured("time_offset", ""), "us later than the frames"),
-        (measured("event_frame", "#threshold-on"), "threshold of ON events"),
-        (measured("event_frame", "#threshold-off"), "threshold of OFF events"),
-        (measured("noise_floor", "#isolated"), "Hz of noise per pixel, at most"),
+        (measured("event_frame", "threshold-on"), "threshold of ON events"),
+        (measured("event_frame", "threshold-off"), "threshold of OFF events"),
+        (measured("noise_floor", "isolated"), "Hz of noise per pixel, at most"),
     ];
     figures.extend(estimates.into_iter().filter_map(|(value, what)| Some((short_number(value?), what))));
     html.within("ul", &[("class", "figures-row")], |html| {

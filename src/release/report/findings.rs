@@ -154,10 +154,10 @@ pub(super) fn write_list<'a>(
                     format!(", {name} {} {}", short_number(v), unit_text(finding))
                 })
             };
-            let of = match subject_statement(&finding.subject, prefix) {
-                "" => String::new(),
-                of => format!(" {of}"),
-            };
+            let mut of = finding.subject.text_without(prefix);
+            if !of.is_empty() {
+                of.insert(0, ' ');
+            }
             let words = format!(
                 "{}: {}{of}{}{}: {}",
                 finding.verdict.name(),
@@ -199,7 +199,7 @@ fn write_row(html: &mut HtmlFragment, finding: &Finding, prefix: &str) {
     let number = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), short_number);
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], &finding.check);
-        html.leaf("td", &[], subject_statement(&finding.subject, prefix));
+        html.leaf("td", &[], &finding.subject.text_without(prefix));
         html.within("td", &[], |html| write_badge(html, finding.verdict, finding.verdict.name()));
         html.leaf("td", &[("class", "n")], &number(finding.measured));
         html.leaf("td", &[("class", "n")], &number(finding.limit));
@@ -209,13 +209,6 @@ fn write_row(html: &mut HtmlFragment, finding: &Finding, prefix: &str) {
     });
 }
 
-/// The part of a subject after `prefix`: the sensor, and the statement of a check that makes
-/// several.
-pub(super) fn subject_statement<'a>(subject: &'a str, prefix: &str) -> &'a str {
-    let below = subject.strip_prefix(prefix).unwrap_or(subject);
-    below.strip_prefix(['/', '#']).unwrap_or(below)
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
@@ -223,7 +216,7 @@ pub(super) mod tests {
     pub(in super::super) fn finding(check: &str, subject: &str, verdict: Verdict) -> Finding {
         Finding {
             check: check.to_owned(),
-            subject: subject.to_owned(),
+            subject: subject.to_owned().into(),
             verdict,
             measured: Some(0.25),
             limit: None,

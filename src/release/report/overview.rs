@@ -7,7 +7,7 @@ use super::html::HtmlFragment;
 use super::section::{
     self, SceneSection, counted_noun, file_link, number_span, on_share, section_link, thousands_number,
 };
-use crate::check::{self, Finding, Verdict};
+use crate::check::{self, Finding, FindingSubject, Verdict};
 use crate::release::TOOL;
 use crate::release::left_out::OmissionRow;
 use crate::release::products::{self, ReleaseProduct};
@@ -227,7 +227,7 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
             for (id, finding) in faults.into_iter().take(MAX_FAULTS) {
                 html.within("tr", &[], |html| {
                     html.within("td", &[], |html| section_link(html, id, id));
-                    html.leaf("td", &[], findings::subject_statement(&finding.subject, id));
+                    html.leaf("td", &[], &finding.subject.text_without(id));
                     html.leaf("td", &[], &finding.check);
                     html.within("td", &[], |html| write_badge(html, finding.verdict, finding.verdict.name()));
                     html.prose_leaf("td", &[], &finding.because);
@@ -269,13 +269,13 @@ struct NotRunReason<'a> {
     check: &'a str,
     statements: usize,
     because: String,
-    first: &'a str,
+    first: &'a FindingSubject,
 }
 
 /// The reasons of each check in the order of names, the most frequent first. Those past the first
 /// few are put together.
 fn not_run_reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<NotRunReason<'a>> {
-    let mut counted: BTreeMap<(&str, &str), (usize, &str)> = BTreeMap::new();
+    let mut counted: BTreeMap<(&str, &str), (usize, &FindingSubject)> = BTreeMap::new();
     for finding in findings.filter(|finding| finding.verdict == Verdict::NotRun) {
         let own = counted.entry((&finding.check, &finding.because)).or_insert((0, &finding.subject));
         own.0 += 1;
@@ -310,7 +310,7 @@ fn reason_row(html: &mut HtmlFragment, reason: &NotRunReason<'_>) {
         html.leaf("th", &[("scope", "row")], reason.check);
         html.leaf("td", &[("class", "n")], &thousands_number(reason.statements as u64));
         html.prose_leaf("td", &[], &reason.because);
-        html.leaf("td", &[], reason.first);
+        html.leaf("td", &[], &reason.first.to_string());
     });
 }
 
@@ -478,7 +478,10 @@ mod tests {
         assert_eq!(reasons.len(), 1 + MAX_REASONS + 1);
         assert_eq!((reasons[0].check, reasons[0].statements), ("batching", 1));
         let second = &reasons[1];
-        assert_eq!((second.statements, second.because.as_str(), second.first), (2, "reason 7", "s7/t"));
+        assert_eq!(
+            (second.statements, second.because.as_str(), second.first.place.as_str()),
+            (2, "reason 7", "s7/t")
+        );
         let last = reasons.last().unwrap();
         assert_eq!((last.statements, last.because.as_str()), (3, "3 other reasons, each in checks.json"));
     }

@@ -277,7 +277,15 @@ impl BackwardLayer<'_> {
                 *sum += more;
             }
         }
-        let mut moments = SplatMoments::default();
+        SplatMoments::from_lanes(sums)
+    }
+}
+
+impl SplatMoments {
+    /// The sums over all lanes.
+    #[inline(always)]
+    fn from_lanes<S: Simd>(sums: [f32x16<S>; SUMS]) -> Self {
+        let mut moments = Self::default();
         // Loops and no closures over arrays in this file: the compiler may leave those as calls, around
         // which all registers are saved.
         for (moment, sum) in moments.0.iter_mut().zip(sums) {

@@ -112,7 +112,7 @@ pub(super) fn ties_case(by: CaseRenderer<'_>) -> Outcome {
         let off = found.iter().zip(&wanted).filter(|(a, b)| (**a - **b).abs() > 1e-3).count();
         // Layers at a threshold, which 32 bits leave out and 64 bits do not.
         let few = StressPoint::absolute_error(off as f64, 0.0, found.len() as f64 / 3000.0);
-        worst.see(few, || format!("{rules:?}, beside the reference"));
+        worst.see(few, || format!("{rules:?}, against the reference"));
     }
     Ok(worst.found())
 }
