@@ -9,6 +9,7 @@ mod checks;
 mod cli;
 mod codecs;
 mod command;
+mod console;
 mod convert;
 mod convert_events;
 mod croissant;
