@@ -82,8 +82,7 @@ pub fn train_capture(
     settings: &TrainingSettings,
     watch: TrainingWatch<'_>,
 ) -> Result<TrainedGaussians, TrainingError> {
-    let views =
-        TrainingViews::read(capture, files, (settings.resolution, settings.hold_out), watch.goes_on)?;
+    let views = TrainingViews::read(capture, files, (settings.resolution, settings.hold_out), watch.goes_on)?;
     let points = model_points(files).map_err(|cause| TrainingError::Points(Box::new(cause)))?;
     let [shown, held_out] = [views.shown.len(), views.held_out.len()];
     (watch.news)(&TrainingNews::Read { shown, held_out, points: points.len() });

@@ -50,7 +50,8 @@ pub(crate) struct Axis {
 
 /// Measures both axes with `runs` runs each, in interleaved rounds.
 pub(crate) fn measure(runs: usize) -> Vec<Axis> {
-    let point = |gaussians, photos: &Arc<Photos>| Point { gaussians, photos: photos.clone(), runs: Vec::new() };
+    let point =
+        |gaussians, photos: &Arc<Photos>| Point { gaussians, photos: photos.clone(), runs: Vec::new() };
     let middle = Arc::new(photos(Size { width: 480, height: 270 }));
     let counts = [10_000, 20_000, 40_000, 80_000, 160_000];
     let by_count = counts.map(|count| point(count, &middle)).into();

@@ -184,24 +184,24 @@ struct CheckpointReader {
 impl CheckpointReader {
     /// Opens a checkpoint of the training with this key, after its digest was found right.
     fn open_sound(path: &Path, key: blake3::Hash) -> Result<Self, String> {
-        let told = |e: io::Error| e.to_string();
-        let mut file = files::open_at_most(path, files::MAX_SCENE).map_err(told)?;
-        let bytes = file.metadata().map_err(told)?.len();
+        let words = |e: io::Error| e.to_string();
+        let mut file = files::open_at_most(path, files::MAX_SCENE).map_err(words)?;
+        let bytes = file.metadata().map_err(words)?.len();
         let mut head = [0; MAGIC.len()];
         let is_ours = bytes > DIGEST && file.read_exact(&mut head).is_ok() && head == *MAGIC;
         if !is_ours {
             return Err("it is not a checkpoint of this version".to_owned());
         }
-        file.rewind().map_err(told)?;
+        file.rewind().map_err(words)?;
         let mut hasher = blake3::Hasher::new();
-        hasher.update_reader((&mut file).take(bytes - DIGEST)).map_err(told)?;
+        hasher.update_reader((&mut file).take(bytes - DIGEST)).map_err(words)?;
         let mut digest = [0; 32];
-        file.read_exact(&mut digest).map_err(told)?;
+        file.read_exact(&mut digest).map_err(words)?;
         if hasher.finalize() != digest {
             let because = "it is damaged: its digest differs from its content";
             return Err(format!("{because}; delete it to start again"));
         }
-        file.seek(io::SeekFrom::Start(MAGIC.len() as u64)).map_err(told)?;
+        file.seek(io::SeekFrom::Start(MAGIC.len() as u64)).map_err(words)?;
         let left = bytes - DIGEST - MAGIC.len() as u64;
         let mut reader = Self { file: BufReader::new(file), left };
         if reader.take::<32>()? != *key.as_bytes() {

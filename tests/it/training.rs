@@ -4,7 +4,7 @@ use crate::support::absent::not_run;
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
 use gs2e::image::likeness::{mean_square, psnr_db};
-use gs2e::image::{Image, png};
+use gs2e::image::{Image, Size, png};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
     CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
@@ -202,6 +202,18 @@ fn unusable_captures_are_named() {
     place.write("behind/sparse/0/points3D.txt", "1 0 0 90 200 100 50 0.5\n2 1 0 95 200 100 50 0.5\n");
     t("train --capture behind --out x.ply", 2, "none of 2 points is in any photo");
 
+    // A photo of another size than its camera, and a file that is no picture.
+    let photo = fs::read(place.path("images/004.png")).unwrap();
+    let small = Image::filled(Size { width: 32, height: 24 }, [7; 3]);
+    let mut bytes = Vec::new();
+    png::write_image(&small, &mut bytes).unwrap();
+    place.write("images/004.png", bytes);
+    t(&format!("{train} --out x.ply"), 1, "32x24");
+    place.write("images/004.png", "no picture");
+    t(&format!("{train} --out x.ply"), 1, "failed to read the photo");
+    place.write("images/004.png", photo);
+    t(&format!("{train} --out x.ply --until-psnr 0"), 2, "is not a number above 0");
+
     // Photos that are gone.
     (0..7).for_each(|i| fs::remove_file(place.path(&format!("images/{i:03}.png"))).unwrap());
     t(&format!("{train} --out x.ply"), 2, "of 9 views, 7 have no photo");
@@ -224,7 +236,8 @@ fn a_budget_larger_than_the_memory_is_refused() {
 
 /// A recipe that trains on the photos of [`photographed`], with `more` settings.
 fn training_recipe(more: &str) -> String {
-    let builtin = format!("reconstruct: {{ builtin: {{ gaussians: 200, iterations: 60, hold_out: 4{more} }} }}");
+    let builtin =
+        format!("reconstruct: {{ builtin: {{ gaussians: 200, iterations: 60, hold_out: 4{more} }} }}");
     GIVEN.replace("reconstruct: { given: { path: scene.ply } }", &builtin).replace(
         "outputs: [events, sharp]",
         "outputs: []\nrender: { rules: soft }\nlicence: { expression: CC0-1.0, holder: a test }",
@@ -281,18 +294,18 @@ fn a_recipe_can_end_a_training_early() {
     let place = photographed();
     let t = |until: &str, ended: &str| {
         place.write("recipe.yaml", training_recipe(&format!(", until: {{ {until} }}")) + LENIENT);
-        let told = place.ok("release --to tree --replace recipe.yaml").stderr;
+        let notes = place.ok("release --to tree --replace recipe.yaml").stderr;
         let text = fs::read(place.path("tree/given/scene.json")).unwrap();
         let training = serde_json::from_slice::<Value>(&text).unwrap()["reconstruction"]["training"].clone();
         assert_eq!(training["ended"], ended, "{training}");
         assert!(training["iterations"].as_u64().unwrap() < 60, "{training}");
-        (training, told)
+        (training, notes)
     };
     let (training, _) = t("psnr: 1", "psnr");
     // The first report already has more than one decibel.
     assert_eq!(training["iterations"], 3, "{training}");
-    let (_, told) = t("minutes: 0.000001", "minutes");
-    assert!(told.contains("another run may make other bytes"), "{told}");
+    let (_, notes) = t("minutes: 0.000001", "minutes");
+    assert!(notes.contains("another run may make other bytes"), "{notes}");
 }
 
 /// The limits of a scene that is trained for a moment.

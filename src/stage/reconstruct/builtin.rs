@@ -59,12 +59,14 @@ impl BuiltinStage {
             clock: cx.clock,
             checkpoint: state.as_deref().map(|path| CheckpointFile { path, replaces: true }),
         };
-        let trained = training::train_capture(capture, &files, &self.settings, watch).map_err(stage_failure)?;
+        let trained =
+            training::train_capture(capture, &files, &self.settings, watch).map_err(stage_failure)?;
         let TrainedGaussians { scene, record, without_photo } = trained;
         let judged = record.means();
         cx.remark =
             judged.map(|[psnr, _]| format!("{psnr:.2} dB on {} held-out photos", record.held_out.len()));
-        cx.warnings.extend(again.map(|because| format!("the training started again: its checkpoint {because}")));
+        cx.warnings
+            .extend(again.map(|because| format!("the training started again: its checkpoint {because}")));
         if without_photo > 0 {
             cx.warnings
                 .push(format!("{without_photo} views were not used for training: their photos are missing"));
