@@ -144,6 +144,9 @@ impl Artifact for Capture {
     }
 }
 
+/// Name of the record of a training, next to the scene that it made.
+pub const TRAINING_FILE: &str = "training.json";
+
 impl Artifact for Gaussians {
     const KIND: &'static str = "gaussians";
 

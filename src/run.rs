@@ -11,6 +11,7 @@ mod job;
 mod order;
 mod resources;
 
+pub use job::monotonic_seconds;
 pub use resources::ResourceBudget;
 
 use crate::frames::rendered::TimeSaved;
@@ -88,6 +89,13 @@ pub enum RunEvent<'a> {
         /// The total, bytes.
         budget: u64,
     },
+    /// A running step reports its state.
+    Advanced {
+        /// Index of the step.
+        step: StepId,
+        /// The state, in words for people.
+        words: &'a str,
+    },
     /// A step was made.
     Made {
         /// Index of the step.
@@ -123,8 +131,9 @@ pub enum RunEvent<'a> {
     },
 }
 
-/// Receives the events of a run in order.
-pub trait RunObserver {
+/// Receives the events of a run: those of one step in order, from the thread of the run or of the
+/// step.
+pub trait RunObserver: Sync {
     /// Takes one event.
     fn tell(&self, event: &RunEvent<'_>);
 }

@@ -184,6 +184,28 @@ pub struct StageContext<'a> {
     pub log: Option<PathBuf>,
     /// The programs that can be run.
     pub programs: ProgramFinder,
+    /// The receiver of progress within the step, if anything shows it.
+    pub progress: Option<StepProgress<'a>>,
+    /// A folder that outlives an interrupted step, and that only a step with the same key gets. It is
+    /// removed when the step is made.
+    pub resume: Option<PathBuf>,
+}
+
+/// The receiver of a step's progress.
+#[derive(Clone, Copy)]
+pub struct StepProgress<'a>(pub &'a (dyn Fn(&str) + Sync));
+
+impl StepProgress<'_> {
+    /// Passes on the state of the step, in words for people.
+    pub fn tell(&self, words: &str) {
+        (self.0)(words);
+    }
+}
+
+impl std::fmt::Debug for StepProgress<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("StepProgress").finish_non_exhaustive()
+    }
 }
 
 impl<'a> StageContext<'a> {
@@ -192,7 +214,30 @@ impl<'a> StageContext<'a> {
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
         let (warnings, remark, clock, saving) = (Vec::new(), None, None, None);
         let programs = ProgramFinder::default();
-        Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None, programs }
+        Self {
+            out,
+            cancel,
+            warnings,
+            remark,
+            clock,
+            saving,
+            allows_commands: false,
+            log: None,
+            programs,
+            progress: None,
+            resume: None,
+        }
+    }
+
+    /// The file that keeps the state of a step that is interrupted, in a folder that exists; `None`
+    /// if the run keeps none.
+    ///
+    /// # Errors
+    /// The folder cannot be created.
+    pub fn resumable(&self) -> Result<Option<PathBuf>, StageError> {
+        let Some(folder) = &self.resume else { return Ok(None) };
+        std::fs::create_dir_all(folder).map_err(StageError::io_error(folder))?;
+        Ok(Some(folder.join("state")))
     }
 
     /// Returns true if the work has been cancelled.

@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/  roots/
+//!         logs/<64 hex>.txt  resume/<64 hex>/
 //! ```
 //! `cas/` and `ac/` are the truth and never change in place. `state.db` is an index of `ac/` and a
 //! cache of file digests; losing it costs time, never correctness. Publishing goes blobs, record,
@@ -162,6 +163,8 @@ impl From<StoreAccess> for StoreOptions {
     }
 }
 
+/// Folder of the states of interrupted steps, one folder per key.
+const RESUME: &str = "resume";
 /// Folder of the log files of external programs, one per key.
 const LOGS: &str = "logs";
 /// Ending of the names of those files.
@@ -334,6 +337,22 @@ impl Store {
         let folder = self.root.join(LOGS);
         self.disk.create_dir(&folder)?;
         Ok(folder.join(format!("{key}{LOG}")))
+    }
+
+    /// Folder for the state of the step with this key while it is interrupted. It may not exist. No
+    /// other step gets it, so a step never goes on from the state of another.
+    #[must_use]
+    pub fn resume_of(&self, key: &Key) -> PathBuf {
+        self.root.join(RESUME).join(key.to_string())
+    }
+
+    /// Removes the state of a step that was made.
+    ///
+    /// # Errors
+    /// It exists but cannot be removed.
+    pub fn forget_resume(&self, key: &Key) -> Result<(), StoreError> {
+        let folder = self.resume_of(key);
+        if crate::files::is_there(&folder) { self.disk.remove(&folder) } else { Ok(()) }
     }
 
     /// The digest of a file, in the store or outside. The file is read only if its stat fields have

@@ -15,256 +15,80 @@
 mod adam;
 mod checkpoint;
 mod draws;
+mod error;
 mod judge;
 pub mod loss;
+mod memory;
 mod nearest;
 pub mod photos;
 mod placement;
+mod record;
 mod schedule;
+mod settings;
 mod start;
+#[cfg(test)]
+mod tests;
+mod watch;
 
-pub use judge::{HeldOutFigures, HeldOutView};
+pub use error::TrainingError;
+pub use memory::memory_needed;
+pub use record::{CoursePoint, HeldOutView, TrainingEnd, TrainingRecord};
+pub use settings::{TrainingGoal, TrainingSettings};
+pub use watch::{CheckpointFile, TrainingNews, TrainingReport, TrainingWatch};
 
-use crate::image::Size;
+use crate::reconstruct::model_points;
+use crate::render::RenderRules;
 use crate::render::cpu::backward::{GradientRenderer, MAX_GAUSSIANS, ViewGradients};
 use crate::render::shared::least_alpha;
-use crate::render::{LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
+use crate::source::Capture;
 use crate::source::colmap::ColmapPoint;
 use adam::{AdamMeans, BiasTable};
 use draws::TrainingDraws;
 use loss::ImageLoss;
 use photos::TrainingViews;
 use schedule::TrainingSchedule;
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use watch::TrainingPace;
 
-/// Parameters of a training. All of them may change the result.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct TrainingSettings {
-    /// Number of Gaussians, at most.
-    pub gaussians: u32,
-    /// Number of iterations.
-    pub iterations: u32,
-    /// Width of the photos, px, at most.
-    pub resolution: u32,
-    /// Seed of all draws.
-    pub seed: u64,
-    /// Every n-th view is held out, the first included; 0 holds out none.
-    pub hold_out: u32,
-    /// Rendering rules.
-    pub rules: RenderRules,
-    /// True if opacity is compensated for the screen-space dilation.
-    pub antialiased: bool,
-    /// Colour behind the scene, 0..1.
-    pub background: [f32; 3],
-}
-
-impl Default for TrainingSettings {
-    fn default() -> Self {
-        Self {
-            gaussians: 200_000,
-            iterations: 7000,
-            resolution: 640,
-            seed: 0,
-            hold_out: 8,
-            rules: RenderRules::Soft,
-            antialiased: false,
-            background: [0.0; 3],
-        }
-    }
-}
-
-impl TrainingSettings {
-    /// This training, of another rendering.
-    #[must_use]
-    pub fn with_render(self, render: &RenderChoice) -> Self {
-        // A scene that is trained says nothing yet, so `auto` is off.
-        let RenderStyle { rules, antialiased, background, .. } = render.resolve(None);
-        Self { rules, antialiased, background, ..self }
-    }
-
-    fn style(&self) -> RenderStyle {
-        RenderStyle {
-            rules: self.rules,
-            order: LayerOrder::Depth,
-            antialiased: self.antialiased,
-            background: self.background,
-        }
-    }
-}
-
-/// The reason why a training failed. The texts complete the phrase "failed to ".
-#[derive(Debug, thiserror::Error)]
-pub enum TrainingError {
-    /// The training was asked to stop.
-    #[error("finish: it was interrupted")]
-    Stopped,
-    /// Too few views are left to train on.
-    #[error(
-        "find photos to train on: of {views} views, {without_photo} have no photo and {held_out} are held out, \
-         wanted at least {wanted} others"
-    )]
-    FewViews {
-        /// Number of all views.
-        views: usize,
-        /// Number of views without a photo.
-        without_photo: usize,
-        /// Number of held-out views.
-        held_out: usize,
-        /// Smallest number.
-        wanted: usize,
-    },
-    /// A photo cannot be used.
-    #[error("read the photo {}: {because}", path.display())]
-    Photo {
-        /// The photo.
-        path: PathBuf,
-        /// The problem.
-        because: String,
-    },
-    /// No view sees a point.
-    #[error(
-        "find a point in front of a camera: none of {points} points is in any photo; do poses and points share a world?"
-    )]
-    PointsUnseen {
-        /// Number of points.
-        points: usize,
-    },
-    /// The views have nothing in common, and the capture has no points.
-    #[error(
-        "place the first Gaussians: the capture has no points, and its {views} views show nothing in common"
-    )]
-    NoCommonView {
-        /// Number of views.
-        views: usize,
-    },
-    /// A value is not finite.
-    #[error("train: iteration {iteration}, view `{view}`: the {what} is not finite")]
-    NotFinite {
-        /// The iteration, from 1.
-        iteration: u32,
-        /// Name of the view.
-        view: String,
-        /// The loss, or the gradient of a Gaussian.
-        what: String,
-    },
-    /// A view cannot be rendered.
-    #[error("render `{view}`: {cause}")]
-    Render {
-        /// Name of the view.
-        view: String,
-        /// The reason.
-        cause: RenderError,
-    },
-    /// The settings cannot be trained.
-    #[error("start: {0}")]
-    Settings(String),
-    /// A checkpoint cannot be read or written.
-    #[error("use the checkpoint {}: {because}", path.display())]
-    Checkpoint {
-        /// The file.
-        path: PathBuf,
-        /// The problem.
-        because: String,
-    },
-}
-
-/// The state of a training, for people.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrainingReport {
-    /// Finished iterations.
-    pub iteration: u32,
-    /// Iterations in all.
-    pub iterations: u32,
-    /// Mean loss since the last report.
-    pub loss: f64,
-    /// Mean PSNR of the held-out views, dB; `None` without held-out views.
-    pub psnr: Option<f64>,
-    /// Number of Gaussians.
-    pub gaussians: usize,
-}
-
-/// Callbacks of a training, and its checkpoint.
-pub struct TrainingWatch<'a> {
-    /// Asked before every iteration. The training stops when it returns false.
-    pub goes_on: &'a (dyn Fn() -> bool + Sync),
-    /// Called about twenty times.
-    pub report: &'a mut dyn FnMut(&TrainingReport),
-    /// The checkpoint: read if it exists, and written with every report and when the training is
-    /// stopped.
-    pub checkpoint: Option<&'a Path>,
-}
-
-impl std::fmt::Debug for TrainingWatch<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("TrainingWatch").field("checkpoint", &self.checkpoint).finish_non_exhaustive()
-    }
-}
+/// Number of the laws of training. Raise it when equal settings and photos make other bytes: it is
+/// part of a step's key.
+pub const LAWS: u32 = 2;
 
 /// Number of reports of a training.
 const REPORTS: u32 = 20;
 
-/// A trained scene, and how well it shows the views that were held out.
+/// A trained scene, and its record.
 #[derive(Debug)]
 pub struct TrainedGaussians {
     /// The scene.
     pub scene: Gaussians,
-    /// The held-out views.
-    pub figures: HeldOutFigures,
+    /// The record of the training.
+    pub record: TrainingRecord,
+    /// Number of views without a photo.
+    pub without_photo: usize,
 }
 
-/// Memory of a training, bytes: each Gaussian with its gradients, means and lists; the photos; the
-/// buffers of one image. `views` are the sizes of the photos at the size of training.
-#[must_use]
-pub fn memory_needed(gaussians: u32, views: impl IntoIterator<Item = Size>) -> u64 {
-    // Parameters, two means, the activated form, the splat, its sums and gradients, and six tiles of
-    // 52 bytes.
-    const BYTES_A_GAUSSIAN: u64 = 1300;
-    // Three levels of a photo of 3 bytes.
-    const BYTES_A_PHOTO_PIXEL: u64 = 4;
-    // The image, its gradient, the slopes of the loss, the traced tiles.
-    const BYTES_A_PIXEL: u64 = 96;
-    let pixels = |size: Size| u64::from(size.width) * u64::from(size.height);
-    let sum =
-        |(sum, most): (u64, u64), size: Size| (sum.saturating_add(pixels(size)), most.max(pixels(size)));
-    let (all, most) = views.into_iter().fold((0, 0), sum);
-    let parts = [(u64::from(gaussians), BYTES_A_GAUSSIAN), (all, BYTES_A_PHOTO_PIXEL), (most, BYTES_A_PIXEL)];
-    parts.into_iter().fold(0, |sum: u64, (count, bytes)| sum.saturating_add(count.saturating_mul(bytes)))
-}
-
-/// Trains a scene. `points` are those of the capture's model; without any, the start is drawn.
+/// Reads the photos and the points of a capture, and trains a scene. `files` are the files of the
+/// capture's source, by their names in the source. Without points, the start is drawn.
 ///
 /// # Errors
-/// See [`TrainingError`]. A stopped training has written its checkpoint.
-pub fn train(
-    views: &TrainingViews,
-    points: &[ColmapPoint],
+/// See [`TrainingError`]. A training that is stopped, or ended by the clock, has written its
+/// checkpoint.
+pub fn train_capture(
+    capture: &Capture,
+    files: &[(String, PathBuf)],
     settings: &TrainingSettings,
     watch: TrainingWatch<'_>,
 ) -> Result<TrainedGaussians, TrainingError> {
-    let mut trainer = SceneTrainer::new(views, points, settings)?;
-    let TrainingWatch { goes_on, report, checkpoint } = watch;
-    let key = checkpoint::training_key(views, settings, trainer.renderer.scene());
-    if let Some(path) = checkpoint {
-        trainer.load(path, key)?;
-    }
-    let every = (settings.iterations / REPORTS).max(1);
-    let mut sum = 0.0;
-    while trainer.iteration < settings.iterations {
-        if !goes_on() {
-            checkpoint.map_or(Ok(()), |path| trainer.save(path, key))?;
-            return Err(TrainingError::Stopped);
-        }
-        sum += trainer.step()?;
-        if trainer.iteration.is_multiple_of(every) || trainer.iteration == settings.iterations {
-            report(&trainer.report(sum / f64::from(every))?);
-            sum = 0.0;
-            checkpoint.map_or(Ok(()), |path| trainer.save(path, key))?;
-        }
-    }
-    trainer.finish()
+    let views = TrainingViews::read(capture, files, (settings.resolution, settings.hold_out), watch.goes_on)?;
+    let points = model_points(files).map_err(|cause| TrainingError::Points(Box::new(cause)))?;
+    let [shown, held_out] = [views.shown.len(), views.held_out.len()];
+    (watch.news)(&TrainingNews::Read { shown, held_out, points: points.len() });
+    let mut trainer = SceneTrainer::new(&views, &points, settings)?;
+    let ended = trainer.run(watch)?;
+    trainer.finish(ended)
 }
 
 /// A training between two iterations.
@@ -279,6 +103,9 @@ struct SceneTrainer<'a> {
     scores: Vec<f32>,
     /// Finished iterations.
     iteration: u32,
+    /// Sum of the losses since the last report.
+    losses: f64,
+    course: Vec<CoursePoint>,
     bias: BiasTable,
     loss: ImageLoss,
     found: ViewGradients,
@@ -298,8 +125,10 @@ impl<'a> SceneTrainer<'a> {
         let mut scene = start::starting_scene(points, &views.shown, budget, &draws)?;
         scene.antialiased = settings.antialiased.then_some(true);
         let extent = start::CameraSpread::new(&views.shown).extent;
-        let schedule =
-            TrainingSchedule { iterations: settings.iterations, gaussians: [scene.len(), budget], extent };
+        let sizes = views.shown.iter().map(|view| view.at_level(0).0.camera.size.pixels());
+        let pixels = sizes.sum::<usize>() as f64 / views.shown.len() as f64;
+        let gaussians = [scene.len(), budget];
+        let schedule = TrainingSchedule { iterations: settings.iterations, gaussians, extent, pixels };
         let mut means = AdamMeans::default();
         means.reserve(budget, scene.sh_len());
         means.resize(scene.len(), scene.sh_len());
@@ -316,6 +145,8 @@ impl<'a> SceneTrainer<'a> {
             means,
             scores,
             iteration: 0,
+            losses: 0.0,
+            course: Vec::new(),
             bias: BiasTable::new(),
             loss: ImageLoss::default(),
             found: ViewGradients::default(),
@@ -365,23 +196,82 @@ impl<'a> SceneTrainer<'a> {
         self.renderer.rebuild(|scene| placement::place_gaussians(scene, means, scores, count, &draws));
     }
 
-    fn report(&mut self, loss: f64) -> Result<TrainingReport, TrainingError> {
-        let psnr = judge::mean_psnr(&mut self.renderer, &self.views.held_out)?;
-        Ok(TrainingReport {
+    /// Adds a point to the course, and reports it.
+    fn report(&mut self, pace: &TrainingPace) -> Result<TrainingReport, TrainingError> {
+        let point = CoursePoint {
             iteration: self.iteration,
-            iterations: self.settings.iterations,
-            loss,
-            psnr,
-            gaussians: self.renderer.scene().len(),
-        })
+            loss: self.losses / f64::from(self.iterations_per_report()),
+            psnr: judge::mean_psnr(&mut self.renderer, &self.views.held_out)?,
+            gaussians: self.renderer.scene().len() as u64,
+        };
+        self.losses = 0.0;
+        self.course.push(point);
+        let seconds_left = pace.seconds_left(&self.schedule, self.iteration);
+        Ok(TrainingReport { point, iterations: self.settings.iterations, seconds_left })
     }
 
-    /// The scene without the Gaussians that no view would show, and its figures.
-    fn finish(mut self) -> Result<TrainedGaussians, TrainingError> {
+    fn iterations_per_report(&self) -> u32 {
+        (self.settings.iterations / REPORTS).max(1)
+    }
+
+    /// The reason to end now, if there is one. After a resumption it is the same as before.
+    fn ends(&self, pace: &TrainingPace) -> Option<TrainingEnd> {
+        let TrainingGoal { psnr, minutes } = self.settings.until;
+        let last = self.course.last().filter(|point| point.iteration == self.iteration);
+        let exceeds = |value: Option<f64>, limit: Option<f64>| value.zip(limit).is_some_and(|(v, l)| v >= l);
+        if self.iteration == self.settings.iterations {
+            Some(TrainingEnd::Iterations)
+        } else if exceeds(last.and_then(|point| point.psnr), psnr) {
+            Some(TrainingEnd::Psnr)
+        } else if exceeds(pace.seconds(), minutes.map(|minutes| 60.0 * minutes)) {
+            Some(TrainingEnd::Minutes)
+        } else {
+            None
+        }
+    }
+
+    /// All iterations that are left.
+    fn run(&mut self, watch: TrainingWatch<'_>) -> Result<TrainingEnd, TrainingError> {
+        let TrainingWatch { goes_on, news, clock, checkpoint } = watch;
+        let key = self.key();
+        if let Some(file) = checkpoint
+            && let Some(because) = self.resume(file, key)?
+        {
+            news(&TrainingNews::StartsAgain { because });
+        }
+        let keep = |trainer: &Self| checkpoint.map_or(Ok(()), |file| trainer.save(file.path, key));
+        let pace = TrainingPace::new(clock, self.iteration);
+        loop {
+            if let Some(ended) = self.ends(&pace) {
+                // Between two reports, only the clock ends a training. A later one may go on.
+                (ended == TrainingEnd::Minutes).then(|| keep(self)).transpose()?;
+                return Ok(ended);
+            }
+            if !goes_on() {
+                keep(self)?;
+                return Err(TrainingError::Stopped);
+            }
+            self.losses += self.step()?;
+            let is_last = self.iteration == self.settings.iterations;
+            if self.iteration.is_multiple_of(self.iterations_per_report()) || is_last {
+                news(&TrainingNews::Report(self.report(&pace)?));
+                keep(self)?;
+            }
+        }
+    }
+
+    /// The scene without the Gaussians that no view would show, and its record.
+    fn finish(mut self, ended: TrainingEnd) -> Result<TrainedGaussians, TrainingError> {
         self.renderer.set_degree(crate::scene::sh::MAX_DEGREE);
-        let figures = judge::held_out_figures(&mut self.renderer, &self.views.held_out)?;
+        let record = TrainingRecord {
+            iterations: self.iteration,
+            ended,
+            photos: self.views.shown.len(),
+            held_out: judge::held_out_figures(&mut self.renderer, &self.views.held_out)?,
+            course: self.course,
+        };
         let scene = without_invisible(self.renderer.into_scene(), self.settings.rules);
-        Ok(TrainedGaussians { scene, figures })
+        Ok(TrainedGaussians { scene, record, without_photo: self.views.without_photo })
     }
 }
 

@@ -151,7 +151,7 @@ fn point(size: f64, scene: &Arc<Gaussians>, picture: Size, frames: u32) -> Point
 }
 
 /// Processor time of all cores of this process, s.
-fn spent() -> f64 {
+pub(crate) fn spent() -> f64 {
     let at = clock_gettime(ClockId::ProcessCPUTime);
     at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9
 }

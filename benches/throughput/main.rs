@@ -7,6 +7,7 @@
 
 mod growth;
 mod measure;
+mod training;
 mod workloads;
 
 use std::process::ExitCode;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
     let timings = measure::measure(all, options.runs);
     let growing = wanted(growth::PART).then(|| growth::measure(&options.only, options.runs));
     let growing = growing.unwrap_or_default();
+    let training = wanted(training::PART).then(|| training::measure(options.runs)).unwrap_or_default();
     let threads = rayon::current_num_threads();
     if options.json {
         let parts: Vec<_> = timings.iter().map(measure::Timing::json).collect();
@@ -43,9 +45,13 @@ fn main() -> ExitCode {
             .collect();
         let runs = options.runs;
         let growing: Vec<_> = growing.iter().map(growth::Axis::json).collect();
+        let training: Vec<_> = training.iter().map(training::Axis::json).collect();
         println!(
             "{}",
-            serde_json::json!({ "threads": threads, "runs": runs, "parts": parts, "ratios": ratios, "growth": growing })
+            serde_json::json!({
+                "threads": threads, "runs": runs, "parts": parts, "ratios": ratios, "growth": growing,
+                "training": training,
+            })
         );
         return ExitCode::SUCCESS;
     }
@@ -55,6 +61,7 @@ fn main() -> ExitCode {
         println!("{part}: {median:.2} of the rival's rate at the median, {best:.2} at the best");
     }
     growing.iter().for_each(|axis| println!("\n{}", axis.table()));
+    training.iter().for_each(|axis| println!("\n{}", axis.table()));
     ExitCode::SUCCESS
 }
 
@@ -68,12 +75,15 @@ fn parse(args: impl Iterator<Item = String>) -> Result<Options, String> {
             "--bench" => {}
             "--runs" => options.runs = count(args.next().as_deref())?,
             "--only" => options.only.push(args.next().ok_or("found nothing after --only, wanted a text")?),
-            part if workloads::PARTS.contains(&part) || part == growth::PART => options.parts.push(arg),
+            part if workloads::PARTS.contains(&part) || [growth::PART, training::PART].contains(&part) => {
+                options.parts.push(arg);
+            }
             _ => {
                 return Err(format!(
-                    "found `{arg}`, wanted an option or one of {} {}",
+                    "found `{arg}`, wanted an option or one of {} {} {}",
                     workloads::PARTS.join(" "),
-                    growth::PART
+                    growth::PART,
+                    training::PART
                 ));
             }
         }

@@ -137,6 +137,16 @@ impl<'a> Progress<'a> {
         }
     }
 
+    /// Shows the state of a running step.
+    fn advanced(&self, shown: &mut ProgressView, step: StepId, words: &str) {
+        let line = format!("{}: {words}", self.name(step));
+        match &shown.bars {
+            Some(bars) => bars.advanced(step, &line),
+            None if shown.pace.admits(self.began.elapsed().as_secs_f64()) => self.line(shown, &line),
+            None => {}
+        }
+    }
+
     /// Counts a step that ended, and prints its record for programs.
     fn ended(&self, shown: &mut ProgressView, ended: &StepEnd<'_>, core_seconds: Option<f64>) {
         shown.ended += 1;
@@ -292,6 +302,7 @@ impl RunObserver for Progress<'_> {
                 );
                 self.tell(shown, &UserMessage::new(MessageLevel::Warning, "memory", what).step(scene, name));
             }
+            RunEvent::Advanced { step, words } => self.advanced(shown, step, words),
             RunEvent::Made { step, key, outputs, seconds, cores, warnings, remark, saving } => {
                 shown.finished += 1;
                 let left_out = self.left_out(shown, step, outputs, saving);

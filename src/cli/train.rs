@@ -5,14 +5,14 @@ use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input, machine};
-use crate::reconstruct::model_points;
 use crate::render::RenderRules;
+use crate::run;
 use crate::scene::ply::write_ply;
 use crate::source::kind::CaptureKind;
 use crate::source::{Capture, DiskCapture};
-use crate::training::photos::{TrainingViews, trained_size};
 use crate::training::{
-    self, TrainedGaussians, TrainingError, TrainingReport, TrainingSettings, TrainingWatch,
+    self, CheckpointFile, TrainedGaussians, TrainingEnd, TrainingError, TrainingGoal, TrainingSettings,
+    TrainingWatch,
 };
 use crate::units::format_amount;
 use clap::ValueEnum;
@@ -46,6 +46,12 @@ pub(super) struct TrainArgs {
     /// Hold out every N-th photo, the first included, and judge the scene by them; 0 holds out none
     #[arg(long, value_name = "N", default_value_t = TrainingSettings::default().hold_out)]
     hold_out: u32,
+    /// End when the held-out photos are shown this well in the mean
+    #[arg(long, value_name = "DB", value_parser = positive)]
+    until_psnr: Option<f64>,
+    /// End after this time. The scene then depends on the speed of the machine
+    #[arg(long, value_name = "MINUTES", value_parser = positive)]
+    until_minutes: Option<f64>,
     /// Conventions of the renderings that are trained
     #[arg(long, value_enum, default_value_t = TrainedRule::Soft)]
     rule: TrainedRule,
@@ -65,6 +71,12 @@ enum TrainedRule {
     Exact,
     /// Conventions of gsplat
     Gsplat,
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let wanted = || format!("`{text}` is not a number above 0");
+    text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0).ok_or_else(wanted)
 }
 
 impl From<TrainedRule> for RenderRules {
@@ -94,17 +106,7 @@ impl TrainArgs {
         warnings.iter().filter(|w| is_ignored(w)).for_each(|w| console.say(&format!("warning: {w}")));
         self.refuse_memory(&capture)?;
         let files = disk.files().map_err(|e| input::unreadable_file("capture", &e))?;
-        let goes_on = || !stop.load(Ordering::Relaxed);
-        let views = TrainingViews::read(&capture, &files, (self.resolution, self.hold_out), &goes_on);
-        let views = views.map_err(|e| self.told(&e))?;
-        let points = model_points(&files).map_err(|e| input::unreadable_file("points", &e))?;
-        console.say(&format!(
-            "{} photos to train on, {} held out, {} points",
-            views.shown.len(),
-            views.held_out.len(),
-            points.len()
-        ));
-        let trained = self.train(&views, &points, (console, &stop), began)?;
+        let trained = self.train(&capture, &files, (console, &stop))?;
         let fill = |out: &mut dyn io::Write| write_ply(&trained.scene, out);
         output::write_outputs(&[OutputFile { path: &self.out, fill: &fill }])?;
         self.tell(&trained, began, console);
@@ -133,8 +135,8 @@ impl TrainArgs {
 
     /// Refuses a training that needs more memory than is free.
     fn refuse_memory(&self, capture: &Capture) -> Result<(), VerbError> {
-        let sizes = capture.views.iter().map(|view| trained_size(view.camera.size, self.resolution));
-        let (needed, free) = (training::memory_needed(self.gaussians, sizes), machine::free_memory());
+        let needed = training::memory_needed(&self.settings(), &capture.views);
+        let free = machine::free_memory();
         if needed <= free {
             return Ok(());
         }
@@ -152,29 +154,25 @@ impl TrainArgs {
             seed: self.seed,
             hold_out: self.hold_out,
             rules: self.rule.into(),
+            until: TrainingGoal { psnr: self.until_psnr, minutes: self.until_minutes },
             ..TrainingSettings::default()
         }
     }
 
     fn train(
         &self,
-        views: &TrainingViews,
-        points: &[crate::source::colmap::ColmapPoint],
+        capture: &Capture,
+        files: &[(String, PathBuf)],
         (console, stop): (&Console, &AtomicBool),
-        began: Instant,
     ) -> Result<TrainedGaussians, VerbError> {
-        let mut report = |r: &TrainingReport| {
-            let psnr = r.psnr.map_or_else(String::new, |psnr| format!(", held out {psnr:.2} dB"));
-            let (TrainingReport { iteration, iterations, loss, gaussians, .. }, past) = (*r, began.elapsed());
-            let left = past.as_secs_f64() / f64::from(iteration) * f64::from(iterations - iteration);
-            console.say(&format!(
-                "{iteration}/{iterations}: loss {loss:.4}{psnr}, {gaussians} Gaussians, about {left:.0} s left"
-            ));
-        };
         let goes_on = || !stop.load(Ordering::Relaxed);
-        let watch =
-            TrainingWatch { goes_on: &goes_on, report: &mut report, checkpoint: self.checkpoint.as_deref() };
-        training::train(views, points, &self.settings(), watch).map_err(|e| self.told(&e))
+        let watch = TrainingWatch {
+            goes_on: &goes_on,
+            news: &mut |news| console.say(&news.to_string()),
+            clock: Some(run::monotonic_seconds),
+            checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
+        };
+        training::train_capture(capture, files, &self.settings(), watch).map_err(|e| self.told(&e))
     }
 
     fn told(&self, error: &TrainingError) -> VerbError {
@@ -196,7 +194,7 @@ impl TrainArgs {
             | TrainingError::NoCommonView { .. } => {
                 VerbError::usage("capture", format!("failed to {because}"))
             }
-            TrainingError::Photo { .. } => {
+            TrainingError::Photo { .. } | TrainingError::Points(_) => {
                 VerbError::failed("input-unreadable", format!("failed to {because}"))
             }
             TrainingError::Settings(_) => VerbError::usage("training", format!("failed to {because}")),
@@ -210,19 +208,25 @@ impl TrainArgs {
     }
 
     fn tell(&self, trained: &TrainedGaussians, began: Instant, console: &Console) {
-        let TrainedGaussians { scene, figures } = trained;
+        let TrainedGaussians { scene, record, .. } = trained;
         let out = self.out.display();
         let seconds = began.elapsed().as_secs_f64();
-        let means = figures.means();
+        let means = record.means();
         let held = means.map_or_else(String::new, |[psnr, ssim]| {
-            format!("; {} held-out photos: {psnr:.2} dB, SSIM {ssim:.4}", figures.views.len())
+            format!("; {} held-out photos: {psnr:.2} dB, SSIM {ssim:.4}", record.held_out.len())
         });
-        console.say(&format!("{out}: {} Gaussians in {seconds:.0} s{held}", scene.len()));
+        let early = match record.ended {
+            TrainingEnd::Iterations => String::new(),
+            TrainingEnd::Psnr => format!(" and {} iterations: the PSNR is reached", record.iterations),
+            TrainingEnd::Minutes => format!(" and {} iterations: the time is used up", record.iterations),
+        };
+        console.say(&format!("{out}: {} Gaussians in {seconds:.0} s{early}{held}", scene.len()));
         if console.json {
             let [psnr, ssim] = means.map_or([None; 2], |means| means.map(Some));
             console.result(&json!({
-                "file": path(&self.out), "gaussians": scene.len(), "iterations": self.iterations,
-                "seconds": seconds, "psnr": psnr, "ssim": ssim, "held_out": figures.views,
+                "file": path(&self.out), "gaussians": scene.len(), "iterations": record.iterations,
+                "ended": record.ended, "seconds": seconds, "psnr": psnr, "ssim": ssim,
+                "held_out": record.held_out,
             }));
         }
     }

@@ -18,7 +18,9 @@ mod sensor;
 mod source;
 mod trajectory;
 
-pub(super) use reconstruct::{BuiltinSection, CommandSection, CountSection, ReconstructSection};
+pub(super) use reconstruct::{
+    BuiltinSection, CommandSection, CountSection, ReconstructSection, UntilSection,
+};
 pub(super) use sensor::{
     EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
     RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,

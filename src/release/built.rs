@@ -5,7 +5,7 @@ use super::products;
 use super::published;
 use crate::artifact::{
     Artifact, ArtifactError, ArtifactFiles, BlurredFrames, EventStream, EventStreams, SimulationRecord,
-    TrajectoryProduct, VerdictsRecord,
+    TRAINING_FILE, TrajectoryProduct, VerdictsRecord,
 };
 use crate::camera::{self, Camera};
 use crate::check::Finding;
@@ -20,6 +20,7 @@ use crate::source::Capture;
 use crate::store::description::DescribedValue;
 use crate::store::record::StoredOutput;
 use crate::store::{Key, Store};
+use crate::training::TrainingRecord;
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.
@@ -51,6 +52,8 @@ pub(super) struct SceneSummary {
     pub(super) sh_degree: u8,
     pub(super) antialiased: Option<bool>,
     pub(super) screening: SceneScreening,
+    /// Present if the program trained it.
+    pub(super) training: Option<TrainingRecord>,
 }
 
 /// A trajectory whose steps are all made.
@@ -146,6 +149,23 @@ impl BuiltProducts<'_> {
         Ok(rows)
     }
 
+    /// The summary of the scene, with what its step left next to it.
+    fn summarize(&self, gaussians: &Gaussians) -> Result<SceneSummary, GatherError> {
+        const STEP: &str = "reconstruct";
+        let files = ArtifactFiles::from_outputs(self.find(STEP).unwrap_or_default(), self.store);
+        let unreadable = |e: ArtifactError| self.unreadable(STEP, &e);
+        let is_trained = files.iter().any(|(name, _)| name == TRAINING_FILE);
+        let training = is_trained.then(|| files.json(TRAINING_FILE)).transpose();
+        Ok(SceneSummary {
+            path: files.path("scene.ply").map_err(unreadable)?.to_owned(),
+            count: gaussians.len() as u64,
+            sh_degree: gaussians.sh_degree,
+            antialiased: gaussians.antialiased,
+            screening: gaussians.screening,
+            training: training.map_err(unreadable)?,
+        })
+    }
+
     fn unreadable(&self, step: &str, error: &ArtifactError) -> GatherError {
         GatherError::Unreadable {
             scene: self.scene.to_owned(),
@@ -179,20 +199,8 @@ pub(super) fn gather_scene<'a>(
     }
     let shelf = BuiltProducts { scene: &recipe.scene, store, steps };
     let capture = shelf.open("capture")?;
-    let gaussians = match shelf.open_optional::<Gaussians>("reconstruct")? {
-        None => None,
-        Some(gaussians) => Some(SceneSummary {
-            path: shelf
-                .find("reconstruct")
-                .and_then(|outputs| outputs.first())
-                .map(|o| store.path_of(&o.digest))
-                .ok_or_else(|| not_built("reconstruct"))?,
-            count: gaussians.len() as u64,
-            sh_degree: gaussians.sh_degree,
-            antialiased: gaussians.antialiased,
-            screening: gaussians.screening,
-        }),
-    };
+    let gaussians = shelf.open_optional("reconstruct")?.map(|gaussians| shelf.summarize(&gaussians));
+    let gaussians = gaussians.transpose()?;
     let photographed = photo_findings(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| gather_trajectory(&shelf, name)).collect::<Result<_, _>>()?;

@@ -19,6 +19,7 @@ use crate::reconstruct::TrainerCommand;
 use crate::render::fidelity::PsnrFigures;
 use crate::seed::{Seed, StreamPurpose};
 use crate::source::{Capture, CapturedView, UnusedPhoto, natural};
+use crate::training::TrainingRecord;
 use crate::trajectory::path::CameraPath;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -175,7 +176,7 @@ impl SceneConventions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructionPart {
-    /// `procedural`, `given` or `command`.
+    /// `procedural`, `given`, `builtin` or `command`.
     pub kind: String,
     /// SHA-256 of the scene file in the store, a `.ply`.
     pub scene_sha256: String,
@@ -197,6 +198,10 @@ pub struct ReconstructionPart {
     pub ssim: Option<f64>,
     /// LPIPS against photos.
     pub lpips: Option<f64>,
+    /// The training, if the program made it: its course, and PSNR and SSIM of each held-out photo at
+    /// the size of training.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingRecord>,
 }
 
 /// A trajectory.
@@ -403,6 +408,7 @@ fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconst
         psnr: fidelity.and_then(|fidelity| fidelity.psnr()),
         ssim: fidelity.and_then(|fidelity| fidelity.ssim()),
         lpips: None,
+        training: summary.training.clone(),
     }))
 }
 

@@ -52,13 +52,47 @@ pub struct CpuRenderer {
     style: RenderStyle,
     omit: OmissionPolicy,
     instructions: InstructionSet,
+    frame: FrameBuffers,
+}
+
+/// The buffers of a frame's passes, kept for the next frame.
+#[derive(Debug)]
+struct FrameBuffers {
     splats: Vec<Splat>,
+    /// Index in the scene of each splat.
     numbers: Vec<u32>,
     rates: Vec<SplatRates>,
     chunks: Vec<ProjectedChunk>,
     sorter: DepthSorter,
     lists: TileLists,
     tiles: Vec<f32>,
+}
+
+impl FrameBuffers {
+    fn new() -> Self {
+        Self {
+            splats: Vec::new(),
+            numbers: Vec::new(),
+            rates: Vec::new(),
+            chunks: Vec::new(),
+            sorter: DepthSorter::default(),
+            lists: TileLists::new(bin::BUDGET),
+            tiles: Vec::new(),
+        }
+    }
+
+    /// Projects every Gaussian. Returns the work.
+    fn project(&mut self, input: &ProjectionInput<'_>) -> RenderWork {
+        input.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
+        let mut work = RenderWork { gaussians: input.scene.len() as u64, ..RenderWork::default() };
+        self.chunks.iter().for_each(|chunk| work += chunk.work);
+        work
+    }
+
+    /// Number of splats of the last frame.
+    fn drawn(&self) -> usize {
+        self.chunks.iter().map(|chunk| chunk.drawn).sum()
+    }
 }
 
 /// The numerical class: plain IEEE operations in a fixed order, equal on every machine. Raise it
@@ -94,13 +128,7 @@ impl CpuRenderer {
             style,
             omit: OmissionPolicy::default(),
             instructions: InstructionSet::widest_set(),
-            splats: Vec::new(),
-            numbers: Vec::new(),
-            rates: Vec::new(),
-            chunks: Vec::new(),
-            sorter: DepthSorter::default(),
-            lists: TileLists::new(bin::BUDGET),
-            tiles: Vec::new(),
+            frame: FrameBuffers::new(),
         })
     }
 }
@@ -129,7 +157,7 @@ impl CpuRenderer {
     /// Sets the maximum number of (Gaussian, tile) pairs that are listed at once: the same bits
     /// with more or less memory. A single tile may exceed it.
     pub fn set_list_budget(&mut self, pairs: usize) {
-        self.lists = TileLists::new(pairs);
+        self.frame.lists = TileLists::new(pairs);
     }
 
     /// [`Renderer::render`] with a callback at the end of each pass. If the lists exceed their
@@ -156,31 +184,30 @@ impl CpuRenderer {
             want: asked,
             level: self.instructions.level,
         };
-        projection.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
-        let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
-        self.chunks.iter().for_each(|chunk| work += chunk.work);
-        let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
+        let frame = &mut self.frame;
+        let mut work = frame.project(&projection);
+        let drawn = frame.drawn();
         // `splats` has a place for every Gaussian that was kept, drawn or not.
-        work.unseen = work.gaussians - self.splats.len() as u64;
+        work.unseen = work.gaussians - frame.splats.len() as u64;
         work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
         done(PassKind::Project);
 
         // One order serves the whole frame, so ties do not depend on tiles or threads.
-        let sorted = self.sorter.run(&self.splats, &self.chunks);
+        let sorted = frame.sorter.run(&frame.splats, &frame.chunks);
         done(PassKind::Sort);
         let grid = TileGrid::new(view.camera.size);
-        let (splats, rates, tiles) = (&self.splats, &self.rates, &mut self.tiles);
+        let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);
         let (RenderStyle { rules, order, .. }, level, omit) =
             (self.style, self.instructions.level, self.omit);
         let features = feature_count(asked);
-        work.tile_pairs = self.lists.run(OrderedSplats { order: sorted, splats, grid }, |lists| {
+        work.tile_pairs = frame.lists.run(OrderedSplats { order: sorted, splats, grid }, |lists| {
             done(PassKind::Bin);
-            let frame = RasterInput { splats, rates, lists, grid, rules, order, omit, level };
-            work += raster_pass(features, asked.luminance_rate, frame, tiles);
+            let input = RasterInput { splats, rates, lists, grid, rules, order, omit, level };
+            work += raster_pass(features, asked.luminance_rate, input, tiles);
             done(PassKind::Raster);
         });
         resolve::resolve_tiles(
-            BlendedTiles { tiles: &self.tiles, features, grid },
+            BlendedTiles { tiles: &frame.tiles, features, grid },
             asked,
             self.style.background,
             out,

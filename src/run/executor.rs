@@ -212,6 +212,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             plan: self.plan,
             store: self.store,
             cancel: self.cancel,
+            observer: self.observer,
             cores,
             allows_commands,
             programs,

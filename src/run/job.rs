@@ -1,12 +1,12 @@
 //! The work of one step on its own thread, from its inputs to a record.
 
-use super::StepError;
+use super::{RunEvent, RunObserver, StepError};
 use crate::artifact::ArtifactFiles;
 use crate::frames::rendered::TimeSaved;
 use crate::plan::assess::{SourceFiles, StepReason, read_sources};
 use crate::plan::{Plan, PlannedStep};
 use crate::programs::ProgramFinder;
-use crate::stage::{StageContext, StageError, StepId, StepNeed};
+use crate::stage::{StageContext, StageError, StepId, StepNeed, StepProgress};
 use crate::store::description::DescribedValue;
 use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
 use crate::store::space::{DiskSpace, is_full};
@@ -17,7 +17,7 @@ use std::thread;
 use std::time::Instant;
 
 /// Seconds since the first call.
-fn monotonic_seconds() -> f64 {
+pub fn monotonic_seconds() -> f64 {
     static BEGAN: OnceLock<Instant> = OnceLock::new();
     BEGAN.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
@@ -50,6 +50,7 @@ pub(super) struct StepJob<'a> {
     pub(super) plan: &'a Plan,
     pub(super) store: &'a Store,
     pub(super) cancel: &'a AtomicBool,
+    pub(super) observer: &'a dyn RunObserver,
     pub(super) cores: usize,
     pub(super) allows_commands: bool,
     pub(super) programs: ProgramFinder,
@@ -74,7 +75,11 @@ impl StepJob<'_> {
     ) -> Result<StepResult, StepError> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
+        let tell = |words: &str| self.observer.tell(&RunEvent::Advanced { step, words });
         let mut cx = StageContext::new(workspace.path(), self.cancel);
+        cx.progress = Some(StepProgress(&tell));
+        // A step that is made again for comparison must do all of its work again.
+        cx.resume = stale.recheck.is_none().then(|| self.store.resume_of(&stale.key));
         // A clock without a date: no product may depend on the time of the build.
         cx.clock = Some(monotonic_seconds);
         cx.allows_commands = self.allows_commands;
@@ -103,6 +108,7 @@ impl StepJob<'_> {
             None => self.store.publish(workspace, record)?,
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
+        self.store.forget_resume(&stale.key)?;
         Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving })
     }
 

@@ -7,7 +7,7 @@
 use super::disk::disk_error;
 use super::fs::FileStat;
 use super::state::StateTable;
-use super::{Digest, Key, LOG, LOGS, Store, StoreError};
+use super::{Digest, Key, LOG, LOGS, RESUME, Store, StoreError};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
@@ -36,7 +36,8 @@ pub struct SweepSummary {
     pub kept_blobs: usize,
     /// Bytes of the blobs that stay.
     pub kept_bytes: u64,
-    /// Number of older files in `trash/`, and of logs for keys that are not marked.
+    /// Number of older files in `trash/`, and of logs and interrupted states for keys that are not
+    /// marked.
     pub trash: usize,
     /// Bytes of those files.
     pub trash_bytes: u64,
@@ -79,6 +80,7 @@ impl Store {
             .partition(|blob| !named.contains(&blob.name) && is_old(&blob.stat));
         let mut trash = self.old_trash(sweep.until_ns)?;
         trash.extend(self.old_logs(marked, sweep.until_ns)?);
+        trash.extend(self.old_states(marked, sweep.until_ns)?);
         let bytes = |files: &[SweepFile]| files.iter().map(|file| file.stat.size).sum();
         let swept = SweepSummary {
             records: gone.len(),
@@ -144,6 +146,21 @@ impl Store {
         let mut old = Vec::new();
         for (name, path) in self.files_of(LOGS)? {
             let key = name.strip_suffix(LOG).and_then(|name| name.parse().ok()).map(Key);
+            if key.is_some_and(|key| !marked.contains(&key))
+                && let Ok(stat) = self.disk.stat(&path)
+                && stat.mtime_ns <= until_ns
+            {
+                old.push((path, stat.size));
+            }
+        }
+        Ok(old)
+    }
+
+    /// Old states of interrupted steps with keys that are not marked.
+    fn old_states(&self, marked: &BTreeSet<Key>, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
+        let mut old = Vec::new();
+        for (name, path) in self.files_of(RESUME)? {
+            let key = name.split_once('/').and_then(|(key, _)| key.parse().ok()).map(Key);
             if key.is_some_and(|key| !marked.contains(&key))
                 && let Ok(stat) = self.disk.stat(&path)
                 && stat.mtime_ns <= until_ns

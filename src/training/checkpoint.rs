@@ -2,125 +2,128 @@
 //! an uninterrupted one.
 //!
 //! ```text
-//! "gs2e training 1\n"   16 bytes
+//! "gs2e training 2\n"   16 bytes
 //! key                   32 bytes: BLAKE3 of settings, views, photos and the starting scene
 //! iteration             u32
 //! Gaussians             u64
 //! origin                3 f64
+//! losses                f64: their sum since the last report
+//! course                u32 points of 28 bytes
 //! arrays                positions, log scales, rotations, logits, harmonics, the means, ages, scores
 //! digest                32 bytes: BLAKE3 of all before
 //! ```
 //!
 //! Numbers are little endian. The file is written under another name and renamed when it is on the
 //! disk, so a kill leaves the old one or the new one. Draws are functions of the seed and the
-//! iteration, so none are kept.
+//! iteration, so none are kept. Both directions go through a small buffer: the file is nearly as
+//! large as the state.
 
-use super::photos::TrainingViews;
-use super::{AdamMeans, SceneTrainer, TrainingError, TrainingSettings};
+use super::settings::{TrainingGoal, TrainingSettings};
+use super::watch::CheckpointFile;
+use super::{AdamMeans, CoursePoint, SceneTrainer, TrainingError};
 use crate::files;
-use crate::scene::Gaussians;
 use glam::DVec3;
 use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io::{self, BufReader, BufWriter, Read as _, Seek as _, Write};
 use std::path::Path;
 
-const MAGIC: &[u8; 16] = b"gs2e training 1\n";
-/// Bytes before the arrays.
-const HEAD: usize = 16 + 32 + 4 + 8 + 24;
-
-/// The digest of what a training is.
-pub(super) fn training_key(
-    views: &TrainingViews,
-    settings: &TrainingSettings,
-    start: &Gaussians,
-) -> blake3::Hash {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(format!("{settings:?}").as_bytes());
-    for view in &views.shown {
-        let (at, photo) = view.at_level(0);
-        hasher.update(format!("{} {at:?}", view.name).as_bytes());
-        hasher.update(photo.colours.pixels().as_flattened());
-    }
-    let mut bytes = Vec::new();
-    push_floats(&mut bytes, start.positions.as_flattened());
-    push_floats(&mut bytes, start.log_scales.as_flattened());
-    push_floats(&mut bytes, start.sh.as_flattened());
-    hasher.update(&bytes).finalize()
-}
-
-fn push_floats(bytes: &mut Vec<u8>, values: &[f32]) {
-    values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
-}
+const MAGIC: &[u8; 16] = b"gs2e training 2\n";
+/// Bytes of the digest at the end.
+const DIGEST: u64 = 32;
 
 impl SceneTrainer<'_> {
+    /// The digest of what a training is. An earlier end changes no iteration, so it is not part of
+    /// it.
+    pub(super) fn key(&self) -> blake3::Hash {
+        let settings = TrainingSettings { until: TrainingGoal::default(), ..self.settings };
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(format!("{settings:?}").as_bytes());
+        for view in &self.views.shown {
+            let (at, photo) = view.at_level(0);
+            hasher.update(format!("{} {at:?}", view.name).as_bytes());
+            hasher.update(photo.colours.pixels().as_flattened());
+        }
+        let start = self.renderer.scene();
+        let mut out = DigestWriter { hasher, out: io::sink() };
+        let written = [start.positions.as_flattened(), start.log_scales.as_flattened()]
+            .into_iter()
+            .chain([start.sh.as_flattened()])
+            .try_for_each(|values| write_floats(&mut out, values));
+        written.expect("a sink takes everything");
+        out.hasher.finalize()
+    }
+
     /// Writes a checkpoint.
     pub(super) fn save(&self, path: &Path, key: blake3::Hash) -> Result<(), TrainingError> {
-        let bytes = self.to_bytes(key);
         let part = path.with_extension("part");
         let write = || -> io::Result<()> {
-            let mut file = File::create(&part)?;
-            file.write_all(&bytes)?;
-            file.write_all(blake3::hash(&bytes).as_bytes())?;
-            file.sync_all()?;
+            let out = BufWriter::new(File::create(&part)?);
+            let mut out = DigestWriter { hasher: blake3::Hasher::new(), out };
+            self.write_state(&mut out, key)?;
+            let DigestWriter { hasher, mut out } = out;
+            out.write_all(hasher.finalize().as_bytes())?;
+            out.into_inner()?.sync_all()?;
             fs::rename(&part, path)
         };
         write().map_err(|e| TrainingError::Checkpoint { path: path.to_owned(), because: e.to_string() })
     }
 
-    fn to_bytes(&self, key: blake3::Hash) -> Vec<u8> {
+    fn write_state(&self, out: &mut impl Write, key: blake3::Hash) -> io::Result<()> {
         let scene = self.renderer.scene();
-        let mut bytes = Vec::with_capacity(HEAD + 760 * scene.len());
-        bytes.extend(MAGIC);
-        bytes.extend(key.as_bytes());
-        bytes.extend(self.iteration.to_le_bytes());
-        bytes.extend((scene.len() as u64).to_le_bytes());
-        scene.origin.to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
-        push_floats(&mut bytes, scene.positions.as_flattened());
-        push_floats(&mut bytes, scene.log_scales.as_flattened());
-        push_floats(&mut bytes, scene.rotations.as_flattened());
-        push_floats(&mut bytes, &scene.opacity_logits);
-        push_floats(&mut bytes, scene.sh.as_flattened());
-        self.means.geometry.iter().for_each(|means| push_floats(&mut bytes, means.as_flattened()));
-        self.means.harmonics.iter().for_each(|means| push_floats(&mut bytes, means.as_flattened()));
-        self.means.ages.iter().for_each(|age| bytes.extend(age.to_le_bytes()));
-        push_floats(&mut bytes, &self.scores);
-        bytes
+        out.write_all(MAGIC)?;
+        out.write_all(key.as_bytes())?;
+        out.write_all(&self.iteration.to_le_bytes())?;
+        out.write_all(&(scene.len() as u64).to_le_bytes())?;
+        scene.origin.to_array().iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
+        out.write_all(&self.losses.to_le_bytes())?;
+        out.write_all(&u32::try_from(self.course.len()).unwrap_or(u32::MAX).to_le_bytes())?;
+        for CoursePoint { iteration, loss, psnr, gaussians } in &self.course {
+            out.write_all(&iteration.to_le_bytes())?;
+            // A mean over views is never NaN, so NaN can mean that there are none.
+            [*loss, psnr.unwrap_or(f64::NAN)].iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
+            out.write_all(&gaussians.to_le_bytes())?;
+        }
+        write_floats(out, scene.positions.as_flattened())?;
+        write_floats(out, scene.log_scales.as_flattened())?;
+        write_floats(out, scene.rotations.as_flattened())?;
+        write_floats(out, &scene.opacity_logits)?;
+        write_floats(out, scene.sh.as_flattened())?;
+        self.means.geometry.iter().try_for_each(|means| write_floats(out, means.as_flattened()))?;
+        self.means.harmonics.iter().try_for_each(|means| write_floats(out, means.as_flattened()))?;
+        self.means.ages.iter().try_for_each(|age| out.write_all(&age.to_le_bytes()))?;
+        write_floats(out, &self.scores)
     }
 
-    /// Goes on from a checkpoint, if there is one.
-    pub(super) fn load(&mut self, path: &Path, key: blake3::Hash) -> Result<(), TrainingError> {
+    /// Goes on from a checkpoint, if there is one. Returns the problem with a file that is to be
+    /// replaced.
+    pub(super) fn resume(
+        &mut self,
+        CheckpointFile { path, replaces }: CheckpointFile<'_>,
+        key: blake3::Hash,
+    ) -> Result<Option<String>, TrainingError> {
         if !files::is_there(path) {
-            return Ok(());
+            return Ok(None);
         }
         let failed = |because: String| TrainingError::Checkpoint { path: path.to_owned(), because };
-        let bytes = files::read(path, files::MAX_SCENE).map_err(|e| failed(e.to_string()))?;
-        self.take_bytes(&bytes, key).map_err(failed)
+        match CheckpointReader::open_sound(path, key) {
+            // From here on the state changes, so a disk that fails is an error in any case.
+            Ok(mut reader) => self.take_state(&mut reader).map(|()| None).map_err(failed),
+            Err(because) if replaces => Ok(Some(because)),
+            Err(because) => Err(failed(because)),
+        }
     }
 
-    fn take_bytes(&mut self, bytes: &[u8], key: blake3::Hash) -> Result<(), String> {
-        let (content, digest) = bytes
-            .split_last_chunk::<32>()
-            .ok_or_else(|| format!("{} bytes are no checkpoint", bytes.len()))?;
-        if !content.starts_with(MAGIC) {
-            return Err("it is not a checkpoint of this version".to_owned());
-        }
-        if blake3::hash(content) != *digest {
-            return Err(
-                "it is damaged: its digest differs from its content; delete it to start again".to_owned()
-            );
-        }
-        let mut reader = CheckpointReader { rest: &content[MAGIC.len()..] };
-        if reader.take::<32>()? != *key.as_bytes() {
-            let because = "it belongs to another training: settings, photos or points differ";
-            return Err(format!("{because}; name another file or delete it"));
-        }
+    fn take_state(&mut self, reader: &mut CheckpointReader) -> Result<(), String> {
         let iteration = u32::from_le_bytes(reader.take()?);
         let count = usize::try_from(u64::from_le_bytes(reader.take()?)).map_err(|e| e.to_string())?;
         let origin = [reader.float64()?, reader.float64()?, reader.float64()?];
+        let losses = reader.float64()?;
+        let points = u32::from_le_bytes(reader.take()?);
+        let course = (0..points).map(|_| reader.course_point()).collect::<Result<_, _>>()?;
         let sh_len = self.renderer.scene().sh_len();
         let wanted = count.saturating_mul(4 * (3 * 11 + 3 * 3 * sh_len + 2));
-        if reader.rest.len() != wanted || count > self.settings.gaussians as usize {
-            return Err(format!("{} bytes for {count} Gaussians, wanted {wanted}", reader.rest.len()));
+        if reader.left != wanted as u64 || count > self.settings.gaussians as usize {
+            return Err(format!("{} bytes for {count} Gaussians, wanted {wanted}", reader.left));
         }
         self.renderer.rebuild(|scene| -> Result<(), String> {
             scene.origin = DVec3::from_array(origin);
@@ -138,25 +141,92 @@ impl SceneTrainer<'_> {
             ages.push(u32::from_le_bytes(reader.take()?));
         }
         reader.floats(&mut self.scores, count)?;
-        self.iteration = iteration;
+        (self.iteration, self.losses, self.course) = (iteration, losses, course);
         Ok(())
     }
 }
 
-/// The rest of a checkpoint.
-struct CheckpointReader<'a> {
-    rest: &'a [u8],
+/// Hashes what it passes on.
+struct DigestWriter<W> {
+    hasher: blake3::Hasher,
+    out: W,
 }
 
-impl CheckpointReader<'_> {
+impl<W: Write> Write for DigestWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = self.out.write(bytes)?;
+        self.hasher.update(&bytes[..taken]);
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Writes floats in blocks: a call per float would cost more than the disk.
+fn write_floats(out: &mut impl Write, values: &[f32]) -> io::Result<()> {
+    let mut block = Vec::with_capacity(4 * 1024);
+    for values in values.chunks(1024) {
+        block.clear();
+        values.iter().for_each(|v| block.extend(v.to_le_bytes()));
+        out.write_all(&block)?;
+    }
+    Ok(())
+}
+
+/// The rest of a checkpoint, up to its digest.
+struct CheckpointReader {
+    file: BufReader<File>,
+    left: u64,
+}
+
+impl CheckpointReader {
+    /// Opens a checkpoint of the training with this key, after its digest was found right.
+    fn open_sound(path: &Path, key: blake3::Hash) -> Result<Self, String> {
+        let words = |e: io::Error| e.to_string();
+        let mut file = files::open_at_most(path, files::MAX_SCENE).map_err(words)?;
+        let bytes = file.metadata().map_err(words)?.len();
+        let mut head = [0; MAGIC.len()];
+        let is_ours = bytes > DIGEST && file.read_exact(&mut head).is_ok() && head == *MAGIC;
+        if !is_ours {
+            return Err("it is not a checkpoint of this version".to_owned());
+        }
+        file.rewind().map_err(words)?;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader((&mut file).take(bytes - DIGEST)).map_err(words)?;
+        let mut digest = [0; 32];
+        file.read_exact(&mut digest).map_err(words)?;
+        if hasher.finalize() != digest {
+            let because = "it is damaged: its digest differs from its content";
+            return Err(format!("{because}; delete it to start again"));
+        }
+        file.seek(io::SeekFrom::Start(MAGIC.len() as u64)).map_err(words)?;
+        let left = bytes - DIGEST - MAGIC.len() as u64;
+        let mut reader = Self { file: BufReader::new(file), left };
+        if reader.take::<32>()? != *key.as_bytes() {
+            let because = "it belongs to another training: settings, photos or points differ";
+            return Err(format!("{because}; name another file or delete it"));
+        }
+        Ok(reader)
+    }
+
     fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        let (first, rest) = self.rest.split_first_chunk::<N>().ok_or("it ends early")?;
-        self.rest = rest;
-        Ok(*first)
+        self.left = self.left.checked_sub(N as u64).ok_or("it ends early")?;
+        let mut bytes = [0; N];
+        self.file.read_exact(&mut bytes).map_err(|e| e.to_string())?;
+        Ok(bytes)
     }
 
     fn float64(&mut self) -> Result<f64, String> {
         Ok(f64::from_le_bytes(self.take()?))
+    }
+
+    fn course_point(&mut self) -> Result<CoursePoint, String> {
+        let iteration = u32::from_le_bytes(self.take()?);
+        let [loss, psnr] = [self.float64()?, self.float64()?];
+        let gaussians = u64::from_le_bytes(self.take()?);
+        Ok(CoursePoint { iteration, loss, psnr: Some(psnr).filter(|psnr| !psnr.is_nan()), gaussians })
     }
 
     fn floats(&mut self, to: &mut Vec<f32>, count: usize) -> Result<(), String> {

@@ -3,38 +3,10 @@
 use super::TrainingError;
 use super::loss::TrainingPhoto;
 use super::photos::TrainingView;
+use super::record::HeldOutView;
 use crate::image::Image;
 use crate::image::likeness::{mean_square, psnr_db, ssim};
 use crate::render::cpu::backward::GradientRenderer;
-use serde::Serialize;
-
-/// The views that were held out, each with its figures.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct HeldOutFigures {
-    /// In order of the capture.
-    pub views: Vec<HeldOutView>,
-}
-
-/// One view and its figures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HeldOutView {
-    /// Name of the view.
-    pub name: String,
-    /// PSNR, dB.
-    pub psnr: f64,
-    /// SSIM.
-    pub ssim: f64,
-}
-
-impl HeldOutFigures {
-    /// Mean PSNR, dB, and mean SSIM; `None` without views.
-    #[must_use]
-    pub fn means(&self) -> Option<[f64; 2]> {
-        let count = self.views.len() as f64;
-        let sums = self.views.iter().fold([0.0; 2], |[p, s], view| [p + view.psnr, s + view.ssim]);
-        (count > 0.0).then(|| sums.map(|sum| sum / count))
-    }
-}
 
 /// Mean PSNR of views, dB; `None` without views.
 pub(super) fn mean_psnr(
@@ -52,12 +24,12 @@ pub(super) fn mean_psnr(
 pub(super) fn held_out_figures(
     renderer: &mut GradientRenderer,
     views: &[TrainingView],
-) -> Result<HeldOutFigures, TrainingError> {
-    let mut figures = HeldOutFigures::default();
+) -> Result<Vec<HeldOutView>, TrainingError> {
+    let mut figures = Vec::with_capacity(views.len());
     for view in views {
         let pair = PicturePair::new(renderer, view)?;
         let (psnr, ssim) = (pair.psnr(), ssim(&pair.shown, &pair.wanted));
-        figures.views.push(HeldOutView { name: view.name.clone(), psnr, ssim });
+        figures.push(HeldOutView { name: view.name.clone(), psnr, ssim });
     }
     Ok(figures)
 }

@@ -2,6 +2,7 @@
 
 use super::TrainingError;
 use super::loss::TrainingPhoto;
+use super::memory::READ_AT_ONCE;
 use super::schedule::LEVELS;
 use crate::camera::Camera;
 use crate::files;
@@ -79,8 +80,12 @@ impl TrainingViews {
                 Err(TrainingError::Stopped)
             }
         };
-        let views: Vec<TrainingView> = found.par_iter().map(read).collect::<Result<_, _>>()?;
-        let (held_out, shown) = views.into_iter().partition(|view| is_held(view.index));
+        let mut views = Vec::with_capacity(found.len());
+        for group in found.chunks(READ_AT_ONCE) {
+            let read: Vec<TrainingView> = group.par_iter().map(read).collect::<Result<_, _>>()?;
+            views.extend(read);
+        }
+        let (held_out, shown) = views.into_iter().partition(|view: &TrainingView| is_held(view.index));
         Ok(Self { shown, held_out, without_photo })
     }
 }

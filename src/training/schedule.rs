@@ -27,6 +27,14 @@ const SHORT: f64 = 2000.0;
 const LEAST_FACTOR: f64 = 1.0 / 6.0;
 /// Factor by which the rate of positions falls over the training.
 const POSITION_FALL: f64 = 0.01;
+/// Factor by which the other rates fall in the rest of the training, and the share at which they
+/// begin to. Rates that do not fall end in noise: 0.5 dB on photos that are held out.
+const FALL: f64 = 0.1;
+const FALL_FROM: f64 = 0.5;
+
+/// Time of a Gaussian in an iteration, in the time that a pixel takes; measured, see
+/// `docs/training.md`.
+const PIXELS_A_GAUSSIAN: f64 = 2.0;
 
 /// Step sizes of Adam, by group of parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +63,8 @@ pub(super) struct TrainingSchedule {
     /// Scene units in which positions are measured: 1.1 times the largest distance of a camera from
     /// the cameras' mean.
     pub(super) extent: f64,
+    /// Mean number of pixels of a photo at the size of training.
+    pub(super) pixels: f64,
 }
 
 impl TrainingSchedule {
@@ -69,6 +79,20 @@ impl TrainingSchedule {
         LEVEL_STARTS.iter().filter(|start| share < **start).count()
     }
 
+    /// The work of the iterations from `from` to `to`, in the time that a pixel takes.
+    pub(super) fn work(&self, from: u32, to: u32) -> f64 {
+        const SAMPLES: u32 = 200;
+        let count = to.saturating_sub(from);
+        let width = f64::from(count) / f64::from(SAMPLES);
+        let at = |k: u32| (f64::from(from) + (f64::from(k) + 0.5) * width) as u32;
+        width * (0..SAMPLES).map(|k| self.work_of(at(k))).sum::<f64>()
+    }
+
+    fn work_of(&self, iteration: u32) -> f64 {
+        let level = i32::try_from(self.level(iteration)).unwrap_or(0);
+        PIXELS_A_GAUSSIAN * self.planned_count(iteration) + self.pixels / 4.0_f64.powi(level)
+    }
+
     /// The highest degree of harmonics that is fitted.
     pub(super) fn degree(&self, iteration: u32) -> u8 {
         let every = (self.iterations / 10).clamp(1, DEGREE_EVERY);
@@ -78,10 +102,12 @@ impl TrainingSchedule {
     /// The step sizes.
     #[expect(clippy::cast_possible_truncation, reason = "rounded once, after the arithmetic")]
     pub(super) fn rates(&self, iteration: u32) -> LearningRates {
-        let factor = libm::sqrt(SHORT / f64::from(self.iterations)).clamp(LEAST_FACTOR, 1.0);
-        let fall = libm::pow(POSITION_FALL, self.share(iteration));
+        let first = libm::sqrt(SHORT / f64::from(self.iterations)).clamp(LEAST_FACTOR, 1.0);
+        let share = self.share(iteration);
+        let late = ((share - FALL_FROM) / (1.0 - FALL_FROM)).max(0.0);
+        let factor = first * libm::pow(FALL, late);
         LearningRates {
-            position: (1.28e-3 * factor * self.extent * fall) as f32,
+            position: (1.28e-3 * first * self.extent * libm::pow(POSITION_FALL, share)) as f32,
             log_scale: (0.03 * factor) as f32,
             rotation: (0.006 * factor) as f32,
             logit: (0.1 * factor) as f32,
@@ -100,11 +126,15 @@ impl TrainingSchedule {
     /// The number of Gaussians after the placement at this iteration, where `count` were before.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the budget")]
     pub(super) fn count_after(&self, iteration: u32, count: usize) -> usize {
+        let wanted = self.planned_count(iteration).min(MAX_GROWTH * count as f64);
+        (wanted.round() as usize).max(count)
+    }
+
+    /// The number of Gaussians at an iteration, if parents were never scarce.
+    fn planned_count(&self, iteration: u32) -> f64 {
         let [start, budget] = self.gaussians.map(|n| n.max(1) as f64);
         let done = (self.share(iteration) / BUDGET_AT).min(1.0);
-        let wanted = start * libm::pow(budget / start, done);
-        let wanted = wanted.min(MAX_GROWTH * count as f64).min(budget).round() as usize;
-        wanted.max(count)
+        start * libm::pow(budget / start, done)
     }
 }
 
@@ -113,7 +143,7 @@ mod tests {
     use super::*;
 
     fn schedule(iterations: u32) -> TrainingSchedule {
-        TrainingSchedule { iterations, gaussians: [5000, 40_000], extent: 2.0 }
+        TrainingSchedule { iterations, gaussians: [5000, 40_000], extent: 2.0, pixels: 1e4 }
     }
 
     #[test]
@@ -141,6 +171,16 @@ mod tests {
         }
     }
 
+    /// Work is additive, and an iteration of small photos costs less.
+    #[test]
+    fn the_work_of_parts_is_the_work_of_the_whole() {
+        let s = schedule(1000);
+        let [whole, first, last] = [(0, 1000), (0, 450), (450, 1000)].map(|(a, b)| s.work(a, b));
+        // Each sum of 200 samples of a monotone rate is right to half a sample at each jump.
+        assert!((first + last - whole).abs() < 0.01 * whole, "{first} + {last}, {whole}");
+        assert!(first < last && s.work(7, 7) == 0.0);
+    }
+
     #[test]
     fn long_trainings_have_the_published_rates() {
         let r = schedule(100_000).rates(0);
@@ -149,5 +189,8 @@ mod tests {
         assert!((r.colour - 0.0025).abs() < 1e-9);
         let [first, last] = [0, 2000].map(|i| schedule(2000).rates(i).position);
         assert!((first / last - 100.0).abs() < 1e-3);
+        // The others stay for half of the training, then fall to a tenth.
+        let [first, late, last] = [0, 1000, 2000].map(|i| schedule(2000).rates(i).log_scale);
+        assert!(first.to_bits() == late.to_bits() && (first / last - 10.0).abs() < 1e-4);
     }
 }

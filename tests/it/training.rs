@@ -4,7 +4,7 @@ use crate::support::absent::not_run;
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
 use gs2e::image::likeness::{mean_square, psnr_db};
-use gs2e::image::{Image, png};
+use gs2e::image::{Image, Size, png};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
     CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
@@ -13,6 +13,7 @@ use gs2e::scene::{self, Gaussians};
 use gs2e::source::{Capture, nerfstudio};
 use serde_json::{Value, json};
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -201,6 +202,18 @@ fn unusable_captures_are_named() {
     place.write("behind/sparse/0/points3D.txt", "1 0 0 90 200 100 50 0.5\n2 1 0 95 200 100 50 0.5\n");
     t("train --capture behind --out x.ply", 2, "none of 2 points is in any photo");
 
+    // A photo of another size than its camera, and a file that is no picture.
+    let photo = fs::read(place.path("images/004.png")).unwrap();
+    let small = Image::filled(Size { width: 32, height: 24 }, [7; 3]);
+    let mut bytes = Vec::new();
+    png::write_image(&small, &mut bytes).unwrap();
+    place.write("images/004.png", bytes);
+    t(&format!("{train} --out x.ply"), 1, "32x24");
+    place.write("images/004.png", "no picture");
+    t(&format!("{train} --out x.ply"), 1, "failed to read the photo");
+    place.write("images/004.png", photo);
+    t(&format!("{train} --out x.ply --until-psnr 0"), 2, "is not a number above 0");
+
     // Photos that are gone.
     (0..7).for_each(|i| fs::remove_file(place.path(&format!("images/{i:03}.png"))).unwrap());
     t(&format!("{train} --out x.ply"), 2, "of 9 views, 7 have no photo");
@@ -221,19 +234,88 @@ fn a_budget_larger_than_the_memory_is_refused() {
     assert!(ended.stderr.contains("lower --gaussians"), "{}", ended.stderr);
 }
 
+/// A recipe that trains on the photos of [`photographed`], with `more` settings.
+fn training_recipe(more: &str) -> String {
+    let builtin =
+        format!("reconstruct: {{ builtin: {{ gaussians: 200, iterations: 60, hold_out: 4{more} }} }}");
+    GIVEN.replace("reconstruct: { given: { path: scene.ply } }", &builtin).replace(
+        "outputs: [events, sharp]",
+        "outputs: []\nrender: { rules: soft }\nlicence: { expression: CC0-1.0, holder: a test }",
+    )
+}
+
+/// The files in a folder and below, by their paths in it.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = walkdir::WalkDir::new(folder).into_iter().filter_map(Result::ok);
+    entries.filter(|entry| entry.file_type().is_file()).map(walkdir::DirEntry::into_path).collect()
+}
+
+/// The outputs of the step that trains: names and digests.
+fn trained_outputs(place: &Workspace, arguments: &str) -> Value {
+    let ended = place.ok(&format!("build --json recipe.yaml {arguments}"));
+    let steps = ended.stdout.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let mut training = steps.filter(|step| step["step"] == "given/reconstruct");
+    training.next().expect("the recipe trains")["outputs"].clone()
+}
+
+#[test]
+fn a_killed_build_goes_on_with_its_training() {
+    let place = photographed();
+    place.write("recipe.yaml", training_recipe("").replace("iterations: 60", "iterations: 120"));
+    let whole = trained_outputs(&place, "--store one -j 1");
+    assert!(whole.as_array().unwrap().iter().any(|file| file["name"] == "scene.ply"), "{whole}");
+    assert_eq!(trained_outputs(&place, "--store two -j 2"), whole, "one thread and two");
+
+    let states = || files_below(&place.path("three/resume"));
+    let mut child = place.spawn("build --store three recipe.yaml");
+    while !states().iter().any(|path| path.ends_with("state")) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended without a checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+
+    // Another recipe does not pick the state up: its key is another one.
+    let text = fs::read_to_string(place.path("recipe.yaml")).unwrap();
+    place.write("other.yaml", text.replace("hold_out: 4", "hold_out: 4, seed: 9"));
+    let other = place.ok("build --store three other.yaml");
+    assert!(other.stderr.contains("given/reconstruct: 6/120: loss "), "{}", other.stderr);
+    assert!(states().iter().any(|path| path.ends_with("state")), "the state of the first recipe is gone");
+
+    let resumed = place.ok("build --store three recipe.yaml");
+    assert!(!resumed.stderr.contains(" 6/120: loss "), "it started again: {}", resumed.stderr);
+    assert!(resumed.stderr.contains("given/reconstruct: 120/120: loss "), "{}", resumed.stderr);
+    assert_eq!(trained_outputs(&place, "--store three"), whole, "killed and resumed");
+    assert_eq!(states(), [] as [PathBuf; 0], "a step that is made leaves no state");
+}
+
+#[test]
+fn a_recipe_can_end_a_training_early() {
+    let place = photographed();
+    let t = |until: &str, ended: &str| {
+        place.write("recipe.yaml", training_recipe(&format!(", until: {{ {until} }}")) + LENIENT);
+        let notes = place.ok("release --to tree --replace recipe.yaml").stderr;
+        let text = fs::read(place.path("tree/given/scene.json")).unwrap();
+        let training = serde_json::from_slice::<Value>(&text).unwrap()["reconstruction"]["training"].clone();
+        assert_eq!(training["ended"], ended, "{training}");
+        assert!(training["iterations"].as_u64().unwrap() < 60, "{training}");
+        (training, notes)
+    };
+    let (training, _) = t("psnr: 1", "psnr");
+    // The first report already has more than one decibel.
+    assert_eq!(training["iterations"], 3, "{training}");
+    let (_, notes) = t("minutes: 0.000001", "minutes");
+    assert!(notes.contains("another run may make other bytes"), "{notes}");
+}
+
+/// The limits of a scene that is trained for a moment.
+const LENIENT: &str = "checks: { recon_psnr: { drop: 40 } }\n";
+
 /// As a step: trained once, judged by the photos, named in the release.
 #[test]
 fn a_recipe_trains_its_scene() {
     let place = photographed();
-    let recipe = GIVEN
-        .replace(
-            "reconstruct: { given: { path: scene.ply } }",
-            "reconstruct: { builtin: { gaussians: 200, iterations: 60, hold_out: 4 } }",
-        )
-        .replace(
-            "outputs: [events, sharp]",
-            "outputs: []\nrender: { rules: soft }\nlicence: { expression: CC0-1.0, holder: a test }",
-        );
+    let recipe = training_recipe("");
     place.write("recipe.yaml", &recipe);
     let made = place.build("recipe.yaml");
     assert!(made.contains(&"given/reconstruct".to_owned()), "{made:?}");
@@ -246,8 +328,7 @@ fn a_recipe_trains_its_scene() {
     place.write("seed.yaml", seed);
     assert!(place.stale("seed.yaml").contains(&"given/reconstruct".to_owned()));
 
-    let lenient = "checks: { recon_psnr: { drop: 40 } }\n";
-    place.write("recipe.yaml", recipe + lenient);
+    place.write("recipe.yaml", recipe + LENIENT);
     place.ok("release --to tree recipe.yaml");
     place.ok("audit tree");
     let text = fs::read(place.path("tree/given/scene.json")).unwrap();
@@ -257,4 +338,11 @@ fn a_recipe_trains_its_scene() {
         (&json!("builtin"), &json!(60), &Value::Null)
     );
     assert!(of["psnr"]["held_out"].as_f64().unwrap() > 12.0, "{of}");
+    // The training held out other views than the convention: every fourth of nine.
+    let held_out = of["training"]["held_out"].as_array().unwrap();
+    let names: Vec<&str> = held_out.iter().map(|view| view["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["images/000.png", "images/004.png", "images/008.png"]);
+    assert_eq!(of["training"]["course"].as_array().unwrap().len(), 20);
+    let page = fs::read_to_string(place.path("tree/report.html")).unwrap();
+    assert!(page.contains("Training: 6 photos, 60 iterations; 3 held-out photos"), "no word of the training");
 }

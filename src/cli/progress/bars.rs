@@ -94,6 +94,13 @@ impl ProgressBars {
         }
     }
 
+    /// Shows the name and the state of a running step in its row.
+    pub(super) fn advanced(&self, step: StepId, line: &str) {
+        if let Some(row) = self.rows.get(&step) {
+            row.set_message(escape::line(line).into_owned());
+        }
+    }
+
     /// Ends a step. `core_seconds` is its cost if it was made.
     pub(super) fn ended(&mut self, step: StepId, core_seconds: Option<f64>) {
         self.change(|estimate| match core_seconds {

@@ -34,11 +34,15 @@ pub(super) fn command_value(raw: &schema::RecipeSchema, command: &TrainerCommand
 /// Returns the settings of a training inside the program. The rendering is in the recipe's own
 /// section.
 pub(super) fn builtin_value(training: &TrainingSettings) -> Value {
-    let TrainingSettings { gaussians, iterations, resolution, seed, hold_out, .. } = training;
-    json!({
+    let TrainingSettings { gaussians, iterations, resolution, seed, hold_out, until, .. } = training;
+    let mut out = json!({
         "gaussians": gaussians, "iterations": iterations, "resolution": resolution, "seed": seed,
         "hold_out": hold_out,
-    })
+    });
+    if !until.is_none() {
+        out["until"] = json!(until);
+    }
+    out
 }
 
 fn files_value(raw: &schema::RecipeSchema) -> Value {

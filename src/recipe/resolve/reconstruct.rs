@@ -3,11 +3,11 @@
 mod command;
 
 use super::Resolver;
-use super::number::WholeRange;
+use super::number::{RealRange, WholeRange};
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::{ReconstructMethod, SceneSource, schema};
-use crate::training::TrainingSettings;
+use crate::training::{TrainingGoal, TrainingSettings};
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
@@ -77,14 +77,28 @@ impl Resolver<'_> {
         let resolution = self.small(&raw.resolution, plain.resolution, WholeRange::new(16, 16_384));
         let own = self.whole(&raw.seed, seed.unwrap_or_default(), WholeRange::new(0, u64::MAX));
         let hold_out = self.small(&raw.hold_out, plain.hold_out, WholeRange::new(0, 1_000_000));
+        let until = self.until(&raw.until);
         Some(TrainingSettings {
             gaussians: gaussians?,
             iterations: iterations?,
             resolution: resolution?,
             seed: own?,
             hold_out: hold_out?,
+            until: until?,
             ..plain
         })
+    }
+
+    fn until(&self, field: &Field<schema::UntilSection>) -> Option<TrainingGoal> {
+        let absent = schema::UntilSection::default();
+        let raw = self.section(field, &absent)?;
+        let optional = |field: &Field<f64>, range| match field {
+            Field::Absent => Some(None),
+            field => self.real(field, 0.0, range).map(Some),
+        };
+        let psnr = optional(&raw.psnr, RealRange::above(0.0, 100.0));
+        let minutes = optional(&raw.minutes, RealRange::above(0.0, 1e6));
+        Some(TrainingGoal { psnr: psnr?, minutes: minutes? })
     }
 
     fn reconstruction(

@@ -42,6 +42,20 @@ pub(in crate::recipe) struct BuiltinSection {
     /// Spacing of the photos that are held out from training: every n-th view, the first included;
     /// 0 holds out none. Default: `8`.
     pub hold_out: Field<u64>,
+    /// Reasons to end before the last iteration. Default: `{}`.
+    pub until: Field<UntilSection>,
+}
+
+/// The first reason that holds ends the training.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct UntilSection {
+    /// Mean PSNR of the held-out photos that is enough; compared at each of about twenty reports.
+    /// Unit: dB. Default: none.
+    pub psnr: Field<f64>,
+    /// Time that is enough. It enters the key, but a step that it ends may have other bytes on
+    /// another machine. Unit: minutes. Default: none.
+    pub minutes: Field<f64>,
 }
 
 /// Arguments, `probe` and `program` may contain names in braces; [trainers.md](trainers.md) lists

@@ -9,6 +9,7 @@ use crate::check::{Finding, Verdict};
 use crate::release::products::{self, ReleaseProduct};
 use crate::release::published::{PublishedScene, PublishedTrajectory};
 use crate::release::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
+use crate::training::{TrainingEnd, TrainingRecord};
 use crate::trajectory::picture::short_number;
 
 /// A scene of the page.
@@ -235,6 +236,7 @@ fn write_details(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEn
             html.within("section", &[("class", "about")], |html| {
                 html.leaf("h4", &[], "About the scene");
                 write_facts(html, page, entry);
+                write_training(html, page, entry);
                 own_findings(html, page, entry);
                 write_files(html, entry);
             });
@@ -316,6 +318,46 @@ fn reconstruction_words(file: &SceneRecord) -> String {
     }
     if let Some(ssim) = of.ssim {
         words += &format!(", SSIM {ssim:.4}");
+    }
+    words
+}
+
+/// Writes the figures of the photos that the training held out.
+fn write_training(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
+    let of = entry.scene.file.reconstruction.as_ref();
+    let Some(training) = of.and_then(|of| of.training.as_ref()) else { return };
+    let words = training_words(training);
+    if !page.detail.every || training.held_out.is_empty() {
+        return html.leaf("p", &[("class", "caption")], &words);
+    }
+    html.within("details", &[("class", "fold")], |html| {
+        html.leaf("summary", &[], &words);
+        html.within("table", &[], |html| {
+            html.within("tr", &[], |html| {
+                ["held-out photo", "PSNR, dB", "SSIM"].iter().for_each(|name| html.leaf("th", &[], name));
+            });
+            for view in &training.held_out {
+                html.within("tr", &[], |html| {
+                    html.leaf("td", &[], &view.name);
+                    html.leaf("td", &[("class", "n")], &format!("{:.2}", view.psnr));
+                    html.leaf("td", &[("class", "n")], &format!("{:.4}", view.ssim));
+                });
+            }
+        });
+    });
+}
+
+fn training_words(training: &TrainingRecord) -> String {
+    let ended = match training.ended {
+        TrainingEnd::Iterations => "",
+        TrainingEnd::Psnr => ", ended by its PSNR",
+        TrainingEnd::Minutes => ", ended by its minutes",
+    };
+    let iterations = thousands_number(training.iterations.into());
+    let mut words = format!("Training: {} photos, {iterations} iterations{ended}", training.photos);
+    if let Some([psnr, ssim]) = training.means() {
+        let held_out = counted_noun(training.held_out.len(), "held-out photo", "held-out photos");
+        words += &format!("; {held_out}: {psnr:.2} dB, SSIM {ssim:.4}");
     }
     words
 }

@@ -15,15 +15,12 @@ mod raster;
 #[cfg(test)]
 mod tests;
 
-use super::InstructionSet;
 use super::activate::{self, GaussianBlock, LANES};
-use super::bin::{self, OrderedSplats, TileGrid, TileLists};
+use super::bin::{OrderedSplats, TileGrid, TileLists};
 use super::eye::ViewTransform;
-use super::project::{CHUNK, ProjectedChunk, ProjectionInput};
+use super::project::{CHUNK, ProjectionInput};
 use super::raster::{PIXELS, RasterInput, TRACED_PLANES, raster_traced};
-use super::sort::DepthSorter;
-use super::splat::{Splat, SplatRates};
-use super::unseen;
+use super::{FrameBuffers, InstructionSet, unseen};
 use crate::image::{Image, Size};
 use crate::render::shared::TILE;
 use crate::render::{
@@ -87,14 +84,8 @@ pub struct GradientRenderer {
     style: RenderStyle,
     sh_degree: u8,
     instructions: InstructionSet,
-    splats: Vec<Splat>,
-    numbers: Vec<u32>,
-    rates: Vec<SplatRates>,
-    chunks: Vec<ProjectedChunk>,
-    sorter: DepthSorter,
-    lists: TileLists,
-    /// The traced tiles of the last view, and what they were made of.
-    tiles: Vec<f32>,
+    /// The last view; its tiles are traced.
+    frame: FrameBuffers,
     image: Image<[f32; 3]>,
     seen: Option<(ViewTransform, TileGrid)>,
     pairs: Vec<SplatMoments>,
@@ -122,13 +113,7 @@ impl GradientRenderer {
             blocks,
             style,
             instructions: InstructionSet::widest_set(),
-            splats: Vec::new(),
-            numbers: Vec::new(),
-            rates: Vec::new(),
-            chunks: Vec::new(),
-            sorter: DepthSorter::default(),
-            lists: TileLists::new(bin::BUDGET),
-            tiles: Vec::new(),
+            frame: FrameBuffers::new(),
             image: Image::from_vec(Size { width: 0, height: 0 }, Vec::new()),
             seen: None,
             pairs: Vec::new(),
@@ -167,7 +152,7 @@ impl GradientRenderer {
     /// Sets the maximum number of (Gaussian, tile) pairs that are listed at once: the same bits with
     /// more or less memory.
     pub fn set_list_budget(&mut self, pairs: usize) {
-        self.lists = TileLists::new(pairs);
+        self.frame.lists = TileLists::new(pairs);
         self.seen = None;
     }
 
@@ -219,14 +204,13 @@ impl GradientRenderer {
             want: COLOUR,
             level,
         };
-        projection.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
-        let mut work = RenderWork { gaussians: self.scene.len() as u64, ..RenderWork::default() };
-        self.chunks.iter().for_each(|chunk| work += chunk.work);
-        let order = self.sorter.run(&self.splats, &self.chunks);
+        let frame = &mut self.frame;
+        let mut work = frame.project(&projection);
+        let order = frame.sorter.run(&frame.splats, &frame.chunks);
         let grid = TileGrid::new(view.camera.size);
-        let (splats, rates, tiles) = (&self.splats, &self.rates, &mut self.tiles);
+        let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);
         let RenderStyle { rules, order: layers, background, .. } = self.style;
-        work.tile_pairs = self.lists.run(OrderedSplats { order, splats, grid }, |lists| {
+        work.tile_pairs = frame.lists.run(OrderedSplats { order, splats, grid }, |lists| {
             let omit = OmissionPolicy::Needless;
             work += raster_traced(
                 RasterInput { splats, rates, lists, grid, rules, order: layers, omit, level },
@@ -236,7 +220,7 @@ impl GradientRenderer {
         if self.image.size() != grid.size {
             self.image = Image::filled(grid.size, [0.0; 3]);
         }
-        show_tiles(&self.tiles, grid, background, &mut self.image);
+        show_tiles(&frame.tiles, grid, background, &mut self.image);
         self.seen = Some((eye, grid));
         Ok((&self.image, work))
     }
@@ -250,8 +234,9 @@ impl GradientRenderer {
         let (eye, grid) = self.seen.expect("a view was rendered");
         let pixels = grid.size.pixels();
         assert_eq!((by_pixel.len(), score.len()), (pixels, pixels), "one value per pixel");
+        let frame = &mut self.frame;
         let input = BackwardInput {
-            splats: &self.splats,
+            splats: &frame.splats,
             rules: self.style.rules,
             background: self.style.background,
             size: grid.size,
@@ -259,19 +244,19 @@ impl GradientRenderer {
             score,
         };
         self.sums.clear();
-        self.sums.resize(self.splats.len(), SplatMoments::default());
-        let (pairs, sums, tiles) = (&mut self.pairs, &mut self.sums, &self.tiles);
+        self.sums.resize(frame.splats.len(), SplatMoments::default());
+        let (pairs, sums, tiles) = (&mut self.pairs, &mut self.sums, &frame.tiles);
         let level = self.instructions.level;
         let mut back = |lists: &TileLists| {
             backward_band(lists, grid, (&input, tiles), level, pairs);
             gather::add_by_splat(lists, pairs, sums);
         };
         // If all tiles were one band, their lists are still there.
-        if self.lists.band() == (0..grid.len()) {
-            back(&self.lists);
+        if frame.lists.band() == (0..grid.len()) {
+            back(&frame.lists);
         } else {
-            let order = self.sorter.run(&self.splats, &self.chunks);
-            self.lists.run(OrderedSplats { order, splats: &self.splats, grid }, |lists| back(lists));
+            let order = frame.sorter.run(&frame.splats, &frame.chunks);
+            frame.lists.run(OrderedSplats { order, splats: &frame.splats, grid }, |lists| back(lists));
         }
         let chain = ProjectionChain {
             scene: &self.scene,
@@ -284,20 +269,21 @@ impl GradientRenderer {
 
     /// The gradients of the drawn Gaussians, in order of the scene.
     fn collect(&self, chain: &ProjectionChain<'_>, out: &mut ViewGradients) {
-        let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
+        let frame = &self.frame;
+        let drawn = frame.drawn();
         out.numbers.clear();
         out.gradients.resize(drawn, GaussianGradient::default());
         let mut rest = out.gradients.as_mut_slice();
-        let mut parts = Vec::with_capacity(self.chunks.len());
-        for (k, chunk) in self.chunks.iter().enumerate() {
+        let mut parts = Vec::with_capacity(frame.chunks.len());
+        for (k, chunk) in frame.chunks.iter().enumerate() {
             // The splats of a chunk begin at a multiple of `CHUNK`.
-            out.numbers.extend_from_slice(&self.numbers[k * CHUNK..][..chunk.drawn]);
+            out.numbers.extend_from_slice(&frame.numbers[k * CHUNK..][..chunk.drawn]);
             parts.push((k * CHUNK, rest.split_off_mut(..chunk.drawn).expect("as many as are drawn")));
         }
         let each = |(place, gradient): (usize, &mut GaussianGradient)| {
-            let number = self.numbers[place] as usize;
+            let number = frame.numbers[place] as usize;
             let active = self.blocks[number / LANES].lane(number % LANES);
-            *gradient = chain.gradient(number, &active, (&self.splats[place], &self.sums[place]));
+            *gradient = chain.gradient(number, &active, (&frame.splats[place], &self.sums[place]));
         };
         parts.into_par_iter().for_each(|(first, part)| {
             part.par_iter_mut().with_min_len(LANES).enumerate().for_each(|(i, g)| each((first + i, g)));

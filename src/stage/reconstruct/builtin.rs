@@ -1,12 +1,14 @@
 //! Training inside the program, on the CPU.
 
-use crate::reconstruct::model_points;
+use crate::artifact::{TRAINING_FILE, write_json};
 use crate::scene::Gaussians;
-use crate::source::{Capture, SourceError};
+use crate::source::Capture;
 use crate::stage::capture::CaptureStage;
 use crate::stage::{SourceFile, Stage as _, StageContext, StageError, StepNeed};
-use crate::training::photos::{TrainingViews, trained_size};
-use crate::training::{self, TrainingError, TrainingReport, TrainingSettings, TrainingWatch};
+use crate::training::{
+    self, CheckpointFile, LAWS, TrainedGaussians, TrainingEnd, TrainingError, TrainingNews, TrainingSettings,
+    TrainingWatch,
+};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -15,6 +17,8 @@ use std::path::PathBuf;
 pub struct BuiltinStage {
     #[serde(flatten)]
     settings: TrainingSettings,
+    /// See [`LAWS`].
+    laws: u32,
     /// Location of its photos and points.
     #[serde(skip)]
     source: CaptureStage,
@@ -22,7 +26,7 @@ pub struct BuiltinStage {
 
 impl BuiltinStage {
     pub(super) fn new(settings: TrainingSettings, source: CaptureStage) -> Self {
-        Self { settings, source }
+        Self { settings, laws: LAWS, source }
     }
 
     /// The photos and points of the source. Its poses come with the capture.
@@ -35,31 +39,48 @@ impl BuiltinStage {
     }
 
     pub(super) fn need(&self, capture: &Capture) -> StepNeed {
-        let sizes = capture.views.iter().map(|view| trained_size(view.camera.size, self.settings.resolution));
-        StepNeed::for_parts([training::memory_needed(self.settings.gaussians, sizes)])
+        StepNeed::for_parts([training::memory_needed(&self.settings, &capture.views)])
     }
 
     pub(super) fn run(&self, capture: &Capture, cx: &mut StageContext<'_>) -> Result<Gaussians, StageError> {
         let files: Vec<(String, PathBuf)> =
             self.sources()?.into_iter().map(|file| (file.name, file.path)).collect();
-        let goes_on = || !cx.is_cancelled();
-        let TrainingSettings { resolution, hold_out, .. } = self.settings;
-        let views = TrainingViews::read(capture, &files, (resolution, hold_out), &goes_on);
-        let views = views.map_err(stage_failure)?;
-        let points =
-            model_points(&files).map_err(StageError::work_failed::<SourceError>("read the points"))?;
-        let mut last = None;
-        let mut report = |report: &TrainingReport| last = Some(*report);
-        let watch = TrainingWatch { goes_on: &goes_on, report: &mut report, checkpoint: None };
-        let trained = training::train(&views, &points, &self.settings, watch).map_err(stage_failure)?;
-        let judged = trained.figures.means();
+        let state = cx.resumable()?;
+        let (goes_on, progress, mut again) = (|| !cx.is_cancelled(), cx.progress, None);
+        let mut news = |news: &TrainingNews| match news {
+            TrainingNews::StartsAgain { because } => again = Some(because.clone()),
+            TrainingNews::Read { .. } | TrainingNews::Report(_) => {
+                progress.iter().for_each(|progress| progress.tell(&news.to_string()));
+            }
+        };
+        let watch = TrainingWatch {
+            goes_on: &goes_on,
+            news: &mut news,
+            clock: cx.clock,
+            checkpoint: state.as_deref().map(|path| CheckpointFile { path, replaces: true }),
+        };
+        let trained =
+            training::train_capture(capture, &files, &self.settings, watch).map_err(stage_failure)?;
+        let TrainedGaussians { scene, record, without_photo } = trained;
+        let judged = record.means();
         cx.remark =
-            judged.map(|[psnr, _]| format!("{psnr:.2} dB on {} held-out photos", views.held_out.len()));
-        if views.without_photo > 0 {
-            let count = views.without_photo;
-            cx.warnings.push(format!("{count} views were not used for training: their photos are missing"));
+            judged.map(|[psnr, _]| format!("{psnr:.2} dB on {} held-out photos", record.held_out.len()));
+        cx.warnings
+            .extend(again.map(|because| format!("the training started again: its checkpoint {because}")));
+        if without_photo > 0 {
+            cx.warnings
+                .push(format!("{without_photo} views were not used for training: their photos are missing"));
         }
-        Ok(trained.scene)
+        if record.ended == TrainingEnd::Minutes {
+            let (made, all) = (record.iterations, self.settings.iterations);
+            cx.warnings.push(format!(
+                "the training ended after {made} of {all} iterations, because its minutes were used up; \
+                 another run may make other bytes"
+            ));
+        }
+        let out = cx.out.join(TRAINING_FILE);
+        write_json(&out, &record).map_err(StageError::io_error(&out))?;
+        Ok(scene)
     }
 }
 

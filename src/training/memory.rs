@@ -1,0 +1,44 @@
+//! Memory of a training.
+
+use super::photos::trained_size;
+use super::settings::TrainingSettings;
+use crate::image::Size;
+use crate::source::{CapturedView, LensModel};
+
+/// Number of photos that are read at a time: each takes memory at its own size.
+pub(super) const READ_AT_ONCE: usize = 2;
+
+/// Parameters, two means, the activated form, the splat, its sums and gradients, and six tiles.
+const BYTES_A_GAUSSIAN: f64 = 1200.0;
+/// Three levels of a photo of 3 bytes, and of the mask of a photo with a lens.
+const BYTES_A_PHOTO_PIXEL: f64 = 3.0 * LEVEL_SUM;
+const BYTES_A_MASK_PIXEL: f64 = LEVEL_SUM;
+/// 1 + 1/4 + 1/16.
+const LEVEL_SUM: f64 = 1.3125;
+/// The image, its gradient, the slopes of the loss, the traced tiles.
+const BYTES_A_PIXEL: f64 = 140.0;
+/// A photo while it is read: its file, as decoded, straightened, and its mask.
+const BYTES_A_TAKEN_PIXEL: f64 = 8.0;
+/// Tables, and pages that the allocator keeps of the reading.
+const FIXED: f64 = 10e6;
+
+/// Memory of a training on these views, bytes, without the program itself. The factors were
+/// measured: `docs/training.md` compares.
+#[must_use]
+pub fn memory_needed(settings: &TrainingSettings, views: &[CapturedView]) -> u64 {
+    let pixels = |size: Size| f64::from(size.width) * f64::from(size.height);
+    let (mut photos, mut shown, mut taken) = (0.0, 0.0_f64, 0.0_f64);
+    for view in views {
+        let size = pixels(trained_size(view.camera.size, settings.resolution));
+        let mask = if view.lens == LensModel::Pinhole { 0.0 } else { BYTES_A_MASK_PIXEL };
+        photos += size * (BYTES_A_PHOTO_PIXEL + mask);
+        shown = shown.max(size);
+        taken = taken.max(pixels(view.camera.size));
+    }
+    let reading = READ_AT_ONCE as f64 * BYTES_A_TAKEN_PIXEL * taken;
+    let training = FIXED + BYTES_A_GAUSSIAN * f64::from(settings.gaussians) + BYTES_A_PIXEL * shown;
+    // All photos are read before anything else is allocated.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the cast saturates")]
+    let bytes = (photos + reading.max(training)) as u64;
+    bytes
+}
