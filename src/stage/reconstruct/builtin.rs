@@ -3,7 +3,7 @@
 use crate::reconstruct::model_points;
 use crate::scene::Gaussians;
 use crate::source::{Capture, SourceError};
-use crate::stage::capture::CaptureStage;
+use crate::stage::capture::{CaptureStage, SolvedInputs};
 use crate::stage::{SourceFile, Stage as _, StageContext, StageError, StepNeed};
 use crate::training::photos::{TrainingViews, trained_size};
 use crate::training::{self, TrainingError, TrainingReport, TrainingSettings, TrainingWatch};
@@ -39,9 +39,13 @@ impl BuiltinStage {
         StepNeed::for_parts([training::memory_needed(self.settings.gaussians, sizes)])
     }
 
-    pub(super) fn run(&self, capture: &Capture, cx: &mut StageContext<'_>) -> Result<Gaussians, StageError> {
-        let files: Vec<(String, PathBuf)> =
-            self.sources()?.into_iter().map(|file| (file.name, file.path)).collect();
+    pub(super) fn run(
+        &self,
+        capture: &Capture,
+        solved: &SolvedInputs,
+        cx: &mut StageContext<'_>,
+    ) -> Result<Gaussians, StageError> {
+        let files = self.source.training_files(solved)?;
         let goes_on = || !cx.is_cancelled();
         let TrainingSettings { resolution, hold_out, .. } = self.settings;
         let views = TrainingViews::read(capture, &files, (resolution, hold_out), &goes_on);
