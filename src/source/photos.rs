@@ -84,8 +84,8 @@ impl DiskCapture {
         photos: &[(String, PathBuf)],
     ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
         let (capture, mut warnings) = colmap::read_listed(model, photos)?;
+        // No warning about distortion: a scene of these poses is trained here, on undistorted photos.
         let capture = self.select(capture, &mut warnings)?;
-        warnings.extend(capture.distortion());
         Ok((capture, warnings))
     }
 
