@@ -103,7 +103,7 @@ impl From<TempoArg> for CameraPace {
 /// Parser of a kind of capture by its name.
 fn kind_parser() -> impl TypedValueParser<Value = CaptureKind> {
     // A video is a file, and a tree of scenes has folders.
-    let kinds = CaptureKind::ALL.into_iter().filter(|kind| *kind != CaptureKind::Video);
+    let kinds = CaptureKind::ALL.into_iter().filter(|kind| !kind.is_video());
     let names = PossibleValuesParser::new(kinds.map(CaptureKind::name));
     names.map(|name| CaptureKind::by_name(&name).expect("the parser accepts these names only"))
 }
@@ -147,8 +147,11 @@ impl InitArgs {
             return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
         }
         if self.scene.is_some() && self.format.needs_poses() {
-            let what = "--scene: the poses of photos are found in a world of their own, which no scene file has";
-            return Err(VerbError::usage("usage", what.to_owned()).help("leave it out: the scenes are trained"));
+            let what =
+                "--scene: the poses of photos are found in a world of their own, which no scene file has";
+            return Err(
+                VerbError::usage("usage", what.to_owned()).help("leave it out: the scenes are trained")
+            );
         }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
         // Existing defaults are never rewritten, so the pace would have no effect.
@@ -282,7 +285,8 @@ impl InitArgs {
         let captured = DiskCapture { selection, ..DiskCapture::all_views(kind, way(&path)?) };
         let given = given.map(|file| way(&file)).transpose()?;
         let trained = kind.needs_poses() && !reconstructs;
-        let text = RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref(), trained }.text();
+        let text =
+            RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref(), trained }.text();
         write::write_file(&recipe, &text)?;
         outcome.told.extend(told.into_iter().map(|told| (scene.clone(), told)));
         outcome.written.push((scene, recipe));

@@ -6,8 +6,8 @@
 //! px, is meant for lenses). On rendered pictures this limit makes the poses three times more
 //! accurate.
 
-use super::colmap_run::{ColmapOptions, colmap_run};
 use super::align::{CameraPair, PoseDistance, pose_distances};
+use super::colmap_run::{ColmapOptions, colmap_run};
 use super::{ForeignError, Told, TrajectoryPicture, features, versions};
 use crate::camera::Camera;
 use crate::programs::EndKind;

@@ -74,7 +74,9 @@ pub enum PoseError {
         wanted: usize,
     },
     /// COLMAP read a photo in another size.
-    #[error("COLMAP's camera of {photo} has other sides than the photo: rotate the photo itself, and remove its EXIF")]
+    #[error(
+        "COLMAP's camera of {photo} has other sides than the photo: rotate the photo itself, and remove its EXIF"
+    )]
     OtherSize {
         /// The photo.
         photo: String,
@@ -125,7 +127,12 @@ pub fn solve_photos(
     model.write_renamed(to, &name)?;
     let reprojection_px = model.reprojection()?.map(|stats| stats.over_points_px);
     let cameras = model.cameras()?.len();
-    Ok(SolvedPhotos { given, models: models.iter().map(|(images, _)| *images).collect(), reprojection_px, cameras })
+    Ok(SolvedPhotos {
+        given,
+        models: models.iter().map(|(images, _)| *images).collect(),
+        reprojection_px,
+        cameras,
+    })
 }
 
 /// Smallest number of photos that is at least this share.
@@ -293,7 +300,8 @@ mod tests {
 
     #[test]
     fn links_lead_back_to_names() {
-        let photos = [("a b/1.JPG".to_owned(), PathBuf::from("/x/a b/1.JPG")), ("2.png".into(), "/x/2.png".into())];
+        let photos =
+            [("a b/1.JPG".to_owned(), PathBuf::from("/x/a b/1.JPG")), ("2.png".into(), "/x/2.png".into())];
         for (index, (name, path)) in photos.iter().enumerate() {
             let link = link_name(index, path);
             assert!(!link.contains(' '));

@@ -89,9 +89,9 @@ pub fn take_frames(
     if found > MAX_FRAMES {
         return Err(FrameError::Many { every });
     }
-    let measured = candidates.par_iter().map(|file| {
-        if (desk.goes_on)() { frame_sharpness(file) } else { Err(ForeignError::Stopped) }
-    });
+    let measured = candidates
+        .par_iter()
+        .map(|file| if (desk.goes_on)() { frame_sharpness(file) } else { Err(ForeignError::Stopped) });
     let kept = sharp_enough(&measured.collect::<Result<Vec<f64>, _>>()?, sharpness);
     for index in &kept {
         let frame = to.join(format!("{:06}.png", index * every as usize));
@@ -111,7 +111,8 @@ fn decoding_arguments(video: &Path, every: u32, to: &Path) -> Result<Vec<OsStrin
     // Selected frames get times one after another: otherwise ffmpeg repeats frames to keep the rate.
     let filter = format!("select=not(mod(n\\,{every})),setpts=N/(25*TB)");
     let most = (MAX_FRAMES + 1).to_string();
-    let before = ["-nostdin", "-v", "error", "-protocol_whitelist", "file", "-format_whitelist", CONTAINERS, "-i"];
+    let before =
+        ["-nostdin", "-v", "error", "-protocol_whitelist", "file", "-format_whitelist", CONTAINERS, "-i"];
     let after = ["-map", "0:v:0", "-vf", &filter, "-r", "25", "-frames:v", &most, "-pix_fmt", "rgb24"];
     let mut arguments: Vec<OsString> = before.map(OsString::from).to_vec();
     arguments.push(input);

@@ -3,6 +3,7 @@
 
 use super::{RendererPolicy, SceneWiring};
 use crate::artifact::{EventStreams, PictureSet, TrajectoryProduct};
+use crate::foreign::versions::VersionQuery;
 use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
@@ -16,11 +17,10 @@ use crate::stage::capture::{CaptureStage, SolvingInputs};
 use crate::stage::checks::ChecksStage;
 use crate::stage::events::EventsStage;
 use crate::stage::fidelity::FidelityStage;
-use crate::foreign::versions::VersionQuery;
 use crate::stage::foreign::ExternalToolsStage;
 use crate::stage::frames::FramesStage;
-use crate::stage::poses::PosesStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, GeometryStage};
+use crate::stage::poses::PosesStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::scene_checks::CheckingScene;
 use crate::stage::sharp::SharpStage;

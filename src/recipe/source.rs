@@ -5,8 +5,8 @@ use super::schema::SourceSection;
 use crate::licence::ledger;
 use crate::scene::procedural::StillLife;
 use crate::source::DiskCapture;
-use crate::source::solving::PoseSolving;
 use crate::source::kind::SourceKind;
+use crate::source::solving::PoseSolving;
 use serde_json::{Map, Value, json};
 
 /// The source of poses. Paths are resolved against the recipe's folder.

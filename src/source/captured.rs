@@ -62,12 +62,6 @@ impl DiskCapture {
         Self { kind, path, selection: ViewSelection::default(), solving }
     }
 
-    /// Returns true if its views are the frames of a video.
-    #[must_use]
-    pub fn is_video(&self) -> bool {
-        self.kind == CaptureKind::Video
-    }
-
     /// Returns the id of the capture in its dataset, derived from its folders: `class/instance`, or
     /// 64 hexadecimal digits.
     #[must_use]
@@ -119,7 +113,11 @@ impl DiskCapture {
     }
 
     /// Moves views that are not selected to the unused photos.
-    pub(super) fn select(&self, capture: Capture, warnings: &mut Vec<SourceWarning>) -> Result<Capture, SourceError> {
+    pub(super) fn select(
+        &self,
+        capture: Capture,
+        warnings: &mut Vec<SourceWarning>,
+    ) -> Result<Capture, SourceError> {
         let Capture { views, mut unused } = capture;
         let is_excluded = self.selection.excludes();
         // The choice of the user is the stronger reason, so it replaces the reason of the source.

@@ -232,7 +232,10 @@ impl ColmapModel {
         };
         for stem in ["cameras", "points3D"] {
             let from = self.file(stem);
-            put(stem, &crate::files::read(&from, crate::files::MAX_MODEL).map_err(SourceError::io_error(&from))?)?;
+            put(
+                stem,
+                &crate::files::read(&from, crate::files::MAX_MODEL).map_err(SourceError::io_error(&from))?,
+            )?;
         }
         put("images", &binary::rename_images(&self.file("images"), name_of)?)
     }
@@ -443,9 +446,8 @@ pub(super) fn read_model(
     let ModelPhotos { from, sizing, look } = photos;
     let mut warnings = model.disagreements()?;
     let (cameras, images) = (model.cameras()?, model.images()?);
-    let find = |name: &str| {
-        from.and_then(|from| from.find(name)).map(|p| photo::read_photo(&p, look)).transpose()
-    };
+    let find =
+        |name: &str| from.and_then(|from| from.find(name)).map(|p| photo::read_photo(&p, look)).transpose();
     // Every byte of a photo may be hashed, so photos are read in parallel.
     let photos: Vec<Option<PhotoInfo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;

@@ -1,4 +1,4 @@
-//! EXIF of a JPEG (CIPA DC-008-2019), as far as it tells cameras apart: maker, model, lens and focal
+//! EXIF of a JPEG (CIPA DC-008-2019), as far as it identifies a camera: maker, model, lens and focal
 //! length. Everything else is skipped.
 
 /// Tags of the camera in the first directory: Make, Model.
@@ -68,7 +68,8 @@ impl<'a> TiffBlock<'a> {
 
     /// The values of these tags, each after its tag.
     fn values(&self, directory: usize, tags: &[u16]) -> Vec<u8> {
-        let value = |tag: &u16| Some([&tag.to_be_bytes(), self.value(self.entry(directory, *tag)?)?].concat());
+        let value =
+            |tag: &u16| Some([&tag.to_be_bytes(), self.value(self.entry(directory, *tag)?)?].concat());
         tags.iter().filter_map(value).flatten().collect()
     }
 
@@ -110,11 +111,12 @@ mod tests {
         let exif = [b"Exif\0\0".to_vec(), tiff].concat();
         let length = u16::try_from(exif.len() + 2).unwrap().to_be_bytes();
         // A comment comes first, as cameras write it.
-        [vec![0xff, 0xd8, 0xff, 0xfe, 0, 4, 1, 2, 0xff, 0xe1], length.to_vec(), exif, vec![0xff, 0xd9]].concat()
+        [vec![0xff, 0xd8, 0xff, 0xfe, 0, 4, 1, 2, 0xff, 0xe1], length.to_vec(), exif, vec![0xff, 0xd9]]
+            .concat()
     }
 
     #[test]
-    fn cameras_and_focal_lengths_are_told_apart() {
+    fn cameras_and_focal_lengths_have_different_marks() {
         let marks = |model, mm| camera_marks(&jpeg(model, mm)).unwrap();
         assert_eq!(marks(b"CamA1\0", 43), marks(b"CamA1\0", 43));
         assert_ne!(marks(b"CamA1\0", 43), marks(b"CamA2\0", 43));

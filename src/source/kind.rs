@@ -32,15 +32,8 @@ const WITHOUT_POSES: &str = "A recipe with source: { photos: { path: … } } has
 
 impl CaptureKind {
     /// All kinds.
-    pub const ALL: [Self; 7] = [
-        Self::Colmap,
-        Self::Mvimgnet,
-        Self::Dl3dv,
-        Self::Nerfstudio,
-        Self::Model,
-        Self::Photos,
-        Self::Video,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::Colmap, Self::Mvimgnet, Self::Dl3dv, Self::Nerfstudio, Self::Model, Self::Photos, Self::Video];
 
     /// The implementation of the kind. Everything that differs between kinds is behind it.
     pub(super) fn as_layout(self) -> &'static dyn CaptureLayout {
@@ -116,6 +109,12 @@ impl CaptureKind {
     #[must_use]
     pub fn needs_poses(self) -> bool {
         self.as_layout().needs_poses()
+    }
+
+    /// Returns true for a video.
+    #[must_use]
+    pub fn is_video(self) -> bool {
+        self.as_layout().is_video()
     }
 
     /// Returns true if a folder of this kind has the Gaussians of the scene, and no photos.

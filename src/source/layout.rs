@@ -65,6 +65,11 @@ pub(super) trait CaptureLayout: Sync {
         false
     }
 
+    /// Returns true if the source is a video, so that a step takes frames from it.
+    fn is_video(&self) -> bool {
+        false
+    }
+
     /// Returns true if the folder has the Gaussians of the scene, and no photos.
     fn has_gaussians(&self) -> bool {
         false

@@ -30,8 +30,7 @@ impl CaptureLayout for VideoLayout {
     /// The video. It enters keys by this name, whatever the name of the file.
     fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
         if super::is_folder(&captured.path)? {
-            let because =
-                "it is a folder, wanted a video; photos have their own kind, `photos`".to_owned();
+            let because = "it is a folder, wanted a video; photos have their own kind, `photos`".to_owned();
             return Err(SourceError::Absent { dir: captured.path.clone(), because });
         }
         Ok(vec![("video".to_owned(), captured.path.clone())])
@@ -42,6 +41,10 @@ impl CaptureLayout for VideoLayout {
     }
 
     fn needs_poses(&self) -> bool {
+        true
+    }
+
+    fn is_video(&self) -> bool {
         true
     }
 }

@@ -110,7 +110,7 @@ impl Stage for CaptureStage {
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let Self::Captured(captured) = self else { return Ok(Vec::new()) };
-        if captured.is_video() {
+        if captured.kind.is_video() {
             // The frames of a video are the product of a step.
             return Ok(Vec::new());
         }

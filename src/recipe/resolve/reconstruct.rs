@@ -10,8 +10,10 @@ use crate::recipe::{ReconstructMethod, SceneSource, schema};
 use crate::training::TrainingSettings;
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
-const TRAINED: &str = "or have it trained: reconstruct: { builtin: {} }, or with a program, reconstruct: { command: { … } }";
-const BUILTIN: &str = "write reconstruct: { builtin: {} }, or name a program: reconstruct: { command: { … } }";
+const TRAINED: &str =
+    "or have it trained: reconstruct: { builtin: {} }, or with a program, reconstruct: { command: { … } }";
+const BUILTIN: &str =
+    "write reconstruct: { builtin: {} }, or name a program: reconstruct: { command: { … } }";
 
 /// The parts of a recipe that decide whether it has Gaussians and which ones.
 #[derive(Debug, Clone, Copy)]

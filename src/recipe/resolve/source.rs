@@ -67,7 +67,7 @@ impl Resolver<'_> {
 
     /// Resolves the search for poses, which only sources without poses have.
     fn solving(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Option<PoseSolving>> {
-        let is_video = kind == CaptureKind::Video;
+        let is_video = kind.is_video();
         let of_poses = [
             raw.lens.place(),
             raw.features.place(),
@@ -80,8 +80,8 @@ impl Resolver<'_> {
         let unused: Vec<TextSpan> =
             unused.chain(of_frames.iter().filter(|_| !is_video)).copied().flatten().collect();
         for place in &unused {
-            let kinds = if kind.needs_poses() { "video" } else { "photos and video" };
-            let problem = FieldProblem::of_key(format!("applies only to the sources {kinds}"));
+            let which = if kind.needs_poses() { "a video" } else { "photos without poses or a video" };
+            let problem = FieldProblem::of_key(format!("applies only to a source of {which}"));
             self.refuse::<()>(problem.help("remove it").at(*place));
         }
         if !unused.is_empty() {

@@ -83,11 +83,7 @@ fn gs2e(place: &Workspace, args: &str) -> Ended {
     let path = format!("{}:{path}", place.path("bin").display());
     let output = place.command(args).env("PATH", path).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Ended {
-        code: output.status.code().unwrap(),
-        stdout: text(output.stdout),
-        stderr: text(output.stderr),
-    }
+    Ended { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 /// The steps that a build makes.
@@ -217,8 +213,8 @@ fn recipes_that_cannot_work_are_refused() {
         assert!(told.contains(wanted), "{wanted}\n{}", ended.stderr);
     };
     t("registered: 0.6", "registered: 1.6", "a number from 0 to 1");
-    t("registered: 0.6", "every: 5", "applies only to the sources video");
-    t("photos: {", "colmap: {", "applies only to the sources photos and video");
+    t("registered: 0.6", "every: 5", "applies only to a source of a video");
+    t("photos: {", "colmap: {", "applies only to a source of photos without poses or a video");
     t(
         "builtin: { gaussians: 300, iterations: 6, resolution: 32 }",
         "given: { path: scene.ply }",

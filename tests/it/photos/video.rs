@@ -29,7 +29,19 @@ fn film(place: &Workspace, frames: usize) -> Vec<Vec<[u8; 3]>> {
         pixels.push(gs2e::image::png::read_rgb(std::io::Cursor::new(bytes)).unwrap().into_pixels());
     }
     let encoded = Command::new("ffmpeg")
-        .args(["-v", "error", "-framerate", "30", "-i", "film/%d.png", "-c:v", "ffv1", "-pix_fmt", "bgr0", "film.mkv"])
+        .args([
+            "-v",
+            "error",
+            "-framerate",
+            "30",
+            "-i",
+            "film/%d.png",
+            "-c:v",
+            "ffv1",
+            "-pix_fmt",
+            "bgr0",
+            "film.mkv",
+        ])
         .current_dir(place.path(""))
         .status()
         .unwrap();
@@ -61,7 +73,7 @@ fn every_nth_frame_is_taken_and_blurred_ones_are_dropped() {
         let mut names: Vec<std::ffi::OsString> =
             fs::read_dir(place.path("frames")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         names.sort_unstable();
-        let wanted_names: Vec<_> = wanted.iter().map(|k| format!("{k:06}.png").into()).collect();
+        let wanted_names: Vec<std::ffi::OsString> = wanted.iter().map(|k| format!("{k:06}.png").into()).collect();
         assert_eq!(names, wanted_names);
         assert_eq!(taken.kept, wanted.len());
         for k in wanted {
@@ -102,7 +114,11 @@ fn videos_that_cannot_be_used_are_named() {
 fn a_video_becomes_steps_of_a_build() {
     let place = Workspace::new();
     place.write("film.mp4", "no video");
-    place.write("recipe.yaml", super::scripted::recipe("").replace("photos: { path: photos,  }", "video: { path: film.mp4, every: 4 }"));
+    place.write(
+        "recipe.yaml",
+        super::scripted::recipe("")
+            .replace("photos: { path: photos,  }", "video: { path: film.mp4, every: 4 }"),
+    );
     let steps: Vec<String> = place.plan("recipe.yaml").into_iter().map(|(step, _)| step).collect();
     assert_eq!(steps[..3], ["lab/corner/frames", "lab/corner/poses", "lab/corner/capture"]);
     let ended = place.gs2e("build -j 1 recipe.yaml");
