@@ -22,6 +22,7 @@ use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
 use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::source::Capture;
+use crate::source::colmap::ColmapModel;
 use crate::speed::SpeedMeaning;
 use crate::store::Store;
 use crate::store::record::StoredOutput;
@@ -146,6 +147,26 @@ impl Artifact for Capture {
 
 /// Name of the record of a training, next to the scene that it made.
 pub const TRAINING_FILE: &str = "training.json";
+
+/// A COLMAP model that was made for photos without poses.
+#[derive(Debug)]
+pub struct SolvedModel {
+    /// The model.
+    pub model: ColmapModel,
+    /// Its points.
+    pub points: PathBuf,
+}
+
+impl Artifact for SolvedModel {
+    const KIND: &'static str = "model";
+
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        let file = |name| files.path(name).map(Path::to_owned);
+        let points = file("points3D.bin")?;
+        let model = ColmapModel::from_files(file("cameras.bin")?, file("images.bin")?, points.clone());
+        Ok(Self { model, points })
+    }
+}
 
 impl Artifact for Gaussians {
     const KIND: &'static str = "gaussians";

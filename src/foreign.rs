@@ -1,25 +1,29 @@
-//! Answers of other programs about a built trajectory. COLMAP registers its pictures from scratch,
-//! OpenCV projects points with its poses and recovers the motion between its pictures, and h5py
-//! reads its events.
+//! Programs of other people that recipes do not name. COLMAP finds the poses of photos, and ffmpeg
+//! takes frames from a video. Others judge a built trajectory: COLMAP registers its pictures from
+//! scratch, OpenCV projects points with its poses and recovers the motion between its pictures, and
+//! h5py reads its events.
 //!
 //! This module finds the programs, hands the released files to them, runs them and reads the
 //! answers. The passes `pose_colmap`, `pose_opencv` and `readback` judge the answers. If a program
 //! cannot determine an answer for these pictures, the result is a reason, [`Told`]; a failing
-//! program is an error. Only the programs `colmap` and `python3` are run, and a recipe contributes
-//! only numbers to their arguments.
+//! program is an error. Only the programs `colmap`, `ffmpeg` and `python3` are run, and a recipe
+//! contributes only numbers and the paths of its source to their arguments.
 //!
 //! Equal pictures give equal answers: every program runs with one thread and one seed. Key points
 //! are matched here, because COLMAP 3.8 matches them with trees that are randomised in each run.
 
 pub mod align;
 pub mod colmap;
+mod colmap_run;
 mod error;
 mod features;
 pub mod opencv;
+pub mod photos;
 mod python;
 pub mod readback;
 mod run;
 pub mod versions;
+pub mod video;
 
 pub use error::ForeignError;
 

@@ -11,7 +11,9 @@ pub mod checks;
 pub mod events;
 pub mod fidelity;
 pub mod foreign;
+pub mod frames;
 pub mod geometry;
+pub mod poses;
 pub mod reconstruct;
 pub mod scene_checks;
 pub mod sharp;
@@ -26,6 +28,7 @@ use crate::camera::{self, Camera, CameraChoice};
 use crate::frames::rendered::TimeSaved;
 use crate::image::Size;
 use crate::programs::{ProgramFailure, ProgramFinder};
+use crate::reconstruct::TrainingWorkspace;
 use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
@@ -254,6 +257,31 @@ impl<'a> StageContext<'a> {
     pub fn go_on(&self) -> Result<(), StageError> {
         if self.is_cancelled() { Err(StageError::Cancelled) } else { Ok(()) }
     }
+}
+
+/// Runs programs that no recipe names in a separate folder that is not part of the product. `name` is
+/// unused in the step's folder.
+fn known_program<T, E>(
+    name: &str,
+    cx: &StageContext<'_>,
+    run: impl FnOnce(TrainingWorkspace<'_>) -> Result<T, E>,
+    failure: impl FnOnce(E) -> StageError,
+) -> Result<T, StageError> {
+    cx.go_on()?;
+    // Programs work in the root folder, so their paths are absolute.
+    let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
+    std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
+    let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
+    let desk = TrainingWorkspace {
+        folder: &folder,
+        log: &log,
+        goes_on: &|| !cx.is_cancelled(),
+        programs: &cx.programs,
+    };
+    let made = run(desk).map_err(failure)?;
+    // Everything that stays below `out` becomes part of the product.
+    std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
+    Ok(made)
 }
 
 /// The camera of a trajectory: the recipe's choice, otherwise the source's own, with a warning if

@@ -102,7 +102,9 @@ impl From<TempoArg> for CameraPace {
 
 /// Parser of a kind of capture by its name.
 fn kind_parser() -> impl TypedValueParser<Value = CaptureKind> {
-    let names = PossibleValuesParser::new(CaptureKind::ALL.map(CaptureKind::name));
+    // A video is a file, and a tree of scenes has folders.
+    let kinds = CaptureKind::ALL.into_iter().filter(|kind| !kind.is_video());
+    let names = PossibleValuesParser::new(kinds.map(CaptureKind::name));
     names.map(|name| CaptureKind::by_name(&name).expect("the parser accepts these names only"))
 }
 
@@ -144,6 +146,13 @@ impl InitArgs {
         if !self.classes.is_empty() && !self.format.dataset().is_some_and(|dataset| dataset.has_classes) {
             return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
         }
+        if self.scene.is_some() && self.format.needs_poses() {
+            let what =
+                "--scene: the poses of photos are found in a world of their own, which no scene file has";
+            return Err(
+                VerbError::usage("usage", what.to_owned()).help("leave it out: the scenes are trained")
+            );
+        }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
         // Existing defaults are never rewritten, so the pace would have no effect.
         if reconstructs.is_some() && (self.pace.is_some() || self.preset.is_some()) {
@@ -178,10 +187,11 @@ impl InitArgs {
         }
         let pattern = self.scene.as_deref();
         // A model folder contains Gaussians, and a reconstruction makes them.
-        let own = self.format.has_gaussians() || reconstructs == Some(true);
+        let reconstructs = reconstructs == Some(true);
+        let own = self.format.has_gaussians() || self.format.needs_poses() || reconstructs;
         let pattern = pattern.or((!own).then_some(BESIDE));
         for candidate in chosen {
-            self.write(candidate, pattern, &mut outcome)?;
+            self.write(candidate, (pattern, reconstructs), &mut outcome)?;
         }
         write::write_rejected(&self.to, &outcome.rejected)?;
         outcome.tell(&self, console);
@@ -256,7 +266,7 @@ impl InitArgs {
     fn write(
         &self,
         candidate: SceneCandidate,
-        pattern: Option<&str>,
+        (pattern, reconstructs): (Option<&str>, bool),
         outcome: &mut InitOutcome,
     ) -> Result<(), VerbError> {
         let SceneCandidate { scene, recipe, path, told } = candidate;
@@ -272,9 +282,11 @@ impl InitArgs {
             // replaces that default, so it holds both.
             selection.exclude.clear();
         }
-        let captured = DiskCapture { kind, path: way(&path)?, selection };
+        let captured = DiskCapture { selection, ..DiskCapture::all_views(kind, way(&path)?) };
         let given = given.map(|file| way(&file)).transpose()?;
-        let text = RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref() }.text();
+        let trained = kind.needs_poses() && !reconstructs;
+        let text =
+            RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref(), trained }.text();
         write::write_file(&recipe, &text)?;
         outcome.told.extend(told.into_iter().map(|told| (scene.clone(), told)));
         outcome.written.push((scene, recipe));

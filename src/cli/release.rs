@@ -222,6 +222,8 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     named.extend(recipe.meta.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
     if let Some(captured) = recipe.source.captured() {
         named.extend(captured.folders().into_iter().map(|path| ("files of a scene's source", path)));
+        let tree = captured.solving.iter().filter_map(|solving| solving.vocabulary.clone());
+        named.extend(tree.map(|path| ("the vocabulary tree of a scene", path)));
     }
     match &recipe.reconstruct {
         Some(ReconstructMethod::Given(path)) => named.push(("the Gaussians of a scene", path.clone())),

@@ -7,16 +7,15 @@
 //! accurate.
 
 use super::align::{CameraPair, PoseDistance, pose_distances};
-use super::run::ExternalRun;
-use super::versions::COLMAP;
+use super::colmap_run::{ColmapOptions, colmap_run};
 use super::{ForeignError, Told, TrajectoryPicture, features, versions};
 use crate::camera::Camera;
 use crate::programs::EndKind;
 use crate::reconstruct::TrainingWorkspace;
 use crate::se3::Se3;
 use crate::source::colmap::{ColmapImage, ColmapModel};
+use crate::source::solving::PairRule;
 use serde::{Deserialize, Serialize};
-use std::ffi::OsString;
 use std::path::Path;
 
 /// Default number of registered pictures.
@@ -50,8 +49,6 @@ pub struct PoseAgreement {
     pub translation: f64,
 }
 
-/// Time limit of each step: one day.
-const MAX_SECONDS: u32 = 86_400;
 /// COLMAP's message when the mapper ends with exit code 1 and no model.
 const NO_MODEL: &str = "failed to create sparse model";
 
@@ -111,27 +108,19 @@ fn make_model(
         let file = std::path::absolute(&picture.file).map_err(ForeignError::io_error(&picture.file))?;
         std::os::unix::fs::symlink(file, &link).map_err(ForeignError::io_error(&link))?;
     }
-    let colmap = |command: &str, options: &[(&str, OsString)]| {
-        let fixed = [("--random_seed", OsString::from("1")), ("--database_path", database.clone().into())];
-        let options =
-            fixed.iter().chain(options).flat_map(|(key, value)| [OsString::from(key), value.clone()]);
-        let arguments = std::iter::once(OsString::from(command)).chain(options).collect();
-        ExternalRun { program: COLMAP, arguments, seconds: MAX_SECONDS, desk }
-    };
-    colmap("feature_extractor", &extraction_options(&images, camera)).end_well()?;
+    let colmap = |command: &str, options| colmap_run(command, &database, options, desk);
+    colmap("feature_extractor", extraction_options(&images, camera)).end_well()?;
     let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;
-    let (matches, pairs) = features::match_pairs(&described);
-    // The matching itself does not stop, so a request to stop is noticed after it.
-    if !(desk.goes_on)() {
-        return Err(ForeignError::Stopped);
-    }
+    let all = PairRule::Exhaustive.pairs(described.len());
+    let matched = features::match_pairs(&described, &all, desk.goes_on);
+    let (matches, pairs) = matched.ok_or(ForeignError::Stopped)?;
     if pairs == 0 {
         return Ok(Err("finds no key points shared by two pictures".to_owned()));
     }
     let list = place("matches.txt");
     std::fs::write(&list, matches).map_err(ForeignError::io_error(&list))?;
-    colmap("matches_importer", &import_options(&list)).end_well()?;
-    match colmap("mapper", &mapping_options(&images, &sparse)).end()? {
+    colmap("matches_importer", import_options(&list)).end_well()?;
+    match colmap("mapper", mapping_options(&images, &sparse)).end()? {
         Ok(ran) => {
             // With `multiple_models` off, the only model is number 0.
             let read = || ColmapModel::find_model(&sparse.join("0"))?.images();
@@ -149,9 +138,7 @@ fn name_of(pose: usize) -> String {
     format!("{pose:06}.png")
 }
 
-type Options = Vec<(&'static str, OsString)>;
-
-fn extraction_options(images: &Path, camera: &Camera) -> Options {
+fn extraction_options(images: &Path, camera: &Camera) -> ColmapOptions {
     let Camera { fx, fy, cx, cy, .. } = camera;
     vec![
         ("--image_path", images.into()),
@@ -164,7 +151,7 @@ fn extraction_options(images: &Path, camera: &Camera) -> Options {
     ]
 }
 
-fn import_options(list: &Path) -> Options {
+fn import_options(list: &Path) -> ColmapOptions {
     vec![
         ("--match_list_path", list.into()),
         ("--match_type", "raw".into()),
@@ -174,7 +161,7 @@ fn import_options(list: &Path) -> Options {
 }
 
 /// Options of the mapper: one thread, one model, fixed intrinsics and a narrow error limit.
-fn mapping_options(images: &Path, sparse: &Path) -> Options {
+fn mapping_options(images: &Path, sparse: &Path) -> ColmapOptions {
     vec![
         ("--image_path", images.into()),
         ("--output_path", sparse.into()),

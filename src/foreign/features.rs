@@ -40,15 +40,18 @@ pub(super) fn read_database(database: &Path) -> rusqlite::Result<Vec<DescribedKe
     rows.collect()
 }
 
-/// Returns the matches of all pairs of pictures, in the format of COLMAP's `matches_importer`, and
-/// the number of pairs with matches.
-pub(super) fn match_pairs(pictures: &[DescribedKeyPoints]) -> (String, usize) {
-    let pairs: Vec<(usize, usize)> =
-        (0..pictures.len()).flat_map(|i| (i + 1..pictures.len()).map(move |j| (i, j))).collect();
-    let found: Vec<Vec<(usize, usize)>> = pairs
-        .par_iter()
-        .map(|(i, j)| mutual_pairs(&pictures[*i].descriptors, &pictures[*j].descriptors))
-        .collect();
+/// Returns the matches of these pairs of pictures, in the format of COLMAP's `matches_importer`, and
+/// the number of pairs with matches; `None` if `goes_on` returned false.
+pub(super) fn match_pairs(
+    pictures: &[DescribedKeyPoints],
+    pairs: &[(usize, usize)],
+    goes_on: &(dyn Fn() -> bool + Sync),
+) -> Option<(String, usize)> {
+    let matched = |(i, j): &(usize, usize)| {
+        // One pair takes a fraction of a second, and there may be thousands.
+        goes_on().then(|| mutual_pairs(&pictures[*i].descriptors, &pictures[*j].descriptors))
+    };
+    let found: Vec<Vec<(usize, usize)>> = pairs.par_iter().map(matched).collect::<Option<_>>()?;
     let mut text = String::new();
     let mut any = 0;
     for ((i, j), found) in pairs.iter().zip(&found).filter(|(_, found)| !found.is_empty()) {
@@ -60,7 +63,7 @@ pub(super) fn match_pairs(pictures: &[DescribedKeyPoints]) -> (String, usize) {
         };
         write(&mut text).expect("a text takes what is written");
     }
-    (text, any)
+    Some((text, any))
 }
 
 /// The two nearest candidates of a key point, by dot product.
@@ -153,6 +156,12 @@ mod tests {
             descriptors: vec![along(k, k + 1, 1.0)],
         };
         let pictures = [described("a.png", 0), described("b.png", 0), described("c.png", 9)];
-        assert_eq!(match_pairs(&pictures), ("a.png b.png\n0 0\n\n".to_owned(), 1));
+        let t = |pairs: &[(usize, usize)], goes_on: bool, wanted: Option<(&str, usize)>| {
+            let found = match_pairs(&pictures, pairs, &|| goes_on);
+            assert_eq!(found.as_ref().map(|(text, any)| (text.as_str(), *any)), wanted);
+        };
+        t(&[(0, 1), (0, 2), (1, 2)], true, Some(("a.png b.png\n0 0\n\n", 1)));
+        t(&[(1, 2)], true, Some(("", 0)));
+        t(&[(0, 1)], false, None);
     }
 }

@@ -1,4 +1,4 @@
-//! Versions of the programs that are asked about trajectories. A program must be run to learn its
+//! Versions of the programs that this program runs by itself. A program must be run to learn its
 //! version. A step that may not run anything takes the version that was found before, or has no
 //! version.
 
@@ -8,19 +8,23 @@ use std::path::{Path, PathBuf};
 
 /// Name of COLMAP's program.
 pub(super) const COLMAP: &str = "colmap";
+/// Name of ffmpeg's program.
+pub(super) const FFMPEG: &str = "ffmpeg";
 /// Name of Python's program.
 pub(super) const PYTHON: &str = "python3";
 /// Python's option for an isolated run: without modules of the current folder, without Python's
 /// environment variables, and without the user's packages.
 pub(super) const ISOLATED: &str = "-I";
 
-/// A program that is asked about trajectories.
+/// A program that is run without being named by a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum VersionQuery {
     /// COLMAP.
     Colmap,
     /// Python with its packages.
     Python,
+    /// ffmpeg.
+    Ffmpeg,
 }
 
 /// The version that a program stated, and the files that it depends on.
@@ -41,6 +45,7 @@ impl VersionQuery {
         match self {
             Self::Colmap => COLMAP,
             Self::Python => PYTHON,
+            Self::Ffmpeg => FFMPEG,
         }
     }
 
@@ -57,6 +62,7 @@ impl VersionQuery {
             // An absent program has a sentence as its version, so that installing it changes the
             // key.
             Self::Colmap => (colmap(programs).unwrap_or_else(|absent| absent), Vec::new()),
+            Self::Ffmpeg => (ffmpeg(programs).unwrap_or_else(|absent| absent), Vec::new()),
             Self::Python => {
                 let folders = python(programs).map(|packages| packages.folders).unwrap_or_default();
                 (packages(programs), folders)
@@ -100,6 +106,18 @@ pub fn colmap(programs: &ProgramFinder) -> Result<String, String> {
     let mut lines = said.lines().map(|line| line.split(" -- ").next().unwrap_or(line).trim());
     let name = lines.find(|line| line.starts_with("COLMAP "));
     name.map(str::to_owned).ok_or_else(|| format!("the program `{COLMAP}` does not report its version"))
+}
+
+/// Returns ffmpeg's version in its own words, `ffmpeg version 5.1.8`.
+///
+/// # Errors
+/// The program is absent, or does not state its version. The text is a sentence for people.
+pub fn ffmpeg(programs: &ProgramFinder) -> Result<String, String> {
+    let said = programs.ask(FFMPEG, &["-version"])?;
+    // The first line is `ffmpeg version 5.1.8-0+deb12u1 Copyright (c) 2000-2025 the FFmpeg developers`.
+    let mut lines = said.lines().map(|line| line.split(" Copyright").next().unwrap_or(line).trim());
+    let name = lines.find(|line| line.starts_with("ffmpeg version "));
+    name.map(str::to_owned).ok_or_else(|| format!("the program `{FFMPEG}` does not report its version"))
 }
 
 /// Returns the versions of Python's packages.

@@ -160,7 +160,7 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
     for (recipe, scene) in plan.scenes().iter().zip(scenes) {
         let Some(scene) = scene else { continue };
         // The versions of installed programs are part of the keys, and only planning finds them.
-        if recipe.checks.asks_programs() {
+        if recipe.checks.asks_programs() || recipe.source.runs_programs() {
             continue;
         }
         store.note_recipe(&recipe.scene, &recipe.meta.merged.to_string());

@@ -3,6 +3,7 @@
 
 use super::{RendererPolicy, SceneWiring};
 use crate::artifact::{EventStreams, PictureSet, TrajectoryProduct};
+use crate::foreign::versions::VersionQuery;
 use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
@@ -12,12 +13,14 @@ use crate::source::Capture;
 use crate::speed::SpeedChoice;
 use crate::stage::StepTarget;
 use crate::stage::blur::BlurStage;
-use crate::stage::capture::CaptureStage;
+use crate::stage::capture::{CaptureStage, SolvingInputs};
 use crate::stage::checks::ChecksStage;
 use crate::stage::events::EventsStage;
 use crate::stage::fidelity::FidelityStage;
 use crate::stage::foreign::ExternalToolsStage;
+use crate::stage::frames::FramesStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, GeometryStage};
+use crate::stage::poses::PosesStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::scene_checks::CheckingScene;
 use crate::stage::sharp::SharpStage;
@@ -30,14 +33,16 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
     let (backend, omit) = (&renderers.of(recipe), renderers.omit());
     let asking =
         ExternalToolsStage::for_limits(&recipe.checks, recipe.camera, &|program| renderers.version(program));
-    let capture = wiring.add("capture".into(), capture_stage(recipe), ());
+    let solving = wire_poses(recipe, renderers, wiring);
+    let capture = wiring.add("capture".into(), capture_stage(recipe), solving);
     let gaussians = wire_gaussians(recipe).map(|reconstructing| {
         // An input enters the key. A scene file that is given must not be read again when the
         // capture changes.
         let trained_on = reconstructing.is_trained().then_some(capture);
-        wiring.add("reconstruct".into(), reconstructing, trained_on)
+        let solving = solving.filter(|_| trained_on.is_some());
+        wiring.add("reconstruct".into(), reconstructing, (trained_on, solving))
     });
-    let ground = SceneGround { capture, gaussians, backend, omit, asking: asking.as_ref() };
+    let ground = SceneGround { capture, solving, gaussians, backend, omit, asking: asking.as_ref() };
     // Trajectories that others are drawn from come first; otherwise the order of the recipe is
     // kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
@@ -50,6 +55,24 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
     if recipe.source.has_photos() {
         wire_photo_checks(recipe, ground, wiring);
     }
+}
+
+/// Adds the steps that find the poses of a source without poses.
+fn wire_poses(
+    recipe: &Recipe,
+    renderers: &dyn RendererPolicy,
+    wiring: &mut SceneWiring<'_>,
+) -> SolvingInputs {
+    let captured = recipe.source.captured()?;
+    let solving = captured.solving.clone()?;
+    let frames = solving.frames.map(|picking| {
+        let version = renderers.version(VersionQuery::Ffmpeg);
+        let taking = FramesStage { picking, capturing: captured.clone(), version };
+        wiring.add("frames".into(), taking, ())
+    });
+    let version = renderers.version(VersionQuery::Colmap);
+    let finding = PosesStage { solving, capturing: captured.clone(), version };
+    Some((wiring.add("poses".into(), finding, frames), frames))
 }
 
 /// The stage that makes or reads the Gaussians, if a step uses them.
@@ -70,17 +93,17 @@ fn wire_gaussians(recipe: &Recipe) -> Option<ReconstructStage> {
 
 /// The comparison of the scene with its photos, and of its capture with itself.
 fn wire_photo_checks(recipe: &Recipe, ground: SceneGround<'_>, wiring: &mut SceneWiring<'_>) {
-    let SceneGround { capture, gaussians, backend, .. } = ground;
+    let SceneGround { capture, solving, gaussians, backend, .. } = ground;
     let fidelity = gaussians.map(|gaussians| {
         let comparing = FidelityStage {
             render: recipe.render,
             capturing: capture_stage(recipe),
             backend: backend.clone(),
         };
-        wiring.add("fidelity".into(), comparing, (capture, gaussians))
+        wiring.add("fidelity".into(), comparing, (capture, gaussians, solving))
     });
     let checking = CheckingScene { limits: recipe.checks.of_scene(), capturing: capture_stage(recipe) };
-    wiring.add("checks".into(), checking, (capture, fidelity));
+    wiring.add("checks".into(), checking, (capture, fidelity, solving));
 }
 
 fn capture_stage(recipe: &Recipe) -> CaptureStage {
@@ -95,6 +118,8 @@ fn capture_stage(recipe: &Recipe) -> CaptureStage {
 #[derive(Debug, Clone, Copy)]
 struct SceneGround<'a> {
     capture: StepTarget<Capture>,
+    /// The steps that find the poses, if the source has none.
+    solving: SolvingInputs,
     /// Present if something is rendered.
     gaussians: Option<StepTarget<Gaussians>>,
     backend: &'a Backend,

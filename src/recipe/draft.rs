@@ -21,6 +21,8 @@ pub struct RecipeDraft<'a> {
     pub captured: &'a DiskCapture,
     /// The scene file, likewise, if the recipe names one.
     pub given: Option<&'a Path>,
+    /// True if the recipe asks for a training on its photos.
+    pub trained: bool,
 }
 
 /// Camera speed in the words of the paper's table 1. The paper gives no numbers; the values are
@@ -76,7 +78,7 @@ impl RecipeDraft<'_> {
     #[must_use]
     pub fn text(&self) -> String {
         let path = |path: &Path| quoted(&path.to_string_lossy());
-        let DiskCapture { kind, path: place, selection } = self.captured;
+        let DiskCapture { kind, path: place, selection, .. } = self.captured;
         let mut fields = format!("path: {}", path(place));
         if let Some(views) = selection.views {
             let _ = write!(fields, ", views: {views}");
@@ -89,6 +91,8 @@ impl RecipeDraft<'_> {
         let mut text = format!("version: 1\nscene: {}\nsource:\n  {kind}: {{ {fields} }}\n", quoted(scene));
         if let Some(given) = self.given {
             let _ = writeln!(text, "reconstruct:\n  given: {{ path: {} }}", path(given));
+        } else if self.trained {
+            text.push_str("reconstruct:\n  builtin: {}\n");
         }
         text
     }

@@ -6,6 +6,7 @@ use crate::licence::ledger;
 use crate::scene::procedural::StillLife;
 use crate::source::DiskCapture;
 use crate::source::kind::SourceKind;
+use crate::source::solving::PoseSolving;
 use serde_json::{Map, Value, json};
 
 /// The source of poses. Paths are resolved against the recipe's folder.
@@ -63,6 +64,12 @@ impl SceneSource {
         self.captured().is_some()
     }
 
+    /// Returns true if installed programs find its poses.
+    #[must_use]
+    pub fn runs_programs(&self) -> bool {
+        self.captured().is_some_and(|captured| captured.solving.is_some())
+    }
+
     /// Returns true if the source has views, and therefore a camera.
     #[must_use]
     pub fn has_views(&self) -> bool {
@@ -81,10 +88,13 @@ impl SceneSource {
                 json!({ "procedural": fields })
             }
             Self::Captured(captured, upstream) => {
-                let path = raw.and_then(SourceSection::path);
+                let (path, _) = raw.and_then(SourceSection::paths).unwrap_or_default();
                 let mut fields = Map::from_iter([("path".to_owned(), json!(path))]);
                 if let Ok(Value::Object(rest)) = serde_json::to_value(&captured.selection) {
                     fields.extend(rest);
+                }
+                if let Some(solving) = &captured.solving {
+                    fields.extend(written_solving(solving, raw));
                 }
                 let UpstreamOrigin { id, url, accessed, terms_accepted } = upstream;
                 let said = [
@@ -100,4 +110,19 @@ impl SceneSource {
             Self::None => json!("none"),
         }
     }
+}
+
+/// The settings of the search for poses, by their keys in a recipe.
+fn written_solving(solving: &PoseSolving, raw: Option<&SourceSection>) -> Map<String, Value> {
+    let mut fields = Map::new();
+    let mut add = |value: Value| {
+        if let Value::Object(rest) = value {
+            fields.extend(rest.into_iter().filter(|(_, value)| !value.is_null()));
+        }
+    };
+    let (_, vocabulary) = raw.and_then(SourceSection::paths).unwrap_or_default();
+    add(json!({ "vocabulary": vocabulary, "registered": solving.registered }));
+    add(json!(solving));
+    add(json!(solving.frames));
+    fields
 }

@@ -3,6 +3,7 @@
 use super::colmap::ColmapModel;
 use super::kind::CaptureKind;
 use super::photo::PhotoScrutiny;
+use super::solving::PoseSolving;
 use super::{Capture, CapturedView, SourceError, SourceWarning, UnusedPhoto, UnusedReason};
 use glob::Pattern;
 use serde::{Deserialize, Serialize, Serializer};
@@ -18,6 +19,8 @@ pub struct DiskCapture {
     pub path: PathBuf,
     /// The views in use.
     pub selection: ViewSelection,
+    /// The search for the poses, if the kind has none of its own.
+    pub solving: Option<PoseSolving>,
 }
 
 /// Selection of views; all views by default.
@@ -55,7 +58,8 @@ impl DiskCapture {
     /// Selects all views of the capture at `path`.
     #[must_use]
     pub fn all_views(kind: CaptureKind, path: PathBuf) -> Self {
-        Self { kind, path, selection: ViewSelection::default() }
+        let solving = kind.needs_poses().then(PoseSolving::default);
+        Self { kind, path, selection: ViewSelection::default(), solving }
     }
 
     /// Returns the id of the capture in its dataset, derived from its folders: `class/instance`, or
@@ -109,7 +113,11 @@ impl DiskCapture {
     }
 
     /// Moves views that are not selected to the unused photos.
-    fn select(&self, capture: Capture, warnings: &mut Vec<SourceWarning>) -> Result<Capture, SourceError> {
+    pub(super) fn select(
+        &self,
+        capture: Capture,
+        warnings: &mut Vec<SourceWarning>,
+    ) -> Result<Capture, SourceError> {
         let Capture { views, mut unused } = capture;
         let is_excluded = self.selection.excludes();
         // The choice of the user is the stronger reason, so it replaces the reason of the source.

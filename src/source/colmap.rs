@@ -96,11 +96,20 @@ impl ModelForm {
     }
 }
 
-/// The folder of a model that was found but not yet read.
+/// A model that was found but not yet read.
 #[derive(Debug, Clone)]
 pub struct ColmapModel {
-    dir: PathBuf,
+    place: ModelPlace,
     form: ModelForm,
+}
+
+/// Location of the files of a model.
+#[derive(Debug, Clone)]
+enum ModelPlace {
+    /// A folder, under their usual names.
+    Folder(PathBuf),
+    /// Files of other names.
+    Files { cameras: PathBuf, images: PathBuf, points: PathBuf },
 }
 
 impl ColmapModel {
@@ -138,7 +147,8 @@ impl ColmapModel {
         let mut models = models.into_iter();
         match (models.next(), models.next()) {
             (Some(a), Some(b)) => {
-                let (a, b) = (a.dir.display(), b.dir.display());
+                let [a, b] = [a, b].map(|model| model.dir().map(Path::to_owned).unwrap_or_default());
+                let (a, b) = (a.display(), b.display());
                 let because = format!("two COLMAP models were found, {a} and {b}: name one of them");
                 Err(SourceError::Absent { dir: dir.to_owned(), because })
             }
@@ -149,11 +159,32 @@ impl ColmapModel {
     /// Finds the model whose files are in `dir` itself.
     pub(super) fn model_at(dir: PathBuf) -> Option<Self> {
         let form = [ModelForm::Binary, ModelForm::Text].into_iter().find(|form| form.is_in(&dir))?;
-        Some(Self { dir, form })
+        Some(Self { place: ModelPlace::Folder(dir), form })
+    }
+
+    /// The model in these files, of the binary form and of any names.
+    #[must_use]
+    pub fn from_files(cameras: PathBuf, images: PathBuf, points: PathBuf) -> Self {
+        Self { place: ModelPlace::Files { cameras, images, points }, form: ModelForm::Binary }
+    }
+
+    /// The folder with its files, if they have their usual names.
+    fn dir(&self) -> Option<&Path> {
+        match &self.place {
+            ModelPlace::Folder(dir) => Some(dir),
+            ModelPlace::Files { .. } => None,
+        }
     }
 
     fn file(&self, stem: &str) -> PathBuf {
-        self.form.file(&self.dir, stem)
+        match &self.place {
+            ModelPlace::Folder(dir) => self.form.file(dir, stem),
+            ModelPlace::Files { cameras, images, points } => match stem {
+                "cameras" => cameras.clone(),
+                "images" => images.clone(),
+                _ => points.clone(),
+            },
+        }
     }
 
     /// Reads the cameras by id.
@@ -189,6 +220,26 @@ impl ColmapModel {
         }
     }
 
+    /// Writes the model to the folder `to` in the binary form, with other names of the images. It
+    /// must be in that form.
+    ///
+    /// # Errors
+    /// A file cannot be read or written, or is damaged.
+    pub fn write_renamed(&self, to: &Path, name_of: &dyn Fn(&str) -> String) -> Result<(), SourceError> {
+        let put = |stem: &str, bytes: &[u8]| {
+            let file = ModelForm::Binary.file(to, stem);
+            std::fs::write(&file, bytes).map_err(SourceError::io_error(&file))
+        };
+        for stem in ["cameras", "points3D"] {
+            let from = self.file(stem);
+            put(
+                stem,
+                &crate::files::read(&from, crate::files::MAX_MODEL).map_err(SourceError::io_error(&from))?,
+            )?;
+        }
+        put("images", &binary::rename_images(&self.file("images"), name_of)?)
+    }
+
     /// Returns the existing files of the model, by name.
     #[must_use]
     pub fn files(&self) -> Vec<(String, PathBuf)> {
@@ -201,7 +252,7 @@ impl ColmapModel {
     /// Returns the folders that may contain `images`: the folder of the model or of its `sparse`
     /// folder, and the parent, as in DL3DV.
     fn bases(&self) -> Vec<&Path> {
-        let mut base = self.dir.as_path();
+        let Some(mut base) = self.dir() else { return Vec::new() };
         // In this order, so that `x/sparse/0` and `x/sparse` both become `x`.
         for is_shell in [is_number as fn(&str) -> bool, |name| name == "sparse"] {
             if let Some(parent) =
@@ -221,9 +272,9 @@ impl ColmapModel {
     /// Compares the numbers of records if both forms exist.
     fn disagreements(&self) -> Result<Vec<SourceWarning>, SourceError> {
         let mut warnings = Vec::new();
+        let Some(dir) = self.dir() else { return Ok(warnings) };
         for (stem, lines_a_record) in [("cameras", 1), ("images", 2), ("points3D", 1)] {
-            let (binary, text) =
-                (ModelForm::Binary.file(&self.dir, stem), ModelForm::Text.file(&self.dir, stem));
+            let (binary, text) = (ModelForm::Binary.file(dir, stem), ModelForm::Text.file(dir, stem));
             if is_there(&binary) && is_there(&text) {
                 // Counts show a stale form without parsing both.
                 let (found, other) =
@@ -322,18 +373,60 @@ pub fn read_capture(dir: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceE
 pub(super) fn look_at(dir: &Path, look: PhotoScrutiny) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
     let model = ColmapModel::find_model(dir)?;
     let folder = model.photos();
-    read_model(&model, ModelPhotos { folder: folder.as_deref(), sizing: PhotoSizing::AsStated, look })
+    let from = folder.as_deref().map(PhotoPlace::Folder);
+    read_model(&model, ModelPhotos { from, sizing: PhotoSizing::AsStated, look })
+}
+
+/// Reads a model whose photos are listed by their names.
+///
+/// # Errors
+/// A file is damaged; see [`read_capture`].
+pub(super) fn read_listed(
+    model: &ColmapModel,
+    photos: &[(String, PathBuf)],
+) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
+    let from = Some(PhotoPlace::Listed(photos));
+    let look = PhotoScrutiny::Bytes;
+    read_model(model, ModelPhotos { from, sizing: PhotoSizing::AsStated, look })
 }
 
 /// The photos of a model.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ModelPhotos<'a> {
-    /// The folder to which their names are relative, if there is one.
-    pub(super) folder: Option<&'a Path>,
+    /// Their place, if they exist.
+    pub(super) from: Option<PhotoPlace<'a>>,
     /// Treatment of photos whose size differs from the size of their camera.
     pub(super) sizing: PhotoSizing,
     /// Depth of reading.
     pub(super) look: PhotoScrutiny,
+}
+
+/// The place of photos.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum PhotoPlace<'a> {
+    /// The folder to which their names are relative.
+    Folder(&'a Path),
+    /// Names with paths.
+    Listed(&'a [(String, PathBuf)]),
+}
+
+impl PhotoPlace<'_> {
+    fn find(self, name: &str) -> Option<PathBuf> {
+        match self {
+            Self::Folder(folder) => photo::find_photo(folder, name),
+            Self::Listed(photos) => {
+                photos.iter().find(|(listed, _)| listed == name).map(|(_, path)| path.clone())
+            }
+        }
+    }
+
+    /// All names, in natural order.
+    fn names(self) -> Result<Vec<String>, SourceError> {
+        match self {
+            Self::Folder(folder) => photo::list_photos(folder),
+            Self::Listed(photos) => Ok(photos.iter().map(|(name, _)| name.clone()).collect()),
+        }
+    }
 }
 
 /// Treatment of a photo whose size differs from the size of its camera.
@@ -350,21 +443,22 @@ pub(super) fn read_model(
     model: &ColmapModel,
     photos: ModelPhotos<'_>,
 ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
-    let ModelPhotos { folder, sizing, look } = photos;
+    let ModelPhotos { from, sizing, look } = photos;
     let mut warnings = model.disagreements()?;
     let (cameras, images) = (model.cameras()?, model.images()?);
-    let find = |name: &str| {
-        folder.and_then(|f| photo::find_photo(f, name)).map(|p| photo::read_photo(&p, look)).transpose()
-    };
+    let find =
+        |name: &str| from.and_then(|from| from.find(name)).map(|p| photo::read_photo(&p, look)).transpose();
     // Every byte of a photo may be hashed, so photos are read in parallel.
     let photos: Vec<Option<PhotoInfo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
-    let unused: Vec<UnusedPhoto> = unregistered_photos(folder, &images)?
+    let unused: Vec<UnusedPhoto> = unregistered_photos(from, &images)?
         .into_par_iter()
         .map(|name| Ok(UnusedPhoto::not_registered(find(&name)?, name)))
         .collect::<Result<_, SourceError>>()?;
     let of_views = images.iter().map(|image| image.name.as_str()).zip(photos.iter().map(Option::as_ref));
-    warnings.extend(folder.and_then(|folder| photo::missing_warning(folder, of_views)));
+    if let Some(PhotoPlace::Folder(folder)) = from {
+        warnings.extend(photo::missing_warning(folder, of_views));
+    }
     let path = model.file("images");
     let mut found = Vec::with_capacity(images.len());
     for (image, photo) in images.into_iter().zip(photos) {
@@ -390,10 +484,13 @@ pub(super) fn read_model(
     Ok((Capture { unused, ..collect_views(&path, found)? }, warnings))
 }
 
-/// The photos of a folder for which a model has no pose.
-fn unregistered_photos(folder: Option<&Path>, images: &[ColmapImage]) -> Result<Vec<String>, SourceError> {
+/// The photos for which a model has no pose.
+fn unregistered_photos(
+    from: Option<PhotoPlace<'_>>,
+    images: &[ColmapImage],
+) -> Result<Vec<String>, SourceError> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
-    let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list_photos)?;
+    let mut names = from.map_or_else(|| Ok(Vec::new()), PhotoPlace::names)?;
     names.retain(|name| !registered.contains(name.as_str()));
     Ok(names)
 }
@@ -450,7 +547,7 @@ pub(super) fn files_of(
     let mut files = model.files();
     if let Some(folder) = folder {
         let images = model.images()?;
-        let unregistered = unregistered_photos(Some(folder), &images)?;
+        let unregistered = unregistered_photos(Some(PhotoPlace::Folder(folder)), &images)?;
         let names = images.into_iter().map(|image| image.name).chain(unregistered);
         files.extend(
             names.filter_map(|name| Some((format!("images/{name}"), photo::find_photo(folder, &name)?))),

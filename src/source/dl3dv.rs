@@ -9,7 +9,7 @@
 //! The two forms of the poses may have different world frames. The Gaussians of a scene belong to
 //! one of them.
 
-use super::colmap::{self, ColmapModel, PhotoSizing};
+use super::colmap::{self, ColmapModel, PhotoPlace, PhotoSizing};
 use super::inventory::{ScenePath, list_subfolders};
 use super::layout::CaptureLayout;
 use super::nerfstudio;
@@ -138,8 +138,8 @@ fn read_capture(
     let Dl3dvFiles { poses, photos } = Dl3dvFiles::find_files(scene, wanted)?;
     let (capture, mut warnings) = match poses {
         PoseSource::Colmap(model) => {
-            let photos =
-                colmap::ModelPhotos { folder: photos.as_deref(), sizing: PhotoSizing::ToPhoto, look };
+            let from = photos.as_deref().map(PhotoPlace::Folder);
+            let photos = colmap::ModelPhotos { from, sizing: PhotoSizing::ToPhoto, look };
             colmap::read_model(&model, photos)
         }
         PoseSource::Transforms(file) => nerfstudio::read_file(&file, named_photos(photos.as_deref()), look),

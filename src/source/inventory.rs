@@ -2,6 +2,8 @@
 //! cannot be used.
 
 use super::kind::CaptureKind;
+use super::photo::{self, PhotoScrutiny};
+use super::photos;
 use super::{Capture, DiskCapture, SourceError, SourceWarning, ViewSelection, natural};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -50,6 +52,14 @@ pub enum RejectionReason {
         /// Required number of views.
         wanted: usize,
     },
+    /// The scene has too few photos.
+    #[error("{found} photos, wanted at least {wanted}")]
+    FewPhotos {
+        /// Number of photos.
+        found: usize,
+        /// Required number of photos.
+        wanted: usize,
+    },
     /// A picture is too small.
     #[error("`{image}` is {found} px on its shorter side, wanted at least {wanted}")]
     Small {
@@ -75,7 +85,7 @@ impl RejectionReason {
         match self {
             Self::Unreadable(SourceError::Absent { .. }) => "incomplete",
             Self::Unreadable(_) => "unreadable",
-            Self::FewViews { .. } => "few-views",
+            Self::FewViews { .. } | Self::FewPhotos { .. } => "few-views",
             Self::Small { .. } => "small",
             Self::Name(_) => "name",
             Self::Twice(_) => "twice",
@@ -117,9 +127,11 @@ pub(super) struct ScenePath {
 impl ScenePath {
     fn judged(self, kind: CaptureKind, rules: &AcceptanceRules) -> InventoryScene {
         let Self { name, path, misnamed } = self;
-        let captured = DiskCapture { kind, path: path.clone(), selection: rules.selection.clone() };
+        let selection = rules.selection.clone();
+        let captured = DiskCapture { selection, ..DiskCapture::all_views(kind, path.clone()) };
         let verdict = match misnamed {
             Some(rejection) => Err(rejection),
+            None if kind.needs_poses() => rules.hold_photos(&captured).map(|()| Vec::new()),
             None => captured.glance().map_err(RejectionReason::from).and_then(|(capture, told)| {
                 rules.hold(&capture)?;
                 Ok(told)
@@ -130,6 +142,25 @@ impl ScenePath {
 }
 
 impl AcceptanceRules {
+    /// Checks photos that have no poses yet against the rules: each of them may become a view.
+    fn hold_photos(&self, captured: &DiskCapture) -> Result<(), RejectionReason> {
+        let mut files = captured.files()?;
+        let is_given = captured.is_given();
+        files.retain(|(name, _)| is_given(photos::own_name(name)));
+        let wanted = self.min_views.max(photos::MIN_PHOTOS);
+        if files.len() < wanted {
+            return Err(RejectionReason::FewPhotos { found: files.len(), wanted });
+        }
+        for (name, path) in files {
+            let size = photo::read_photo(&path, PhotoScrutiny::Sizes)?.size;
+            let side = size.map(|size| size.width.min(size.height));
+            if let Some(found) = side.filter(|side| *side < self.min_side) {
+                return Err(RejectionReason::Small { image: name, found, wanted: self.min_side });
+            }
+        }
+        Ok(())
+    }
+
     /// Checks a capture against the rules.
     fn hold(&self, capture: &Capture) -> Result<(), RejectionReason> {
         // Views that the selection dropped are registered too.

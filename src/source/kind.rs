@@ -2,7 +2,7 @@
 
 use super::layout::CaptureLayout;
 use super::{Capture, DiskCapture, SourceDataset, SourceError, SourceWarning};
-use super::{colmap, dl3dv, model, mvimgnet, nerfstudio};
+use super::{colmap, dl3dv, model, mvimgnet, nerfstudio, photo, photos, video};
 use std::path::Path;
 
 /// The kinds of captures.
@@ -19,14 +19,21 @@ pub enum CaptureKind {
     Nerfstudio,
     /// A 3DGS model folder.
     Model,
+    /// A folder of photos without poses. It is never detected, because most captures contain one.
+    Photos,
+    /// A video, treated likewise.
+    Video,
 }
 
 const WANTED: &str = "wanted a COLMAP model (cameras and images, .bin or .txt, here or in sparse/0), a transforms.json, \
                       or a 3DGS model folder (cameras.json)";
 
+const WITHOUT_POSES: &str = "A recipe with source: { photos: { path: … } } has the poses found by COLMAP";
+
 impl CaptureKind {
     /// All kinds.
-    pub const ALL: [Self; 5] = [Self::Colmap, Self::Mvimgnet, Self::Dl3dv, Self::Nerfstudio, Self::Model];
+    pub const ALL: [Self; 7] =
+        [Self::Colmap, Self::Mvimgnet, Self::Dl3dv, Self::Nerfstudio, Self::Model, Self::Photos, Self::Video];
 
     /// The implementation of the kind. Everything that differs between kinds is behind it.
     pub(super) fn as_layout(self) -> &'static dyn CaptureLayout {
@@ -36,6 +43,8 @@ impl CaptureKind {
             Self::Dl3dv => &dl3dv::Dl3dvLayout,
             Self::Nerfstudio => &nerfstudio::NerfstudioLayout,
             Self::Model => &model::ModelLayout,
+            Self::Photos => &photos::PhotosLayout,
+            Self::Video => &video::VideoLayout,
         }
     }
 
@@ -55,6 +64,9 @@ impl CaptureKind {
         match found[..] {
             [kind] => Ok(kind),
             [] if colmap::ColmapModel::model_below(path)?.is_some() => Ok(Self::Colmap),
+            [] if photo::has_photos(path) || photo::has_photos(&path.join("images")) => {
+                Err(absent(format!("found photos without poses, {WANTED}. {WITHOUT_POSES}")))
+            }
             [] => Err(absent(format!("found no capture, {WANTED}"))),
             _ => {
                 let names: Vec<&str> = found.iter().map(|kind| kind.as_layout().words()).collect();
@@ -91,6 +103,18 @@ impl CaptureKind {
     #[must_use]
     pub fn dataset(self) -> Option<&'static SourceDataset> {
         self.as_layout().dataset()
+    }
+
+    /// Returns true if a source of this kind has no poses, so that a step finds them.
+    #[must_use]
+    pub fn needs_poses(self) -> bool {
+        self.as_layout().needs_poses()
+    }
+
+    /// Returns true for a video.
+    #[must_use]
+    pub fn is_video(self) -> bool {
+        self.as_layout().is_video()
     }
 
     /// Returns true if a folder of this kind has the Gaussians of the scene, and no photos.

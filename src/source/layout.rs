@@ -60,6 +60,16 @@ pub(super) trait CaptureLayout: Sync {
         inventory::capture_folders(root, &|folder| self.is_in(folder))
     }
 
+    /// Returns true if the files of this kind have no poses, so that a step finds them.
+    fn needs_poses(&self) -> bool {
+        false
+    }
+
+    /// Returns true if the source is a video, so that a step takes frames from it.
+    fn is_video(&self) -> bool {
+        false
+    }
+
     /// Returns true if the folder has the Gaussians of the scene, and no photos.
     fn has_gaussians(&self) -> bool {
         false

@@ -4,7 +4,7 @@
 //! The same folder contains photos with the background removed, as `*_bg_removed.png`. They are no
 //! views. Some instances have no model.
 
-use super::colmap::{self, ColmapModel, ModelPhotos, PhotoSizing};
+use super::colmap::{self, ColmapModel, ModelPhotos, PhotoPlace, PhotoSizing};
 use super::inventory::{RejectionReason, ScenePath, list_subfolders};
 use super::layout::CaptureLayout;
 use super::photo::PhotoScrutiny;
@@ -106,7 +106,7 @@ fn read_capture(instance: &Path, look: PhotoScrutiny) -> Result<(Capture, Vec<So
     let folder = photo_folder(instance);
     colmap::read_model(
         &instance_model(instance)?,
-        ModelPhotos { folder: Some(&folder), sizing: PhotoSizing::AsStated, look },
+        ModelPhotos { from: Some(PhotoPlace::Folder(&folder)), sizing: PhotoSizing::AsStated, look },
     )
 }
 

@@ -67,15 +67,22 @@ pub(super) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
 /// Extensions of photos. Files with other extensions are ignored.
 const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
 
+fn is_photo(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
+}
+
+/// Returns true if a folder itself has a photo. A folder that cannot be listed has none.
+pub(super) fn has_photos(folder: &Path) -> bool {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
+    entries.map(|entry| entry.path()).any(|path| is_photo(&path) && !path.is_dir())
+}
+
 /// The names of all photos in a folder and below it, `/` between folders, in natural order.
 ///
 /// # Errors
 /// A folder cannot be listed, the walk leaves its bounds, or a name has a control character.
 pub(super) fn list_photos(folder: &Path) -> Result<Vec<String>, SourceError> {
-    let is_photo = |path: &Path| {
-        let ending = path.extension().and_then(|ending| ending.to_str());
-        ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
-    };
     // A name that is not UTF-8 is skipped: no source can refer to it.
     let name = |path: &Path| {
         let parts = path.strip_prefix(folder).ok()?.iter().map(|part| part.to_str());

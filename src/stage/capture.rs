@@ -1,10 +1,11 @@
 //! Stage `capture`: reads and normalises a source.
 
-use super::{SourceFile, Stage, StageContext, StageError};
-use crate::artifact::write_json;
+use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
+use crate::artifact::{PictureSet, SolvedModel, write_json};
 use crate::files::is_there;
 use crate::scene::procedural::{self, StillLife};
 use crate::source::colmap::ColmapModel;
+use crate::source::photos::own_name;
 use crate::source::{Capture, DiskCapture};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -38,10 +39,26 @@ impl CaptureStage {
     }
 }
 
+/// The steps that find the poses of a source without poses: its model, and its frames if it is a
+/// video.
+pub type SolvingInputs = Option<(StepTarget<SolvedModel>, Option<StepTarget<PictureSet>>)>;
+/// What these steps made.
+pub type SolvedInputs = Option<(SolvedModel, Option<PictureSet>)>;
+
 /// Endings of files that are not photos.
 const NO_PHOTOS: [&str; 3] = ["bin", "txt", "json"];
 
 impl CaptureStage {
+    /// The photos: those among its files, and the frames of a video.
+    ///
+    /// # Errors
+    /// The source cannot be listed.
+    pub(super) fn all_photos(&self, solved: &SolvedInputs) -> Result<Vec<SourceFile>, StageError> {
+        let mut files = self.photos()?;
+        files.extend(frames_of(solved));
+        Ok(files)
+    }
+
     /// The photos among its files.
     ///
     /// # Errors
@@ -64,7 +81,19 @@ impl CaptureStage {
         Ok(files)
     }
 
-    /// The COLMAP model from which its poses come, if there is one.
+    /// The photos and the points, each with its name in the source; those that steps made included.
+    ///
+    /// # Errors
+    /// The source cannot be listed.
+    pub(super) fn training_files(&self, solved: &SolvedInputs) -> Result<Vec<(String, PathBuf)>, StageError> {
+        let mut files = self.photos_and_points()?;
+        files.extend(frames_of(solved));
+        let points = solved.iter().map(|(model, _)| model.points.clone());
+        files.extend(points.map(|path| SourceFile { name: "points3D.bin".to_owned(), path }));
+        Ok(files.into_iter().map(|file| (file.name, file.path)).collect())
+    }
+
+    /// The COLMAP model on disk from which its poses come, if there is one.
     pub(super) fn model(&self) -> Option<ColmapModel> {
         match self {
             Self::Captured(captured) => captured.model(),
@@ -76,11 +105,15 @@ impl CaptureStage {
 impl Stage for CaptureStage {
     const NAME: &'static str = "capture";
     const REVISION: u32 = 1;
-    type Inputs = ();
+    type Inputs = SolvingInputs;
     type Output = Capture;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let Self::Captured(captured) = self else { return Ok(Vec::new()) };
+        if captured.kind.is_video() {
+            // The frames of a video are the product of a step.
+            return Ok(Vec::new());
+        }
         let root = &captured.path;
         if !is_there(root) {
             return Err(StageError::Missing { path: root.clone() });
@@ -96,14 +129,23 @@ impl Stage for CaptureStage {
         }
     }
 
-    fn run(&self, (): (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
+    fn run(&self, solved: SolvedInputs, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let (capture, warnings) = match self {
             Self::Procedural { views, arc, seed } => {
                 let still_life = StillLife { views: *views, arc: *arc, seed: *seed, ..StillLife::default() };
                 (procedural::still_capture(&still_life), Vec::new())
             }
             Self::Captured(captured) => {
-                captured.read().map_err(StageError::work_failed("read the source"))?
+                let read = match &solved {
+                    Some((model, _)) => {
+                        let photos = self.all_photos(&solved)?.into_iter();
+                        let photos: Vec<_> =
+                            photos.map(|file| (own_name(&file.name).to_owned(), file.path)).collect();
+                        captured.read_solved(&model.model, &photos)
+                    }
+                    None => captured.read(),
+                };
+                read.map_err(StageError::work_failed("read the source"))?
             }
             Self::None => (Vec::new().into(), Vec::new()),
         };
@@ -111,6 +153,12 @@ impl Stage for CaptureStage {
         let out = cx.out.join("capture.json");
         write_json(&out, &capture).map_err(StageError::io_error(&out))
     }
+}
+
+/// The frames of a video, named like photos.
+fn frames_of(solved: &SolvedInputs) -> impl Iterator<Item = SourceFile> {
+    let frames = solved.iter().flat_map(|(_, frames)| frames).flat_map(|frames| &frames.files);
+    frames.map(|(name, path)| SourceFile { name: format!("images/{name}"), path: path.clone() })
 }
 
 /// Returns true if the capture contains everything that a file of a source says.

@@ -1,7 +1,7 @@
 //! Stage `fidelity`: compares renderings of a scene with the photos of its capture. Without photos,
 //! it does nothing and creates no renderer.
 
-use super::capture::CaptureStage;
+use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, write_json};
 use crate::files;
@@ -37,7 +37,7 @@ const BYTES_A_PIXEL: u64 = 48;
 impl Stage for FidelityStage {
     const NAME: &'static str = "fidelity";
     const REVISION: u32 = 1;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>);
+    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, SolvingInputs);
     type Output = PhotoFidelity;
 
     fn class(&self) -> Option<String> {
@@ -58,10 +58,10 @@ impl Stage for FidelityStage {
 
     fn run(
         &self,
-        (capture, gaussians): (Capture, Gaussians),
+        (capture, gaussians, solved): (Capture, Gaussians, SolvedInputs),
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let photos = self.capturing.photos()?;
+        let photos = self.capturing.all_photos(&solved)?;
         let taken = views_taken(&capture, &photos);
         let picked: Vec<Taken<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
         let fidelity = measure_fidelity(&Arc::new(gaussians), (self.render, &self.backend), &picked, cx)?;

@@ -2,7 +2,7 @@
 //! `pose_colmap`, `pose_opencv` or `readback`. Its class contains the versions of the programs, so
 //! a program that is installed later is asked.
 
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget, known_program};
 use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct, write_json};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
@@ -142,30 +142,16 @@ fn numbered_pictures(pictures: PictureSet) -> Vec<TrajectoryPicture> {
     pictures.files.into_iter().filter_map(picture).collect()
 }
 
-/// Runs the programs in a separate folder that is not part of the product.
+/// Runs a program; see [`known_program`].
 fn at_desk<T>(
     name: &str,
     cx: &StageContext<'_>,
     ask: impl FnOnce(TrainingWorkspace<'_>) -> Result<Told<T>, ForeignError>,
 ) -> Result<Told<T>, StageError> {
-    cx.go_on()?;
-    // Programs work in the root folder, so their paths are absolute.
-    let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
-    std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
-    let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
-    let desk = TrainingWorkspace {
-        folder: &folder,
-        log: &log,
-        goes_on: &|| !cx.is_cancelled(),
-        programs: &cx.programs,
-    };
-    let told = ask(desk).map_err(stage_failure)?;
-    // Everything that stays below `out` becomes part of the product.
-    std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
-    Ok(told)
+    known_program(name, cx, ask, stage_failure)
 }
 
-fn stage_failure(error: ForeignError) -> StageError {
+pub(super) fn stage_failure(error: ForeignError) -> StageError {
     match error {
         ForeignError::Stopped => StageError::Cancelled,
         ForeignError::Failed(failed) => StageError::Program(failed),

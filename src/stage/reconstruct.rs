@@ -7,7 +7,7 @@ mod command;
 pub use builtin::BuiltinStage;
 pub use command::TrainingStage;
 
-use super::capture::CaptureStage;
+use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, small_stage_memory};
 use crate::artifact::{Artifact, ArtifactFiles};
 use crate::files::is_there;
@@ -112,8 +112,8 @@ impl ReconstructStage {
 impl Stage for ReconstructStage {
     const NAME: &'static str = "reconstruct";
     const REVISION: u32 = 1;
-    /// The capture, if the scene is trained on it.
-    type Inputs = Option<StepTarget<Capture>>;
+    /// The capture, if the scene is trained on it, and the steps that found its poses.
+    type Inputs = (Option<StepTarget<Capture>>, SolvingInputs);
     type Output = Gaussians;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
@@ -153,13 +153,17 @@ impl Stage for ReconstructStage {
         }
     }
 
-    fn run(&self, capture: Option<Capture>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+    fn run(
+        &self,
+        (capture, solved): (Option<Capture>, SolvedInputs),
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
         let gaussians = match self {
             Self::Command(training) => {
-                training.run(&capture.expect("a training is wired to the capture"), cx)?
+                training.run(&capture.expect("a training is wired to the capture"), &solved, cx)?
             }
             Self::Builtin(training) => {
-                training.run(&capture.expect("a training is wired to the capture"), cx)?
+                training.run(&capture.expect("a training is wired to the capture"), &solved, cx)?
             }
             Self::Procedural { gaussians, seed } => {
                 let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };

@@ -3,7 +3,7 @@
 //! The scene id is not part of the input, so findings are stored with an empty subject, as those of
 //! [`super::checks`].
 
-use super::capture::CaptureStage;
+use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::{VerdictsRecord, write_json};
 use crate::check::{CapturePhotos, Limits, SceneSubject, judge_scene};
@@ -33,7 +33,7 @@ const NO_MODEL: &str = "the source is not a COLMAP model";
 impl Stage for CheckingScene {
     const NAME: &'static str = NAME;
     const REVISION: u32 = 2;
-    type Inputs = (StepTarget<Capture>, Option<StepTarget<PhotoFidelity>>);
+    type Inputs = (StepTarget<Capture>, Option<StepTarget<PhotoFidelity>>, SolvingInputs);
     type Output = VerdictsRecord;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
@@ -47,10 +47,10 @@ impl Stage for CheckingScene {
 
     fn run(
         &self,
-        (capture, fidelity): (Capture, Option<PhotoFidelity>),
+        (capture, fidelity, solved): (Capture, Option<PhotoFidelity>, SolvedInputs),
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let model = self.capturing.model();
+        let model = solved.map(|(solved, _)| solved.model).or_else(|| self.capturing.model());
         let subject = SceneSubject {
             name: "",
             photos: count_photos(&capture, model.as_ref()),

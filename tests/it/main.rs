@@ -46,6 +46,7 @@ mod messages;
 mod no_omit;
 mod other_programs;
 mod paths;
+mod photos;
 mod pictures;
 mod planted_geometry;
 mod programs;

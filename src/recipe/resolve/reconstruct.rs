@@ -10,7 +10,10 @@ use crate::recipe::{ReconstructMethod, SceneSource, schema};
 use crate::training::{TrainingGoal, TrainingSettings};
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
-const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
+const TRAINED: &str =
+    "or have it trained: reconstruct: { builtin: {} }, or with a program, reconstruct: { command: { … } }";
+const BUILTIN: &str =
+    "write reconstruct: { builtin: {} }, or name a program: reconstruct: { command: { … } }";
 
 /// The parts of a recipe that decide whether it has Gaussians and which ones.
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +38,9 @@ impl Resolver<'_> {
             (Field::Absent, Some(_)) if !renders => Some(None),
             (Field::Absent, Some(SceneSource::Captured(captured, _))) if captured.kind.has_gaussians() => {
                 Some(Some(ReconstructMethod::Newest(captured.path.clone())))
+            }
+            (Field::Absent, Some(source)) if source.runs_programs() => {
+                self.refuse(FieldProblem::missing_field("reconstruct").help(BUILTIN).at(self.root))
             }
             (Field::Absent, Some(SceneSource::Captured(..))) => {
                 let help = format!("{GIVEN}, the scene file that was trained on this source, {TRAINED}");
@@ -62,6 +68,12 @@ impl Resolver<'_> {
                 if without_photos && is_trained {
                     let problem = FieldProblem::of_key("trains on photos, and this source has none");
                     return self.refuse(problem.help(GIVEN).at(*place));
+                }
+                if !is_trained && source.is_some_and(SceneSource::runs_programs) {
+                    let problem = FieldProblem::of_key(
+                        "names a scene in a world of its own: the poses of this source are found in another one",
+                    );
+                    return self.refuse(problem.help(BUILTIN).at(*place));
                 }
                 Some(Some(reconstruct))
             }

@@ -8,6 +8,7 @@ use crate::recipe::text::TextSpan;
 use crate::recipe::{SceneSource, UpstreamOrigin, forms, schema};
 use crate::scene::procedural::StillLife;
 use crate::source::kind::CaptureKind;
+use crate::source::solving::{FramePicking, PoseSolving};
 use crate::source::{self, DiskCapture, PoseFile, ViewSelection};
 use std::path::PathBuf;
 
@@ -16,8 +17,8 @@ const MAX_VIEWS: u32 = 1_000_000;
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::SourceSection>) -> Option<SceneSource> {
-        let help = "write source: { procedural: { kind: still-life } }, or colmap, nerfstudio, model, mvimgnet or dl3dv with \
-                    a path, or none";
+        let help = "write source: { procedural: { kind: still-life } }, or photos, video, colmap, nerfstudio, model, \
+                    mvimgnet or dl3dv with a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
         match (source, source.capture()) {
             (_, Some((kind, raw))) => self.captured(kind, raw),
@@ -50,8 +51,9 @@ impl Resolver<'_> {
         let accessed = self.formed(&raw.accessed, forms::DAY);
         let accepted = raw.terms_accepted.given().map(|(accepted, _)| *accepted);
         let terms_accepted = (accepted.is_some() || raw.terms_accepted.is_absent()).then_some(accepted);
+        let solving = self.solving(kind, raw);
         let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
-        let captured = DiskCapture { kind, path: path?, selection };
+        let captured = DiskCapture { kind, path: path?, selection, solving: solving? };
         // Statements of the recipe win over values that the folders reveal.
         let known = UpstreamOrigin::from_capture(&captured);
         let upstream = UpstreamOrigin {
@@ -61,6 +63,57 @@ impl Resolver<'_> {
             terms_accepted: terms_accepted?,
         };
         Some(SceneSource::Captured(captured, upstream))
+    }
+
+    /// Resolves the search for poses, which only sources without poses have.
+    fn solving(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Option<PoseSolving>> {
+        let is_video = kind.is_video();
+        let of_poses = [
+            raw.lens.place(),
+            raw.features.place(),
+            raw.pairs.place(),
+            raw.vocabulary.place(),
+            raw.registered.place(),
+        ];
+        let of_frames = [raw.every.place(), raw.sharpness.place()];
+        let unused = of_poses.iter().filter(|_| !kind.needs_poses());
+        let unused: Vec<TextSpan> =
+            unused.chain(of_frames.iter().filter(|_| !is_video)).copied().flatten().collect();
+        for place in &unused {
+            let which = if kind.needs_poses() { "a video" } else { "photos without poses or a video" };
+            let problem = FieldProblem::of_key(format!("applies only to a source of {which}"));
+            self.refuse::<()>(problem.help("remove it").at(*place));
+        }
+        if !unused.is_empty() {
+            return None;
+        }
+        if !kind.needs_poses() {
+            return Some(None);
+        }
+        let plain = PoseSolving::default();
+        let vocabulary = match &raw.vocabulary {
+            Field::Absent => Some(None),
+            given => self.path(given, self.root).map(Some),
+        };
+        let pairs = match &raw.pairs {
+            Field::Absent => Some(None),
+            given => given.given().map(|(pairs, _)| Some(*pairs)),
+        };
+        let lens = self.or(&raw.lens, plain.lens);
+        let features = self.small(&raw.features, plain.features, WholeRange::new(256, 65_536));
+        let registered = self.real(&raw.registered, plain.registered, RealRange::new(0.0, 1.0));
+        let frames = FramePicking::default();
+        let every = self.small(&raw.every, frames.every, WholeRange::new(1, 1_000_000));
+        let sharpness = self.real(&raw.sharpness, frames.sharpness, RealRange::new(0.0, 1.0));
+        let frames = FramePicking { every: every?, sharpness: sharpness? };
+        Some(Some(PoseSolving {
+            lens: lens?,
+            features: features?,
+            pairs: pairs?,
+            vocabulary: vocabulary?,
+            registered: registered?,
+            frames: is_video.then_some(frames),
+        }))
     }
 
     /// Resolves the patterns of excluded names. By default, the known leftover files of the dataset

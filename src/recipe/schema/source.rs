@@ -3,6 +3,7 @@
 use crate::recipe::field::Field;
 use crate::source::PoseFile;
 use crate::source::kind::CaptureKind;
+use crate::source::solving::{PairRule, SolvedLens};
 use serde::Deserialize;
 
 /// Kind of the source, with its parameters.
@@ -21,6 +22,10 @@ pub(in crate::recipe) enum SourceSection {
     Dl3dv(Field<FolderSection>),
     /// A 3DGS model folder with a `cameras.json`.
     Model(Field<FolderSection>),
+    /// A folder of photos without poses, JPEG or PNG. COLMAP finds the poses.
+    Photos(Field<FolderSection>),
+    /// A video. ffmpeg takes frames from it, and COLMAP finds their poses.
+    Video(Field<FolderSection>),
     /// No capture: `source: none`. The scene file, the camera, and an orbit or key poses come from
     /// the recipe.
     None,
@@ -63,6 +68,24 @@ pub(in crate::recipe) struct FolderSection {
     pub exclude: Field<Vec<Field<String>>>,
     /// Source of the poses; `dl3dv` only. Default: the COLMAP model if there is one.
     pub poses: Field<PoseFile>,
+    /// Camera model that COLMAP fits; `photos` and `video` only. Default: `opencv`.
+    pub lens: Field<SolvedLens>,
+    /// Number of key points per photo, at most; `photos` and `video` only. Default: `4096`.
+    pub features: Field<u64>,
+    /// Pairs of photos that are matched; `photos` and `video` only. Default: all pairs of fewer than
+    /// 200 photos; otherwise each photo with the 10 that follow it, and with others at distances
+    /// that double.
+    pub pairs: Field<PairRule>,
+    /// Vocabulary tree of COLMAP, relative to the recipe; `photos` and `video` only. With it, COLMAP
+    /// also matches photos of a place that is seen again later. Default: none.
+    pub vocabulary: Field<String>,
+    /// Minimum share of the photos that must get a pose; `photos` and `video` only. Default: `0.5`.
+    pub registered: Field<f64>,
+    /// Spacing of the frames that are taken: every n-th one; `video` only. Default: `10`.
+    pub every: Field<u64>,
+    /// Minimum sharpness of a frame, relative to the median of its neighbours; `video` only.
+    /// Default: `0.5`.
+    pub sharpness: Field<f64>,
     /// Name of the scene in its dataset; enters `scene.json`, and no key. Default: read from the
     /// folders for `mvimgnet` and `dl3dv`.
     pub upstream_id: Field<String>,
@@ -84,13 +107,20 @@ impl SourceSection {
             Self::Mvimgnet(folder) => (CaptureKind::Mvimgnet, folder),
             Self::Dl3dv(folder) => (CaptureKind::Dl3dv, folder),
             Self::Model(folder) => (CaptureKind::Model, folder),
+            Self::Photos(folder) => (CaptureKind::Photos, folder),
+            Self::Video(folder) => (CaptureKind::Video, folder),
             Self::Procedural(_) | Self::None => return None,
         })
     }
 
-    /// Path of a capture as written.
-    pub(in crate::recipe) fn path(&self) -> Option<&str> {
+    /// Path of a capture and of a vocabulary tree as written.
+    pub(in crate::recipe) fn paths(&self) -> Option<(Option<&str>, Option<&str>)> {
         let (_, folder) = self.capture()?;
-        folder.given()?.0.path.given().map(|(path, _)| path.as_str())
+        let (folder, _) = folder.given()?;
+        Some((text_of(&folder.path), text_of(&folder.vocabulary)))
     }
+}
+
+fn text_of(field: &Field<String>) -> Option<&str> {
+    field.given().map(|(text, _)| text.as_str())
 }

@@ -108,6 +108,25 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, Sou
     Ok(points)
 }
 
+/// Returns the images of a file with other names, every other byte unchanged.
+pub(super) fn rename_images(path: &Path, name_of: &dyn Fn(&str) -> String) -> Result<Vec<u8>, SourceError> {
+    let data = load_bytes(path)?;
+    let mut bytes = BinaryCursor::new(path, &data);
+    let mut renamed = data.get(..8).unwrap_or_default().to_vec();
+    bytes.records("image", IMAGE_BYTES, |bytes| {
+        // Id, pose and camera.
+        renamed.extend_from_slice(bytes.take(4 + 56 + 4)?);
+        renamed.extend_from_slice(name_of(&bytes.name()?).as_bytes());
+        renamed.push(0);
+        let start = bytes.at;
+        let count = bytes.count(OBSERVATION_BYTES)?;
+        bytes.take(count * OBSERVATION_BYTES)?;
+        renamed.extend_from_slice(&data[start..bytes.at]);
+        Ok(())
+    })?;
+    Ok(renamed)
+}
+
 /// Reads the number of records that a file states.
 pub(super) fn count_records(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();

@@ -3,7 +3,7 @@
 use crate::artifact::{TRAINING_FILE, write_json};
 use crate::scene::Gaussians;
 use crate::source::Capture;
-use crate::stage::capture::CaptureStage;
+use crate::stage::capture::{CaptureStage, SolvedInputs};
 use crate::stage::{SourceFile, Stage as _, StageContext, StageError, StepNeed};
 use crate::training::{
     self, CheckpointFile, LAWS, TrainedGaussians, TrainingEnd, TrainingError, TrainingNews, TrainingSettings,
@@ -42,9 +42,13 @@ impl BuiltinStage {
         StepNeed::for_parts([training::memory_needed(&self.settings, &capture.views)])
     }
 
-    pub(super) fn run(&self, capture: &Capture, cx: &mut StageContext<'_>) -> Result<Gaussians, StageError> {
-        let files: Vec<(String, PathBuf)> =
-            self.sources()?.into_iter().map(|file| (file.name, file.path)).collect();
+    pub(super) fn run(
+        &self,
+        capture: &Capture,
+        solved: &SolvedInputs,
+        cx: &mut StageContext<'_>,
+    ) -> Result<Gaussians, StageError> {
+        let files = self.source.training_files(solved)?;
         let state = cx.resumable()?;
         let (goes_on, progress, mut again) = (|| !cx.is_cancelled(), cx.progress, None);
         let mut news = |news: &TrainingNews| match news {

@@ -7,7 +7,7 @@ use crate::render::backend::Backend;
 use crate::render::fidelity::held_out;
 use crate::scene::Gaussians;
 use crate::source::Capture;
-use crate::stage::capture::CaptureStage;
+use crate::stage::capture::{CaptureStage, SolvedInputs};
 use crate::stage::fidelity::{measure_fidelity, views_taken};
 use crate::stage::{SourceFile, Stage, StageContext, StageError};
 use serde::Serialize;
@@ -55,19 +55,19 @@ impl TrainingStage {
         self.command.lines()
     }
 
-    pub(super) fn run(&self, capture: &Capture, cx: &mut StageContext<'_>) -> Result<Gaussians, StageError> {
+    pub(super) fn run(
+        &self,
+        capture: &Capture,
+        solved: &SolvedInputs,
+        cx: &mut StageContext<'_>,
+    ) -> Result<Gaussians, StageError> {
         if !cx.allows_commands {
             return Err(StageError::Refused { programs: self.programs() });
         }
         let folder = cx.out.join("training");
         std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
         let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
-        let files = self
-            .source
-            .photos_and_points()?
-            .into_iter()
-            .map(|file| (file.name, file.path))
-            .collect::<Vec<_>>();
+        let files = self.source.training_files(solved)?;
         let desk = TrainingWorkspace {
             folder: &folder,
             log: &log,
@@ -79,7 +79,7 @@ impl TrainingStage {
         // Nothing in this folder is part of the product.
         std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
         let gaussians = Arc::new(gaussians);
-        self.hold(capture, &gaussians, cx)?;
+        self.hold((capture, solved), &gaussians, cx)?;
         if without_photo > 0 {
             cx.warnings
                 .push(format!("{without_photo} views were not used for training: their photos are missing"));
@@ -91,11 +91,11 @@ impl TrainingStage {
     /// renders on the CPU, because the decision to keep a scene must not depend on the machine.
     fn hold(
         &self,
-        capture: &Capture,
+        (capture, solved): (&Capture, &SolvedInputs),
         gaussians: &Arc<Gaussians>,
         cx: &StageContext<'_>,
     ) -> Result<(), StageError> {
-        let photos = self.source.photos()?;
+        let photos = self.source.all_photos(solved)?;
         let mut taken = views_taken(capture, &photos);
         taken.retain(|(i, ..)| held_out(*i));
         let fidelity = measure_fidelity(gaussians, (self.render, &Backend::Cpu), &taken, cx)?;

@@ -1,0 +1,128 @@
+//! Stage `poses`: finds the poses of photos or of the frames of a video with COLMAP. Its class is the
+//! version of COLMAP. Later steps depend on the bytes of the model only.
+
+use super::capture::CaptureStage;
+use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, known_program};
+use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
+use crate::foreign::photos::{PoseError, SolvedPhotos, solve_photos};
+use crate::foreign::versions::VersionQuery;
+use crate::source::DiskCapture;
+use crate::source::photos::own_name;
+use crate::source::solving::PoseSolving;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Parameters: the settings of the search.
+#[derive(Debug, Serialize)]
+pub struct PosesStage {
+    /// The settings.
+    #[serde(flatten)]
+    pub solving: PoseSolving,
+    /// The photos, unless they are an input.
+    #[serde(skip)]
+    pub capturing: DiskCapture,
+    /// The version of COLMAP, if it is known.
+    #[serde(skip)]
+    pub version: Option<String>,
+}
+
+/// Memory of COLMAP with one large photo, bytes: SIFT doubles a photo of 3,200 px.
+const BYTES: u64 = 2 << 30;
+/// Bytes per photo and key point: a descriptor in 16 bits, and what is matched.
+const BYTES_A_KEY_POINT: u64 = 320;
+
+impl PosesStage {
+    /// The photos on disk, without excluded ones; none if the source is a video.
+    fn photos(&self) -> Result<Vec<SourceFile>, StageError> {
+        let is_given = self.capturing.is_given();
+        let mut files = CaptureStage::Captured(self.capturing.clone()).sources()?;
+        files.retain(|file| is_given(own_name(&file.name)));
+        Ok(files)
+    }
+}
+
+impl Stage for PosesStage {
+    const NAME: &'static str = "poses";
+    const REVISION: u32 = 1;
+    /// The frames, if the source is a video.
+    type Inputs = Option<StepTarget<PictureSet>>;
+    type Output = SolvedModel;
+
+    fn class(&self) -> Option<String> {
+        self.version.clone()
+    }
+
+    fn unasked(&self) -> Option<&'static str> {
+        self.version.is_none().then(|| VersionQuery::Colmap.name())
+    }
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let mut files = self.photos()?;
+        let tree = self.solving.vocabulary.iter();
+        files.extend(tree.map(|path| SourceFile { name: "vocabulary tree".to_owned(), path: path.clone() }));
+        Ok(files)
+    }
+
+    fn source_folders(&self) -> Vec<PathBuf> {
+        self.capturing.folders()
+    }
+
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
+        let frames = files.first().map_or(0, |frames| frames.iter().count());
+        let photos = self.photos().map_or(0, |photos| photos.len()) + frames;
+        let key_points = photos as u64 * u64::from(self.solving.features);
+        StepNeed::for_parts([BYTES, key_points * BYTES_A_KEY_POINT])
+    }
+
+    fn runs_known_programs(&self) -> bool {
+        true
+    }
+
+    fn run(&self, frames: Option<PictureSet>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let on_disk = self.photos()?.into_iter().map(|file| (own_name(&file.name).to_owned(), file.path));
+        let photos: Vec<(String, PathBuf)> = match frames {
+            Some(frames) => frames.files,
+            None => on_disk.collect(),
+        };
+        let solve = |desk: crate::reconstruct::TrainingWorkspace<'_>| {
+            solve_photos(&photos, &self.solving, cx.out, desk)
+        };
+        let solved = known_program("colmap", cx, solve, stage_failure)?;
+        report(&solved, cx);
+        Ok(())
+    }
+}
+
+/// Adds what a user should know about a model.
+fn report(solved: &SolvedPhotos, cx: &mut StageContext<'_>) {
+    let SolvedPhotos { given, models, reprojection_px, cameras } = solved;
+    let registered = models.first().copied().unwrap_or_default();
+    let error = reprojection_px.map_or_else(String::new, |px| format!(", {px:.2} px"));
+    cx.remark = Some(format!("{registered} of {given} photos{error}"));
+    if let [_, others @ ..] = &models[..]
+        && !others.is_empty()
+    {
+        let sizes: Vec<String> = others.iter().map(usize::to_string).collect();
+        cx.warnings.push(format!(
+            "COLMAP made {} models: the one with {registered} of {given} photos is used; the others have {}",
+            models.len(),
+            sizes.join(", ")
+        ));
+    }
+    if registered < *given {
+        let left = given - registered;
+        cx.warnings.push(format!(
+            "{left} of {given} photos have no pose, because COLMAP could not place them; scene.json lists them"
+        ));
+    }
+    if *cameras > 1 {
+        cx.warnings.push(format!("the photos are of {cameras} cameras, by size, camera and focal length"));
+    }
+}
+
+fn stage_failure(error: PoseError) -> StageError {
+    match error {
+        PoseError::Program(error) => super::foreign::stage_failure(error),
+        error => StageError::work_failed("find the poses of the photos")(error),
+    }
+}
