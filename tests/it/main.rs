@@ -9,6 +9,7 @@ mod checks;
 mod cli;
 mod codecs;
 mod command;
+mod completions;
 mod convert;
 mod convert_events;
 mod croissant;
