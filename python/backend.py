@@ -6,15 +6,27 @@ exit codes and start-up time are the same as those of `cargo install`: Python wo
 and the program starts its own file again to supervise other programs.
 """
 
+import json
 import os
 import shlex
 import shutil
 import subprocess
+import sys
 
 from maturin import *  # noqa: F403: the hooks of the backend
 import maturin
 
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_SCRIPTS = os.path.join(_ROOT, "target", "wheel", "scripts")
+
+
+def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
+    # The metadata does not depend on the program, but maturin looks for the folder.
+    os.makedirs(_SCRIPTS, exist_ok=True)
+    return maturin.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
+
+
+prepare_metadata_for_build_editable = prepare_metadata_for_build_wheel
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
@@ -38,10 +50,9 @@ def build_program(arguments):
     if "target" in chosen:
         command += ["--target", chosen["target"]]
     built = subprocess.run(command, cwd=_ROOT, check=True, stdout=subprocess.PIPE, text=True)
-    scripts = os.path.join(_ROOT, "target", "wheel", "scripts")
-    shutil.rmtree(scripts, ignore_errors=True)
-    os.makedirs(scripts)
-    shutil.copy(_executable(built.stdout), scripts)
+    shutil.rmtree(_SCRIPTS, ignore_errors=True)
+    os.makedirs(_SCRIPTS)
+    shutil.copy(_executable(built.stdout), _SCRIPTS)
 
 
 def _chosen(arguments):
@@ -57,12 +68,10 @@ def _chosen(arguments):
 
 def _executable(messages):
     """The path that cargo names for the program."""
-    import json
-
-    found = [json.loads(line).get("executable") for line in messages.splitlines()]
-    return next(path for path in found if path)
+    found = [message for message in map(json.loads, messages.splitlines()) if message.get("executable")]
+    return next(message["executable"] for message in found if message["target"]["name"] == "gs2e")
 
 
 if __name__ == "__main__":
     # Before a plain `maturin build`: `python python/backend.py [--profile dev]`.
-    build_program(shlex.split(os.environ.get("MATURIN_PEP517_ARGS", "")) + __import__("sys").argv[1:])
+    build_program(shlex.split(os.environ.get("MATURIN_PEP517_ARGS", "")) + sys.argv[1:])

@@ -51,3 +51,7 @@ class RecipeError(ValueError):
     @property
     def help(self) -> str | None:
         return self.faults[0].help if self.faults else None
+
+
+# Users catch `gs2e.RecipeError`, so that is its name in messages.
+RecipeError.__module__ = "gs2e"

@@ -29,7 +29,7 @@ class Sensor:
     >>> Sensor({"esim": {"treshold": {}}})
     Traceback (most recent call last):
         ...
-    gs2e._errors.RecipeError: sensor:1:11: unknown field "treshold"
+    gs2e.RecipeError: sensor:1:11: unknown field "treshold"
     """
 
     NAMES = tuple(_native.Sensor.names())

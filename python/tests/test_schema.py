@@ -16,7 +16,14 @@ def faults(program):
     schema = json.loads(program("schema").stdout)
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    return lambda text: [error.message for error in validator.iter_errors(yaml.safe_load(text))]
+    loader = type("Loader", (yaml.SafeLoader,), {})
+    # PyYAML reads YAML 1.1, where `on` and `off` are truth values. In YAML 1.2, as in the program, they are texts.
+    resolvers = yaml.SafeLoader.yaml_implicit_resolvers
+    loader.yaml_implicit_resolvers = {
+        first: [(tag, pattern) for tag, pattern in found if tag != "tag:yaml.org,2002:bool" or first in "tTfF"]
+        for first, found in resolvers.items()
+    }
+    return lambda text: [error.message for error in validator.iter_errors(yaml.load(text, loader))]
 
 
 def test_the_shipped_recipes_are_accepted(faults):

@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 /// The schema as the file holds it.
 pub(super) fn text(krate: &Crate) -> String {
     let mut defs = Map::new();
-    let mut root = object(krate, krate.recipe(), &mut defs);
+    let mut root = Value::Object(object(krate, krate.recipe(), &mut defs));
     root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     root["title"] = json!("Recipe of gs2e");
     root["properties"]["checks"] = checks(krate);
@@ -20,7 +20,7 @@ pub(super) fn text(krate: &Crate) -> String {
     // Pairs of keys of which a recipe has one.
     root["not"] = json!({ "required": ["sensor", "sensors"] });
     root["$defs"] = Value::Object(defs);
-    format!("{:#}\n", Value::Object(root))
+    format!("{root:#}\n")
 }
 
 /// A mapping with its keys.
