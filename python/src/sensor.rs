@@ -83,7 +83,7 @@ impl Sensor {
     /// The sensor with other contrast thresholds, ON and OFF.
     fn with_contrast(&self, on: f64, off: f64) -> PyResult<Self> {
         if [on, off].iter().all(|value| *value > 0.0 && value.is_finite()) {
-            return Ok(Self(self.0.with_contrast(on, off)));
+            return Ok(Self(self.0.as_model().with_contrast(on, off)));
         }
         Err(PyValueError::new_err(format!("threshold is ({on}, {off}), wanted numbers above 0")))
     }

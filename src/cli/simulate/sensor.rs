@@ -34,7 +34,7 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
 /// Applies the contrast thresholds.
 fn with_threshold(sensor: SensorChoice, asked: &SimulateArgs) -> SensorChoice {
     match asked.threshold {
-        Some((on, off)) => sensor.with_contrast(on, off),
+        Some((on, off)) => sensor.as_model().with_contrast(on, off),
         None => sensor,
     }
 }
