@@ -9,6 +9,7 @@ mod build;
 mod check;
 mod clock;
 mod commands;
+mod completions;
 mod console;
 mod convert;
 mod diff;
@@ -46,7 +47,7 @@ use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, GpuDevice, GpuError};
 use crate::run::backends::{AutoRenderers, RendererChoice, RendererKind};
-use crate::{escape, files};
+use crate::{escape, files, recipe};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
@@ -110,6 +111,10 @@ enum VerbCommand {
     Train(train::TrainArgs),
     /// Compute the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::TrajectoryArgs),
+    /// Print the JSON Schema of recipes, for editors
+    Schema,
+    /// Print the completions of a shell
+    Completions(completions::CompletionsArgs),
 }
 
 /// Options of every verb.
@@ -451,6 +456,11 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Study(verb) => verb.run(common, console),
         VerbCommand::Train(verb) => verb.run(common, console),
         VerbCommand::Trajectory(verb) => verb.run(common, console),
+        VerbCommand::Schema => {
+            console.text(recipe::JSON_SCHEMA);
+            Ok(ExitKind::Done)
+        }
+        VerbCommand::Completions(verb) => Ok(verb.run(console)),
     }
 }
 

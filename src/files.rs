@@ -5,8 +5,10 @@
 //! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
 //! absent: a dangling link, a loop or a folder without permission is an error.
 
+pub(crate) mod beside;
 mod walk;
 
+pub use beside::write_beside;
 pub use walk::{FolderWalk, MAX_DEPTH, MAX_ENTRIES, WalkError};
 
 use std::fs::{self, File};

@@ -3,9 +3,11 @@
 pub mod anchors;
 pub mod array;
 pub mod folder;
+pub mod motion;
 pub mod npy;
 pub mod rendered;
 pub mod stamps;
+pub mod video;
 
 use crate::image::{Image, Size};
 use crate::units::Timestamp;
@@ -85,7 +87,10 @@ pub trait FrameSequence {
 
 /// Checks that all values of an image are finite. The error has the first that is not; `what` names
 /// the values.
-fn require_finite(index: usize, what: &str, image: Image<f32>) -> Result<Image<f32>, FrameError> {
+///
+/// # Errors
+/// A value is infinite or not a number.
+pub fn require_finite(index: usize, what: &str, image: Image<f32>) -> Result<Image<f32>, FrameError> {
     let Some(bad) = image.pixels().iter().position(|v| !v.is_finite()) else { return Ok(image) };
     let width = image.size().width as usize;
     let because = format!("{what} ({}, {}) is {}", bad % width, bad / width, image.pixels()[bad]);

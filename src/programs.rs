@@ -11,10 +11,12 @@
 //! a `kill -9` of the build, in a folder that the next build deletes.
 
 mod log;
+mod piped;
 mod process;
 mod quoted;
 mod report;
 
+pub use piped::PipedProgram;
 pub use process::{EndKind, ProgramCall, ProgramEnd, ProgramFailure, run, run_within};
 pub use quoted::quoted;
 pub use report::{NoReport, ProgramReport};

@@ -33,7 +33,7 @@ pub use beside::{
 pub use edits::{RecipeEdit, find_edits};
 pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
-pub use fragment::{TrajectoryFragment, read_fragment, read_sensor};
+pub use fragment::{TrajectoryFragment, read_fragment, read_sensor, sensor_from_text};
 pub use output::{OutputKind, PictureSpacing};
 pub use source::SceneSource;
 pub use upstream::UpstreamOrigin;
@@ -55,6 +55,9 @@ use crate::units::Hertz;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
+
+/// The JSON Schema (draft 2020-12) of a recipe, with the words of `docs/recipe.md`.
+pub const JSON_SCHEMA: &str = include_str!("recipe/recipe.schema.json");
 
 /// A scene and everything that is made of it.
 #[derive(Debug, Clone, PartialEq)]

@@ -118,6 +118,11 @@ impl Console {
         self.writing().results(|out| writeln!(out, "{}", escape::line(line)));
     }
 
+    /// Prints a text of this program, which ends in a line break, on stdout.
+    pub(super) fn text(&self, text: &str) {
+        self.writing().results(|out| write!(out, "{text}"));
+    }
+
     /// Prints a message for people, even if the user asked for quiet, and for programs.
     pub(super) fn tell(&self, message: &UserMessage) {
         if self.json {

@@ -5,9 +5,9 @@ mod picture;
 
 use super::console::{Console, path};
 use super::message::{MessageLevel, UserMessage};
-use super::output::{self, write_beside};
+use super::output;
 use super::problem::{ExitKind, VerbError};
-use crate::files;
+use crate::files::{self, write_beside};
 use crate::scene::form::{FormatLoss, SceneFormat};
 use crate::scene::{self, Gaussians, SceneError, ply};
 use crate::units::format_amount;

@@ -6,11 +6,10 @@
 
 use super::problem::VerbError;
 use crate::files;
+use crate::files::beside::{PartialFile, link_target, parent_folder};
 use crate::store::space::is_full;
 use std::collections::BTreeSet;
-use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 /// The path that means stdout.
@@ -71,9 +70,8 @@ pub(super) fn screen_outputs<'a>(
 pub(super) fn write_outputs(outputs: &[OutputFile<'_>]) -> Result<(), VerbError> {
     let mut parts = Vec::new();
     // Files are written first: a printed output cannot be taken back if a file fails.
-    for (number, OutputFile { path, fill }) in outputs.iter().enumerate().filter(|(_, o)| !is_stdout(o.path))
-    {
-        parts.push(PartialFile::write_part(path, number, fill).map_err(|e| unwritable_file(path, e))?);
+    for OutputFile { path, fill } in outputs.iter().filter(|o| !is_stdout(o.path)) {
+        parts.push(PartialFile::write_part(path, fill).map_err(|e| unwritable_file(path, e))?);
     }
     for OutputFile { path, fill } in outputs.iter().filter(|o| is_stdout(o.path)) {
         match print_to(fill) {
@@ -83,7 +81,7 @@ pub(super) fn write_outputs(outputs: &[OutputFile<'_>]) -> Result<(), VerbError>
         }
     }
     parts.into_iter().try_for_each(|part| {
-        let path = part.path.clone();
+        let path = part.path().to_owned();
         part.finish().map_err(|e| unwritable_file(&path, e))
     })
 }
@@ -99,85 +97,4 @@ fn print_to(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     fill(&mut out)?;
     out.flush()
-}
-
-/// Writes a file whole or not at all: under a temporary name in its folder, then under its own.
-pub(super) fn write_beside<E: From<io::Error>>(
-    path: &Path,
-    fill: impl FnOnce(&Path) -> Result<(), E>,
-) -> Result<(), E> {
-    let part = PartialFile::new(path, 0)?;
-    fill(&part.temporary)?;
-    // Without the sync, a power cut could leave an empty file under the final name.
-    files::open(&part.temporary)?.sync_all()?;
-    Ok(part.finish()?)
-}
-
-/// Maximum number of links followed to a target. Linux follows no more.
-const MAX_LINKS: usize = 40;
-
-/// The target of a path with all links followed, even if nothing is there yet.
-fn link_target(path: &Path) -> PathBuf {
-    let mut place = path.to_owned();
-    for _ in 0..MAX_LINKS {
-        let Ok(to) = fs::read_link(&place) else { break };
-        place = parent_folder(&place).join(to);
-    }
-    // Without the file, its folder can still be resolved.
-    let in_folder = || Some(parent_folder(&place).canonicalize().ok()?.join(place.file_name()?));
-    place.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| place.clone())
-}
-
-/// The folder of a file, as a path that the system accepts. The parent of a bare name is the empty
-/// path, which the system does not accept.
-fn parent_folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// A file that is being written under a temporary name. It is removed when it is dropped
-/// unfinished.
-struct PartialFile {
-    temporary: PathBuf,
-    path: PathBuf,
-}
-
-impl PartialFile {
-    /// Prepares a part without content.
-    fn new(path: &Path, number: usize) -> io::Result<Self> {
-        let path = link_target(path);
-        files::replaceable(&path)?;
-        // In the same folder, because a rename does not cross file systems. The number separates
-        // the outputs of one process.
-        let temporary = parent_folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
-        // An earlier process with this id may have been killed.
-        let _ = fs::remove_file(&temporary);
-        Ok(Self { temporary, path })
-    }
-
-    fn write_part(
-        path: &Path,
-        number: usize,
-        fill: &dyn Fn(&mut dyn Write) -> io::Result<()>,
-    ) -> io::Result<Self> {
-        let part = Self::new(path, number)?;
-        let mut out = BufWriter::new(File::create_new(&part.temporary)?);
-        fill(&mut out)?;
-        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-        Ok(part)
-    }
-
-    fn finish(self) -> io::Result<()> {
-        // Another file may have been created there while this one was written.
-        if let Some(mode) = files::replaceable(&self.path)? {
-            fs::set_permissions(&self.temporary, fs::Permissions::from_mode(mode))?;
-        }
-        fs::rename(&self.temporary, &self.path)
-    }
-}
-
-impl Drop for PartialFile {
-    fn drop(&mut self) {
-        // The first error is the one to report, and a finished file has another name by now.
-        let _ = fs::remove_file(&self.temporary);
-    }
 }

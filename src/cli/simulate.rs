@@ -10,18 +10,19 @@ use super::CommonArgs;
 use super::console::Console;
 use super::convert::events::RawCodec;
 use super::message::{MessageLevel, UserMessage};
-use super::output::{self, unwritable_file, write_beside};
+use super::output::{self, unwritable_file};
 use super::problem::{ExitKind, VerbError};
-use crate::event::file::{self, EventFile, EventFormat};
-use crate::event::{Event, EventFileError, EventSink, LawStamp, StreamHeader, h5};
-use crate::files::is_there;
-use crate::frames::FrameError;
+use crate::event::file::{EventFile, EventFormat};
+use crate::event::{Event, EventFileError, EventSink, h5};
+use crate::files::{is_there, write_beside};
 use crate::frames::array::FullScale;
+use crate::frames::motion::EdgeMotion;
+use crate::frames::{DenseFrame, FrameError};
 use crate::seed::Seed;
 use crate::sensor::front_end::{ChannelDecode, GreyRange, LuminanceWeights};
 use crate::sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind};
 use crate::sensor::{
-    SensorChannel, SensorChoice, SensorError, SimulateError, SimulationAccount, simulate_all,
+    SensorChannel, SensorChoice, SensorError, SimulateError, SimulatedStream, SimulationAccount, simulate_all,
 };
 use crate::units::Hertz;
 use account::SimulateReport;
@@ -39,8 +40,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(super) struct SimulateArgs {
     /// Frames: a .npy [N, H, W] of uint8 or float32, a folder of images, or a folder with
     /// DVS-Voltmeter's info.txt
-    #[arg(long, value_name = "FILE or DIR")]
-    frames: PathBuf,
+    #[arg(long, value_name = "FILE or DIR", required_unless_present = "video")]
+    frames: Option<PathBuf>,
+    /// Video, decoded by the program ffmpeg, with the stamps of its frames
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["frames", "rates", "stamps", "fps", "full_scale"])]
+    video: Option<PathBuf>,
     /// Change of luminance per second on the frames' own scale, for hermite: a .npy [N, H, W] of
     /// float32
     #[arg(long, value_name = "FILE")]
@@ -51,9 +55,13 @@ pub(super) struct SimulateArgs {
     /// Frames per second, if there are no stamps, such as 30 or 30000/1001
     #[arg(long, value_name = "N", value_parser = sequence::parse_rate)]
     fps: Option<Hertz>,
-    /// Recipe, file with the content of a recipe's `sensor`, or preset: dvs346, dvs240, gs2e-si
+    /// Recipe, one of its sensors as recipe.yaml:name, file with the content of a recipe's
+    /// `sensor`, or preset: dvs346, dvs240, gs2e-si, v2e-noisy, v2e-clean, esim
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
+    /// Contrast thresholds: the change of ln(brightness) that makes an event [default: the sensor's]
+    #[arg(long, value_name = "C or ON,OFF", value_parser = sensor::parse_threshold)]
+    threshold: Option<(f64, f64)>,
     /// Sampler: exact or official [default: the sensor's]
     #[arg(long, value_parser = parse_word::<SamplerKind>)]
     law: Option<SamplerKind>,
@@ -112,11 +120,33 @@ fn parse_word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
 }
 
+/// The frames that the user names.
+enum SimulateInput<'a> {
+    Frames(&'a Path),
+    Video(&'a Path),
+}
+
 impl SimulateArgs {
+    fn input(&self) -> SimulateInput<'_> {
+        match (&self.frames, &self.video) {
+            (_, Some(video)) => SimulateInput::Video(video),
+            (Some(frames), None) => SimulateInput::Frames(frames),
+            (None, None) => unreachable!("the parser requires one of them"),
+        }
+    }
+
+    /// Path of the frames or of the video.
+    fn input_path(&self) -> &Path {
+        match self.input() {
+            SimulateInput::Frames(path) | SimulateInput::Video(path) => path,
+        }
+    }
+
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let sensor_file = Some(Path::new(&self.sensor)).filter(|path| is_there(path));
+        let sensor_file = sensor_file.or(sensor::named_in_recipe(&self.sensor).map(|(path, _)| path));
         let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
-        let inputs = optional.into_iter().flatten().chain([self.frames.as_path()]);
+        let inputs = optional.into_iter().flatten().chain([self.input_path()]);
         output::screen_outputs([self.out.as_path()], inputs, console.json)?;
         let format = EventFormat::for_path(&self.out, self.codec.into()).ok_or_else(|| {
             let what = format!("{}: not an event format", self.out.display());
@@ -126,7 +156,7 @@ impl SimulateArgs {
         // Interrupts are caught before a file exists that an interrupt could leave behind.
         let stop = super::on_interrupt()?;
         let sensor = sensor::choose_sensor(&self)?;
-        let mut sequence = StampedFrames::open_inputs(&self)?;
+        let mut sequence = StampedFrames::open_inputs(&self, &common.programs())?;
         // Labels that were asked for must not be dropped silently.
         if sensor.as_model().labels() && !format.keeps_labels() {
             let what = format!("{} cannot store the labels of events", self.out.display());
@@ -163,21 +193,13 @@ impl SimulateArgs {
         format: EventFormat,
         watch: (&Console, &AtomicBool),
     ) -> Result<SimulationAccount, VerbError> {
-        let model = sensor.as_model();
-        let (c_on, c_off) = model.contrast();
-        let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
-        let header = StreamHeader { size: sequence.frames.size(), law, labelled: model.labels() };
-        // An .h5 counts its times from 0 only if 32 bits can hold them.
-        let (first_us, last_us) = sequence.span_us();
-        let h5 = h5::H5Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
-        let options = file::WriteOptions { zero_us: first_us, h5 };
+        let size = sequence.frames.size();
+        let stream = SimulatedStream { sensor, size, span_us: sequence.span_us() };
         let mut done = SimulationAccount::default();
         let written = write_beside(&self.out, |part| {
-            let mut sink = file::create(part, format, &header, options)?;
+            let mut sink = stream.create_file(part, format, self.h5_filter)?;
             done = self.simulate(sensor, sequence, &mut *sink, watch)?;
-            // The times of the events count from the first stamp, which is `zero_us` of the
-            // options.
-            EventFile::finish(sink, last_us - first_us)?;
+            EventFile::finish(sink, stream.length_us())?;
             Ok(())
         });
         written.map_err(|failure: SimulateFailure| self.told(failure)).map(|()| done)
@@ -196,7 +218,9 @@ impl SimulateArgs {
             true => ProgressBar::new(sequence.frames.len() as u64),
             false => ProgressBar::hidden(),
         };
-        let mut tap = |_: &crate::frames::DenseFrame| {
+        let mut motion = EdgeMotion::default();
+        let mut tap = |frame: &DenseFrame| {
+            motion.see(&frame.luminance);
             bar.inc(1);
             if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
@@ -206,6 +230,7 @@ impl SimulateArgs {
         let mut channel = [SensorChannel::new(pixels, &mut sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
         bar.finish_and_clear();
+        motion_warning(&motion).iter().for_each(|line| console.say(line));
         Ok(accounts?.pop().expect("an account a sensor"))
     }
 
@@ -246,8 +271,21 @@ impl SimulateArgs {
 
     fn unreadable(&self, error: &FrameError) -> VerbError {
         let message = UserMessage::new(MessageLevel::Error, "input-unreadable", "failed to read the frames");
-        VerbError::from_message(ExitKind::Failed, message.path(&self.frames).because(error.to_string()))
+        VerbError::from_message(ExitKind::Failed, message.path(self.input_path()).because(error.to_string()))
     }
+}
+
+/// Motion between two frames from which on events are inexact, in pixels.
+const SOUND_PX: f32 = 1.0;
+
+/// A warning if the picture moves too far from frame to frame.
+fn motion_warning(motion: &EdgeMotion) -> Option<String> {
+    let px = motion.median_px().filter(|px| *px > SOUND_PX)?;
+    Some(format!(
+        "warning: edges move by {px:.1} px or more from frame to frame, so events between frames are inexact: use at \
+         least {:.0} times the frames",
+        (px / SOUND_PX).ceil()
+    ))
 }
 
 /// An event file as an event sink.

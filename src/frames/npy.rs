@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const MAX_STAMPS: u64 = 1 << 28;
 
 /// Number of frames whose brightest sample decides the full scale of floats.
-const LOOKED_AT: usize = 2;
+pub const LOOKED_AT: usize = 2;
 
 /// The reason why a `.npy` file cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -182,7 +182,7 @@ const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
 
 /// Luminance in 64 bits, where the weights sum to 1 closely enough that equal channels give that
 /// grey.
-fn weigh_grey(rgb: [f64; 3]) -> f64 {
+pub(crate) fn weigh_grey(rgb: [f64; 3]) -> f64 {
     LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| weight_decimal(weight) * v).sum()
 }
 
@@ -192,7 +192,7 @@ fn weight_decimal(weight: f32) -> f64 {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-fn to_single(v: f64) -> f32 {
+pub(crate) fn to_single(v: f64) -> f32 {
     v as f32
 }
 

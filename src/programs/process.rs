@@ -173,14 +173,18 @@ pub(super) fn run_into(
 }
 
 /// A program with its supervisor. Dropping it kills the program and all processes that it started.
-struct SupervisedChild {
+pub(super) struct SupervisedChild {
     supervisor: Child,
     /// `None` once the socket is closed.
     line: Option<UnixStream>,
 }
 
 impl SupervisedChild {
-    fn start(programs: &ProgramFinder, invocation: &ProgramCall, output: Stdio) -> io::Result<Self> {
+    pub(super) fn start(
+        programs: &ProgramFinder,
+        invocation: &ProgramCall,
+        output: Stdio,
+    ) -> io::Result<Self> {
         let program = programs.find(&invocation.program)?;
         let (ours, theirs) = UnixStream::pair()?;
         let held = programs.held.as_ref().map(|file| file.try_clone()).transpose()?;
@@ -213,6 +217,12 @@ impl SupervisedChild {
             }
             std::thread::sleep(LOOK);
         }
+    }
+
+    /// Waits for the end of the program, however long it takes.
+    pub(super) fn wait(&mut self) -> Result<(), EndKind> {
+        self.supervisor.wait().map_err(EndKind::Lost)?;
+        self.outcome()
     }
 
     /// The result of the program, after its supervisor has ended.

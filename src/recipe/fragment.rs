@@ -42,16 +42,21 @@ const STAND_IN: &str = "scene: trajectories\nsource: { procedural: {} }\n";
 /// The fragment has faults, or the path leads to no recipe or to several.
 pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     let files = find_all(&[PathBuf::from(path)])?;
-    let faulty = |faults| RecipeFaults::value_or((), faults).expect_err("there are faults");
     let [file] = &files[..] else {
         let message = format!("this folder has {} recipes, wanted one", files.len());
-        return Err(faulty(vec![RecipeFault::of_file(path, &message, Some("name one recipe file"))]));
+        return Err(all_faults(vec![RecipeFault::of_file(path, &message, Some("name one recipe file"))]));
     };
-    read_trajectories(file).map_err(faulty)
+    read_trajectories(file).map_err(all_faults)
 }
 
 /// Keys of a recipe that affect the sensor.
-const OF_THE_SENSOR: [&str; 6] = ["version", "preset", "seed", "group", "sensor", "sampling"];
+const OF_THE_SENSOR: [&str; 6] = ["version", "preset", "seed", "group", SENSOR, "sampling"];
+/// Keys of a recipe that affect its named sensors.
+const OF_SENSORS: [&str; 6] = ["version", "preset", "seed", "group", SENSORS, "sampling"];
+
+/// The key of the only sensor, and the key of several.
+const SENSOR: &str = "sensor";
+const SENSORS: &str = "sensors";
 
 /// Replacement for the other keys. The check of the noise per frame interval needs an interval; it uses
 /// one microsecond here.
@@ -59,21 +64,62 @@ const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural
     trajectories: [{ name: base, refine: {} }]\nsampling: { rate: 1000000 }\n";
 
 /// Reads the sensor of a file. The file contains either the content of the key `sensor` or a
-/// recipe. Of a recipe, only `sensor` and `sampling` are read.
+/// recipe. Of a recipe, only the sensors and `sampling` are read. `name` is the name of one of
+/// `sensors`, and is wanted exactly if the recipe has this key.
 ///
 /// # Errors
-/// The fragment has faults.
-pub fn read_sensor(path: &Path) -> Result<SensorChoice, RecipeFaults> {
-    let read = || {
-        let parts = RecipeParts::without_defaults(path)?;
-        // The content of the key may stand alone in the file.
-        let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
-        match parts.standing_in(&all_but(&OF_THE_SENSOR), STAND_IN_FOR_THEM).resolved()?.sensors {
-            SensorSet::One(sensor) => Ok(sensor),
-            SensorSet::Named(_) => unreachable!("`sensors` is left aside"),
+/// The fragment has faults, or has no sensor of this name.
+pub fn read_sensor(path: &Path, name: Option<&str>) -> Result<SensorChoice, RecipeFaults> {
+    let read = || sensor_of(RecipeParts::without_defaults(path)?, path, name);
+    read().map_err(all_faults)
+}
+
+/// Reads a sensor from a text with the same content as a file of [`read_sensor`]. Faults name the text
+/// as `shown`.
+///
+/// # Errors
+/// As [`read_sensor`].
+pub fn sensor_from_text(
+    text: String,
+    shown: &Path,
+    name: Option<&str>,
+) -> Result<SensorChoice, RecipeFaults> {
+    let read = || sensor_of(RecipeParts::of_text(shown, text)?, shown, name);
+    read().map_err(all_faults)
+}
+
+fn sensor_of(parts: RecipeParts, path: &Path, name: Option<&str>) -> Result<SensorChoice, Vec<RecipeFault>> {
+    let refusal = |message: &str, help: &str| Err(vec![RecipeFault::of_file(path, message, Some(help))]);
+    if !parts.has(SENSORS) {
+        if let Some(name) = name {
+            let message = format!("it has one sensor without a name, asked for is {name}");
+            return refusal(&message, "leave the name out");
         }
-    };
-    read().map_err(|faults| RecipeFaults::value_or((), faults).expect_err("there are faults"))
+        // The content of the key may stand alone in the file.
+        let parts = if parts.has(SENSOR) { parts } else { parts.under(SENSOR) };
+        return match parts.standing_in(&all_but(&OF_THE_SENSOR), STAND_IN_FOR_THEM).resolved()?.sensors {
+            SensorSet::One(sensor) => Ok(sensor),
+            SensorSet::Named(_) => unreachable!("there are no named sensors"),
+        };
+    }
+    let resolved = parts.standing_in(&all_but(&OF_SENSORS), STAND_IN_FOR_THEM).resolved()?;
+    let SensorSet::Named(mut sensors) = resolved.sensors else { unreachable!("the sensors are named") };
+    let names = sensors.keys().cloned().collect::<Vec<_>>().join(", ");
+    match name {
+        None => refusal(
+            &format!("it has several sensors: {names}"),
+            "name one after a colon, such as recipe.yaml:noisy",
+        ),
+        Some(name) => sensors.remove(name).map_or_else(
+            || refusal(&format!("it has no sensor {name}"), &format!("its sensors are {names}")),
+            Ok,
+        ),
+    }
+}
+
+/// Faults of which there is at least one.
+fn all_faults(faults: Vec<RecipeFault>) -> RecipeFaults {
+    RecipeFaults::value_or((), faults).expect_err("there are faults")
 }
 
 /// The keys of a recipe without these.
@@ -159,7 +205,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s.yaml");
         std::fs::write(&path, text).unwrap();
-        read_sensor(&path).map_err(|faults| faults.to_string().replace(path.to_str().unwrap(), "s.yaml"))
+        read_sensor(&path, None)
+            .map_err(|faults| faults.to_string().replace(path.to_str().unwrap(), "s.yaml"))
     }
 
     #[test]
@@ -185,5 +232,20 @@ mod tests {
         t("voltmeter:\n  k: [1, 1, 0, 0, 0, 0]\n", "s.yaml:2:3: missing field \"sensor.voltmeter.units\"");
         t("voltmetr: {}\n", "s.yaml:1:1");
         t("sensor: { voltmeter: {} }\ncolour: red\n", "s.yaml:2:1: unknown field \"colour\"");
+        t("sensors: { a: { esim: {} }, b: { v2e: {} } }\n", "s.yaml: it has several sensors: a, b");
+    }
+
+    #[test]
+    fn one_of_several_sensors_is_named() {
+        let shown = Path::new("dict");
+        let read =
+            |text: &str, name| sensor_from_text(text.to_owned(), shown, name).map_err(|f| f.to_string());
+        let several = "version: 1\nscene: 5\nsensors:\n  a: { esim: {} }\n  b: { v2e: { preset: noisy } }\n";
+        assert_eq!(read(several, Some("b")), read("v2e: { preset: noisy }", None));
+        assert_eq!(read(several, Some("a")), read("{\"esim\": {}}", None), "JSON is YAML");
+        assert_eq!(read(several, Some("c")).unwrap_err(), "dict: it has no sensor c");
+        let told = read("esim: {}", Some("a")).unwrap_err();
+        assert_eq!(told, "dict: it has one sensor without a name, asked for is a");
+        assert_eq!(read("esim: {\n", None).unwrap_err().split(':').next(), Some("dict"));
     }
 }

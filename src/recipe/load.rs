@@ -102,11 +102,20 @@ impl RecipeParts {
     /// Reads one file without merging.
     pub(super) fn without_defaults(file: &Path) -> Result<Self, Vec<RecipeFault>> {
         let ParsedFile { text, tree, seen } = parse_file(file, 0)?;
-        let nothing =
-            TreeNode { place: TextSpan { file: 0, start: 0, end: 0 }, kind: NodeKind::Map(Vec::new()) };
-        let tree = tree.unwrap_or(nothing);
         let seen = vec![(file.to_owned(), seen)];
+        let tree = tree.unwrap_or_else(empty_tree);
         Ok(Self { texts: vec![text], folders: vec![parent_folder(file)], tree, seen })
+    }
+
+    /// Parses a text that is in no file. Faults name it as `name`.
+    pub(super) fn of_text(name: &Path, body: String) -> Result<Self, Vec<RecipeFault>> {
+        let text = Arc::new(SourceText { path: name.to_owned(), body });
+        let texts = vec![text];
+        let faulty = |problems: Vec<FieldProblem>| {
+            problems.into_iter().map(|problem| problem.fault(&texts, None)).collect::<Vec<_>>()
+        };
+        let tree = tree::parse_tree(&texts[0], 0).map_err(faulty)?.unwrap_or_else(empty_tree);
+        Ok(Self { texts, folders: vec![PathBuf::new()], tree, seen: Vec::new() })
     }
 
     /// Returns true if the tree is a mapping with this key.
@@ -221,6 +230,11 @@ impl RecipeParts {
         let (line, column) = text.position(place.start as usize);
         RecipePosition { file: shown_path(&text.path), line, column }
     }
+}
+
+/// A mapping without keys, which stands for an empty file.
+fn empty_tree() -> TreeNode {
+    TreeNode { place: TextSpan { file: 0, start: 0, end: 0 }, kind: NodeKind::Map(Vec::new()) }
 }
 
 /// Reads and parses a file. Its places carry the number `index`.

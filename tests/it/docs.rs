@@ -7,6 +7,7 @@
 mod cli_page;
 mod declared;
 mod examples;
+mod json_schema;
 mod markdown;
 mod probe;
 mod recipe_page;
@@ -48,6 +49,19 @@ fn the_reference_of_the_recipe_is_current() {
 #[test]
 fn the_reference_of_the_command_line_is_current() {
     generated("docs/cli.md", &cli_page::markdown());
+}
+
+/// What `gs2e schema` prints.
+#[test]
+fn the_reference_as_a_json_schema_is_current() {
+    const PATH: &str = "src/recipe/recipe.schema.json";
+    let wanted = json_schema::text(&Crate::read());
+    if gs2e::recipe::JSON_SCHEMA == wanted {
+        return;
+    }
+    let rewrite = std::env::var_os("WRITE_DOCS").is_some_and(|value| value == "1");
+    assert!(rewrite, "{PATH} is stale: run `cargo xtask docs` and look at the difference");
+    std::fs::write(root().join(PATH), wanted).unwrap();
 }
 
 /// A default in backticks means the same as an absent key; a required key cannot be left out.

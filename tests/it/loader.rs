@@ -37,7 +37,7 @@ fn ask(release: &Path, question: &[&str]) {
 fn windows_poses_and_grids_are_those_of_the_files() {
     for trajectory in ["base", "slow"] {
         let folder = release().join("small/one");
-        for question in ["windows", "poses", "grids", "targets", "processes"] {
+        for question in ["windows", "poses", "grids", "cuts", "targets", "processes"] {
             ask(release(), &[question, folder.to_str().unwrap(), trajectory]);
         }
     }

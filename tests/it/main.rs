@@ -9,6 +9,7 @@ mod checks;
 mod cli;
 mod codecs;
 mod command;
+mod completions;
 mod console;
 mod convert;
 mod convert_events;

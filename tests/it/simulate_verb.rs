@@ -2,6 +2,8 @@
 
 mod front_end;
 mod mistakes;
+mod named;
+mod video;
 
 use crate::support::shared;
 use crate::support::workspace::Workspace;

@@ -1,6 +1,7 @@
 //! The steps of CI, each with its seconds. The first failure stops them.
 
 use crate::command::{Outcome, cargo, program, root, say};
+use crate::suite::PACKAGES;
 use crate::{bombs, demo, faults, fuzz, suite};
 use std::ffi::OsStr;
 use std::time::Instant;
@@ -13,14 +14,14 @@ const STEPS: [Step; 8] = [
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out.
         let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
-        cargo(&["clippy", "--quiet", "--workspace", "--all-targets"]).args(by_name).run()
+        cargo(&["clippy", "--quiet", "--all-targets"]).args(PACKAGES).args(by_name).run()
     }),
     ("tests", || suite::run(&[])),
     ("faults", faults::short),
     ("fuzzing", fuzz::short),
     ("bombs", || bombs::run(&[])),
     ("documentation", || {
-        cargo(&["doc", "--quiet", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings").run()
+        cargo(&["doc", "--quiet", "--no-deps"]).args(PACKAGES).env("RUSTDOCFLAGS", "-D warnings").run()
     }),
     ("the README's first command", demo::first_command_in_dev),
 ];

@@ -1,5 +1,5 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! sound | docs | manifest`.
+//! sound | docs | manifest | python`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -12,6 +12,7 @@ mod faults;
 mod folder;
 mod fuzz;
 mod page;
+mod python;
 mod report;
 mod sound;
 mod suite;
@@ -41,6 +42,8 @@ usage: cargo xtask <task>
                      `--program FILE`)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   manifest           builds the demo release and rewrites manifests/demo.json from it
+  python [ARGS]...   installs the wheel in target/python, and runs its tests and the examples of docs/python.md
+                     (`--profile NAME` first; ARGS go to pytest)
 ";
 
 fn main() -> ExitCode {
@@ -65,6 +68,7 @@ fn main() -> ExitCode {
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
         (Some("manifest"), []) => demo::rewrite_manifest(),
+        (Some("python"), args) => python::run(args),
         _ => return usage(),
     };
     match done {

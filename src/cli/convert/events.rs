@@ -3,14 +3,14 @@
 use crate::cli::console::{Console, path};
 use crate::cli::input;
 use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::output::{self, write_beside};
+use crate::cli::output;
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::event::evt::EvtVersion;
 use crate::event::file::{self, EventFile, EventFormat, OpenEventFile, ReadHints};
 use crate::event::sorted::SortedEvents;
 use crate::event::text::TextTimeUnit;
 use crate::event::{Event, EventFileError, EventSource as _, h5};
-use crate::files;
+use crate::files::{self, write_beside};
 use crate::image::Size;
 use crate::units::format_amount;
 use clap::ValueEnum;

@@ -5,7 +5,6 @@ use super::sequence::StampedFrames;
 use crate::cli::console::{Console, path};
 use crate::cli::output::unwritable_file;
 use crate::cli::problem::VerbError;
-use crate::frames::array::FullScale;
 use crate::sensor::screening::SensorScreening;
 use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::units::format_amount;
@@ -86,14 +85,11 @@ impl SimulateReport<'_> {
     fn to_json(&self, bytes: u64) -> Value {
         let (asked, size) = (self.asked, self.sequence.frames.size());
         let (first_us, last_us) = self.sequence.span_us();
-        let full_scale = match self.sequence.full_scale {
-            FullScale::One => 1,
-            FullScale::Grey255 => 255,
-        };
+        let full_scale = self.sequence.full_scale.white();
         json!({
             "output": path(&asked.out), "bytes": bytes, "seed": asked.seed, "origin": asked.origin.0,
             "frames": {
-                "input": path(&asked.frames), "count": self.sequence.stamps_us.len(), "width": size.width,
+                "input": path(asked.input_path()), "count": self.sequence.stamps_us.len(), "width": size.width,
                 "height": size.height, "first_us": first_us, "last_us": last_us, "full_scale": full_scale,
                 "full_scale_decided": self.sequence.decided,
             },

@@ -6,7 +6,7 @@ use crate::files::is_there;
 use crate::recipe::read_sensor;
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end::{GreyRange, LuminanceWeights};
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use serde::Serialize;
 use std::path::Path;
 
@@ -27,7 +27,15 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
                 format!("{option} applies to the sensor voltmeter, but this sensor is {}", sensor.name());
             Err(VerbError::usage("sensor", what).help("leave the option out"))
         }
-        _ => with_settings(&with_law(sensor, asked), asked),
+        _ => with_settings(&with_law(with_threshold(sensor, asked), asked), asked),
+    }
+}
+
+/// Applies the contrast thresholds.
+fn with_threshold(sensor: SensorChoice, asked: &SimulateArgs) -> SensorChoice {
+    match asked.threshold {
+        Some((on, off)) => sensor.as_model().with_contrast(on, off),
+        None => sensor,
     }
 }
 
@@ -85,15 +93,31 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
     let path = Path::new(name);
     // A preset is hidden by a file of its name, and not by a folder.
-    if let Some(preset) = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
-        return Ok(VoltmeterModel::new(preset.k()).into());
+    if let Some(sensor) = SensorChoice::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
+        return Ok(sensor);
     }
     if is_there(path) {
-        return Ok(read_sensor(path)?);
+        return Ok(read_sensor(path, None)?);
     }
-    let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name).join(", ");
-    Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}"))
-        .help("for esim and v2e, write a file with one line: sensor: { esim: {} }"))
+    if let Some((path, sensor)) = named_in_recipe(name) {
+        return Ok(read_sensor(path, Some(sensor))?);
+    }
+    let names = SensorChoice::NAMES.join(", ");
+    Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
+}
+
+/// The file and the name in `recipe.yaml:name`, if there is such a file.
+pub(super) fn named_in_recipe(text: &str) -> Option<(&Path, &str)> {
+    text.rsplit_once(':').map(|(path, name)| (Path::new(path), name)).filter(|(path, _)| is_there(path))
+}
+
+/// Reads the thresholds: one number, or ON,OFF.
+pub(super) fn parse_threshold(text: &str) -> Result<(f64, f64), String> {
+    let pair = parse_numbers(text).map(|[on, off]| (on, off));
+    let both = pair.or_else(|| parse_numbers(text).map(|[both]| (both, both)));
+    let is_threshold = |value: f64| value > 0.0 && value.is_finite();
+    both.filter(|(on, off)| is_threshold(*on) && is_threshold(*off))
+        .ok_or_else(|| format!("`{text}` is not a number above 0, nor ON,OFF such as 0.2,0.25"))
 }
 
 /// Checks that rates are given exactly if the interpolation needs them.

@@ -1,6 +1,6 @@
 //! The frames of a simulation, with their time stamps.
 
-use super::SimulateArgs;
+use super::{SimulateArgs, SimulateInput};
 use crate::cli::input;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
@@ -10,14 +10,12 @@ use crate::frames::array::FullScale;
 use crate::frames::folder::{FolderError, FolderFrames, FolderListing, INFO};
 use crate::frames::npy::{self, FrameStack, NpyError, NpyFrames, RatedFrames, SampleKind};
 use crate::frames::stamps::relative_stamps;
+use crate::frames::video::{VideoError, VideoFrames};
+use crate::programs::ProgramFinder;
 use crate::units::{Hertz, Ratio, format_amount};
 use std::io;
 use std::path::Path;
 
-/// Upper bound of the brightest sample in frames on the scale 0..1, with room for highlights.
-const MAX_OF_ONE: f32 = 2.0;
-/// Lower bound of the brightest sample in frames on the scale 0..255.
-const MIN_OF_255: f32 = 16.0;
 /// Frame rate above which the memory for held frames is reported, frames per second.
 const MANY_A_SECOND: f64 = 50_000.0;
 /// Length of time for which a sensor holds frames, ns: one root cell of the dyadic clock.
@@ -77,19 +75,19 @@ enum FrameSource {
 
 impl StampedFrames {
     /// Opens all inputs that the command line names.
-    pub(super) fn open_inputs(asked: &SimulateArgs) -> Result<Self, VerbError> {
-        let source = open_frames(&asked.frames)?;
-        let stamps_us = find_stamps(asked, &source)?;
-        if stamps_us.len() < 2 {
-            let what =
-                format!("{} holds {} frames, wanted at least 2", asked.frames.display(), stamps_us.len());
-            return Err(VerbError::usage("frames", what));
-        }
+    pub(super) fn open_inputs(asked: &SimulateArgs, programs: &ProgramFinder) -> Result<Self, VerbError> {
+        let input = match asked.input() {
+            SimulateInput::Frames(path) => path,
+            SimulateInput::Video(path) => return Self::open_video(path, programs),
+        };
+        let source = open_frames(input)?;
+        let stamps_us = find_stamps(asked, &source, input)?;
+        require_two(input, &stamps_us)?;
         let mut told = Vec::new();
         let floats = matches!(&source, FrameSource::Stack(stack) if stack.kind() == SampleKind::Floats);
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
-            None if floats => decide_scale(&asked.frames, &mut told)?,
+            None if floats => decide_scale(input, &mut told)?,
             // Integers are grey from 0 to 255.
             _ => FullScale::Grey255,
         };
@@ -120,6 +118,22 @@ impl StampedFrames {
         Ok(sequence)
     }
 
+    fn open_video(path: &Path, programs: &ProgramFinder) -> Result<Self, VerbError> {
+        let video = VideoFrames::open(path, programs).map_err(|e| unreadable_video(&e, path))?;
+        let stamps_us = video.stamps_us().to_vec();
+        require_two(path, &stamps_us)?;
+        let mut sequence = Self {
+            frames: Box::new(video),
+            stamps_us,
+            full_scale: FullScale::Grey255,
+            decided: false,
+            may_be_coloured: true,
+            told: Vec::new(),
+        };
+        sequence.told.extend(sequence.many());
+        Ok(sequence)
+    }
+
     /// The first and the last stamp, in microseconds.
     pub(super) fn span_us(&self) -> (i64, i64) {
         (self.stamps_us[0], self.stamps_us[self.stamps_us.len() - 1])
@@ -143,6 +157,29 @@ impl StampedFrames {
         (hz > MANY_A_SECOND).then(|| {
             format!("warning: at {hz:.0} frames per second the sensor holds {bytes} of frames at once")
         })
+    }
+}
+
+fn require_two(input: &Path, stamps_us: &[i64]) -> Result<(), VerbError> {
+    match stamps_us.len() {
+        0 | 1 => {
+            let what = format!("{} holds {} frames, wanted at least 2", input.display(), stamps_us.len());
+            Err(VerbError::usage("frames", what))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The error for a video that cannot be read.
+fn unreadable_video(error: &VideoError, path: &Path) -> VerbError {
+    match error {
+        VideoError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+            input::missing_file("video", path)
+        }
+        VideoError::NoProgram(_) => VerbError::usage("program-missing", error.to_string())
+            .help("install FFmpeg, for example by `apt install ffmpeg`, `brew install ffmpeg` or `conda install ffmpeg`"),
+        VideoError::Stamps { .. } => VerbError::usage("stamps", error.to_string()),
+        VideoError::Io { .. } | VideoError::Program { .. } => input::unreadable_file("video", error),
     }
 }
 
@@ -171,7 +208,7 @@ pub(in crate::cli) fn open_stack(
     Ok(Box::new(NpyFrames::new(stack, full_scale, stamps_us).map_err(|e| mismatched_frames(&e))?))
 }
 
-fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, VerbError> {
+fn find_stamps(asked: &SimulateArgs, source: &FrameSource, input: &Path) -> Result<Vec<i64>, VerbError> {
     let count = match source {
         FrameSource::Stack(stack) => stack.frames(),
         FrameSource::Images(listing) => listing.images.len(),
@@ -183,7 +220,7 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
     match (own, &asked.stamps, asked.fps) {
         (Some(own), None, None) => Ok(own.clone()),
         (Some(_), _, _) => {
-            let what = format!("the stamps of {} are in its {INFO}", asked.frames.display());
+            let what = format!("the stamps of {} are in its {INFO}", input.display());
             Err(VerbError::usage("stamps", what).help("leave --stamps and --fps out"))
         }
         (None, Some(path), _) => {
@@ -195,7 +232,7 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
         }
         (None, None, Some(rate)) => Ok((0..count as u64).map(|index| rate.stamp_us(index)).collect()),
         (None, None, None) => {
-            let what = format!("no timestamps for {}", asked.frames.display());
+            let what = format!("no timestamps for {}", input.display());
             let help = "pass --stamps with a .npy of int64 microseconds, or --fps";
             Err(VerbError::usage("stamps", what).help(help))
         }
@@ -205,18 +242,15 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource) -> Result<Vec<i64>, V
 /// Decides the full scale of floats by the brightest sample of the first two frames.
 fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbError> {
     let brightest = npy::brightest_sample(path).map_err(|e| unreadable_array("frames", &e, path))?;
-    let (full_scale, name) = if brightest > MIN_OF_255 {
-        (FullScale::Grey255, 255)
-    } else if brightest <= MAX_OF_ONE {
-        (FullScale::One, 1)
-    } else {
+    let Some(full_scale) = FullScale::decide(brightest) else {
         // Both scales are possible, and a wrong guess would scale the brightness by 255.
         let what =
             format!("white may be 1 or 255: the brightest value of the first two frames is {brightest}");
         return Err(VerbError::usage("full-scale", what).help("pass --full-scale 1 or --full-scale 255"));
     };
+    let white = full_scale.white();
     told.push(format!(
-        "full scale: {name}, because the brightest value of the first two frames is {brightest}"
+        "full scale: {white}, because the brightest value of the first two frames is {brightest}"
     ));
     Ok(full_scale)
 }

@@ -8,7 +8,7 @@ Copy this file next to your own code: if Python imports it from the release, it 
     scene = Scene("out/procedural/still-life", "base")
     t, x, y, p, label = scene.events(10_000, 20_000)   # of the window [10 ms, 20 ms)
     world_from_camera = scene.pose(15_000)             # [4, 4]
-    voxel = scene.voxel(10_000, 20_000, bins=5)        # [5, H, W]
+    voxel = scene.voxel(10_000, 20_000, bins=5)        # [5, H, W]; also event_frame, label_frame, time_surface
     for frame in scene.frames:
         image = frame.read()                           # [H, W, 3]
     for frame in scene.blurred:
@@ -170,29 +170,59 @@ class EventFile:
         label = columns["label"][rows] if "label" in columns else None
         return Events(t[lo:hi], columns["x"][rows], columns["y"][rows], columns["p"][rows], label)
 
+    @property
+    def count(self):
+        """Number of events in the file."""
+        self._open()
+        return len(self._columns["t"])
+
+    def rows(self, first, end):
+        """Events by number: those from `first` up to, and without, `end`."""
+        self._open()
+        columns, rows = self._columns, slice(max(first, 0), max(end, 0))
+        t = columns["t"][rows].astype(np.int64) + self._offset_us
+        label = columns["label"][rows] if "label" in columns else None
+        return Events(t, columns["x"][rows], columns["y"][rows], columns["p"][rows], label)
+
+    def _span_us(self):
+        """Times that windows cut: from the first event to the last."""
+        ends = [int(t) for rows in ((0, 1), (self.count - 1, self.count)) for t in self.rows(*rows).t]
+        return (ends[0], ends[1] + 1) if self.count else (0, 0)
+
     def event_frame(self, t0_us, t1_us):
         """int32 [2, H, W]: number of events in the window, by polarity: 0 darker, 1 brighter."""
-        _, x, y, p, _ = self.events(t0_us, t1_us)
-        return self._counts(p, y, x)
+        return self._event_frame(self.events(t0_us, t1_us))
 
     def label_frame(self, t0_us, t1_us):
         """int32 [2, H, W]: number of events in the window, by label: 0 noise, 1 signal."""
-        _, x, y, _, label = self.events(t0_us, t1_us)
-        if label is None:
-            raise ValueError(f"{self.path} has no labels; the recipe has to ask for them: `labels: true`")
-        return self._counts(label, y, x)
+        return self._label_frame(self.events(t0_us, t1_us))
 
-    def _counts(self, kind, y, x):
+    def _event_frame(self, events):
+        return self._counts(events.p, events)
+
+    def _label_frame(self, events):
+        if events.label is None:
+            raise ValueError(f"{self.path} has no labels; the recipe has to ask for them: `labels: true`")
+        return self._counts(events.label, events)
+
+    def _counts(self, kind, events):
         """int32 [2, H, W]: number of events by kind, 0 or 1, and pixel."""
-        shape = (2, *self._size())
-        counts = np.bincount(np.ravel_multi_index((kind, y, x), shape), minlength=math.prod(shape))
-        return counts.reshape(shape).astype(np.int32)
+        height, width = self._size()
+        cells = self._pixels(events) + height * width * kind.astype(np.int64)
+        return np.bincount(cells, minlength=2 * height * width).reshape(2, height, width).astype(np.int32)
 
     def _size(self):
         """Height and width, px."""
         if self.height is None:
             raise ValueError(f"{self.path} does not state its size; open it with size=(width, height)")
         return self.height, self.width
+
+    def _pixels(self, events):
+        """int64 [N]: number of the pixel of each event, row after row."""
+        height, width = self._size()
+        if len(events.x) and (events.x.max() >= width or events.y.max() >= height):
+            raise ValueError(f"{self.path} has an event outside its {width}x{height} pixels")
+        return events.y.astype(np.int64) * width + events.x
 
     def voxel(self, t0_us, t1_us, bins):
         """float32 [bins, H, W]: polarity, +1 or -1, divided between the two nearest bins, linearly in time.
@@ -202,18 +232,34 @@ class EventFile:
         of the ends of the window. The sum of a pixel over the bins is the sum of its polarities. Nothing is
         normalised.
         """
+        return self._voxel(self.events(t0_us, t1_us), t0_us, t1_us, bins)
+
+    def _voxel(self, events, t0_us, t1_us, bins):
         if bins < 1 or not t1_us > t0_us:
             raise ValueError(f"a grid of {bins} bins over [{t0_us}, {t1_us}) us holds nothing")
-        t, x, y, p, _ = self.events(t0_us, t1_us)
-        shape = (bins, *self._size())
-        sign = 2.0 * p - 1.0
-        at = (bins - 1) * ((t - t0_us) / (t1_us - t0_us))
+        height, width = self._size()
+        sign = 2.0 * events.p - 1.0
+        at = (bins - 1) * ((events.t - t0_us) / (t1_us - t0_us))
         lower = np.minimum(at.astype(np.int64), bins - 1)
         share = at - lower
         upper = np.minimum(lower + 1, bins - 1)
-        cells = np.concatenate([np.ravel_multi_index((k, y, x), shape) for k in (lower, upper)])
+        pixels = self._pixels(events)
+        cells = np.concatenate([lower * (height * width) + pixels, upper * (height * width) + pixels])
         weights = np.concatenate([sign * (1 - share), sign * share])
-        return np.bincount(cells, weights, math.prod(shape)).reshape(shape).astype(np.float32)
+        return np.bincount(cells, weights, bins * height * width).reshape(bins, height, width).astype(np.float32)
+
+    def time_surface(self, t0_us, t1_us, tau_us):
+        """float32 [2, H, W]: exp((t - t1_us) / tau_us) of each pixel's last event in the window, by polarity: 0 darker,
+        1 brighter; 0 where there is none (Lagorce et al., TPAMI 2017)."""
+        if not tau_us > 0:
+            raise ValueError(f"tau_us is {tau_us}, wanted a number above 0")
+        events = self.events(t0_us, t1_us)
+        height, width = self._size()
+        surface = np.zeros(2 * height * width, np.float32)
+        # Events are sorted by time, and the last value that is assigned to a cell stays.
+        cells = self._pixels(events) + height * width * events.p.astype(np.int64)
+        surface[cells] = np.exp((events.t - t1_us) / tau_us)
+        return surface.reshape(2, height, width)
 
 
 def open_events(path, size=None):
@@ -270,6 +316,10 @@ class Scene(EventFile):
 
     def __reduce__(self):
         return Scene, (os.path.dirname(self.folder), self.trajectory, self.sensor)
+
+    def _span_us(self):
+        """Times that windows cut: those of the poses."""
+        return 0, self.duration_us
 
     @property
     def K(self):
@@ -363,11 +413,49 @@ class Scene(EventFile):
         return np.load(os.path.join(self.folder, "flow", f"{index:06d}.npy"))
 
 
-class Windows:
+class _Cut:
+    """What windows have in common: their grids, their poses and their targets."""
+
+    PRODUCTS = {"frame": "frames", "blur": "blurred", "depth": "depths", "flow": "flows"}
+    """Targets that are files, and the properties of Scene that list them."""
+
+    def __init__(self, scene, bins, targets):
+        self.scene, self.bins, self.targets = scene, bins, tuple(targets)
+        known = [*self.PRODUCTS, "label", "events"]
+        for name in self.targets:
+            if name not in known:
+                raise ValueError(f"a window has no target {name!r}; there are {', '.join(known)}")
+        wanted = [name for name in self.targets if name in self.PRODUCTS]
+        self._products = {name: getattr(scene, self.PRODUCTS[name], []) for name in wanted}
+        for name, listed in self._products.items():
+            if not listed:
+                raise ValueError(f"{scene!r} has no {name}; the recipe has to ask for it")
+
+    def __iter__(self):
+        return (self[i] for i in range(len(self)))
+
+    def _entry(self, events, t0_us, t1_us):
+        middle_us = (t0_us + t1_us) / 2
+        entry = {"t0_us": t0_us, "t1_us": t1_us, "voxel": self.scene._voxel(events, t0_us, t1_us, self.bins)}
+        if isinstance(self.scene, Scene):
+            # An event at the last pose ends a window half a microsecond behind it.
+            entry["pose"] = self.scene.pose(min(middle_us, self.scene.duration_us))
+        for name, listed in self._products.items():
+            nearest = _nearest(listed, middle_us)
+            entry[name], entry[name + "_t_us"] = nearest.read(), nearest.t_us
+        if "label" in self.targets:
+            entry["label"] = self.scene._label_frame(events)
+        if "events" in self.targets:
+            entry["events"] = events
+        return entry
+
+
+class Windows(_Cut):
     """A scene cut into windows of equal length: a map-style dataset for torch.utils.data.DataLoader.
 
     Entry i is of [i * stride_us, i * stride_us + length_us). It is a dictionary of `t0_us`, `t1_us`, `voxel` (see
     Scene.voxel) and `pose` (see Scene.pose) at the middle of the window. The last window ends by the last pose.
+    Windows of an EventFile have no pose; they start at the first event, and end by the last.
 
     `targets` names what else an entry has:
 
@@ -378,48 +466,56 @@ class Windows:
     - "events": the Events of the window. Their number varies, so a batch of them needs a `collate_fn`.
     """
 
-    PRODUCTS = {"frame": "frames", "blur": "blurred", "depth": "depths", "flow": "flows"}
-    """Targets that are files, and the properties of Scene that list them."""
-
     def __init__(self, scene, length_us, bins, stride_us=None, targets=()):
-        self.scene, self.length_us, self.bins = scene, length_us, bins
-        self.stride_us = length_us if stride_us is None else stride_us
+        self.length_us, self.stride_us = length_us, length_us if stride_us is None else stride_us
         if self.length_us <= 0 or self.stride_us <= 0:
             raise ValueError("windows have a length and a stride above 0 us")
-        self.targets = tuple(targets)
-        known = [*self.PRODUCTS, "label", "events"]
-        for name in self.targets:
-            if name not in known:
-                raise ValueError(f"a window has no target {name!r}; there are {', '.join(known)}")
-        wanted = [name for name in self.targets if name in self.PRODUCTS]
-        self._products = {name: getattr(scene, self.PRODUCTS[name]) for name in wanted}
-        for name, listed in self._products.items():
-            if not listed:
-                raise ValueError(f"{scene!r} has no {name}; the recipe has to ask for it")
+        super().__init__(scene, bins, targets)
+        self._start_us, end_us = scene._span_us()
+        self._count = _window_count(end_us - self._start_us, self.length_us, self.stride_us)
 
     def __len__(self):
-        return _window_count(self.scene.duration_us, self.length_us, self.stride_us)
+        return self._count
 
     def __getitem__(self, i):
         if not 0 <= i < len(self):
             raise IndexError(i)
-        t0_us = i * self.stride_us
+        t0_us = self._start_us + i * self.stride_us
         t1_us = t0_us + self.length_us
-        middle_us = (t0_us + t1_us) / 2
-        voxel, pose = self.scene.voxel(t0_us, t1_us, self.bins), self.scene.pose(middle_us)
-        entry = {"t0_us": t0_us, "t1_us": t1_us, "voxel": voxel, "pose": pose}
-        for name, listed in self._products.items():
-            nearest = min(listed, key=lambda product: abs(product.t_us - middle_us))
-            entry[name], entry[name + "_t_us"] = nearest.read(), nearest.t_us
-        if "label" in self.targets:
-            entry["label"] = self.scene.label_frame(t0_us, t1_us)
-        if "events" in self.targets:
-            entry["events"] = self.scene.events(t0_us, t1_us)
-        return entry
+        return self._entry(self.scene.events(t0_us, t1_us), t0_us, t1_us)
+
+
+class CountWindows(_Cut):
+    """A scene or an EventFile cut into windows of equal numbers of events: a map-style dataset.
+
+    Entry i has the events from number i * stride on, `count` of them, and the keys of `Windows`. `t0_us` is the time
+    of its first event, and `t1_us` lies 1 us after its last.
+    """
+
+    def __init__(self, scene, count, bins, stride=None, targets=()):
+        self.count, self.stride = count, count if stride is None else stride
+        if self.count <= 0 or self.stride <= 0:
+            raise ValueError("windows have a number of events and a stride above 0")
+        super().__init__(scene, bins, targets)
+
+    def __len__(self):
+        return _window_count(self.scene.count, self.count, self.stride)
+
+    def __getitem__(self, i):
+        if not 0 <= i < len(self):
+            raise IndexError(i)
+        events = self.scene.rows(i * self.stride, i * self.stride + self.count)
+        return self._entry(events, int(events.t[0]), int(events.t[-1]) + 1)
+
+
+def _nearest(listed, t_us):
+    """The product nearest to a time; of two at the same distance, the earlier one."""
+    after = bisect.bisect_left([product.t_us for product in listed], t_us)
+    return min(listed[max(after - 1, 0) : after + 1], key=lambda product: abs(product.t_us - t_us))
 
 
 def _window_count(duration_us, length_us, stride_us):
-    """Number of windows in a trajectory."""
+    """Number of windows that fit."""
     return max(0, (duration_us - length_us) // stride_us + 1)
 
 

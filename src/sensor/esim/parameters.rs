@@ -1,7 +1,7 @@
 //! The answers of ESIM to what is asked of any sensor.
 
-use super::EsimModel;
-use crate::sensor::noise::RedrawRule;
+use super::{EsimModel, IntensityScale};
+use crate::sensor::noise::{RedrawRule, ThresholdMismatch};
 use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
 use crate::sensor::screening::{ScreenError, SensorScreening};
 use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
@@ -34,6 +34,16 @@ impl SensorParameters for EsimModel {
 
     fn with_between(&self, _: BetweenFrames) -> SensorChoice {
         self.clone().into()
+    }
+
+    fn with_contrast(&self, on: f64, off: f64) -> SensorChoice {
+        // On the linear scale the contrast is that of a step from half of white.
+        let threshold = |contrast: f64| match self.intensity {
+            IntensityScale::Log => contrast,
+            IntensityScale::Linear => libm::expm1(contrast) / 2.0,
+        };
+        let threshold = ThresholdMismatch { on: threshold(on), off: threshold(off), ..self.threshold };
+        Self { threshold, ..self.clone() }.into()
     }
 
     fn dead_us(&self) -> i64 {

@@ -1,6 +1,7 @@
 //! The answers of v2e to what is asked of any sensor.
 
 use super::{FilterSteps, LeakNoise, V2eModel};
+use crate::sensor::noise::ThresholdMismatch;
 use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
 use crate::sensor::screening::{ScreenError, SensorScreening};
 use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
@@ -33,6 +34,10 @@ impl SensorParameters for V2eModel {
 
     fn with_between(&self, _: BetweenFrames) -> SensorChoice {
         self.clone().into()
+    }
+
+    fn with_contrast(&self, on: f64, off: f64) -> SensorChoice {
+        Self { threshold: ThresholdMismatch { on, off, ..self.threshold }, ..self.clone() }.into()
     }
 
     fn dead_us(&self) -> i64 {

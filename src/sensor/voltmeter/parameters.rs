@@ -40,6 +40,12 @@ impl SensorParameters for VoltmeterModel {
         Self { between, ..self.clone() }.into()
     }
 
+    fn with_contrast(&self, on: f64, off: f64) -> SensorChoice {
+        // The voltage moves by k1 for a change of 1 in the logarithm.
+        let [k1, ..] = self.k;
+        Self { threshold_on: on * k1, threshold_off: off * k1, ..self.clone() }.into()
+    }
+
     fn without_noise(&self) -> SensorChoice {
         let [k1, k2, ..] = self.k;
         // `k3` and `k6` are the noise, `k4` and `k5` the leak, which makes events without

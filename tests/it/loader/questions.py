@@ -140,6 +140,36 @@ def grids(folder, trajectory):
         assert np.array_equal(entry["pose"], scene.pose(1000 * i + 1000))
 
 
+def cuts(folder, trajectory):
+    """Windows of equal numbers of events, and surfaces of the last event of each pixel."""
+    scene = gs2e.Scene(folder, trajectory)
+    whole = columns(f"{folder}/{trajectory}/events.h5")
+    cut = gs2e.CountWindows(scene, 100, bins=4, stride=60, targets=("events",))
+    assert len(cut) == (len(whole["t"]) - 100) // 60 + 1 > 3
+    for i, entry in enumerate(cut):
+        rows = slice(60 * i, 60 * i + 100)
+        assert all(np.array_equal(getattr(entry["events"], name), whole[name][rows]) for name in "txyp")
+        assert (entry["t0_us"], entry["t1_us"]) == (whole["t"][rows][0], whole["t"][rows][-1] + 1)
+        # All shares of an event together have its sign.
+        assert abs(entry["voxel"].sum(dtype=np.float64) - (2.0 * whole["p"][rows] - 1).sum()) < 1e-3
+    t0, t1 = int(whole["t"][0]), int(whole["t"][-1]) * 2 // 3
+    wanted = np.zeros((2, scene.height, scene.width))
+    for t, x, y, p in zip(*(whole[name] for name in "txyp")):
+        if t0 <= t < t1:
+            wanted[p, y, x] = np.exp((t - t1) / 3000)
+    found = scene.time_surface(t0, t1, 3000)
+    # Values up to 1 in 32 bits.
+    assert found.dtype == np.float32 and np.abs(found - wanted).max() < 1e-7 and found.max() > 0.5
+    refused(lambda: scene.time_surface(t0, t1, 0), "tau_us is 0")
+    refused(lambda: gs2e.CountWindows(scene, 0, 5), "above 0")
+    bare = gs2e.Windows(gs2e.open_events(scene.path), 1000, bins=2, targets=["events"])
+    assert len(bare) == (whole["t"][-1] + 1 - whole["t"][0]) // 1000
+    assert bare[0]["t0_us"] == whole["t"][0] and "pose" not in bare[0]
+    inside = (whole["t"] < bare[len(bare) - 1]["t1_us"]).sum()
+    assert sum(len(entry["events"].t) for entry in bare) == inside
+    refused(lambda: gs2e.Windows(gs2e.open_events(scene.path), 1000, 2, targets=["frame"]), "has no frame")
+
+
 def targets(folder, trajectory):
     """Each target against the file whose pose is nearest, found in the folder and in poses.txt."""
     scene = gs2e.Scene(folder, trajectory)

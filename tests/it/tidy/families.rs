@@ -49,7 +49,7 @@ fn families() -> [Family; 3] {
                 // does not know checks. It goes when the law becomes an answer of the model.
                 ("src/check/drift.rs", "the drift that the check expects"),
             ],
-            special: &[],
+            special: &[("src/sensor/named.rs", "presets of models, and one model that needs no preset")],
         },
         Family {
             name: "captures",

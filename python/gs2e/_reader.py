@@ -1,0 +1,1 @@
+../../src/release/loader/gs2e.py

@@ -1,0 +1,59 @@
+//! Programs whose output is read while they run.
+
+use super::process::SupervisedChild;
+use super::{EndKind, ProgramCall, ProgramFinder};
+use std::io::{self, BufRead, BufReader, PipeReader, Read};
+use std::process::Stdio;
+
+/// A program that runs, and its output: all that it prints, to stdout and to stderr. Dropping it kills the
+/// program.
+pub struct PipedProgram {
+    child: SupervisedChild,
+    output: BufReader<PipeReader>,
+}
+
+impl std::fmt::Debug for PipedProgram {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PipedProgram").finish_non_exhaustive()
+    }
+}
+
+impl PipedProgram {
+    /// Starts a program.
+    ///
+    /// # Errors
+    /// It cannot be started. A missing program may also show as an empty output, and as the error of
+    /// [`PipedProgram::finish`].
+    pub fn start(programs: &ProgramFinder, call: &ProgramCall) -> Result<Self, EndKind> {
+        let start = || {
+            let (reader, writer) = io::pipe()?;
+            let child = SupervisedChild::start(programs, call, Stdio::from(writer))?;
+            Ok(Self { child, output: BufReader::with_capacity(1 << 16, reader) })
+        };
+        start().map_err(EndKind::NotStarted)
+    }
+
+    /// Waits for the end of a program whose output was read to its end.
+    ///
+    /// # Errors
+    /// The program failed.
+    pub fn finish(mut self) -> Result<(), EndKind> {
+        self.child.wait()
+    }
+}
+
+impl Read for PipedProgram {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.output.read(into)
+    }
+}
+
+impl BufRead for PipedProgram {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        self.output.fill_buf()
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.output.consume(amount);
+    }
+}

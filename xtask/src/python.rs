@@ -1,0 +1,55 @@
+//! The Python package: a wheel in a fresh virtual environment, and its tests.
+
+use crate::command::{Outcome, program, root, say};
+use std::ffi::OsStr;
+use std::path::Path;
+use std::time::Instant;
+
+/// Folder of the virtual environment.
+const PLACE: &str = "target/python";
+
+/// What the tests need besides the wheel's own dependencies. torch is tested where it is installed.
+const NEEDS: [&str; 6] = ["maturin>=1.9,<2", "pytest", "pyarrow", "pillow", "jsonschema", "pyyaml"];
+
+/// Builds the wheel, installs it, and runs the tests and the examples of the documentation. `--profile
+/// NAME` chooses the profile of cargo; the other arguments go to pytest.
+pub(crate) fn run(args: &[String]) -> Outcome {
+    let (profile, args) = match args {
+        [option, profile, args @ ..] if option == "--profile" => (profile.as_str(), args),
+        args => ("dev", args),
+    };
+    let begin = Instant::now();
+    let place = root().join(PLACE);
+    let python = place.join("bin/python");
+    if !python.exists() {
+        program(OsStr::new("python3"), &["-m", "venv", PLACE]).run()?;
+    }
+    pip(&python, &NEEDS)?;
+    say(&format!("python: environment ready, {:.1} s", begin.elapsed().as_secs_f64()));
+    // Without isolation, the backend is the maturin of this environment; without the index, an old wheel
+    // of the same version is replaced.
+    let build = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-build-isolation"];
+    let again = ["--force-reinstall", "--no-deps", "."];
+    let path = std::env::var("PATH").unwrap_or_default();
+    let path = format!("{}:{path}", place.join("bin").display());
+    let arguments = format!("--profile {profile}");
+    program(python.as_os_str(), &build)
+        .args(again)
+        .env("MATURIN_PEP517_ARGS", &arguments)
+        .env("PATH", &path)
+        .run()?;
+    pip(&python, &["numpy", "h5py"])?;
+    say(&format!("python: wheel installed, {:.1} s", begin.elapsed().as_secs_f64()));
+    let tests = ["-m", "pytest", "--quiet", "-p", "no:cacheprovider", "--import-mode", "importlib"];
+    let places = ["python/tests", "--doctest-glob", "python.md", "docs/python.md"];
+    program(python.as_os_str(), &tests).args(places).args(args).env("PYTHONDONTWRITEBYTECODE", "1").run()?;
+    let doctests = ["--doctest-modules", "--pyargs", "gs2e", "--ignore-glob", "*torch.py"];
+    program(python.as_os_str(), &tests).args(doctests).env("PYTHONDONTWRITEBYTECODE", "1").run()?;
+    say(&format!("python: ok, {:.1} s", begin.elapsed().as_secs_f64()));
+    Ok(())
+}
+
+fn pip(python: &Path, packages: &[&str]) -> Outcome {
+    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    program(python.as_os_str(), &install).args(packages).run()
+}
