@@ -10,6 +10,7 @@ use crate::render::RenderChoice;
 use crate::sensor::{SensorChoice, SensorSet};
 use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The trajectories of a file, with the other settings that affect them.
@@ -51,7 +52,7 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
 }
 
 /// Keys of a recipe that affect the sensor.
-const OF_THE_SENSOR: [&str; 6] = ["version", "preset", "seed", "group", "sensor", "sampling"];
+const OF_THE_SENSOR: [&str; 5] = ["version", "preset", "group", "sensor", "sampling"];
 
 /// Replacement for the other keys. The check of the noise per frame interval needs an interval; it uses
 /// one microsecond here.
@@ -59,17 +60,34 @@ const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural
     trajectories: [{ name: base, refine: {} }]\nsampling: { rate: 1000000 }\n";
 
 /// Reads the sensor of a file. The file contains either the content of the key `sensor` or a
-/// recipe. Of a recipe, only `sensor` and `sampling` are read.
+/// recipe. Of a recipe, only `sensor` and `sampling` are read. Numbers with a law are drawn with
+/// seed 0.
 ///
 /// # Errors
 /// The fragment has faults.
 pub fn read_sensor(path: &Path) -> Result<SensorChoice, RecipeFaults> {
+    draw_sensor(path, 0).map(|(sensor, _)| sensor)
+}
+
+/// Like [`read_sensor`], with the numbers drawn for a seed, and their list by path.
+///
+/// # Errors
+/// The fragment has faults.
+pub fn draw_sensor(path: &Path, seed: u64) -> Result<(SensorChoice, BTreeMap<String, f64>), RecipeFaults> {
     let read = || {
         let parts = RecipeParts::without_defaults(path)?;
         // The content of the key may stand alone in the file.
         let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
-        match parts.standing_in(&all_but(&OF_THE_SENSOR), STAND_IN_FOR_THEM).resolved()?.sensors {
-            SensorSet::One(sensor) => Ok(sensor),
+        let others = format!("{STAND_IN_FOR_THEM}seed: {seed}\n");
+        let recipe = parts.standing_in(&all_but(&OF_THE_SENSOR), &others).with_ranges().resolved()?;
+        // The stand-in has one trajectory.
+        let drawn = recipe.trajectories.into_iter().find_map(|trajectory| trajectory.drawn);
+        let (sensors, numbers) = match drawn {
+            Some(drawn) => (drawn.sensors, drawn.numbers.into_values().next().unwrap_or_default()),
+            None => (recipe.sensors, BTreeMap::new()),
+        };
+        match sensors {
+            SensorSet::One(sensor) => Ok((sensor, numbers)),
             SensorSet::Named(_) => unreachable!("`sensors` is left aside"),
         }
     };

@@ -21,7 +21,7 @@ mod trajectory;
 pub(super) use reconstruct::{BuiltinSection, CommandSection, CountSection, ReconstructSection};
 pub(super) use sensor::{
     EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
-    RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
+    ReadoutSection, RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};
 pub(super) use trajectory::{
