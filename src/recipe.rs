@@ -4,6 +4,7 @@ mod beside;
 mod canonical;
 mod clash;
 pub mod draft;
+mod drawn;
 mod edits;
 mod fault;
 mod field;
@@ -30,10 +31,11 @@ pub use beside::{
     RedistributionStatement, ReleaseInfo, SourceTerms, SplitPlan, SplitUnit, TakedownList, TakenDown,
     read_release, read_sources, read_takedown, takedown_of,
 };
+pub use drawn::DrawnSensors;
 pub use edits::{RecipeEdit, find_edits};
 pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
-pub use fragment::{TrajectoryFragment, read_fragment, read_sensor, sensor_from_text};
+pub use fragment::{TrajectoryFragment, draw_sensor, read_fragment, read_sensor, sensor_from_text};
 pub use output::{OutputKind, PictureSpacing};
 pub use source::SceneSource;
 pub use upstream::UpstreamOrigin;
@@ -90,7 +92,8 @@ pub struct Recipe {
     pub tolerance: Option<ErrorTolerance>,
     /// Rendering.
     pub render: RenderChoice,
-    /// The sensors.
+    /// The sensors. A number with a law has its median here; [`Recipe::sensors_of`] has the drawn
+    /// numbers.
     pub sensors: SensorSet,
     /// Products of each trajectory.
     pub outputs: BTreeSet<OutputKind>,
@@ -104,6 +107,15 @@ pub struct Recipe {
     pub checks: Limits,
     /// The owner's part of the licence.
     pub licence: Option<LicenceChoice>,
+}
+
+impl Recipe {
+    /// The sensors of a trajectory, with the numbers that were drawn for it.
+    #[must_use]
+    pub fn sensors_of(&self, trajectory: &str) -> &SensorSet {
+        let named = self.trajectories.iter().find(|own| own.name == trajectory);
+        named.and_then(|own| own.drawn.as_ref()).map_or(&self.sensors, |drawn| &drawn.sensors)
+    }
 }
 
 /// Facts about a recipe that is read: they enter no key.
@@ -173,6 +185,8 @@ pub struct TrajectoryRecipe {
     pub base: Option<String>,
     /// Speed along the path.
     pub speed: SpeedChoice,
+    /// The sensors of this trajectory, if numbers of them are drawn.
+    pub drawn: Option<DrawnSensors>,
 }
 
 /// Scale of a scene, after the axes of the paper's appendix D.

@@ -5,6 +5,7 @@ pub(crate) mod eight;
 pub mod ks;
 pub mod normal;
 pub mod philox;
+pub mod range;
 #[cfg(test)]
 pub(crate) mod rival;
 
@@ -43,11 +44,23 @@ impl Seed {
     /// draws.
     #[must_use]
     pub fn for_stream(recipe_seed: u64, scene: &str, trajectory: &str, purpose: StreamPurpose) -> Self {
+        Self::for_names(recipe_seed, &[scene, trajectory, purpose.name()])
+    }
+
+    /// The seed of the draw of one number of a sensor, by the names of the trajectory and of the
+    /// sensor (empty if the recipe has one sensor) and the path of the number, such as
+    /// `v2e.threshold.on`. Another trajectory, sensor or number changes no draw.
+    #[must_use]
+    pub fn for_parameter(recipe_seed: u64, scene: &str, trajectory: &str, sensor: &str, path: &str) -> Self {
+        Self::for_names(recipe_seed, &[scene, trajectory, "parameter", sensor, path])
+    }
+
+    fn for_names(recipe_seed: u64, names: &[&str]) -> Self {
         // A key of its own, so that no other hash of the program can give the same bits.
         let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 stream seed v1");
         hasher.update(&recipe_seed.to_le_bytes());
         // Names with their lengths: `ab` and an empty name must differ from `a` and `b`.
-        for name in [scene, trajectory, purpose.name()] {
+        for name in names {
             hasher.update(&(name.len() as u64).to_le_bytes());
             hasher.update(name.as_bytes());
         }

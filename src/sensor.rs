@@ -17,6 +17,7 @@ pub mod noise;
 mod own_events;
 mod pairs;
 mod parameters;
+pub mod readout;
 pub mod screening;
 mod set;
 mod simulate;
@@ -37,6 +38,7 @@ use crate::frames::DenseFrame;
 use crate::image::Size;
 use crate::seed::Seed;
 use front_end::FrontEnd;
+use readout::ReadoutAccount;
 use serde::{Deserialize, Serialize};
 
 /// White on the grey scale of luminance.
@@ -125,6 +127,9 @@ pub struct SimulationAccount {
     /// Events left out because of the cap.
     #[serde(default, skip_serializing_if = "is_default")]
     pub capped: u64,
+    /// Counts of the readout, if a bus limits the rate of events.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub readout: Option<ReadoutAccount>,
 }
 
 /// Returns true if a value is the default of its type. Defaults are left out of records, because

@@ -2,6 +2,7 @@
 //! the program itself.
 
 pub mod growth;
+pub mod real;
 pub mod stress;
 pub mod thresholds;
 pub mod work_precision;

@@ -92,7 +92,14 @@ impl DriftLaw {
             SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
         let hot = sensor.hot_pixels();
-        Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law }
+        let law = Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law };
+        match sensor.readout() {
+            // At least the time of one event on the bus; the load decides the rest.
+            Some(bus) => {
+                Self { loose: Some(READ_LATE), delay_us: law.delay_us.max(1.0 / bus.rate_mev_s), ..law }
+            }
+            None => law,
+        }
     }
 
     /// The law by which frames predict the times of single events.
@@ -324,6 +331,7 @@ const MEDIUM: f64 = 64.0;
 const HOT: &str = "not applicable with hot pixels: they fire without a brightness change";
 const DELAYED: &str =
     "not applicable with a low-pass filter: events follow the frames with a delay of their own";
+const READ_LATE: &str = "not applicable behind a readout of limited rate: events are late, and some are lost";
 const LOST: &str = "not applicable with a dead time, thresholds drawn per frame or an allowed cap: events need not match the brightness change";
 
 /// Without noise, the reference of a pixel moves like the voltage of a voltmeter with `k1 = 1` and

@@ -31,6 +31,11 @@ impl ValidationPass for DeadTime {
                 "the sensor has no refractory period of a microsecond or more",
             )];
         }
+        if sensor.readout().is_some() {
+            let because =
+                "not applicable behind a readout of limited rate: events are stamped when they are read";
+            return vec![subject.not_run(NAME, "", because)];
+        }
         let because = format!(
             "{} of {} events come within the dead time of {period_us} us after another event of their pixel",
             tally.too_soon, tally.events

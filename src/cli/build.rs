@@ -200,6 +200,12 @@ fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
                 tell_sensor(&of, sensor, recipe.rate, console)?;
             }
         }
+        if recipe.trajectories.iter().any(|trajectory| trajectory.drawn.is_some()) {
+            console.say(&format!(
+                "sensor of {}: numbers are drawn for each trajectory; their medians are shown",
+                recipe.scene
+            ));
+        }
         super::screening::tell_twins(&recipe.scene, &recipe.sensors, console);
     }
     Ok(())

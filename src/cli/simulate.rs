@@ -4,7 +4,7 @@ mod account;
 mod sensor;
 mod sequence;
 
-pub(super) use sequence::open_stack;
+pub(super) use sequence::{FrameInputs, StampedFrames, full_scale, open_stack, parse_rate};
 
 use super::CommonArgs;
 use super::console::Console;
@@ -27,7 +27,6 @@ use crate::sensor::{
 use crate::units::Hertz;
 use account::SimulateReport;
 use indicatif::ProgressBar;
-use sequence::StampedFrames;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 use std::io;
@@ -155,8 +154,11 @@ impl SimulateArgs {
         common.limit_cores();
         // Interrupts are caught before a file exists that an interrupt could leave behind.
         let stop = super::on_interrupt()?;
-        let sensor = sensor::choose_sensor(&self)?;
-        let mut sequence = StampedFrames::open_inputs(&self, &common.programs())?;
+        let (sensor, drawn) = sensor::choose_sensor(&self)?;
+        let mut sequence = match self.input() {
+            SimulateInput::Frames(frames) => StampedFrames::open_inputs(self.inputs(frames))?,
+            SimulateInput::Video(video) => StampedFrames::open_video(video, &common.programs())?,
+        };
         // Labels that were asked for must not be dropped silently.
         if sensor.as_model().labels() && !format.keeps_labels() {
             let what = format!("{} cannot store the labels of events", self.out.display());
@@ -172,6 +174,10 @@ impl SimulateArgs {
             console,
         );
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
+        if !drawn.is_empty() {
+            let told: Vec<String> = drawn.iter().map(|(path, x)| format!("{path} {x:.4}")).collect();
+            console.say(&format!("drawn with seed {}: {}", self.seed, told.join(", ")));
+        }
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
         if account.events == 0 {
@@ -180,9 +186,19 @@ impl SimulateArgs {
                 "warning: no events: the frames change less than the thresholds, or --full-scale is wrong",
             );
         }
-        SimulateReport { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }
+        SimulateReport { asked: &self, sensor: &sensor, drawn, screening, sequence: &sequence, account }
             .tell(console)?;
         Ok(ExitKind::Done)
+    }
+
+    fn inputs<'a>(&'a self, frames: &'a Path) -> FrameInputs<'a> {
+        FrameInputs {
+            frames,
+            rates: self.rates.as_deref(),
+            stamps: self.stamps.as_deref(),
+            fps: self.fps,
+            full_scale: self.full_scale,
+        }
     }
 
     /// Writes the file whole or not at all.

@@ -1,6 +1,7 @@
 //! `gs2e study`: measurements over one scene.
 
 mod meter;
+mod real;
 mod subject;
 mod thresholds;
 mod work_precision;
@@ -29,12 +30,15 @@ enum StudySubcommand {
     /// Sweep the contrast threshold: count all events at each value, and those that come from
     /// smooth motion
     Thresholds(thresholds::ThresholdsArgs),
+    /// Compare all presets with a recording: frames and the events of the same pixels
+    Real(real::RealArgs),
 }
 
 impl StudyArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         match self.of {
             Some(StudySubcommand::Thresholds(study)) => study.run(common, console),
+            Some(StudySubcommand::Real(study)) => study.run(common, console),
             None => self.work_precision.run(common, console),
         }
     }

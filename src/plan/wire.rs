@@ -205,7 +205,7 @@ fn wire_output(
                 omit,
                 backend: backend(),
                 tolerance: recipe.tolerance,
-                ..EventsStage::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
+                ..EventsStage::new(recipe.sensors_of(trajectory), seed, (recipe.camera, recipe.render))
             };
             made.events = Some(wiring.add(name, simulating, inputs));
         }

@@ -1,5 +1,6 @@
 //! Loading of one recipe from its file and the defaults file under it.
 
+use super::drawn::{SensorDraws, take_presets};
 use super::fault::{RecipeFault, shown_path};
 use super::field::Field;
 use super::find::{RecipeFile, parent_folder};
@@ -85,7 +86,9 @@ impl DefaultsLibrary {
                 parts.tree = merge_nodes(parts.tree, &under);
             }
         }
-        Ok(if preset::names_paper(&parts.tree) { parts.standing_in(&[], preset::PAPER) } else { parts })
+        let parts =
+            if preset::names_paper(&parts.tree) { parts.standing_in(&[], preset::PAPER) } else { parts };
+        Ok(parts.with_ranges())
     }
 }
 
@@ -158,16 +161,33 @@ impl RecipeParts {
         self
     }
 
+    /// Replaces the preset `randomised` of sensors by its ranges, which their other keys override.
+    pub(super) fn with_ranges(mut self) -> Self {
+        let ranges = take_presets(&mut self.tree);
+        if ranges.is_empty() { self } else { self.standing_in(&[], &ranges) }
+    }
+
     /// Resolves the recipe, and leaves its meta data empty.
     pub(super) fn resolved(&self) -> Result<Recipe, Vec<RecipeFault>> {
         Ok(self.read()?.1)
     }
 
-    fn read(&self) -> Result<(schema::RecipeSchema, Recipe), Vec<RecipeFault>> {
-        match self.other_version() {
-            Some(fault) => Err(vec![fault]),
-            None => self.resolve(|raw: &schema::RecipeSchema, resolver| resolver.recipe(raw)),
+    /// Reads and resolves the recipe, and draws its numbers.
+    fn read(&self) -> Result<(schema::RecipeSchema, Recipe, SensorDraws), Vec<RecipeFault>> {
+        if let Some(fault) = self.other_version() {
+            return Err(vec![fault]);
         }
+        let problems = Problems::default();
+        let draws = SensorDraws::find(&self.tree, &problems);
+        let resolve = |raw: &schema::RecipeSchema, resolver: &Resolver<'_>| {
+            // The ends come first: of several messages on one law, the first is kept.
+            draws.check_ends(&self.tree, resolver);
+            let recipe = resolver.recipe(raw);
+            draws.keep_first(resolver.problems);
+            draws.draw(&self.tree, recipe?, resolver)
+        };
+        let (raw, recipe) = self.resolve_tree(draws.middle(), problems, resolve)?;
+        Ok((raw, recipe, draws))
     }
 
     /// Reads the tree as `T`, then resolves it. All faults of both steps are returned in file
@@ -176,8 +196,17 @@ impl RecipeParts {
         &self,
         resolve: impl FnOnce(&T, &Resolver<'_>) -> Option<R>,
     ) -> Result<(T, R), Vec<RecipeFault>> {
-        let problems = Problems::default();
-        let raw = T::deserialize(TreeReader::new(&self.tree, &problems));
+        self.resolve_tree(&self.tree, Problems::default(), resolve)
+    }
+
+    /// [`Self::resolve`] for another tree with the same places. Some problems may be known.
+    fn resolve_tree<T: DeserializeOwned + Default, R>(
+        &self,
+        tree: &TreeNode,
+        problems: Problems,
+        resolve: impl FnOnce(&T, &Resolver<'_>) -> Option<R>,
+    ) -> Result<(T, R), Vec<RecipeFault>> {
+        let raw = T::deserialize(TreeReader::new(tree, &problems));
         let raw = raw.map_err(|problem| problems.borrow_mut().push(problem)).unwrap_or_default();
         let resolver = Resolver { problems: &problems, folders: &self.folders, root: self.tree.place };
         let resolved = resolve(&raw, &resolver);
@@ -191,7 +220,7 @@ impl RecipeParts {
     }
 
     fn recipe(self, file: &RecipeFile) -> Result<ReadRecipe, Vec<RecipeFault>> {
-        let (raw, mut recipe) = self.read()?;
+        let (raw, mut recipe, draws) = self.read()?;
         let at = |field: Option<TextSpan>| field.map(|place| self.position(place));
         let named_at = NamedAt {
             scene: at(raw.scene.place()),
@@ -199,7 +228,8 @@ impl RecipeParts {
             reconstruct: at(raw.reconstruct.place()),
         };
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
-        let merged = canonical::canonical_recipe(&raw, &recipe);
+        let mut merged = canonical::canonical_recipe(&raw, &recipe);
+        draws.write_laws(&mut merged);
         recipe.meta = RecipeMeta { file: file.clone(), seen: self.seen, named_at, merged };
         Ok(ReadRecipe { recipe, texts: self.texts, scene })
     }

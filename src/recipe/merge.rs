@@ -1,6 +1,7 @@
 //! Merging of a recipe over `defaults.yaml`. Mappings merge deeply, and lists replace. In an
 //! enumeration, a different key replaces the whole mapping. Every value keeps its original place.
 
+use super::drawn::is_law;
 use super::reader::{ChoiceNodes, Problems, TreeReader};
 use super::schema::RecipeSchema;
 use super::tree::{MappingEntry, NodeKind, TreeNode};
@@ -23,6 +24,10 @@ pub(super) fn merge_nodes(over: TreeNode, under: &TreeNode) -> TreeNode {
 }
 
 fn merge_at(path: &str, over: TreeNode, under: &TreeNode, choices: &BTreeSet<*const TreeNode>) -> TreeNode {
+    // A law is one value: with keys of two laws it would be neither.
+    if is_law(under) || is_law(&over) {
+        return over;
+    }
     // A value that is no mapping replaces the default as a whole.
     let TreeNode { place, kind: NodeKind::Map(entries) } = over else { return over };
     let NodeKind::Map(defaults) = &under.kind else {
@@ -82,7 +87,7 @@ mod tests {
     /// Canonical form without places: keys sorted.
     fn plain(node: &TreeNode) -> String {
         match &node.kind {
-            NodeKind::Null => "~".into(),
+            NodeKind::Null | NodeKind::Refused => "~".into(),
             NodeKind::Scalar { text, .. } => text.clone(),
             NodeKind::List(items) => format!("[{}]", items.iter().map(plain).collect::<Vec<_>>().join(" ")),
             NodeKind::Map(entries) => {

@@ -79,6 +79,12 @@ impl FieldProblem {
         self
     }
 
+    /// Appends a remark to the message.
+    pub(super) fn noting(mut self, remark: &str) -> Self {
+        self.message.push_str(remark);
+        self
+    }
+
     /// Points to a part of the text at `place`, given as a byte range of `text`. The part is set
     /// only if the file contains the text unchanged: plain, or in quotes without an escape. The
     /// problem must be `at` the same place.

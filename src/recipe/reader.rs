@@ -6,6 +6,8 @@
 mod access;
 mod number;
 
+pub(super) use number::parse_real;
+
 use super::field::{FIELD, LITERAL};
 use super::problem::{FieldProblem, bare_text, quote_text};
 use super::tree::{MappingEntry, NodeKind, TreeNode};
@@ -123,7 +125,7 @@ impl NodeKind {
     /// Describes the value for a message: its kind, and its text if it has one.
     fn described(&self) -> String {
         match self {
-            Self::Null => "empty".into(),
+            Self::Null | Self::Refused => "empty".into(),
             Self::Scalar { text, plain: true } => bare_text(text),
             Self::Scalar { text, plain: false } => format!("the text {}", quote_text(text)),
             Self::List(items) => format!("a list of {}", items.len()),
@@ -153,7 +155,7 @@ impl<'de> Deserializer<'de> for TreeReader<'_> {
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         match &self.node.kind {
-            NodeKind::Null => self.deserialize_unit(visitor),
+            NodeKind::Null | NodeKind::Refused => self.deserialize_unit(visitor),
             NodeKind::List(_) => self.deserialize_seq(visitor),
             NodeKind::Map(_) => self.deserialize_map(visitor),
             NodeKind::Scalar { text, plain: true } => match text.as_str() {

@@ -23,7 +23,7 @@ pub(super) use reconstruct::{
 };
 pub(super) use sensor::{
     EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
-    RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
+    ReadoutSection, RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};
 pub(super) use trajectory::{

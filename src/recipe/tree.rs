@@ -38,6 +38,8 @@ pub(super) enum NodeKind {
     List(Vec<TreeNode>),
     /// A mapping, in file order, keys unique.
     Map(Vec<MappingEntry>),
+    /// A value with a fault that is already reported.
+    Refused,
 }
 
 /// A key of a mapping and its value.
@@ -68,7 +70,7 @@ impl TreeNode {
             NodeKind::List(items) => {
                 items.iter().enumerate().find_map(|(i, item)| seek(&format!("[{i}]"), None, item))
             }
-            NodeKind::Null | NodeKind::Scalar { .. } => None,
+            NodeKind::Null | NodeKind::Refused | NodeKind::Scalar { .. } => None,
         }
     }
 }

@@ -11,6 +11,7 @@ use crate::stats::mean_median;
 use crate::trajectory::report::SpeedReport;
 use crate::units::Hertz;
 use serde_json::Value as Json;
+use std::collections::BTreeMap;
 use table::{CellValue, ColumnKind};
 
 /// Name of the file.
@@ -61,6 +62,10 @@ impl IndexRow<'_> {
         self.named.map_or(self.part.sensor.as_ref(), |(_, part)| Some(&part.sensor))
     }
 
+    fn drawn(&self) -> Option<&BTreeMap<String, f64>> {
+        self.named.map_or(self.part.drawn.as_ref(), |(_, part)| part.drawn.as_ref())
+    }
+
     /// The first of these values that the sensor has.
     fn sensor_number(&self, pointers: &[&str]) -> Option<f64> {
         let sensor = self.sensor()?;
@@ -92,7 +97,7 @@ const fn index_column(
 }
 
 /// All columns, in the order of the file.
-pub(super) const COLUMNS: [IndexColumn; 35] = [
+pub(super) const COLUMNS: [IndexColumn; 36] = [
     index_column(
         "id",
         ColumnKind::Text,
@@ -194,6 +199,12 @@ pub(super) const COLUMNS: [IndexColumn; 35] = [
         ColumnKind::Number,
         "contrast threshold of darker events, in natural logarithm of brightness",
         |r| r.sensor_number(&["/c_off"]).into(),
+    ),
+    index_column(
+        "drawn",
+        ColumnKind::Text,
+        "numbers of the sensor that were drawn for the trajectory, as JSON by path",
+        |r| r.drawn().map(|drawn| serde_json::json!(drawn).to_string()).into(),
     ),
     index_column("events", ColumnKind::Whole, "number of events", |r| r.statistics().events.into()),
     index_column("on_share", ColumnKind::Number, "share of brighter events", |r| {

@@ -90,7 +90,7 @@ impl PublishedScene {
             None => part.sensor.is_some(),
             Some(name) => part.sensors.contains_key(name),
         };
-        self.recipe.sensors.iter().filter(|(name, _)| made(*name)).collect()
+        self.recipe.sensors_of(&part.name).iter().filter(|(name, _)| made(*name)).collect()
     }
 }
 

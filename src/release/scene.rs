@@ -18,6 +18,7 @@ use crate::recipe::{Recipe, ReconstructMethod};
 use crate::reconstruct::TrainerCommand;
 use crate::render::fidelity::PsnrFigures;
 use crate::seed::{Seed, StreamPurpose};
+use crate::sensor::readout::ReadoutAccount;
 use crate::source::{Capture, CapturedView, UnusedPhoto, natural};
 use crate::training::TrainingRecord;
 use crate::trajectory::path::CameraPath;
@@ -228,6 +229,9 @@ pub struct TrajectoryPart {
     pub render_rules: Value,
     /// The sensor, if there are events.
     pub sensor: Option<Value>,
+    /// The numbers of the sensor that were drawn for this trajectory, by their path in the recipe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn: Option<BTreeMap<String, f64>>,
     /// The sensors by name, if several saw one rendering. Then `sensor` and the counts of
     /// `statistics` are null.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -248,6 +252,9 @@ pub struct SensorPart {
     /// stamps are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twin_of: Option<String>,
+    /// The numbers of it that were drawn for this trajectory, by their path in the recipe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn: Option<BTreeMap<String, f64>>,
     /// Statistics of its stream. Values of the whole trajectory are null.
     pub statistics: TrajectoryStatistics,
 }
@@ -264,6 +271,9 @@ pub struct TrajectoryStatistics {
     pub off: Option<u64>,
     /// Events per pixel and second.
     pub rate_ev_px_s: Option<f64>,
+    /// Counts and delays of the readout, if a bus limits the rate of events.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub readout: Option<ReadoutAccount>,
     /// Most events in one millisecond.
     pub peak_ev_per_ms: Option<u64>,
     /// Pixels with an event.

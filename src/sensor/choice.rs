@@ -1,6 +1,7 @@
 //! The sensor of a recipe, one of a closed family.
 
 use super::noise::{self, HotPixelNoise};
+use super::readout::ReadoutBus;
 use super::screening::{ScreenError, SensorScreening};
 use super::voltmeter::{self, BetweenFrames};
 use super::{SensorFacts, SensorModel, SensorSettings, esim, v2e};
@@ -56,6 +57,12 @@ impl SensorChoice {
     #[must_use]
     pub fn dead_us(&self) -> i64 {
         self.as_model().dead_us()
+    }
+
+    /// The bus behind the pixels, if its rate is limited.
+    #[must_use]
+    pub fn readout(&self) -> Option<ReadoutBus> {
+        self.as_model().settings().readout
     }
 
     /// The pixels that fire by themselves.

@@ -21,6 +21,7 @@
 //! not depend on the frame rate. With `mismatch: per-frame` it does.
 
 mod parameters;
+mod presets;
 
 pub(super) use parameters::FACTS;
 
@@ -30,6 +31,7 @@ use super::front_end::FrontEnd;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RedrawRule, RefractoryPeriod, ThresholdMismatch};
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
+use super::readout::{ReadoutBus, read_out};
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
 use crate::image::Size;
@@ -67,6 +69,9 @@ pub struct EsimModel {
     /// True if events are labelled as signal or noise.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub labels: bool,
+    /// The bus behind the pixels, if its rate is limited.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub readout: Option<ReadoutBus>,
 }
 
 /// The quantity that pixels compare.
@@ -95,6 +100,7 @@ impl Default for EsimModel {
             allow_cap: false,
             front_end: FrontEnd::default(),
             labels: false,
+            readout: None,
         }
     }
 }
@@ -178,7 +184,7 @@ impl SensorModel for EsimModel {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        Ok(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)))
+        Ok(read_out(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)), self.readout, size))
     }
 }
 

@@ -3,6 +3,7 @@
 
 use super::front_end::FrontEnd;
 use super::noise::HotPixelNoise;
+use super::readout::ReadoutBus;
 use super::screening::{ScreenError, SensorScreening};
 use super::voltmeter::BetweenFrames;
 use super::{SensorChoice, SimulationAccount};
@@ -19,6 +20,8 @@ pub struct SensorFacts {
     pub title: &'static str,
     /// The publication.
     pub publication: &'static str,
+    /// Ranges of the preset `randomised` as YAML, if the model has it.
+    pub ranges: Option<&'static str>,
 }
 
 /// Settings that every model has.
@@ -32,6 +35,8 @@ pub struct SensorSettings {
     pub allow_cap: bool,
     /// True if events are labelled as signal or noise.
     pub labels: bool,
+    /// The bus behind the pixels, if its rate is limited.
+    pub readout: Option<ReadoutBus>,
 }
 
 /// Cells of the pixels' clock over a clip.

@@ -42,6 +42,7 @@ use super::front_end::FrontEnd;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
+use super::readout::{ReadoutBus, read_out};
 use super::screening::{ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, at_least_zero};
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
 use crate::image::Size;
@@ -81,6 +82,9 @@ pub struct V2eModel {
     /// True if events are labelled as signal or noise.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub labels: bool,
+    /// The bus behind the pixels, if its rate is limited.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub readout: Option<ReadoutBus>,
 }
 
 /// The filter's step from frame to frame.
@@ -263,7 +267,7 @@ impl SensorModel for V2eModel {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        Ok(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)))
+        Ok(read_out(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)), self.readout, size))
     }
 }
 

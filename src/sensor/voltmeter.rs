@@ -49,6 +49,7 @@ use super::front_end::FrontEnd;
 use super::noise::HotPixelNoise;
 use super::own_events::WithHot;
 use super::pairs::{EventCap, PairPixels};
+use super::readout::{ReadoutBus, read_out};
 use super::{SensorError, SensorModel, SensorPixels, check_extent};
 use crate::event::EventLabel;
 use crate::image::Size;
@@ -90,6 +91,9 @@ pub struct VoltmeterModel {
     /// True if events are labelled as signal or noise.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub labels: bool,
+    /// The bus behind the pixels, if its rate is limited.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub readout: Option<ReadoutBus>,
 }
 
 /// The sampler of the process.
@@ -165,6 +169,7 @@ impl VoltmeterModel {
             hot_pixels: HotPixelNoise::default(),
             front_end: FrontEnd::default(),
             labels: false,
+            readout: None,
         }
     }
 }
@@ -219,13 +224,14 @@ impl SensorModel for VoltmeterModel {
     fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
-        match self.law {
-            SamplerKind::Exact => Ok(self.exact(size, origin, seed)),
+        let pixels = match self.law {
+            SamplerKind::Exact => self.exact(size, origin, seed),
             SamplerKind::Official => {
                 let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-                Ok(Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed)))
+                Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed))
             }
-        }
+        };
+        Ok(read_out(pixels, self.readout, size))
     }
 }
 

@@ -72,6 +72,9 @@ const BYTES_A_PIXEL: u64 = 230;
 /// as blended and as read, 32 bits each.
 const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
 
+/// Bytes per pixel of a bus: its flags, and a waiting event in a tree of rows.
+const BYTES_OF_BUS: u64 = 64;
+
 /// Maximum number of pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
@@ -92,7 +95,8 @@ impl Stage for EventsStage {
         let is_coloured =
             |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
         let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
-        let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends;
+        let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
+        let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + BYTES_OF_BUS * buses;
         super::rendering_need(&self.backend, self.camera, files, others)
     }
 

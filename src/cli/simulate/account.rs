@@ -1,6 +1,7 @@
 //! The report on a finished simulation.
 
 use super::SimulateArgs;
+use super::sensor::DrawnNumbers;
 use super::sequence::StampedFrames;
 use crate::cli::console::{Console, path};
 use crate::cli::output::unwritable_file;
@@ -14,6 +15,7 @@ use serde_json::{Value, json};
 pub(super) struct SimulateReport<'a> {
     pub(super) asked: &'a SimulateArgs,
     pub(super) sensor: &'a SensorChoice,
+    pub(super) drawn: DrawnNumbers,
     pub(super) screening: SensorScreening,
     pub(super) sequence: &'a StampedFrames,
     pub(super) account: SimulationAccount,
@@ -37,6 +39,15 @@ impl SimulateReport<'_> {
             let active = 100.0 * active_pixels as f64 / size.pixels() as f64;
             console.say(&format!(
                 "{rate:.3} events per pixel and second, {share:.1} % of them ON, from {active:.1} % of the pixels"
+            ));
+        }
+        if let Some(bus) = &self.account.readout {
+            console.say(&format!(
+                "readout: {} of {} events lost, the others {:.3} us late on average and {:.1} us at most",
+                bus.lost(),
+                bus.made,
+                bus.mean_delay_us,
+                bus.max_delay_us
             ));
         }
         self.oddities().iter().for_each(|line| console.say(line));
@@ -93,7 +104,7 @@ impl SimulateReport<'_> {
                 "height": size.height, "first_us": first_us, "last_us": last_us, "full_scale": full_scale,
                 "full_scale_decided": self.sequence.decided,
             },
-            "sensor": self.sensor, "contrast": self.screening.contrast, "noise": self.screening.noise,
+            "sensor": self.sensor, "drawn": self.drawn, "contrast": self.screening.contrast, "noise": self.screening.noise,
             "warnings": self.screening.warnings, "account": self.account,
             "capped": self.account.capped,
             "events_per_pixel_second": self.rate(),

@@ -3,17 +3,21 @@
 use super::SimulateArgs;
 use crate::cli::problem::VerbError;
 use crate::files::is_there;
-use crate::recipe::read_sensor;
+use crate::recipe::draw_sensor;
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end::{GreyRange, LuminanceWeights};
 use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
+
+/// The numbers of a sensor that were drawn from ranges, by path.
+pub(super) type DrawnNumbers = BTreeMap<String, f64>;
 
 /// Chooses the sensor. Options override its file, except that `--allow-cap` and `--labels` only
 /// switch on.
-pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
-    let sensor = sensor_from(&asked.sensor)?;
+pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<(SensorChoice, DrawnNumbers), VerbError> {
+    let (sensor, drawn) = sensor_from(&asked.sensor, asked.seed)?;
     let of_voltmeter = [
         ("--law", asked.law.is_some()),
         ("--gain", asked.gain.is_some()),
@@ -27,7 +31,7 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbEr
                 format!("{option} applies to the sensor voltmeter, but this sensor is {}", sensor.name());
             Err(VerbError::usage("sensor", what).help("leave the option out"))
         }
-        _ => with_settings(&with_law(with_threshold(sensor, asked), asked), asked),
+        _ => Ok((with_settings(&with_law(with_threshold(sensor, asked), asked), asked)?, drawn)),
     }
 }
 
@@ -90,17 +94,17 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     numbers?.try_into().ok()
 }
 
-fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
+fn sensor_from(name: &str, seed: u64) -> Result<(SensorChoice, DrawnNumbers), VerbError> {
     let path = Path::new(name);
     // A preset is hidden by a file of its name, and not by a folder.
     if let Some(sensor) = SensorChoice::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
-        return Ok(sensor);
+        return Ok((sensor, DrawnNumbers::new()));
     }
     if is_there(path) {
-        return Ok(read_sensor(path, None)?);
+        return Ok(draw_sensor(path, None, seed)?);
     }
     if let Some((path, sensor)) = named_in_recipe(name) {
-        return Ok(read_sensor(path, Some(sensor))?);
+        return Ok(draw_sensor(path, Some(sensor), seed)?);
     }
     let names = SensorChoice::NAMES.join(", ");
     Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))

@@ -1,6 +1,5 @@
 //! The frames of a simulation, with their time stamps.
 
-use super::{SimulateArgs, SimulateInput};
 use crate::cli::input;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
@@ -35,7 +34,7 @@ pub(super) fn parse_origin(text: &str) -> Result<SensorOrigin, String> {
 }
 
 /// Reads `1` or `255`.
-pub(super) fn full_scale(text: &str) -> Result<FullScale, String> {
+pub(in crate::cli) fn full_scale(text: &str) -> Result<FullScale, String> {
     match text {
         "1" => Ok(FullScale::One),
         "255" => Ok(FullScale::Grey255),
@@ -44,7 +43,7 @@ pub(super) fn full_scale(text: &str) -> Result<FullScale, String> {
 }
 
 /// Reads a frame rate that whole microseconds can resolve.
-pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
+pub(in crate::cli) fn parse_rate(text: &str) -> Result<Hertz, String> {
     let ratio: Ratio = text.parse().map_err(|e: crate::units::RatioError| e.to_string())?;
     if ratio.to_f64() > 1e6 || ratio.to_f64() < 1e-6 {
         return Err(format!("`{text}` is not between 1e-6 and 1e6 frames per second"));
@@ -52,19 +51,29 @@ pub(super) fn parse_rate(text: &str) -> Result<Hertz, String> {
     Ok(Hertz(ratio))
 }
 
+/// Frames and stamps as the command line names them.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::cli) struct FrameInputs<'a> {
+    pub(in crate::cli) frames: &'a Path,
+    pub(in crate::cli) rates: Option<&'a Path>,
+    pub(in crate::cli) stamps: Option<&'a Path>,
+    pub(in crate::cli) fps: Option<Hertz>,
+    pub(in crate::cli) full_scale: Option<FullScale>,
+}
+
 /// Frames with their time stamps.
-pub(super) struct StampedFrames {
-    pub(super) frames: Box<dyn FrameSequence>,
+pub(in crate::cli) struct StampedFrames {
+    pub(in crate::cli) frames: Box<dyn FrameSequence>,
     /// Stamps in microseconds, strictly increasing, at least two.
-    pub(super) stamps_us: Vec<i64>,
+    pub(in crate::cli) stamps_us: Vec<i64>,
     /// The value of white.
-    pub(super) full_scale: FullScale,
+    pub(in crate::cli) full_scale: FullScale,
     /// True if the frames decided the value of white.
-    pub(super) decided: bool,
+    pub(in crate::cli) decided: bool,
     /// True if frames may have colours.
-    pub(super) may_be_coloured: bool,
+    pub(in crate::cli) may_be_coloured: bool,
     /// Lines to be printed.
-    pub(super) told: Vec<String>,
+    pub(in crate::cli) told: Vec<String>,
 }
 
 /// The frames, with the stamps that came with them.
@@ -75,19 +84,15 @@ enum FrameSource {
 
 impl StampedFrames {
     /// Opens all inputs that the command line names.
-    pub(super) fn open_inputs(asked: &SimulateArgs, programs: &ProgramFinder) -> Result<Self, VerbError> {
-        let input = match asked.input() {
-            SimulateInput::Frames(path) => path,
-            SimulateInput::Video(path) => return Self::open_video(path, programs),
-        };
-        let source = open_frames(input)?;
-        let stamps_us = find_stamps(asked, &source, input)?;
-        require_two(input, &stamps_us)?;
+    pub(in crate::cli) fn open_inputs(asked: FrameInputs<'_>) -> Result<Self, VerbError> {
+        let source = open_frames(asked.frames)?;
+        let stamps_us = find_stamps(asked, &source)?;
+        require_two(asked.frames, &stamps_us)?;
         let mut told = Vec::new();
         let floats = matches!(&source, FrameSource::Stack(stack) if stack.kind() == SampleKind::Floats);
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
-            None if floats => decide_scale(input, &mut told)?,
+            None if floats => decide_scale(asked.frames, &mut told)?,
             // Integers are grey from 0 to 255.
             _ => FullScale::Grey255,
         };
@@ -106,7 +111,7 @@ impl StampedFrames {
                 Box::new(FolderFrames::new(listing.images, &stamps_us).map_err(|e| wrong_folder(&e))?)
             }
         };
-        let frames = match &asked.rates {
+        let frames = match asked.rates {
             None => frames,
             Some(path) => {
                 let rates = FrameStack::open(path).map_err(|e| unreadable_array("rates", &e, path))?;
@@ -118,7 +123,8 @@ impl StampedFrames {
         Ok(sequence)
     }
 
-    fn open_video(path: &Path, programs: &ProgramFinder) -> Result<Self, VerbError> {
+    /// Opens a video, whose container has the stamps.
+    pub(super) fn open_video(path: &Path, programs: &ProgramFinder) -> Result<Self, VerbError> {
         let video = VideoFrames::open(path, programs).map_err(|e| unreadable_video(&e, path))?;
         let stamps_us = video.stamps_us().to_vec();
         require_two(path, &stamps_us)?;
@@ -135,7 +141,7 @@ impl StampedFrames {
     }
 
     /// The first and the last stamp, in microseconds.
-    pub(super) fn span_us(&self) -> (i64, i64) {
+    pub(in crate::cli) fn span_us(&self) -> (i64, i64) {
         (self.stamps_us[0], self.stamps_us[self.stamps_us.len() - 1])
     }
 
@@ -208,7 +214,7 @@ pub(in crate::cli) fn open_stack(
     Ok(Box::new(NpyFrames::new(stack, full_scale, stamps_us).map_err(|e| mismatched_frames(&e))?))
 }
 
-fn find_stamps(asked: &SimulateArgs, source: &FrameSource, input: &Path) -> Result<Vec<i64>, VerbError> {
+fn find_stamps(asked: FrameInputs<'_>, source: &FrameSource) -> Result<Vec<i64>, VerbError> {
     let count = match source {
         FrameSource::Stack(stack) => stack.frames(),
         FrameSource::Images(listing) => listing.images.len(),
@@ -217,10 +223,10 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource, input: &Path) -> Resu
         FrameSource::Images(listing) => listing.stamps_us.as_ref(),
         FrameSource::Stack(_) => None,
     };
-    match (own, &asked.stamps, asked.fps) {
+    match (own, asked.stamps, asked.fps) {
         (Some(own), None, None) => Ok(own.clone()),
         (Some(_), _, _) => {
-            let what = format!("the stamps of {} are in its {INFO}", input.display());
+            let what = format!("the stamps of {} are in its {INFO}", asked.frames.display());
             Err(VerbError::usage("stamps", what).help("leave --stamps and --fps out"))
         }
         (None, Some(path), _) => {
@@ -232,7 +238,7 @@ fn find_stamps(asked: &SimulateArgs, source: &FrameSource, input: &Path) -> Resu
         }
         (None, None, Some(rate)) => Ok((0..count as u64).map(|index| rate.stamp_us(index)).collect()),
         (None, None, None) => {
-            let what = format!("no timestamps for {}", input.display());
+            let what = format!("no timestamps for {}", asked.frames.display());
             let help = "pass --stamps with a .npy of int64 microseconds, or --fps";
             Err(VerbError::usage("stamps", what).help(help))
         }

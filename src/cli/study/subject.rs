@@ -39,9 +39,9 @@ pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<S
     Err(VerbError::usage("no-trajectory", what))
 }
 
-/// The only sensor of the recipe, which must be a voltmeter.
-pub(super) fn single_voltmeter(recipe: &Recipe) -> Result<VoltmeterModel, VerbError> {
-    match &recipe.sensors {
+/// The only sensor of the recipe along a trajectory, which must be a voltmeter.
+pub(super) fn single_voltmeter(recipe: &Recipe, trajectory: &str) -> Result<VoltmeterModel, VerbError> {
+    match recipe.sensors_of(trajectory) {
         SensorSet::One(sensor) => sensor.as_voltmeter().cloned().ok_or_else(|| {
             let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, sensor.name());
             VerbError::usage("sensor", what)

@@ -69,7 +69,7 @@ impl ThresholdsArgs {
         self.screen(console)?;
         let recipe = subject::single_recipe(&self.recipe)?;
         let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
-        let sensor = subject::single_voltmeter(&recipe)?;
+        let sensor = subject::single_voltmeter(&recipe, &name)?;
         common.limit_cores();
         let backend = common.backend()?;
         // The seed of a build, so that the noise is that of the released events.

@@ -122,7 +122,7 @@ impl WorkPrecision {
         self.screen()?;
         let recipe = subject::single_recipe(&self.recipe)?;
         let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
-        let sensor = subject::single_voltmeter(&recipe)?;
+        let sensor = subject::single_voltmeter(&recipe, &name)?;
         common.limit_cores();
         let backend = common.backend()?;
         let to = self.to.clone().unwrap_or_else(|| PathBuf::from("study").join(&recipe.scene));

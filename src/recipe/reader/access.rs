@@ -30,6 +30,9 @@ impl<'de> SeqAccess<'de> for FieldAccess<'_> {
         if let Some(number) = [file, start, end].get(self.step - 1) {
             return seed.deserialize(number.into_deserializer()).map(Some);
         }
+        if self.reader.node.kind == NodeKind::Refused {
+            return Ok(None);
+        }
         // A key without a value has the same message for every type.
         if self.reader.node.kind == NodeKind::Null {
             self.reader.report(FieldProblem::of_key("has no value").help("give it one, or remove the key"));

@@ -30,7 +30,7 @@ const K: [RealRange; 6] = [
 
 impl Resolver<'_> {
     /// Resolves the one sensor, or several named sensors.
-    pub(super) fn sensors(
+    pub(in crate::recipe) fn sensors(
         &self,
         raw: &schema::RecipeSchema,
         between: Option<BetweenFrames>,
@@ -185,6 +185,7 @@ impl Resolver<'_> {
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
         let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
+        let readout = self.readout(&raw.readout);
         let [threshold_on, threshold_off, threshold_spread] = threshold?;
         Some(VoltmeterModel {
             threshold_on,
@@ -198,6 +199,7 @@ impl Resolver<'_> {
             hot_pixels: hot_pixels?,
             front_end: front_end?,
             labels: labels?,
+            readout: readout?,
             ..VoltmeterModel::new(k?)
         })
     }

@@ -121,7 +121,7 @@ impl Resolver<'_> {
         }
         let path = self.path_of(raw, place, around);
         let (name, path, speed) = (name?, path?, speed?);
-        Some(vec![TrajectoryRecipe { written: name.clone(), name, path, base: None, speed }])
+        Some(vec![TrajectoryRecipe { written: name.clone(), name, path, base: None, speed, drawn: None }])
     }
 
     /// Returns true, after reporting it, if there is more than one path.
@@ -176,6 +176,7 @@ impl Resolver<'_> {
                 path: CameraPath::Novel(path),
                 base,
                 speed: speed.clone(),
+                drawn: None,
             })
         };
         groups.drawn(setting.seed?, setting.scene?, written).map(group).collect()

@@ -11,9 +11,12 @@ pub(in crate::recipe) use voltmeter::VoltmeterSection;
 use crate::recipe::field::Field;
 use crate::sensor::front_end::ChannelDecode;
 use crate::sensor::noise::ReferenceRule;
+use crate::sensor::readout::ArbiterOrder;
 use serde::Deserialize;
 
-/// Model of the sensor, with its parameters; [sensors.md](sensors.md) describes the models.
+/// Model of the sensor, with its parameters; [sensors.md](sensors.md) describes the models. A number
+/// may be a law from which it is drawn for each trajectory: `{ uniform: [a, b] }`,
+/// `{ log_uniform: [a, b] }`, or `{ normal: [mean, sd], within: [a, b] }`.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum SensorSection {
@@ -71,6 +74,20 @@ pub(in crate::recipe) struct HotPixelsSection {
     pub share: Field<f64>,
     /// Number of events of a hot pixel per second. Unit: Hz. Required.
     pub rate: Field<f64>,
+}
+
+/// Bus between the pixels and the stream. Waiting events are late, and further events of their pixels
+/// are lost.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct ReadoutSection {
+    /// Largest number of events per second. Unit: million events per second. Required.
+    pub rate_mev_s: Field<f64>,
+    /// Order in which waiting events are read: `rows`, `columns`, or `none` for the order of the
+    /// events. Default: `rows`.
+    pub arbiter: Field<ArbiterOrder>,
+    /// Largest number of waiting events; further ones are lost. Default: no bound.
+    pub queue: Field<u64>,
 }
 
 /// The defaults are the encoded luminance that the published simulators read.

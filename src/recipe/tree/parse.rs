@@ -26,7 +26,7 @@ pub(in crate::recipe) fn parse_tree(
         _ if !problems.is_empty() => Err(problems),
         NodeKind::Null => Ok(None),
         NodeKind::Map(_) => Ok(Some(node)),
-        NodeKind::Scalar { .. } | NodeKind::List(_) => {
+        NodeKind::Scalar { .. } | NodeKind::Refused | NodeKind::List(_) => {
             let help = "write keys with values, such as version: 1";
             Err(vec![FieldProblem::new("the file is not a mapping").help(help).at(node.place)])
         }
@@ -46,7 +46,7 @@ fn restore_switch_keys(node: &mut TreeNode) {
                 restore_switch_keys(value);
             }
         }
-        NodeKind::Null | NodeKind::Scalar { .. } => {}
+        NodeKind::Null | NodeKind::Refused | NodeKind::Scalar { .. } => {}
     }
 }
 

@@ -136,13 +136,14 @@ impl ReleasedTrajectory<'_> {
         (pictures, views): (&PictureFolder<'_>, &ReleasedPictures<'_>),
         measured: &MeasuredMotion,
     ) -> Result<Vec<CountedStream<'s>>, RecheckError> {
-        let models = || self.recipe.sensors.iter().map(|(_, sensor)| sensor.as_model());
+        let sensors = self.recipe.sensors_of(&self.part.name);
+        let models = || sensors.iter().map(|(_, sensor)| sensor.as_model());
         let front_ends = front_end::distinct_front_ends(models());
         let anchors = pictures.anchors(&front_ends, measured.steps_px)?;
         let end_us = pictures.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
         let between = self.recipe.tolerance.map_or(0.0, |asked| asked.rms);
         let mut counted = Vec::new();
-        for (stream, sensor) in self.recipe.sensors.iter() {
+        for (stream, sensor) in sensors.iter() {
             let events = format!("{}/{}", self.folder, EventStream::released_name(stream));
             // Also checks that no link leads out of the tree: the reader below opens by path.
             if !self.tree.has(&events)? {

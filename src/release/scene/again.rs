@@ -2,7 +2,7 @@
 //! scene.
 
 use super::trajectory::{
-    blur_value, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value,
+    blur_value, drawn_numbers, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value,
 };
 use super::{
     CameraPart, QuantityExtent, ReconstructionPart, SceneRecord, SensorPart, TrajectoryPart,
@@ -87,15 +87,18 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     let chosen = recipe.tolerance.is_some();
     let simulated = recipe.has_events();
     let seed = sensor_seed(recipe, &found.name);
-    let sensors = || recipe.sensors.iter().filter(|_| simulated);
+    let all = recipe.sensors_of(&found.name);
+    let sensors = || all.iter().filter(|_| simulated);
     let one = sensors().find(|(name, _)| name.is_none());
     let several = sensors().filter_map(|(name, own)| Some((name?.to_owned(), own)));
+    let trajectory = &found.name;
     let several = several.map(|(name, own)| {
         let found = found.sensors.get(&name);
         let stated = found.map(|part| part.sensor.clone()).filter(|_| chosen);
         let part = SensorPart {
             sensor: stated.unwrap_or_else(|| sensor_value(seed, own)),
-            twin_of: twin_of(own, recipe.sensors.iter()).map(str::to_owned),
+            twin_of: twin_of(own, all.iter()).map(str::to_owned),
+            drawn: drawn_numbers(recipe, trajectory, Some(&name)),
             statistics: found.map(|part| counted(&part.statistics, size, last_us)).unwrap_or_default(),
         };
         (name, part)
@@ -113,6 +116,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
         sensor: one.map(|(_, own)| {
             found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor_value(seed, own))
         }),
+        drawn: drawn_numbers(recipe, &found.name, None).filter(|_| simulated),
         sensors: several.collect(),
         blur: recipe.exposed().map(|_| {
             blur_value(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))

@@ -29,7 +29,8 @@ pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> Traje
         sampling: sampling_value(recipe, built.simulation()),
         render_rules: render_rules(recipe.render, built.simulation()),
         sensor: the_one(built).map(|(simulation, stream)| sensor_value(simulation.seed, &stream.sensor)),
-        sensors: sensor_statistics(built),
+        drawn: drawn_numbers(recipe, &built.name, None).filter(|_| built.simulation().is_some()),
+        sensors: sensor_statistics(recipe, built),
         blur: built.blur.as_ref().map(|blurred| blur_value(recipe, &json!(most_subframes(blurred)))),
         statistics: trajectory_statistics(built),
     }
@@ -113,19 +114,31 @@ pub(super) fn sensor_value(seed: Seed, sensor: &SensorChoice) -> Value {
     out
 }
 
+/// The numbers that were drawn for a sensor along a trajectory, by path.
+pub(super) fn drawn_numbers(
+    recipe: &Recipe,
+    trajectory: &str,
+    sensor: Option<&str>,
+) -> Option<BTreeMap<String, f64>> {
+    let asked = recipe.trajectories.iter().find(|asked| asked.name == trajectory)?;
+    asked.drawn.as_ref()?.numbers.get(sensor.unwrap_or_default()).cloned()
+}
+
 /// Each of several sensors with the statistics of its stream.
-fn sensor_statistics(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
+fn sensor_statistics(recipe: &Recipe, built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     let Some(simulation) = built.simulation() else { return BTreeMap::new() };
     let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
     let part = |(i, stream, name): (usize, &EventStream, String)| {
         let counted = stream_statistics(built, simulation, i);
         let others = simulation.streams.iter().map(|other| (other.name.as_deref(), &other.sensor));
         let twin_of = twin_of(&stream.sensor, others).map(str::to_owned);
+        let drawn = drawn_numbers(recipe, &built.name, Some(&name));
         (
             name,
             SensorPart {
                 sensor: sensor_value(simulation.seed, &stream.sensor),
                 twin_of,
+                drawn,
                 statistics: counted,
             },
         )
@@ -145,6 +158,7 @@ fn stream_statistics(
         events: Some(account.events),
         on: Some(account.on),
         off: Some(account.off),
+        readout: account.readout,
         rate_ev_px_s: rate_ev_px_s(account.events, simulation.camera.size, last_us),
         peak_ev_per_ms: built.peaks_ev_per_ms.get(i).copied(),
         active_pixels: Some(account.active_pixels),

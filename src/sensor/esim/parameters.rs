@@ -1,6 +1,6 @@
 //! The answers of ESIM to what is asked of any sensor.
 
-use super::{EsimModel, IntensityScale};
+use super::{EsimModel, IntensityScale, presets};
 use crate::sensor::noise::{RedrawRule, ThresholdMismatch};
 use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
 use crate::sensor::screening::{ScreenError, SensorScreening};
@@ -8,8 +8,12 @@ use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
 use crate::units::Hertz;
 use serde_json::{Value, json};
 
-pub(in crate::sensor) static FACTS: SensorFacts =
-    SensorFacts { name: "esim", title: "ESIM", publication: "Rebecq et al., CoRL 2018" };
+pub(in crate::sensor) static FACTS: SensorFacts = SensorFacts {
+    name: "esim",
+    title: "ESIM",
+    publication: "Rebecq et al., CoRL 2018",
+    ranges: Some(presets::RANGES),
+};
 
 impl From<EsimModel> for SensorChoice {
     fn from(model: EsimModel) -> Self {
@@ -23,13 +27,13 @@ impl SensorParameters for EsimModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels }
+        let Self { front_end, hot_pixels, allow_cap, labels, readout, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels, readout }
     }
 
     fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, ..self.clone() }.into()
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels, readout } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, readout, ..self.clone() }.into()
     }
 
     fn with_between(&self, _: BetweenFrames) -> SensorChoice {

@@ -1,6 +1,6 @@
 //! The answers of v2e to what is asked of any sensor.
 
-use super::{FilterSteps, LeakNoise, V2eModel};
+use super::{FilterSteps, LeakNoise, V2eModel, presets};
 use crate::sensor::noise::ThresholdMismatch;
 use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
 use crate::sensor::screening::{ScreenError, SensorScreening};
@@ -8,8 +8,12 @@ use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
 use crate::units::Hertz;
 use serde_json::{Value, json};
 
-pub(in crate::sensor) static FACTS: SensorFacts =
-    SensorFacts { name: "v2e", title: "v2e", publication: "Hu et al., CVPRW 2021" };
+pub(in crate::sensor) static FACTS: SensorFacts = SensorFacts {
+    name: "v2e",
+    title: "v2e",
+    publication: "Hu et al., CVPRW 2021",
+    ranges: Some(presets::RANGES),
+};
 
 impl From<V2eModel> for SensorChoice {
     fn from(model: V2eModel) -> Self {
@@ -23,13 +27,13 @@ impl SensorParameters for V2eModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels }
+        let Self { front_end, hot_pixels, allow_cap, labels, readout, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels, readout }
     }
 
     fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, ..self.clone() }.into()
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels, readout } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, readout, ..self.clone() }.into()
     }
 
     fn with_between(&self, _: BetweenFrames) -> SensorChoice {

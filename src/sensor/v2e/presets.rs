@@ -4,6 +4,24 @@ use super::{FilterSteps, LeakNoise, V2eModel};
 use crate::sensor::front_end::FrontEnd;
 use crate::sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
 
+/// Ranges of the preset `randomised`: those of the randomised simulator of Prophesee's OpenEB
+/// (commit 0499c95, `metavision_core_ml/event_to_video/gpu_esim.py`, `randomize_noises`).
+///
+/// Thresholds of 0.05 to 0.2 with a deviation of 1e-4 to 1e-2 and a refractory period of 10 to 200
+/// us are uniform there too. The source switches the other three parameters: each is on in a tenth
+/// of the clips, with a cutoff of 70 Hz, a leak of 0.1 Hz and shot noise of 10 Hz, and off in the
+/// others, with a cutoff of 1e6 Hz and rates of 0. Here they are ranges with these ends.
+pub(super) const RANGES: &str = "\
+threshold:
+  on: { uniform: [0.05, 0.2] }
+  off: { uniform: [0.05, 0.2] }
+  spread: { uniform: [1.0e-4, 1.0e-2] }
+cutoff: { log_uniform: [70, 1.0e+6] }
+leak: { rate: { uniform: [0, 0.1] } }
+shot: { uniform: [0, 10] }
+refractory: { period_us: { uniform: [10, 200] } }
+";
+
 /// A named parameter set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum V2ePreset {
@@ -51,6 +69,7 @@ impl From<V2ePreset> for V2eModel {
             allow_cap: false,
             front_end: FrontEnd::default(),
             labels: false,
+            readout: None,
         };
         match preset {
             V2ePreset::Clean => clean,

@@ -8,8 +8,12 @@ use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::units::Hertz;
 use serde_json::{Value, json};
 
-pub(in crate::sensor) static FACTS: SensorFacts =
-    SensorFacts { name: "voltmeter", title: "DVS-Voltmeter", publication: "Lin et al., ECCV 2022" };
+pub(in crate::sensor) static FACTS: SensorFacts = SensorFacts {
+    name: "voltmeter",
+    title: "DVS-Voltmeter",
+    publication: "Lin et al., ECCV 2022",
+    ranges: None,
+};
 
 impl From<VoltmeterModel> for SensorChoice {
     fn from(model: VoltmeterModel) -> Self {
@@ -23,13 +27,13 @@ impl SensorParameters for VoltmeterModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels }
+        let Self { front_end, hot_pixels, allow_cap, labels, readout, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels, readout }
     }
 
     fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, ..self.clone() }.into()
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels, readout } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, readout, ..self.clone() }.into()
     }
 
     fn between(&self) -> BetweenFrames {
@@ -120,6 +124,9 @@ impl VoltmeterModel {
         }
         if self.labels {
             out["labels"] = json!(true);
+        }
+        if let Some(bus) = self.readout {
+            out["readout"] = json!(bus);
         }
     }
 }

@@ -6,6 +6,7 @@ use gs2e::render::RenderRules;
 use gs2e::sensor::esim::{EsimModel, IntensityScale};
 use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, GreyRange, LuminanceWeights};
 use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e::sensor::readout::{ArbiterOrder, ReadoutBus};
 use gs2e::sensor::v2e::{self, FilterSteps, LeakNoise, V2eModel};
 use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e::sensor::{SensorChoice, SensorSet};
@@ -250,7 +251,8 @@ fn all_sensors_are_read() {
     t(
         "{ esim: { threshold: { on: 0.3, spread: 0.02 }, mismatch: per-frame, intensity: linear, eps: 0.01, \
          refractory: { period_us: 100, reference: at-end }, hot_pixels: { share: 0.001, rate: 20 }, \
-         max_events_per_pixel_frame: 7, allow_cap: true, labels: true } }",
+         max_events_per_pixel_frame: 7, allow_cap: true, labels: true, \
+         readout: { rate_mev_s: 12, arbiter: columns, queue: 9 } } }",
         SensorChoice::Esim(EsimModel {
             threshold: ThresholdMismatch { on: 0.3, off: 0.2, spread: 0.02 },
             mismatch: RedrawRule::PerFrame,
@@ -262,6 +264,7 @@ fn all_sensors_are_read() {
             allow_cap: true,
             front_end: FrontEnd::default(),
             labels: true,
+            readout: Some(ReadoutBus { rate_mev_s: 12.0, arbiter: ArbiterOrder::Columns, queue: Some(9) }),
         }),
     );
     t("{ v2e: {} }", SensorChoice::V2e(V2eModel::from(v2e::V2ePreset::Clean)));

@@ -2,12 +2,14 @@
 
 use super::super::Resolver;
 use super::super::number::{RealRange, WholeRange};
+use crate::recipe::drawn::RANDOMISED;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
 use crate::recipe::text::TextSpan;
 use crate::sensor::esim::EsimModel;
 use crate::sensor::noise::{HotPixelNoise, RefractoryPeriod, ThresholdMismatch};
+use crate::sensor::readout::{ArbiterOrder, ReadoutBus};
 use crate::sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
 use crate::sensor::voltmeter::BetweenFrames;
 
@@ -21,6 +23,12 @@ const RATE: RealRange = RealRange::new(0.0, 1e9);
 impl Resolver<'_> {
     pub(super) fn esim(&self, raw: &schema::EsimSection) -> Option<EsimModel> {
         let usual = EsimModel::default();
+        let preset: Option<()> = match raw.preset.given() {
+            Some((name, place)) => {
+                self.refuse(FieldProblem::unknown_name("preset", name, &[RANDOMISED]).at(place))
+            }
+            None => raw.preset.is_absent().then_some(()),
+        };
         let threshold = self.threshold_of(&raw.threshold, usual.threshold);
         let mismatch = self.or(&raw.mismatch, usual.mismatch);
         let intensity = self.or(&raw.intensity, usual.intensity);
@@ -30,6 +38,8 @@ impl Resolver<'_> {
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
         let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
+        let readout = self.readout(&raw.readout);
+        preset?;
         Some(EsimModel {
             threshold: threshold?,
             mismatch: mismatch?,
@@ -41,6 +51,7 @@ impl Resolver<'_> {
             allow_cap: allow_cap?,
             front_end: front_end?,
             labels: labels?,
+            readout: readout?,
         })
     }
 
@@ -56,6 +67,7 @@ impl Resolver<'_> {
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
         let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
+        let readout = self.readout(&raw.readout);
         Some(V2eModel {
             threshold: threshold?,
             cutoff: cutoff?,
@@ -68,6 +80,7 @@ impl Resolver<'_> {
             allow_cap: allow_cap?,
             front_end: front_end?,
             labels: labels?,
+            readout: readout?,
         })
     }
 
@@ -88,7 +101,9 @@ impl Resolver<'_> {
 
     fn v2e_preset(&self, field: &Field<String>) -> Option<V2ePreset> {
         let Some((name, place)) = field.given() else { return field.is_absent().then_some(V2ePreset::Clean) };
-        let names = V2ePreset::ALL.map(V2ePreset::name);
+        let [clean, noisy] = V2ePreset::ALL.map(V2ePreset::name);
+        // The preset of ranges was replaced by them before.
+        let names = [clean, noisy, RANDOMISED];
         V2ePreset::by_name(name)
             .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
     }
@@ -145,6 +160,20 @@ impl Resolver<'_> {
         let share = self.real(&raw.share, 0.0, RealRange::new(0.0, 1.0));
         let rate = self.real(&raw.rate, 0.0, RATE);
         Some(HotPixelNoise { share: share?, rate: rate? })
+    }
+
+    pub(super) fn readout(&self, field: &Field<schema::ReadoutSection>) -> Option<Option<ReadoutBus>> {
+        let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
+        let help = "write rate_mev_s: 12, in millions of events per second";
+        let rate = self.required(&raw.rate_mev_s, "rate_mev_s", place, help);
+        let arbiter = self.or(&raw.arbiter, ArbiterOrder::default());
+        let queue = match raw.queue {
+            Field::Absent => Some(None),
+            _ => self.whole(&raw.queue, 0, WholeRange::new(0, 1_000_000_000_000)).map(Some),
+        };
+        rate?;
+        let rate_mev_s = self.real(&raw.rate_mev_s, 0.0, RealRange::new(1e-6, 1e6));
+        Some(Some(ReadoutBus { rate_mev_s: rate_mev_s?, arbiter: arbiter?, queue: queue? }))
     }
 
     pub(super) fn cap(&self, field: &Field<u64>) -> Option<u32> {

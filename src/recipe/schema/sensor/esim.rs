@@ -1,6 +1,6 @@
 //! ESIM as written.
 
-use super::{FrontEndSection, HotPixelsSection, RefractorySection, ThresholdSection};
+use super::{FrontEndSection, HotPixelsSection, ReadoutSection, RefractorySection, ThresholdSection};
 use crate::recipe::field::Field;
 use crate::sensor::esim::IntensityScale;
 use crate::sensor::noise::RedrawRule;
@@ -10,6 +10,8 @@ use serde::Deserialize;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct EsimSection {
+    /// Named set of ranges: `randomised`, from which numbers are drawn. Default: none.
+    pub preset: Field<String>,
     /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
     /// Time at which the thresholds of the pixels are drawn. Default: `per-sensor`.
@@ -32,4 +34,6 @@ pub(in crate::recipe) struct EsimSection {
     pub front_end: Field<FrontEndSection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
+    /// Limit of the rate of events. Default: none.
+    pub readout: Field<ReadoutSection>,
 }

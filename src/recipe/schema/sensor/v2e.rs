@@ -1,6 +1,6 @@
 //! The sensor of v2e as written.
 
-use super::{FrontEndSection, HotPixelsSection, RefractorySection, ThresholdSection};
+use super::{FrontEndSection, HotPixelsSection, ReadoutSection, RefractorySection, ThresholdSection};
 use crate::recipe::field::Field;
 use crate::sensor::v2e::FilterSteps;
 use serde::Deserialize;
@@ -11,7 +11,8 @@ use serde::Deserialize;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct V2eSection {
-    /// Named set of the keys below: `clean` or `noisy`. Default: `clean`.
+    /// Named set of the keys below: `clean`, `noisy`, or `randomised`, which has ranges from which
+    /// numbers are drawn. Default: `clean`.
     pub preset: Field<String>,
     /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the
     /// preset's spread.
@@ -39,6 +40,8 @@ pub(in crate::recipe) struct V2eSection {
     pub front_end: Field<FrontEndSection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
+    /// Limit of the rate of events. Default: none.
+    pub readout: Field<ReadoutSection>,
 }
 
 /// Leak of the remembered level.

@@ -1,6 +1,6 @@
 //! DVS-Voltmeter as written.
 
-use super::{FrontEndSection, HotPixelsSection, ThresholdSection};
+use super::{FrontEndSection, HotPixelsSection, ReadoutSection, ThresholdSection};
 use crate::recipe::field::Field;
 use crate::sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
 use serde::Deserialize;
@@ -37,4 +37,6 @@ pub(in crate::recipe) struct VoltmeterSection {
     pub hot_pixels: Field<HotPixelsSection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
+    /// Limit of the rate of events. Default: none.
+    pub readout: Field<ReadoutSection>,
 }

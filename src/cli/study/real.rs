@@ -1,0 +1,206 @@
+//! `gs2e study real`: simulated streams against a recording.
+
+use super::{end_problem, go_unless};
+use crate::cli::console::Console;
+use crate::cli::convert::events::{EventInputOptions, RawCodec, SUPPORTED};
+use crate::cli::output::{self, OutputFile};
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::simulate::{FrameInputs, StampedFrames, full_scale, parse_rate};
+use crate::cli::{CommonArgs, input, on_interrupt};
+use crate::event::file::{EventFormat, OpenEventFile};
+use crate::event::sorted::SortedEvents;
+use crate::frames::array::FullScale;
+use crate::recipe::read_sensor;
+use crate::seed::Seed;
+use crate::study::real::picture::intervals_svg;
+use crate::study::real::profile::StreamProfile;
+use crate::study::real::{
+    ComparedSensor, RealStudy, StudiedSensor, all_presets, compare_sensors, profile_recording,
+};
+use crate::units::Hertz;
+use serde_json::json;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `study real`.
+#[derive(Debug, clap::Args)]
+pub(super) struct RealArgs {
+    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
+    #[arg(long, value_name = "FILE or DIR")]
+    frames: PathBuf,
+    /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
+    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
+    stamps: Option<PathBuf>,
+    /// Frames per second, if there are no stamps; the first frame is then at time 0
+    #[arg(long, value_name = "N", value_parser = parse_rate)]
+    fps: Option<Hertz>,
+    /// White in float frames: 1 or 255 [default: decided by the first two frames]
+    #[arg(long, value_parser = full_scale)]
+    full_scale: Option<FullScale>,
+    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt or .csv
+    #[arg(long, value_name = "FILE")]
+    events: PathBuf,
+    #[command(flatten)]
+    options: EventInputOptions,
+    /// Another sensor to compare: a recipe, or a file with the content of a recipe's `sensor`
+    #[arg(long, value_name = "FILE")]
+    sensor: Vec<PathBuf>,
+    /// Seed of the sensors' noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// File for the table
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// File for the picture, a .svg: the distributions of the intervals
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+}
+
+impl RealArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        let optional = self.stamps.iter().chain(&self.sensor).map(PathBuf::as_path);
+        let inputs = optional.chain([self.frames.as_path(), self.events.as_path()]);
+        let outputs = self.csv.iter().chain(&self.picture).map(PathBuf::as_path);
+        output::screen_outputs(outputs, inputs, console.json)?;
+        common.limit_cores();
+        let cancel = on_interrupt()?;
+        let sensors = self.sensors()?;
+        let mut sequence = StampedFrames::open_inputs(FrameInputs {
+            frames: &self.frames,
+            rates: None,
+            stamps: self.stamps.as_deref(),
+            fps: self.fps,
+            full_scale: self.full_scale,
+        })?;
+        let real = self.recording(&sequence)?;
+        let (first_us, last_us) = sequence.span_us();
+        let empty = StreamProfile::new(sequence.frames.size(), first_us..=last_us, first_us);
+        let mut tap = |_: &_| go_unless(&cancel);
+        let found =
+            compare_sensors(&mut *sequence.frames, &sensors, (real, &empty), Seed(self.seed), &mut tap);
+        let found = found.map_err(end_problem)?;
+        self.write(&found)?;
+        tell(&found, console);
+        Ok(ExitKind::Done)
+    }
+
+    /// All presets, and the sensors of files.
+    fn sensors(&self) -> Result<Vec<StudiedSensor>, VerbError> {
+        let mut sensors = all_presets();
+        for path in &self.sensor {
+            let name = path.display().to_string();
+            sensors.push(StudiedSensor { name, sensor: read_sensor(path, None)? });
+        }
+        Ok(sensors)
+    }
+
+    /// The profile of the recorded events between the first and the last frame.
+    fn recording(&self, sequence: &StampedFrames) -> Result<StreamProfile, VerbError> {
+        let path = &self.events;
+        let format = EventFormat::for_path(path, RawCodec::Evt2.into()).ok_or_else(|| {
+            let what = format!("{}: not an event format", path.display());
+            VerbError::usage("format", what).help(SUPPORTED)
+        })?;
+        let OpenEventFile { header, mut source, .. } = self.options.open(path, format)?;
+        let size = sequence.frames.size();
+        if header.size != size {
+            let what = format!("events of {} and frames of {size}, wanted the same pixels", header.size);
+            return Err(VerbError::usage("size", what));
+        }
+        let (first_us, last_us) = sequence.span_us();
+        let profile = StreamProfile::new(size, first_us..=last_us, 0);
+        // Intervals need the events in order of time, which not every camera's file keeps.
+        let profile = profile_recording(&mut SortedEvents::new(&mut *source), profile);
+        let profile = profile.map_err(|error| input::unreadable_file("events", &named(path, &error)))?;
+        if profile.events() == 0 {
+            let what = format!(
+                "{}: none of {} events is between the first frame, {first_us} us, and the last, {last_us} us",
+                path.display(),
+                profile.outside()
+            );
+            return Err(
+                VerbError::usage("no-events", what).help("--stamps has times on the clock of the events")
+            );
+        }
+        Ok(profile)
+    }
+
+    fn write(&self, found: &RealStudy) -> Result<(), VerbError> {
+        let table = |out: &mut dyn Write| write_csv(found, out);
+        let picture = |out: &mut dyn Write| out.write_all(intervals_svg(found).as_bytes());
+        let mut outputs: Vec<OutputFile<'_>> = Vec::new();
+        outputs.extend(self.csv.iter().map(|path| OutputFile { path, fill: &table }));
+        outputs.extend(self.picture.iter().map(|path| OutputFile { path, fill: &picture }));
+        output::write_outputs(&outputs)
+    }
+}
+
+/// An error with the path of its file.
+fn named(path: &Path, error: &dyn std::error::Error) -> io::Error {
+    io::Error::other(format!("{}: {error}", path.display()))
+}
+
+/// The recording as a row: its distances from itself are 0.
+fn recorded_row(found: &RealStudy) -> ComparedSensor {
+    let intervals = found.real.intervals();
+    ComparedSensor {
+        sensor: "recording".to_owned(),
+        events: found.real.events(),
+        capped: 0,
+        rate_ev_px_s: found.real.per_pixel() / found.seconds,
+        on_share: found.real.on_share(),
+        ks_counts: 0.0,
+        ks_intervals: 0.0,
+        ln_density: intervals.inverse_gaussian().and_then(|law| intervals.mean_ln_density(law)),
+        distance: 0.0,
+    }
+}
+
+fn write_csv(found: &RealStudy, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "sensor,events,capped,rate_ev_px_s,on_share,ks_counts,ks_intervals,ln_density,distance")?;
+    let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+    for row in [recorded_row(found)].iter().chain(&found.rows) {
+        let ComparedSensor {
+            sensor, events, capped, rate_ev_px_s, ks_counts, ks_intervals, distance, ..
+        } = row;
+        let (on_share, ln_density) = (number(row.on_share), number(row.ln_density));
+        writeln!(
+            out,
+            "{sensor},{events},{capped},{rate_ev_px_s},{on_share},{ks_counts},{ks_intervals},{ln_density},{distance}"
+        )?;
+    }
+    Ok(())
+}
+
+fn tell(found: &RealStudy, console: &Console) {
+    if console.json {
+        console.result(&json!({
+            "seconds": found.seconds, "recording": recorded_row(found), "outside": found.real.outside(),
+            "sensors": found.rows, "nearest": found.rows.first().map(|row| &row.sensor),
+        }));
+        return;
+    }
+    if found.real.outside() > 0 {
+        console.say(&format!(
+            "{} recorded events are before the first or after the last frame, and do not count",
+            found.real.outside()
+        ));
+    }
+    console.print(
+        "sensor                 events    ev/px/s    ON  KS counts  KS intervals  ln density  distance",
+    );
+    for row in [recorded_row(found)].iter().chain(&found.rows) {
+        let share = row.on_share.map_or_else(|| "-".to_owned(), |share| format!("{:.0} %", 100.0 * share));
+        let density = row.ln_density.map_or_else(|| "-".to_owned(), |mean| format!("{mean:.3}"));
+        console.print(&format!(
+            "{:18}  {:9}  {:9.4}  {share:>4}  {:9.3}  {:12.3}  {density:>10}  {:8.3}",
+            row.sensor, row.events, row.rate_ev_px_s, row.ks_counts, row.ks_intervals, row.distance
+        ));
+    }
+    for row in found.rows.iter().filter(|row| row.capped > 0) {
+        console.say(&format!("{}: {} events beyond the cap were dropped", row.sensor, row.capped));
+    }
+    if let Some(nearest) = found.rows.first() {
+        console.print(&format!("nearest: {}", nearest.sensor));
+    }
+}

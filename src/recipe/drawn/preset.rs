@@ -1,0 +1,21 @@
+//! The preset `randomised` of a sensor: ranges instead of numbers.
+
+use crate::recipe::tree::{NodeKind, TreeNode};
+use crate::sensor::SensorChoice;
+
+/// Name of the preset.
+pub(in crate::recipe) const RANDOMISED: &str = "randomised";
+
+/// Removes the preset from a sensor as written. Returns the name of its model, and the ranges of
+/// this model as YAML.
+pub(super) fn take_preset(sensor: &mut TreeNode) -> Option<(&'static str, &'static str)> {
+    let NodeKind::Map(models) = &mut sensor.kind else { return None };
+    let [model] = models.as_mut_slice() else { return None };
+    let facts = SensorChoice::FAMILY.into_iter().find(|facts| facts.name == model.key)?;
+    let ranges = facts.ranges?;
+    let NodeKind::Map(keys) = &mut model.value.kind else { return None };
+    let named = |value: &TreeNode| matches!(&value.kind, NodeKind::Scalar { text, .. } if text == RANDOMISED);
+    let before = keys.len();
+    keys.retain(|entry| entry.key != "preset" || !named(&entry.value));
+    (keys.len() < before).then_some((facts.name, ranges))
+}

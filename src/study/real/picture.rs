@@ -1,0 +1,60 @@
+//! The distributions of the intervals between events as SVG: the recording and each sensor.
+
+use super::RealStudy;
+use super::profile::IntervalProfile;
+use crate::trajectory::picture::{PicturePanel, SvgText};
+
+const SIZE: [f64; 2] = [960.0, 480.0];
+const INNER: PicturePanel = PicturePanel { left: 60.0, top: 40.0, width: 640.0, height: 370.0 };
+const COLOURS: [&str; 8] =
+    ["#d1495b", "#2a7fb8", "#3a8f4f", "#8a5fb0", "#c98a1b", "#2aa7a0", "#b86b9a", "#7a7a2a"];
+const DARK: &str = "#222222";
+/// Decades of the axis, in us: from 1 us to 100 s.
+const DECADES: [f64; 2] = [0.0, 8.0];
+
+/// The picture.
+#[must_use]
+pub fn intervals_svg(study: &RealStudy) -> String {
+    let mut out = SvgText::new(SIZE);
+    out.text([INNER.left, 26.0], "start", DARK, "Intervals between the events of a pixel: share below");
+    out.frame(INNER);
+    for decade in 0..=8 {
+        let [x, bottom] = chart_point(f64::from(decade), 0.0);
+        out.polyline([[x, INNER.top], [x, bottom]], "#eeeeee", 1.0);
+        let name = ["1 us", "10 us", "100 us", "1 ms", "10 ms", "100 ms", "1 s", "10 s", "100 s"];
+        out.text([x, bottom + 18.0], "middle", DARK, name[decade as usize]);
+    }
+    for tenth in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        let [_, y] = chart_point(0.0, tenth);
+        out.polyline([[INNER.left, y], [INNER.left + INNER.width, y]], "#eeeeee", 1.0);
+        out.text([INNER.left - 6.0, y + 4.0], "end", DARK, &tenth.to_string());
+    }
+    let sensors = study.rows.iter().zip(&study.profiles).enumerate();
+    for (i, (row, profile)) in sensors {
+        curve(&mut out, profile.intervals(), (COLOURS[i % COLOURS.len()], 1.5), (i + 1, &row.sensor));
+    }
+    curve(&mut out, study.real.intervals(), (DARK, 3.0), (0, "recording"));
+    out.finish()
+}
+
+fn chart_point(decade: f64, share: f64) -> [f64; 2] {
+    let along = (decade - DECADES[0]) / (DECADES[1] - DECADES[0]);
+    [INNER.left + INNER.width * along, INNER.top + INNER.height * (1.0 - share)]
+}
+
+fn curve(
+    out: &mut SvgText,
+    intervals: &IntervalProfile,
+    (colour, width): (&str, f64),
+    (line, name): (usize, &str),
+) {
+    let points = intervals.distribution().map(|(us, share)| (libm::log10(us), share));
+    let shown = points.filter(|(decade, _)| (DECADES[0]..=DECADES[1]).contains(decade));
+    if intervals.count() > 0 {
+        out.polyline(shown.map(|(decade, share)| chart_point(decade, share)), colour, width);
+    }
+    let y = INNER.top + 14.0 + 20.0 * line as f64;
+    let left = INNER.left + INNER.width + 20.0;
+    out.polyline([[left, y - 4.0], [left + 24.0, y - 4.0]], colour, width);
+    out.text([left + 32.0, y], "start", DARK, name);
+}
