@@ -6,6 +6,7 @@
 mod cap;
 mod choice;
 mod course;
+mod dead_time;
 mod detector;
 pub mod esim;
 pub mod front_end;
@@ -122,6 +123,9 @@ pub struct SimulationAccount {
     /// Events left out because of the cap.
     #[serde(default, skip_serializing_if = "is_default")]
     pub capped: u64,
+    /// Events left out because they fell into the dead time of their pixel.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub refractory: u64,
 }
 
 /// Returns true if a value is the default of its type. Defaults are left out of records, because

@@ -51,7 +51,8 @@ pub(super) struct SimulateArgs {
     /// Frames per second, if there are no stamps, such as 30 or 30000/1001
     #[arg(long, value_name = "N", value_parser = sequence::parse_rate)]
     fps: Option<Hertz>,
-    /// Recipe, file with the content of a recipe's `sensor`, or preset: dvs346, dvs240, gs2e-si
+    /// Recipe, file with the content of a recipe's `sensor`, or preset: davis346, evk4,
+    /// dvs346-paper, dvs240, gs2e-si
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
     /// Sampler: exact or official [default: the sensor's]
@@ -78,6 +79,9 @@ pub(super) struct SimulateArgs {
     /// Range that brightness is clamped to, in grey: 0,255 or 5,inf [default: the sensor's]
     #[arg(long, value_name = "MIN,MAX", value_parser = sensor::parse_range)]
     range: Option<GreyRange>,
+    /// Light on the sensor at grey 255 in lux, for the presets davis346 and evk4 [default: 250]
+    #[arg(long, value_name = "LUX")]
+    lux: Option<f64>,
     /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,

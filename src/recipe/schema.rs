@@ -20,7 +20,7 @@ mod trajectory;
 
 pub(super) use reconstruct::{BuiltinSection, CommandSection, CountSection, ReconstructSection};
 pub(super) use sensor::{
-    EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
+    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
     RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};

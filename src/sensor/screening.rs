@@ -19,7 +19,7 @@ const NOISY_HZ: f64 = 20.0;
 /// Contrast of one event, as a difference of logarithms, above which there is a warning.
 const INSENSITIVE: f64 = 1.0;
 
-/// Noise of a pixel at constant brightness.
+/// Noise at constant brightness: of one pixel, or the mean of all pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ConstantLightNoise {
     /// Grey, 0..255.
@@ -30,6 +30,50 @@ pub struct ConstantLightNoise {
     pub total_hz: f64,
     /// Share of ON events; `None` without events.
     pub on_share: Option<f64>,
+}
+
+impl ConstantLightNoise {
+    /// The noise with additional ON and OFF events, Hz.
+    pub(super) fn plus(self, [on, off]: [f64; 2]) -> Self {
+        let own = self.total_hz * self.on_share.unwrap_or(0.0);
+        let total_hz = self.total_hz + on + off;
+        let on_share = (total_hz > 0.0).then(|| ((own + on) / total_hz).min(1.0));
+        // Unchanged to the last bit where there is nothing to add.
+        if on + off == 0.0 { self } else { Self { total_hz, on_share, ..self } }
+    }
+}
+
+/// Half of the range of the normal distribution that a mean covers, and its step, in standard
+/// deviations. The trapezoid rule is exact to 1e-9 here, because a Gaussian is smooth and ends flat.
+const REACH: i32 = 10;
+const STEP: f64 = 0.5;
+
+/// The mean noise of pixels with normal thresholds of ON and OFF, of at least `least`.
+pub(super) fn array_mean(
+    nominal: [f64; 2],
+    spread: f64,
+    least: [f64; 2],
+    noise: impl Fn([f64; 2]) -> ConstantLightNoise,
+) -> ConstantLightNoise {
+    if spread == 0.0 {
+        return noise(nominal);
+    }
+    let threshold = |side: usize, z: f64| (nominal[side] + spread * z).max(least[side]);
+    normal_mean(|up| normal_mean(|down| noise([threshold(0, up), threshold(1, down)])))
+}
+
+/// The mean noise over a standard normal variable.
+pub(super) fn normal_mean(noise: impl Fn(f64) -> ConstantLightNoise) -> ConstantLightNoise {
+    let [mut weights, mut leak, mut on, mut total] = [0.0; 4];
+    for z in (-REACH..=REACH).map(|i| STEP * f64::from(i)) {
+        let (weight, found) = (libm::exp(-0.5 * z * z), noise(z));
+        weights += weight;
+        leak += weight * found.leak_hz;
+        on += weight * found.total_hz * found.on_share.unwrap_or(0.0);
+        total += weight * found.total_hz;
+    }
+    let on_share = (total > 0.0).then(|| on / total);
+    ConstantLightNoise { leak_hz: leak / weights, total_hz: total / weights, on_share, ..noise(0.0) }
 }
 
 /// The table that every build prints.

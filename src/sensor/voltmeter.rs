@@ -46,8 +46,9 @@ pub use units::ConstantUnits;
 
 use super::cap::CappedPixels;
 use super::front_end::FrontEnd;
-use super::noise::HotPixelNoise;
-use super::own_events::WithHot;
+use super::dead_time::WithDeadTime;
+use super::noise::{HotPixelNoise, NoiseFloor, RefractoryPeriod};
+use super::own_events::{OwnEventArray, WithOwnEvents};
 use super::pairs::{EventCap, PairPixels};
 use super::{SensorError, SensorModel, SensorPixels, check_extent};
 use crate::event::EventLabel;
@@ -84,6 +85,13 @@ pub struct VoltmeterModel {
     /// Pixels with an event process of their own.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub hot_pixels: HotPixelNoise,
+    /// Random events of all pixels, in addition to the noise of the voltage. They need the light of
+    /// white in `front_end`.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub floor: NoiseFloor,
+    /// The dead time after an event. Its reference is `passing`.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub refractory: RefractoryPeriod,
     /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
@@ -163,6 +171,8 @@ impl VoltmeterModel {
             allow_cap: false,
             threshold_spread: 0.0,
             hot_pixels: HotPixelNoise::default(),
+            floor: NoiseFloor::default(),
+            refractory: RefractoryPeriod::default(),
             front_end: FrontEnd::default(),
             labels: false,
         }
@@ -187,9 +197,27 @@ impl VoltmeterModel {
         };
         // Outside the cap, which counts the events of the law only.
         if !self.hot_pixels.is_absent() {
-            // A stream without labels has the label `Signal` on every event.
-            let own = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
-            pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed, own));
+            let array = self.own_events(size, origin, seed);
+            pixels = Box::new(WithOwnEvents::with_hot(pixels, &self.hot_pixels, array));
+        }
+        pixels
+    }
+
+    /// The array of the own events of pixels.
+    fn own_events(&self, size: Size, origin: [u16; 2], seed: Seed) -> OwnEventArray {
+        // A stream without labels has the label `Signal` on every event.
+        let label = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
+        OwnEventArray { size, origin, seed, label }
+    }
+
+    /// Adds the noise floor and the dead time to the pixels of either law.
+    fn wrap(&self, mut pixels: Box<dyn SensorPixels>, array: OwnEventArray) -> Box<dyn SensorPixels> {
+        if !self.floor.is_absent() {
+            pixels = Box::new(WithOwnEvents::with_floor(pixels, &self.floor, &self.front_end, array));
+        }
+        // Outermost, because the dead time follows every event of a pixel, whatever its cause.
+        if self.refractory.period_us > 0.0 {
+            pixels = Box::new(WithDeadTime::new(pixels, &self.refractory, array.size));
         }
         pixels
     }
@@ -219,13 +247,14 @@ impl SensorModel for VoltmeterModel {
     fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
-        match self.law {
-            SamplerKind::Exact => Ok(self.exact(size, origin, seed)),
+        let pixels = match self.law {
+            SamplerKind::Exact => self.exact(size, origin, seed),
             SamplerKind::Official => {
                 let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-                Ok(Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed)))
+                Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed))
             }
-        }
+        };
+        Ok(self.wrap(pixels, self.own_events(size, origin, seed)))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::cli::problem::VerbError;
 use crate::files::is_there;
 use crate::recipe::read_sensor;
 use crate::sensor::SensorChoice;
-use crate::sensor::front_end::{GreyRange, LuminanceWeights};
+use crate::sensor::front_end::{GreyRange, LuminanceWeights, WHITE_LUX};
 use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use serde::Serialize;
 use std::path::Path;
@@ -13,7 +13,7 @@ use std::path::Path;
 /// Chooses the sensor. Options override its file, except that `--allow-cap` and `--labels` only
 /// switch on.
 pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
-    let sensor = sensor_from(&asked.sensor)?;
+    let sensor = sensor_from(&asked.sensor, asked.lux)?;
     let of_voltmeter = [
         ("--law", asked.law.is_some()),
         ("--gain", asked.gain.is_some()),
@@ -82,11 +82,18 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     numbers?.try_into().ok()
 }
 
-fn sensor_from(name: &str) -> Result<SensorChoice, VerbError> {
+/// The sensor of a preset or of a file. `lux` is the light of white, if the command line states it.
+fn sensor_from(name: &str, lux: Option<f64>) -> Result<SensorChoice, VerbError> {
     let path = Path::new(name);
     // A preset is hidden by a file of its name, and not by a folder.
-    if let Some(preset) = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
-        return Ok(VoltmeterModel::new(preset.k()).into());
+    let preset = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir());
+    if lux.is_some() && !preset.is_some_and(VoltmeterPreset::is_in_lux) {
+        let what = format!("--lux applies to the presets evk4 and davis346, not to {name}");
+        let help = "leave it out, or write front_end: { lux: 250 } in the file of the sensor";
+        return Err(VerbError::usage("sensor", what).help(help));
+    }
+    if let Some(preset) = preset {
+        return Ok(preset.model_at(lux.unwrap_or(WHITE_LUX)).into());
     }
     if is_there(path) {
         return Ok(read_sensor(path)?);

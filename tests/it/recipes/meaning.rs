@@ -232,7 +232,7 @@ fn front_ends_are_read() {
 fn all_sensors_are_read() {
     let t = check_sensor;
     let dvs346 = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
-    let hot_pixels = HotPixelNoise { share: 0.001, rate: 20.0 };
+    let hot_pixels = HotPixelNoise { share: 0.001, rate: 20.0, ..HotPixelNoise::default() };
     let official = VoltmeterModel { law: SamplerKind::Official, ..dvs346 };
     t("{ voltmeter: { law: official } }", SensorChoice::Voltmeter(official.clone()));
     t(
