@@ -4,6 +4,7 @@ mod account;
 mod sensor;
 mod sequence;
 
+pub(super) use sensor::sensor_from;
 pub(super) use sequence::open_stack;
 
 use super::CommonArgs;

@@ -1,6 +1,7 @@
-//! `gs2e study`: measurements over one scene.
+//! `gs2e study`: measurements over one scene, or of one sensor.
 
 mod meter;
+mod sensor;
 mod subject;
 mod thresholds;
 mod work_precision;
@@ -29,12 +30,16 @@ enum StudySubcommand {
     /// Sweep the contrast threshold: count all events at each value, and those that come from
     /// smooth motion
     Thresholds(thresholds::ThresholdsArgs),
+    /// Show a sensor steps of known height and constant light: its contrast, spread and noise next to
+    /// what it states
+    Sensor(sensor::SensorArgs),
 }
 
 impl StudyArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         match self.of {
             Some(StudySubcommand::Thresholds(study)) => study.run(common, console),
+            Some(StudySubcommand::Sensor(study)) => study.run(common, console),
             None => self.work_precision.run(common, console),
         }
     }

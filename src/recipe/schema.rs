@@ -20,8 +20,8 @@ mod trajectory;
 
 pub(super) use reconstruct::{BuiltinSection, CommandSection, CountSection, ReconstructSection};
 pub(super) use sensor::{
-    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
-    RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
+    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection,
+    RangeSection, RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};
 pub(super) use trajectory::{

@@ -109,7 +109,8 @@ mod tests {
 
     #[test]
     fn events_of_a_pixel_are_a_period_apart() {
-        let event = |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: EventLabel::Signal };
+        let event =
+            |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: EventLabel::Signal };
         let (on, off) = (Polarity::On, Polarity::Off);
         let mut out = Vec::new();
         let mut kept = ApartEvents::new(79_000, Size { width: 2, height: 1 });

@@ -123,11 +123,15 @@ impl EsimModel {
             IntensityScale::Log => "ln(L/255 + eps)",
             IntensityScale::Linear => "L/255",
         };
-        let noise = |grey| {
-            let quiet = ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
-            quiet.plus([self.hot_pixels.mean_hz(), 0.0])
-        };
-        SensorScreening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), noise)
+        SensorScreening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), |grey| {
+            self.array_noise(grey)
+        })
+    }
+
+    /// The noise at a constant grey: that of hot pixels, the mean over all pixels.
+    fn array_noise(&self, grey: f64) -> ConstantLightNoise {
+        let quiet = ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
+        quiet.plus([self.hot_pixels.mean_hz(), 0.0])
     }
 
     fn validate(&self) -> Result<(), ScreenError> {

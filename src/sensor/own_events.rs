@@ -199,6 +199,7 @@ struct NextOwnEvent {
 }
 
 /// The process of a hot pixel at one of its events.
+#[derive(Clone, Copy)]
 struct HotTrain {
     /// Time of the event, ns.
     at: f64,
@@ -439,15 +440,21 @@ mod tests {
 
     #[test]
     fn in_constant_light_the_floor_makes_both_polarities_as_often_as_stated() {
-        let floor = NoiseFloor(vec![FloorPoint { lux: 1.0, on: 40.0, off: 100.0 }, FloorPoint { lux: 100.0, on: 4.0, off: 10.0 }]);
+        let floor = NoiseFloor(vec![
+            FloorPoint { lux: 1.0, on: 40.0, off: 100.0 },
+            FloorPoint { lux: 100.0, on: 4.0, off: 10.0 },
+        ]);
         let front_end = FrontEnd { lux: Some(100.0), ..FrontEnd::default() };
         let noisy = VoltmeterModel { floor, front_end, ..quiet(HotPixelNoise::default()) };
         // The left half sees 100 lux, the right half 1 lux.
         let (events, account) = run(&noisy, |_, p| if p % 40 < 20 { 255.0 } else { 2.55 });
         let seconds = 0.049 * SIZE.pixels() as f64 / 2.0;
-        for (polarity, right, hz) in
-            [(Polarity::On, false, 4.0), (Polarity::Off, false, 10.0), (Polarity::On, true, 40.0), (Polarity::Off, true, 100.0)]
-        {
+        for (polarity, right, hz) in [
+            (Polarity::On, false, 4.0),
+            (Polarity::Off, false, 10.0),
+            (Polarity::On, true, 40.0),
+            (Polarity::Off, true, 100.0),
+        ] {
             let count = events.iter().filter(|e| e.polarity == polarity && (e.x >= 20) == right).count();
             let wanted: f64 = hz * seconds;
             let z = (count as f64 - wanted) / wanted.sqrt();

@@ -16,6 +16,8 @@ const DARKEST: f64 = 1.0;
 pub(super) const LIMIT_PER_FRAME: f64 = 50.0;
 /// Noise at grey 128, in Hz, above which there is a warning.
 const NOISY_HZ: f64 = 20.0;
+/// Rate of noise events, in Hz, below which a polarity counts as absent.
+const RARE_HZ: f64 = 1e-3;
 /// Contrast of one event, as a difference of logarithms, above which there is a warning.
 const INSENSITIVE: f64 = 1.0;
 
@@ -103,6 +105,11 @@ pub enum ScreeningWarning {
         /// Events per second at grey 128.
         hz: f64,
     },
+    /// All noise events at the greys of the table are of one polarity.
+    OnePolarity {
+        /// True if there are no OFF events, false if there are no ON events.
+        lacks_off: bool,
+    },
     /// The set printed in the GS2E paper, with units that are a guess.
     UncertainUnits,
 }
@@ -116,6 +123,14 @@ impl fmt::Display for ScreeningWarning {
             }
             Self::Noisy { hz } => {
                 write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
+            }
+            Self::OnePolarity { lacks_off } => {
+                let missing = if *lacks_off { "OFF" } else { "ON" };
+                write!(
+                    f,
+                    "its noise has no {missing} events at any light, while real pixels make both polarities; the presets \
+                     davis346 and evk4 do"
+                )
             }
             Self::UncertainUnits => f.write_str(
                 "the parameters printed in the GS2E paper have no units; read as seconds and brightness 0..1, they make a far \
@@ -227,9 +242,21 @@ impl SensorScreening {
         let insensitive =
             (largest > INSENSITIVE).then_some(ScreeningWarning::Insensitive { contrast: largest });
         let noisy = (hz > NOISY_HZ).then_some(ScreeningWarning::Noisy { hz });
-        let warnings = insensitive.into_iter().chain(noisy).collect();
+        let warnings = insensitive.into_iter().chain(noisy).chain(one_polarity(&at_greys)).collect();
         Ok(Self { quantity, contrast, noise: at_greys, warnings })
     }
+}
+
+/// The warning for noise of one polarity. A sensor without noise has none.
+fn one_polarity(noise: &[ConstantLightNoise]) -> Option<ScreeningWarning> {
+    let most = |rate: fn(&ConstantLightNoise, f64) -> f64| {
+        noise.iter().filter_map(|n| Some(rate(n, n.on_share?))).fold(0.0, f64::max)
+    };
+    let (on, off) = (most(|n, share| n.total_hz * share), most(|n, share| n.total_hz * (1.0 - share)));
+    let least = on.min(off);
+    // A real pixel makes an event of either polarity in a few minutes at some light.
+    (least < RARE_HZ && on.max(off) >= RARE_HZ)
+        .then_some(ScreeningWarning::OnePolarity { lacks_off: off < on })
 }
 
 /// One line on contrast, then a table of leak, noise and ON share by grey.

@@ -48,6 +48,22 @@ impl<'a> SensorChannel<'a> {
         Self { watch: Some(watch), ..self }
     }
 
+    /// Passes a frame to the pixels as they see it, without the front end.
+    ///
+    /// # Errors
+    /// As [`SensorPixels::advance`].
+    pub fn take(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
+        self.see(frame)
+    }
+
+    /// Ends the sequence, and returns the counts.
+    ///
+    /// # Errors
+    /// As [`SensorPixels::finish`].
+    pub fn finish(&mut self) -> Result<SimulationAccount, SensorError> {
+        self.pixels.finish(self.sink)
+    }
+
     fn see(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
         self.pixels.advance(frame, self.sink)?;
         self.watch.iter_mut().for_each(|watch| watch(frame));

@@ -39,10 +39,10 @@ pub use presets::V2ePreset;
 use super::course::{BrightnessCourse, FilteredCourse};
 use super::detector::{DetectorPixel, OwnEventKind, event_imbalance};
 use super::front_end::FrontEnd;
+use super::noise::mismatch::FLOOR;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
-use super::noise::mismatch::FLOOR;
 use super::screening::{
     ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
 };

@@ -45,8 +45,8 @@ pub use presets::VoltmeterPreset;
 pub use units::ConstantUnits;
 
 use super::cap::CappedPixels;
-use super::front_end::FrontEnd;
 use super::dead_time::WithDeadTime;
+use super::front_end::FrontEnd;
 use super::noise::{HotPixelNoise, NoiseFloor, RefractoryPeriod};
 use super::own_events::{OwnEventArray, WithOwnEvents};
 use super::pairs::{EventCap, PairPixels};

@@ -83,7 +83,7 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 }
 
 /// The sensor of a preset or of a file. `lux` is the light of white, if the command line states it.
-fn sensor_from(name: &str, lux: Option<f64>) -> Result<SensorChoice, VerbError> {
+pub(in crate::cli) fn sensor_from(name: &str, lux: Option<f64>) -> Result<SensorChoice, VerbError> {
     let path = Path::new(name);
     // A preset is hidden by a file of its name, and not by a folder.
     let preset = VoltmeterPreset::by_name(name).filter(|_| !is_there(path) || path.is_dir());

@@ -253,7 +253,8 @@ impl Resolver<'_> {
     fn preset(&self, field: &Field<String>) -> Option<VoltmeterPreset> {
         let Some((name, place)) = field.given() else { return Some(VoltmeterPreset::USUAL) };
         let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name);
-        VoltmeterPreset::by_name(name).or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
+        VoltmeterPreset::by_name(name)
+            .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
     }
 
     /// Resolves the thresholds of ON and OFF, and their spread.

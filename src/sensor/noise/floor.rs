@@ -133,7 +133,8 @@ mod tests {
         near(10.0, [0.1, 2.0]);
         near(100.0, [0.01, 0.0]);
         near(1e6, [0.01, 0.0]);
-        assert!(NoiseFloor::default().is_absent() && NoiseFloor::default().rates_hz(1.0) == [0.0; 2]);
+        let [on, off] = NoiseFloor::default().rates_hz(1.0);
+        assert!(NoiseFloor::default().is_absent() && on + off <= 0.0);
     }
 
     #[test]

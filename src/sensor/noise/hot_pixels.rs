@@ -53,7 +53,8 @@ impl HotPixelNoise {
         }
         // The first two draws of index 0 belong to `train`.
         let mut draws = site.draws(DrawSpace::Hot, 0);
-        (draws.uniform(), draws.uniform());
+        draws.uniform();
+        draws.uniform();
         median * libm::exp10(self.spread * draws.normal())
     }
 
@@ -102,6 +103,9 @@ mod tests {
         let distance = crate::seed::ks::scaled_distance(decades, cdf);
         println!("KS of the logarithms of the rates {distance:.2} (alpha 1e-4: 2.23)");
         assert!(distance < 2.23 && (unequal.mean_hz() / hot.mean_hz() - 1.940).abs() < 1e-3);
-        assert!(HotPixelNoise { rate: 5.0, ..HotPixelNoise::default() }.is_absent() && HotPixelNoise::default().is_absent());
+        assert!(
+            HotPixelNoise { rate: 5.0, ..HotPixelNoise::default() }.is_absent()
+                && HotPixelNoise::default().is_absent()
+        );
     }
 }

@@ -4,7 +4,7 @@ use super::{BetweenFrames, SamplerKind, VoltmeterModel, bridge, drift, tree};
 use crate::image::Size;
 use crate::sensor::noise::{NoiseFloor, RefractoryPeriod};
 use crate::sensor::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::units::Hertz;
 use serde_json::{Value, json};
@@ -63,6 +63,18 @@ impl SensorParameters for VoltmeterModel {
 
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         Self::screen(self, rate)
+    }
+
+    fn brightness(&self, grey: f64) -> f64 {
+        libm::log(grey + self.k[1])
+    }
+
+    fn contrast_spread(&self) -> f64 {
+        self.threshold_spread / self.k[0]
+    }
+
+    fn noise_at(&self, grey: f64) -> ConstantLightNoise {
+        self.array_noise(grey)
     }
 
     fn released(&self) -> Value {

@@ -2,11 +2,11 @@
 
 use super::thresholds;
 use super::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset};
+use crate::sensor::noise::{ReferenceRule, RefractoryPeriod};
+use crate::sensor::screening::array_mean;
 use crate::sensor::screening::{
     ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, at_least_zero,
 };
-use crate::sensor::noise::{ReferenceRule, RefractoryPeriod};
-use crate::sensor::screening::array_mean;
 use crate::sensor::statistics::RenewalProcess;
 use crate::units::Hertz;
 
@@ -34,12 +34,7 @@ impl VoltmeterModel {
         let [_, k2, k3, k4, k5, k6] = self.k;
         let sigma = k3 * grey.sqrt() / (grey + k2) + k6;
         let drift = k4 + k5 * grey;
-        let renewal = RenewalProcess {
-            drift,
-            variance: sigma * sigma,
-            up,
-            down,
-        };
+        let renewal = RenewalProcess { drift, variance: sigma * sigma, up, down };
         // A leak against the sign of the ON threshold makes OFF events.
         let leak = drift / if drift < 0.0 { down } else { up };
         let share = renewal.on_share();
@@ -111,8 +106,9 @@ impl VoltmeterModel {
     pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
-        let mut screening =
-            SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| self.array_noise(grey))?;
+        let mut screening = SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| {
+            self.array_noise(grey)
+        })?;
         let as_printed =
             // Compared as bits: a set that differs in the last digit is no longer the printed one.
             self.k.iter().zip(VoltmeterPreset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
@@ -211,7 +207,11 @@ mod tests {
     #[test]
     fn warnings() {
         let codes = |sensor: VoltmeterModel| sensor.screen(rate()).unwrap().warnings;
-        assert_eq!(codes(VoltmeterModel::new(VoltmeterPreset::Dvs346.k())), []);
+        let one_polarity = ScreeningWarning::OnePolarity { lacks_off: true };
+        assert_eq!(codes(VoltmeterPreset::Dvs346.model()), [one_polarity]);
+        for preset in [VoltmeterPreset::Evk4, VoltmeterPreset::Davis346] {
+            assert_eq!(codes(preset.model()), []);
+        }
         assert_eq!(
             codes(VoltmeterModel::new(VoltmeterPreset::Gs2eSi.k())),
             [ScreeningWarning::Insensitive { contrast: 2.0 }, ScreeningWarning::UncertainUnits]

@@ -29,7 +29,13 @@ impl Resolver<'_> {
         let exposure = self.real(&raw.exposure, 1.0, EXPOSURE);
         let range = self.brightness_range(&raw.range);
         let lux = self.lux(&raw.lux, in_lux);
-        Some(FrontEnd { luminance: luminance?, decode: decode?, exposure: exposure?, range: range?, lux: lux? })
+        Some(FrontEnd {
+            luminance: luminance?,
+            decode: decode?,
+            exposure: exposure?,
+            range: range?,
+            lux: lux?,
+        })
     }
 
     fn lux(&self, field: &Field<f64>, in_lux: bool) -> Option<Option<f64>> {
@@ -37,7 +43,9 @@ impl Resolver<'_> {
         match field.place() {
             Some(place) if !in_lux => {
                 let problem = FieldProblem::of_key("has no effect: the constants of this sensor are in grey");
-                self.refuse(problem.help("remove it, or use the preset davis346 or evk4 of voltmeter").at(place))
+                self.refuse(
+                    problem.help("remove it, or use the preset davis346 or evk4 of voltmeter").at(place),
+                )
             }
             _ => Some(in_lux.then_some(lux)),
         }
