@@ -92,6 +92,9 @@ pub(in crate::cli) fn sensor_from(name: &str, lux: Option<f64>) -> Result<Sensor
         let help = "leave it out, or write front_end: { lux: 250 } in the file of the sensor";
         return Err(VerbError::usage("sensor", what).help(help));
     }
+    if let Some(lux) = lux.filter(|lux| !(lux.is_finite() && *lux > 0.0)) {
+        return Err(VerbError::usage("sensor", format!("--lux {lux}, wanted a finite number above 0")));
+    }
     if let Some(preset) = preset {
         return Ok(preset.model_at(lux.unwrap_or(WHITE_LUX)).into());
     }

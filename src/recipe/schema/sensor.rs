@@ -100,7 +100,8 @@ pub(in crate::recipe) struct FrontEndSection {
     pub exposure: Field<f64>,
     /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
-    /// Light on the sensor at grey 255, for presets in lux and for `floor`. Unit: lux. Default: `250`.
+    /// Light on the sensor at grey 255. Only the presets `davis346` and `evk4` and a `floor` depend on
+    /// it; other sensors refuse it. Unit: lux. Default: 250, or none for other sensors.
     pub lux: Field<f64>,
 }
 

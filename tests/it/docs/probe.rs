@@ -43,6 +43,7 @@ const CONTEXTS: [(&str, &str); 23] = [
     ("sensor.v2e", "{ sensor: { v2e: {} } }"),
     ("sensor.voltmeter.units", UNITS),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
+    ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),
     (
         "licence.evidence",
