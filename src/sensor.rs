@@ -6,6 +6,7 @@
 mod cap;
 mod choice;
 mod course;
+mod dead_time;
 mod detector;
 pub mod esim;
 mod event_file;
@@ -130,6 +131,9 @@ pub struct SimulationAccount {
     /// Counts of the readout, if a bus limits the rate of events.
     #[serde(default, skip_serializing_if = "is_default")]
     pub readout: Option<ReadoutAccount>,
+    /// Events left out because they fell into the dead time of their pixel.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub refractory: u64,
 }
 
 /// Returns true if a value is the default of its type. Defaults are left out of records, because

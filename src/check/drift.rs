@@ -25,6 +25,8 @@ pub struct DriftLaw {
     pub from_zero: bool,
     /// The noise of a v2e pixel, which replaces `k3` and `k6`.
     shots: Option<ShotNoise>,
+    /// The noise floor of a voltmeter, if it has one.
+    floor: Option<FloorRates>,
     /// Share of pixels with events of their own, and the rate of these, Hz.
     hot: [f64; 2],
     /// The reason why events need not balance the drift, if there is one. Signs and places can
@@ -52,6 +54,36 @@ enum BrightnessScale {
 struct ShotNoise {
     dark_hz: f64,
     leak_hz: f64,
+}
+
+/// Rates of a noise floor at greys a factor of two apart, both polarities together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct FloorRates {
+    /// Events per second at grey `255 / 2^i`.
+    hz: [f64; Self::LEN],
+}
+
+impl FloorRates {
+    const LEN: usize = 16;
+
+    fn new(sensor: &VoltmeterModel) -> Option<Self> {
+        let white_lux = sensor.front_end.white_lux();
+        let rate = |i: usize| {
+            let grey = 255.0 * libm::exp2(-(i as f64));
+            sensor.floor.rates_at_grey(grey, white_lux).iter().sum()
+        };
+        (!sensor.floor.is_absent()).then(|| Self { hz: std::array::from_fn(rate) })
+    }
+
+    /// Events per second at a luminance, linear in its logarithm between two greys of the table.
+    fn at(self, luminance: f64) -> f64 {
+        let last = (Self::LEN - 1) as f64;
+        let place = libm::log2(255.0 / luminance.max(1e-9)).clamp(0.0, last);
+        let share = place - libm::floor(place);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
+        let [low, high] = [place as usize, (place as usize + 1).min(Self::LEN - 1)];
+        self.hz[low] * (1.0 - share) + self.hz[high] * share
+    }
 }
 
 /// Pictures of 8 bits per channel, as a sensor sees them: each channel is known to half of a step.
@@ -119,6 +151,9 @@ impl DriftLaw {
             }
             _ if !sensor.hot_pixels().is_absent() => {
                 Err("not applicable with hot pixels: they fire without a brightness change")
+            }
+            SensorChoice::Voltmeter(voltmeter) if !voltmeter.floor.is_absent() => {
+                Err("not applicable with a noise floor: its events happen without a brightness change")
             }
             SensorChoice::Voltmeter(_) | SensorChoice::Esim(_) => {
                 let law = Self::for_sensor(sensor);
@@ -224,17 +259,25 @@ impl DriftLaw {
             let noise = self.noise(luminance, 1.0);
             let [up, down] = self.thresholds;
             let drift = self.drift(0.0, 1.0, luminance);
-            return RenewalProcess { drift, variance: noise * noise, up, down }.rate();
+            let law = RenewalProcess { drift, variance: noise * noise, up, down }.rate();
+            return law + self.floor_events(luminance);
         };
         1e-6 * (shots.at(luminance) + shots.leak_hz)
     }
 
-    /// Expected number of events of a pixel in `dt_us` microseconds that move its reference
-    /// although its brightness does not: shots, and the events of hot pixels.
+    /// Events of the noise floor of a pixel per microsecond.
+    fn floor_events(&self, luminance: f64) -> f64 {
+        self.floor.map_or(0.0, |floor| 1e-6 * floor.at(luminance))
+    }
+
+    /// Expected number of events of a pixel in `dt_us` microseconds that move its reference, or are
+    /// made, although its brightness does not move: shots, those of the noise floor and those of hot
+    /// pixels.
     #[must_use]
     pub fn disturbances(&self, luminance: f64, dt_us: f64) -> f64 {
         let shots = self.shots.map_or(0.0, |shots| 1e-6 * shots.at(luminance) * dt_us);
-        shots + self.hot[0] * (1e-6 * self.hot[1] * dt_us).min(1.0)
+        let floor = self.floor_events(luminance) * dt_us;
+        shots + floor + self.hot[0] * (1e-6 * self.hot[1] * dt_us).min(1.0)
     }
 
     /// Expected number of events of the hot pixels among `pixels` in `dt_us` microseconds, all of
@@ -256,6 +299,7 @@ impl DriftLaw {
         // The lower threshold is reached more often, so it bounds the events of both.
         let threshold = self.least_threshold();
         let noise = self.noise(luminance, dt_us) / threshold;
+        let own = own + self.floor_events(luminance) * dt_us;
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise + own
     }
 
@@ -286,6 +330,7 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
         leak_spread: 0.0,
         from_zero: true,
         shots: None,
+        floor: None,
         hot: [0.0; 2],
         loose: None,
         delay_us: 0.0,
@@ -297,7 +342,11 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
 #[must_use]
 pub fn is_frame_independent(sensor: &SensorChoice) -> bool {
     match sensor {
-        SensorChoice::Voltmeter(_) => DriftLaw::for_sensor(sensor).loose.is_none(),
+        // The rate of a floor is linear between two frames.
+        SensorChoice::Voltmeter(_) => {
+            let law = DriftLaw::for_sensor(sensor);
+            law.loose.is_none() && law.floor.is_none()
+        }
         SensorChoice::Esim(sensor) => {
             let log = sensor.intensity == IntensityScale::Log;
             log && sensor.threshold.spread == 0.0 && sensor.keeps_balance()
@@ -316,9 +365,11 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
             "not applicable to `gain: midpoint`: its drift depends on every frame, and only some frames are kept",
         ),
         _ if !sensor.hot_pixels.is_absent() => Some(HOT),
+        _ if sensor.refractory.period_us > 0.0 => Some(LOST),
         _ => None,
     };
     DriftLaw {
+        floor: FloorRates::new(sensor),
         spread: sensor.threshold_spread,
         from_zero: sensor.initial == InitialVoltage::Zero,
         loose,

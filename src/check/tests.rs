@@ -312,7 +312,11 @@ fn hot_and_dead_pixels_are_found() {
     world.events.extend((0..1000).map(hot));
     world.events.sort_by_cached_key(Event::file_order);
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
-    world.sensor.hot_pixels = crate::sensor::noise::HotPixelNoise { share: 1e-3, rate: 1e4 };
+    world.sensor.hot_pixels = crate::sensor::noise::HotPixelNoise {
+        share: 1e-3,
+        rate: 1e4,
+        ..crate::sensor::noise::HotPixelNoise::default()
+    };
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
     world.limits.hot_pixels = Some(hot_pixels::Limits { hot: Some(0.0), dead: None });
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Fail);

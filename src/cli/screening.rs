@@ -22,9 +22,10 @@ pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreenin
     }
 }
 
-/// Prints the brightness that the pixels of the sensor see, if it is not the usual one.
+/// Prints the brightness that the pixels of the sensor see and the light of white, if they are not
+/// the usual ones.
 pub(super) fn tell_front_end(front_end: &FrontEnd, console: &Console) {
-    if !front_end.is_plain() {
+    if !front_end.is_usual() {
         console.say(&format!("  brightness: {front_end}"));
     }
 }

@@ -1,7 +1,8 @@
-//! `gs2e study`: measurements over one scene.
+//! `gs2e study`: measurements over one scene, or of one sensor.
 
 mod meter;
 mod real;
+mod sensor;
 mod subject;
 mod thresholds;
 mod work_precision;
@@ -32,6 +33,9 @@ enum StudySubcommand {
     Thresholds(thresholds::ThresholdsArgs),
     /// Compare all presets with a recording: frames and the events of the same pixels
     Real(real::RealArgs),
+    /// Show a sensor steps of known height and constant light: its contrast, spread and noise next to
+    /// what it states
+    Sensor(sensor::SensorArgs),
 }
 
 impl StudyArgs {
@@ -39,6 +43,7 @@ impl StudyArgs {
         match self.of {
             Some(StudySubcommand::Thresholds(study)) => study.run(common, console),
             Some(StudySubcommand::Real(study)) => study.run(common, console),
+            Some(StudySubcommand::Sensor(study)) => study.run(common, console),
             None => self.work_precision.run(common, console),
         }
     }

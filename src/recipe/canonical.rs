@@ -139,7 +139,7 @@ fn add_constants(raw: Option<&schema::VoltmeterSection>, out: &mut Value) {
         }
         None => {
             out["preset"] =
-                json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(VoltmeterPreset::Dvs346.name()))
+                json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(VoltmeterPreset::USUAL.name()))
         }
     }
 }

@@ -22,8 +22,9 @@ pub(super) use reconstruct::{
     BuiltinSection, CommandSection, CountSection, ReconstructSection, UntilSection,
 };
 pub(super) use sensor::{
-    EsimSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection, RangeSection,
-    ReadoutSection, RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
+    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection,
+    RangeSection, ReadoutSection, RefractorySection, SensorSection, ThresholdSection, V2eSection,
+    VoltmeterSection,
 };
 pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};
 pub(super) use trajectory::{

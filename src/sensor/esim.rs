@@ -129,8 +129,15 @@ impl EsimModel {
             IntensityScale::Log => "ln(L/255 + eps)",
             IntensityScale::Linear => "L/255",
         };
-        let quiet = |grey| ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
-        SensorScreening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), quiet)
+        SensorScreening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), |grey| {
+            self.array_noise(grey)
+        })
+    }
+
+    /// The noise at a constant grey: that of hot pixels, the mean over all pixels.
+    fn array_noise(&self, grey: f64) -> ConstantLightNoise {
+        let quiet = ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
+        quiet.plus([self.hot_pixels.mean_hz(), 0.0])
     }
 
     fn validate(&self) -> Result<(), ScreenError> {
@@ -224,7 +231,7 @@ impl FrameLaw for EsimModel {
         if self.mismatch == RedrawRule::PerFrame {
             pixel.detector.thresholds = self.threshold.at(site, frame);
         }
-        let rates = LinearRate { ends: [self.hot_pixels.per_ns(); 2], length };
+        let rates = LinearRate { ends: [self.hot_pixels.per_ns(site); 2], length };
         let source = |train, space| OwnEventKind { train, rates, site, space, on_share: 1.0, resets: false };
         let mut sources = [source(&mut pixel.own, DrawSpace::Hot), source(&mut pixel.shot, DrawSpace::Shot)];
         pixel.detector.cross(&course, &self.refractory, &mut sources, writer)

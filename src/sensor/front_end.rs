@@ -39,7 +39,15 @@ pub struct FrontEnd {
     pub exposure: f64,
     /// Bounds of the brightness.
     pub range: GreyRange,
+    /// Light on the sensor at grey 255, lux. `None` for a sensor that does not depend on it: its
+    /// constants are in grey.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub lux: Option<f64>,
 }
+
+/// Light at white, lux, unless a recipe states another: that of a room with good lighting on the
+/// sensor behind an open lens.
+pub const WHITE_LUX: f64 = 250.0;
 
 impl Default for FrontEnd {
     /// The encoded luminance of BT.601, unchanged.
@@ -49,6 +57,7 @@ impl Default for FrontEnd {
             decode: ChannelDecode::default(),
             exposure: 1.0,
             range: GreyRange::default(),
+            lux: None,
         }
     }
 }
@@ -101,6 +110,9 @@ pub enum FrontEndError {
     /// The exposure is not a finite number above 0.
     #[error("the exposure is {0}, wanted a finite number above 0")]
     Exposure(f64),
+    /// The light of white is not a finite number above 0.
+    #[error("white is {0} lux, wanted a finite number above 0")]
+    Lux(f64),
     /// The bounds are not in order.
     #[error("the range is {min} to {max}, wanted 0 <= min < max")]
     Range {
@@ -212,10 +224,11 @@ impl fmt::Display for FrontEnd {
             write!(f, ", times {}", self.exposure)?;
         }
         match self.range {
-            GreyRange { min, max: Some(max) } => write!(f, ", clamped to {min} to {max}"),
-            GreyRange { min, max: None } if min > 0.0 => write!(f, ", clamped to {min} or more"),
-            GreyRange { .. } => Ok(()),
+            GreyRange { min, max: Some(max) } => write!(f, ", clamped to {min} to {max}")?,
+            GreyRange { min, max: None } if min > 0.0 => write!(f, ", clamped to {min} or more")?,
+            GreyRange { .. } => (),
         }
+        self.lux.map_or(Ok(()), |lux| write!(f, ", white is {lux} lux on the sensor"))
     }
 }
 
@@ -233,12 +246,28 @@ impl FrontEnd {
         if !(min.is_finite() && min >= 0.0 && ordered) {
             return Err(FrontEndError::Range { min, max: max.unwrap_or(f64::INFINITY) });
         }
-        Ok(())
+        match self.lux {
+            Some(lux) if !(lux.is_finite() && lux > 0.0) => Err(FrontEndError::Lux(lux)),
+            _ => Ok(()),
+        }
     }
 
-    /// Returns true if the luminance of a frame passes unchanged.
+    /// Light on the sensor at grey 255, lux.
+    #[must_use]
+    pub fn white_lux(&self) -> f64 {
+        self.lux.unwrap_or(WHITE_LUX)
+    }
+
+    /// Returns true if the luminance of a frame passes unchanged. The light of white changes no
+    /// brightness.
     #[must_use]
     pub fn is_plain(&self) -> bool {
+        is_default(&Self { lux: None, ..*self })
+    }
+
+    /// Returns true if a recipe need not write it.
+    #[must_use]
+    pub fn is_usual(&self) -> bool {
         is_default(self)
     }
 

@@ -3,21 +3,22 @@
 use super::SensorChoice;
 use super::esim::EsimModel;
 use super::v2e::{V2eModel, V2ePreset};
-use super::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use super::voltmeter::VoltmeterPreset;
 
 /// Name of ESIM with its defaults.
 const ESIM: &str = "esim";
 
 impl SensorChoice {
     /// The names of [`SensorChoice::by_name`].
-    pub const NAMES: [&'static str; 6] = ["dvs346", "dvs240", "gs2e-si", "v2e-noisy", "v2e-clean", ESIM];
+    pub const NAMES: [&'static str; 8] =
+        ["davis346", "evk4", "dvs346-paper", "dvs240", "gs2e-si", "v2e-noisy", "v2e-clean", ESIM];
 
     /// The sensor with this name: a preset of the voltmeter, a preset of v2e after `v2e-`, or `esim` with its
     /// defaults.
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
         if let Some(preset) = VoltmeterPreset::by_name(name) {
-            return Some(VoltmeterModel::new(preset.k()).into());
+            return Some(preset.model().into());
         }
         let v2e = name.strip_prefix("v2e-").and_then(V2ePreset::by_name);
         let v2e = v2e.map(|preset| V2eModel::from(preset).into());

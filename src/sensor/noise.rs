@@ -2,11 +2,13 @@
 //! position on the sensor and to the index of a frame or event, so crops and threads do not change
 //! it.
 
+pub mod floor;
 pub mod hot_pixels;
 pub mod mismatch;
 pub(super) mod poisson;
 pub mod refractory;
 
+pub use floor::{FloorPoint, NoiseFloor};
 pub use hot_pixels::HotPixelNoise;
 pub use mismatch::{RedrawRule, ThresholdMismatch};
 pub use refractory::{ReferenceRule, RefractoryPeriod};

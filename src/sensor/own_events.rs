@@ -1,59 +1,186 @@
-//! Events of hot pixels, merged into the stream of a law that does not model them.
+//! Events of hot pixels and of the noise floor, merged into the stream of a law that does not model
+//! them.
 //!
-//! The two processes do not interact: an own event does not change the pixel's voltage.
+//! The processes do not interact: an own event does not change the pixel's voltage.
 
-use super::noise::poisson::PoissonTrain;
-use super::noise::{HotPixelNoise, PixelSite};
+use super::front_end::FrontEnd;
+use super::noise::floor::FloorTable;
+use super::noise::poisson::{LinearRate, PoissonTrain};
+use super::noise::{HotPixelNoise, NoiseFloor, PixelSite};
 use super::{SensorError, SensorPixels, SimulationAccount};
 use crate::event::{Event, EventLabel, EventSink, Polarity};
 use crate::frames::DenseFrame;
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
 use crate::units::Timestamp;
+use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Pixels with hot ones among them.
-pub(super) struct WithHot {
-    pixels: Box<dyn SensorPixels>,
-    hot: HotPixelQueue,
+/// Number of pixels that one task takes at a time.
+const CHUNK: usize = 4096;
+
+/// A pixel array: its size, its place on the sensor, its seed, and the label of its own events.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OwnEventArray {
+    pub(super) size: Size,
+    /// Position of the top-left pixel on the sensor.
+    pub(super) origin: [u16; 2],
+    pub(super) seed: Seed,
+    /// Label of the own events.
+    pub(super) label: EventLabel,
 }
 
-impl WithHot {
-    /// Adds hot pixels to `pixels`, with the top-left pixel at `origin` on the sensor. Their own
-    /// events get this label.
-    pub(super) fn new(
-        pixels: Box<dyn SensorPixels>,
-        hot: &HotPixelNoise,
-        size: Size,
-        origin: [u16; 2],
-        seed: Seed,
-        label: EventLabel,
-    ) -> Self {
-        Self { pixels, hot: HotPixelQueue::new(hot, size, origin, seed, label) }
+impl OwnEventArray {
+    /// Coordinates of a pixel in the frame, and its site on the sensor.
+    fn at(&self, pixel: usize) -> ([u16; 2], PixelSite) {
+        let width = self.size.width as usize;
+        #[expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
+        let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
+        ([x, y], PixelSite { seed: self.seed, x: x + self.origin[0], y: y + self.origin[1] })
     }
 }
 
-impl SensorPixels for WithHot {
+/// Pixels with events of their own.
+pub(super) struct WithOwnEvents {
+    pixels: Box<dyn SensorPixels>,
+    own: OwnEventQueue,
+    floor: Option<FloorPixels>,
+}
+
+impl WithOwnEvents {
+    /// Adds hot pixels to `pixels`.
+    pub(super) fn with_hot(pixels: Box<dyn SensorPixels>, hot: &HotPixelNoise, array: OwnEventArray) -> Self {
+        let mut own = OwnEventQueue::new(*hot, array);
+        own.start_hot();
+        Self { pixels, own, floor: None }
+    }
+
+    /// Adds a noise floor to `pixels`, which see the light of `front_end`.
+    pub(super) fn with_floor(
+        pixels: Box<dyn SensorPixels>,
+        floor: &NoiseFloor,
+        front_end: &FrontEnd,
+        array: OwnEventArray,
+    ) -> Self {
+        let own = OwnEventQueue::new(HotPixelNoise::default(), array);
+        Self { pixels, own, floor: Some(FloorPixels::new(floor, front_end, array)) }
+    }
+}
+
+impl SensorPixels for WithOwnEvents {
     fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
-        self.hot.last = frame.t;
-        self.pixels.advance(frame, &mut MergedEvents { sink, hot: &mut self.hot })
+        self.own.last = frame.t;
+        // First: the law passes on its events of this interval, and all own events before them must
+        // be known by then.
+        if let Some(floor) = &mut self.floor {
+            floor.advance(frame, &mut self.own.waiting);
+        }
+        self.pixels.advance(frame, &mut MergedEvents { sink, own: &mut self.own })
     }
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
-        let account = self.pixels.finish(&mut MergedEvents { sink, hot: &mut self.hot })?;
+        let account = self.pixels.finish(&mut MergedEvents { sink, own: &mut self.own })?;
         // Own events may follow the last event of the law, so they are not all merged by now.
-        self.hot.append_rest(sink)?;
-        let HotPixelQueue { made, pairs, fired, .. } = &self.hot;
+        self.own.append_rest(sink)?;
+        let OwnEventQueue { on, off, pairs, fired, .. } = &self.own;
         let alone =
             fired.iter().filter(|fired| **fired == FiredCause { by_law: false, by_itself: true }).count();
         Ok(SimulationAccount {
-            events: account.events + made,
-            on: account.on + made,
+            events: account.events + on + off,
+            on: account.on + on,
+            off: account.off + off,
             same_us_same_pixel: account.same_us_same_pixel + pairs,
             active_pixels: account.active_pixels + alone as u64,
             ..account
         })
+    }
+}
+
+/// The noise floor of all pixels.
+struct FloorPixels {
+    table: FloorTable,
+    array: OwnEventArray,
+    trains: Vec<PoissonTrain>,
+    /// Brightness at the latest frame; empty before the first.
+    seen: Vec<f32>,
+    /// Stamp of that frame.
+    t: Timestamp,
+}
+
+impl FloorPixels {
+    fn new(floor: &NoiseFloor, front_end: &FrontEnd, array: OwnEventArray) -> Self {
+        let table = FloorTable::new(floor, front_end.white_lux());
+        let train = |pixel| PoissonTrain::new(array.at(pixel).1, DrawSpace::Shot);
+        let trains = (0..array.size.pixels()).into_par_iter().map(train).collect();
+        Self { table, array, trains, seen: Vec::new(), t: Timestamp(0) }
+    }
+
+    /// Adds the events since the previous frame.
+    fn advance(&mut self, frame: &DenseFrame, waiting: &mut BinaryHeap<Reverse<NextOwnEvent>>) {
+        let now = frame.luminance.pixels();
+        let Self { table, array, trains, seen, t } = self;
+        let length = (frame.t.0 - t.0) as f64;
+        // A frame of another size, or one that is not later, is refused by the law.
+        if seen.len() == now.len() && length > 0.0 {
+            let chunks = trains.par_chunks_mut(CHUNK).zip(seen.par_chunks(CHUNK)).zip(now.par_chunks(CHUNK));
+            let made: Vec<Vec<NextOwnEvent>> = chunks
+                .enumerate()
+                .map(|(i, ((trains, seen), now))| {
+                    let mut made = Vec::new();
+                    let pixels = trains.iter_mut().zip(seen.iter().zip(now)).enumerate();
+                    for (pixel, (train, (from, to))) in pixels {
+                        let span = FloorSpan { greys: [*from, *to], start: t.0, length };
+                        span.cross(table, train, (array, i * CHUNK + pixel), &mut made);
+                    }
+                    made
+                })
+                .collect();
+            // Their order does not matter to a heap.
+            waiting.extend(made.into_iter().flatten().map(Reverse));
+        }
+        seen.clear();
+        seen.extend_from_slice(now);
+        *t = frame.t;
+    }
+}
+
+/// A pixel between two frames.
+struct FloorSpan {
+    greys: [f32; 2],
+    /// Stamp of the earlier frame, ns.
+    start: i64,
+    /// Time between the frames, ns.
+    length: f64,
+}
+
+impl FloorSpan {
+    #[inline]
+    fn cross(
+        &self,
+        table: &FloorTable,
+        train: &mut PoissonTrain,
+        (array, pixel): (&OwnEventArray, usize),
+        made: &mut Vec<NextOwnEvent>,
+    ) {
+        let ends = self.greys.map(|grey| table.at(grey).iter().sum());
+        let rates = LinearRate { ends, length: self.length };
+        let mut start = 0.0;
+        while let Some(t) = train.advance(&rates, start) {
+            let ([x, y], site) = array.at(pixel);
+            let mark = train.wait(site, DrawSpace::Shot);
+            let [from, to] = self.greys.map(f64::from);
+            #[expect(clippy::cast_possible_truncation, reason = "a grey between two of 32 bits")]
+            let grey = (from + (to - from) * (t / self.length)) as f32;
+            let [on, off] = table.at(grey);
+            let polarity = if mark * (on + off) < on { Polarity::On } else { Polarity::Off };
+            // An event at the earlier frame's own time belongs to the interval before it.
+            #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]
+            let ns = self.start + (t as i64).max(1);
+            let event = Event { t: Timestamp(ns), x, y, polarity, label: array.label };
+            made.push(NextOwnEvent { event, again: None });
+            start = t;
+        }
     }
 }
 
@@ -64,30 +191,37 @@ struct FiredCause {
     by_itself: bool,
 }
 
-/// The next event of a hot pixel, ordered as in files.
-struct NextHotEvent {
+/// An own event that is due, ordered as in files.
+struct NextOwnEvent {
     event: Event,
+    /// The process that goes on after it, if it is that of a hot pixel.
+    again: Option<HotTrain>,
+}
+
+/// The process of a hot pixel at one of its events.
+#[derive(Clone, Copy)]
+struct HotTrain {
     /// Time of the event, ns.
     at: f64,
     site: PixelSite,
     train: PoissonTrain,
 }
 
-impl PartialEq for NextHotEvent {
+impl PartialEq for NextOwnEvent {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for NextHotEvent {}
+impl Eq for NextOwnEvent {}
 
-impl PartialOrd for NextHotEvent {
+impl PartialOrd for NextOwnEvent {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for NextHotEvent {
+impl Ord for NextOwnEvent {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         let key = |next: &Self| (next.event.file_order(), next.event.t);
         key(self).cmp(&key(other))
@@ -102,57 +236,58 @@ struct CoincidentEvents {
     own: u64,
 }
 
-/// The hot pixels, in order of their next events.
-struct HotPixelQueue {
-    /// Rate of each hot pixel, events per ns.
-    rate: f64,
-    /// Label of their own events.
-    label: EventLabel,
-    waiting: BinaryHeap<Reverse<NextHotEvent>>,
-    width: usize,
+/// The own events that are known and not passed on yet.
+struct OwnEventQueue {
+    hot: HotPixelNoise,
+    array: OwnEventArray,
+    waiting: BinaryHeap<Reverse<NextOwnEvent>>,
     fired: Vec<FiredCause>,
     /// Stamp of the last frame.
     last: Timestamp,
-    made: u64,
+    /// Number of ON events that were passed on.
+    on: u64,
+    /// Number of OFF events that were passed on.
+    off: u64,
     together: CoincidentEvents,
     /// Number of pairs in one pixel and microsecond with at least one own event.
     pairs: u64,
     out: Vec<Event>,
 }
 
-impl HotPixelQueue {
-    fn new(hot: &HotPixelNoise, size: Size, [left, top]: [u16; 2], seed: Seed, label: EventLabel) -> Self {
-        let mut all = Self {
-            rate: hot.per_ns(),
-            label,
+impl OwnEventQueue {
+    fn new(hot: HotPixelNoise, array: OwnEventArray) -> Self {
+        Self {
+            hot,
+            array,
             waiting: BinaryHeap::new(),
-            width: size.width as usize,
-            fired: vec![FiredCause::default(); size.pixels()],
+            fired: vec![FiredCause::default(); array.size.pixels()],
             last: Timestamp(0),
-            made: 0,
+            on: 0,
+            off: 0,
             together: CoincidentEvents::default(),
             pairs: 0,
             out: Vec::new(),
-        };
-        #[expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
-        let places = (0..size.height as u16).flat_map(|y| (0..size.width as u16).map(move |x| (x, y)));
-        for (x, y) in places {
-            let site = PixelSite { seed, x: x + left, y: y + top };
-            all.wait(x, y, 0.0, site, hot.train(site));
         }
-        all
     }
 
-    /// Schedules the next event of a pixel after `from`.
-    fn wait(&mut self, x: u16, y: u16, from: f64, site: PixelSite, train: PoissonTrain) {
-        let Some(gap) = train.gap(self.rate) else { return };
-        let at = from + gap;
+    /// Schedules the first event of each hot pixel.
+    fn start_hot(&mut self) {
+        for pixel in 0..self.array.size.pixels() {
+            let (at, site) = self.array.at(pixel);
+            self.wait(at, HotTrain { at: 0.0, site, train: self.hot.train(site) });
+        }
+    }
+
+    /// Schedules the next event of a hot pixel.
+    fn wait(&mut self, [x, y]: [u16; 2], hot: HotTrain) {
+        let Some(gap) = hot.train.gap(self.hot.per_ns(hot.site)) else { return };
+        let at = hot.at + gap;
         #[expect(
             clippy::cast_possible_truncation,
             reason = "nanoseconds; what is beyond 64 bits is beyond any stamp"
         )]
-        let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On, label: self.label };
-        self.waiting.push(Reverse(NextHotEvent { event, at, site, train }));
+        let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On, label: self.array.label };
+        self.waiting.push(Reverse(NextOwnEvent { event, again: Some(HotTrain { at, ..hot }) }));
     }
 
     /// Adds own events to the output, in file order, as long as `holds` is true.
@@ -161,13 +296,18 @@ impl HotPixelQueue {
             if !holds(&next.event) {
                 break;
             }
-            let Some(Reverse(NextHotEvent { event, at, site, mut train })) = self.waiting.pop() else {
+            let Some(Reverse(NextOwnEvent { event, again })) = self.waiting.pop() else {
                 break;
             };
             self.take(event, true);
-            self.made += 1;
-            train.wait(site, DrawSpace::Hot);
-            self.wait(event.x, event.y, at, site, train);
+            match event.polarity {
+                Polarity::On => self.on += 1,
+                Polarity::Off => self.off += 1,
+            }
+            if let Some(mut hot) = again {
+                hot.train.wait(hot.site, DrawSpace::Hot);
+                self.wait([event.x, event.y], hot);
+            }
         }
     }
 
@@ -181,7 +321,8 @@ impl HotPixelQueue {
         self.pairs += if own { self.together.all } else { self.together.own };
         self.together.all += 1;
         self.together.own += u64::from(own);
-        let fired = &mut self.fired[usize::from(event.y) * self.width + usize::from(event.x)];
+        let width = self.array.size.width as usize;
+        let fired = &mut self.fired[usize::from(event.y) * width + usize::from(event.x)];
         fired.by_itself |= own;
         fired.by_law |= !own;
         self.out.push(event);
@@ -189,7 +330,7 @@ impl HotPixelQueue {
 
     /// Passes on the remaining own events up to the last stamp.
     fn append_rest(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
-        // The process has no end, so the last stamp cuts it off.
+        // The process of a hot pixel has no end, so the last stamp cuts it off.
         let last = self.last;
         self.out.clear();
         self.take_until(|own| own.t <= last);
@@ -200,20 +341,20 @@ impl HotPixelQueue {
 /// A sink that merges own events into the stream of a law.
 struct MergedEvents<'a> {
     sink: &'a mut dyn EventSink,
-    hot: &'a mut HotPixelQueue,
+    own: &'a mut OwnEventQueue,
 }
 
 impl EventSink for MergedEvents<'_> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        self.hot.out.clear();
+        self.own.out.clear();
         for event in events {
             let until = event.file_order();
             // Up to and including the place of the law's event: where both are equal, the own event
             // is first.
-            self.hot.take_until(|own| own.file_order() <= until);
-            self.hot.take(*event, false);
+            self.own.take_until(|own| own.file_order() <= until);
+            self.own.take(*event, false);
         }
-        self.sink.append(&self.hot.out)
+        self.sink.append(&self.own.out)
     }
 }
 
@@ -221,6 +362,8 @@ impl EventSink for MergedEvents<'_> {
 mod tests {
     use super::*;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
+    use crate::sensor::noise::{FloorPoint, RefractoryPeriod};
+    use crate::sensor::parameters::SensorParameters as _;
     use crate::sensor::simulate_one;
     use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
     use std::ops::ControlFlow;
@@ -251,7 +394,7 @@ mod tests {
 
     #[test]
     fn in_constant_light_only_hot_pixels_fire_as_often_as_stated() {
-        let hot = HotPixelNoise { share: 0.2, rate: 5000.0 };
+        let hot = HotPixelNoise { share: 0.2, rate: 5000.0, ..HotPixelNoise::default() };
         let (events, account) = run(&quiet(hot), |_, _| 90.0);
         // 1200 pixels, 49 ms: the binomial spread of the share times 245 events each, and the
         // Poisson spread.
@@ -273,7 +416,7 @@ mod tests {
 
     #[test]
     fn the_law_goes_on_beside_them_and_all_is_in_order() {
-        let hot = HotPixelNoise { share: 0.1, rate: 3000.0 };
+        let hot = HotPixelNoise { share: 0.1, rate: 3000.0, ..HotPixelNoise::default() };
         let (alone, without) = run(&quiet(HotPixelNoise::default()), wave);
         let (merged, with) = run(&quiet(hot), wave);
         assert!(merged.is_sorted_by_key(Event::file_order));
@@ -293,5 +436,50 @@ mod tests {
         let (mut dark, _) = run(&quiet(hot), |_, _| 90.0);
         dark.sort_by_key(key);
         assert_eq!(own, dark);
+    }
+
+    #[test]
+    fn in_constant_light_the_floor_makes_both_polarities_as_often_as_stated() {
+        let floor = NoiseFloor(vec![
+            FloorPoint { lux: 1.0, on: 40.0, off: 100.0 },
+            FloorPoint { lux: 100.0, on: 4.0, off: 10.0 },
+        ]);
+        let front_end = FrontEnd { lux: Some(100.0), ..FrontEnd::default() };
+        let noisy = VoltmeterModel { floor, front_end, ..quiet(HotPixelNoise::default()) };
+        // The left half sees 100 lux, the right half 1 lux.
+        let (events, account) = run(&noisy, |_, p| if p % 40 < 20 { 255.0 } else { 2.55 });
+        let seconds = 0.049 * SIZE.pixels() as f64 / 2.0;
+        for (polarity, right, hz) in [
+            (Polarity::On, false, 4.0),
+            (Polarity::Off, false, 10.0),
+            (Polarity::On, true, 40.0),
+            (Polarity::Off, true, 100.0),
+        ] {
+            let count = events.iter().filter(|e| e.polarity == polarity && (e.x >= 20) == right).count();
+            let wanted: f64 = hz * seconds;
+            let z = (count as f64 - wanted) / wanted.sqrt();
+            println!("{polarity:?}, right {right}: {count}, wanted {wanted:.1}, z {z:.2} (limit 4.5)");
+            assert!(z.abs() < 4.5);
+        }
+        assert!(events.is_sorted_by_key(Event::file_order));
+        assert_eq!((account.on + account.off, account.events), (account.events, events.len() as u64));
+        let twin = noisy.without_noise();
+        assert!(twin.as_voltmeter().unwrap().floor.is_absent());
+    }
+
+    #[test]
+    fn the_dead_time_leaves_no_two_events_of_a_pixel_closer_than_it() {
+        let refractory = RefractoryPeriod { period_us: 79.0, ..RefractoryPeriod::default() };
+        let hot = HotPixelNoise { share: 0.2, rate: 5000.0, ..HotPixelNoise::default() };
+        let (all, _) = run(&quiet(hot), wave);
+        let (apart, account) = run(&VoltmeterModel { refractory, ..quiet(hot) }, wave);
+        let least = |events: &[Event]| {
+            let mut times: Vec<_> = events.iter().map(|e| (e.y, e.x, e.t.floor_micros())).collect();
+            times.sort_unstable();
+            times.windows(2).filter(|w| (w[0].0, w[0].1) == (w[1].0, w[1].1)).map(|w| w[1].2 - w[0].2).min()
+        };
+        assert!(least(&all) < Some(79) && least(&apart) >= Some(79), "{:?}", least(&apart));
+        assert_eq!(account.refractory, (all.len() - apart.len()) as u64);
+        assert_eq!((account.events, account.same_us_same_pixel), (apart.len() as u64, 0));
     }
 }

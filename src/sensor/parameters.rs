@@ -4,7 +4,7 @@
 use super::front_end::FrontEnd;
 use super::noise::HotPixelNoise;
 use super::readout::ReadoutBus;
-use super::screening::{ScreenError, SensorScreening};
+use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::voltmeter::BetweenFrames;
 use super::{SensorChoice, SimulationAccount};
 use crate::image::Size;
@@ -93,6 +93,20 @@ pub trait SensorParameters {
     /// # Errors
     /// The parameters make no usable stream.
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError>;
+
+    /// The quantity that thresholds are compared with, at a grey.
+    fn brightness(&self, grey: f64) -> f64;
+
+    /// Standard deviation of the contrast over the pixels.
+    fn contrast_spread(&self) -> f64;
+
+    /// Time constant of the pixels at a grey, seconds; 0 without a filter.
+    fn settling_seconds(&self, _grey: f64) -> f64 {
+        0.0
+    }
+
+    /// The mean noise of all pixels at a constant grey.
+    fn noise_at(&self, grey: f64) -> ConstantLightNoise;
 
     /// The parameters in `scene.json`.
     fn released(&self) -> Value;

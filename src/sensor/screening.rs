@@ -16,10 +16,12 @@ const DARKEST: f64 = 1.0;
 pub(super) const LIMIT_PER_FRAME: f64 = 50.0;
 /// Noise at grey 128, in Hz, above which there is a warning.
 const NOISY_HZ: f64 = 20.0;
+/// Rate of noise events, in Hz, below which a polarity counts as absent.
+const RARE_HZ: f64 = 1e-3;
 /// Contrast of one event, as a difference of logarithms, above which there is a warning.
 const INSENSITIVE: f64 = 1.0;
 
-/// Noise of a pixel at constant brightness.
+/// Noise at constant brightness: of one pixel, or the mean of all pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ConstantLightNoise {
     /// Grey, 0..255.
@@ -30,6 +32,50 @@ pub struct ConstantLightNoise {
     pub total_hz: f64,
     /// Share of ON events; `None` without events.
     pub on_share: Option<f64>,
+}
+
+impl ConstantLightNoise {
+    /// The noise with additional ON and OFF events, Hz.
+    pub(super) fn plus(self, [on, off]: [f64; 2]) -> Self {
+        let own = self.total_hz * self.on_share.unwrap_or(0.0);
+        let total_hz = self.total_hz + on + off;
+        let on_share = (total_hz > 0.0).then(|| ((own + on) / total_hz).min(1.0));
+        // Unchanged to the last bit where there is nothing to add.
+        if on + off == 0.0 { self } else { Self { total_hz, on_share, ..self } }
+    }
+}
+
+/// Half of the range of the normal distribution that a mean covers, and its step, in standard
+/// deviations. The trapezoid rule is exact to 1e-9 here, because a Gaussian is smooth and ends flat.
+const REACH: i32 = 10;
+const STEP: f64 = 0.5;
+
+/// The mean noise of pixels with normal thresholds of ON and OFF, of at least `least`.
+pub(super) fn array_mean(
+    nominal: [f64; 2],
+    spread: f64,
+    least: [f64; 2],
+    noise: impl Fn([f64; 2]) -> ConstantLightNoise,
+) -> ConstantLightNoise {
+    if spread == 0.0 {
+        return noise(nominal);
+    }
+    let threshold = |side: usize, z: f64| (nominal[side] + spread * z).max(least[side]);
+    normal_mean(|up| normal_mean(|down| noise([threshold(0, up), threshold(1, down)])))
+}
+
+/// The mean noise over a standard normal variable.
+pub(super) fn normal_mean(noise: impl Fn(f64) -> ConstantLightNoise) -> ConstantLightNoise {
+    let [mut weights, mut leak, mut on, mut total] = [0.0; 4];
+    for z in (-REACH..=REACH).map(|i| STEP * f64::from(i)) {
+        let (weight, found) = (libm::exp(-0.5 * z * z), noise(z));
+        weights += weight;
+        leak += weight * found.leak_hz;
+        on += weight * found.total_hz * found.on_share.unwrap_or(0.0);
+        total += weight * found.total_hz;
+    }
+    let on_share = (total > 0.0).then(|| on / total);
+    ConstantLightNoise { leak_hz: leak / weights, total_hz: total / weights, on_share, ..noise(0.0) }
 }
 
 /// The table that every build prints.
@@ -59,6 +105,11 @@ pub enum ScreeningWarning {
         /// Events per second at grey 128.
         hz: f64,
     },
+    /// All noise events at the greys of the table are of one polarity.
+    OnePolarity {
+        /// True if there are no OFF events, false if there are no ON events.
+        lacks_off: bool,
+    },
     /// The set printed in the GS2E paper, with units that are a guess.
     UncertainUnits,
 }
@@ -72,6 +123,14 @@ impl fmt::Display for ScreeningWarning {
             }
             Self::Noisy { hz } => {
                 write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
+            }
+            Self::OnePolarity { lacks_off } => {
+                let missing = if *lacks_off { "OFF" } else { "ON" };
+                write!(
+                    f,
+                    "its noise has no {missing} events at any light, while real pixels make both polarities; the presets \
+                     davis346 and evk4 do"
+                )
             }
             Self::UncertainUnits => f.write_str(
                 "the parameters printed in the GS2E paper have no units; read as seconds and brightness 0..1, they make a far \
@@ -183,9 +242,21 @@ impl SensorScreening {
         let insensitive =
             (largest > INSENSITIVE).then_some(ScreeningWarning::Insensitive { contrast: largest });
         let noisy = (hz > NOISY_HZ).then_some(ScreeningWarning::Noisy { hz });
-        let warnings = insensitive.into_iter().chain(noisy).collect();
+        let warnings = insensitive.into_iter().chain(noisy).chain(one_polarity(&at_greys)).collect();
         Ok(Self { quantity, contrast, noise: at_greys, warnings })
     }
+}
+
+/// The warning for noise of one polarity. A sensor without noise has none.
+fn one_polarity(noise: &[ConstantLightNoise]) -> Option<ScreeningWarning> {
+    let most = |rate: fn(&ConstantLightNoise, f64) -> f64| {
+        noise.iter().filter_map(|n| Some(rate(n, n.on_share?))).fold(0.0, f64::max)
+    };
+    let (on, off) = (most(|n, share| n.total_hz * share), most(|n, share| n.total_hz * (1.0 - share)));
+    let least = on.min(off);
+    // A real pixel makes an event of either polarity in a few minutes at some light.
+    (least < RARE_HZ && on.max(off) >= RARE_HZ)
+        .then_some(ScreeningWarning::OnePolarity { lacks_off: off < on })
 }
 
 /// One line on contrast, then a table of leak, noise and ON share by grey.

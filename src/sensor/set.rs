@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 /// The sensors that share one rendering.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a recipe has one set")]
 pub enum SensorSet {
     /// One sensor, without a name.
     One(SensorChoice),

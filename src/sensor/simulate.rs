@@ -48,6 +48,22 @@ impl<'a> SensorChannel<'a> {
         Self { watch: Some(watch), ..self }
     }
 
+    /// Passes a frame to the pixels as they see it, without the front end.
+    ///
+    /// # Errors
+    /// As [`SensorPixels::advance`].
+    pub fn take(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
+        self.see(frame)
+    }
+
+    /// Ends the sequence, and returns the counts.
+    ///
+    /// # Errors
+    /// As [`SensorPixels::finish`].
+    pub fn finish(&mut self) -> Result<SimulationAccount, SensorError> {
+        self.pixels.finish(self.sink)
+    }
+
     fn see(&mut self, frame: &DenseFrame) -> Result<(), SensorError> {
         self.pixels.advance(frame, self.sink)?;
         self.watch.iter_mut().for_each(|watch| watch(frame));
@@ -146,7 +162,7 @@ mod tests {
             voltmeter::VoltmeterModel { law: voltmeter::SamplerKind::Official, ..presets[0].clone() };
         let threshold = noise::ThresholdMismatch { on: 0.15, off: 0.2, spread: 0.03 };
         let refractory = noise::RefractoryPeriod { period_us: 50.0, reference: noise::ReferenceRule::AtEnd };
-        let hot_pixels = noise::HotPixelNoise { share: 0.1, rate: 1000.0 };
+        let hot_pixels = noise::HotPixelNoise { share: 0.1, rate: 1000.0, ..noise::HotPixelNoise::default() };
         let esim = esim::EsimModel { threshold, refractory, hot_pixels, ..esim::EsimModel::default() };
         let redrawn = esim::EsimModel { mismatch: noise::RedrawRule::PerFrame, ..esim.clone() };
         let noisy = v2e::V2eModel { hot_pixels, ..v2e::V2eModel::from(v2e::V2ePreset::Noisy) };

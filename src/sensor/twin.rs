@@ -126,7 +126,7 @@ mod tests {
         t(v2e(quiet), v2e(|_| ()), true);
         let other = LeakNoise { rate: 0.0, jitter: 0.7, cov: 0.2 };
         t(v2e(|v| (v.leak, v.shot) = (other, 0.0)), v2e(|_| ()), true);
-        let silent = HotPixelNoise { share: 0.5, rate: 0.0 };
+        let silent = HotPixelNoise { share: 0.5, rate: 0.0, ..HotPixelNoise::default() };
         t(v2e(|v| (quiet(v), v.hot_pixels = silent).1), v2e(|_| ()), true);
         t(v2e(|v| (quiet(v), v.filter = FilterSteps::Euler).1), v2e(|_| ()), false);
         let unfiltered = |steps| move |v: &mut V2eModel| (v.cutoff, v.filter) = (0.0, steps);
@@ -135,7 +135,7 @@ mod tests {
             v2e(unfiltered(FilterSteps::Exact)),
             true,
         );
-        let hot = HotPixelNoise { share: 0.5, rate: 3.0 };
+        let hot = HotPixelNoise { share: 0.5, rate: 3.0, ..HotPixelNoise::default() };
         let esim = |spread, mismatch, hot_pixels| {
             let threshold = ThresholdMismatch { on: 0.2, off: 0.2, spread };
             SensorChoice::Esim(EsimModel { threshold, mismatch, hot_pixels, ..EsimModel::default() })

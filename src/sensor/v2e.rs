@@ -39,11 +39,14 @@ pub use presets::V2ePreset;
 use super::course::{BrightnessCourse, FilteredCourse};
 use super::detector::{DetectorPixel, OwnEventKind, event_imbalance};
 use super::front_end::FrontEnd;
+use super::noise::mismatch::FLOOR;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::readout::{ReadoutBus, read_out};
-use super::screening::{ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, at_least_zero};
+use super::screening::{
+    ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
+};
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
@@ -141,12 +144,33 @@ impl V2eModel {
     /// therefore has the rate `s/(e^(sT) - 1)`.
     #[must_use]
     pub fn noise(&self, grey: f64) -> ConstantLightNoise {
-        let shots = self.shots_per_second(grey);
-        let leak = self.leak.rate;
+        self.noise_of(grey, [1.0; 2], 1.0)
+    }
+
+    /// The mean noise of all pixels at this constant grey: with the spread of their thresholds and
+    /// of their leak, and with hot pixels.
+    #[must_use]
+    pub fn array_noise(&self, grey: f64) -> ConstantLightNoise {
+        let sides = self.threshold.sides();
+        let of_law = array_mean(sides, self.threshold.spread, [FLOOR; 2], |[on, off]| {
+            let shares = [sides[0] / on, sides[1] / off];
+            // The leak rate is log-normal over the pixels.
+            let deviation = self.leak.cov * LN_10;
+            let leaky = |z: f64| self.noise_of(grey, shares, libm::exp(deviation * z));
+            if deviation == 0.0 { leaky(0.0) } else { normal_mean(leaky) }
+        });
+        of_law.plus([self.hot_pixels.mean_hz(), 0.0])
+    }
+
+    /// Noise of a pixel whose rates of ON and OFF shots and of leak are these multiples of the
+    /// nominal ones.
+    fn noise_of(&self, grey: f64, shares: [f64; 2], leakiness: f64) -> ConstantLightNoise {
+        let [on, off] = shares.map(|share| 0.5 * share * self.shots_per_second(grey));
+        let (shots, leak) = (on + off, leakiness * self.leak.rate);
         // By `expm1`, because shots far rarer than the leak must leave its rate as it is.
         let leaks = if shots == 0.0 || leak == 0.0 { leak } else { shots / libm::expm1(shots / leak) };
         let total = shots + leaks;
-        let share = (leaks + 0.5 * shots) / total;
+        let share = (leaks + on) / total;
         ConstantLightNoise { grey, leak_hz: leak, total_hz: total, on_share: (total > 0.0).then_some(share) }
     }
 
@@ -160,11 +184,10 @@ impl V2eModel {
         let sides = self.threshold.sides();
         let screened =
             SensorScreening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| {
-                self.noise(grey)
+                self.array_noise(grey)
             })?;
-        // The table is of a nominal pixel. The leak of the others is spread, and a stream holds
-        // their mean. The mean of a log-normal factor is `exp` of half the variance of its
-        // logarithm.
+        // Without shots, which reset the leak. The mean of a log-normal factor is `exp` of half the
+        // variance of its logarithm.
         let LeakNoise { rate: leak, jitter, cov } = self.leak;
         // A jitter above 1 turns the leak around in some frames. The OFF events of those count as
         // well.
@@ -320,7 +343,7 @@ impl FrameLaw for V2eModel {
         // Shot noise is stronger in a pixel with a lower threshold, in proportion.
         let [on, off] = [self.threshold.on / on, self.threshold.off / off];
         let shots = luminance.map(|l| 0.5 * (on + off) * self.shots_per_second(l) / NS);
-        let own = [self.hot_pixels.per_ns(); 2];
+        let own = [self.hot_pixels.per_ns(site); 2];
         let mut sources = [
             OwnEventKind {
                 train: &mut pixel.shot,

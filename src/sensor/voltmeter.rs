@@ -45,9 +45,10 @@ pub use presets::VoltmeterPreset;
 pub use units::ConstantUnits;
 
 use super::cap::CappedPixels;
+use super::dead_time::WithDeadTime;
 use super::front_end::FrontEnd;
-use super::noise::HotPixelNoise;
-use super::own_events::WithHot;
+use super::noise::{HotPixelNoise, NoiseFloor, RefractoryPeriod};
+use super::own_events::{OwnEventArray, WithOwnEvents};
 use super::pairs::{EventCap, PairPixels};
 use super::readout::{ReadoutBus, read_out};
 use super::{SensorError, SensorModel, SensorPixels, check_extent};
@@ -85,6 +86,13 @@ pub struct VoltmeterModel {
     /// Pixels with an event process of their own.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub hot_pixels: HotPixelNoise,
+    /// Random events of all pixels, in addition to the noise of the voltage. They need the light of
+    /// white in `front_end`.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub floor: NoiseFloor,
+    /// The dead time after an event. Its reference is `passing`.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub refractory: RefractoryPeriod,
     /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
@@ -167,6 +175,8 @@ impl VoltmeterModel {
             allow_cap: false,
             threshold_spread: 0.0,
             hot_pixels: HotPixelNoise::default(),
+            floor: NoiseFloor::default(),
+            refractory: RefractoryPeriod::default(),
             front_end: FrontEnd::default(),
             labels: false,
             readout: None,
@@ -192,9 +202,27 @@ impl VoltmeterModel {
         };
         // Outside the cap, which counts the events of the law only.
         if !self.hot_pixels.is_absent() {
-            // A stream without labels has the label `Signal` on every event.
-            let own = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
-            pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed, own));
+            let array = self.own_events(size, origin, seed);
+            pixels = Box::new(WithOwnEvents::with_hot(pixels, &self.hot_pixels, array));
+        }
+        pixels
+    }
+
+    /// The array of the own events of pixels.
+    fn own_events(&self, size: Size, origin: [u16; 2], seed: Seed) -> OwnEventArray {
+        // A stream without labels has the label `Signal` on every event.
+        let label = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
+        OwnEventArray { size, origin, seed, label }
+    }
+
+    /// Adds the noise floor and the dead time to the pixels of either law.
+    fn wrap(&self, mut pixels: Box<dyn SensorPixels>, array: OwnEventArray) -> Box<dyn SensorPixels> {
+        if !self.floor.is_absent() {
+            pixels = Box::new(WithOwnEvents::with_floor(pixels, &self.floor, &self.front_end, array));
+        }
+        // Outermost, because the dead time follows every event of a pixel, whatever its cause.
+        if self.refractory.period_us > 0.0 {
+            pixels = Box::new(WithDeadTime::new(pixels, &self.refractory, array.size));
         }
         pixels
     }
@@ -231,6 +259,7 @@ impl SensorModel for VoltmeterModel {
                 Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed))
             }
         };
+        let pixels = self.wrap(pixels, self.own_events(size, origin, seed));
         Ok(read_out(pixels, self.readout, size))
     }
 }

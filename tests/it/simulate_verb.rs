@@ -287,7 +287,7 @@ fn labels_are_written_on_request() {
     let place = workspace();
     place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
     place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
-    let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0 };
+    let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0, ..HotPixelNoise::default() };
     let sensor =
         VoltmeterModel { labels: true, hot_pixels, ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k()) };
     let wanted = by_library(&sensor, 7);

@@ -6,6 +6,7 @@ use gs2e::event::{Event, EventSink};
 use gs2e::frames::DenseFrame;
 use gs2e::image::{Image, Size};
 use gs2e::seed::Seed;
+use gs2e::sensor::noise::RefractoryPeriod;
 use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use gs2e::sensor::{SensorModel as _, SensorPixels};
 use gs2e::units::{Hertz, Timestamp};
@@ -23,10 +24,14 @@ pub(super) fn workloads() -> Vec<Workload> {
     let noisy = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
     let mut quiet = noisy.clone();
     quiet.k[2..].fill(0.0);
+    let refractory = RefractoryPeriod { period_us: 79.0, ..RefractoryPeriod::default() };
+    let unequal = VoltmeterModel { threshold_spread: 0.0434, refractory, ..noisy.clone() };
     let mut all = Vec::new();
     for rate in RATES {
         let frames: Arc<[DenseFrame]> = frames(rate, &noisy).into();
-        for (name, model) in [("with noise", &noisy), ("without noise", &quiet)] {
+        for (name, model) in
+            [("with noise", &noisy), ("without noise", &quiet), ("with spread and dead time", &unequal)]
+        {
             all.push(workload(name, model, rate, &frames, 0));
             all.push(workload(name, model, rate, &frames, 1));
         }

@@ -6,7 +6,7 @@ use crate::files::is_there;
 use crate::recipe::draw_sensor;
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end::{GreyRange, LuminanceWeights};
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub(super) type DrawnNumbers = BTreeMap<String, f64>;
 /// Chooses the sensor. Options override its file, except that `--allow-cap` and `--labels` only
 /// switch on.
 pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<(SensorChoice, DrawnNumbers), VerbError> {
-    let (sensor, drawn) = sensor_from(&asked.sensor, asked.seed)?;
+    let (sensor, drawn) = sensor_from(&asked.sensor, asked.lux, asked.seed)?;
     let of_voltmeter = [
         ("--law", asked.law.is_some()),
         ("--gain", asked.gain.is_some()),
@@ -94,10 +94,21 @@ fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     numbers?.try_into().ok()
 }
 
-fn sensor_from(name: &str, seed: u64) -> Result<(SensorChoice, DrawnNumbers), VerbError> {
+/// The sensor of a name or of a file. `lux` is the light of white, if the command line states it; numbers
+/// with a law are drawn with `seed`.
+pub(in crate::cli) fn sensor_from(
+    name: &str,
+    lux: Option<f64>,
+    seed: u64,
+) -> Result<(SensorChoice, DrawnNumbers), VerbError> {
     let path = Path::new(name);
     // A preset is hidden by a file of its name, and not by a folder.
-    if let Some(sensor) = SensorChoice::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
+    let is_hidden = is_there(path) && !path.is_dir();
+    if let Some(lux) = lux {
+        let preset = VoltmeterPreset::by_name(name).filter(|preset| preset.is_in_lux() && !is_hidden);
+        return Ok((sensor_in_light(preset, name, lux)?, DrawnNumbers::new()));
+    }
+    if let Some(sensor) = SensorChoice::by_name(name).filter(|_| !is_hidden) {
         return Ok((sensor, DrawnNumbers::new()));
     }
     if is_there(path) {
@@ -108,6 +119,19 @@ fn sensor_from(name: &str, seed: u64) -> Result<(SensorChoice, DrawnNumbers), Ve
     }
     let names = SensorChoice::NAMES.join(", ");
     Err(VerbError::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
+}
+
+/// A preset with `lux` as the light of white.
+fn sensor_in_light(preset: Option<VoltmeterPreset>, name: &str, lux: f64) -> Result<SensorChoice, VerbError> {
+    let Some(preset) = preset else {
+        let what = format!("--lux applies to the presets evk4 and davis346, not to {name}");
+        let help = "leave it out, or write front_end: { lux: 250 } in the file of the sensor";
+        return Err(VerbError::usage("sensor", what).help(help));
+    };
+    if !(lux.is_finite() && lux > 0.0) {
+        return Err(VerbError::usage("sensor", format!("--lux {lux}, wanted a finite number above 0")));
+    }
+    Ok(preset.model_at(lux).into())
 }
 
 /// The file and the name in `recipe.yaml:name`, if there is such a file.

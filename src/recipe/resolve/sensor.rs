@@ -178,15 +178,24 @@ impl Resolver<'_> {
 
     fn voltmeter(&self, raw: &schema::VoltmeterSection, place: TextSpan) -> Option<VoltmeterModel> {
         let k = self.k(raw, place);
-        let threshold = self.threshold(&raw.threshold);
+        let preset = Self::preset_of(raw);
+        let usual = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
+        let threshold = self.threshold(&raw.threshold, &usual);
+        let (floor, refractory) =
+            (self.floor(&raw.floor, usual.floor.clone()), self.refractory(&raw.refractory, usual.refractory));
         let law = self.or(&raw.law, SamplerKind::Exact);
         let gain = self.or(&raw.gain, DriftGain::Log);
         let initial = self.or(&raw.initial, InitialVoltage::Zero);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
-        let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
+        let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
+            || floor.as_ref().is_some_and(|floor| !floor.is_absent());
+        let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
         let readout = self.readout(&raw.readout);
         let [threshold_on, threshold_off, threshold_spread] = threshold?;
+        let front_end = front_end?;
+        // The constants of a preset in lux depend on the light of white.
+        let k = preset.map_or(k?, |preset| preset.model_at(front_end.white_lux()).k);
         Some(VoltmeterModel {
             threshold_on,
             threshold_off,
@@ -197,10 +206,12 @@ impl Resolver<'_> {
             allow_cap: allow_cap?,
             threshold_spread,
             hot_pixels: hot_pixels?,
-            front_end: front_end?,
+            floor: floor?,
+            refractory: refractory?,
+            front_end,
             labels: labels?,
             readout: readout?,
-            ..VoltmeterModel::new(k?)
+            ..VoltmeterModel::new(k)
         })
     }
 
@@ -219,7 +230,7 @@ impl Resolver<'_> {
                             .at(at),
                     );
                 }
-                self.preset(preset)
+                self.preset(preset).map(VoltmeterPreset::k)
             }
             (Field::Absent, Field::Given(k, _)) => {
                 let help =
@@ -232,20 +243,29 @@ impl Resolver<'_> {
         }
     }
 
-    fn preset(&self, field: &Field<String>) -> Option<[f64; 6]> {
-        let Some((name, place)) = field.given() else { return Some(VoltmeterPreset::Dvs346.k()) };
+    /// The preset of a voltmeter without constants of its own, if its name is known.
+    fn preset_of(raw: &schema::VoltmeterSection) -> Option<VoltmeterPreset> {
+        match (&raw.preset, &raw.k) {
+            (Field::Absent, Field::Absent) => Some(VoltmeterPreset::USUAL),
+            (preset, Field::Absent) => VoltmeterPreset::by_name(preset.given()?.0),
+            _ => None,
+        }
+    }
+
+    fn preset(&self, field: &Field<String>) -> Option<VoltmeterPreset> {
+        let Some((name, place)) = field.given() else { return Some(VoltmeterPreset::USUAL) };
         let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name);
         VoltmeterPreset::by_name(name)
-            .map(VoltmeterPreset::k)
             .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
     }
 
     /// Resolves the thresholds of ON and OFF, and their spread.
-    fn threshold(&self, field: &Field<schema::ThresholdSection>) -> Option<[f64; 3]> {
+    fn threshold(&self, field: &Field<schema::ThresholdSection>, usual: &VoltmeterModel) -> Option<[f64; 3]> {
         let absent = schema::ThresholdSection::default();
         let raw = self.section(field, &absent)?;
-        let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, models::THRESHOLD));
-        let spread = self.threshold_spread(&raw.spread, 0.0);
+        let on = self.real(&raw.on, usual.threshold_on, models::THRESHOLD);
+        let off = self.real(&raw.off, usual.threshold_off, models::THRESHOLD);
+        let spread = self.threshold_spread(&raw.spread, usual.threshold_spread);
         Some([on?, off?, spread?])
     }
 }

@@ -72,8 +72,23 @@ pub(in crate::recipe) struct RefractorySection {
 pub(in crate::recipe) struct HotPixelsSection {
     /// Share of all pixels that are hot. Required.
     pub share: Field<f64>,
-    /// Number of events of a hot pixel per second. Unit: Hz. Required.
+    /// Number of events of a hot pixel per second; the median if the rates differ. Unit: Hz. Required.
     pub rate: Field<f64>,
+    /// Standard deviation of the rates over the hot pixels, which are log-normal. Unit: decades.
+    /// Default: `0`.
+    pub spread: Field<f64>,
+}
+
+/// Rates of noise events at one light.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct FloorPointSection {
+    /// Light on the sensor; rises from point to point. Unit: lux. Required.
+    pub lux: Field<f64>,
+    /// Number of ON events of a pixel per second. Unit: Hz. Default: `0`.
+    pub on: Field<f64>,
+    /// Number of OFF events of a pixel per second. Unit: Hz. Default: `0`.
+    pub off: Field<f64>,
 }
 
 /// Bus between the pixels and the stream. Waiting events are late, and further events of their pixels
@@ -102,6 +117,9 @@ pub(in crate::recipe) struct FrontEndSection {
     pub exposure: Field<f64>,
     /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
+    /// Light on the sensor at grey 255. Only the presets `davis346` and `evk4` and a `floor` depend on
+    /// it; other sensors refuse it. Unit: lux. Default: 250, or none for other sensors.
+    pub lux: Field<f64>,
 }
 
 /// Weights of the colours.

@@ -3,7 +3,7 @@
 use super::{EsimModel, IntensityScale, presets};
 use crate::sensor::noise::{RedrawRule, ThresholdMismatch};
 use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
 use crate::units::Hertz;
 use serde_json::{Value, json};
@@ -66,6 +66,18 @@ impl SensorParameters for EsimModel {
 
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         Self::screen(self, rate)
+    }
+
+    fn brightness(&self, grey: f64) -> f64 {
+        self.seen(grey)
+    }
+
+    fn contrast_spread(&self) -> f64 {
+        self.threshold.spread
+    }
+
+    fn noise_at(&self, grey: f64) -> ConstantLightNoise {
+        self.array_noise(grey)
     }
 
     fn released(&self) -> Value {

@@ -2,20 +2,27 @@
 //!
 //! Their events are ON, as those of a strong leak are, and form an independent Poisson process. (In
 //! v2e, hot pixels are the tail of the spread of leak rates. Here their share and rate are given.)
+//!
+//! The rates of hot pixels may differ. They are then log-normal around the median `rate`, with the
+//! standard deviation `spread` in decades, as the leak rates of v2e are.
 
 use super::PixelSite;
 use super::poisson::PoissonTrain;
 use crate::seed::DrawSpace;
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::LN_10;
 
 /// Share and rate of hot pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct HotPixelNoise {
     /// Share of the pixels, 0 to 1. Each pixel is hot with this probability.
     pub share: f64,
-    /// Events per second of a hot pixel.
+    /// Events per second of a hot pixel; the median if the rates differ.
     pub rate: f64,
+    /// Standard deviation of the rates over the hot pixels, decades.
+    #[serde(default, skip_serializing_if = "crate::sensor::is_default")]
+    pub spread: f64,
 }
 
 impl HotPixelNoise {
@@ -34,12 +41,29 @@ impl HotPixelNoise {
             let (name, wanted) = ("hot_pixels.share", "a number from 0 to 1");
             return Err(ScreenError::Parameter { name, found: self.share, wanted });
         }
-        at_least_zero("hot_pixels.rate", self.rate)
+        at_least_zero("hot_pixels.rate", self.rate)?;
+        at_least_zero("hot_pixels.spread", self.spread)
     }
 
-    /// Events per ns of a hot pixel.
-    pub(in crate::sensor) fn per_ns(&self) -> f64 {
-        self.rate * 1e-9
+    /// Events per ns of the pixel at `site`, if it is hot.
+    pub(in crate::sensor) fn per_ns(&self, site: PixelSite) -> f64 {
+        let median = self.rate * 1e-9;
+        if self.spread == 0.0 {
+            return median;
+        }
+        // The first two draws of index 0 belong to `train`.
+        let mut draws = site.draws(DrawSpace::Hot, 0);
+        draws.uniform();
+        draws.uniform();
+        median * libm::exp10(self.spread * draws.normal())
+    }
+
+    /// Events per second of a pixel, the mean over all pixels.
+    #[must_use]
+    pub fn mean_hz(&self) -> f64 {
+        // The mean of a log-normal factor is `exp` of half the variance of its logarithm.
+        let deviation = self.spread * LN_10;
+        self.share * self.rate * libm::exp(0.5 * deviation * deviation)
     }
 
     /// The process of the pixel at `site`; without events if the pixel is not hot.
@@ -60,16 +84,28 @@ mod tests {
 
     #[test]
     fn the_share_of_pixels_that_fire_is_as_stated() {
-        let hot = HotPixelNoise { share: 0.02, rate: 1000.0 };
-        let rates = LinearRate { ends: [hot.per_ns(); 2], length: 1e9 };
+        let hot = HotPixelNoise { share: 0.02, rate: 1000.0, ..HotPixelNoise::default() };
         let fires = |i: u16| {
             let site = PixelSite { seed: Seed(1), x: i % 250, y: i / 250 };
+            let rates = LinearRate { ends: [hot.per_ns(site); 2], length: 1e9 };
             hot.train(site).advance(&rates, 0.0).is_some()
         };
         let count = (0..50_000).filter(|i| fires(*i)).count() as f64;
         let z = (count - 1000.0) / (1000.0f64 * 0.98).sqrt();
         println!("{count} of 50000 are hot, z {z:.2} (limit 4.5)");
         assert!(z.abs() < 4.5);
-        assert!(HotPixelNoise { share: 0.0, rate: 5.0 }.is_absent() && HotPixelNoise::default().is_absent());
+        let unequal = HotPixelNoise { spread: 0.5, ..hot };
+        let decades: Vec<f64> = (0..20_000u16)
+            .map(|i| unequal.per_ns(PixelSite { seed: Seed(1), x: i % 250, y: i / 250 }) * 1e6)
+            .map(libm::log10)
+            .collect();
+        let cdf = |decades: f64| 0.5 * libm::erfc(-decades / (0.5 * std::f64::consts::SQRT_2));
+        let distance = crate::seed::ks::scaled_distance(decades, cdf);
+        println!("KS of the logarithms of the rates {distance:.2} (alpha 1e-4: 2.23)");
+        assert!(distance < 2.23 && (unequal.mean_hz() / hot.mean_hz() - 1.940).abs() < 1e-3);
+        assert!(
+            HotPixelNoise { rate: 5.0, ..HotPixelNoise::default() }.is_absent()
+                && HotPixelNoise::default().is_absent()
+        );
     }
 }

@@ -3,7 +3,7 @@
 use super::{FilterSteps, LeakNoise, V2eModel, presets};
 use crate::sensor::noise::ThresholdMismatch;
 use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
 use crate::units::Hertz;
 use serde_json::{Value, json};
@@ -60,6 +60,22 @@ impl SensorParameters for V2eModel {
 
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         Self::screen(self, rate)
+    }
+
+    fn brightness(&self, grey: f64) -> f64 {
+        super::lin_log(grey)
+    }
+
+    fn contrast_spread(&self) -> f64 {
+        self.threshold.spread
+    }
+
+    fn settling_seconds(&self, grey: f64) -> f64 {
+        if self.cutoff > 0.0 { self.filter_seconds(grey) } else { 0.0 }
+    }
+
+    fn noise_at(&self, grey: f64) -> ConstantLightNoise {
+        self.array_noise(grey)
     }
 
     fn released(&self) -> Value {

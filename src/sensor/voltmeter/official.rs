@@ -123,7 +123,7 @@ impl OfficialSampler {
         pair: &PixelPair,
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
-        let rates = LinearRate { ends: [self.hot.per_ns(); 2], length: pair.length };
+        let rates = LinearRate { ends: [self.hot.per_ns(pair.site); 2], length: pair.length };
         let mut start = 0.0;
         while let Some(t) = pixel.own.advance(&rates, start) {
             writer.event(t, Polarity::On, EventLabel::Noise)?;
@@ -486,7 +486,7 @@ mod tests {
     #[test]
     fn unequal_and_hot_pixels() {
         let dark = [[50.0; 2]; 3];
-        let hot = HotPixelNoise { share: 1.0, rate: 1e4 };
+        let hot = HotPixelNoise { share: 1.0, rate: 1e4, ..HotPixelNoise::default() };
         let quiet = [5.0, 20.0, 0.0, 0.0, 0.0, 0.0];
         let account = run(&VoltmeterModel { hot_pixels: hot, ..official(quiet) }, &dark, 50_000_000).unwrap();
         // 2 pixels, 0.1 s: Poisson of mean 2000.

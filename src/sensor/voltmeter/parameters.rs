@@ -2,8 +2,9 @@
 
 use super::{BetweenFrames, SamplerKind, VoltmeterModel, bridge, drift, tree};
 use crate::image::Size;
+use crate::sensor::noise::{NoiseFloor, RefractoryPeriod};
 use crate::sensor::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ScreenError, SensorScreening};
+use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::units::Hertz;
 use serde_json::{Value, json};
@@ -54,15 +55,36 @@ impl SensorParameters for VoltmeterModel {
         let [k1, k2, ..] = self.k;
         // `k3` and `k6` are the noise, `k4` and `k5` the leak, which makes events without
         // brightness.
-        Self { k: [k1, k2, 0.0, 0.0, 0.0, 0.0], ..self.clone() }.into()
+        let floor = NoiseFloor::default();
+        Self { k: [k1, k2, 0.0, 0.0, 0.0, 0.0], floor, ..self.clone() }.into()
     }
 
     fn without_idle(&self) -> SensorChoice {
-        self.clone().into()
+        let mut own = self.clone();
+        if own.refractory.period_us == 0.0 {
+            own.refractory = RefractoryPeriod::default();
+        }
+        own.into()
+    }
+
+    fn dead_us(&self) -> i64 {
+        self.refractory.whole_us()
     }
 
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         Self::screen(self, rate)
+    }
+
+    fn brightness(&self, grey: f64) -> f64 {
+        libm::log(grey + self.k[1])
+    }
+
+    fn contrast_spread(&self) -> f64 {
+        self.threshold_spread / self.k[0]
+    }
+
+    fn noise_at(&self, grey: f64) -> ConstantLightNoise {
+        self.array_noise(grey)
     }
 
     fn released(&self) -> Value {
@@ -88,7 +110,9 @@ impl SensorParameters for VoltmeterModel {
             "initial": self.initial,
             "max_events_per_pixel_frame": self.max_events_per_pixel_frame,
         });
-        if self.threshold_spread > 0.0 {
+        // A preset in units of light has values of its own for these keys.
+        let anchored = self.front_end.lux.is_some();
+        if anchored || self.threshold_spread > 0.0 {
             out["threshold"]["spread"] = json!(self.threshold_spread);
         }
         if self.hot_pixels != Default::default() {
@@ -96,6 +120,10 @@ impl SensorParameters for VoltmeterModel {
         }
         if self.allow_cap {
             out["allow_cap"] = json!(true);
+        }
+        if anchored {
+            out["floor"] = json!(self.floor);
+            out["refractory"] = json!(self.refractory);
         }
         self.add_options(&mut out);
         out
@@ -119,7 +147,13 @@ impl SensorParameters for VoltmeterModel {
 impl VoltmeterModel {
     /// Adds the options that recipe and `scene.json` write in one way, if they are in use.
     fn add_options(&self, out: &mut Value) {
-        if !self.front_end.is_plain() {
+        if !self.floor.is_absent() {
+            out["floor"] = json!(self.floor);
+        }
+        if self.refractory.period_us > 0.0 {
+            out["refractory"] = json!(self.refractory);
+        }
+        if !self.front_end.is_usual() {
             out["front_end"] = json!(self.front_end);
         }
         if self.labels {

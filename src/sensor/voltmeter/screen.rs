@@ -1,6 +1,9 @@
 //! Predictions for a parameter set of the voltmeter: ranges, noise at constant grey, refusals.
 
+use super::thresholds;
 use super::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset};
+use crate::sensor::noise::{ReferenceRule, RefractoryPeriod};
+use crate::sensor::screening::array_mean;
 use crate::sensor::screening::{
     ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, at_least_zero,
 };
@@ -8,20 +11,32 @@ use crate::sensor::statistics::RenewalProcess;
 use crate::units::Hertz;
 
 impl VoltmeterModel {
-    /// The behaviour of a pixel of this constant grey.
+    /// The behaviour of a pixel with nominal thresholds at this constant grey, without the noise
+    /// floor.
     #[must_use]
     pub fn noise(&self, grey: f64) -> ConstantLightNoise {
+        self.noise_of([self.threshold_on, self.threshold_off], grey)
+    }
+
+    /// The mean behaviour of all pixels at this constant grey: with the spread of their thresholds,
+    /// the noise floor and the hot pixels. The dead time is left out: it hides less than one event
+    /// in a thousand of noise below 10 Hz.
+    #[must_use]
+    pub fn array_noise(&self, grey: f64) -> ConstantLightNoise {
+        let sides = [self.threshold_on, self.threshold_off];
+        let least = sides.map(|threshold| thresholds::FLOOR * threshold);
+        let of_law = array_mean(sides, self.threshold_spread, least, |sides| self.noise_of(sides, grey));
+        let [on, off] = self.floor.rates_at_grey(grey, self.front_end.white_lux());
+        of_law.plus([on + self.hot_pixels.mean_hz(), off])
+    }
+
+    fn noise_of(&self, [up, down]: [f64; 2], grey: f64) -> ConstantLightNoise {
         let [_, k2, k3, k4, k5, k6] = self.k;
         let sigma = k3 * grey.sqrt() / (grey + k2) + k6;
         let drift = k4 + k5 * grey;
-        let renewal = RenewalProcess {
-            drift,
-            variance: sigma * sigma,
-            up: self.threshold_on,
-            down: self.threshold_off,
-        };
+        let renewal = RenewalProcess { drift, variance: sigma * sigma, up, down };
         // A leak against the sign of the ON threshold makes OFF events.
-        let leak = drift / if drift < 0.0 { self.threshold_off } else { self.threshold_on };
+        let leak = drift / if drift < 0.0 { down } else { up };
         let share = renewal.on_share();
         ConstantLightNoise {
             grey,
@@ -63,6 +78,17 @@ impl VoltmeterModel {
         let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
         at_least_zero("threshold.spread", *spread)?;
         hot.validate()?;
+        self.floor.validate()?;
+        self.refractory.validate()?;
+        if !self.floor.is_absent() && self.front_end.lux.is_none() {
+            return Err(ScreenError::Combination("`floor` requires `front_end.lux`, the light of white"));
+        }
+        let RefractoryPeriod { period_us, reference } = self.refractory;
+        if period_us > 0.0 && (period_us < 1.0 || reference != ReferenceRule::Passing) {
+            return Err(ScreenError::Combination(
+                "`refractory` of a voltmeter requires a period of at least 1 us and `reference: passing`",
+            ));
+        }
         if self.law == SamplerKind::Official && self.initial == InitialVoltage::Stationary {
             return Err(ScreenError::Combination("`law: official` requires all voltages to start at zero"));
         }
@@ -80,8 +106,9 @@ impl VoltmeterModel {
     pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
-        let mut screening =
-            SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| self.noise(grey))?;
+        let mut screening = SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| {
+            self.array_noise(grey)
+        })?;
         let as_printed =
             // Compared as bits: a set that differs in the last digit is no longer the printed one.
             self.k.iter().zip(VoltmeterPreset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
@@ -180,7 +207,11 @@ mod tests {
     #[test]
     fn warnings() {
         let codes = |sensor: VoltmeterModel| sensor.screen(rate()).unwrap().warnings;
-        assert_eq!(codes(VoltmeterModel::new(VoltmeterPreset::Dvs346.k())), []);
+        let one_polarity = ScreeningWarning::OnePolarity { lacks_off: true };
+        assert_eq!(codes(VoltmeterPreset::Dvs346.model()), [one_polarity]);
+        for preset in [VoltmeterPreset::Evk4, VoltmeterPreset::Davis346] {
+            assert_eq!(codes(preset.model()), []);
+        }
         assert_eq!(
             codes(VoltmeterModel::new(VoltmeterPreset::Gs2eSi.k())),
             [ScreeningWarning::Insensitive { contrast: 2.0 }, ScreeningWarning::UncertainUnits]

@@ -18,7 +18,7 @@ pub(super) enum PixelThresholds {
 }
 
 /// Smallest threshold of a pixel where thresholds differ, as a share of the nominal threshold.
-const FLOOR: f64 = 0.01;
+pub(super) const FLOOR: f64 = 0.01;
 
 /// The thresholds of ON and OFF of the pixel at `site`, drawn once for a sensor.
 pub(super) fn drawn_pair(nominal: [f64; 2], spread: f64, site: PixelSite) -> [f64; 2] {

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 24] = [
+const CONTEXTS: [(&str, &str); 25] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
@@ -44,6 +44,7 @@ const CONTEXTS: [(&str, &str); 24] = [
     ("sensor.voltmeter.units", UNITS),
     ("sensor.voltmeter.readout", "{ sensor: { voltmeter: { readout: { rate_mev_s: 12 } } } }"),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
+    ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),
     (
         "licence.evidence",

@@ -156,7 +156,7 @@ fn unequal_pixels_have_thresholds_of_their_own() {
 
 /// One noisy member of each kind of law, with labels.
 pub(super) fn models() -> [SensorChoice; 5] {
-    let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0 };
+    let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0, ..HotPixelNoise::default() };
     let noisy = VoltmeterModel { labels: true, ..noisy() };
     let unequal = VoltmeterModel { threshold_spread: 0.1, hot_pixels, ..noisy.clone() };
     let official = VoltmeterModel { law: SamplerKind::Official, threshold_spread: 0.1, ..noisy.clone() };

@@ -76,7 +76,7 @@ fn brightness_between_frames_is_that_of_the_law() {
 #[test]
 fn without_a_change_all_is_noise() {
     let clip = frames(SIZE, &[0, 50_000, 100_000], |x, y, _| f64::from(5 * x + y));
-    let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0 };
+    let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0, ..HotPixelNoise::default() };
     let noisy = VoltmeterModel { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]) };
     let (leak, refractory) = (
         LeakNoise { rate: 300.0, jitter: 0.2, cov: 0.2 },

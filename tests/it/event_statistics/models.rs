@@ -140,7 +140,7 @@ fn no_event_falls_into_a_dead_time() {
     let clip = frames(SIZE, &every(417, 40_000), |x, y, t| {
         120.0 + 119.0 * (f64::from(x * 3 + y) * 0.1 + t as f64 * 6e-4).sin()
     });
-    let hot_pixels = HotPixelNoise { share: 0.5, rate: 3000.0 };
+    let hot_pixels = HotPixelNoise { share: 0.5, rate: 3000.0, ..HotPixelNoise::default() };
     for reference in [ReferenceRule::AtEvent, ReferenceRule::AtEnd, ReferenceRule::Passing] {
         let refractory = RefractoryPeriod { period_us: 321.5, reference };
         let esim =

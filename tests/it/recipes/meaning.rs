@@ -5,7 +5,9 @@ use gs2e::recipe::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin};
 use gs2e::render::RenderRules;
 use gs2e::sensor::esim::{EsimModel, IntensityScale};
 use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, GreyRange, LuminanceWeights};
-use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e::sensor::noise::{
+    FloorPoint, HotPixelNoise, NoiseFloor, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch,
+};
 use gs2e::sensor::readout::{ArbiterOrder, ReadoutBus};
 use gs2e::sensor::v2e::{self, FilterSteps, LeakNoise, V2eModel};
 use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
@@ -206,6 +208,7 @@ fn front_ends_are_read() {
         decode: ChannelDecode::Srgb,
         exposure: 2.5,
         range: GreyRange { min: 1.0, max: Some(200.0) },
+        lux: None,
     };
     let words = "front_end: { luminance: { weights: [0.2, 0.7, 0.1] }, decode: srgb, exposure: 2.5, \
                  range: { min: 1, max: 200 } }";
@@ -230,10 +233,34 @@ fn front_ends_are_read() {
 }
 
 #[test]
+fn presets_in_lux_follow_the_light_of_white() {
+    let t = check_sensor;
+    t("{ voltmeter: { preset: dvs346-paper } }", VoltmeterPreset::Dvs346.model().into());
+    t("{ voltmeter: { preset: evk4 } }", VoltmeterPreset::Evk4.model().into());
+    t(
+        "{ voltmeter: { preset: davis346, front_end: { lux: 10 }, threshold: { spread: 0 }, floor: [] } }",
+        SensorChoice::Voltmeter(VoltmeterModel {
+            threshold_spread: 0.0,
+            floor: NoiseFloor::default(),
+            ..VoltmeterPreset::Davis346.model_at(10.0)
+        }),
+    );
+    t(
+        "{ voltmeter: { preset: dvs346, floor: [{ lux: 2, on: 0.5 }], refractory: { period_us: 5 } } }",
+        SensorChoice::Voltmeter(VoltmeterModel {
+            floor: NoiseFloor(vec![FloorPoint { lux: 2.0, on: 0.5, off: 0.0 }]),
+            refractory: RefractoryPeriod { period_us: 5.0, reference: ReferenceRule::Passing },
+            front_end: FrontEnd { lux: Some(250.0), ..FrontEnd::default() },
+            ..VoltmeterPreset::Dvs346.model()
+        }),
+    );
+}
+
+#[test]
 fn all_sensors_are_read() {
     let t = check_sensor;
     let dvs346 = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
-    let hot_pixels = HotPixelNoise { share: 0.001, rate: 20.0 };
+    let hot_pixels = HotPixelNoise { share: 0.001, rate: 20.0, ..HotPixelNoise::default() };
     let official = VoltmeterModel { law: SamplerKind::Official, ..dvs346 };
     t("{ voltmeter: { law: official } }", SensorChoice::Voltmeter(official.clone()));
     t(

@@ -13,19 +13,42 @@ use crate::sensor::voltmeter::BetweenFrames;
 const WEIGHT: RealRange = RealRange::new(0.0, 1.0);
 /// Range of the factors on brightness.
 const EXPOSURE: RealRange = RealRange::above(0.0, 1e6);
+/// Range of the light of white, lux.
+const LUX: RealRange = RealRange::above(0.0, 1e9);
 /// Range of the grey levels.
 const GREY: RealRange = RealRange::new(0.0, 1e9);
 const SUM: &str = "rec601 is 0.299, 0.587, 0.114, and rec709 is 0.2126, 0.7152, 0.0722";
 
 impl Resolver<'_> {
-    pub(super) fn front_end(&self, field: &Field<schema::FrontEndSection>) -> Option<FrontEnd> {
+    /// Resolves a front end. `in_lux` says that the sensor behind it depends on the light of white.
+    pub(super) fn front_end(&self, field: &Field<schema::FrontEndSection>, in_lux: bool) -> Option<FrontEnd> {
         let absent = schema::FrontEndSection::default();
         let raw = self.section(field, &absent)?;
         let luminance = self.luminance(&raw.luminance);
         let decode = self.or(&raw.decode, ChannelDecode::None);
         let exposure = self.real(&raw.exposure, 1.0, EXPOSURE);
         let range = self.brightness_range(&raw.range);
-        Some(FrontEnd { luminance: luminance?, decode: decode?, exposure: exposure?, range: range? })
+        let lux = self.lux(&raw.lux, in_lux);
+        Some(FrontEnd {
+            luminance: luminance?,
+            decode: decode?,
+            exposure: exposure?,
+            range: range?,
+            lux: lux?,
+        })
+    }
+
+    fn lux(&self, field: &Field<f64>, in_lux: bool) -> Option<Option<f64>> {
+        let lux = self.real(field, front_end::WHITE_LUX, LUX)?;
+        match field.place() {
+            Some(place) if !in_lux => {
+                let problem = FieldProblem::of_key("has no effect: the constants of this sensor are in grey");
+                self.refuse(
+                    problem.help("remove it, or use the preset davis346 or evk4 of voltmeter").at(place),
+                )
+            }
+            _ => Some(in_lux.then_some(lux)),
+        }
     }
 
     fn luminance(&self, field: &Field<schema::LuminanceSection>) -> Option<LuminanceWeights> {

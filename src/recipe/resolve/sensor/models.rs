@@ -8,7 +8,7 @@ use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
 use crate::recipe::text::TextSpan;
 use crate::sensor::esim::EsimModel;
-use crate::sensor::noise::{HotPixelNoise, RefractoryPeriod, ThresholdMismatch};
+use crate::sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
 use crate::sensor::readout::{ArbiterOrder, ReadoutBus};
 use crate::sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
 use crate::sensor::voltmeter::BetweenFrames;
@@ -37,7 +37,7 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
-        let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
+        let (front_end, labels) = (self.front_end(&raw.front_end, false), self.or(&raw.labels, false));
         let readout = self.readout(&raw.readout);
         preset?;
         Some(EsimModel {
@@ -66,7 +66,7 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
-        let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
+        let (front_end, labels) = (self.front_end(&raw.front_end, false), self.or(&raw.labels, false));
         let readout = self.readout(&raw.readout);
         Some(V2eModel {
             threshold: threshold?,
@@ -137,7 +137,7 @@ impl Resolver<'_> {
         Some(LeakNoise { rate: rate?, jitter: jitter?, cov: cov? })
     }
 
-    fn refractory(
+    pub(super) fn refractory(
         &self,
         field: &Field<schema::RefractorySection>,
         usual: RefractoryPeriod,
@@ -147,6 +147,29 @@ impl Resolver<'_> {
         let period_us = self.real(&raw.period_us, usual.period_us, RealRange::new(0.0, 1e9));
         let reference = self.or(&raw.reference, usual.reference);
         Some(RefractoryPeriod { period_us: period_us?, reference: reference? })
+    }
+
+    /// Resolves the points of a noise floor. They rise, or the sensor is refused.
+    pub(super) fn floor(
+        &self,
+        field: &Field<Vec<Field<schema::FloorPointSection>>>,
+        usual: NoiseFloor,
+    ) -> Option<NoiseFloor> {
+        let Some((points, place)) = field.given() else { return field.is_absent().then_some(usual) };
+        let point = |field: &Field<schema::FloorPointSection>| {
+            let (raw, place) = field.given()?;
+            self.required(&raw.lux, "lux", place, "write lux: 10, the light on the sensor")?;
+            let lux = self.real(&raw.lux, 1.0, RealRange::above(0.0, 1e9));
+            let [on, off] = [&raw.on, &raw.off].map(|rate| self.real(rate, 0.0, RATE));
+            Some(FloorPoint { lux: lux?, on: on?, off: off? })
+        };
+        let points: Vec<Option<FloorPoint>> = points.iter().map(point).collect();
+        let points: Vec<FloorPoint> = points.into_iter().collect::<Option<_>>()?;
+        if points.windows(2).any(|pair| pair[0].lux >= pair[1].lux) {
+            let found = FieldProblem::of_field("has lights that do not rise from point to point");
+            return self.refuse(found.help("order the points by lux, each light once").at(place));
+        }
+        Some(NoiseFloor(points))
     }
 
     pub(super) fn hot_pixels(&self, field: &Field<schema::HotPixelsSection>) -> Option<HotPixelNoise> {
@@ -159,7 +182,8 @@ impl Resolver<'_> {
         share.and(rate)?;
         let share = self.real(&raw.share, 0.0, RealRange::new(0.0, 1.0));
         let rate = self.real(&raw.rate, 0.0, RATE);
-        Some(HotPixelNoise { share: share?, rate: rate? })
+        let spread = self.real(&raw.spread, 0.0, RealRange::new(0.0, 3.0));
+        Some(HotPixelNoise { share: share?, rate: rate?, spread: spread? })
     }
 
     pub(super) fn readout(&self, field: &Field<schema::ReadoutSection>) -> Option<Option<ReadoutBus>> {

@@ -1,6 +1,8 @@
 //! DVS-Voltmeter as written.
 
-use super::{FrontEndSection, HotPixelsSection, ReadoutSection, ThresholdSection};
+use super::{
+    FloorPointSection, FrontEndSection, HotPixelsSection, ReadoutSection, RefractorySection, ThresholdSection,
+};
 use crate::recipe::field::Field;
 use crate::sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
 use serde::Deserialize;
@@ -10,14 +12,16 @@ use serde::Deserialize;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct VoltmeterSection {
-    /// Named set of `k1` to `k6`: `dvs346`, `dvs240` or `gs2e-si`. Default: `dvs346`.
+    /// Named set of parameters: `davis346`, `evk4`, `dvs346-paper` (or `dvs346`), `dvs240` or
+    /// `gs2e-si`. Default: `dvs346`.
     pub preset: Field<String>,
     /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`,
     /// `k6` at least 0; at most 1e12 in size. Default: the preset's.
     pub k: Field<[Field<f64>; 6]>,
     /// Units of `k`. Default: required with `k`, refused with a preset.
     pub units: Field<ConstantUnits>,
-    /// Contrast thresholds, in units of the preset. Default: `{ on: 1, off: 1, spread: 0 }`.
+    /// Contrast thresholds; divided by `k1`, they are contrasts. Default: the preset's, or `{ on: 1,
+    /// off: 1, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
     /// Sampler of the process. Default: `exact`.
     pub law: Field<SamplerKind>,
@@ -35,6 +39,10 @@ pub(in crate::recipe) struct VoltmeterSection {
     pub front_end: Field<FrontEndSection>,
     /// Pixels that fire by themselves. Default: none.
     pub hot_pixels: Field<HotPixelsSection>,
+    /// Rates of random events of all pixels against light; `[]` for none. Default: the preset's.
+    pub floor: Field<Vec<Field<FloorPointSection>>>,
+    /// Dead time after an event; `reference` is `passing`. Default: the preset's.
+    pub refractory: Field<RefractorySection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
     /// Limit of the rate of events. Default: none.

@@ -1,0 +1,123 @@
+//! The picture of a sensor study: the answers to steps, and the noise against light.
+
+use super::SensorStudy;
+use super::contrast::ContrastRow;
+use super::noise_curve::NoiseRow;
+use crate::trajectory::picture::{PicturePanel, SvgText, short_number};
+
+const SIZE: [f64; 2] = [1040.0, 440.0];
+const STEPS: PicturePanel = PicturePanel { left: 70.0, top: 46.0, width: 410.0, height: 330.0 };
+const NOISE: PicturePanel = PicturePanel { left: 570.0, top: 46.0, width: 440.0, height: 330.0 };
+/// Colours of ON and OFF.
+const COLOURS: [&str; 2] = ["#d1495b", "#2a7fb8"];
+const GREY: &str = "#333333";
+const LIGHT: &str = "#eeeeee";
+
+/// The picture as SVG. `name` is that of the sensor.
+#[must_use]
+pub fn study_svg(name: &str, study: &SensorStudy) -> String {
+    let mut out = SvgText::new(SIZE);
+    out.text([STEPS.left, 28.0], "start", GREY, &format!("{name}: share of pixels that answer to a step"));
+    draw_steps(&mut out, &study.contrast);
+    out.text([NOISE.left, 28.0], "start", GREY, "noise at constant light, Hz");
+    draw_noise(&mut out, &study.noise.rows);
+    out.finish()
+}
+
+/// A point of a panel, from shares of its width and height.
+fn place(panel: PicturePanel, [x, y]: [f64; 2]) -> [f64; 2] {
+    [panel.left + panel.width * x, panel.top + panel.height * (1.0 - y)]
+}
+
+fn bottom(panel: PicturePanel) -> f64 {
+    panel.top + panel.height
+}
+
+fn draw_steps(out: &mut SvgText, rows: &[ContrastRow]) {
+    out.frame(STEPS);
+    let most = rows.iter().flat_map(|row| &row.answers).map(|[height, _]| *height).fold(1e-9, f64::max);
+    for share in [0.0, 0.5, 1.0] {
+        out.polyline([place(STEPS, [0.0, share]), place(STEPS, [1.0, share])], LIGHT, 1.0);
+        let [x, y] = place(STEPS, [0.0, share]);
+        out.text([x - 8.0, y + 4.0], "end", GREY, &share.to_string());
+    }
+    for part in [0.0, 0.5, 1.0] {
+        let [x, _] = place(STEPS, [part, 0.0]);
+        out.text([x, bottom(STEPS) + 18.0], "middle", GREY, &short_number(part * most));
+    }
+    for row in rows {
+        let colour = COLOURS[usize::from(!row.on)];
+        out.polyline(row.answers.iter().map(|[h, share]| place(STEPS, [h / most, *share])), colour, 1.2);
+        let stated = row.stated / most;
+        out.line("<g stroke-dasharray=\"2 4\">");
+        out.polyline([place(STEPS, [stated, 0.0]), place(STEPS, [stated, 1.0])], colour, 1.0);
+        out.line("</g>");
+    }
+    let middle = STEPS.left + STEPS.width / 2.0;
+    let words = "height of the step in the compared quantity; red ON, blue OFF, dotted: stated contrast";
+    out.text([middle, bottom(STEPS) + 42.0], "middle", GREY, words);
+}
+
+/// A logarithmic axis: its ends.
+#[derive(Debug, Clone, Copy)]
+struct DecadeAxis {
+    low: f64,
+    high: f64,
+}
+
+impl DecadeAxis {
+    /// Whole decades around positive values.
+    fn around(values: impl Iterator<Item = f64>) -> Self {
+        let values = values.filter(|value| *value > 0.0 && value.is_finite());
+        let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
+        if low > high {
+            return Self { low: 0.1, high: 1.0 };
+        }
+        let low = libm::exp10(libm::floor(libm::log10(low)));
+        Self { low, high: libm::exp10(libm::ceil(libm::log10(high))).max(10.0 * low) }
+    }
+
+    fn share(self, value: f64) -> f64 {
+        libm::log(value / self.low) / libm::log(self.high / self.low)
+    }
+
+    fn marks(self) -> impl Iterator<Item = f64> {
+        std::iter::successors(Some(self.low), |mark| Some(10.0 * mark))
+            .take_while(move |mark| *mark <= 1.001 * self.high)
+    }
+}
+
+fn draw_noise(out: &mut SvgText, rows: &[NoiseRow]) {
+    out.frame(NOISE);
+    let light = |row: &NoiseRow| row.lux.unwrap_or(row.grey);
+    let x = DecadeAxis::around(rows.iter().map(light));
+    let rates =
+        |row: &NoiseRow| row.predicted.into_iter().chain(row.found).chain(row.anchor.into_iter().flatten());
+    let y = DecadeAxis::around(rows.iter().flat_map(rates).filter(|rate| *rate > 1e-4));
+    for mark in x.marks() {
+        let share = x.share(mark);
+        out.polyline([place(NOISE, [share, 0.0]), place(NOISE, [share, 1.0])], LIGHT, 1.0);
+        out.text([place(NOISE, [share, 0.0])[0], bottom(NOISE) + 18.0], "middle", GREY, &short_number(mark));
+    }
+    for mark in y.marks() {
+        let share = y.share(mark);
+        out.polyline([place(NOISE, [0.0, share]), place(NOISE, [1.0, share])], LIGHT, 1.0);
+        let [left, up] = place(NOISE, [0.0, share]);
+        out.text([left - 8.0, up + 4.0], "end", GREY, &short_number(mark));
+    }
+    for (side, colour) in COLOURS.into_iter().enumerate() {
+        let at = |row: &NoiseRow, rate: f64| place(NOISE, [x.share(light(row)), y.share(rate.max(y.low))]);
+        out.polyline(rows.iter().map(|row| at(row, row.predicted[side])), colour, 1.4);
+        for row in rows {
+            let [cx, cy] = at(row, row.found[side]);
+            out.line(&format!("<circle cx=\"{cx:.2}\" cy=\"{cy:.2}\" r=\"3\" fill=\"{colour}\"/>"));
+            if let Some([left, up]) = row.anchor.map(|anchor| at(row, anchor[side])) {
+                out.polyline([[left - 6.0, up], [left + 6.0, up]], GREY, 1.6);
+                out.polyline([[left, up - 6.0], [left, up + 6.0]], GREY, 1.6);
+            }
+        }
+    }
+    let unit = if rows.iter().any(|row| row.lux.is_some()) { "lux" } else { "grey" };
+    let words = format!("{unit}; red ON, blue OFF; lines: predicted, dots: simulated, crosses: published");
+    out.text([NOISE.left + NOISE.width / 2.0, bottom(NOISE) + 42.0], "middle", GREY, &words);
+}
