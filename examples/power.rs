@@ -1,8 +1,11 @@
 //! Power of the checks on the files of releases: the share of planted faults that
 //! `gs2e check --tree` finds, by size, and whether the stated power is right.
 //!
-//! `cargo run --release --example power -- RELEASE...` prints the tables of docs/checks.md. Faults are
-//! planted in copies. Only trajectories with sharp frames, depth and events at every pose count.
+//! `cargo xtask power` makes releases of many kinds and runs this example on them; it prints the
+//! table of docs/checks.md. `cargo run --release --example power -- RELEASE...` takes other releases;
+//! `--stated` plants the faults of the stated sizes alone.
+//! Faults are planted in copies. Only trajectories with sharp frames, depth and events at every pose
+//! count.
 
 #![expect(
     clippy::print_stdout,
@@ -19,33 +22,46 @@ use gs2e::release::recheck::recheck_tree;
 use gs2e::se3::Se3;
 use gs2e::trajectory::Trajectory;
 use gs2e::units::Timestamp;
+use rayon::prelude::*;
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-type Failure = Box<dyn Error>;
+type Failure = Box<dyn Error + Send + Sync>;
 
 /// Sizes of planted offsets, us.
-const OFFSETS_US: [i64; 8] = [5, 10, 20, 50, 100, 200, 500, 1000];
-/// Sizes of planted noise of all poses, steps.
-const NOISE: [f64; 7] = [0.003, 0.01, 0.03, 0.1, 0.3, 0.5, 1.0];
-/// Planted factors of the translation.
-const FACTORS: [f64; 6] = [1.01, 1.02, 1.03, 1.05, 1.1, 1.2];
+const OFFSETS_US: [f64; 7] = [10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
+/// Relative changes of both thresholds.
+const THRESHOLDS: [f64; 5] = [0.01, 0.02, 0.05, 0.1, 0.2];
+/// Shares of the events that are dropped at random.
+const DROPPED_SHARES: [f64; 7] = [0.001, 0.003, 0.01, 0.03, 0.05, 0.1, 0.2];
+/// Standard deviations of the noise of all poses, steps.
+const NOISE: [f64; 5] = [0.01, 0.03, 0.1, 0.3, 1.0];
+/// Planted excess of the translation.
+const FACTORS: [f64; 4] = [0.03, 0.05, 0.1, 0.2];
 /// Trials per trajectory and size, where chance has a part.
-const TRIALS: u64 = 8;
+const TRIALS: u64 = 4;
 
 fn main() -> Result<(), Failure> {
-    let releases: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
-    let mut tables = PowerTables::default();
-    for release in &releases {
+    let (flags, releases): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
+    let stated_only = match flags.as_slice() {
+        [] => false,
+        [flag] if flag == "--stated" => true,
+        _ => return Err(format!("found {}, wanted [--stated] RELEASE...", flags.join(" ")).into()),
+    };
+    let mut places = Vec::new();
+    for release in releases.iter().map(Path::new) {
         for (scene, trajectory) in trajectories(release)? {
-            let place = TrajectoryCopy::new(release, &scene, &trajectory)?;
-            tables.measure(&place)?;
-            eprintln!("{scene}/{trajectory}");
+            places.push(TrajectoryCopy::new(release, &scene, &trajectory)?);
         }
     }
-    tables.print();
+    let faults: Vec<Vec<PlantedFault>> = places
+        .into_par_iter()
+        .map(|place| PowerTrials::of_place(place, stated_only))
+        .collect::<Result<_, _>>()?;
+    print_table(&faults.into_iter().flatten().collect::<Vec<_>>());
     Ok(())
 }
 
@@ -123,22 +139,38 @@ impl TrajectoryCopy {
         Ok(trajectory.write_poses(fs::File::create(self.path("poses.txt"))?)?)
     }
 
-    /// Writes the events with other times. Those outside of the clip are lost.
-    fn write_events(&self, time: impl Fn(i64) -> i64) -> Result<(), Failure> {
+    fn events(&self) -> Result<Vec<Event>, Failure> {
         let mut reader = h5::Reader::open(&self.source.join("events.h5"))?;
-        let header = reader.header().ok_or("a stream without a header")?;
         let (mut events, mut chunk): (Vec<Event>, _) = (Vec::new(), Vec::new());
         while reader.next_chunk(&mut chunk)? {
             events.extend_from_slice(&chunk);
         }
+        Ok(events)
+    }
+
+    /// Replaces the stream.
+    fn write_events(&self, mut events: Vec<Event>) -> Result<(), Failure> {
+        let header = h5::Reader::open(&self.source.join("events.h5"))?.header();
+        let header = header.ok_or("a stream without a header")?;
         let end = *self.poses()?.stamps_us.last().ok_or("no pose")?;
-        events.iter_mut().for_each(|e| e.t = Timestamp::from_micros(time(e.t.floor_micros())));
-        events.retain(|event| (0..=end).contains(&event.t.floor_micros()));
         events.sort_by_cached_key(Event::file_order);
         let mut writer = h5::Writer::create_as(&self.path("events.h5"), &header, H5Options::default())?;
         writer.append(&events)?;
         writer.finish(end)?;
         Ok(())
+    }
+
+    /// The stream of a release of the same scene in a folder next to this release.
+    fn variant(&self, name: &str) -> PathBuf {
+        let release = self.source.ancestors().nth(1 + Path::new(&self.id).components().count());
+        let folder = release.unwrap_or(&self.source).with_file_name(name);
+        folder.join(&self.id).join(&self.name).join("events.h5")
+    }
+
+    fn focal_length(&self) -> Result<f64, Failure> {
+        let record: serde_json::Value =
+            serde_json::from_slice(&fs::read(self.folder.path().join(&self.id).join("scene.json"))?)?;
+        Ok(record["camera"]["fx"].as_f64().ok_or("a camera without fx")?)
     }
 
     fn check(&self) -> Result<Vec<Finding>, Failure> {
@@ -147,173 +179,279 @@ impl TrajectoryCopy {
 }
 
 fn part<'a>(findings: &'a [Finding], check: &str, part: &str) -> Option<&'a Finding> {
-    findings.iter().find(|f| f.check == check && f.subject.statement == part)
+    let is_part = |f: &&Finding| f.subject.statement == part;
+    findings.iter().filter(|f| f.check == check).find(is_part)
+}
+
+fn stated(findings: &[Finding], check: &str, name: &str) -> Option<f64> {
+    Some(part(findings, check, name)?.detects.as_ref()?.size)
+}
+
+/// Returns true if a pass fails. The counts in scene.json find every dropped event; they do not count.
+fn any_found(findings: &[Finding]) -> bool {
+    findings.iter().any(|f| f.verdict == Verdict::Fail && f.check != "records")
 }
 
 fn is_found(findings: &[Finding], check: &str, name: &str) -> bool {
     part(findings, check, name).is_some_and(|f| f.verdict == Verdict::Fail)
 }
 
-/// Number of faults found, and of those planted.
-#[derive(Default, Clone, Copy)]
-struct Share([u64; 2]);
-
-impl Share {
-    fn add(&mut self, found: bool) {
-        self.0[0] += u64::from(found);
-        self.0[1] += 1;
-    }
+/// A planted fault of one kind.
+struct PlantedFault {
+    /// Index into [`FAULTS`].
+    kind: usize,
+    size: FaultSize,
+    found: bool,
 }
 
-/// Results over all trajectories.
-#[derive(Default)]
-struct PowerTables {
-    sound: Share,
-    offsets: [Share; OFFSETS_US.len()],
-    noise: [Share; NOISE.len()],
-    factors: [Share; FACTORS.len()],
-    /// Faults of the stated size: offset, scale, one pose, relative pose.
-    stated: [Share; 4],
-    powers: [Vec<f64>; 4],
+/// Size of a planted fault.
+#[derive(Clone, Copy, PartialEq)]
+enum FaultSize {
+    /// No fault.
+    Sound,
+    /// A size from the tables above.
+    Fixed(f64),
+    /// The size that the pass states for this stream.
+    Stated(f64),
 }
 
-impl PowerTables {
-    fn measure(&mut self, place: &TrajectoryCopy) -> Result<(), Failure> {
-        self.measure_poses(place)?;
-        place.with_pictures("sharp", true)?;
-        self.measure_clock(place)?;
-        place.with_pictures("depth", true)?;
-        self.measure_pictures(place)?;
-        Ok(())
+use FaultSize::{Fixed, Sound, Stated};
+
+/// Kinds of faults, with their units.
+const FAULTS: [(&str, &str); 10] = [
+    ("events earlier or later", "us"),
+    ("events earlier or later, by `time_offset` alone", "us"),
+    ("clock of the events faster or slower", "1"),
+    ("thresholds lower or higher", "1"),
+    ("share of the events dropped", "1"),
+    ("noise of all poses", "steps"),
+    ("one pose displaced", "steps"),
+    ("translation too large, from frames and depth alone", "1"),
+    ("slow turn, from frames and depth alone", "px"),
+    ("one pose turned, from frames and depth alone", "px"),
+];
+const OFFSET: usize = 0;
+const FRAME_OFFSET: usize = 1;
+const CLOCK: usize = 2;
+const THRESHOLD: usize = 3;
+const DROPPED: usize = 4;
+const NOISY: usize = 5;
+const DISPLACED: usize = 6;
+const FACTOR: usize = 7;
+const SLOW_TURN: usize = 8;
+const ONE_TURN: usize = 9;
+
+/// The trials of one trajectory.
+struct PowerTrials {
+    place: TrajectoryCopy,
+    /// True if only faults of the stated sizes are planted.
+    stated_only: bool,
+    faults: Vec<PlantedFault>,
+}
+
+impl PowerTrials {
+    fn of_place(place: TrajectoryCopy, stated_only: bool) -> Result<Vec<PlantedFault>, Failure> {
+        let mut trials = Self { place, stated_only, faults: Vec::new() };
+        trials.measure_poses()?;
+        trials.place.with_pictures("sharp", true)?;
+        trials.measure_events()?;
+        trials.place.with_pictures("depth", true)?;
+        trials.measure_pictures()?;
+        Ok(trials.faults)
     }
 
-    fn measure_poses(&mut self, place: &TrajectoryCopy) -> Result<(), Failure> {
+    /// These sizes, unless only the stated ones are planted.
+    fn fixed<const N: usize>(&self, sizes: [f64; N]) -> impl Iterator<Item = f64> + use<N> {
+        let count = if self.stated_only { 0 } else { N };
+        sizes.into_iter().take(count)
+    }
+
+    fn add(&mut self, kind: usize, size: FaultSize, found: bool) {
+        let name = FAULTS[kind].0;
+        match size {
+            Stated(size) if !found => {
+                eprintln!("{}/{}: {name} by {size:.3e}: missed", self.place.id, self.place.name);
+            }
+            Sound if found => eprintln!("{}/{}: {name}: false alarm", self.place.id, self.place.name),
+            _ => {}
+        }
+        self.faults.push(PlantedFault { kind, size, found });
+    }
+
+    fn measure_poses(&mut self) -> Result<(), Failure> {
         const PART: &str = "noise-translation";
-        let (sound, clean) = (place.check()?, place.poses()?);
-        let Some(detects) = part(&sound, "pose_continuity", PART).and_then(|f| f.detects.clone()) else {
-            return Ok(());
-        };
-        self.sound.add(is_found(&sound, "pose_continuity", PART));
-        self.powers[2].push(detects.size);
-        let speed: serde_json::Value = serde_json::from_slice(&fs::read(place.path("speed.json"))?)?;
+        let (sound, clean) = (self.place.check()?, self.place.poses()?);
+        let Some(detects) = stated(&sound, "pose_continuity", PART) else { return Ok(()) };
+        self.add(NOISY, Sound, is_found(&sound, "pose_continuity", PART));
+        let speed: serde_json::Value = serde_json::from_slice(&fs::read(self.place.path("speed.json"))?)?;
         // Steps are those of the mixed metric, as a distance.
         let step = mixed_step(&clean.world_from_camera, speed["scale_distance"].as_f64().unwrap_or(1.0));
         let mut draws = Draws(7);
-        let plant = |change: &mut dyn FnMut(&mut Vec<Se3>)| -> Result<bool, Failure> {
-            let mut trajectory = clean.clone();
-            change(&mut trajectory.world_from_camera);
-            place.write_poses(&trajectory)?;
-            Ok(is_found(&place.check()?, "pose_continuity", PART))
-        };
-        for (size, share) in NOISE.iter().zip(&mut self.noise) {
+        for size in self.fixed(NOISE) {
             for _ in 0..TRIALS {
-                share.add(plant(&mut |poses| {
-                    poses.iter_mut().for_each(|pose| pose.translation += size * step * draws.normal());
-                })?);
+                let findings = self.with_poses(&clean, |_, pose| {
+                    pose.translation += size * step * draws.normal();
+                })?;
+                self.add(NOISY, Fixed(size), is_found(&findings, "pose_continuity", PART));
             }
         }
-        let inner = clean.world_from_camera.len() - 10;
         for _ in 0..4 * TRIALS {
-            let pose = 5 + draws.below(inner);
-            let shift = detects.size * step * draws.normal().normalize();
-            self.stated[2].add(plant(&mut |poses| poses[pose].translation += shift)?);
+            let displaced = 5 + draws.below(clean.world_from_camera.len() - 10);
+            let shift = detects * step * draws.normal().normalize();
+            let findings = self.with_poses(&clean, |j, pose| {
+                if j == displaced {
+                    pose.translation += shift;
+                }
+            })?;
+            self.add(DISPLACED, Stated(detects), is_found(&findings, "pose_continuity", PART));
         }
-        place.write_poses(&clean)
+        self.place.write_poses(&clean)
     }
 
-    fn measure_clock(&mut self, place: &TrajectoryCopy) -> Result<(), Failure> {
-        place.write_events(|t| t)?;
-        let sound = place.check()?;
-        let stated = |name| part(&sound, "event_times", name).and_then(|f| f.detects.clone());
-        let (Some(offset), Some(scale)) = (stated("offset"), stated("scale")) else { return Ok(()) };
-        self.sound.add(is_found(&sound, "event_times", "offset") || is_found(&sound, "event_times", "scale"));
-        self.powers[0].push(offset.size);
-        self.powers[1].push(scale.size);
-        for (size, share) in OFFSETS_US.iter().zip(&mut self.offsets) {
-            for late in [*size, -size] {
-                place.write_events(|t| t + late)?;
-                share.add(is_found(&place.check()?, "event_times", "offset"));
+    /// The findings on the trajectory with changed poses.
+    fn with_poses(
+        &self,
+        clean: &Trajectory,
+        mut change: impl FnMut(usize, &mut Se3),
+    ) -> Result<Vec<Finding>, Failure> {
+        let mut trajectory = clean.clone();
+        trajectory.world_from_camera.iter_mut().enumerate().for_each(|(j, pose)| change(j, pose));
+        self.place.write_poses(&trajectory)?;
+        self.place.check()
+    }
+
+    fn measure_events(&mut self) -> Result<(), Failure> {
+        let events = self.place.events()?;
+        self.place.write_events(events.clone())?;
+        let sound = self.place.check()?;
+        for (kind, check, part) in [
+            (OFFSET, "event_times", "offset"),
+            (CLOCK, "event_times", "scale"),
+            (FRAME_OFFSET, "time_offset", ""),
+        ] {
+            let Some(detects) = stated(&sound, check, part) else { continue };
+            self.add(kind, Sound, is_found(&sound, check, part));
+            for sign in [1.0, -1.0] {
+                let findings = self.with_times(&events, |t| {
+                    // Away from 0, because times are whole microseconds.
+                    if kind == CLOCK { (1.0 + sign * detects) * t } else { t + sign * detects.ceil() }
+                })?;
+                self.add(kind, Stated(detects), is_found(&findings, check, part));
             }
         }
-        for sign in [1.0, -1.0] {
-            // Away from 0, because times are whole microseconds.
-            place.write_events(|t| t + sign as i64 * offset.size.ceil() as i64)?;
-            self.stated[0].add(is_found(&place.check()?, "event_times", "offset"));
-            place.write_events(|t| ((1.0 + sign * scale.size) * t as f64).round() as i64)?;
-            self.stated[1].add(is_found(&place.check()?, "event_times", "scale"));
+        for size in self.fixed(OFFSETS_US) {
+            for sign in [1.0, -1.0] {
+                let findings = self.with_times(&events, |t| t + sign * size)?;
+                self.add(OFFSET, Fixed(size), any_found(&findings));
+            }
         }
-        fs::remove_file(place.path("events.h5"))?;
+        let mut draws = Draws(11);
+        for share in self.fixed(DROPPED_SHARES) {
+            for _ in 0..2 {
+                let kept = events.iter().filter(|_| draws.uniform() >= share);
+                self.place.write_events(kept.copied().collect())?;
+                self.add(DROPPED, Fixed(share), any_found(&self.place.check()?));
+            }
+        }
+        self.measure_thresholds()?;
+        Ok(fs::remove_file(self.place.path("events.h5"))?)
+    }
+
+    /// The findings on the stream with other times. Events outside of the clip are lost.
+    fn with_times(&self, events: &[Event], time: impl Fn(f64) -> f64) -> Result<Vec<Finding>, Failure> {
+        let end = *self.place.poses()?.stamps_us.last().ok_or("no pose")?;
+        let moved = events.iter().filter_map(|event| {
+            let t_us = time(event.t.floor_micros() as f64).round() as i64;
+            (0..=end).contains(&t_us).then(|| Event { t: Timestamp::from_micros(t_us), ..*event })
+        });
+        self.place.write_events(moved.collect())?;
+        self.place.check()
+    }
+
+    /// Streams of other thresholds, which `cargo xtask power` makes from the same scene.
+    fn measure_thresholds(&mut self) -> Result<(), Failure> {
+        for size in self.fixed(THRESHOLDS) {
+            for sign in ["-", "+"] {
+                let variant = self.place.variant(&format!("threshold{sign}{size}"));
+                if variant.exists() {
+                    fs::copy(variant, self.place.path("events.h5"))?;
+                    self.add(THRESHOLD, Fixed(size), any_found(&self.place.check()?));
+                }
+            }
+        }
         Ok(())
     }
 
-    fn measure_pictures(&mut self, place: &TrajectoryCopy) -> Result<(), Failure> {
-        let (sound, clean) = (place.check()?, place.poses()?);
+    fn measure_pictures(&mut self) -> Result<(), Failure> {
+        let (sound, clean) = (self.place.check()?, self.place.poses()?);
         let Some(motion) = part(&sound, "photometric", "motion").filter(|f| f.detects.is_some()) else {
             return Ok(());
         };
-        self.sound.add(sound.iter().any(|f| f.verdict == Verdict::Fail));
         let detects = motion.detects.as_ref().map_or(0.0, |d| d.size);
-        self.powers[3].push(detects);
         let apart: f64 = motion
             .because
             .split(' ')
             .find_map(|word| word.parse().ok())
             .ok_or("the pass states no distance")?;
-        let record: serde_json::Value =
-            serde_json::from_slice(&fs::read(place.folder.path().join(&place.id).join("scene.json"))?)?;
-        let focal = record["camera"]["fx"].as_f64().ok_or("a camera without fx")?;
-        let plant = |change: &dyn Fn(usize, &mut Se3)| -> Result<bool, Failure> {
-            let mut trajectory = clean.clone();
-            trajectory.world_from_camera.iter_mut().enumerate().for_each(|(j, pose)| change(j, pose));
-            place.write_poses(&trajectory)?;
-            Ok(is_found(&place.check()?, "photometric", "motion"))
-        };
-        for (factor, share) in FACTORS.iter().zip(&mut self.factors) {
-            share.add(plant(&|_, pose| pose.translation *= *factor)?);
+        self.add(SLOW_TURN, Sound, any_found(&sound));
+        for factor in self.fixed(FACTORS) {
+            let findings = self.with_poses(&clean, |_, pose| pose.translation *= 1.0 + factor)?;
+            self.add(FACTOR, Fixed(factor), is_found(&findings, "photometric", "motion"));
         }
-        // A slow turn moves the picture by at least the focal length times its angle.
+        let focal = self.place.focal_length()?;
+        // A turn moves the picture by at least the focal length times its angle.
         for axis in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y] {
             let turn = detects / focal / apart;
-            let found = plant(&|j, pose| pose.rotation *= DQuat::from_axis_angle(axis, turn * j as f64))?;
-            self.stated[3].add(found);
+            let findings = self.with_poses(&clean, |j, pose| {
+                pose.rotation *= DQuat::from_axis_angle(axis, turn * j as f64);
+            })?;
+            self.add(SLOW_TURN, Stated(detects), is_found(&findings, "photometric", "motion"));
         }
-        place.write_poses(&clean)
+        self.measure_one_turn(&sound, &clean, focal)?;
+        self.place.write_poses(&clean)
     }
 
-    fn print(&self) {
-        let row = |name: String, share: Share| {
-            if share.0[1] > 0 {
-                let percent = 100.0 * share.0[0] as f64 / share.0[1] as f64;
-                println!("| {name} | {percent:.0} % | {} |", share.0[1]);
+    fn measure_one_turn(&mut self, sound: &[Finding], clean: &Trajectory, focal: f64) -> Result<(), Failure> {
+        let Some(detects) = stated(sound, "photometric", "frames") else { return Ok(()) };
+        let mut draws = Draws(13);
+        for axis in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y] {
+            let turned = 1 + draws.below(clean.world_from_camera.len() - 2);
+            let findings = self.with_poses(clean, |j, pose| {
+                if j == turned {
+                    pose.rotation *= DQuat::from_axis_angle(axis, detects / focal);
+                }
+            })?;
+            self.add(ONE_TURN, Stated(detects), is_found(&findings, "photometric", "frames"));
+        }
+        Ok(())
+    }
+}
+
+/// Prints the share found of each kind and size, and the median of stated sizes.
+fn print_table(faults: &[PlantedFault]) {
+    println!("| fault | size | found | trials |\n|---|---|---|---|");
+    for (kind, (name, unit)) in FAULTS.iter().enumerate() {
+        let own: Vec<&PlantedFault> = faults.iter().filter(|fault| fault.kind == kind).collect();
+        let row = |size: String, of: &dyn Fn(FaultSize) -> bool| {
+            let found: Vec<bool> = own.iter().filter(|f| of(f.size)).map(|f| f.found).collect();
+            if !found.is_empty() {
+                let share = found.iter().filter(|found| **found).count() as f64 / found.len() as f64;
+                println!("| {name} | {size} | {:.0} % | {} |", 100.0 * share, found.len());
             }
         };
-        let head = |name: &str| println!("\n| {name} | found | trials |\n|---|---|---|");
-        head("fault");
-        row("none".to_owned(), self.sound);
-        OFFSETS_US
-            .iter()
-            .zip(self.offsets)
-            .for_each(|(size, share)| row(format!("offset of {size} us"), share));
-        NOISE.iter().zip(self.noise).for_each(|(size, share)| row(format!("noise of {size} steps"), share));
-        FACTORS
-            .iter()
-            .zip(self.factors)
-            .for_each(|(size, share)| row(format!("translation times {size}"), share));
-        println!(
-            "\n| fault of the stated size | unit | median size | found | trials |\n|---|---|---|---|---|"
-        );
-        let names = [
-            ("`event_times#offset`", "us"),
-            ("`event_times#scale`", "1"),
-            ("`pose_continuity#noise-translation`, one pose", "steps"),
-            ("`photometric#motion`", "px"),
-        ];
-        for (((name, unit), share), powers) in names.into_iter().zip(self.stated).zip(&self.powers) {
-            let mut powers = powers.clone();
-            powers.sort_unstable_by(f64::total_cmp);
-            let Some(median) = powers.get(powers.len() / 2) else { continue };
-            let percent = 100.0 * share.0[0] as f64 / share.0[1].max(1) as f64;
-            println!("| {name} | {unit} | {median:.2e} | {percent:.0} % | {} |", share.0[1]);
+        row("none".to_owned(), &|size| size == Sound);
+        let mut sizes: Vec<f64> =
+            own.iter().filter_map(|f| if let Fixed(size) = f.size { Some(size) } else { None }).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        sizes.dedup();
+        for fixed in sizes {
+            row(format!("{fixed} {unit}"), &|size| size == Fixed(fixed));
+        }
+        let mut powers: Vec<f64> =
+            own.iter().filter_map(|f| if let Stated(size) = f.size { Some(size) } else { None }).collect();
+        powers.sort_unstable_by(f64::total_cmp);
+        if let Some(median) = powers.get(powers.len() / 2) {
+            row(format!("as stated (median {median:.2e} {unit})"), &|size| matches!(size, Stated(_)));
         }
     }
 }
@@ -340,13 +478,18 @@ impl Draws {
         z ^ (z >> 31)
     }
 
+    /// A number from 0 to below 1.
+    fn uniform(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
     fn below(&mut self, n: usize) -> usize {
         (self.next() % n as u64) as usize
     }
 
     /// Three normal numbers of variance 1, each a sum of twelve even ones.
     fn normal(&mut self) -> DVec3 {
-        let mut one = || (0..12).map(|_| self.next() as f64 / u64::MAX as f64).sum::<f64>() - 6.0;
+        let mut one = || (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0;
         DVec3::new(one(), one(), one())
     }
 }

@@ -6,6 +6,7 @@
 //!         ├─ stamps, pauses and isolated events of pixels         [`stream`]
 //!         └─ with frames: [`alignment`], thresholds and time offset [`response`]
 //! poses ──── continuity
+//! frames, poses, depth, camera ── geometry of the pictures, motion of the events  [`views`]
 //! ```
 //! What a build states about its sensor is estimated here, with a standard error: the thresholds in
 //! the logarithm of brightness, the offset of the clocks, the resolution of the stamps, the dead time
@@ -13,13 +14,17 @@
 //! fail.
 
 pub mod alignment;
+pub mod camera;
+pub mod depth;
 pub mod layout;
 pub mod npy_events;
 pub mod response;
 pub mod samples;
 pub mod stream;
 pub mod text;
+pub mod views;
 
+use crate::check::motion::warp::FlowAt;
 use crate::check::tally::{StreamObserver, TallyReference};
 use crate::check::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
 use crate::event::survey::EventSurvey;
@@ -34,6 +39,7 @@ pub use samples::DatasetFrames;
 use alignment::Alignment;
 use response::SensorResponse;
 use stream::StreamFacts;
+use views::ViewMeasures;
 
 /// Opens the events of a dataset from the start. They are read several times.
 pub type OpenEvents<'a> = &'a dyn Fn() -> Result<Box<dyn EventSource>, EventFileError>;
@@ -50,6 +56,8 @@ pub struct EventDataset<'a> {
     pub frames: Option<&'a DatasetFrames>,
     /// Camera poses with their stamps, if there are any.
     pub poses: Option<&'a Trajectory>,
+    /// Measurements on the pictures by poses, depth and camera, if there are all of them.
+    pub views: Option<&'a ViewMeasures>,
 }
 
 impl std::fmt::Debug for EventDataset<'_> {
@@ -141,7 +149,9 @@ fn read_stream(
     let origin = trajectory.1;
     let last_us = trajectory.0.stamps_us.last().copied().unwrap_or(0);
     let rate = Hertz(Ratio::new(RATE, 1).expect("it is above 0"));
-    let mut observer = StreamObserver::new(dataset.size, rate, last_us, TallyReference::default());
+    let flows = flows_since(dataset, origin);
+    let against = TallyReference { flows: &flows, ..TallyReference::default() };
+    let mut observer = StreamObserver::new(dataset.size, rate, last_us, against);
     let mut facts = StreamFacts::new(dataset.size);
     // One more than a part, so that the last event lies in the last bin.
     let bin_us = (end_us - start_us) / i64::from(BINS) + 1;
@@ -186,9 +196,32 @@ fn read_stream(
         finding.subject.statement != "order"
             && (STREAM_PASSES.contains(&finding.check.as_str()) && finding.verdict != Verdict::NotRun)
             || of_poses && dataset.poses.is_some()
+            || finding.check == "motion" && dataset.views.is_some()
     };
-    let findings = judge_trajectory(&subject, &[subject]).into_iter().filter(wanted).collect();
+    let mut findings: Vec<Finding> =
+        judge_trajectory(&subject, &[subject]).into_iter().filter(wanted).collect();
+    if let Some(views) = dataset.views {
+        let of_views = TrajectorySubject {
+            trajectory: &views.trajectory,
+            geometry: Some(&views.geometry),
+            tally: None,
+            ..subject
+        };
+        let judged = judge_trajectory(&of_views, &[]).into_iter();
+        findings.extend(judged.filter(|finding| VIEW_PASSES.contains(&finding.check.as_str())));
+    }
     Ok((curve, facts, findings))
+}
+
+/// Passes of a release that judge pictures by their poses.
+const VIEW_PASSES: [&str; 2] = ["photometric", "depth_consistency"];
+
+/// The image motion, at times since the origin.
+fn flows_since(dataset: &EventDataset<'_>, origin: i64) -> Vec<FlowAt> {
+    let flows = dataset.views.map_or(&[][..], |views| &views.flows);
+    // The windows of the checks are of the sensor's size; those of other pictures say nothing of it.
+    let of_sensor = flows.iter().filter(|flow| flow.px_s.size() == dataset.size);
+    of_sensor.map(|flow| FlowAt { t_us: flow.t_us - origin, px_s: flow.px_s.clone() }).collect()
 }
 
 /// Passes of a build that judge a stream without its sensor.

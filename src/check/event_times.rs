@@ -7,6 +7,8 @@
 //! - `grid`: the coarsest grid on which nearly all stamps lie, from the stamps alone. The limit is
 //!   1 us, the unit of the files.
 //!
+//! The stated power takes the truncation of residuals into account, see `smallest_fault`.
+//!
 //! Offset and scale need the frames between which the sensor interpolated, one per pose. A release
 //! has them as `sharp/`. The allowances of 4 us and 2e-4 are far above the biases of sound streams,
 //! which stay below 1 us and 1e-4, and far below what other passes see.
@@ -76,16 +78,19 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
             format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
         return subject.not_run(NAME, "offset", because);
     }
-    // The present value may work against a fault.
-    let detects = limit.value + value.abs().min(limit.value) + POWER * deviation;
+    let detects = smallest_fault(OFFSET_US, fit.offset_us, fit.responses[0]);
+    let seen = detects.map_or_else(
+        || "which would hide a larger one".to_owned(),
+        |size| format!("an offset above {size:.1} us would be seen"),
+    );
     let side = if value < 0.0 { "earlier" } else { "later" };
     let because = format!(
-        "events happen {:.2} us {side} than the frames predict (standard error {deviation:.2} us, {} events); an offset above {detects:.1} us would be seen",
+        "events happen {:.2} us {side} than the frames predict (standard error {deviation:.2} us, {} events); {seen}",
         value.abs(),
         fit.events
     );
     let judged = Judgement::from_value(limit.at_most(value.abs()), value, limit, "us", because);
-    subject.finding(NAME, "offset", judged).detecting(detects, "us")
+    subject.finding(NAME, "offset", judged).detecting(detects.unwrap_or(f64::INFINITY), "us")
 }
 
 fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
@@ -96,15 +101,39 @@ fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
             format!("the time scale can be measured only to {deviation:.4}, from {} events", fit.events);
         return subject.not_run(NAME, "scale", because);
     }
-    let detects = limit.value + value.abs().min(limit.value) + POWER * deviation;
+    let detects = smallest_fault(SCALE, fit.scale, fit.responses[1]);
+    let seen = detects.map_or_else(
+        || "which would hide another".to_owned(),
+        |size| format!("a scale beyond 1 +- {size:.4} would be seen"),
+    );
     let because = format!(
-        "the times of the events are {:.5} times those that the frames predict (standard error {deviation:.5}); a scale beyond 1 +- {detects:.4} would be seen",
+        "the times of the events are {:.5} times those that the frames predict (standard error {deviation:.5}); {seen}",
         1.0 + value
     );
     // The limit is on the difference from 1; the finding shows the scale.
     let shown = LimitSide { value: 1.0 + limit.value.copysign(value), ..limit };
     let judged = Judgement::from_value(limit.at_most(value.abs()), 1.0 + value, shown, "1", because);
-    subject.finding(NAME, "scale", judged).detecting(detects, "1")
+    subject.finding(NAME, "scale", judged).detecting(detects.unwrap_or(f64::INFINITY), "1")
+}
+
+/// The smallest fault that exceeds the limit in 95 % of trials; `None` if there is none.
+///
+/// A fault of size `d` is shown as `g d`, `g` the response with its standard error `s`, and the present
+/// value may work against it. Parts of the picture respond differently, so that the standard error of
+/// the estimate grows from `e` to `hypot(e, s d)`, and the limit with it. Hence
+/// `g d = allowed + |value| + (SURE + POWER) hypot(e, s d)`, a quadratic equation for `d`.
+fn smallest_fault(allowed: f64, found: ErrorBar, response: ErrorBar) -> Option<f64> {
+    let ErrorBar { value: g, deviation: s } = response;
+    let least = allowed + found.value.abs().min(allowed + SURE * found.deviation);
+    let sure = SURE + POWER;
+    let square = g * g - sure * s * sure * s;
+    // Otherwise the limit grows faster than the fault.
+    if g.is_nan() || g <= 0.0 || square.is_nan() || square <= 0.0 {
+        return None;
+    }
+    let rest = sure * found.deviation * sure * found.deviation - least * least;
+    let root = (g * least * g * least + square * rest).max(0.0).sqrt();
+    Some((g * least + root) / square)
 }
 
 fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
@@ -126,4 +155,31 @@ fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
     };
     let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "us", because);
     subject.finding(NAME, "grid", judged).detecting(2.0, "us")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smallest_fault_just_exceeds_its_limit() {
+        for (value, deviation, g, s) in
+            [(0.0, 1.0, 1.0, 0.0), (2.0, 0.5, 0.8, 0.05), (-1.0, 3.0, 0.6, 0.02), (0.3, 0.0, 0.9, 0.0)]
+        {
+            let bar = |value, deviation| ErrorBar { value, deviation };
+            let d = smallest_fault(4.0, bar(value, deviation), bar(g, s)).unwrap();
+            let under_fault = deviation.hypot(s * d);
+            // The lower end of 95 % of estimates is at the limit.
+            let lowest = g * d - f64::abs(value) - POWER * under_fault;
+            assert!((lowest - 4.0 - SURE * under_fault).abs() < 1e-9, "{value} {deviation} {g} {s}: {d}");
+        }
+    }
+
+    #[test]
+    fn an_estimate_that_hides_faults_states_none() {
+        let bar = |value, deviation| ErrorBar { value, deviation };
+        for response in [bar(0.5, 0.1), bar(-0.1, 0.0), bar(0.0, 0.0), bar(f64::NAN, 0.0)] {
+            assert_eq!(smallest_fault(4.0, bar(0.0, 1.0), response), None, "{response:?}");
+        }
+    }
 }

@@ -1,5 +1,8 @@
-//! Measurements on released pictures by their poses: the input of the passes `photometric`,
+//! Measurements on pictures by their poses: the input of the passes `photometric`,
 //! `depth_consistency` and `flow_projection`.
+
+pub mod readings;
+pub mod watch;
 
 use super::flow_projection::FlowDifference;
 use super::photometric::align::PairAlignment;
@@ -19,6 +22,17 @@ pub struct GeometryMeasures {
     pub depths: Measured<AlignedPairs>,
     /// Flow images against the flow of depth and poses, one per image.
     pub flows: Measured<Vec<FlowDifference>>,
+}
+
+/// The measurements that need no flow images.
+#[derive(Debug, Clone)]
+pub struct PictureMeasures {
+    /// Frames against frames.
+    pub pictures: Measured<AlignedPairs>,
+    /// Differences of frames in a row.
+    pub order: Measured<Vec<FrameTriple>>,
+    /// Depth images against depth images.
+    pub depths: Measured<AlignedPairs>,
 }
 
 /// Alignments of some pairs of pictures.

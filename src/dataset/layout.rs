@@ -27,6 +27,10 @@ pub struct DatasetPaths {
     pub stamps: Option<PathBuf>,
     /// Poses.
     pub poses: Option<PathBuf>,
+    /// Intrinsics of the camera.
+    pub camera: Option<PathBuf>,
+    /// Folder of depth images of the same pixels.
+    pub depth: Option<PathBuf>,
 }
 
 impl DatasetLayout {
@@ -51,6 +55,8 @@ impl DatasetLayout {
                 frames: first(&["sharp"]),
                 stamps: first(&["timestamps_us.txt"]),
                 poses: first(&["poses.txt"]),
+                camera: first(&["transforms.json"]),
+                depth: first(&["depth"]),
             },
             Self::Dsec => DatasetPaths {
                 events: events(&["events.h5", "events/left/events.h5"]),
@@ -61,12 +67,15 @@ impl DatasetLayout {
                 frames: first(&["images"]),
                 stamps: first(&["images.txt", "timestamps.txt"]),
                 poses: first(&["groundtruth.txt", "poses.txt"]),
+                // Its calib.txt has distortion, and its recordings have no depth.
+                ..DatasetPaths::default()
             },
             Self::ENerf => DatasetPaths {
                 events: events(&["events"]),
                 frames: first(&["images"]),
                 stamps: first(&["images/image_stamps_ns.txt"]),
                 poses: first(&["poses_all.txt"]),
+                ..DatasetPaths::default()
             },
         }
     }

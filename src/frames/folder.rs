@@ -124,28 +124,37 @@ fn find_image(folder: &Path, image: &str) -> Option<PathBuf> {
 }
 
 fn of_names(folder: &Path) -> Result<FolderListing, FolderError> {
+    let images = list_named(folder, &["png", "jpg", "jpeg"])?;
+    if images.is_empty() {
+        let because = format!("it contains neither {INFO} nor a .png or .jpg file");
+        return Err(FolderError::Content { path: folder.to_owned(), because });
+    }
+    Ok(FolderListing { images, stamps_us: None })
+}
+
+/// The files of a folder with one of these extensions, in the natural order of their names. Hidden ones
+/// are left out.
+///
+/// # Errors
+/// The folder cannot be read, or has more files than a sequence may have.
+pub fn list_named(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, FolderError> {
     let unreadable = |source| FolderError::Io { path: folder.to_owned(), source };
     let mut names = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
-        names.extend(name.to_str().filter(|name| is_image(name)).map(str::to_owned));
+        let is_named = |name: &&str| is_visible(name, extensions);
+        names.extend(name.to_str().filter(is_named).map(str::to_owned));
     }
     if names.len() > MAX_FRAMES {
         let because = format!("{} images, wanted at most {MAX_FRAMES}", names.len());
         return Err(FolderError::Content { path: folder.to_owned(), because });
     }
     names.sort_by(|a, b| natural::compare_names(a, b));
-    if names.is_empty() {
-        let because = format!("it contains neither {INFO} nor a .png or .jpg file");
-        return Err(FolderError::Content { path: folder.to_owned(), because });
-    }
-    Ok(FolderListing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
+    Ok(names.iter().map(|name| folder.join(name)).collect())
 }
 
-/// Returns true if a file is an image by its name, and not hidden.
-fn is_image(name: &str) -> bool {
-    let images = ["png", "jpg", "jpeg"];
-    !name.starts_with('.') && images.into_iter().any(|wanted| has_extension(Path::new(name), wanted))
+fn is_visible(name: &str, extensions: &[&str]) -> bool {
+    !name.starts_with('.') && extensions.iter().any(|wanted| has_extension(Path::new(name), wanted))
 }
 
 fn has_extension(path: &Path, wanted: &str) -> bool {
@@ -195,6 +204,16 @@ impl FolderFrames {
         }
         Ok(Self { size: wanted, images, stamps, next: 0, coloured: false, colour: None })
     }
+}
+
+/// The luminance of an image of this size, on the grey scale.
+///
+/// # Errors
+/// The file is not an image of this size.
+pub fn read_luminance(path: &Path, size: Size) -> Result<Image<f32>, FolderError> {
+    let read = read_image(path, false, size);
+    let refusal = |because| FolderError::Content { path: path.to_owned(), because };
+    read.map(|image| image.luminance).map_err(refusal)
 }
 
 /// The size of an image from its header.

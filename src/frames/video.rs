@@ -7,7 +7,7 @@
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};
 use crate::files;
-use crate::image::png::{to_single, weigh_grey};
+use crate::image::png::GreyWeights;
 use crate::image::{Image, Size};
 use crate::programs::{EndKind, PipedProgram, ProgramCall, ProgramFinder};
 use crate::units::Timestamp;
@@ -233,7 +233,8 @@ impl FrameSequence for VideoFrames {
             return if index == self.stamps.len() { Ok(None) } else { Err(invalid(because)) };
         };
         let t = *self.stamps.get(index).ok_or_else(|| invalid(format!("{PROBE} lists no stamp for it")))?;
-        let luminance = pixels.iter().map(|rgb| to_single(weigh_grey(rgb.map(f64::from)))).collect();
+        let weights = GreyWeights::new();
+        let luminance = pixels.iter().map(|rgb| weights.weigh(rgb.map(f64::from))).collect();
         self.colour = self
             .coloured
             .then(|| Image::from_vec(self.size, pixels.iter().map(|rgb| rgb.map(f32::from)).collect()));

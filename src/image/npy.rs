@@ -91,17 +91,43 @@ pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>>
 /// # Errors
 /// The bytes are not an array with this shape.
 pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>> {
-    let invalid = |because: String| io::Error::new(io::ErrorKind::InvalidData, because);
     let head = checked_header(input)?;
-    let file = npyz::NpyFile::new(head.as_slice().chain(&mut *input))?;
+    let values = open_shaped(shape, head.as_slice().chain(&mut *input))?.into_vec::<f32>()?;
+    require_end(input)?;
+    Ok(values)
+}
+
+/// As [`read_values`], for an array of float32 or float64. The latter is rounded.
+///
+/// # Errors
+/// As [`read_values`].
+pub fn read_floats(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>> {
+    let head = checked_header(input)?;
+    let file = open_shaped(shape, head.as_slice().chain(&mut *input))?;
+    #[expect(clippy::cast_possible_truncation, reason = "depth has 32 bits")]
+    let round = |value: f64| value as f32;
+    let values = match file.dtype().descr().as_str() {
+        "'<f8'" => file.into_vec::<f64>()?.into_iter().map(round).collect(),
+        _ => file.into_vec::<f32>()?,
+    };
+    require_end(input)?;
+    Ok(values)
+}
+
+fn open_shaped<R: Read>(shape: &[u64], input: R) -> io::Result<npyz::NpyFile<R>> {
+    let file = npyz::NpyFile::new(input)?;
     if file.shape() != shape || file.order() != npyz::Order::C {
         let found = (file.shape(), file.order());
-        return Err(invalid(format!("an array of shape and order {found:?}, wanted {shape:?} in C order")));
+        let because = format!("an array of shape and order {found:?}, wanted {shape:?} in C order");
+        return Err(io::Error::new(io::ErrorKind::InvalidData, because));
     }
-    let values = file.into_vec::<f32>()?;
+    Ok(file)
+}
+
+fn require_end(input: &mut impl Read) -> io::Result<()> {
     match input.read(&mut [0])? {
-        0 => Ok(values),
-        _ => Err(invalid("found bytes after the array, wanted none".to_owned())),
+        0 => Ok(()),
+        _ => Err(io::Error::new(io::ErrorKind::InvalidData, "found bytes after the array, wanted none")),
     }
 }
 

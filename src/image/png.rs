@@ -138,61 +138,112 @@ pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<
     Ok(GreyImage { luminance: samples.luminance(), colours: samples.colours() })
 }
 
-/// The samples of an image on the grey scale.
+/// An image with its samples on the grey scale.
 struct GreySamples {
     size: Size,
     /// True if three samples make a pixel.
     coloured: bool,
-    values: Vec<f64>,
+    samples: StoredSamples,
+}
+
+/// Samples as they are stored: numbers of 8 bits, or pairs of bytes, the higher one first.
+enum StoredSamples {
+    Bytes(Vec<u8>),
+    Pairs(Vec<u8>),
+}
+
+/// 257 is 65,535 / 255, so that full scale is 255 for both depths.
+fn wide_sample(pair: [u8; 2]) -> f64 {
+    f64::from(u16::from_be_bytes(pair)) / 257.0
 }
 
 impl GreySamples {
     fn luminance(&self) -> Image<f32> {
-        let pixels = match self.coloured {
-            true => self.values.as_chunks().0.iter().map(|&rgb| to_single(weigh_grey(rgb))).collect(),
-            false => self.values.iter().map(|&v| to_single(v)).collect(),
+        let weights = GreyWeights::new();
+        let weigh = |rgb: [f64; 3]| weights.weigh(rgb);
+        let pixels = match (&self.samples, self.coloured) {
+            (StoredSamples::Bytes(bytes), true) => {
+                bytes.as_chunks().0.iter().map(|rgb: &[u8; 3]| weigh(rgb.map(f64::from))).collect()
+            }
+            (StoredSamples::Bytes(bytes), false) => bytes.iter().map(|v| f32::from(*v)).collect(),
+            (StoredSamples::Pairs(bytes), true) => {
+                bytes.as_chunks::<2>().0.as_chunks().0.iter().map(|rgb| weigh(rgb.map(wide_sample))).collect()
+            }
+            (StoredSamples::Pairs(bytes), false) => {
+                bytes.as_chunks().0.iter().map(|pair| to_single(wide_sample(*pair))).collect()
+            }
         };
         Image::from_vec(self.size, pixels)
     }
 
     fn colours(&self) -> Option<Image<[f32; 3]>> {
-        let pixels = || self.values.as_chunks().0.iter().map(|rgb: &[f64; 3]| rgb.map(to_single)).collect();
+        let pixels = || match &self.samples {
+            StoredSamples::Bytes(bytes) => {
+                bytes.as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(f32::from)).collect()
+            }
+            StoredSamples::Pairs(bytes) => {
+                let wide = |rgb: &[[u8; 2]; 3]| rgb.map(|pair| to_single(wide_sample(pair)));
+                bytes.as_chunks::<2>().0.as_chunks().0.iter().map(wide).collect()
+            }
+        };
         self.coloured.then(|| Image::from_vec(self.size, pixels()))
     }
 }
 
 fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<GreySamples, PngError> {
     let StoredImage { size, colour, depth, bytes } = read_stored(input, wanted)?;
-    // 257 is 65,535 / 255, so that full scale is 255 for both depths.
-    let wide = |[high, low]: [u8; 2]| f64::from(u16::from_be_bytes([high, low])) / 257.0;
-    let values = match depth {
-        BitDepth::Eight => bytes.into_iter().map(f64::from).collect(),
-        BitDepth::Sixteen => bytes.as_chunks().0.iter().map(|&pair| wide(pair)).collect(),
+    let samples = match depth {
+        BitDepth::Eight => StoredSamples::Bytes(bytes),
+        BitDepth::Sixteen => StoredSamples::Pairs(bytes),
         depth => return Err(other_kind((depth, colour), GREY_OR_RGB)),
     };
     match colour {
         ColorType::Grayscale | ColorType::Rgb => {
-            Ok(GreySamples { size, coloured: colour == ColorType::Rgb, values })
+            Ok(GreySamples { size, coloured: colour == ColorType::Rgb, samples })
         }
         colour => Err(other_kind((depth, colour), GREY_OR_RGB)),
     }
 }
 
-const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
-
-/// Luminance in 64 bits, where the weights sum to 1 closely enough that equal channels give that
-/// grey.
-pub(crate) fn weigh_grey(rgb: [f64; 3]) -> f64 {
-    LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| weight_decimal(weight) * v).sum()
+/// Reads the whole numbers of a grey image of 16 bits, such as a depth image. If `wanted` is given, an
+/// image of another size is refused.
+///
+/// # Errors
+/// The bytes are damaged, or the image is not grey with 16 bits.
+pub fn read_wide(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Image<u16>, PngError> {
+    let StoredImage { size, colour, depth, bytes } = read_stored(input, wanted)?;
+    match (depth, colour) {
+        (BitDepth::Sixteen, ColorType::Grayscale) => {
+            let pixels = bytes.as_chunks().0.iter().map(|pair| u16::from_be_bytes(*pair)).collect();
+            Ok(Image::from_vec(size, pixels))
+        }
+        kind => Err(other_kind(kind, "grey of 16 bits")),
+    }
 }
 
-/// The decimal fraction of a weight with three digits, nearest in 64 bits.
+const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
+
+/// The weights of the channels in a luminance.
+pub(crate) struct GreyWeights([f64; 3]);
+
+impl GreyWeights {
+    pub(crate) fn new() -> Self {
+        Self(LUMINANCE_WEIGHTS.map(weight_decimal))
+    }
+
+    pub(crate) fn weigh(&self, rgb: [f64; 3]) -> f32 {
+        to_single(self.0.iter().zip(rgb).map(|(weight, v)| weight * v).sum())
+    }
+}
+
+/// The decimal fraction of a weight with three digits, nearest in 64 bits. The decimals sum to 1
+/// closely enough that equal channels give that grey.
 fn weight_decimal(weight: f32) -> f64 {
     libm::round(1000.0 * f64::from(weight)) / 1000.0
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-pub(crate) fn to_single(v: f64) -> f32 {
+fn to_single(v: f64) -> f32 {
     v as f32
 }
 

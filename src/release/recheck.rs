@@ -8,12 +8,13 @@
 //! [`crate::check::records`].
 
 mod agreement;
+mod anchors;
 mod crossings;
-mod geometry;
+mod image_motion;
 mod pictures;
 mod trajectory;
 mod tree;
-mod views;
+mod walk;
 
 use super::published::{self, RecipeError};
 use super::{ReleaseManifest, SceneRecord};
@@ -69,12 +70,15 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
         return Ok(vec![records::no_scenes(&manifest.name)]);
     }
     let is_wanted = |id: &str| scenes.is_empty() || scenes.iter().any(|wanted| wanted == id);
-    let mut findings = Vec::new();
-    for listed in manifest.scenes.iter().filter(|scene| is_wanted(&scene.id)) {
-        findings.extend(of_scene(tree, &listed.id)?);
-    }
-    findings
-        .extend(agreement::compare_files(dir, &manifest, &is_wanted).map_err(|e| unreadable_file(dir, e))?);
+    let listed: Vec<&str> =
+        manifest.scenes.iter().map(|scene| scene.id.as_str()).filter(|id| is_wanted(id)).collect();
+    // Scenes come one after the other, so that the pictures of one are in memory at a time.
+    let (scenes, agreement) = rayon::join(
+        || listed.iter().map(|id| of_scene(tree, id)).collect::<Result<Vec<_>, _>>(),
+        || agreement::compare_files(dir, &manifest, &is_wanted).map_err(|e| unreadable_file(dir, e)),
+    );
+    let mut findings: Vec<Finding> = scenes?.into_iter().flatten().collect();
+    findings.extend(agreement?);
     Ok(findings)
 }
 

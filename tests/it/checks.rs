@@ -3,6 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+mod counted;
 mod from_files;
 mod planted_tree;
 mod sound;

@@ -15,6 +15,7 @@ mod convert;
 mod convert_events;
 mod croissant;
 mod cutoff;
+mod dataset_views;
 mod datasets;
 mod datasheet;
 mod determinism;

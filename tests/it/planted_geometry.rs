@@ -31,9 +31,9 @@ sensor:
   voltmeter: { preset: dvs346, threshold: { on: 0.5, off: 0.5 } }
 outputs: [events, sharp, depth, flow]
 ";
-const POSES: usize = 30;
+pub(crate) const POSES: usize = 30;
 
-fn release() -> &'static Path {
+pub(crate) fn release() -> &'static Path {
     static RELEASE: OnceLock<TempDir> = OnceLock::new();
     let folder = RELEASE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();

@@ -1,10 +1,11 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! sound | docs | manifest | python`.
+//! power | sound | docs | manifest | python`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
 
 mod bombs;
+mod check_bench;
 mod ci;
 mod command;
 mod demo;
@@ -12,6 +13,7 @@ mod faults;
 mod folder;
 mod fuzz;
 mod page;
+mod power;
 mod python;
 mod report;
 mod sound;
@@ -35,9 +37,14 @@ usage: cargo xtask <task>
   bench report [ARGS]...
                      size of report.html of 2,000 scenes, and how long Chromium takes to open it (`--scenes N`, `--runs N`,
                      `--page FILE`: of a release that is there; `--keep FILE`)
+  bench check [ARGS]...
+                     time of `check --tree` next to that of the release, and its memory for streams of 10^6 to 10^8 events
+                     (`--most N`, `--runs N`, `--program FILE`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
+  power [ARGS]...    the share of planted faults that the checks find from files, by size, as the table of docs/checks.md
+                     (`--releases N`, `--program FILE`)
   sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
                      `--program FILE`)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
@@ -60,11 +67,13 @@ fn main() -> ExitCode {
         (Some("bench"), [part, args @ ..]) if part == "build" => {
             command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
         }
+        (Some("bench"), [part, args @ ..]) if part == "check" => check_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "report" => page::run(args),
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
         }
         (Some("report"), args) => report::run(args),
+        (Some("power"), args) => power::run(args),
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
         (Some("manifest"), []) => demo::rewrite_manifest(),

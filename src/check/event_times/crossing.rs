@@ -13,6 +13,12 @@
 //! for the interval at its ends, and for good at the first frame, from which drifts are counted.
 //! Errors are those of a jackknife over 64 parts of the picture, because the events of an object
 //! share its errors.
+//!
+//! Residuals above a bound are left out, since a lost event leaves a whole threshold. A fault moves
+//! some residuals over the bound, and the estimate shows only a part of it: with `f` the density of
+//! residuals at the bound `c`, weighted by the square of the regressor, a small fault is shown
+//! `1 - c (f(c) + f(-c))` times as large. That share is measured, from the residuals near the bound,
+//! and so is its standard error; the stated power depends on both.
 
 use crate::check::drift::DriftLaw;
 use crate::event::{Event, Polarity};
@@ -27,6 +33,8 @@ const SMALL: f64 = 0.4;
 const LARGE: f64 = 4.0;
 /// Offset from which on large residuals count, us: there, small ones are only those of slow pixels.
 const FAR_US: f64 = 50.0;
+/// Width of the band of residuals around the largest that is used, as a share of it, on either side.
+const BAND: f64 = 0.25;
 /// Minimum number of parts with events for a jackknife.
 const MIN_PARTS: usize = 8;
 
@@ -46,12 +54,14 @@ pub struct CrossingFit {
     pub offset_us: ErrorBar,
     /// Relative excess of the clock's speed over 1.
     pub scale: ErrorBar,
+    /// Shares of a small offset and of a small change of the scale that the estimates show.
+    pub responses: [ErrorBar; 2],
     /// Number of events used.
     pub events: u64,
 }
 
 /// A frame as the sensor sees it.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct SeenFrame {
     /// Stamp, us.
     pub t_us: i64,
@@ -70,16 +80,15 @@ pub struct CrossingObserver {
     /// `ln(L + k2)` of the first frame; NaN where it is cut off.
     first_logs: Vec<f64>,
     first_us: i64,
-    /// Integral of brightness since the first frame, at the later frame.
+    /// Integral of brightness since the first frame, at the earlier of both frames.
     exposure: Vec<f64>,
-    /// Drifts at the two frames around the present; NaN where they are unknown.
-    drifts: [Vec<f64>; 2],
-    stamps_us: [i64; 2],
-    brightness: Vec<f32>,
+    /// The two frames around the present. Drifts are computed for the pixels with events only: most
+    /// pixels have none between two frames, and a logarithm costs more than an event.
+    frames: [SeenFrame; 2],
     /// Voltage of the events of each pixel.
     levels: Vec<f64>,
-    /// Sums over the events of each pixel: with small residuals, and with all that a lag of some
-    /// frames explains.
+    /// Sums over events with small residuals, and over those that a lag of some frames explains: of
+    /// each pixel where its level is unknown, and otherwise of each part of the picture.
     sums: Vec<[LineSums; 2]>,
 }
 
@@ -95,6 +104,10 @@ struct LineSums {
     yy: f64,
     xr: f64,
     yr: f64,
+    /// `x^2` and `y^2` of the same events, without a subtraction of means.
+    squares: [f64; 2],
+    /// The same of the events with a residual near the bound, on either side of it.
+    near_bound: [f64; 2],
 }
 
 impl LineSums {
@@ -103,16 +116,28 @@ impl LineSums {
         (self.x, self.y, self.r) = (self.x + x, self.y + y, self.r + r);
         (self.xx, self.xy, self.yy) = (self.xx + x * x, self.xy + x * y, self.yy + y * y);
         (self.xr, self.yr) = (self.xr + x * r, self.yr + y * r);
+        self.squares = [self.squares[0] + x * x, self.squares[1] + y * y];
+    }
+
+    /// Adds an event whose residual is near the bound.
+    fn add_near_bound(&mut self, [x, y]: [f64; 2]) {
+        self.near_bound = [self.near_bound[0] + x * x, self.near_bound[1] + y * y];
+    }
+
+    /// Shares of a small fault that the coefficients show. The band has a width of twice [`BAND`].
+    fn responses(self) -> [f64; 2] {
+        [0, 1].map(|i| 1.0 - self.near_bound[i] / (2.0 * BAND * self.squares[i]))
     }
 
     /// The sums of the deviations from the means.
     fn centred(self) -> Self {
-        let Self { n, x, y, r, xx, xy, yy, xr, yr } = self;
+        let Self { n, x, y, r, xx, xy, yy, xr, yr, squares, near_bound } = self;
         if n < 2.0 {
             return Self::default();
         }
         let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
-        Self { n, x: 0.0, y: 0.0, r: 0.0, xx, xy, yy, xr: xr - x * r / n, yr: yr - y * r / n }
+        let (xr, yr) = (xr - x * r / n, yr - y * r / n);
+        Self { n, x: 0.0, y: 0.0, r: 0.0, xx, xy, yy, xr, yr, squares, near_bound }
     }
 
     fn plus(self, o: Self, sign: f64) -> Self {
@@ -127,6 +152,8 @@ impl LineSums {
             yy: of(self.yy, o.yy),
             xr: of(self.xr, o.xr),
             yr: of(self.yr, o.yr),
+            squares: [0, 1].map(|i| of(self.squares[i], o.squares[i])),
+            near_bound: [0, 1].map(|i| of(self.near_bound[i], o.near_bound[i])),
         }
     }
 
@@ -154,23 +181,20 @@ impl CrossingObserver {
     /// Starts at the first frame of a clip that ends at `end_us`.
     #[must_use]
     pub fn new(law: DriftLaw, first: SeenFrame, end_us: i64) -> Self {
-        let SeenFrame { t_us, brightness, cut } = first;
+        let SeenFrame { t_us, brightness, cut } = &first;
         let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
-        let first_logs: Vec<f64> = brightness.pixels().iter().zip(&cut).map(log).collect();
+        let first_logs: Vec<f64> = brightness.pixels().iter().zip(cut).map(log).collect();
         let (width, pixels) = (brightness.size().width as usize, first_logs.len());
-        let start: Vec<f64> = first_logs.iter().map(|log| 0.0 * log).collect();
         Self {
             law,
             width,
-            middle_us: f64::midpoint(t_us as f64, end_us as f64),
+            middle_us: f64::midpoint(*t_us as f64, end_us as f64),
             first_logs,
-            first_us: t_us,
+            first_us: *t_us,
             exposure: vec![0.0; pixels],
-            drifts: [start.clone(), start],
-            stamps_us: [t_us; 2],
-            brightness: brightness.into_pixels(),
+            frames: [first.clone(), first],
             levels: vec![0.0; pixels],
-            sums: vec![[LineSums::default(); 2]; pixels],
+            sums: vec![[LineSums::default(); 2]; if law.from_zero { PARTS * PARTS } else { pixels }],
         }
     }
 
@@ -182,30 +206,34 @@ impl CrossingObserver {
         Size { width: side(self.width), height: side(height) }
     }
 
-    /// Stamp of the latest frame.
-    #[must_use]
-    pub fn latest_us(&self) -> i64 {
-        self.stamps_us[1]
-    }
-
     /// Takes the next frame. All events up to the latest one have been seen.
     ///
     /// # Panics
     /// The frame has another size than the first.
-    pub fn take_frame(&mut self, frame: &SeenFrame) {
-        let step = (frame.t_us - self.stamps_us[1]) as f64;
-        let total = (frame.t_us - self.first_us) as f64;
-        let pixels = frame.brightness.pixels();
-        assert_eq!(pixels.len(), self.levels.len(), "frames of one size");
-        self.drifts.swap(0, 1);
-        self.stamps_us = [self.stamps_us[1], frame.t_us];
-        for (i, l) in pixels.iter().enumerate() {
-            let mean = 0.5 * (f64::from(self.brightness[i].max(0.0)) + f64::from(l.max(0.0)));
-            self.exposure[i] += step * mean;
-            let logs = if frame.cut[i] { f64::NAN } else { self.law.brightness(*l) };
-            self.drifts[1][i] = self.law.drift(logs - self.first_logs[i], total, self.exposure[i]);
+    pub fn take_frame(&mut self, frame: SeenFrame) {
+        assert_eq!(frame.brightness.pixels().len(), self.levels.len(), "frames of one size");
+        for pixel in 0..self.exposure.len() {
+            self.exposure[pixel] += self.added_exposure(pixel);
         }
-        self.brightness.copy_from_slice(pixels);
+        self.frames.swap(0, 1);
+        self.frames[1] = frame;
+    }
+
+    /// Integral of a pixel's brightness between the two frames.
+    fn added_exposure(&self, pixel: usize) -> f64 {
+        let [from, to] = &self.frames;
+        let [a, b] = [from, to].map(|frame| f64::from(frame.brightness.pixels()[pixel].max(0.0)));
+        (to.t_us - from.t_us) as f64 * (0.5 * (a + b))
+    }
+
+    /// Drifts of a pixel at the two frames; NaN where they are unknown.
+    fn drifts(&self, pixel: usize) -> [f64; 2] {
+        let exposures = [self.exposure[pixel], self.exposure[pixel] + self.added_exposure(pixel)];
+        [0, 1].map(|i| {
+            let SeenFrame { t_us, brightness, cut } = &self.frames[i];
+            let log = if cut[pixel] { f64::NAN } else { self.law.brightness(brightness.pixels()[pixel]) };
+            self.law.drift(log - self.first_logs[pixel], (t_us - self.first_us) as f64, exposures[i])
+        })
     }
 
     /// Sees an event between the two latest frames. Events off the sensor are left out.
@@ -220,8 +248,8 @@ impl CrossingObserver {
             Polarity::Off => (-off, off),
         };
         self.levels[pixel] += jump;
-        let [from, to] = [self.drifts[0][pixel], self.drifts[1][pixel]];
-        let [start, end] = self.stamps_us.map(|t| t as f64);
+        let [from, to] = self.drifts(pixel);
+        let [start, end] = [0, 1].map(|i| self.frames[i].t_us as f64);
         let rate = (to - from) / (end - start);
         // A file holds the microsecond that contains the event: half of one later on average.
         let t = event.t.floor_micros() as f64 + 0.5;
@@ -231,12 +259,25 @@ impl CrossingObserver {
             // Where voltages start anywhere, a pixel's own level is up to a threshold off, and only
             // the noise around it counts.
             let own = if self.law.from_zero { 0.0 } else { self.law.most_residual() };
-            for (sums, most) in self.sums[pixel].iter_mut().zip([SMALL, LARGE]) {
-                if left.abs() < own + most * threshold {
-                    sums.add([rate, rate * (t - self.middle_us)], left);
+            let place = if self.law.from_zero { self.part(pixel) } else { pixel };
+            let moves = [rate, rate * (t - self.middle_us)];
+            for (sums, most) in self.sums[place].iter_mut().zip([SMALL, LARGE]) {
+                let size = left.abs() / (own + most * threshold);
+                if size < 1.0 {
+                    sums.add(moves, left);
+                }
+                if (size - 1.0).abs() < BAND {
+                    sums.add_near_bound(moves);
                 }
             }
         }
+    }
+
+    /// The part of the picture in which a pixel lies.
+    fn part(&self, pixel: usize) -> usize {
+        let height = (self.levels.len() / self.width.max(1)).max(1);
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        y * PARTS / height * PARTS + x * PARTS / self.width
     }
 
     /// The clock over all events.
@@ -250,16 +291,21 @@ impl CrossingObserver {
         }
     }
 
-    fn fit(&self, width: usize) -> Result<CrossingFit, String> {
-        let height = (self.levels.len() / self.width.max(1)).max(1);
-        let mut parts = [LineSums::default(); PARTS * PARTS];
-        for (pixel, sums) in self.sums.iter().enumerate() {
-            let (x, y) = (pixel % self.width, pixel / self.width);
-            let part = y * PARTS / height * PARTS + x * PARTS / self.width;
-            let sums = if self.law.from_zero { sums[width] } else { sums[width].centred() };
-            parts[part] = parts[part].plus(sums, 1.0);
+    /// The sums of each part of the picture.
+    fn parts(&self, width: usize) -> Vec<LineSums> {
+        if self.law.from_zero {
+            return self.sums.iter().map(|sums| sums[width]).collect();
         }
-        let filled: Vec<LineSums> = parts.into_iter().filter(|part| part.n > 0.0).collect();
+        let mut parts = vec![LineSums::default(); PARTS * PARTS];
+        for (pixel, sums) in self.sums.iter().enumerate() {
+            let part = &mut parts[self.part(pixel)];
+            *part = part.plus(sums[width].centred(), 1.0);
+        }
+        parts
+    }
+
+    fn fit(&self, width: usize) -> Result<CrossingFit, String> {
+        let filled: Vec<LineSums> = self.parts(width).into_iter().filter(|part| part.n > 0.0).collect();
         let all = filled.iter().fold(LineSums::default(), |sum, part| sum.plus(*part, 1.0));
         let too_few = || {
             format!("{} events in {} parts of the picture do not determine the clock", all.n, filled.len())
@@ -268,17 +314,23 @@ impl CrossingObserver {
             return Err(too_few());
         }
         let found = all.solve().ok_or_else(too_few)?;
-        let without: Option<Vec<[f64; 2]>> =
-            filled.iter().map(|part| all.plus(*part, -1.0).solve()).collect();
+        let others: Vec<LineSums> = filled.iter().map(|part| all.plus(*part, -1.0)).collect();
+        let without: Option<Vec<[f64; 2]>> = others.iter().map(|others| others.solve()).collect();
         let without = without.ok_or_else(too_few)?;
-        let n = filled.len() as f64;
-        let deviation = |i: usize| {
-            let squares = without.iter().map(|w| (w[i] - found[i]) * (w[i] - found[i])).sum::<f64>();
-            (squares * (n - 1.0) / n).sqrt()
-        };
-        let [offset_us, scale] = [0, 1].map(|i| ErrorBar { value: found[i], deviation: deviation(i) });
+        let [offset_us, scale] = jackknife_bars(found, &without);
+        let responses: Vec<[f64; 2]> = others.iter().map(|others| others.responses()).collect();
+        let responses = jackknife_bars(all.responses(), &responses);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]
         let events = all.n as u64;
-        Ok(CrossingFit { offset_us, scale, events })
+        Ok(CrossingFit { offset_us, scale, responses, events })
     }
+}
+
+/// Two statistics with their standard errors, from their values without each part in turn.
+fn jackknife_bars(found: [f64; 2], without: &[[f64; 2]]) -> [ErrorBar; 2] {
+    let n = without.len() as f64;
+    [0, 1].map(|i| {
+        let squares: f64 = without.iter().map(|w| (w[i] - found[i]) * (w[i] - found[i])).sum();
+        ErrorBar { value: found[i], deviation: (squares * (n - 1.0) / n).sqrt() }
+    })
 }

@@ -111,15 +111,23 @@ pub fn smooth_picture(image: &Image<f32>) -> Image<f32> {
     let Size { width, height } = image.size();
     let (w, h) = (width as usize, height as usize);
     let clamped = |i: usize, k: usize, n: usize| (i + k).saturating_sub(2).min(n - 1);
-    let pass = |source: &[f32], along_x: bool| -> Vec<f32> {
-        let value = |i: usize| {
-            let (x, y) = (i % w, i / w);
-            let at = |k| if along_x { y * w + clamped(x, k, w) } else { clamped(y, k, h) * w + x };
-            (0..5).map(|k| WEIGHTS[k] * source[at(k)]).sum()
-        };
-        (0..source.len()).map(value).collect()
-    };
-    Image::from_vec(image.size(), pass(&pass(image.pixels(), true), false))
+    let mut along_x = Vec::with_capacity(w * h);
+    for row in image.pixels().chunks_exact(w.max(1)) {
+        let at = |x: usize, k: usize| row[clamped(x, k, w)];
+        let edge = |x: usize| (0..5).map(|k| WEIGHTS[k] * at(x, k)).sum::<f32>();
+        let inner =
+            row.array_windows::<5>().map(|five| WEIGHTS.iter().zip(five).map(|(k, v)| k * v).sum::<f32>());
+        // Only two pixels at either end reach over the border.
+        along_x.extend((0..w.min(2)).map(edge));
+        along_x.extend(inner);
+        along_x.extend((w.saturating_sub(2).max(2)..w).map(edge));
+    }
+    let mut smooth = Vec::with_capacity(w * h);
+    for y in 0..h {
+        let rows: [&[f32]; 5] = std::array::from_fn(|k| &along_x[clamped(y, k, h) * w..][..w]);
+        smooth.extend((0..w).map(|x| (0..5).map(|k| WEIGHTS[k] * rows[k][x]).sum::<f32>()));
+    }
+    Image::from_vec(image.size(), smooth)
 }
 
 /// A pixel's residual, and its change with the twist.

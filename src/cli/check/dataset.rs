@@ -4,9 +4,11 @@ use crate::cli::console::Console;
 use crate::cli::output::{self, OutputFile};
 use crate::cli::problem::VerbError;
 use crate::cli::{input, simulate};
+use crate::dataset::depth::EXTENSIONS;
 use crate::dataset::layout::{DatasetLayout, DatasetPaths};
 use crate::dataset::npy_events::NpyEvents;
-use crate::dataset::{DatasetFrames, DatasetReport, EventDataset, check_dataset, text};
+use crate::dataset::views::{DatasetView, DatasetViews, ViewMeasures};
+use crate::dataset::{DatasetFrames, DatasetReport, EventDataset, camera, check_dataset, text};
 use crate::event::evt::EvtVersion;
 use crate::event::file::{self, EventFormat, OpenEventFile, ReadHints};
 use crate::event::picture::WindowCounts;
@@ -14,11 +16,13 @@ use crate::event::text::TextTimeUnit;
 use crate::event::{EventFileError, EventSink as _, EventSource};
 use crate::files;
 use crate::frames::FrameSequence as _;
-use crate::frames::folder::{FolderFrames, FolderListing, image_size};
+use crate::frames::folder::{FolderFrames, FolderListing, image_size, list_named};
 use crate::frames::npy;
 use crate::image::{Image, Size};
 use crate::release::{CaptionedPicture, compose_dataset_page};
 use crate::trajectory::Trajectory;
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Options of `check --events`.
@@ -40,6 +44,15 @@ pub(super) struct DatasetArgs {
     /// Camera poses, one line each: time x y z qx qy qz qw
     #[arg(long, value_name = "FILE", requires = "events")]
     poses: Option<PathBuf>,
+    /// Intrinsics: a transforms.json, a cameras.txt of COLMAP, or a text with `fx fy cx cy`
+    #[arg(long, value_name = "FILE", requires = "events")]
+    camera: Option<PathBuf>,
+    /// Depth images of the frames: a folder of .npy or .npz, or of PNGs of 16 bits with --depth-scale
+    #[arg(long, value_name = "DIR", requires = "events")]
+    depth: Option<PathBuf>,
+    /// Steps of depth PNGs per unit of the poses: 1000 for millimetres and poses in metres
+    #[arg(long, value_name = "N", requires = "events", value_parser = parse_steps)]
+    depth_scale: Option<f64>,
     /// Size of the sensor, for files that do not state it [default: that of the frames]
     #[arg(long, value_name = "WIDTHxHEIGHT", requires = "events", value_parser = input::parse_size)]
     size: Option<Size>,
@@ -64,8 +77,15 @@ impl DatasetArgs {
         let name =
             place.file_name().map_or_else(|| ".".to_owned(), |name| name.to_string_lossy().into_owned());
         let open = || events.open().map(|(source, _)| source);
-        let dataset =
-            EventDataset { name: &name, size, events: &open, frames: frames.as_ref(), poses: poses.as_ref() };
+        let views = self.measure_views(&paths, frames.as_ref(), poses.as_ref())?;
+        let dataset = EventDataset {
+            name: &name,
+            size,
+            events: &open,
+            frames: frames.as_ref(),
+            poses: poses.as_ref(),
+            views: views.as_ref(),
+        };
         let report = check_dataset(&dataset).map_err(|e| unreadable_events(&paths.events, &e))?;
         if let Some(to) = &self.report {
             let pictures = pictures(&dataset, &report).map_err(|e| unreadable_events(&paths.events, &e))?;
@@ -87,7 +107,35 @@ impl DatasetArgs {
             frames: self.frames.clone().or(found.frames),
             stamps: self.stamps.clone().or(found.stamps),
             poses: self.poses.clone().or(found.poses),
+            camera: self.camera.clone().or(found.camera),
+            depth: self.depth.clone().or(found.depth),
         }
+    }
+
+    /// Compares the pictures by poses, depth and camera. `None` if one of them is absent.
+    fn measure_views(
+        &self,
+        paths: &DatasetPaths,
+        frames: Option<&DatasetFrames>,
+        poses: Option<&Trajectory>,
+    ) -> Result<Option<ViewMeasures>, VerbError> {
+        let (Some(depth), Some(camera), Some(frames), Some(poses)) =
+            (&paths.depth, &paths.camera, frames, poses)
+        else {
+            return if self.depth.is_some() { Err(incomplete_views()) } else { Ok(None) };
+        };
+        let camera = camera::parse_camera(&read_text(camera)?, frames.size).map_err(|because| {
+            VerbError::failed("input-unreadable", format!("{}: {because}", camera.display()))
+        })?;
+        let images = match &paths.frames {
+            Some(folder) if folder.is_dir() => {
+                FolderListing::list_folder(folder).map_err(|e| unreadable_frames(&e))?.images
+            }
+            _ => Vec::new(),
+        };
+        let views = pair_views(depth, &images, &frames.stamps_us)?;
+        let measured = DatasetViews::new(camera, views, poses, self.depth_scale).measure();
+        measured.map(Some).map_err(|because| VerbError::failed("input-unreadable", because))
     }
 
     /// Reads the frames that the checks need.
@@ -121,6 +169,46 @@ impl DatasetArgs {
         }
         Ok(Some(kept))
     }
+}
+
+fn parse_steps(text: &str) -> Result<f64, String> {
+    let steps = text.parse().ok().filter(|steps: &f64| *steps > 0.0 && steps.is_finite());
+    steps.ok_or_else(|| format!("found {text}, wanted a number above 0"))
+}
+
+fn incomplete_views() -> VerbError {
+    let what = "--depth is compared with frames by poses and camera, and one of these is absent";
+    VerbError::usage("depth", what.to_owned()).help("pass --frames, --stamps, --poses and --camera too")
+}
+
+/// The depth image of each frame: by the stem of its name, or else by its place in the order of names.
+fn pair_views(depth: &Path, images: &[PathBuf], stamps_us: &[i64]) -> Result<Vec<DatasetView>, VerbError> {
+    let depths = list_named(depth, &EXTENSIONS).map_err(|e| input::unreadable_file("depth", &e))?;
+    let by_stem: BTreeMap<&OsStr, &PathBuf> =
+        depths.iter().filter_map(|path| Some((path.file_stem()?, path))).collect();
+    let of_stem = |image: &PathBuf| by_stem.get(image.file_stem()?).map(|path| (*path).clone());
+    let named: Vec<Option<PathBuf>> = images.iter().map(of_stem).collect();
+    let found = named.iter().flatten().count();
+    let of_frames = if found == depths.len() && found > 0 {
+        named
+    } else if depths.len() == stamps_us.len() {
+        depths.into_iter().map(Some).collect()
+    } else {
+        let what = format!(
+            "{} has {} depth images for {} frames, and {found} have the name of a frame",
+            depth.display(),
+            depths.len(),
+            stamps_us.len()
+        );
+        return Err(VerbError::usage("depth", what)
+            .help("name each like its frame, or give one per frame in the order of names"));
+    };
+    let view = |(number, depth): (usize, Option<PathBuf>)| DatasetView {
+        t_us: stamps_us[number],
+        frame: images.get(number).cloned(),
+        depth,
+    };
+    Ok(of_frames.into_iter().enumerate().map(view).collect())
 }
 
 /// The frames of a `.npy`; every frame is read, and those that are needed stay.

@@ -1,53 +1,114 @@
-//! Events of a released stream, compared with the times that its frames predict.
+//! Events of a released stream, compared with the times that its frames predict. Frames and events
+//! are read in step, each once.
 
 use super::RecheckError;
 use super::unreadable_file;
-use super::views::ReleasedPictures;
 use crate::check::drift::DriftLaw;
 use crate::check::event_times::crossing::{CrossingFit, CrossingObserver, SeenFrame};
-use crate::event::{EventSource, h5};
+use crate::event::{Event, EventFileError, EventSource as _, h5};
 use crate::frames::DenseFrame;
 use crate::image::GreyImage;
 use crate::recipe::Recipe;
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end::FrontEnd;
 use crate::units::Timestamp;
-use std::path::Path;
+use std::path::PathBuf;
 
-/// Compares the stream in the file at `path`. The inner error is the reason why that says nothing.
-pub(super) fn measure_crossings(
-    of: &ReleasedPictures<'_>,
-    path: &Path,
-    (sensor, recipe): (&SensorChoice, &Recipe),
-) -> Result<Result<CrossingFit, String>, RecheckError> {
-    let law = match law_of_crossings(sensor, recipe) {
-        Ok(law) => law,
-        Err(because) => return Ok(Err(because.to_owned())),
-    };
-    let stamps = &of.motion.trajectory.stamps_us;
-    let frames = of.poses_with("sharp", "png")?.len();
-    if frames < stamps.len() || frames < 2 {
-        let because =
-            format!("{frames} of {} poses have a sharp frame, and the sensor saw them all", stamps.len());
-        return Ok(Err(because));
+/// A stream that is being compared, or the reason why the comparison says nothing.
+#[derive(Debug)]
+pub(super) enum CrossingWatch {
+    Unfit(String),
+    Events(Box<CrossingEvents>),
+}
+
+/// The events of a stream up to the latest frame.
+#[derive(Debug)]
+pub(super) struct CrossingEvents {
+    law: DriftLaw,
+    front_end: FrontEnd,
+    path: PathBuf,
+    /// Stamp of the last frame, us.
+    end_us: i64,
+    /// `None` before the first frame.
+    observer: Option<CrossingObserver>,
+    reader: h5::Reader,
+    chunk: Vec<Event>,
+    /// Number of the events of the chunk that have been seen.
+    seen: usize,
+}
+
+impl CrossingWatch {
+    /// Opens a stream. `frames` of `stamps_us.len()` poses have a sharp frame.
+    pub(super) fn open(
+        path: PathBuf,
+        (sensor, recipe): (&SensorChoice, &Recipe),
+        (frames, stamps_us): (usize, &[i64]),
+    ) -> Result<Self, RecheckError> {
+        let law = match law_of_crossings(sensor, recipe) {
+            Ok(law) => law,
+            Err(because) => return Ok(Self::Unfit(because.to_owned())),
+        };
+        if frames < stamps_us.len() || frames < 2 {
+            return Ok(Self::Unfit(format!(
+                "{frames} of {} poses have a sharp frame, and the sensor saw them all",
+                stamps_us.len()
+            )));
+        }
+        let reader = h5::Reader::open(&path).map_err(|e| unreadable_file(&path, e))?;
+        Ok(Self::Events(Box::new(CrossingEvents {
+            law,
+            front_end: sensor.as_model().front_end(),
+            path,
+            end_us: stamps_us[frames - 1],
+            observer: None,
+            reader,
+            chunk: Vec::new(),
+            seen: 0,
+        })))
     }
-    let front_end = sensor.as_model().front_end();
-    let seen = |pose: usize| Ok(seen_frame(of.frame(pose)?, stamps[pose], &front_end));
-    let mut observer = CrossingObserver::new(law, seen(0)?, stamps[frames - 1]);
-    let mut next = 1;
-    let unreadable = |e: crate::event::EventFileError| unreadable_file(path, e);
-    let mut reader = h5::Reader::open(path).map_err(unreadable)?;
-    let mut chunk = Vec::new();
-    while reader.next_chunk(&mut chunk).map_err(unreadable)? {
-        for event in &chunk {
-            while event.t.floor_micros() > observer.latest_us() && next < frames {
-                observer.take_frame(&seen(next)?);
-                next += 1;
-            }
-            observer.see(*event);
+
+    /// Takes the next frame, and sees the events up to its stamp.
+    pub(super) fn see(&mut self, t_us: i64, frame: &GreyImage) -> Result<(), RecheckError> {
+        let Self::Events(events) = self else { return Ok(()) };
+        let frame = seen_frame(frame, t_us, &events.front_end);
+        match &mut events.observer {
+            None => events.observer = Some(CrossingObserver::new(events.law, frame, events.end_us)),
+            Some(observer) => observer.take_frame(frame),
+        }
+        // All events after the last frame are seen with it.
+        let until = if t_us >= events.end_us { i64::MAX } else { t_us };
+        events.see_until(until).map_err(|e| unreadable_file(&events.path, e))
+    }
+
+    /// The comparison. The inner error is the reason why it says nothing.
+    pub(super) fn finish(self) -> Result<CrossingFit, String> {
+        match self {
+            Self::Unfit(because) => Err(because),
+            Self::Events(events) => events
+                .observer
+                .map_or_else(|| Err("there are no sharp frames".to_owned()), CrossingObserver::finish),
         }
     }
-    Ok(observer.finish())
+}
+
+impl CrossingEvents {
+    fn see_until(&mut self, t_us: i64) -> Result<(), EventFileError> {
+        let Some(observer) = &mut self.observer else { return Ok(()) };
+        loop {
+            while let Some(event) = self.chunk.get(self.seen) {
+                if event.t.floor_micros() > t_us {
+                    return Ok(());
+                }
+                observer.see(*event);
+                self.seen += 1;
+            }
+            self.seen = 0;
+            if !self.reader.next_chunk(&mut self.chunk)? {
+                self.chunk.clear();
+                return Ok(());
+            }
+        }
+    }
 }
 
 /// The law by which frames predict the times of events.
@@ -59,13 +120,14 @@ fn law_of_crossings(sensor: &SensorChoice, recipe: &Recipe) -> Result<DriftLaw, 
 }
 
 /// A frame of the release as the sensor sees it.
-fn seen_frame(GreyImage { luminance, colours }: GreyImage, t_us: i64, front_end: &FrontEnd) -> SeenFrame {
+fn seen_frame(GreyImage { luminance, colours }: &GreyImage, t_us: i64, front_end: &FrontEnd) -> SeenFrame {
     // Colours beyond black and white are cut off in 8 bits, and not for the sensor.
     let is_cut = |value: f32| !(0.5..=254.5).contains(&value);
-    let cut = match &colours {
+    let cut = match colours {
         Some(colours) => colours.pixels().iter().map(|rgb| rgb.iter().any(|v| is_cut(*v))).collect(),
         None => luminance.pixels().iter().map(|v| is_cut(*v)).collect(),
     };
-    let frame = DenseFrame { index: 0, t: Timestamp::from_micros(t_us), luminance, rate: None };
+    let frame =
+        DenseFrame { index: 0, t: Timestamp::from_micros(t_us), luminance: luminance.clone(), rate: None };
     SeenFrame { t_us, brightness: front_end.see(&frame, colours.as_ref()).luminance, cut }
 }

@@ -1,28 +1,32 @@
 //! The passes over one trajectory of a release.
 
-use super::crossings::measure_crossings;
-use super::geometry::measure_geometry;
-use super::pictures::{MeasuredMotion, PictureFolder};
-use super::views::ReleasedPictures;
+use super::anchors::AnchorWatch;
+use super::crossings::CrossingWatch;
+use super::image_motion::MeasuredMotion;
+use super::pictures::ReleasedPictures;
+use super::walk::{PicturesPresent, walk_pictures};
 use super::{AuditedTree, RecheckError};
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::check::drift::{DriftLaw, FrameRounding};
 use crate::check::event_times::crossing::CrossingFit;
+use crate::check::geometry::GeometryMeasures;
 use crate::check::records;
 use crate::check::records::exposure::{ExposureMean, ExposureMismatch};
 use crate::check::tally::{StreamObserver, TallyReference};
 use crate::check::{Finding, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
+use crate::frames::anchors::AnchorFrames;
 use crate::recipe::{OutputKind, Recipe, SceneSource};
 use crate::release::scene::TrajectoryPart;
 use crate::sampling::exposure;
 use crate::sensor::SensorChoice;
-use crate::sensor::front_end;
+use crate::sensor::front_end::{self, FrontEnd};
 use crate::trajectory::Trajectory;
 use crate::trajectory::path::CameraPath;
 use crate::units::{Hertz, Ratio};
-use std::path::Path;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
 
 /// Largest number of blurred frames that are compared with their sharp frames.
 const EXPOSURES: usize = 8;
@@ -42,6 +46,29 @@ pub(super) struct ReleasedTrajectory<'a> {
     pub(super) photos: usize,
 }
 
+/// A stream of the tree.
+struct ReleasedStream<'a> {
+    /// `scene/trajectory`, with the sensor's name if there are several.
+    name: String,
+    sensor: &'a SensorChoice,
+    /// Name of its file in the tree, and the path of that.
+    events: String,
+    path: PathBuf,
+}
+
+/// The measurements on the files of a trajectory.
+struct MeasuredTrajectory<'a> {
+    motion: MeasuredMotion,
+    geometry: GeometryMeasures,
+    streams: Vec<CountedStream<'a>>,
+}
+
+/// Some frames, as each front end shows them.
+struct SeenAnchors<'a> {
+    front_ends: &'a [FrontEnd],
+    anchors: Vec<AnchorFrames>,
+}
+
 /// A stream of the tree, counted.
 struct CountedStream<'a> {
     /// `scene/trajectory`, with the sensor's name if there are several.
@@ -57,18 +84,15 @@ impl ReleasedTrajectory<'_> {
         let motion = self.motion()?;
         let speed = format!("{}/speed.json", self.folder);
         let rate = motion.report.rate.parse::<Ratio>().map_err(|e| self.tree.refusal(&speed, e))?;
-        let pictures = PictureFolder {
+        let pictures = ReleasedPictures {
             tree: self.tree,
-            path: self.folder,
+            folder: self.folder,
             recipe: self.recipe,
             motion: &motion,
             camera: self.camera,
         };
-        let measured = pictures.measured_motion()?;
-        let views =
-            ReleasedPictures { tree: self.tree, folder: self.folder, camera: self.camera, motion: &motion };
-        let geometry = measure_geometry(&views)?;
-        let counted = self.count_streams(Hertz(rate), (&pictures, &views), &measured)?;
+        let MeasuredTrajectory { motion: measured, geometry, streams: counted } =
+            self.measure(&pictures, Hertz(rate))?;
         // Fields without data in a release are `None`, and their passes report that they were not
         // run.
         let whole = TrajectorySubject {
@@ -106,6 +130,39 @@ impl ReleasedTrajectory<'_> {
         Ok(findings)
     }
 
+    /// Reads the pictures once and the streams twice: with the frames, and with what these show.
+    fn measure(
+        &self,
+        pictures: &ReleasedPictures<'_>,
+        rate: Hertz,
+    ) -> Result<MeasuredTrajectory<'_>, RecheckError> {
+        let measured = MeasuredMotion::of_pictures(pictures)?;
+        let present = PicturesPresent::find(pictures)?;
+        let streams = self.released_streams()?;
+        let open = |stream: &ReleasedStream<'_>| {
+            let stamps_us = pictures.motion.trajectory.stamps_us.as_slice();
+            let of = (stream.sensor, self.recipe);
+            CrossingWatch::open(stream.path.clone(), of, (present.sharp.len(), stamps_us))
+        };
+        let mut watches: Vec<CrossingWatch> = streams.iter().map(open).collect::<Result<_, _>>()?;
+        let models = || self.recipe.sensors_of(&self.part.name).iter().map(|(_, sensor)| sensor.as_model());
+        let front_ends = front_end::distinct_front_ends(models());
+        let mut anchors = AnchorWatch::choose(pictures, &front_ends, measured.steps_px)?;
+        let geometry = walk_pictures(pictures, &present, &mut anchors, &mut watches)?;
+        let crossings: Vec<_> = watches.into_iter().map(CrossingWatch::finish).collect();
+        let seen = SeenAnchors { front_ends: &front_ends, anchors: anchors.finish() };
+        let streams: Vec<CountedStream<'_>> = streams
+            .into_par_iter()
+            .zip(crossings)
+            .map(|(stream, crossings)| {
+                let tally = self.count_stream(&stream, (pictures, rate), (&measured, &seen))?;
+                let ReleasedStream { name, sensor, .. } = stream;
+                Ok(CountedStream { name, sensor, tally, crossings })
+            })
+            .collect::<Result<_, RecheckError>>()?;
+        Ok(MeasuredTrajectory { motion: measured, geometry, streams })
+    }
+
     fn motion(&self) -> Result<TrajectoryProduct, RecheckError> {
         let poses = format!("{}/poses.txt", self.folder);
         let trajectory = Trajectory::read_poses(self.tree.read(&poses)?.as_slice())
@@ -129,48 +186,44 @@ impl ReleasedTrajectory<'_> {
         }
     }
 
-    /// Counts each stream that is in the tree, with its name.
-    fn count_streams<'s>(
-        &'s self,
-        rate: Hertz,
-        (pictures, views): (&PictureFolder<'_>, &ReleasedPictures<'_>),
-        measured: &MeasuredMotion,
-    ) -> Result<Vec<CountedStream<'s>>, RecheckError> {
-        let sensors = self.recipe.sensors_of(&self.part.name);
-        let models = || sensors.iter().map(|(_, sensor)| sensor.as_model());
-        let front_ends = front_end::distinct_front_ends(models());
-        let anchors = pictures.anchors(&front_ends, measured.steps_px)?;
+    /// The streams that are in the tree.
+    fn released_streams(&self) -> Result<Vec<ReleasedStream<'_>>, RecheckError> {
+        let mut found = Vec::new();
+        for (stream, sensor) in self.recipe.sensors_of(&self.part.name).iter() {
+            let events = format!("{}/{}", self.folder, EventStream::released_name(stream));
+            // Also checks that no link leads out of the tree: the readers open by path.
+            if self.tree.has(&events)? {
+                let of = |stream| format!("{}/{stream}", self.name);
+                let name = stream.map_or_else(|| self.name.to_owned(), of);
+                found.push(ReleasedStream { name, sensor, path: self.tree.path_of(&events), events });
+            }
+        }
+        Ok(found)
+    }
+
+    fn count_stream(
+        &self,
+        stream: &ReleasedStream<'_>,
+        (pictures, rate): (&ReleasedPictures<'_>, Hertz),
+        (measured, seen): (&MeasuredMotion, &SeenAnchors<'_>),
+    ) -> Result<StreamTally, RecheckError> {
         let end_us = pictures.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
         let between = self.recipe.tolerance.map_or(0.0, |asked| asked.rms);
-        let mut counted = Vec::new();
-        for (stream, sensor) in sensors.iter() {
-            let events = format!("{}/{}", self.folder, EventStream::released_name(stream));
-            // Also checks that no link leads out of the tree: the reader below opens by path.
-            if !self.tree.has(&events)? {
-                continue;
-            }
-            let path = self.tree.path_of(&events);
-            let front_end = sensor.as_model().front_end();
-            let seen = front_ends.iter().position(|other| *other == front_end).and_then(|i| anchors.get(i));
-            let rounding = FrameRounding { front_end, between };
-            let law = DriftLaw::for_sensor(sensor).with_rounding(rounding);
-            let against = TallyReference {
-                seen: seen.map(|seen| (law, seen)),
-                flows: &measured.flows,
-                dead_us: sensor.dead_us(),
-            };
-            let observer = StreamObserver::new(self.camera.size, rate, end_us, against);
-            let tally = count_stream(&path, observer).map_err(|e| self.tree.refusal(&events, e))?;
-            let name =
-                stream.map_or_else(|| self.name.to_owned(), |stream| format!("{}/{stream}", self.name));
-            let crossings = measure_crossings(views, &path, (sensor, self.recipe))?;
-            counted.push(CountedStream { name, sensor, tally, crossings });
-        }
-        Ok(counted)
+        let front_end = stream.sensor.as_model().front_end();
+        let of = seen.front_ends.iter().position(|other| *other == front_end);
+        let seen = of.and_then(|i| seen.anchors.get(i));
+        let law = DriftLaw::for_sensor(stream.sensor).with_rounding(FrameRounding { front_end, between });
+        let against = TallyReference {
+            seen: seen.map(|seen| (law, seen)),
+            flows: &measured.flows,
+            dead_us: stream.sensor.dead_us(),
+        };
+        let observer = StreamObserver::new(self.camera.size, rate, end_us, against);
+        count_events(&stream.path, observer).map_err(|e| self.tree.refusal(&stream.events, e))
     }
 
     /// Compares some blurred frames with the mean of their sharp frames.
-    fn blur(&self, pictures: &PictureFolder<'_>) -> Result<Finding, RecheckError> {
+    fn blur(&self, pictures: &ReleasedPictures<'_>) -> Result<Finding, RecheckError> {
         if !self.recipe.outputs.contains(&OutputKind::Blur) {
             return Ok(records::blur_not_compared(self.name, "the recipe asks for no blurred frames"));
         }
@@ -179,31 +232,33 @@ impl ReleasedTrajectory<'_> {
         let subframes = stated.and_then(|n| u32::try_from(n).ok()).unwrap_or(u32::MAX);
         let centres = exposure::exposure_centres(pictures.motion.trajectory.world_from_camera.len(), frames);
         let step = centres.len().div_ceil(EXPOSURES).max(1);
-        let mut compared = Vec::new();
-        for pose in centres.into_iter().step_by(step) {
-            compared.extend(exposed(pictures, pose, (frames, subframes))?.map(|mismatch| (pose, mismatch)));
-        }
+        let poses: Vec<usize> = centres.into_iter().step_by(step).collect();
+        let compare = |pose: &usize| {
+            Ok(exposed(pictures, *pose, (frames, subframes))?.map(|mismatch| (*pose, mismatch)))
+        };
+        let compared: Vec<Option<_>> = poses.par_iter().map(compare).collect::<Result<_, RecheckError>>()?;
+        let compared: Vec<_> = compared.into_iter().flatten().collect();
         Ok(records::judge_blur(self.name, &compared))
     }
 }
 
 /// Compares the blurred frame at a pose, if it and all of its sharp frames are in the tree.
 fn exposed(
-    pictures: &PictureFolder<'_>,
+    pictures: &ReleasedPictures<'_>,
     pose: usize,
     (frames, subframes): (u32, u32),
 ) -> Result<Option<ExposureMismatch>, RecheckError> {
-    let Some(blurred) = pictures.picture("blur", pose)? else { return Ok(None) };
+    let Some(blurred) = pictures.colours("blur", pose)? else { return Ok(None) };
     let half = frames as usize / 2;
     let mut mean = ExposureMean::new(pictures.camera.size.pixels());
     for frame in pose - half..=pose + half {
-        let Some(sharp) = pictures.picture("sharp", frame)? else { return Ok(None) };
+        let Some(sharp) = pictures.colours("sharp", frame)? else { return Ok(None) };
         mean.add(&sharp);
     }
     Ok(Some(mean.compare(&blurred, subframes)))
 }
 
-fn count_stream(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {
+fn count_events(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {
     let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
     let mut chunk = Vec::new();
     while reader.next_chunk(&mut chunk).map_err(|e| e.to_string())? {

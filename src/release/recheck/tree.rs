@@ -3,7 +3,6 @@
 use super::{RecheckError, unreadable_file};
 use crate::files;
 use serde::de::DeserializeOwned;
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -27,18 +26,23 @@ impl AuditedTree<'_> {
         serde_json::from_slice(&self.read(name)?).map_err(|e| self.refusal(name, e))
     }
 
-    /// Opens a file; `None` if there is nothing of this name. Everything else is an error.
-    pub(super) fn open(self, name: &str) -> Result<Option<File>, RecheckError> {
-        match files::open_below(self.dir, Path::new(name)) {
-            Ok(file) => Ok(Some(file)),
+    /// The bytes of a picture; `None` if there is nothing of this name.
+    pub(super) fn picture(self, name: &str) -> Result<Option<Vec<u8>>, RecheckError> {
+        match files::read_below(self.dir, Path::new(name), files::MAX_PICTURE) {
+            Ok(bytes) => Ok(Some(bytes)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(self.refusal(name, e)),
         }
     }
 
-    /// Returns true for a regular file, and false if there is nothing of this name.
+    /// Returns true for a regular file, and false if there is nothing of this name. Everything else is
+    /// an error.
     pub(super) fn has(self, name: &str) -> Result<bool, RecheckError> {
-        Ok(self.open(name)?.is_some())
+        match files::open_below(self.dir, Path::new(name)) {
+            Ok(_) => Ok(true),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(e) => Err(self.refusal(name, e)),
+        }
     }
 
     pub(super) fn refusal(self, name: &str, because: impl std::fmt::Display) -> RecheckError {

@@ -1,0 +1,142 @@
+//! Cost of the checks on files: the time of `check --tree` next to that of the release, and the memory
+//! and speed for streams of 10^6 to 10^8 events.
+
+use crate::command::{Outcome, cargo, root, say};
+use std::fs;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Size of the sensor of the demo and of the streams.
+const SIZE: [u64; 2] = [640, 360];
+/// Length of a stream, us: that of the demo.
+const SPAN_US: u64 = 62_000;
+const RECIPE: &str = "recipes/demo.yaml";
+/// Events of the demo's scene, in its release.
+const EVENTS: &str = "demo/procedural/still-life/base/events.h5";
+
+/// A finished run.
+struct Cost {
+    seconds: f64,
+    /// Largest resident memory, MB.
+    peak_mb: f64,
+}
+
+/// Measures: `--program FILE` (built in release mode), `--most N` (10^8 events), `--runs N` (3).
+pub(crate) fn run(args: &[String]) -> Outcome {
+    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
+    let number = |name: &str, default: u64| {
+        value(name).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{name} takes a number")))
+    };
+    let (most, runs) = (number("--most", 100_000_000)?, number("--runs", 3)?.max(1));
+    let gs2e = match value("--program") {
+        Some(path) => PathBuf::from(path),
+        None => {
+            cargo(&["build", "--release", "--quiet"]).run()?;
+            root().join("target/release/gs2e")
+        }
+    };
+    let folder = root().join("target/check-bench");
+    fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    compare_with_release(&gs2e, &folder, runs)?;
+    measure_streams(&gs2e, &folder, most)
+}
+
+/// The time of `check --tree` on the demo, and that of its release from an empty store; the fastest of
+/// some runs.
+fn compare_with_release(gs2e: &Path, folder: &Path, runs: u64) -> Outcome {
+    let [store, out] = ["store", "demo"].map(|name| folder.join(name));
+    let (mut made, mut checked) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..runs {
+        for old in [&store, &out] {
+            if old.exists() {
+                fs::remove_dir_all(old).map_err(|e| format!("{}: {e}", old.display()))?;
+            }
+        }
+        let [store, out] = [&store, &out].map(|path| path.to_string_lossy().into_owned());
+        let release = ["release", "--copy", "-q", "--store", &store, "--to", &out, RECIPE];
+        made = made.min(watch(gs2e, &release, &[0])?.seconds);
+        checked = checked.min(watch(gs2e, &["check", "--json", "--tree", &out], &[0])?.seconds);
+    }
+    say(&format!(
+        "demo: released in {made:.2} s, checked from its files in {checked:.2} s: {:.1} %",
+        100.0 * checked / made
+    ));
+    Ok(())
+}
+
+fn measure_streams(gs2e: &Path, folder: &Path, most: u64) -> Outcome {
+    say("| events | `check --events` | peak | `check --tree` | peak |\n|---|---|---|---|---|");
+    let at = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    let mut events = 1_000_000;
+    while events <= most {
+        let (raw, h5) = (at("stream.raw"), at("stream.h5"));
+        write_stream(Path::new(&raw), events).map_err(|e| format!("{raw}: {e}"))?;
+        // These events are of no scene, so that checks fail.
+        let of_events = watch(gs2e, &["check", "--json", "--events", &raw], &[0, 3])?;
+        let _ = fs::remove_file(&h5);
+        watch(gs2e, &["convert", "-q", &raw, &h5], &[0])?;
+        fs::rename(&h5, folder.join(EVENTS)).map_err(|e| format!("{h5}: {e}"))?;
+        let of_tree = watch(gs2e, &["check", "--json", "--tree", &at("demo")], &[0, 3])?;
+        let cell = |cost: &Cost| {
+            let rate = events as f64 * 1e-6 / cost.seconds;
+            format!("{:.1} s, {rate:.1} Mev/s | {:.0} MB", cost.seconds, cost.peak_mb)
+        };
+        say(&format!("| {events} | {} | {} |", cell(&of_events), cell(&of_tree)));
+        events *= 10;
+    }
+    Ok(())
+}
+
+/// Runs the program, which must end with one of these codes.
+fn watch(gs2e: &Path, args: &[&str], codes: &[i32]) -> Outcome<Cost> {
+    let what = format!("gs2e {}", args.join(" "));
+    let begun = Instant::now();
+    let mut command = Command::new(gs2e);
+    command.args(args).current_dir(root()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.spawn().map_err(|e| format!("`{what}` cannot be started: {e}"))?;
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak_kib = 0_u64;
+    loop {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok());
+        peak_kib = peak_kib.max(kib.unwrap_or(0));
+        if let Some(ended) = child.try_wait().map_err(|e| format!("`{what}`: {e}"))? {
+            let seconds = begun.elapsed().as_secs_f64();
+            let known = ended.code().is_some_and(|code| codes.contains(&code));
+            let cost = Cost { seconds, peak_mb: peak_kib as f64 * 1.024e-3 };
+            return if known { Ok(cost) } else { Err(format!("`{what}` ended with {ended}")) };
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Writes a stream in EVT 2.0 (Prophesee, docs.prophesee.ai): 32-bit words, of which the highest four
+/// bits are the kind. The events jump over the sensor, ON and OFF in turn.
+fn write_stream(path: &Path, events: u64) -> std::io::Result<()> {
+    let mut out = BufWriter::new(fs::File::create(path)?);
+    let [width, height] = SIZE;
+    write!(
+        out,
+        "% evt 2.0\n% format EVT2;height={height};width={width}\n% geometry {width}x{height}\n% end\n"
+    )?;
+    let mut high = u64::MAX;
+    for i in 0..events {
+        let t_us = i * SPAN_US / events;
+        if t_us >> 6 != high {
+            high = t_us >> 6;
+            out.write_all(&word(0x8, high))?;
+        }
+        let pixel = i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+        let (x, y) = (pixel % width, pixel / width % height);
+        out.write_all(&word(i % 2, (t_us & 63) << 22 | x << 11 | y))?;
+    }
+    out.flush()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a word of 32 bits")]
+fn word(kind: u64, content: u64) -> [u8; 4] {
+    ((kind << 28 | content) as u32).to_le_bytes()
+}
