@@ -60,8 +60,7 @@ impl Stage for FramesStage {
 
     fn run(&self, (): (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let video = &self.capturing.path;
-        let take =
-            |desk: TrainingWorkspace<'_>| take_frames(video, self.picking, (cx.out, MIN_PHOTOS), desk);
+        let take = |desk: TrainingWorkspace<'_>| take_frames(video, self.picking, (cx.out, MIN_PHOTOS), desk);
         let TakenFrames { kept, dropped } = known_program("ffmpeg", cx, take, stage_failure)?;
         cx.remark = Some(format!("{kept} frames"));
         if dropped > 0 {

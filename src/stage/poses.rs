@@ -85,8 +85,7 @@ impl Stage for PosesStage {
             Some(frames) => frames.files,
             None => on_disk.collect(),
         };
-        let solve =
-            |desk: TrainingWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, desk);
+        let solve = |desk: TrainingWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, desk);
         let solved = known_program("colmap", cx, solve, stage_failure)?;
         report(&solved, cx);
         Ok(())

@@ -73,7 +73,8 @@ fn every_nth_frame_is_taken_and_blurred_ones_are_dropped() {
         let mut names: Vec<std::ffi::OsString> =
             fs::read_dir(place.path("frames")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         names.sort_unstable();
-        let wanted_names: Vec<std::ffi::OsString> = wanted.iter().map(|k| format!("{k:06}.png").into()).collect();
+        let wanted_names: Vec<std::ffi::OsString> =
+            wanted.iter().map(|k| format!("{k:06}.png").into()).collect();
         assert_eq!(names, wanted_names);
         assert_eq!(taken.kept, wanted.len());
         for k in wanted {
