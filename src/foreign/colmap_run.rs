@@ -1,8 +1,8 @@
 //! One run of a COLMAP command, with the option names of the installed version.
 //!
 //! COLMAP 3.8 has `SiftExtraction.use_gpu` and `random_seed` where 4.x has `FeatureExtraction.use_gpu`
-//! and `default_random_seed` (`src/colmap/controllers/option_manager.cc` of both). An unknown option
-//! is an error, so each command is asked for its options first.
+//! and `default_random_seed` (`option_manager.cc` in COLMAP's sources). An unknown option is an error,
+//! so each command is asked for its options first.
 
 use super::run::ExternalRun;
 use super::versions::COLMAP;

@@ -81,7 +81,7 @@ pub fn take_frames(
     decode.end_well()?;
     // ffmpeg counts its files from 1.
     let numbered = (1..).map(|k| desk.folder.join(format!("{k:06}.png")));
-    let candidates: Vec<PathBuf> = numbered.take_while(|file| file.is_file()).collect();
+    let candidates: Vec<PathBuf> = numbered.take_while(|file| files::is_there(file)).collect();
     let found = candidates.len();
     if found < wanted {
         return Err(FrameError::Few { found, every, wanted });

@@ -6,6 +6,7 @@ use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, k
 use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
 use crate::foreign::photos::{PoseError, SolvedPhotos, solve_photos};
 use crate::foreign::versions::VersionQuery;
+use crate::reconstruct::TrainingWorkspace;
 use crate::source::DiskCapture;
 use crate::source::photos::own_name;
 use crate::source::solving::PoseSolving;
@@ -84,9 +85,7 @@ impl Stage for PosesStage {
             Some(frames) => frames.files,
             None => on_disk.collect(),
         };
-        let solve = |desk: crate::reconstruct::TrainingWorkspace<'_>| {
-            solve_photos(&photos, &self.solving, cx.out, desk)
-        };
+        let solve = |desk: TrainingWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, desk);
         let solved = known_program("colmap", cx, solve, stage_failure)?;
         report(&solved, cx);
         Ok(())
@@ -99,10 +98,8 @@ fn report(solved: &SolvedPhotos, cx: &mut StageContext<'_>) {
     let registered = models.first().copied().unwrap_or_default();
     let error = reprojection_px.map_or_else(String::new, |px| format!(", {px:.2} px"));
     cx.remark = Some(format!("{registered} of {given} photos{error}"));
-    if let [_, others @ ..] = &models[..]
-        && !others.is_empty()
-    {
-        let sizes: Vec<String> = others.iter().map(usize::to_string).collect();
+    if models.len() > 1 {
+        let sizes: Vec<String> = models[1..].iter().map(usize::to_string).collect();
         cx.warnings.push(format!(
             "COLMAP made {} models: the one with {registered} of {given} photos is used; the others have {}",
             models.len(),

@@ -105,7 +105,7 @@ fn edit(place: &Workspace, from: &str, to: &str) {
 fn poses_are_found_once_and_the_model_decides_what_follows() {
     let place = scripted(7, "");
     plant(&place, 0, 0..6, SIZE);
-    let ended = gs2e(&place, "release -q --to out recipe.yaml");
+    let ended = gs2e(&place, "release --to out recipe.yaml");
     assert_eq!(ended.code, 0, "{}", ended.stderr);
     assert!(ended.stderr.contains("1 of 7 photos have no pose"), "{}", ended.stderr);
     let scene: serde_json::Value =
@@ -173,10 +173,13 @@ fn photos_that_cannot_be_used_are_named() {
     fails(&place, &["there are 2 photos, wanted at least 3"]);
     place.write("photos/note.jpg", "no photo");
     fails(&place, &["note.jpg", "its size cannot be read"]);
-    edit(&place, "path: photos,", "path: nowhere,");
-    fails(&place, &["nowhere"]);
-    edit(&place, "path: nowhere,", "path: tree.bin,");
-    fails(&place, &["it is a file, wanted a folder of photos"]);
+    for (path, wanted) in [("nowhere", "nowhere"), ("tree.bin", "it is a file, wanted a folder of photos")] {
+        place.write("recipe.yaml", recipe("vocabulary: tree.bin").replace("path: photos", &format!("path: {path}")));
+        let ended = gs2e(&place, "build -j 1 recipe.yaml");
+        let told = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        // Nothing runs if a source cannot be listed.
+        assert!(ended.code == 2 && told.contains(wanted), "{}", ended.stderr);
+    }
 }
 
 #[test]
