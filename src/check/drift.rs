@@ -124,7 +124,7 @@ impl DriftLaw {
             SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
         let hot = sensor.hot_pixels();
-        Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law }
+        Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] }, ..law }
     }
 
     /// The law by which frames predict the times of single events.

@@ -195,6 +195,15 @@ mod tests {
     }
 
     #[test]
+    fn an_evk4_lies_on_the_published_rates() {
+        // 5760 pixel-seconds: 121 ON events at 25 lux, the fewest, so that a factor is known to 9 %.
+        let trial = NoiseTrial { side: 24, tenths: 100 };
+        let preset = VoltmeterPreset::Evk4;
+        let found = measured(&preset.model().into(), preset.noise_anchors(), trial);
+        assert!(found.passes && found.least_us >= Some(79));
+    }
+
+    #[test]
     fn a_planted_rate_is_found() {
         let mut wrong = VoltmeterPreset::Evk4.model();
         wrong.floor.0.iter_mut().for_each(|point| (point.on, point.off) = (2.5 * point.on, point.off));
