@@ -124,7 +124,7 @@ impl DriftLaw {
             SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
         let hot = sensor.hot_pixels();
-        let law = Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.rate] }, ..law };
+        let law = Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] }, ..law };
         match sensor.readout() {
             // At least the time of one event on the bus; the load decides the rest.
             Some(bus) => {

@@ -187,10 +187,11 @@ mod tests {
     }
 
     #[test]
-    fn predictions_hold() {
+    fn anchored_presets_lie_on_their_predictions_and_on_the_published_rates() {
+        // 512 pixel-seconds: 11 ON events of an EVK4 at 25 lux, the fewest, are known to 30 %.
         for preset in [VoltmeterPreset::Evk4, VoltmeterPreset::Davis346] {
             let found = measured(&preset.model().into(), preset.noise_anchors(), SMALL);
-            assert!(found.rows.iter().all(|row| row.holds), "{preset:?}");
+            assert!(found.passes, "{preset:?}");
         }
     }
 
