@@ -151,6 +151,7 @@ mod tests {
         for i in 0..CELLS {
             sums.push(sums[i] + density(low + (i as f64 + 0.5) * width));
         }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to the cells")]
         move |x| {
             let at = ((x - low) / width).clamp(0.0, CELLS as f64);
             let cell = (at.floor() as usize).min(CELLS - 1);
